@@ -1,0 +1,74 @@
+"""The sample block: what every source delivers and every meter takes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+Codes: TypeAlias = NDArray[np.int16]
+Floats: TypeAlias = NDArray[np.float64]
+
+CODE_MAX = 32767
+"""Positive end stop of the 16-bit converter: a sample here is over-range."""
+CODE_MIN = -32768
+"""Negative end stop of the 16-bit converter."""
+
+
+@dataclass(frozen=True, slots=True)
+class SampleBlock:
+    """Consecutive samples of all channels, as converter codes.
+
+    Channels come in pairs per phase: U1, I1, U2, I2, U3, I3.
+    """
+
+    codes: Codes
+    """int16 [samples, 2 * phases]."""
+    index: int
+    """Number of the first sample since the stream started; lost samples count."""
+    utc_ns: int
+    """UTC of the first sample [ns since 1970-01-01]."""
+    lost: int = 0
+    """Samples lost immediately before this block."""
+    flags: frozenset[str] = field(default_factory=frozenset)
+    """Row flags that hold for every window this block touches ("late", "simulated" ...)."""
+
+
+@dataclass(frozen=True, slots=True)
+class StreamFormat:
+    """What the codes of one stream mean; constant while the stream lasts."""
+
+    rate: float
+    """Sampling rate [samples/s]."""
+    scale: tuple[float, ...]
+    """Physical units per code and channel: V for U channels, A for I channels."""
+    f_nominal: float = 50.0
+    """Declared mains frequency [Hz]."""
+
+    def __post_init__(self) -> None:
+        if not 2_000 <= self.rate <= 1_000_000:
+            raise ValueError(f"sampling rate {self.rate:g} Hz is outside 2 kHz .. 1 MHz")
+        if len(self.scale) not in (2, 4, 6):
+            raise ValueError(f"{len(self.scale)} channels: expected U, I per phase for 1 to 3 phases")
+        if not 45.0 <= self.f_nominal <= 65.0:
+            raise ValueError(f"nominal frequency {self.f_nominal:g} Hz is outside 45 .. 65 Hz")
+        for channel, scale in enumerate(self.scale):
+            unit, limit = ("A", 1e6) if channel % 2 else ("V", 2e6)
+            full_scale = scale * -CODE_MIN
+            if not 1e-3 <= full_scale <= limit:
+                raise ValueError(
+                    f"channel {self.channel_name(channel)}: full scale {full_scale:g} {unit} "
+                    f"is outside 0.001 .. {limit:g} {unit}; check the scale ({scale:g} {unit} per digit)"
+                )
+
+    @property
+    def phases(self) -> int:
+        """Number of metered phases, 1 to 3."""
+        return len(self.scale) // 2
+
+    @staticmethod
+    def channel_name(channel: int) -> str:
+        """U1, I1, U2 ... of a channel number."""
+        return f"{'UI'[channel % 2]}{channel // 2 + 1}"

@@ -1,0 +1,86 @@
+"""Where windows lie on the sample axis, and the columns that metering them gives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acqd.metering.block import Floats
+
+
+@dataclass(frozen=True, slots=True)
+class WindowGrid:
+    """Windows of equal duration; with a rate that does not divide it, sizes differ by one sample."""
+
+    rate: float
+    """Sampling rate [1/s]."""
+    duration: float
+    """Window length [s]."""
+
+    def start(self, number: int) -> int:
+        """Index of the first sample of window `number`."""
+        return int(np.floor(number * self.duration * self.rate + 0.5))
+
+    def starts(self, first: int, count: int) -> NDArray[np.int64]:
+        """Starts of windows first .. first + count (count + 1 values: the last is the end)."""
+        numbers = np.arange(first, first + count + 1)
+        return np.asarray(np.floor(numbers * (self.duration * self.rate) + 0.5)).astype(np.int64)
+
+    def containing(self, index: int) -> int:
+        """Number of the window that sample `index` is in."""
+        number = int(index / (self.duration * self.rate))
+        while self.start(number) > index:
+            number -= 1
+        while self.start(number + 1) <= index:
+            number += 1
+        return number
+
+
+@dataclass(frozen=True, slots=True)
+class WindowBatch:
+    """Quantities of consecutive windows; NaN where a quantity does not exist."""
+
+    seq: NDArray[np.int64]
+    """[windows] window number since stream start."""
+    utc_ns: NDArray[np.int64]
+    """[windows] UTC of each window's first sample [ns]."""
+    Vrms: Floats
+    """[phases, windows] V."""
+    Irms: Floats
+    """[phases, windows] A."""
+    P: Floats
+    """[phases, windows] active power [W]; positive is import."""
+    f: Floats
+    """[windows] Hz, from all phases."""
+    imported: Floats
+    """[phases, windows] imported energy register [kWh]."""
+    exported: Floats
+    """[phases, windows] exported energy register [kWh]."""
+    flags: list[list[set[str]]]
+    """[phases][windows] row flags."""
+
+    def __len__(self) -> int:
+        return len(self.seq)
+
+    @property
+    def S(self) -> Floats:
+        """[phases, windows] apparent power Vrms * Irms [VA]."""
+        return self.Vrms * self.Irms
+
+    @property
+    def W(self) -> Floats:
+        """[phases, windows] energy [kWh]: the gapless sum of u * i, import minus export."""
+        return self.imported - self.exported
+
+    @staticmethod
+    def join(batches: list[WindowBatch]) -> WindowBatch:
+        """One batch from several consecutive ones (at least one)."""
+        if len(batches) == 1:
+            return batches[0]
+        along = {"seq": 0, "utc_ns": 0, "Vrms": 1, "Irms": 1, "P": 1, "f": 0, "imported": 1, "exported": 1}
+        columns = {name: np.concatenate([getattr(b, name) for b in batches], axis=axis) for name, axis in along.items()}
+        phases = len(batches[0].flags)
+        flags = [[row for batch in batches for row in batch.flags[phase]] for phase in range(phases)]
+        return WindowBatch(**columns, flags=flags)
