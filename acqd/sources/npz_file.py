@@ -1,0 +1,72 @@
+"""NPZ recordings: converter codes and scales, as an EL3783 delivers them."""
+
+from __future__ import annotations
+
+import zipfile
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from acqd.errors import InputError
+from acqd.sources.waveform import ChannelMap, Waveform, stream_format
+
+_KEYS = ("u_code", "i_code", "u_V_per_digit", "i_A_per_digit", "fs")
+
+
+def load(path: Path, channels: ChannelMap) -> Waveform:
+    """`u_code`, `i_code` int16 [phase, sample], `u_V_per_digit`, `i_A_per_digit`, `fs` [1/s].
+
+    Optional: `f_nominal` [Hz], `start_utc_ns`. Raises InputError.
+    """
+    data = _read(path)
+    missing = [key for key in _KEYS if key not in data]
+    if missing:
+        raise InputError(path, f"lacks {', '.join(missing)}; has {', '.join(sorted(data)) or 'nothing'}")
+    u, i = (_codes(path, key, data[key]) for key in ("u_code", "i_code"))
+    if u.shape != i.shape:
+        raise InputError(path, f"u_code {u.shape} and i_code {i.shape} differ; expected the same [phase, sample]")
+    phases, samples = u.shape
+    if not 1 <= phases <= 3:
+        raise InputError(path, f"u_code has {phases} phases, expected 1 to 3 as [phase, sample]")
+    if not samples:
+        raise InputError(path, "has no samples")
+    codes = np.empty((samples, 2 * phases), dtype=np.int16)
+    codes[:, 0::2], codes[:, 1::2] = u.T, i.T
+    scale = [
+        channels.u_scale or _number(path, data, "u_V_per_digit"),
+        channels.i_scale or _number(path, data, "i_A_per_digit"),
+    ] * phases
+    f_nominal = channels.f_nominal or (_number(path, data, "f_nominal") if "f_nominal" in data else 50.0)
+    rate = channels.rate or _number(path, data, "fs")
+    start = int(_number(path, data, "start_utc_ns")) if "start_utc_ns" in data else None
+    return Waveform(path.name, codes, stream_format(path, rate, scale, f_nominal), start)
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            return {key: file[key] for key in file.files}
+    except (zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError) as error:
+        raise InputError(path, f"is truncated or no NPZ file ({error}); record or copy it again") from None
+    except AttributeError:
+        raise InputError(path, "is a bare array, no NPZ file; save it with numpy.savez") from None
+
+
+def _codes(path: Path, key: str, array: Any) -> np.ndarray:
+    if array.dtype.kind not in "iuf" or array.ndim not in (1, 2):
+        raise InputError(path, f"{key} is {array.dtype} {array.shape}, expected int16 [phase, sample]")
+    array = np.atleast_2d(array)
+    if not np.isfinite(array).all():
+        raise InputError(path, f"{key} holds NaN or infinity, expected int16 codes")
+    if array.size and (array.min() < -32768 or array.max() > 32767 or (array != np.rint(array)).any()):
+        raise InputError(path, f"{key} holds values that are no int16 codes; store codes and scales apart")
+    return np.asarray(array.astype(np.int16))
+
+
+def _number(path: Path, data: dict[str, Any], key: str) -> float:
+    array = data[key]
+    if array.size != 1 or array.dtype.kind not in "iuf" or not np.isfinite(array).all():
+        raise InputError(path, f"{key} is {array!r:.60}, expected one finite number")
+    return float(array.reshape(()))

@@ -1,0 +1,46 @@
+"""Recorded waveforms as a source: recorded time kept, looped on request."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from acqd.metering import SampleBlock
+from acqd.sources.base import Source
+from acqd.sources.waveform import Waveform
+
+
+class ReplaySource(Source):
+    """Plays one waveform `loops` times (0: for ever). The recording's own start time wins."""
+
+    live = False
+
+    def __init__(self, waveform: Waveform, loops: int = 1) -> None:
+        self.form = waveform.form
+        self._waveform = waveform
+        self._samples = len(waveform.codes)
+        self._end = self._samples * loops if loops else None
+        self._utc = 0
+        self._base = 0
+        self._position = 0
+
+    def open(self, utc_ns: int, index: int = 0) -> None:
+        start = self._waveform.start_utc_ns
+        self._utc = utc_ns if start is None else start
+        self._base = index
+
+    def read(self, limit: int) -> SampleBlock | None:
+        if self._end is not None and self._position >= self._end:
+            return None
+        count = limit if self._end is None else min(limit, self._end - self._position)
+        parts, left = [], count
+        where = self._position % self._samples
+        while left:
+            part = self._waveform.codes[where : where + left]
+            parts.append(part)
+            left -= len(part)
+            where = 0
+        codes = parts[0] if len(parts) == 1 else np.concatenate(parts) if parts else self._waveform.codes[:0]
+        utc = self._utc + round(self._position * 1e9 / self.form.rate)
+        block = SampleBlock(codes, self._base + self._position, utc)
+        self._position += count
+        return block

@@ -1,0 +1,97 @@
+"""A recorded waveform in memory, and how a file's channels become U1, I1, U2, I2, U3, I3."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from acqd.errors import InputError, UserError
+from acqd.metering import StreamFormat
+from acqd.metering.block import Codes, Floats
+
+_FULL_CODE = 32_000  # largest value of a quantised recording: below the end stops, which mean over-range
+_NAMES = ("u1", "i1", "u2", "i2", "u3", "i3")
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelMap:
+    """What the user says about a file that cannot say it itself."""
+
+    columns: dict[str, str] | None = None
+    """Which column, channel name or number (from 0) is u1, i1 ...; None: by name or unit."""
+    u_scale: float | None = None
+    """V per unit of the file's voltage numbers."""
+    i_scale: float | None = None
+    """A per unit of the file's current numbers."""
+    rate: float | None = None
+    """Samples/s, where the file has no clock."""
+    f_nominal: float | None = None
+    """Declared mains frequency [Hz]; None: the file's, or 50 Hz."""
+
+    @staticmethod
+    def parse(text: str) -> dict[str, str]:
+        """`u1=Va,i1=Ia` -> {"u1": "Va", "i1": "Ia"}. Raises UserError."""
+        columns: dict[str, str] = {}
+        for item in text.split(","):
+            key, equals, column = item.partition("=")
+            key = key.strip().lower()
+            if not equals or key not in _NAMES or not column.strip():
+                raise UserError(f"--map: {item!r} is not like u1=COLUMN (keys {', '.join(_NAMES)})")
+            columns[key] = column.strip()
+        return columns
+
+    def pairs(self, path: Path, found: dict[str, str]) -> list[tuple[str, str]]:
+        """(voltage, current) columns per phase from the user's words or, without them, `found`."""
+        columns = self.columns or found
+        pairs = []
+        for phase in "123":
+            u, i = columns.get(f"u{phase}"), columns.get(f"i{phase}")
+            if (u is None) != (i is None):
+                have, lack = ("u", "i") if i is None else ("i", "u")
+                raise InputError(path, f"has {have}{phase} but no {lack}{phase}; power needs both (see --map)")
+            if u is not None and i is not None:
+                pairs.append((u, i))
+        if not pairs:
+            raise InputError(path, "has no voltage and current pair; say which columns with --map u1=...,i1=...")
+        return pairs
+
+
+@dataclass(frozen=True, slots=True)
+class Waveform:
+    """A whole recording, ready to be replayed."""
+
+    name: str
+    codes: Codes
+    """int16 [samples, 2 * phases]."""
+    form: StreamFormat
+    start_utc_ns: int | None
+    """UTC of the first sample if the file knows it."""
+
+    @property
+    def duration(self) -> float:
+        """Seconds."""
+        return len(self.codes) / self.form.rate
+
+
+def quantise(path: Path, values: Floats, rate: float, f_nominal: float, start_utc_ns: int | None) -> Waveform:
+    """A waveform from physical values [samples, 2 * phases] in V and A, scaled to 16 bit per channel."""
+    if len(values) == 0:
+        raise InputError(path, "has no samples")
+    bad = np.argwhere(~np.isfinite(values))
+    if len(bad):
+        row, channel = bad[0]
+        raise InputError(path, f"sample {row}, {_NAMES[channel]}: {values[row, channel]} is not a number")
+    peak = np.maximum(np.abs(values).max(axis=0), 1.0)
+    scale = peak / _FULL_CODE
+    codes = np.rint(values / scale).astype(np.int16)
+    return Waveform(path.name, codes, stream_format(path, rate, scale.tolist(), f_nominal), start_utc_ns)
+
+
+def stream_format(path: Path, rate: float, scale: list[float], f_nominal: float) -> StreamFormat:
+    """StreamFormat, with its complaints named after the file."""
+    try:
+        return StreamFormat(rate, tuple(scale), f_nominal)
+    except ValueError as error:
+        raise InputError(path, str(error)) from None
