@@ -1,0 +1,133 @@
+"""MAIN_FAST: every millisecond, take what the source has and put it into the ring. Nothing else."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from acqd.metering import SampleBlock
+from acqd.plc.clock import StepDetector
+from acqd.plc.ring import ENDED, GAP, LATE, STEP, STOPPED, Ring
+from acqd.plc.stats import CycleStats
+from acqd.plc.timer import PeriodicTimer
+from acqd.sources import Source
+
+PERIOD_NS = 1_000_000
+"""Cycle of MAIN_FAST."""
+
+
+@dataclass(frozen=True, slots=True)
+class OverrunPolicy:
+    """What happens after cycles were slept through."""
+
+    catch_up_ns: int = 200_000_000
+    """Samples of a stall up to this long are all caught up at once, and their windows flagged
+    `late`; of a longer one the rest is given up and the row flagged `gap`."""
+    late_ns: int = 10_000_000
+    """A shorter stall than this is not worth a flag: every sample is there, in time for its window."""
+
+
+class FastTask:
+    """One cycle's work, without its timer: what to read, what to write, what to flag."""
+
+    def __init__(
+        self,
+        source: Source,
+        ring: Ring,
+        window_samples: float,
+        wake: Callable[[], None],
+        policy: OverrunPolicy | None = None,
+    ) -> None:
+        """`wake` is called once per completed window of `window_samples`."""
+        self._source = source
+        self._ring = ring
+        self._rate = source.form.rate
+        self._policy = policy or OverrunPolicy()
+        self._per_window = window_samples
+        self._wake = wake
+        self._steps = StepDetector()
+        self._elapsed_ns = 0
+        self._read = 0  # samples asked for so far: elapsed time in samples
+        self._expected = 0  # stream index of the next sample
+        self.windows = 0
+        """Windows completed, in numbers of the stream's grid."""
+        self._anchor = (0, 0)
+
+    def start(self, utc_ns: int, index: int) -> None:
+        """Open the source; its first sample is number `index`, now."""
+        self._source.open(utc_ns, index)
+        first = self._source.read(0)
+        begin = first.utc_ns if first is not None else utc_ns
+        self._expected = index
+        self.windows = int(index / self._per_window)
+        self._anchor = (index, begin)
+        self._ring.begin(index, begin)
+
+    def cycle(self, expirations: int) -> bool:
+        """One wake-up after `expirations` periods. False when the source has ended."""
+        stall_ns = expirations * PERIOD_NS
+        self._elapsed_ns += stall_ns
+        due = int(self._elapsed_ns * 1e-9 * self._rate) - self._read
+        self._read += due
+        if stall_ns > self._policy.catch_up_ns:
+            given_up = due - int(self._policy.catch_up_ns * 1e-9 * self._rate)
+            self._source.read(given_up)  # taken and dropped: the gap is explicit
+            due -= given_up
+        block = self._source.read(due)
+        if block is None:
+            return False
+        if stall_ns > self._policy.late_ns:
+            self._ring.event(LATE)
+        self._write(block)
+        return True
+
+    def _write(self, block: SampleBlock) -> None:
+        gap = block.index - self._expected
+        if gap:
+            self._ring.event(GAP, gap)
+        self._ring.write(block.codes)
+        self._expected = block.index + len(block.codes)
+        windows = int(self._expected / self._per_window)
+        if windows > self.windows:
+            self.windows = windows
+            if self._source.live:
+                self._check_clock()
+            self._wake()
+
+    def _check_clock(self) -> None:
+        index, utc_ns = self._anchor
+        stream_ns = utc_ns + round((self._expected - index) * 1e9 / self._rate)
+        offset = self._steps.check(time.time_ns(), stream_ns)
+        if offset is not None:
+            self._anchor = (self._expected, stream_ns + offset)
+            self._ring.event(STEP, stream_ns + offset)
+
+
+def run_fast(
+    task: FastTask, ring: Ring, stats: CycleStats, *, utc_ns: int, index: int, stop: Callable[[], bool]
+) -> None:
+    """The cyclic loop, until the source ends or the first whole window after `stop()` turns true.
+
+    How late the timer woke it and how long it worked go to `stats`.
+    """
+    stats.clear()
+    task.start(utc_ns, index)
+    timer = PeriodicTimer(PERIOD_NS)
+    monotonic = time.monotonic_ns
+    state = STOPPED
+    last_window: int | None = None
+    try:
+        while last_window is None or task.windows <= last_window:
+            expirations = timer.wait()
+            woke = monotonic()
+            going = task.cycle(expirations)
+            stats.record(woke - timer.due_ns, expirations, monotonic() - woke)
+            if not going:
+                state = ENDED
+                break
+            if last_window is None and stop():
+                last_window = task.windows
+    finally:
+        timer.close()
+        ring.finish(state)

@@ -1,0 +1,78 @@
+"""The process that MAIN_FAST runs in: `python -m acqd.plc.process` with its orders on argv.
+
+It makes the source, sizes the ring, answers with one line of JSON on stdout, and cycles. It holds
+nothing else: no event loop, no MQTT, no SQL.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import os
+import signal
+import sys
+import time
+from dataclasses import asdict
+from typing import Any
+
+from acqd.errors import UserError
+from acqd.plc.fast import PERIOD_NS, FastTask, OverrunPolicy, run_fast
+from acqd.plc.realtime import RealtimeSettings, engage
+from acqd.plc.ring import Ring, RingLayout
+from acqd.plc.stats import CycleStats
+from acqd.sources.spec import make_source
+
+RING_S = 1.0
+"""Seconds of samples the ring holds: how long MAIN_SLOW may be kept away."""
+_PR_SET_PDEATHSIG = 1
+
+
+def main() -> int:
+    """Run MAIN_FAST as the orders in argv[1] (JSON) say. Exit 0 ended or stopped, 2 bad source."""
+    orders = json.loads(sys.argv[1])
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)  # never outlive the daemon
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the daemon's; it tells us when to stop
+    stopping = False
+
+    def stop(*_: Any) -> None:
+        nonlocal stopping
+        stopping = True
+
+    signal.signal(signal.SIGTERM, stop)
+    try:
+        source = make_source(orders["source"])
+    except UserError as error:
+        _answer({"error": str(error)})
+        return 2
+    form = source.form
+    layout = RingLayout(form.rate, len(form.scale), int(RING_S * form.rate))
+    os.ftruncate(orders["ring_fd"], layout.bytes)
+    ring = Ring(layout, orders["ring_fd"])
+    wake_fd = orders["wake_fd"]
+    task = FastTask(
+        source, ring, orders["window"] * form.rate, lambda: os.eventfd_write(wake_fd, 1), OverrunPolicy()
+    )
+    refused = engage(RealtimeSettings(**orders["realtime"]))
+    _answer({"form": asdict(form), "live": source.live, "layout": asdict(layout), "refused": refused})
+    stats = CycleStats(ring.cycle_slots, PERIOD_NS)
+    utc_ns, index = time.time_ns(), 0
+    if orders["anchor"] and source.live:
+        # Restarted: go on at the sample number that now belongs to the old stream.
+        old_index, old_utc = orders["anchor"]
+        index = old_index + max(0, round((utc_ns - old_utc) * 1e-9 * form.rate))
+    try:
+        run_fast(task, ring, stats, utc_ns=utc_ns, index=index, stop=lambda: stopping)
+    finally:
+        source.close()
+        os.eventfd_write(wake_fd, 1)
+    return 0
+
+
+def _answer(message: dict[str, Any]) -> None:
+    print(json.dumps(message), flush=True)
+    sys.stdout.close()
+    sys.stdout = open(os.devnull, "w")  # noqa: SIM115 - lives as long as the process
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,48 @@
+"""Real-time settings of the calling thread, as far as this host permits them."""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+import os
+from dataclasses import dataclass
+
+_MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4
+_LOCK = _MCL_CURRENT | _MCL_FUTURE | _MCL_ONFAULT  # what is used stays; what is never touched costs nothing
+
+
+@dataclass(frozen=True, slots=True)
+class RealtimeSettings:
+    """What to ask for."""
+
+    priority: int = 80
+    """SCHED_FIFO priority, 0: leave the normal scheduler."""
+    lock_memory: bool = True
+    cpu: int | None = None
+    """CPU to stay on; None: any."""
+
+
+def engage(settings: RealtimeSettings) -> list[str]:
+    """Apply `settings`; one sentence for each that was refused, with what to do about it.
+
+    Call it last, in the thread that needs it: children inherit the scheduler.
+    """
+    refused = []
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    if settings.cpu is not None:
+        try:
+            os.sched_setaffinity(0, {settings.cpu})
+        except OSError:
+            refused.append(f"CPU {settings.cpu} is not available to this process: running on any CPU")
+    if settings.lock_memory and ctypes.CDLL(None, use_errno=True).mlockall(_LOCK):
+        refused.append("memory not locked (raise LimitMEMLOCK / ulimit -l): a page fault can delay a cycle")
+    if settings.priority:
+        try:
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(settings.priority))
+        except PermissionError:
+            refused.append(
+                "SCHED_FIFO not permitted (raise LimitRTPRIO / ulimit -r or give CAP_SYS_NICE): normal priority"
+            )
+    return refused

@@ -1,0 +1,185 @@
+"""The shared-memory ring between MAIN_FAST (one writer) and MAIN_SLOW (one reader).
+
+An anonymous memory file that both processes map: nothing to name, nothing left behind. The writer
+stores samples, then advances the head; the reader copies, then checks that the head has not lapped
+it. Gaps and clock steps travel beside the samples in a small ring of events. Aligned 8-byte stores
+are atomic on the supported machines, and each window is announced through an eventfd, whose system
+calls order memory between the two sides.
+"""
+
+from __future__ import annotations
+
+import mmap
+import os
+from dataclasses import dataclass
+
+import numpy as np
+
+from acqd.metering.block import Codes, SampleBlock
+from acqd.plc.stats import SLOTS
+
+_HEADER = 16  # int64 words
+_HEAD, _EVENT_HEAD, _STATE, _ANCHOR_INDEX, _ANCHOR_UTC, _WAKE = range(6)
+_EVENTS = 256
+_EVENT_WORDS = 3  # position, kind, value
+RUNNING, ENDED, STOPPED = 1, 2, 3
+"""States of the writer: running; the source has ended; stopped on request."""
+GAP, STEP, LATE = 1, 2, 3
+"""Kinds of event: samples lost; clock step; samples caught up late."""
+_KIND_FLAGS = {STEP: "clock_step", LATE: "late"}
+
+
+@dataclass(frozen=True, slots=True)
+class RingLayout:
+    """Sizes both sides agree on."""
+
+    rate: float
+    channels: int
+    capacity: int
+    """Samples the ring holds (all channels)."""
+
+    @property
+    def bytes(self) -> int:
+        """Size of the memory file."""
+        words = _HEADER + _EVENTS * _EVENT_WORDS + SLOTS
+        return words * 8 + self.capacity * self.channels * 2
+
+
+class Ring:
+    """Both ends of the ring over one memory file descriptor."""
+
+    def __init__(self, layout: RingLayout, fd: int) -> None:
+        self.layout = layout
+        self._map = mmap.mmap(fd, layout.bytes)
+        words = memoryview(self._map)[: layout.bytes - layout.capacity * layout.channels * 2].cast("q")
+        self._header = words[:_HEADER]
+        self._events = words[_HEADER : _HEADER + _EVENTS * _EVENT_WORDS]
+        self.cycle_slots = words[_HEADER + _EVENTS * _EVENT_WORDS :]
+        """Slots of the cycle statistics."""
+        flat = np.frombuffer(self._map, dtype=np.int16, offset=len(words) * 8)
+        self._codes: Codes = flat.reshape(layout.capacity, layout.channels)
+        self._position = 0  # reader: samples taken
+        self._event_tail = 0
+        self._index = 0  # reader: stream index of the next sample
+
+    @staticmethod
+    def create(layout: RingLayout) -> tuple[Ring, int]:
+        """A fresh ring and the descriptor to hand to the other process."""
+        fd = os.memfd_create("acqd-ring", 0)
+        os.ftruncate(fd, layout.bytes)
+        return Ring(layout, fd), fd
+
+    # -- writer --
+
+    def begin(self, index: int, utc_ns: int) -> None:
+        """The stream starts with sample `index` at `utc_ns`."""
+        self._header[_ANCHOR_INDEX], self._header[_ANCHOR_UTC] = index, utc_ns
+        self._header[_STATE] = RUNNING
+
+    def write(self, codes: Codes) -> None:
+        """Append samples."""
+        head, capacity = self._header[_HEAD], self.layout.capacity
+        at, count = head % capacity, len(codes)
+        first = min(count, capacity - at)
+        self._codes[at : at + first] = codes[:first]
+        if first < count:
+            self._codes[: count - first] = codes[first:]
+        self._header[_HEAD] = head + count
+
+    def event(self, kind: int, value: int = 0) -> None:
+        """Something that holds from the next sample on: GAP (samples lost), STEP (new UTC), LATE."""
+        number = self._header[_EVENT_HEAD]
+        slot = number % _EVENTS * _EVENT_WORDS
+        self._events[slot : slot + _EVENT_WORDS] = memoryview(
+            np.array([self._header[_HEAD], kind, value], dtype=np.int64)
+        )
+        self._header[_EVENT_HEAD] = number + 1
+
+    def finish(self, state: int) -> None:
+        """No more samples will come."""
+        self._header[_STATE] = state
+
+    # -- both --
+
+    @property
+    def state(self) -> int:
+        """0 before `begin`, then RUNNING, ENDED or STOPPED."""
+        return int(self._header[_STATE])
+
+    @property
+    def written(self) -> int:
+        """Samples written since the start, without lost ones."""
+        return int(self._header[_HEAD])
+
+    # -- reader --
+
+    def read(self) -> list[SampleBlock]:
+        """Everything new, cut into blocks where an event happened."""
+        if not self.state:
+            return []
+        head = self._header[_HEAD]
+        if not self._position and not self._event_tail:
+            self._index = self._header[_ANCHOR_INDEX]
+        blocks: list[SampleBlock] = []
+        flags: frozenset[str] = frozenset()
+        lost = self._skip_overwritten(head)
+        for position, kind, value in [*self._new_events(head), (head, 0, 0)]:
+            if position > self._position:
+                block = self._take(position, lost, flags)
+                blocks.append(block)
+                lost, flags = 0, frozenset()
+            if kind == GAP:
+                lost += value
+                self._index += value
+            elif kind in _KIND_FLAGS:
+                flags |= {_KIND_FLAGS[kind]}
+            if kind == STEP:
+                self._header[_ANCHOR_INDEX], self._header[_ANCHOR_UTC] = self._index, value
+        return blocks
+
+    def _take(self, until: int, lost: int, flags: frozenset[str]) -> SampleBlock:
+        capacity = self.layout.capacity
+        start, stop = self._position % capacity, until % capacity
+        if start < stop:
+            codes = self._codes[start:stop].copy()
+        else:
+            codes = np.concatenate((self._codes[start:], self._codes[:stop]))
+        anchor, utc = self._header[_ANCHOR_INDEX], self._header[_ANCHOR_UTC]
+        block = SampleBlock(
+            codes, self._index, utc + round((self._index - anchor) * 1e9 / self.layout.rate), lost, flags
+        )
+        self._index += until - self._position
+        self._position = until
+        return block
+
+    def _skip_overwritten(self, head: int) -> int:
+        """Samples lost because the reader came too late (leaving the writer room while copying)."""
+        room = self.layout.capacity * 3 // 4
+        if head - self._position <= self.layout.capacity - 1:
+            return 0
+        lost = head - room - self._position
+        self._position += lost
+        self._index += lost
+        return int(lost)
+
+    def _new_events(self, head: int) -> list[tuple[int, int, int]]:
+        """Events up to `head`, oldest first; those whose samples are gone keep their effect."""
+        end = self._header[_EVENT_HEAD]
+        self._event_tail = max(self._event_tail, end - _EVENTS)
+        events = []
+        while self._event_tail < end:
+            slot = self._event_tail % _EVENTS * _EVENT_WORDS
+            position, kind, value = self._events[slot : slot + _EVENT_WORDS]
+            if position > head:
+                break
+            events.append((position, kind, value))
+            self._event_tail += 1
+        return events
+
+    def close(self) -> None:
+        """Unmap; views given out before stay valid (blocks are copies)."""
+        self._header.release()
+        self._events.release()
+        self.cycle_slots.release()
+        del self._codes
+        self._map = None  # type: ignore[assignment]

@@ -1,0 +1,42 @@
+"""MAIN_SLOW: once per window, take the ring's samples and meter them."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+from acqd.metering import Meter, WindowBatch
+from acqd.plc.ring import Ring
+
+
+class SlowTask:
+    """Turns the ring's samples into window quantities; its own duration is kept for the status."""
+
+    def __init__(self, ring: Ring, meter: Meter, flags: frozenset[str] = frozenset()) -> None:
+        """`flags` hold for every row of this stream ("simulated")."""
+        self._ring = ring
+        self._meter = meter
+        self._flags = flags
+        self.windows = 0
+        self.busy_ns = 0
+
+    def replace_ring(self, ring: Ring) -> None:
+        """Go on with a restarted MAIN_FAST; the samples in between are a gap."""
+        self._ring = ring
+
+    def cycle(self) -> WindowBatch | None:
+        """Meter what has arrived; None when no window is complete."""
+        begun = time.perf_counter_ns()
+        batches = []
+        for block in self._ring.read():
+            if self._flags:
+                block = replace(block, flags=block.flags | self._flags)
+            batch = self._meter.feed(block)
+            if batch is not None:
+                batches.append(batch)
+        if not batches:
+            return None
+        joined = WindowBatch.join(batches)
+        self.windows += len(joined)
+        self.busy_ns += time.perf_counter_ns() - begun
+        return joined
