@@ -1,0 +1,248 @@
+"""One `acqd run`: executive, telemetry and, if asked for, broker and sink, from start to SIGTERM."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import os
+import signal
+import sys
+import time
+import uuid
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import orjson
+
+from acqd import __version__
+from acqd.daemon.config import Config
+from acqd.daemon.notify import notify
+from acqd.daemon.register import RegisterFile
+from acqd.errors import UserError
+from acqd.metering import Meter, StreamFormat, WindowBatch
+from acqd.plc.executive import Executive
+from acqd.telemetry import topics
+from acqd.telemetry.broker import EmbeddedBroker
+from acqd.telemetry.connector import Connector
+from acqd.telemetry.outbox import MemoryOutbox, Message
+from acqd.telemetry.row import rfc3339, rows_of
+from acqd.telemetry.summary import Summariser
+
+_log = logging.getLogger(__name__)
+_STATUS_S = 10.0
+_SAVE_S = 10.0
+_FLUSH_S = 0.6  # of the 2 s that a stop may take
+_STALE_S = 2.0  # without a row for this long the watchdog is not fed
+
+
+class Service:
+    """The running daemon."""
+
+    def __init__(self, config: Config, on_summary: Callable[[dict[str, Any]], None] | None = None) -> None:
+        """`on_summary` sees every 1 s summary (live numbers in a terminal)."""
+        self.config = config
+        self._on_summary = on_summary
+        self._boot = uuid.uuid4().hex[:12]
+        self._outbox = MemoryOutbox(config.mqtt.queue)
+        self._connector: Connector | None = None
+        self._register = RegisterFile(config.state_dir, config.device) if config.state_dir else None
+        self._executive = Executive(
+            config.source.spec(),
+            self._make_meter,
+            self._take,
+            window=config.window,
+            realtime=config.realtime.settings(),
+        )
+        self._summariser = Summariser(self._readings)
+        self._stop = asyncio.Event()
+        self._last_row: float | None = None
+        self._started = time.time_ns()
+        self.rows = 0
+
+    async def run(self, duration: float | None = None) -> None:
+        """Until SIGTERM, SIGINT, the source's end or `duration` [s]. Raises UserError when it cannot start."""
+        loop = asyncio.get_running_loop()
+        for number in (signal.SIGTERM, signal.SIGINT):
+            loop.add_signal_handler(number, self._stop.set)
+        if self.config.state_dir is not None:
+            _make_folder(self.config.state_dir)
+        address = self.config.mqtt.address()
+        broker = EmbeddedBroker(self.config.broker.host, self.config.mqtt.port) if self.config.broker.embedded else None
+        sink: asyncio.subprocess.Process | None = None
+        background: list[asyncio.Task[None]] = []
+        try:
+            if broker is not None:
+                await broker.start()
+            if self.config.sink.embedded:
+                sink = await self._start_sink()
+            await self._executive.start()
+            for sentence in self._executive.refused:
+                _log.warning("real time: %s", sentence)
+            metering = asyncio.create_task(self._executive.run())
+            if self.config.mqtt.enabled:
+                self._connector = Connector(
+                    address,
+                    self._outbox,
+                    client_id=f"acqd-{self.config.device}",
+                    status_topic=topics.status(self.config.device),
+                    greeting=self._status,
+                )
+                background.append(asyncio.create_task(self._connector.run()))
+            background.append(asyncio.create_task(self._housekeeping()))
+            notify(f"READY=1\nSTATUS=metering {self.config.device}")
+            await self._until_done(metering, background, duration)
+        finally:
+            notify("STOPPING=1")
+            await self._shut_down(background, broker, sink)
+
+    async def _until_done(
+        self, metering: asyncio.Task[None], background: list[asyncio.Task[None]], duration: float | None
+    ) -> None:
+        stopping = asyncio.create_task(self._stop.wait())
+        done, _ = await asyncio.wait(
+            {metering, stopping, *background}, timeout=duration, return_when=asyncio.FIRST_COMPLETED
+        )
+        stopping.cancel()
+        if not metering.done():
+            await self._executive.stop()
+        await metering
+        for task in done & set(background):
+            task.result()  # a refusal by the broker, or a bug
+
+    async def _shut_down(
+        self,
+        background: list[asyncio.Task[None]],
+        broker: EmbeddedBroker | None,
+        sink: asyncio.subprocess.Process | None,
+    ) -> None:
+        await self._executive.stop()
+        self._save()
+        if self._connector is not None:
+            await self._connector.flush(_FLUSH_S)
+            waiting = len(self._outbox)
+            if waiting:
+                _log.warning("%d messages could not be delivered and are lost", waiting)
+        for task in background:
+            task.cancel()
+        await asyncio.gather(*background, return_exceptions=True)
+        if sink is not None and sink.returncode is None:
+            sink.terminate()
+            try:
+                await asyncio.wait_for(sink.wait(), 1.0)
+            except TimeoutError:
+                sink.kill()
+        if broker is not None:
+            await broker.stop()
+        self._executive.close()
+
+    def _make_meter(self, form: StreamFormat) -> Meter:
+        metering = self.config.metering
+        return Meter(
+            form,
+            window=self.config.window,
+            mode=metering.mode,
+            nominal_voltage=metering.nominal_voltage,
+            energy=self._register.load(form.phases) if self._register else None,
+        )
+
+    def _take(self, batch: WindowBatch) -> None:
+        """Rows and summaries of a batch into the outbox."""
+        device = self.config.device
+        rows = list(rows_of(batch, device, self._boot))
+        summaries = self._summariser.add(batch, rows)
+        if self.config.mqtt.enabled:
+            for row in rows:
+                self._outbox.put(Message(topics.power(device, row.channel), row.to_json()))
+            for summary in summaries:
+                payload = orjson.dumps(summary)
+                self._outbox.put(Message(topics.summary(device, summary["channel"]), payload, retain=True))
+        if self._on_summary is not None:
+            for summary in summaries:
+                self._on_summary(summary)
+        self.rows += len(rows)
+        self._last_row = time.monotonic()
+
+    async def _housekeeping(self) -> None:
+        """Watchdog, status, register file."""
+        next_status = next_save = 0.0
+        while True:
+            now = time.monotonic()
+            if self._last_row is not None and now - self._last_row < _STALE_S:
+                notify("WATCHDOG=1")
+            if now >= next_status and self._connector is not None:
+                next_status = now + _STATUS_S
+                self._outbox.put(Message(topics.status(self.config.device), self._status(), retain=True))
+            if now >= next_save:
+                next_save = now + _SAVE_S
+                self._save()
+            await asyncio.sleep(0.5)
+
+    def _save(self) -> None:
+        if self._register is not None and self._executive.meter is not None:
+            self._register.save(self._readings())
+
+    def _readings(self) -> list[tuple[float, float]]:
+        assert self._executive.meter is not None
+        return self._executive.meter.energy.reading()
+
+    def _status(self) -> bytes:
+        return orjson.dumps(self.status())
+
+    def status(self) -> dict[str, Any]:
+        """What the status topic says while the daemon is online."""
+        connector = self._connector
+        return {
+            "state": "online",
+            "device": self.config.device,
+            "boot": self._boot,
+            "version": __version__,
+            "time": rfc3339(time.time_ns()),
+            "started": rfc3339(self._started),
+            "source": self.config.source.kind,
+            "simulated": self.config.source.kind == "simulated",
+            "rows": self.rows,
+            "main_fast": self._executive.cycle_summary().as_dict() | {"restarts": self._executive.restarts},
+            "main_slow": {"mean_us": self._executive.slow_us()},
+            "realtime_refused": self._executive.refused,
+            "mqtt": {
+                "waiting": len(self._outbox),
+                "dropped": self._outbox.dropped,
+                "delivered": connector.delivered if connector else 0,
+                "reconnects": max(connector.reconnects, 0) if connector else 0,
+            },
+        }
+
+    async def _start_sink(self) -> asyncio.subprocess.Process:
+        """The sink in a process of its own. Raises UserError when its database cannot be used."""
+        mqtt, sink = self.config.mqtt, self.config.sink
+        environment = os.environ | {"ACQD_SINK_READY": "1"}
+        process = await asyncio.create_subprocess_exec(
+            *(sys.executable, "-m", "acqd", "sink", "--database", sink.database),
+            *("--host", mqtt.host, "--port", str(mqtt.port)),
+            stdout=asyncio.subprocess.PIPE,
+            stderr=asyncio.subprocess.PIPE,
+            env=environment,
+            start_new_session=True,
+        )
+        assert process.stdout is not None and process.stderr is not None
+        if not await process.stdout.readline():
+            message = (await process.stderr.read()).decode().strip()
+            raise UserError(message.removeprefix("acqd: ") or "the sink did not start")
+        self._sink_log = asyncio.create_task(_relay(process.stderr))
+        return process
+
+
+async def _relay(stream: asyncio.StreamReader) -> None:
+    """The sink's log lines into ours."""
+    while line := await stream.readline():
+        _log.info("sink: %s", line.decode(errors="replace").rstrip())
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(f"state_dir {folder} cannot be made ({error.strerror}); choose another") from None
+    if not os.access(folder, os.W_OK):
+        raise UserError(f"state_dir {folder} may not be written by this user; choose another or change its owner")

@@ -1,0 +1,1 @@
+"""SQL: schema and migrations, the sink (MQTT -> SQL), roll-ups and retention."""

@@ -1,0 +1,100 @@
+"""Opening a database: engine, SQLite settings, migrations to the newest schema."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import sqlalchemy as sa
+from alembic import command
+from alembic.config import Config
+from alembic.util import CommandError
+from sqlalchemy.engine import make_url
+
+from acqd.errors import UserError
+
+_MIGRATIONS = Path(__file__).parent / "migrations"
+
+
+def open_database(url: str) -> sa.Engine:
+    """Engine for `url` (or a plain path: SQLite), with the schema brought up to date.
+
+    Raises UserError for a URL, path or server that cannot be used.
+    """
+    engine = _engine(url if "://" in url else f"sqlite:///{url}")
+    try:
+        with engine.connect():
+            pass
+        migrate(engine)
+    except sa.exc.OperationalError as error:
+        raise UserError(f"database {_shown(engine)}: {_first_line(error)}; {_advice(engine)}") from None
+    except sa.exc.DatabaseError as error:
+        raise UserError(f"database {_shown(engine)}: {_first_line(error)}; is it another program's file?") from None
+    return engine
+
+
+def migrate(engine: sa.Engine) -> None:
+    """Bring the schema to the newest version; safe while several sinks start at once."""
+    config = Config()
+    config.set_main_option("script_location", str(_MIGRATIONS))
+    with engine.begin() as connection:
+        if engine.dialect.name == "postgresql":
+            connection.execute(sa.text("SELECT pg_advisory_xact_lock(4607182418800017408)"))
+        else:
+            connection.exec_driver_sql("BEGIN IMMEDIATE")
+        config.attributes["connection"] = connection
+        try:
+            command.upgrade(config, "head")
+        except CommandError as error:
+            raise UserError(f"database {_shown(engine)}: {error}; it was written by a newer acqd") from None
+
+
+def _engine(url: str) -> sa.Engine:
+    try:
+        parsed = make_url(url)
+    except sa.exc.ArgumentError:
+        raise UserError(f"database {url!r} is no URL; expected sqlite:///path or postgresql://user@host/name") from None
+    if parsed.drivername in ("postgresql", "postgres"):
+        parsed = parsed.set(drivername="postgresql+psycopg")
+    if parsed.get_backend_name() not in ("sqlite", "postgresql"):
+        raise UserError(f"database {url!r}: expected sqlite:///path or postgresql://user@host/name")
+    try:
+        if parsed.get_backend_name() == "sqlite":
+            _check_folder(parsed.database)
+            engine = sa.create_engine(parsed, connect_args={"timeout": 30})
+            sa.event.listen(engine, "connect", _sqlite_settings)
+            return engine
+        return sa.create_engine(parsed, pool_pre_ping=True, connect_args={"connect_timeout": 5})
+    except ModuleNotFoundError as error:
+        raise UserError(f"database {url!r} needs the {error.name} package: install acqd[postgres]") from None
+
+
+def _check_folder(path: str | None) -> None:
+    if path and path != ":memory:" and not Path(path).absolute().parent.is_dir():
+        raise UserError(f"database {path}: folder {Path(path).absolute().parent} does not exist; create it")
+
+
+def _sqlite_settings(connection: Any, _: Any) -> None:
+    # WAL: readers never wait for the sink. NORMAL: a power cut may cost the last commits, which the
+    # broker then still holds or the reader asks for again; it cannot corrupt the file.
+    connection.isolation_level = None  # transactions are begun by us, not guessed by sqlite3
+    connection.create_function("sqrt", 1, lambda x: None if x is None else math.sqrt(x), deterministic=True)
+    cursor = connection.cursor()
+    cursor.execute("PRAGMA journal_mode=WAL")
+    cursor.execute("PRAGMA synchronous=NORMAL")
+    cursor.close()
+
+
+def _shown(engine: sa.Engine) -> str:
+    return engine.url.render_as_string(hide_password=True)
+
+
+def _advice(engine: sa.Engine) -> str:
+    if engine.dialect.name == "sqlite":
+        return "check that the file and its folder may be written by this user and that the disk is not full"
+    return "check host, port, user, password and that the database exists"
+
+
+def _first_line(error: sa.exc.DatabaseError) -> str:
+    return str(error.orig).strip().splitlines()[0] if str(error.orig).strip() else type(error.orig).__name__

@@ -1,0 +1,123 @@
+"""Roll-ups and retention, as one idempotent command."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import sqlalchemy as sa
+from sqlalchemy.dialects import postgresql, sqlite
+
+from acqd.storage.schema import ROLLUPS, power, power_1min, quarantine
+from acqd.telemetry.row import filetime, rfc3339
+
+_TICKS = 10_000_000  # FILETIME ticks per second
+_DAY = 86_400
+_LATE_ROWS_S = 86_400 // 900 * 900  # how far back late rows still change a roll-up
+
+
+@dataclass(frozen=True, slots=True)
+class Retention:
+    """Days to keep; 0 keeps for ever."""
+
+    power_days: float = 30.0
+    rollup_1min_days: float = 365.0
+    quarantine_days: float = 30.0
+
+
+@dataclass(frozen=True, slots=True)
+class Maintained:
+    """What one run did."""
+
+    rollup_1min: int
+    rollup_15min: int
+    power_deleted: int
+    rollup_deleted: int
+    quarantine_deleted: int
+
+
+def maintain(engine: sa.Engine, retention: Retention, now: float | None = None) -> Maintained:
+    """Roll up every completed bucket not yet rolled up, then delete what is past its retention.
+
+    Buckets of the last day are computed again, for rows that arrived late. `now` is Unix seconds. Everything happens in one transaction: rows leave only with their roll-up made.
+    """
+    now = time.time() if now is None else now
+    with engine.connect() as connection:
+        if engine.dialect.name == "sqlite":
+            connection.exec_driver_sql("BEGIN IMMEDIATE")
+        counts = [_roll_up(connection, table, seconds, now) for seconds, table in ROLLUPS.items()]
+        cut = _cut(now, retention.power_days)
+        # Whole quarter hours only: a half-deleted bucket would be rolled up again, wrongly.
+        power_deleted = _delete(connection, power, power.c.filetime < _ticks(cut // 900 * 900)) if cut else 0
+        cut = _cut(now, retention.rollup_1min_days)
+        rollup_deleted = _delete(connection, power_1min, power_1min.c.start < cut) if cut else 0
+        cut = _cut(now, retention.quarantine_days)
+        quarantine_deleted = _delete(connection, quarantine, _received_before(engine, cut)) if cut else 0
+        connection.commit()
+    return Maintained(*counts, power_deleted, rollup_deleted, quarantine_deleted)
+
+
+def _cut(now: float, days: float) -> float:
+    return now - days * _DAY if days else 0.0
+
+
+def _ticks(unix: float) -> int:
+    return filetime(int(unix) * 1_000_000_000)
+
+
+def _received_before(engine: sa.Engine, unix: float) -> sa.ColumnElement[bool]:
+    text = rfc3339(int(unix) * 1_000_000_000)
+    if engine.dialect.name == "postgresql":
+        return quarantine.c.received < sa.cast(sa.literal(text, sa.Text), sa.DateTime(timezone=True))
+    return quarantine.c.received < text
+
+
+def _delete(connection: sa.Connection, table: sa.Table, condition: sa.ColumnElement[bool]) -> int:
+    return connection.execute(sa.delete(table).where(condition)).rowcount
+
+
+def _roll_up(connection: sa.Connection, table: sa.Table, seconds: int, now: float) -> int:
+    """Insert or replace the buckets of `seconds` that are complete at `now`."""
+    c = power.c
+    newest = connection.execute(sa.select(sa.func.max(table.c.start))).scalar()
+    begin = 0 if newest is None else int(newest) - _LATE_ROWS_S
+    end = int(now) // seconds * seconds
+    start = (c.filetime - filetime(0)) // (_TICKS * seconds) * seconds
+    P, S = sa.func.avg(c.P), sa.func.avg(c.S)
+    last = sa.func.max(c.filetime)
+    at_end = power.alias("at_end")
+    reading = (
+        sa.select(sa.func.max(at_end.c.W))
+        .where(at_end.c.device == c.device, at_end.c.channel == c.channel, at_end.c.filetime == last)
+        .scalar_subquery()
+    )
+    columns: dict[str, Any] = {
+        "device": c.device,
+        "channel": c.channel,
+        "start": start,
+        "rows": sa.func.count(),
+        "Vrms": sa.func.sqrt(sa.func.avg(c.Vrms * c.Vrms)),
+        "Vrms_min": sa.func.min(c.Vrms),
+        "Vrms_max": sa.func.max(c.Vrms),
+        "Irms": sa.func.sqrt(sa.func.avg(c.Irms * c.Irms)),
+        "Irms_max": sa.func.max(c.Irms),
+        "P": P,
+        "P_min": sa.func.min(c.P),
+        "P_max": sa.func.max(c.P),
+        "S": S,
+        "PF": P / sa.func.nullif(S, 0.0),
+        "f": sa.func.avg(c.f),
+        "W": reading,
+        "flagged": sa.func.sum(sa.case((sa.cast(c.flags, sa.Text) != "[]", 1), else_=0)),
+    }
+    query = (
+        sa.select(*(value.label(name) for name, value in columns.items()))
+        .where(c.filetime >= _ticks(begin), c.filetime < _ticks(end))
+        .group_by(c.device, c.channel, sa.text("start"))
+    )
+    insert: Any = postgresql.insert if connection.dialect.name == "postgresql" else sqlite.insert
+    statement = insert(table).from_select(list(columns), query)
+    key = ["device", "channel", "start"]
+    changed = {name: statement.excluded[name] for name in columns if name not in key}
+    return int(connection.execute(statement.on_conflict_do_update(index_elements=key, set_=changed)).rowcount)

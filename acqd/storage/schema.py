@@ -1,0 +1,62 @@
+"""The tables as SQLAlchemy sees them; `migrations/` creates them."""
+
+from __future__ import annotations
+
+import sqlalchemy as sa
+from sqlalchemy.dialects import postgresql
+
+metadata = sa.MetaData()
+_JSON = sa.JSON().with_variant(postgresql.JSONB(), "postgresql")
+_TIME = sa.Text().with_variant(sa.DateTime(timezone=True), "postgresql")
+_BIG = sa.BigInteger().with_variant(sa.Integer(), "sqlite")
+
+power = sa.Table(
+    "power",
+    metadata,
+    sa.Column("device", sa.Text, nullable=False),
+    sa.Column("channel", sa.Text, nullable=False),
+    sa.Column("boot", sa.Text, nullable=False),
+    sa.Column("seq", _BIG, nullable=False),
+    sa.Column("time", _TIME, nullable=False),
+    sa.Column("filetime", _BIG, nullable=False),
+    *(sa.Column(name, sa.Double) for name in ("Vrms", "Irms", "P", "S", "PF", "f", "W")),
+    sa.Column("flags", _JSON, nullable=False),
+    sa.Column("schema", sa.SmallInteger, nullable=False),
+    sa.PrimaryKeyConstraint("device", "channel", "boot", "seq"),
+)
+"""One row per window and channel. SQLite keeps `time` as RFC 3339 text, PostgreSQL as timestamptz."""
+
+quarantine = sa.Table(
+    "quarantine",
+    metadata,
+    sa.Column("id", _BIG, primary_key=True, autoincrement=True),
+    sa.Column("received", _TIME, nullable=False),
+    sa.Column("topic", sa.Text, nullable=False),
+    sa.Column("payload", sa.LargeBinary, nullable=False),
+    sa.Column("reason", sa.Text, nullable=False),
+)
+"""Messages that are no rows, and why."""
+
+
+def _rollup(name: str) -> sa.Table:
+    return sa.Table(
+        name,
+        metadata,
+        sa.Column("device", sa.Text, nullable=False),
+        sa.Column("channel", sa.Text, nullable=False),
+        sa.Column("start", _BIG, nullable=False),
+        sa.Column("rows", sa.Integer, nullable=False),
+        *(
+            sa.Column(name, sa.Double)
+            for name in ("Vrms", "Vrms_min", "Vrms_max", "Irms", "Irms_max", "P", "P_min", "P_max", "S", "PF", "f")
+        ),
+        sa.Column("W", sa.Double),
+        sa.Column("flagged", sa.Integer, nullable=False),
+        sa.PrimaryKeyConstraint("device", "channel", "start"),
+    )
+
+
+power_1min = _rollup("power_1min")
+power_15min = _rollup("power_15min")
+ROLLUPS = {60: power_1min, 900: power_15min}
+"""Table by bucket length [s]. `start` is Unix seconds, W the reading at the end, `flagged` the rows with a flag."""

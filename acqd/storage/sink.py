@@ -1,0 +1,211 @@
+"""The sink: MQTT -> SQL, acknowledged to the broker only after the commit.
+
+MQTT 5 with a shared subscription, so that several sinks share the work and the broker keeps what
+a sink that died had not confirmed; MQTT 3.1.1 without sharing where the broker knows no 5.
+"""
+
+from __future__ import annotations
+
+import logging
+import queue
+import random
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import paho.mqtt.client as paho
+import sqlalchemy as sa
+from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
+from paho.mqtt.packettypes import PacketTypes
+from paho.mqtt.properties import Properties
+
+from acqd.storage.writer import Received, Writer
+from acqd.telemetry import topics
+from acqd.telemetry.mqtt import NO_DELAY, BrokerAddress, is_refusal, refusal
+
+_log = logging.getLogger(__name__)
+_BACKOFF_S = (0.2, 15.0)
+_CONNECT_S = 5.0
+_KEPT_S = 7 * 24 * 3600  # how long the broker keeps our session while we are away
+_UNSUPPORTED = "unsupported protocol"
+
+
+@dataclass(frozen=True, slots=True)
+class SinkSettings:
+    """How the sink batches and shares."""
+
+    client_id: str = "acqd-sink"
+    group: str = "acqd-sink"
+    """Shared-subscription group."""
+    batch: int = 2_000
+    """Messages per transaction at most; also what the broker may have under way to us."""
+    interval: float = 0.25
+    """Longest time [s] a row waits for its commit."""
+
+
+@dataclass(slots=True)
+class SinkCounters:
+    """What the sink has done so far."""
+
+    rows: int = 0
+    quarantined: int = 0
+    batches: int = 0
+    reconnects: int = -1
+    last_commit: float | None = None
+    """Monotonic time of the last commit."""
+
+
+class Sink:
+    """Runs in the calling thread; paho's network loop has a thread of its own."""
+
+    def __init__(self, address: BrokerAddress, engine: sa.Engine, settings: SinkSettings | None = None) -> None:
+        self._address = address
+        self._writer = Writer(engine)
+        self._settings = settings or SinkSettings()
+        self._arrived: queue.SimpleQueue[paho.MQTTMessage | None] = queue.SimpleQueue()
+        self._tls = address.tls_context()
+        self._protocol = MQTTProtocolVersion.MQTTv5
+        self._failure: str | None = None
+        self._connected = False
+        self.counters = SinkCounters()
+
+    def run(self, stop: Callable[[], bool], progress: Callable[[], None] = lambda: None) -> None:
+        """Until `stop()`. Raises UserError when the broker refuses us at first contact."""
+        delay = _BACKOFF_S[0]
+        while not stop():
+            client = self._connect()
+            if client is not None:
+                delay = _BACKOFF_S[0]
+                try:
+                    self._consume(client, stop, progress)
+                finally:
+                    client.disconnect()
+                    client.loop_stop()
+                if stop():
+                    return
+            if self._failure and is_refusal(self._failure) and self.counters.reconnects < 0:
+                raise refusal(self._address, self._failure)
+            if self._failure == _UNSUPPORTED:
+                _log.info("broker %s speaks no MQTT 5: rows are not shared between sinks", self._address)
+                self._protocol = MQTTProtocolVersion.MQTTv311
+                continue
+            if delay == _BACKOFF_S[0]:
+                _log.warning("broker %s: %s; trying on", self._address, self._failure)
+            self._sleep(delay * random.uniform(0.5, 1.0), stop, progress)
+            delay = min(2 * delay, _BACKOFF_S[1])
+
+    def _sleep(self, seconds: float, stop: Callable[[], bool], progress: Callable[[], None]) -> None:
+        deadline = time.monotonic() + seconds
+        while time.monotonic() < deadline and not stop():
+            progress()
+            time.sleep(0.05)
+
+    def _connect(self) -> paho.Client | None:
+        """A fresh client, subscribed; None when it did not work (why is in `_failure`)."""
+        self._failure, self._connected = None, False
+        self._arrived = queue.SimpleQueue()
+        five = self._protocol == MQTTProtocolVersion.MQTTv5
+        client = paho.Client(
+            CallbackAPIVersion.VERSION2,
+            client_id=self._settings.client_id,
+            protocol=self._protocol,
+            clean_session=None if five else False,
+            manual_ack=True,
+            reconnect_on_failure=False,
+        )
+        if self._address.username is not None:
+            client.username_pw_set(self._address.username, self._address.password)
+        if self._tls is not None:
+            client.tls_set_context(self._tls)
+        client.on_connect, client.on_disconnect = self._on_connect, self._on_disconnect
+        client.on_message = lambda _client, _data, message: self._arrived.put(message)
+        client.on_socket_open = lambda _client, _data, sock: [sock.setsockopt(*option) for option in NO_DELAY]
+        client.connect_timeout = _CONNECT_S
+        arguments: dict[str, Any] = {"clean_start": False, "properties": self._session()} if five else {}
+        try:
+            client.connect(self._address.host, self._address.port, keepalive=10, **arguments)
+        except (OSError, ValueError) as error:
+            self._failure = str(error)
+            return None
+        client.loop_start()
+        deadline = time.monotonic() + _CONNECT_S
+        while not self._connected and self._failure is None and time.monotonic() < deadline:
+            time.sleep(0.005)
+        if self._connected:
+            return client
+        self._failure = self._failure or "no answer"
+        client.loop_stop()
+        return None
+
+    def _session(self) -> Properties:
+        properties = Properties(PacketTypes.CONNECT)
+        properties.SessionExpiryInterval = _KEPT_S
+        properties.ReceiveMaximum = min(self._settings.batch, 65_535)
+        return properties
+
+    def _on_connect(self, client: paho.Client, _data: Any, _flags: Any, reason: Any, _properties: Any) -> None:
+        if reason.is_failure:
+            self._failure = _UNSUPPORTED if "protocol" in str(reason).lower() else str(reason)
+            return
+        shared = self._protocol == MQTTProtocolVersion.MQTTv5
+        prefix = f"$share/{self._settings.group}/" if shared else ""
+        client.subscribe(prefix + topics.ALL_POWER, qos=1)
+        self.counters.reconnects += 1
+        self._connected = True
+        _log.info("connected to broker %s (MQTT %s)", self._address, "5, shared" if shared else "3.1.1")
+
+    def _on_disconnect(self, _client: Any, _data: Any, _flags: Any, reason: Any, _properties: Any) -> None:
+        if self._failure is None:
+            closed_early = not self._connected and self._protocol == MQTTProtocolVersion.MQTTv5
+            # Some 3.1.1 brokers just hang up on a version-5 CONNECT.
+            self._failure = _UNSUPPORTED if closed_early else str(reason)
+        self._arrived.put(None)
+
+    def _consume(self, client: paho.Client, stop: Callable[[], bool], progress: Callable[[], None]) -> None:
+        """Batches from this connection until it breaks or we are told to stop."""
+        while not stop() and client.is_connected():
+            batch = self._batch()
+            progress()
+            if batch and not self._commit(client, batch, stop, progress):
+                return
+
+    def _batch(self) -> list[paho.MQTTMessage]:
+        """What arrives within the interval, at most a batch."""
+        messages: list[paho.MQTTMessage] = []
+        deadline = time.monotonic() + self._settings.interval
+        while len(messages) < self._settings.batch:
+            try:
+                message = self._arrived.get(timeout=max(0.0, deadline - time.monotonic()))
+            except queue.Empty:
+                break
+            if message is None:
+                break
+            messages.append(message)
+        return messages
+
+    def _commit(
+        self,
+        client: paho.Client,
+        batch: list[paho.MQTTMessage],
+        stop: Callable[[], bool],
+        progress: Callable[[], None],
+    ) -> bool:
+        """Write and acknowledge. While the database is away, nothing is acknowledged or lost."""
+        try:
+            written = self._writer.write([Received(message.topic, message.payload) for message in batch])
+        except sa.exc.DatabaseError as error:
+            _log.error("database: %s; %d messages stay with the broker", str(error.orig).strip(), len(batch))
+            self._failure = "paused for the database"
+            self._sleep(1.0, stop, progress)
+            return False  # a new connection makes the broker send them again
+        for message in batch:
+            client.ack(message.mid, message.qos)
+        counters = self.counters
+        if written.quarantined:
+            _log.warning("%d malformed messages put into quarantine", written.quarantined)
+        counters.rows += written.rows
+        counters.quarantined += written.quarantined
+        counters.batches += 1
+        counters.last_commit = time.monotonic()
+        return True

@@ -1,0 +1,1 @@
+"""Rows on the wire: schema, topics, MQTT_CONNECTOR, embedded broker."""

@@ -1,0 +1,116 @@
+"""MQTT_CONNECTOR: delivers the outbox to the broker, for as long as it takes.
+
+One supervisor, a new client object for every connection, jittered exponential back-off, messages
+forgotten only on PUBACK. The daemon starts and meters without a broker.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import random
+from collections.abc import Callable
+from typing import Literal
+
+import aiomqtt
+
+from acqd.telemetry.mqtt import NO_DELAY, BrokerAddress, is_refusal, refusal
+from acqd.telemetry.outbox import Message, Outbox
+from acqd.telemetry.topics import OFFLINE
+
+_log = logging.getLogger(__name__)
+_BATCH = 64  # messages on their way at once
+_BACKOFF_S = (0.2, 15.0)
+_TIMEOUT_S = 5.0
+State = Literal["connecting", "connected", "stopped"]
+
+
+class Connector:
+    """Publishes what is in the outbox; `run` until cancelled."""
+
+    def __init__(
+        self, address: BrokerAddress, outbox: Outbox, *, client_id: str, status_topic: str, greeting: Callable[[], bytes]
+    ) -> None:
+        """`greeting` makes the retained status message of a fresh connection."""
+        self._address = address
+        self._outbox = outbox
+        self._client_id = client_id
+        self._status_topic = status_topic
+        self._greeting = greeting
+        self._tls = address.tls_context()
+        self.state: State = "connecting"
+        self.delivered = 0
+        self.reconnects = -1
+
+    async def run(self) -> None:
+        """Connect, deliver, reconnect. Raises UserError when the broker refuses us at first contact."""
+        delay = _BACKOFF_S[0]
+        while True:
+            try:
+                await self._session()
+            except aiomqtt.MqttError as error:
+                reason = _reason(error)
+                if is_refusal(reason) and self.reconnects < 0:
+                    raise refusal(self._address, reason) from None
+                if self.state == "connected":
+                    delay = _BACKOFF_S[0]
+                    _log.warning("broker %s lost: %s; %d messages wait", self._address, reason, len(self._outbox))
+                elif delay == _BACKOFF_S[0]:
+                    _log.warning("broker %s not reachable: %s; trying on", self._address, reason)
+                self.state = "connecting"
+            await asyncio.sleep(delay * random.uniform(0.5, 1.0))
+            delay = min(2 * delay, _BACKOFF_S[1])
+
+    async def flush(self, timeout: float) -> None:
+        """Wait until the outbox is empty, at most `timeout` seconds and only while connected."""
+        deadline = asyncio.get_running_loop().time() + timeout
+        while len(self._outbox) and self.state == "connected" and asyncio.get_running_loop().time() < deadline:
+            await asyncio.sleep(0.01)
+
+    async def _session(self) -> None:
+        will = aiomqtt.Will(self._status_topic, OFFLINE, qos=1, retain=True)
+        client = aiomqtt.Client(
+            self._address.host,
+            self._address.port,
+            username=self._address.username,
+            password=self._address.password,
+            identifier=self._client_id,
+            will=will,
+            keepalive=10,
+            timeout=_TIMEOUT_S,
+            max_inflight_messages=_BATCH,
+            tls_context=self._tls,
+            socket_options=NO_DELAY,
+        )
+        client.pending_calls_threshold = 2 * _BATCH  # a whole batch under way is what we want
+        async with client:
+            self.reconnects += 1
+            self.state = "connected"
+            _log.info("connected to broker %s", self._address)
+            await client.publish(self._status_topic, self._greeting(), qos=1, retain=True)
+            try:
+                await self._deliver(client)
+            except asyncio.CancelledError:
+                self.state = "stopped"
+                await client.publish(self._status_topic, OFFLINE, qos=1, retain=True, timeout=0.5)
+                raise
+
+    async def _deliver(self, client: aiomqtt.Client) -> None:
+        while True:
+            messages = await self._outbox.peek(_BATCH)
+            # Handed over in order, acknowledged together.
+            results = await asyncio.gather(*(_publish(client, message) for message in messages), return_exceptions=True)
+            delivered = [m for m, failed in zip(messages, results, strict=True) if failed is None]
+            self._outbox.confirm(delivered)
+            self.delivered += len(delivered)
+            for failed in results:
+                if failed is not None:
+                    raise failed
+
+
+async def _publish(client: aiomqtt.Client, message: Message) -> None:
+    await client.publish(message.topic, message.payload, qos=1, retain=message.retain)
+
+
+def _reason(error: aiomqtt.MqttError) -> str:
+    return str(error).removeprefix("[Errno 111] ") or type(error).__name__

@@ -1,0 +1,58 @@
+"""How to reach a broker, shared by everything here that speaks MQTT."""
+
+from __future__ import annotations
+
+import socket
+import ssl
+from dataclasses import dataclass
+from pathlib import Path
+
+from acqd.errors import UserError
+
+
+@dataclass(frozen=True, slots=True)
+class BrokerAddress:
+    """Where the broker is and how it wants to be spoken to."""
+
+    host: str = "127.0.0.1"
+    port: int = 1883
+    username: str | None = None
+    password: str | None = None
+    tls: bool = False
+    ca_file: Path | None = None
+    """CA to trust instead of the system's."""
+    cert_file: Path | None = None
+    """Client certificate, with `key_file`."""
+    key_file: Path | None = None
+
+    def __str__(self) -> str:
+        return f"{'mqtts' if self.tls else 'mqtt'}://{self.host}:{self.port}"
+
+    def tls_context(self) -> ssl.SSLContext | None:
+        """The TLS settings, None without TLS. Raises UserError for unusable files."""
+        if not self.tls:
+            return None
+        try:
+            context = ssl.create_default_context(cafile=str(self.ca_file) if self.ca_file else None)
+            if self.cert_file:
+                context.load_cert_chain(self.cert_file, self.key_file)
+        except (OSError, ssl.SSLError) as error:
+            raise UserError(f"TLS for {self}: {error}; check ca_file, cert_file and key_file") from None
+        return context
+
+
+NO_DELAY = [(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)]
+"""Socket options: without this a row waits for the acknowledgement of the one before (Nagle)."""
+
+
+def refusal(address: BrokerAddress, reason: str) -> UserError:
+    """The broker answered and will not have us."""
+    return UserError(f"broker {address} refused the connection: {reason}; check username, password and TLS")
+
+
+REFUSED = {"not authorized", "bad user name or password", "bad username or password", "banned", "not authorised"}
+
+
+def is_refusal(reason: str) -> bool:
+    """Whether a connection error is the broker's final word rather than a passing fault."""
+    return any(word in reason.lower() for word in REFUSED)

@@ -1,0 +1,120 @@
+"""The row: one window of one channel, as MQTT payload, JSON line and SQL columns alike."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Annotated
+
+import msgspec
+import numpy as np
+import orjson
+from msgspec import Meta
+
+from acqd.metering import WindowBatch
+from acqd.metering.power import power_factor, total
+
+SCHEMA = 1
+CHANNELS = ("L1", "L2", "L3", "total")
+_FILETIME_1970 = 116_444_736_000_000_000  # 100 ns from 1601-01-01 to 1970-01-01
+_INT64 = 2**63 - 1
+_Name = Annotated[str, Meta(min_length=1, max_length=64)]
+_Integer = Annotated[int, Meta(ge=0, le=_INT64)]
+
+
+@dataclass(slots=True)
+class PowerRow:
+    """Field order is column order. None where a quantity does not exist in this window."""
+
+    device: _Name
+    channel: Annotated[str, Meta(pattern="^(L1|L2|L3|total)$")]
+    boot: _Name
+    """One daemon start."""
+    seq: _Integer
+    """Window number since that start."""
+    time: Annotated[str, Meta(pattern=r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d+)?(Z|[+-]\d\d:\d\d)$")]
+    """RFC 3339 UTC of the window's first sample."""
+    filetime: _Integer
+    """The same in NTFS FILETIME: 100 ns since 1601-01-01 UTC."""
+    Vrms: float | None
+    """V."""
+    Irms: float | None
+    """A."""
+    P: float | None
+    """W."""
+    S: float | None
+    """VA."""
+    PF: float | None
+    f: float | None
+    """Hz."""
+    W: float | None
+    """kWh since the register began: import minus export."""
+    flags: list[_Name]
+    schema: Annotated[int, Meta(ge=SCHEMA, le=SCHEMA)] = SCHEMA
+
+    def to_json(self) -> bytes:
+        """The MQTT payload, without a line end."""
+        return orjson.dumps(self)
+
+
+_decoder = msgspec.json.Decoder(PowerRow)
+
+
+def parse_row(payload: bytes) -> PowerRow:
+    """The row in a payload. Raises ValueError that says which field is wrong and why."""
+    try:
+        row = _decoder.decode(payload)
+        datetime.fromisoformat(row.time)
+    except (msgspec.DecodeError, ValueError) as error:
+        raise ValueError(str(error)) from None
+    return row
+
+
+def rfc3339(utc_ns: int) -> str:
+    """UTC with microseconds: 2021-07-13T10:15:30.123456Z."""
+    seconds, ns = divmod(utc_ns, 1_000_000_000)
+    stamp = datetime.fromtimestamp(seconds, UTC)
+    return f"{stamp:%Y-%m-%dT%H:%M:%S}.{ns // 1000:06d}Z"
+
+
+def filetime(utc_ns: int) -> int:
+    """NTFS FILETIME of a UTC time."""
+    return utc_ns // 100 + _FILETIME_1970
+
+
+def rows_of(batch: WindowBatch, device: str, boot: str) -> Iterator[PowerRow]:
+    """Rows window by window: L1, L2, L3 and, with more than one phase, total."""
+    phases, windows = batch.P.shape
+    S, W = batch.S, batch.W
+    columns = [batch.Vrms, batch.Irms, batch.P, S, power_factor(batch.P, S), np.broadcast_to(batch.f, S.shape), W]
+    per_channel = [_listed(columns, phase) for phase in range(phases)]
+    flags = [[sorted(named) for named in row] for row in batch.flags]
+    names = list(CHANNELS[:phases])
+    if phases > 1:
+        sums = total(batch.Vrms, batch.Irms, batch.P)
+        alike = [sums.Vrms, sums.Irms, sums.P, sums.S, power_factor(sums.P, sums.S), batch.f, W.sum(axis=0)]
+        per_channel.append(_listed([column[None] for column in alike], 0))
+        flags.append([_total_flags([batch.flags[phase][k] for phase in range(phases)]) for k in range(windows)])
+        names.append("total")
+    for k, (seq, utc_ns) in enumerate(zip(batch.seq.tolist(), batch.utc_ns.tolist(), strict=True)):
+        stamp, ticks = rfc3339(utc_ns), filetime(utc_ns)
+        for name, values, named in zip(names, per_channel, flags, strict=True):
+            yield PowerRow(device, name, boot, seq, stamp, ticks, *values[k], named[k])
+
+
+def _listed(columns: list[np.ndarray], phase: int) -> list[list[float | None]]:
+    """[windows][quantities] Python numbers, None for NaN."""
+    table = np.array([column[phase] for column in columns]).T
+    rows: list[list[float | None]] = table.tolist()
+    if np.isnan(table).any():
+        return [[None if value != value else value for value in row] for row in rows]
+    return rows
+
+
+def _total_flags(phases: list[set[str]]) -> list[str]:
+    """What holds for any phase holds for the total; mains are gone only when all phases are."""
+    named = set().union(*phases)
+    if not all("no_mains" in flags for flags in phases):
+        named.discard("no_mains")
+    return sorted(named)

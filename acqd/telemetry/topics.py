@@ -1,0 +1,33 @@
+"""Topic names."""
+
+from __future__ import annotations
+
+import re
+
+ALL_POWER = "acqd/+/+/power"
+"""Every device's rows."""
+ALL_SUMMARIES = "acqd/+/+/summary"
+ALL_STATUS = "acqd/+/status"
+OFFLINE = b"offline"
+"""Last will and farewell on the status topic."""
+_DEVICE = re.compile(r"^[A-Za-z0-9_.-]{1,64}$")
+
+
+def valid_device(name: str) -> bool:
+    """Whether a device name can be part of a topic (and of a file name)."""
+    return bool(_DEVICE.match(name))
+
+
+def power(device: str, channel: str) -> str:
+    """Every window's row, QoS 1."""
+    return f"acqd/{device}/{channel}/power"
+
+
+def summary(device: str, channel: str) -> str:
+    """One second's mean, retained."""
+    return f"acqd/{device}/{channel}/summary"
+
+
+def status(device: str) -> str:
+    """Retained JSON while online, `offline` otherwise."""
+    return f"acqd/{device}/status"
