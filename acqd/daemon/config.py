@@ -178,9 +178,7 @@ class Config(_Section):
     @classmethod
     def demonstration(cls, port: int) -> Config:
         """What `acqd run` does without a file: everything in one place."""
-        return cls(
-            mqtt=MqttSection(port=port), broker=BrokerSection(embedded=True), sink=SinkSection(embedded=True)
-        )
+        return cls(mqtt=MqttSection(port=port), broker=BrokerSection(embedded=True), sink=SinkSection(embedded=True))
 
 
 def load_config(path: Path) -> Config:

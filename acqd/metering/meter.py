@@ -71,9 +71,7 @@ class Meter:
 
     def feed(self, block: SampleBlock) -> WindowBatch | None:
         """Meter every window that `block` completes; None when it completes none."""
-        batches = [
-            self._broken(piece) if piece.broken else self._whole(piece) for piece in self._stream.feed(block)
-        ]
+        batches = [self._broken(piece) if piece.broken else self._whole(piece) for piece in self._stream.feed(block)]
         return WindowBatch.join(batches) if batches else None
 
     def finish(self) -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,6 +73,10 @@ class WindowBatch:
     def W(self) -> Floats:
         """[phases, windows] energy [kWh]: the gapless sum of u * i, import minus export."""
         return self.imported - self.exported
+
+    def renumbered(self, shift: int) -> WindowBatch:
+        """The same windows, `shift` numbers on."""
+        return replace(self, seq=self.seq + shift) if shift else self
 
     @staticmethod
     def join(batches: list[WindowBatch]) -> WindowBatch:

@@ -10,6 +10,9 @@ import sys
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 
+import numpy as np
+from numpy.typing import NDArray
+
 from acqd.errors import UserError
 from acqd.metering import Meter, StreamFormat, WindowBatch
 from acqd.plc.fast import PERIOD_NS
@@ -118,6 +121,11 @@ class Executive:
         """Statistics of the current fast process."""
         assert self._fast is not None
         return CycleStats(self._fast.ring.cycle_slots, PERIOD_NS).summary()
+
+    def cycle_histogram(self) -> NDArray[np.int64]:
+        """Wake-ups of the current fast process per microsecond of latency."""
+        assert self._fast is not None
+        return CycleStats(self._fast.ring.cycle_slots, PERIOD_NS).histogram()
 
     def slow_us(self) -> float:
         """Mean duration of MAIN_SLOW per window so far [us]."""

@@ -49,13 +49,11 @@ def main() -> int:
     os.ftruncate(orders["ring_fd"], layout.bytes)
     ring = Ring(layout, orders["ring_fd"])
     wake_fd = orders["wake_fd"]
-    task = FastTask(
-        source, ring, orders["window"] * form.rate, lambda: os.eventfd_write(wake_fd, 1), OverrunPolicy()
-    )
+    task = FastTask(source, ring, orders["window"] * form.rate, lambda: os.eventfd_write(wake_fd, 1), OverrunPolicy())
     refused = engage(RealtimeSettings(**orders["realtime"]))
     _answer({"form": asdict(form), "live": source.live, "layout": asdict(layout), "refused": refused})
     stats = CycleStats(ring.cycle_slots, PERIOD_NS)
-    utc_ns, index = time.time_ns(), 0
+    utc_ns, index = orders["source"].get("start_utc_ns") or time.time_ns(), 0
     if orders["anchor"] and source.live:
         # Restarted: go on at the sample number that now belongs to the old stream.
         old_index, old_utc = orders["anchor"]

@@ -16,8 +16,16 @@ from acqd.errors import InputError
 from acqd.sources.waveform import ChannelMap, Waveform, quantise
 
 _UNITS = {
-    **{name: ("u", factor) for factor, names in ((1.0, "v volt volts"), (1e3, "kv"), (1e-3, "mv")) for name in names.split()},
-    **{name: ("i", factor) for factor, names in ((1.0, "a amp ampere amperes"), (1e3, "ka"), (1e-3, "ma")) for name in names.split()},
+    **{
+        name: ("u", factor)
+        for factor, names in ((1.0, "v volt volts"), (1e3, "kv"), (1e-3, "mv"))
+        for name in names.split()
+    },
+    **{
+        name: ("i", factor)
+        for factor, names in ((1.0, "a amp ampere amperes"), (1e3, "ka"), (1e-3, "ma"))
+        for name in names.split()
+    },
 }
 _PHASES = {"a": "1", "l1": "1", "r": "1", "1": "1", "b": "2", "l2": "2", "s": "2", "2": "2", "c": "3", "l3": "3"}
 _PHASES |= {"t": "3", "3": "3"}

@@ -70,6 +70,11 @@ class Sink:
         self._connected = False
         self.counters = SinkCounters()
 
+    @property
+    def connected(self) -> bool:
+        """Whether a broker is there to send rows."""
+        return self._connected
+
     def run(self, stop: Callable[[], bool], progress: Callable[[], None] = lambda: None) -> None:
         """Until `stop()`. Raises UserError when the broker refuses us at first contact."""
         delay = _BACKOFF_S[0]

@@ -16,9 +16,7 @@ from acqd.telemetry.row import PowerRow, parse_row, rfc3339
 
 _COLUMNS = [column.name for column in power.columns]
 _QUOTED = ", ".join(f'"{name}"' for name in _COLUMNS)
-_SQLITE_INSERT = (
-    f"INSERT INTO power ({_QUOTED}) VALUES ({', '.join('?' * len(_COLUMNS))}) ON CONFLICT DO NOTHING"
-)
+_SQLITE_INSERT = f"INSERT INTO power ({_QUOTED}) VALUES ({', '.join('?' * len(_COLUMNS))}) ON CONFLICT DO NOTHING"
 _PAYLOAD_KEPT = 65_536  # bytes of a malformed message worth keeping
 
 

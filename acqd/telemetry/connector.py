@@ -29,7 +29,13 @@ class Connector:
     """Publishes what is in the outbox; `run` until cancelled."""
 
     def __init__(
-        self, address: BrokerAddress, outbox: Outbox, *, client_id: str, status_topic: str, greeting: Callable[[], bytes]
+        self,
+        address: BrokerAddress,
+        outbox: Outbox,
+        *,
+        client_id: str,
+        status_topic: str,
+        greeting: Callable[[], bytes],
     ) -> None:
         """`greeting` makes the retained status message of a fresh connection."""
         self._address = address

@@ -37,9 +37,7 @@ class Summariser:
         registers = self._registers()
         readings = {f"L{phase}": pair for phase, pair in enumerate(registers, start=1)}
         readings["total"] = (sum(pair[0] for pair in registers), sum(pair[1] for pair in registers))
-        summaries = [
-            _summary(rows, self._second, *readings[channel]) for channel, rows in self._rows.items() if rows
-        ]
+        summaries = [_summary(rows, self._second, *readings[channel]) for channel, rows in self._rows.items() if rows]
         self._rows.clear()
         return summaries
 

@@ -41,9 +41,7 @@ def upgrade() -> None:
         sa.PrimaryKeyConstraint(*key),
     )
     if timescale:
-        op.execute(
-            f"SELECT create_hypertable('power', 'time', chunk_time_interval => INTERVAL '{_CHUNK} seconds')"
-        )
+        op.execute(f"SELECT create_hypertable('power', 'time', chunk_time_interval => INTERVAL '{_CHUNK} seconds')")
     else:
         op.create_index("power_filetime", "power", ["filetime"])
     op.create_table(

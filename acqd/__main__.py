@@ -1,0 +1,5 @@
+"""`python -m acqd`."""
+
+from acqd.cli.main import main
+
+main()

@@ -1,0 +1,1 @@
+"""The `acqd` command: argument handling and printing, nothing else."""

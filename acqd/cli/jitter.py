@@ -1,0 +1,73 @@
+"""`acqd jitter`: how punctual MAIN_FAST is on this host."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Annotated
+
+import numpy as np
+import orjson
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from acqd.cli.options import ConfigFile, Json, configured
+from acqd.daemon.config import Config
+from acqd.metering import Meter
+from acqd.plc.executive import Executive
+from acqd.plc.stats import CycleSummary
+
+
+def jitter(
+    config: ConfigFile = None,
+    duration: Annotated[float, typer.Option(min=0.5, help="Seconds to measure.")] = 10.0,
+    json: Json = False,
+) -> None:
+    """Run MAIN_FAST and MAIN_SLOW on the simulated source and show the wake-up latencies, like cyclictest.
+
+    Example: acqd jitter --duration 60
+    """
+    summary, histogram, refused, slow_us = asyncio.run(_measure(configured(config), duration))
+    if json:
+        bins = {str(us): int(histogram[us]) for us in np.flatnonzero(histogram)}
+        report = summary.as_dict() | {"histogram_us": bins, "realtime_refused": refused, "main_slow_mean_us": slow_us}
+        print(orjson.dumps(report).decode())
+        return
+    console = Console()
+    for sentence in refused:
+        console.print(f"[yellow]notice[/]: {sentence}", soft_wrap=True)
+    console.print(_histogram(histogram))
+    s = summary
+    console.print(
+        f"{s.cycles} cycles of 1 ms, wake-up latency [us]: min {s.min_us}  mean {s.mean_us:.1f}  p50 {s.p50_us}  "
+        f"p99 {s.p99_us}  p99.9 {s.p999_us}  max {s.max_us}\n"
+        f"late (> 0.5 ms) {s.late}  missed {s.missed}  exceeded {s.exceeded}  overflow {s.overflow}  "
+        f"MAIN_FAST busy {s.busy:.1%}  MAIN_SLOW {slow_us:.0f} us per window",
+        soft_wrap=True,
+    )
+
+
+async def _measure(settings: Config, duration: float) -> tuple[CycleSummary, np.ndarray, list[str], float]:
+    executive = Executive(settings.source.spec(), Meter, lambda _batch: None, realtime=settings.realtime.settings())
+    await executive.start()
+    running = asyncio.create_task(executive.run())
+    await asyncio.wait({running}, timeout=duration)
+    await executive.stop()
+    await running
+    result = executive.cycle_summary(), executive.cycle_histogram(), executive.refused, executive.slow_us()
+    executive.close()
+    return result
+
+
+def _histogram(histogram: np.ndarray) -> Table:
+    """Counts per bucket, the buckets doubling."""
+    table = Table("latency", "cycles", "", title="wake-up latency of MAIN_FAST", title_justify="left")
+    edges = [0, *(2**k for k in range(1, 12))]
+    total = max(int(histogram.sum()), 1)
+    for low, high in zip(edges[:-1], edges[1:], strict=True):
+        count = int(histogram[low:high].sum())
+        if count:
+            table.add_row(
+                f"{low}..{min(high, len(histogram)) - 1} us", str(count), "#" * max(1, round(50 * count / total))
+            )
+    return table

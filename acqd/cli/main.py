@@ -1,0 +1,59 @@
+"""The command tree, and the one place where errors become exit codes."""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+
+import typer
+
+from acqd.cli import broker, doctor, jitter, replay, run, sink, watch
+from acqd.errors import UserError
+
+app = typer.Typer(
+    help="Energy twin measurement chain: 20 kHz samples in, trustworthy power rows out.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+)
+app.command("run")(run.run)
+app.command("replay")(replay.replay)
+app.add_typer(sink.app, name="sink")
+app.command("watch")(watch.watch)
+app.command("doctor")(doctor.doctor)
+app.command("jitter")(jitter.jitter)
+app.command("broker")(broker.broker)
+
+_JOURNAL_LEVEL = {logging.DEBUG: 7, logging.INFO: 6, logging.WARNING: 4, logging.ERROR: 3, logging.CRITICAL: 2}
+
+
+class _Lines(logging.Formatter):
+    """One line a record; with systemd's priority prefix when the journal is listening."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        text = super().format(record)
+        if "JOURNAL_STREAM" in os.environ:
+            return f"<{_JOURNAL_LEVEL.get(record.levelno, 6)}>{text}"
+        return f"acqd: {record.levelname.lower()}: {text}" if record.levelno > logging.INFO else f"acqd: {text}"
+
+
+def main() -> None:
+    """Run the command line: 0 ok, 2 bad input or usage, 1 failure."""
+    handler = logging.StreamHandler()
+    handler.setFormatter(_Lines())
+    logging.basicConfig(level=logging.INFO, handlers=[handler])
+    logging.getLogger("alembic").setLevel(logging.WARNING)
+    logging.getLogger("mqtt").setLevel(logging.ERROR)
+    try:
+        app()
+    except UserError as error:
+        print(f"acqd: {error}", file=sys.stderr)
+        sys.exit(2)
+    except BrokenPipeError:
+        # The reader of our output has gone (acqd replay ... | head): nothing is wrong.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(0)
+    except KeyboardInterrupt:
+        sys.exit(130)

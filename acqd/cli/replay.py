@@ -1,0 +1,122 @@
+"""`acqd replay`: canned waveforms through the same tasks."""
+
+from __future__ import annotations
+
+import sys
+from datetime import UTC, datetime
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import orjson
+import typer
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+
+from acqd.cli.options import ConfigFile, Host, Json, Port, broker_address
+from acqd.daemon.playback import Playback, PlaybackReport, play
+from acqd.errors import UserError
+from acqd.sources import ChannelMap
+from acqd.telemetry.topics import valid_device
+
+
+class Speed(StrEnum):
+    """How fast."""
+
+    MAX = "max"
+    REAL = "1"
+
+
+class ModeName(StrEnum):
+    """Metering mode."""
+
+    SYNCHRONOUS = "synchronous"
+    FIXED = "fixed"
+
+
+def replay(
+    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="NPZ, CSV, WAV/FLAC or COMTRADE.")],
+    out: Annotated[Path | None, typer.Option(help="Write the rows as JSON lines; - is stdout.")] = None,
+    speed: Annotated[Speed, typer.Option(help="As fast as it goes, or in real time.")] = Speed.MAX,
+    mode: Annotated[ModeName, typer.Option(help="Whole mains cycles, or exactly each window.")] = ModeName.SYNCHRONOUS,
+    publish: Annotated[bool, typer.Option("--publish", help="Publish the rows over MQTT.")] = False,
+    aggregate: Annotated[Path | None, typer.Option(help="Write 10/12-cycle values (IEC 61000-4-30).")] = None,
+    device: Annotated[str, typer.Option(help="Device name in the rows.")] = "replay",
+    loops: Annotated[int, typer.Option("--loops", "--loop", min=1, help="Play each file so many times.")] = 1,
+    window: Annotated[float, typer.Option(min=0.04, max=0.05, help="Window length [s].")] = 0.04,
+    nominal_voltage: Annotated[float, typer.Option(min=0.01, help="For the no_mains threshold [V].")] = 230.0,
+    start: Annotated[str | None, typer.Option(help="UTC of the first sample where the file has none.")] = None,
+    mapping: Annotated[str | None, typer.Option("--map", help="Columns: u1=NAME,i1=NAME,...")] = None,
+    u_scale: Annotated[float | None, typer.Option(help="V per unit of the file (sound: V at full scale).")] = None,
+    i_scale: Annotated[float | None, typer.Option(help="A per unit of the file (sound: A at full scale).")] = None,
+    rate: Annotated[float | None, typer.Option(help="Samples/s, where the file does not say.")] = None,
+    f_nominal: Annotated[float | None, typer.Option(help="Nominal mains frequency [Hz].")] = None,
+    config: ConfigFile = None,
+    host: Host = None,
+    port: Port = None,
+    json: Json = False,
+) -> None:
+    """Meter recorded waveforms.
+
+    Example: acqd replay recording.npz --out rows.jsonl
+    """
+    if not valid_device(device):
+        raise UserError(f"--device {device!r}: expected 1 to 64 letters, digits, dots, dashes or underscores")
+    columns = ChannelMap.parse(mapping) if mapping else None
+    for name, value in (("--u-scale", u_scale), ("--i-scale", i_scale), ("--rate", rate)):
+        if value is not None and not 0 < value < 1e12:
+            raise UserError(f"{name} {value:g}: expected a positive number")
+    orders = Playback(
+        files=files,
+        channels=ChannelMap(columns, u_scale, i_scale, rate, f_nominal),
+        device=device,
+        mode=mode.value,
+        window=window,
+        nominal_voltage=nominal_voltage,
+        loops=loops,
+        real_time=speed is Speed.REAL,
+        start_utc_ns=_utc(start),
+        out=out,
+        aggregate=aggregate,
+        broker=broker_address(config, host, port) if publish else None,
+    )
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
+        bar = progress.add_task("metering", total=1.0)
+        report = play(orders, lambda share: progress.update(bar, completed=share))
+    if out is not None and str(out) == "-":
+        return
+    if json:
+        print(orjson.dumps(report).decode())
+    else:
+        _print(report)
+
+
+def _utc(text: str | None) -> int | None:
+    if text is None:
+        return None
+    try:
+        stamp = datetime.fromisoformat(text)
+    except ValueError:
+        raise UserError(f"--start {text!r}: expected a time like 2021-07-13T10:15:00Z") from None
+    return round((stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC)).timestamp() * 1e9)
+
+
+def _print(report: PlaybackReport) -> None:
+    console = Console(soft_wrap=True)
+    table = Table(
+        "file", "channel", "windows", "Vrms \\[V]", "Irms \\[A]", "P \\[W]", "f \\[Hz]", "W \\[kWh]", "flagged"
+    )
+    for line in report.channels:
+        cells = (line.Vrms, line.Irms, line.P, line.f)
+        shown = ["-" if value is None else f"{value:.6g}" for value in cells]
+        flagged = " ".join(f"{name}:{count}" for name, count in sorted(line.flagged.items()))
+        table.add_row(line.file, line.channel, str(line.windows), *shown, f"{line.W:.9g}", flagged)
+    console.print(table)
+    console.print(
+        f"{report.rows} rows from {report.recorded_s:.2f} s of waveform in {report.elapsed_s:.2f} s "
+        f"({report.recorded_s / max(report.elapsed_s, 1e-9):.0f} x real time); "
+        f"{report.unused_samples} samples after the last whole windows have no row"
+    )
+    sys.stdout.flush()

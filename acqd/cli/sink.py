@@ -1,0 +1,92 @@
+"""`acqd sink`: MQTT -> SQL, and its upkeep."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from dataclasses import asdict
+from typing import Annotated
+
+import orjson
+import typer
+
+from acqd.cli.options import ConfigFile, Host, Json, Port, configured
+from acqd.daemon.notify import notify
+from acqd.errors import UserError
+from acqd.storage.database import open_database
+from acqd.storage.maintain import maintain
+from acqd.storage.sink import Sink
+
+app = typer.Typer(help="Write rows from the broker into SQL.", invoke_without_command=True)
+_STALE_S = 10.0
+Database = Annotated[str | None, typer.Option(help="SQLite file or URL (default acqd.sqlite, or the config's).")]
+
+
+@app.callback()
+def sink(
+    context: typer.Context,
+    config: ConfigFile = None,
+    database: Database = None,
+    host: Host = None,
+    port: Port = None,
+    duration: Annotated[float | None, typer.Option(min=0.1, help="Stop after so many seconds.")] = None,
+    json: Json = False,
+) -> None:
+    """Write rows from the broker into SQL, acknowledging them after the commit.
+
+    Example: acqd sink --database postgresql://acqd@localhost/acqd
+    """
+    if context.invoked_subcommand is not None:
+        if any((config, database, host, port, duration, json)):
+            raise UserError(f"put the options behind the subcommand: acqd sink {context.invoked_subcommand} ...")
+        return
+    settings = configured(config, host, port)
+    engine = open_database(database or settings.sink.database)
+    worker = Sink(settings.mqtt.address(), engine, settings.sink.settings())
+    stopping = False
+
+    def stop(*_: object) -> None:
+        nonlocal stopping
+        stopping = True
+
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, stop)
+    end = time.monotonic() + duration if duration else None
+    if "ACQD_SINK_READY" in os.environ:
+        print("ready", flush=True)
+    notify("READY=1")
+    worker.run(lambda: stopping or (end is not None and time.monotonic() > end), lambda: _watchdog(worker))
+    notify("STOPPING=1")
+    counters = asdict(worker.counters)
+    del counters["last_commit"]
+    counters["reconnects"] = max(0, counters["reconnects"])
+    if json:
+        print(orjson.dumps(counters).decode())
+    elif "ACQD_SINK_READY" not in os.environ:
+        print(", ".join(f"{value} {name}" for name, value in counters.items()))
+
+
+def _watchdog(worker: Sink) -> None:
+    """Alive while commits advance; waiting for a broker is no reason to be killed."""
+    last = worker.counters.last_commit
+    if last is None or time.monotonic() - last < _STALE_S or not worker.connected:
+        notify("WATCHDOG=1")
+
+
+@app.command("maintain")
+def maintain_command(config: ConfigFile = None, database: Database = None, json: Json = False) -> None:
+    """Make the 1 min and 15 min roll-ups, then delete what is past its retention (see [sink] keep_days).
+
+    Example: acqd sink maintain --config /etc/acqd/acqd.toml
+    """
+    settings = configured(config)
+    done = maintain(open_database(database or settings.sink.database), settings.sink.retention())
+    if json:
+        print(orjson.dumps(asdict(done)).decode())
+    else:
+        print(
+            f"{done.rollup_1min} one-minute and {done.rollup_15min} quarter-hour roll-ups written; "
+            f"deleted {done.power_deleted} rows, {done.rollup_deleted} old roll-ups, "
+            f"{done.quarantine_deleted} quarantined messages"
+        )

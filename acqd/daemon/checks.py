@@ -1,0 +1,129 @@
+"""What `acqd doctor` looks at; each check says what it found and what to do about it."""
+
+from __future__ import annotations
+
+import os
+import platform
+import resource
+import shutil
+import socket
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from acqd.daemon.config import Config
+from acqd.errors import UserError
+
+_FREE_BYTES = 2 * 10**9  # a week of three-phase rows
+_CPU_GOVERNOR = Path("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor")
+_CLOCKSOURCE = Path("/sys/devices/system/clocksource/clocksource0/current_clocksource")
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One line of the report."""
+
+    check: str
+    state: Literal["ok", "warn", "fail"]
+    finding: str
+    advice: str = ""
+
+
+def all_checks(config: Config) -> list[Finding]:
+    """Every check, in reading order."""
+    return [*_host(), *_privileges(config), *_clock(), _broker(config), _database(config), _disk(config)]
+
+
+def _host() -> Iterator[Finding]:
+    yield Finding("python", "ok", f"{platform.python_version()} on {platform.machine()}, {os.cpu_count()} CPUs")
+    version = platform.version()
+    if "PREEMPT_RT" in version:
+        yield Finding("kernel", "ok", f"{platform.release()} PREEMPT_RT")
+    else:
+        yield Finding("kernel", "warn", f"{platform.release()}, no PREEMPT_RT", "expect wake-ups late by ms under load")
+    if _CPU_GOVERNOR.exists():
+        governor = _CPU_GOVERNOR.read_text().strip()
+        good = governor == "performance"
+        advice = "" if good else "cpupower frequency-set -g performance"
+        yield Finding("cpu governor", "ok" if good else "warn", governor, advice)
+
+
+def _privileges(config: Config) -> Iterator[Finding]:
+    for check, limit, unlimited, advice in (
+        ("real-time priority", resource.RLIMIT_RTPRIO, config.realtime.priority, "LimitRTPRIO=99 / ulimit -r 99"),
+        (
+            "locked memory",
+            resource.RLIMIT_MEMLOCK,
+            resource.RLIM_INFINITY,
+            "LimitMEMLOCK=infinity / ulimit -l unlimited",
+        ),
+    ):
+        value = resource.getrlimit(limit)[0]
+        enough = os.geteuid() == 0 or value == resource.RLIM_INFINITY or (value >= unlimited > 0)
+        if enough:
+            yield Finding(check, "ok", "root" if os.geteuid() == 0 else "permitted")
+        else:
+            yield Finding(check, "warn", f"limit {value}: MAIN_FAST runs at normal priority or may page", advice)
+
+
+def _clock() -> Iterator[Finding]:
+    if _CLOCKSOURCE.exists():
+        name = _CLOCKSOURCE.read_text().strip()
+        good = name in ("tsc", "kvm-clock", "arch_sys_counter")
+        yield Finding("clocksource", "ok" if good else "warn", name, "" if good else "a slow clock costs every cycle")
+    synchronised = Path("/run/systemd/timesync/synchronized").exists() or shutil.which("chronyc") is not None
+    advice = "" if synchronised else "enable systemd-timesyncd or chrony: rows carry this clock's UTC"
+    yield Finding(
+        "time synchronisation", "ok" if synchronised else "warn", "on" if synchronised else "not seen", advice
+    )
+
+
+def _broker(config: Config) -> Finding:
+    if not config.mqtt.enabled:
+        return Finding("broker", "warn", "mqtt.enabled is false", "rows go nowhere")
+    try:
+        address = config.mqtt.address()
+        address.tls_context()
+        with socket.create_connection((address.host, address.port), timeout=3):
+            return Finding("broker", "ok", f"{address} answers")
+    except UserError as error:
+        return Finding("broker", "fail", str(error), "see [mqtt] in the configuration")
+    except OSError as error:
+        if config.broker.embedded:
+            return Finding("broker", "ok", "embedded, not running now")
+        return Finding("broker", "warn", f"{address}: {error}", "start it, or set [mqtt] host and port")
+
+
+def _database(config: Config) -> Finding:
+    from acqd.storage.database import open_database  # SQLAlchemy takes its time: only when asked
+
+    database = config.sink.database
+    if "://" not in database and not Path(database).exists():
+        folder = Path(database).absolute().parent
+        if os.access(folder, os.W_OK):
+            return Finding("database", "ok", f"{database} will be made")
+        return Finding("database", "fail", f"{folder} may not be written", "change its owner or [sink] database")
+    try:
+        open_database(database).dispose()
+    except UserError as error:
+        return Finding("database", "fail", str(error), "see [sink] database in the configuration")
+    return Finding("database", "ok", f"{database.rpartition('@')[2]} is up to date")
+
+
+def _disk(config: Config) -> Finding:
+    folder = Path.cwd() if "://" in config.sink.database else Path(config.sink.database).absolute().parent
+    if not folder.exists():
+        return Finding("disk", "fail", f"{folder} does not exist", "create it")
+    free = shutil.disk_usage(folder).free
+    text = f"{free / 1e9:.1f} GB free at {folder}"
+    return (
+        Finding("disk", "ok", text)
+        if free > _FREE_BYTES
+        else Finding("disk", "warn", text, "a week of rows needs 2 GB")
+    )
+
+
+if sys.platform != "linux":  # pragma: no cover - said once, clearly, instead of failing somewhere deep
+    raise UserError("acqd's daemon runs on Linux only (timerfd, eventfd, memfd)")

@@ -1,0 +1,101 @@
+"""Rows of a playback to a broker, from code that is not asynchronous."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+import time
+from types import TracebackType
+
+from acqd.errors import UserError
+from acqd.telemetry import topics
+from acqd.telemetry.connector import Connector
+from acqd.telemetry.mqtt import BrokerAddress
+from acqd.telemetry.outbox import MemoryOutbox, Message
+from acqd.telemetry.row import PowerRow
+
+_FIRST_CONTACT_S = 5.0
+_WAITING = 2_000  # messages under way before the playback waits for the broker: nothing is dropped
+
+
+class Publisher:
+    """A connector in a thread of its own, with back-pressure instead of drops."""
+
+    def __init__(self, address: BrokerAddress, device: str) -> None:
+        self._address, self._device = address, device
+        self._loop = asyncio.new_event_loop()
+        self._failure: UserError | None = None
+        self._ready = threading.Event()
+        self._thread = threading.Thread(target=self._serve, name="publisher", daemon=True)
+
+    def __enter__(self) -> Publisher:
+        self._thread.start()
+        self._ready.wait()
+        deadline = time.monotonic() + _FIRST_CONTACT_S
+        while self._connector.state != "connected" and self._failure is None and time.monotonic() < deadline:
+            time.sleep(0.01)
+        if self._failure is None and self._connector.state != "connected":
+            self._failure = UserError(f"broker {self._address} does not answer; start it, or leave --publish away")
+        if self._failure is not None:
+            self._close()
+            raise self._failure
+        return self
+
+    def publish(self, rows: list[PowerRow]) -> None:
+        """Hand over rows; waits while too many are under way."""
+        messages = [Message(topics.power(row.device, row.channel), row.to_json()) for row in rows]
+        for start in range(0, len(messages), _WAITING):
+            self._wait_for(_WAITING)
+            part = messages[start : start + _WAITING]
+            self._loop.call_soon_threadsafe(lambda part=part: [self._outbox.put(message) for message in part])
+
+    def __exit__(self, kind: type[BaseException] | None, _error: object, _trace: TracebackType | None) -> None:
+        if kind is None:
+            self._wait_for(0)
+        self._close()
+
+    def _wait_for(self, waiting: int) -> None:
+        """Until at most `waiting` messages are left; a broker that stays away is an error."""
+        settled = threading.Event()
+        self._loop.call_soon_threadsafe(settled.set)
+        settled.wait()
+        progress, since = self._connector.delivered, time.monotonic()
+        while len(self._outbox) > waiting:
+            if self._failure is not None:
+                raise self._failure
+            if self._connector.delivered != progress:
+                progress, since = self._connector.delivered, time.monotonic()
+            elif time.monotonic() - since > 30:
+                raise UserError(f"broker {self._address} takes no messages any more; {len(self._outbox)} rows wait")
+            time.sleep(0.002)
+
+    def _serve(self) -> None:
+        asyncio.set_event_loop(self._loop)
+        self._loop.run_until_complete(self._run())
+        self._loop.close()
+
+    async def _run(self) -> None:
+        self._outbox = MemoryOutbox(4 * _WAITING)
+        self._connector = Connector(
+            self._address,
+            self._outbox,
+            client_id=f"acqd-replay-{self._device}",
+            status_topic=topics.status(self._device),
+            greeting=lambda: b'{"state":"online","source":"replay"}',
+        )
+        self._task = asyncio.create_task(self._connector.run())
+        self._ready.set()
+        try:
+            await self._task
+        except UserError as error:
+            self._failure = error
+        except asyncio.CancelledError:
+            return
+
+    def _close(self) -> None:
+        if not self._loop.is_closed():
+            try:
+                self._loop.call_soon_threadsafe(self._task.cancel)
+            except RuntimeError:  # it has just ended by itself
+                pass
+        self._thread.join(5)
