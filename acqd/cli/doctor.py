@@ -5,6 +5,7 @@ from __future__ import annotations
 import orjson
 import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from acqd.cli.options import ConfigFile, Json, configured
@@ -25,7 +26,7 @@ def doctor(config: ConfigFile = None, json: Json = False) -> None:
         table = Table("check", "", "finding", "what to do")
         for finding in findings:
             shown = f"[{_COLOUR[finding.state]}]{finding.state}[/]"
-            table.add_row(finding.check, shown, finding.finding, finding.advice)
+            table.add_row(finding.check, shown, escape(finding.finding), escape(finding.advice))
         Console().print(table)
     if any(finding.state == "fail" for finding in findings):
         raise typer.Exit(1)

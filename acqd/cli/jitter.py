@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from itertools import pairwise
 from typing import Annotated
 
 import numpy as np
@@ -39,7 +40,7 @@ def jitter(
     console.print(_histogram(histogram))
     s = summary
     console.print(
-        f"{s.cycles} cycles of 1 ms, wake-up latency [us]: min {s.min_us}  mean {s.mean_us:.1f}  p50 {s.p50_us}  "
+        f"{s.cycles} cycles of 1 ms, wake-up latency \\[us]: min {s.min_us}  mean {s.mean_us:.1f}  p50 {s.p50_us}  "
         f"p99 {s.p99_us}  p99.9 {s.p999_us}  max {s.max_us}\n"
         f"late (> 0.5 ms) {s.late}  missed {s.missed}  exceeded {s.exceeded}  overflow {s.overflow}  "
         f"MAIN_FAST busy {s.busy:.1%}  MAIN_SLOW {slow_us:.0f} us per window",
@@ -64,7 +65,7 @@ def _histogram(histogram: np.ndarray) -> Table:
     table = Table("latency", "cycles", "", title="wake-up latency of MAIN_FAST", title_justify="left")
     edges = [0, *(2**k for k in range(1, 12))]
     total = max(int(histogram.sum()), 1)
-    for low, high in zip(edges[:-1], edges[1:], strict=True):
+    for low, high in pairwise(edges):
         count = int(histogram[low:high].sum())
         if count:
             table.add_row(

@@ -105,15 +105,15 @@ def _utc(text: str | None) -> int | None:
 
 def _print(report: PlaybackReport) -> None:
     console = Console(soft_wrap=True)
-    table = Table(
-        "file", "channel", "windows", "Vrms \\[V]", "Irms \\[A]", "P \\[W]", "f \\[Hz]", "W \\[kWh]", "flagged"
-    )
-    for line in report.channels:
-        cells = (line.Vrms, line.Irms, line.P, line.f)
-        shown = ["-" if value is None else f"{value:.6g}" for value in cells]
-        flagged = " ".join(f"{name}:{count}" for name, count in sorted(line.flagged.items()))
-        table.add_row(line.file, line.channel, str(line.windows), *shown, f"{line.W:.9g}", flagged)
-    console.print(table)
+    for file in dict.fromkeys(line.file for line in report.channels):
+        table = Table("", "windows", "Vrms \\[V]", "Irms \\[A]", "P \\[W]", "f \\[Hz]", "W \\[kWh]", "flagged")
+        table.title, table.title_justify = file, "left"
+        for line in (line for line in report.channels if line.file == file):
+            cells = (line.Vrms, line.Irms, line.P, line.f)
+            shown = ["-" if value is None else f"{value:.6g}" for value in cells]
+            flagged = " ".join(f"{name}:{count}" for name, count in sorted(line.flagged.items()))
+            table.add_row(line.channel, str(line.windows), *shown, f"{line.W:.6g}", flagged)
+        console.print(table)
     console.print(
         f"{report.rows} rows from {report.recorded_s:.2f} s of waveform in {report.elapsed_s:.2f} s "
         f"({report.recorded_s / max(report.elapsed_s, 1e-9):.0f} x real time); "

@@ -46,25 +46,27 @@ def run(
             soft_wrap=True,
         )
 
-    def show(summary: dict[str, Any]) -> None:
-        latest[summary["device"], summary["channel"]] = summary
+    def show(summaries: list[dict[str, Any]]) -> None:
+        latest.update({(summary["device"], summary["channel"]): summary for summary in summaries})
         if json:
-            sys.stdout.buffer.write(orjson.dumps(summary) + b"\n")
+            sys.stdout.buffer.write(b"".join(orjson.dumps(summary) + b"\n" for summary in summaries))
             sys.stdout.flush()
         elif live is not None:
-            live.update(power_table(latest, f"acqd run  {summary['time']}"), refresh=True)
-        elif not quiet and summary["channel"] in ("total", "L1"):
-            values = ((name, summary[name]) for name in ("Vrms", "Irms", "P", "PF", "f", "W"))
-            text = "  ".join(f"{name} {'-' if value is None else f'{value:.6g}'}" for name, value in values)
-            console.print(
-                f"{summary['time']} {summary['channel']:5} {text}  {' '.join(summary['flags'])}", soft_wrap=True
-            )
+            live.update(power_table(latest, f"acqd run  {summaries[-1]['time']}"), refresh=True)
+        elif not quiet:
+            console.print(_line(summaries[-1]), soft_wrap=True, highlight=False)
 
     async def serve() -> None:
         await Service(settings, show).run(duration)
 
     with live or contextlib.nullcontext():
         asyncio.run(serve())
+
+
+def _line(summary: dict[str, Any]) -> str:
+    values = ((name, summary[name]) for name in ("Vrms", "Irms", "P", "PF", "f", "W"))
+    text = "  ".join(f"{name} {'-' if value is None else f'{value:.6g}'}" for name, value in values)
+    return f"{summary['time']} {summary['channel']:5} {text}  {' '.join(summary['flags'])}"
 
 
 def _demonstration_port() -> int:

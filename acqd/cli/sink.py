@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import time
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Annotated
 
 import orjson
@@ -31,6 +31,7 @@ def sink(
     host: Host = None,
     port: Port = None,
     duration: Annotated[float | None, typer.Option(min=0.1, help="Stop after so many seconds.")] = None,
+    shared: Annotated[bool, typer.Option(help="Share the rows with other sinks (needs MQTT 5).")] = True,
     json: Json = False,
 ) -> None:
     """Write rows from the broker into SQL, acknowledging them after the commit.
@@ -43,7 +44,7 @@ def sink(
         return
     settings = configured(config, host, port)
     engine = open_database(database or settings.sink.database)
-    worker = Sink(settings.mqtt.address(), engine, settings.sink.settings())
+    worker = Sink(settings.mqtt.address(), engine, replace(settings.sink.settings(), shared=shared))
     stopping = False
 
     def stop(*_: object) -> None:

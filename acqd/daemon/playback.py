@@ -122,7 +122,7 @@ class _Run:
         self._report.unused_samples += meter.finish()
         if batches:
             whole = WindowBatch.join(batches)
-            self._report.channels += _describe(path.name, whole)
+            self._report.channels += _describe(str(path), whole)
             self._seq += int(whole.seq[-1]) + 1
 
     def _make_meter(self, form: StreamFormat) -> Meter:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import threading
 import time
 from types import TracebackType
@@ -47,12 +48,16 @@ class Publisher:
         for start in range(0, len(messages), _WAITING):
             self._wait_for(_WAITING)
             part = messages[start : start + _WAITING]
-            self._loop.call_soon_threadsafe(lambda part=part: [self._outbox.put(message) for message in part])
+            self._loop.call_soon_threadsafe(self._put, part)
 
     def __exit__(self, kind: type[BaseException] | None, _error: object, _trace: TracebackType | None) -> None:
         if kind is None:
             self._wait_for(0)
         self._close()
+
+    def _put(self, messages: list[Message]) -> None:
+        for message in messages:
+            self._outbox.put(message)
 
     def _wait_for(self, waiting: int) -> None:
         """Until at most `waiting` messages are left; a broker that stays away is an error."""
@@ -94,8 +99,6 @@ class Publisher:
 
     def _close(self) -> None:
         if not self._loop.is_closed():
-            try:
+            with contextlib.suppress(RuntimeError):  # it has just ended by itself
                 self._loop.call_soon_threadsafe(self._task.cancel)
-            except RuntimeError:  # it has just ended by itself
-                pass
         self._thread.join(5)

@@ -39,10 +39,10 @@ _STALE_S = 2.0  # without a row for this long the watchdog is not fed
 class Service:
     """The running daemon."""
 
-    def __init__(self, config: Config, on_summary: Callable[[dict[str, Any]], None] | None = None) -> None:
-        """`on_summary` sees every 1 s summary (live numbers in a terminal)."""
+    def __init__(self, config: Config, on_second: Callable[[list[dict[str, Any]]], None] | None = None) -> None:
+        """`on_second` sees the 1 s summaries of all channels (live numbers in a terminal)."""
         self.config = config
-        self._on_summary = on_summary
+        self._on_second = on_second
         self._boot = uuid.uuid4().hex[:12]
         self._outbox = MemoryOutbox(config.mqtt.queue)
         self._connector: Connector | None = None
@@ -157,9 +157,8 @@ class Service:
             for summary in summaries:
                 payload = orjson.dumps(summary)
                 self._outbox.put(Message(topics.summary(device, summary["channel"]), payload, retain=True))
-        if self._on_summary is not None:
-            for summary in summaries:
-                self._on_summary(summary)
+        if self._on_second is not None and summaries:
+            self._on_second(summaries)
         self.rows += len(rows)
         self._last_row = time.monotonic()
 
@@ -220,6 +219,7 @@ class Service:
         process = await asyncio.create_subprocess_exec(
             *(sys.executable, "-m", "acqd", "sink", "--database", sink.database),
             *("--host", mqtt.host, "--port", str(mqtt.port)),
+            *(["--no-shared"] if self.config.broker.embedded else []),
             stdout=asyncio.subprocess.PIPE,
             stderr=asyncio.subprocess.PIPE,
             env=environment,
@@ -236,7 +236,7 @@ class Service:
 async def _relay(stream: asyncio.StreamReader) -> None:
     """The sink's log lines into ours."""
     while line := await stream.readline():
-        _log.info("sink: %s", line.decode(errors="replace").rstrip())
+        _log.info("sink: %s", line.decode(errors="replace").rstrip().removeprefix("acqd: "))
 
 
 def _make_folder(folder: Path) -> None:

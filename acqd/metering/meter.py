@@ -95,7 +95,7 @@ class Meter:
             start, stop, short = _synchronous(starts, ends, CYCLES * self.form.rate / held)
             means = interval_sums(products, start, stop) / (stop - start)
             live = np.sqrt(means[0]) * self._u_scale > self._dead
-            for k in np.flatnonzero(short):
+            for k in np.flatnonzero(short).tolist():
                 _mark(flags, k, "start")
         if piece.first:
             _mark(flags, 0, "start")
@@ -107,7 +107,7 @@ class Meter:
             f[dark] = np.nan
             if dark[-1] == len(f) - 1:
                 self._frequency.reset()
-        for k in np.flatnonzero(np.isnan(f) & live.any(axis=0)):
+        for k in np.flatnonzero(np.isnan(f) & live.any(axis=0)).tolist():
             _mark(flags, k, "transient")
         self._flag_phases(flags, live, piece.codes, piece.bounds)
         return self._columns(piece, means, f, energy_counts, flags)

@@ -159,7 +159,7 @@ class WindowStream:
     def _utc(self, index: NDArray[np.int64]) -> NDArray[np.int64]:
         origin, utc = self._anchor
         offset = (index - origin) * 1e9 / self._grid.rate
-        return utc + np.rint(offset).astype(np.int64)
+        return np.asarray(utc + np.rint(offset).astype(np.int64))
 
     def _flags(self, starts: NDArray[np.int64]) -> list[frozenset[str]]:
         """Flags of each window, and forget the marks that lie behind them all."""

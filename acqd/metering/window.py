@@ -65,12 +65,12 @@ class WindowBatch:
         return len(self.seq)
 
     @property
-    def S(self) -> Floats:
+    def S(self) -> Floats:  # noqa: N802
         """[phases, windows] apparent power Vrms * Irms [VA]."""
         return self.Vrms * self.Irms
 
     @property
-    def W(self) -> Floats:
+    def W(self) -> Floats:  # noqa: N802
         """[phases, windows] energy [kWh]: the gapless sum of u * i, import minus export."""
         return self.imported - self.exported
 

@@ -9,6 +9,7 @@ import os
 import sys
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -158,7 +159,8 @@ class Executive:
         try:
             assert process.stdout is not None
             line = await process.stdout.readline()
-            answer = json.loads(line) if line else {"error": "MAIN_FAST died while it started; see the log above"}
+            died = {"error": "MAIN_FAST died while it started; see the log above"}
+            answer: dict[str, Any] = json.loads(line) if line else died
             if "error" in answer:
                 await process.wait()
                 raise UserError(answer["error"])

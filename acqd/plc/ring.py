@@ -90,9 +90,8 @@ class Ring:
         """Something that holds from the next sample on: GAP (samples lost), STEP (new UTC), LATE."""
         number = self._header[_EVENT_HEAD]
         slot = number % _EVENTS * _EVENT_WORDS
-        self._events[slot : slot + _EVENT_WORDS] = memoryview(
-            np.array([self._header[_HEAD], kind, value], dtype=np.int64)
-        )
+        for word, content in enumerate((self._header[_HEAD], kind, value)):
+            self._events[slot + word] = content
         self._header[_EVENT_HEAD] = number + 1
 
     def finish(self, state: int) -> None:

@@ -24,11 +24,13 @@ class ReplaySource(Source):
         self._position = 0
 
     def open(self, utc_ns: int, index: int = 0) -> None:
+        """Begin; `utc_ns` counts only where the recording has no start time."""
         start = self._waveform.start_utc_ns
         self._utc = utc_ns if start is None else start
         self._base = index
 
     def read(self, limit: int) -> SampleBlock | None:
+        """The next samples, None after the last loop."""
         if self._end is not None and self._position >= self._end:
             return None
         count = limit if self._end is None else min(limit, self._end - self._position)

@@ -87,9 +87,11 @@ class SimulatedSource(Source):
         self._position = 0
 
     def open(self, utc_ns: int, index: int = 0) -> None:
+        """Begin at `index`; the waveform at a sample number is always the same."""
         self._utc, self._base, self._position = utc_ns, index, 0
 
     def read(self, limit: int) -> SampleBlock | None:
+        """The next `limit` samples: there are always more."""
         parts, left = [], limit
         at = self._base + self._position
         while left:

@@ -40,13 +40,14 @@ class Maintained:
 def maintain(engine: sa.Engine, retention: Retention, now: float | None = None) -> Maintained:
     """Roll up every completed bucket not yet rolled up, then delete what is past its retention.
 
-    Buckets of the last day are computed again, for rows that arrived late. `now` is Unix seconds. Everything happens in one transaction: rows leave only with their roll-up made.
+    Buckets of the last day are computed again, for rows that arrived late. `now` is Unix seconds.
+    Everything happens in one transaction: rows leave only with their roll-up made.
     """
     now = time.time() if now is None else now
     with engine.connect() as connection:
         if engine.dialect.name == "sqlite":
             connection.exec_driver_sql("BEGIN IMMEDIATE")
-        counts = [_roll_up(connection, table, seconds, now) for seconds, table in ROLLUPS.items()]
+        minutes, quarters = (_roll_up(connection, table, seconds, now) for seconds, table in ROLLUPS.items())
         cut = _cut(now, retention.power_days)
         # Whole quarter hours only: a half-deleted bucket would be rolled up again, wrongly.
         power_deleted = _delete(connection, power, power.c.filetime < _ticks(cut // 900 * 900)) if cut else 0
@@ -55,7 +56,7 @@ def maintain(engine: sa.Engine, retention: Retention, now: float | None = None) 
         cut = _cut(now, retention.quarantine_days)
         quarantine_deleted = _delete(connection, quarantine, _received_before(engine, cut)) if cut else 0
         connection.commit()
-    return Maintained(*counts, power_deleted, rollup_deleted, quarantine_deleted)
+    return Maintained(minutes, quarters, power_deleted, rollup_deleted, quarantine_deleted)
 
 
 def _cut(now: float, days: float) -> float:

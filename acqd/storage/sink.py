@@ -42,6 +42,8 @@ class SinkSettings:
     """Messages per transaction at most; also what the broker may have under way to us."""
     interval: float = 0.25
     """Longest time [s] a row waits for its commit."""
+    shared: bool = True
+    """MQTT 5 and a shared subscription if the broker can; False: MQTT 3.1.1 from the start."""
 
 
 @dataclass(slots=True)
@@ -65,7 +67,7 @@ class Sink:
         self._settings = settings or SinkSettings()
         self._arrived: queue.SimpleQueue[paho.MQTTMessage | None] = queue.SimpleQueue()
         self._tls = address.tls_context()
-        self._protocol = MQTTProtocolVersion.MQTTv5
+        self._protocol = MQTTProtocolVersion.MQTTv5 if self._settings.shared else MQTTProtocolVersion.MQTTv311
         self._failure: str | None = None
         self._connected = False
         self.counters = SinkCounters()
@@ -95,6 +97,8 @@ class Sink:
                 _log.info("broker %s speaks no MQTT 5: rows are not shared between sinks", self._address)
                 self._protocol = MQTTProtocolVersion.MQTTv311
                 continue
+            if client is None and self._settings.shared:
+                self._protocol = MQTTProtocolVersion.MQTTv5  # another broker may answer next time
             if delay == _BACKOFF_S[0]:
                 _log.warning("broker %s: %s; trying on", self._address, self._failure)
             self._sleep(delay * random.uniform(0.5, 1.0), stop, progress)
@@ -125,7 +129,7 @@ class Sink:
             client.tls_set_context(self._tls)
         client.on_connect, client.on_disconnect = self._on_connect, self._on_disconnect
         client.on_message = lambda _client, _data, message: self._arrived.put(message)
-        client.on_socket_open = lambda _client, _data, sock: [sock.setsockopt(*option) for option in NO_DELAY]
+        client.on_socket_open = _no_delay
         client.connect_timeout = _CONNECT_S
         arguments: dict[str, Any] = {"clean_start": False, "properties": self._session()} if five else {}
         try:
@@ -139,12 +143,13 @@ class Sink:
             time.sleep(0.005)
         if self._connected:
             return client
-        self._failure = self._failure or "no answer"
+        five = self._protocol == MQTTProtocolVersion.MQTTv5
+        self._failure = self._failure or (_UNSUPPORTED if five else "no answer")
         client.loop_stop()
         return None
 
     def _session(self) -> Properties:
-        properties = Properties(PacketTypes.CONNECT)
+        properties = Properties(PacketTypes.CONNECT)  # type: ignore[no-untyped-call]
         properties.SessionExpiryInterval = _KEPT_S
         properties.ReceiveMaximum = min(self._settings.batch, 65_535)
         return properties
@@ -198,7 +203,7 @@ class Sink:
     ) -> bool:
         """Write and acknowledge. While the database is away, nothing is acknowledged or lost."""
         try:
-            written = self._writer.write([Received(message.topic, message.payload) for message in batch])
+            written = self._writer.write([Received(message.topic, bytes(message.payload)) for message in batch])
         except sa.exc.DatabaseError as error:
             _log.error("database: %s; %d messages stay with the broker", str(error.orig).strip(), len(batch))
             self._failure = "paused for the database"
@@ -214,3 +219,8 @@ class Sink:
         counters.batches += 1
         counters.last_commit = time.monotonic()
         return True
+
+
+def _no_delay(_client: paho.Client, _data: Any, sock: Any) -> None:
+    for option in NO_DELAY:
+        sock.setsockopt(*option)

@@ -96,7 +96,7 @@ def _insert_postgres(connection: sa.Connection, rows: list[PowerRow]) -> None:
     """COPY into a staging table, then one INSERT ... ON CONFLICT: twice as fast as many INSERTs."""
     cursor = connection.connection.cursor()
     cursor.execute("CREATE TEMP TABLE IF NOT EXISTS arriving (LIKE power) ON COMMIT DELETE ROWS")
-    with cursor.copy(f"COPY arriving ({_QUOTED}) FROM STDIN") as copy:  # type: ignore[attr-defined]
+    with cursor.copy(f"COPY arriving ({_QUOTED}) FROM STDIN") as copy:
         for row in rows:
             copy.write_row(_values(row))
     cursor.execute(f"INSERT INTO power ({_QUOTED}) SELECT {_QUOTED} FROM arriving ON CONFLICT DO NOTHING")

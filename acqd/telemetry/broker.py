@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import socket
+from typing import Any
 
 from amqtt.broker import Broker
 
@@ -30,6 +31,7 @@ class EmbeddedBroker:
     async def start(self) -> None:
         """Listen. Raises UserError when the port is taken or not allowed."""
         check_port(self.host, self.port)
+        asyncio.get_running_loop().set_exception_handler(_quiet_strangers)
         self._broker = Broker(
             {
                 "listeners": {"default": {"type": "tcp", "bind": f"{self.host}:{self.port}"}},
@@ -46,6 +48,15 @@ class EmbeddedBroker:
                 await asyncio.wait_for(self._broker.shutdown(), 1.0)
             except TimeoutError:
                 _log.debug("embedded broker was slow to stop")
+
+
+def _quiet_strangers(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+    """A client that hangs up in the middle of its CONNECT is no traceback's worth."""
+    error = context.get("exception")
+    if isinstance(error, (OSError, asyncio.CancelledError)):
+        _log.debug("embedded broker: %s", context["message"])
+    else:
+        loop.default_exception_handler(context)
 
 
 def check_port(host: str, port: int) -> None:

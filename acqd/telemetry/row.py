@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import Annotated
+from typing import Annotated, Any
 
 import msgspec
 import numpy as np
@@ -19,6 +19,8 @@ SCHEMA = 1
 CHANNELS = ("L1", "L2", "L3", "total")
 _FILETIME_1970 = 116_444_736_000_000_000  # 100 ns from 1601-01-01 to 1970-01-01
 _INT64 = 2**63 - 1
+_Maybe = float | None
+_Quantities = tuple[_Maybe, _Maybe, _Maybe, _Maybe, _Maybe, _Maybe, _Maybe]  # Vrms .. W
 _Name = Annotated[str, Meta(min_length=1, max_length=64)]
 _Integer = Annotated[int, Meta(ge=0, le=_INT64)]
 
@@ -86,27 +88,29 @@ def filetime(utc_ns: int) -> int:
 def rows_of(batch: WindowBatch, device: str, boot: str) -> Iterator[PowerRow]:
     """Rows window by window: L1, L2, L3 and, with more than one phase, total."""
     phases, windows = batch.P.shape
-    S, W = batch.S, batch.W
-    columns = [batch.Vrms, batch.Irms, batch.P, S, power_factor(batch.P, S), np.broadcast_to(batch.f, S.shape), W]
+    apparent, energy = batch.S, batch.W
+    columns = [batch.Vrms, batch.Irms, batch.P, apparent, power_factor(batch.P, apparent)]
+    columns += [np.broadcast_to(batch.f, apparent.shape), energy]
     per_channel = [_listed(columns, phase) for phase in range(phases)]
     flags = [[sorted(named) for named in row] for row in batch.flags]
     names = list(CHANNELS[:phases])
     if phases > 1:
         sums = total(batch.Vrms, batch.Irms, batch.P)
-        alike = [sums.Vrms, sums.Irms, sums.P, sums.S, power_factor(sums.P, sums.S), batch.f, W.sum(axis=0)]
+        alike = [sums.Vrms, sums.Irms, sums.P, sums.S, power_factor(sums.P, sums.S), batch.f, energy.sum(axis=0)]
         per_channel.append(_listed([column[None] for column in alike], 0))
         flags.append([_total_flags([batch.flags[phase][k] for phase in range(phases)]) for k in range(windows)])
         names.append("total")
     for k, (seq, utc_ns) in enumerate(zip(batch.seq.tolist(), batch.utc_ns.tolist(), strict=True)):
         stamp, ticks = rfc3339(utc_ns), filetime(utc_ns)
         for name, values, named in zip(names, per_channel, flags, strict=True):
-            yield PowerRow(device, name, boot, seq, stamp, ticks, *values[k], named[k])
+            Vrms, Irms, P, S, PF, f, W = values[k]
+            yield PowerRow(device, name, boot, seq, stamp, ticks, Vrms, Irms, P, S, PF, f, W, named[k])
 
 
-def _listed(columns: list[np.ndarray], phase: int) -> list[list[float | None]]:
+def _listed(columns: list[np.ndarray], phase: int) -> list[_Quantities]:
     """[windows][quantities] Python numbers, None for NaN."""
     table = np.array([column[phase] for column in columns]).T
-    rows: list[list[float | None]] = table.tolist()
+    rows: list[Any] = table.tolist()
     if np.isnan(table).any():
         return [[None if value != value else value for value in row] for row in rows]
     return rows

@@ -20,6 +20,7 @@ _CHUNK = 7 * 24 * 3600
 
 
 def upgrade() -> None:
+    """Create everything."""
     bind = op.get_bind()
     postgres = bind.dialect.name == "postgresql"
     json: Any = postgresql.JSONB() if postgres else sa.JSON()
@@ -67,5 +68,6 @@ def upgrade() -> None:
 
 
 def downgrade() -> None:
+    """Drop everything."""
     for name in ("power_15min", "power_1min", "quarantine", "power"):
         op.drop_table(name)
