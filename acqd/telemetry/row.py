@@ -112,7 +112,7 @@ def _listed(columns: list[np.ndarray], phase: int) -> list[_Quantities]:
     table = np.array([column[phase] for column in columns]).T
     rows: list[Any] = table.tolist()
     if np.isnan(table).any():
-        return [[None if value != value else value for value in row] for row in rows]
+        rows = [[None if value != value else value for value in row] for row in rows]
     return rows
 
 

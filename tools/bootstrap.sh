@@ -1,0 +1,110 @@
+#!/bin/sh
+# Sets up .venv and runs, tests or measures acqd: what `make run|test|bench` do, for a machine without make.
+#   sh tools/bootstrap.sh run [arguments of acqd run] | test | lint | bench | install EXTRA
+set -eu
+cd "$(dirname "$0")/.."
+venv=${ACQD_VENV:-.venv}
+
+say() { printf 'acqd setup: %s\n' "$*" >&2; }
+
+find_python() {
+    for candidate in ${PYTHON:-python3.13 python3.12 python3.11 python3}; do
+        if "$candidate" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null; then
+            echo "$candidate"
+            return
+        fi
+    done
+    say "no Python 3.11 to 3.13 found. On Debian 12 or Ubuntu 24.04: sudo apt-get install python3 python3-venv"
+    exit 1
+}
+
+make_venv() {
+    [ -x "$venv/bin/python" ] && return
+    python=$(find_python)
+    if ! "$python" -c 'import venv, ensurepip' 2>/dev/null; then
+        say "$python has no venv module: sudo apt-get install python3-venv (or python3.x-venv for your version)"
+        exit 1
+    fi
+    say "making $venv with $("$python" --version)"
+    "$python" -m venv "$venv"
+}
+
+# install EXTRAS: once, and again whenever pyproject.toml or the constraints change
+install() {
+    make_venv
+    stamp="$venv/.acqd-${1:-core}"
+    if [ -e "$stamp" ] && [ "$stamp" -nt pyproject.toml ] && [ "$stamp" -nt constraints.txt ]; then
+        return
+    fi
+    say "installing acqd${1:+[$1]}, a minute or two the first time"
+    "$venv/bin/python" -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".${1:+[$1]}"
+    touch "$stamp"
+}
+
+have_servers() {
+    PATH="$PATH:/usr/sbin:/usr/local/sbin"
+    command -v mosquitto >/dev/null 2>&1 || return 1
+    for initdb in /usr/lib/postgresql/*/bin/initdb "$(command -v initdb 2>/dev/null || true)"; do
+        [ -x "$initdb" ] && return 0
+    done
+    return 1
+}
+
+# The tests speak to a real broker and a real database; both run on private ports and folders.
+install_servers() {
+    have_servers && return
+    packages="mosquitto postgresql"
+    if ! command -v apt-get >/dev/null 2>&1; then
+        say "the tests need $packages; install them with your package manager and try again"
+        exit 1
+    fi
+    if [ "$(id -u)" = 0 ]; then
+        sudo=
+    elif sudo -n true 2>/dev/null; then
+        sudo="sudo -n"
+    else
+        say "the tests need $packages and this user may not install them: sudo apt-get install $packages"
+        exit 1
+    fi
+    say "installing $packages from the distribution"
+    $sudo apt-get update -qq
+    DEBIAN_FRONTEND=noninteractive $sudo apt-get install -y -qq --no-install-recommends $packages >/dev/null
+}
+
+lint() {
+    "$venv/bin/ruff" check acqd tests tools
+    "$venv/bin/ruff" format --check -q acqd tests tools
+    "$venv/bin/mypy"
+    "$venv/bin/lint-imports" --no-logo 2>/dev/null || "$venv/bin/lint-imports"
+}
+
+command=${1:-}
+[ $# -gt 0 ] && shift
+case "$command" in
+run)
+    install ""
+    exec "$venv/bin/acqd" run "$@"
+    ;;
+install)
+    install "${1:-}"
+    ;;
+lint)
+    install dev
+    lint
+    ;;
+test)
+    install_servers
+    install dev
+    lint
+    exec "$venv/bin/python" -m pytest "$@"
+    ;;
+bench)
+    install_servers
+    install bench
+    exec "$venv/bin/python" -m tools.bench "$@"
+    ;;
+*)
+    say "usage: sh tools/bootstrap.sh run|test|lint|bench|install"
+    exit 2
+    ;;
+esac
