@@ -55,11 +55,12 @@ class EnergyRegister:
 
         A window imports or exports as a whole: within a mains cycle reactive power swings both ways.
         """
-        parts = np.maximum(counts, 0.0), np.maximum(-counts, 0.0)
+        whole = counts.astype(np.int64)
+        parts = np.maximum(whole, 0), np.maximum(-whole, 0)
         readings = []
         for direction, part in enumerate(parts):
             running = np.cumsum(part, axis=1)
-            reading = np.empty_like(running)
+            reading = np.empty(running.shape)
             for phase, unit in enumerate(self._unit):
                 before = self._counts[phase][direction]
                 reading[phase] = (float(before) + running[phase]) * float(unit)

@@ -89,8 +89,8 @@ class WindowStream:
         if block.flags:
             self._marks.append((block.index, last, block.flags - {"clock_step"}))
         if "clock_step" in block.flags:
-            # The step is an event: it belongs to the first window that starts on the new clock.
-            start = self._grid.start(self._grid.containing(block.index + len(block.codes) - 1))
+            # The step is an event: it belongs to the first window that is told in the new time.
+            start = self._grid.start(self._grid.containing(block.index))
             self._marks.append((start, start + 1, frozenset({"clock_step"})))
 
     def _break(self, block: SampleBlock) -> Iterator[Piece]:
