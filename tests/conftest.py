@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
 import socket
 import subprocess
 import time
@@ -110,7 +111,7 @@ def postgres_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     ready = [programs / "pg_isready", "-h", "127.0.0.1", "-p", str(port)]
     wait_for(lambda: subprocess.run(ready, check=False, **quiet).returncode == 0, "PostgreSQL answers", 30)
     yield f"postgresql://acqd@127.0.0.1:{port}"
-    server.terminate()
+    server.send_signal(signal.SIGINT)  # fast shutdown: do not wait for pooled connections
     server.wait(20)
 
 

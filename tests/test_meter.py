@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from fractions import Fraction
 
 import numpy as np
@@ -19,7 +20,7 @@ def meter_all(mains, *, cuts=(), **options) -> WindowBatch:
     form = StreamFormat(mains.rate, mains.scale)
     meter = Meter(form, **options)
     edges = [0, *sorted(cuts), len(mains.codes)]
-    batches = [meter.feed(SampleBlock(mains.codes[a:b], a, 0)) for a, b in zip(edges, edges[1:], strict=False)]
+    batches = [meter.feed(SampleBlock(mains.codes[a:b], a, 0)) for a, b in itertools.pairwise(edges)]
     return WindowBatch.join([batch for batch in batches if batch is not None])
 
 
@@ -143,7 +144,9 @@ def feed_with_gap(begin, end, **options):
 
 
 @pytest.mark.parametrize("mode", ["synchronous", "fixed"])
-@pytest.mark.parametrize(("begin", "end"), [(8_200, 8_300), (8_000, 8_400), (8_400, 8_800), (8_100, 9_500), (8_050, 16_790)])
+@pytest.mark.parametrize(
+    ("begin", "end"), [(8_200, 8_300), (8_000, 8_400), (8_400, 8_800), (8_100, 9_500), (8_050, 16_790)]
+)
 def test_a_gap_is_flagged_counted_and_never_interpolated(begin, end, mode):
     mains, batch = feed_with_gap(begin, end, mode=mode)
     flagged = {int(seq) for seq, flags in zip(batch.seq, batch.flags[0], strict=True) if "gap" in flags}

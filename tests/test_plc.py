@@ -144,7 +144,7 @@ def test_a_long_stall_is_caught_up_and_flagged_late(ring):
 
 def test_beyond_the_catch_up_limit_samples_are_given_up_as_an_explicit_gap(ring):
     run_cycles(ring, CountingSource(), [1] * 10 + [700] + [1] * 10, OverrunPolicy(catch_up_ns=200_000_000))
-    before, after = ring.read()
+    _before, after = ring.read()
     assert after.index == 200 + 500 * 20 and after.lost == 500 * 20
     np.testing.assert_array_equal(index_of(after.codes), after.index + np.arange(len(after.codes)))
 

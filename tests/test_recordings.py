@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -62,7 +64,7 @@ def test_ten_cycle_values_are_gapless_and_of_ten_cycles(waveforms):
         block = SampleBlock(waveform.codes[start : start + 7_000], start, start * 50_000)
         values += aggregator.feed(block, meter.feed(block))
     assert len(values) >= 19
-    for value, following in zip(values, values[1:], strict=False):
+    for value, following in itertools.pairwise(values):
         assert value.cycles == 10 and value.duration == pytest.approx(10 / value.f)
         assert following.utc_ns - value.utc_ns == pytest.approx(value.duration * 1e9, abs=100)
     whole = waveform.codes[:, 0].astype(float) * waveform.form.scale[0]

@@ -18,7 +18,7 @@ from acqd.storage.database import open_database
 from acqd.storage.maintain import maintain
 from acqd.storage.sink import Sink
 
-app = typer.Typer(help="Write rows from the broker into SQL.", invoke_without_command=True)
+app = typer.Typer(invoke_without_command=True)
 _STALE_S = 10.0
 Database = Annotated[str | None, typer.Option(help="SQLite file or URL (default acqd.sqlite, or the config's).")]
 

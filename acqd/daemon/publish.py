@@ -15,7 +15,6 @@ from acqd.telemetry.mqtt import BrokerAddress
 from acqd.telemetry.outbox import MemoryOutbox, Message
 from acqd.telemetry.row import PowerRow
 
-_FIRST_CONTACT_S = 5.0
 _WAITING = 2_000  # messages under way before the playback waits for the broker: nothing is dropped
 
 
@@ -32,11 +31,8 @@ class Publisher:
     def __enter__(self) -> Publisher:
         self._thread.start()
         self._ready.wait()
-        deadline = time.monotonic() + _FIRST_CONTACT_S
-        while self._connector.state != "connected" and self._failure is None and time.monotonic() < deadline:
+        while self._connector.state != "connected" and self._failure is None:
             time.sleep(0.01)
-        if self._failure is None and self._connector.state != "connected":
-            self._failure = UserError(f"broker {self._address} does not answer; start it, or leave --publish away")
         if self._failure is not None:
             self._close()
             raise self._failure
@@ -87,6 +83,7 @@ class Publisher:
             client_id=f"acqd-replay-{self._device}",
             status_topic=topics.status(self._device),
             greeting=lambda: b'{"state":"online","source":"replay"}',
+            must_connect=True,
         )
         self._task = asyncio.create_task(self._connector.run())
         self._ready.set()

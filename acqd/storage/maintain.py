@@ -44,7 +44,7 @@ def maintain(engine: sa.Engine, retention: Retention, now: float | None = None) 
     Everything happens in one transaction: rows leave only with their roll-up made.
     """
     now = time.time() if now is None else now
-    with engine.connect() as connection:
+    with engine.begin() as connection:
         if engine.dialect.name == "sqlite":
             connection.exec_driver_sql("BEGIN IMMEDIATE")
         minutes, quarters = (_roll_up(connection, table, seconds, now) for seconds, table in ROLLUPS.items())
@@ -55,7 +55,6 @@ def maintain(engine: sa.Engine, retention: Retention, now: float | None = None) 
         rollup_deleted = _delete(connection, power_1min, power_1min.c.start < cut) if cut else 0
         cut = _cut(now, retention.quarantine_days)
         quarantine_deleted = _delete(connection, quarantine, _received_before(engine, cut)) if cut else 0
-        connection.commit()
     return Maintained(minutes, quarters, power_deleted, rollup_deleted, quarantine_deleted)
 
 
@@ -121,4 +120,5 @@ def _roll_up(connection: sa.Connection, table: sa.Table, seconds: int, now: floa
     statement = insert(table).from_select(list(columns), query)
     key = ["device", "channel", "start"]
     changed = {name: statement.excluded[name] for name in columns if name not in key}
-    return int(connection.execute(statement.on_conflict_do_update(index_elements=key, set_=changed)).rowcount)
+    upsert = statement.on_conflict_do_update(index_elements=key, set_=changed)
+    return int(connection.execute(upsert.execution_options(preserve_rowcount=True)).rowcount)

@@ -57,14 +57,13 @@ class Writer:
                 rows.append(row)
             except ValueError as error:
                 refused.append(self._refusal(message, str(error)))
-        with self._engine.connect() as connection:
+        with self._engine.begin() as connection:
             if self._engine.dialect.name == "sqlite":
                 connection.exec_driver_sql("BEGIN IMMEDIATE")
             if rows:
                 self._insert(connection, rows)
             if refused:
                 connection.execute(sa.insert(quarantine), refused)
-            connection.commit()
         return Written(len(rows), len(refused))
 
     def _refusal(self, message: Received, reason: str) -> dict[str, Any]:

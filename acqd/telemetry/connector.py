@@ -14,6 +14,7 @@ from typing import Literal
 
 import aiomqtt
 
+from acqd.errors import UserError
 from acqd.telemetry.mqtt import NO_DELAY, BrokerAddress, is_refusal, refusal
 from acqd.telemetry.outbox import Message, Outbox
 from acqd.telemetry.topics import OFFLINE
@@ -36,8 +37,13 @@ class Connector:
         client_id: str,
         status_topic: str,
         greeting: Callable[[], bytes],
+        must_connect: bool = False,
     ) -> None:
-        """`greeting` makes the retained status message of a fresh connection."""
+        """`greeting` makes the retained status message of a fresh connection.
+
+        With `must_connect`, a broker that is not there at first contact is an error, not a wait.
+        """
+        self._must_connect = must_connect
         self._address = address
         self._outbox = outbox
         self._client_id = client_id
@@ -58,6 +64,10 @@ class Connector:
                 reason = _reason(error)
                 if is_refusal(reason) and self.reconnects < 0:
                     raise refusal(self._address, reason) from None
+                if self._must_connect and self.reconnects < 0:
+                    raise UserError(
+                        f"broker {self._address} does not answer: {reason}; start it, or check host and port"
+                    ) from None
                 if self.state == "connected":
                     delay = _BACKOFF_S[0]
                     _log.warning("broker %s lost: %s; %d messages wait", self._address, reason, len(self._outbox))
