@@ -1,0 +1,1 @@
+"""Development tools: setup and measurements."""

@@ -1,0 +1,50 @@
+"""`make bench [ARGS="--only speed --out bench.json"]`."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from tools.bench import accuracy, live, sink, speed
+from tools.bench.report import Figure, table
+
+_SECTIONS: dict[str, list[Callable[[], Iterator[Figure]]]] = {
+    "accuracy": [accuracy.synthetic, accuracy.exactness, accuracy.recordings],
+    "speed": [speed.beside_pqopen, speed.replay, speed.main_slow],
+    "live": [live.daemon, live.jitter],
+    "sink": [sink.sinks],
+}
+
+
+def bench(
+    only: Annotated[list[str] | None, typer.Option(help=f"Sections to run: {', '.join(_SECTIONS)}.")] = None,
+    out: Annotated[Path, typer.Option(help="JSON file to write.")] = Path("bench.json"),
+) -> None:
+    """Measure everything and print it as a table; the figures also go to a JSON file."""
+    figures: list[Figure] = []
+    progress = Console(stderr=True)
+    for name in only or _SECTIONS:
+        for measure in _SECTIONS[name]:
+            with progress.status(f"measuring {name}: {measure.__name__}"):
+                figures += measure()
+    Console(width=140).print(table(figures))
+    out.write_text(
+        json.dumps([asdict(figure) | {"value": float(figure.value), "met": figure.met} for figure in figures], indent=1)
+    )
+    missed = sum(figure.met is False for figure in figures)
+    print(f"{missed} of {sum(figure.met is not None for figure in figures)} targets missed; figures in {out}")
+
+
+if __name__ == "__main__":
+    # One core: a BLAS that spreads over two would make every ratio meaningless.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    app = typer.Typer(pretty_exceptions_enable=False, add_completion=False)
+    app.command()(bench)
+    app()

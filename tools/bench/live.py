@@ -1,0 +1,104 @@
+"""The running daemon: CPU, memory, punctuality beside cyclictest, sample to subscriber."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from datetime import datetime
+from pathlib import Path
+
+import aiomqtt
+import numpy as np
+import psutil
+
+from tools.bench.report import Figure
+from tools.bench.servers import mosquitto
+
+_SECONDS = 30.0
+_WARM_UP_S = 3.0
+
+
+def daemon() -> Iterator[Figure]:
+    """`acqd run` with three phases at 1 ms, mosquitto as broker, one subscriber."""
+    section = "acqd run, three phases, MAIN_FAST at 1 ms, through mosquitto"
+    with mosquitto() as port, tempfile.TemporaryDirectory() as folder:
+        config = Path(folder) / "acqd.toml"
+        config.write_text(f"[mqtt]\nport = {port}\n")
+        command = [sys.executable, "-m", "acqd", "run", "--config", str(config)]
+        process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+        try:
+            time.sleep(_WARM_UP_S)
+            family = [psutil.Process(process.pid), *psutil.Process(process.pid).children(recursive=True)]
+            before = _cpu(family)
+            begun = time.monotonic()
+            latencies, status = asyncio.run(_listen(port, _SECONDS))
+            cpu = (_cpu(family) - before) / (time.monotonic() - begun) * 100
+            rss = sum(member.memory_info().rss for member in family) / 1e6
+            pss = sum(member.memory_full_info().pss for member in family) / 1e6
+        finally:
+            process.terminate()
+            process.wait(10)
+    yield Figure(section, "CPU (MAIN_FAST and simulated source, MAIN_SLOW, MQTT)", cpu, "% of a core", "<= 8")
+    yield Figure(section, "RSS of both processes", rss, "MB", "<= 150")
+    yield Figure(section, "of that, not shared with each other (PSS)", pss, "MB")
+    p50, p99 = np.percentile(latencies, [50, 99])
+    yield Figure(section, "window's end to subscriber, p50", p50, "ms")
+    yield Figure(section, "window's end to subscriber, p99", p99, "ms", "<= 15")
+    yield Figure(section, "rows received", len(latencies), "")
+    yield Figure(section, "MAIN_SLOW, mean of the run", status["main_slow"]["mean_us"] / 1000, "ms")
+
+
+def _cpu(family: list[psutil.Process]) -> float:
+    return float(sum(times.user + times.system for times in (member.cpu_times() for member in family)))
+
+
+async def _listen(port: int, seconds: float) -> tuple[list[float], dict[str, dict[str, float]]]:
+    latencies: list[float] = []
+    status: dict[str, dict[str, float]] = {}
+    async with aiomqtt.Client("127.0.0.1", port) as client:
+        await client.subscribe("acqd/#", qos=1)
+        end = time.monotonic() + seconds
+        async for message in client.messages:
+            now = time.time()
+            content = json.loads(bytes(message.payload)) if message.payload != b"offline" else {}
+            if message.topic.matches("acqd/+/+/power"):
+                started = datetime.fromisoformat(content["time"]).timestamp()
+                latencies.append((now - started) * 1e3 - 40.0)
+            elif message.topic.matches("acqd/+/status"):
+                status = content
+            if time.monotonic() > end:
+                break
+    return latencies, status
+
+
+def jitter() -> Iterator[Figure]:
+    """`acqd jitter` and cyclictest at the same time, both FIFO, on their own."""
+    section = "wake-up latency at 1 ms, beside cyclictest in the same seconds"
+    cyclictest = shutil.which("cyclictest")
+    ours = [sys.executable, "-m", "acqd", "jitter", "--duration", str(_SECONDS), "--json"]
+    peer = None
+    if cyclictest:
+        # Its own priority, so that neither waits for the other by rule.
+        options = ["-q", "-m", "-p", "80", "-i", "1000", "-l", str(int(_SECONDS * 1000)), "-h", "4000"]
+        peer = subprocess.Popen([cyclictest, *options], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    report = json.loads(subprocess.run(ours, check=True, capture_output=True).stdout)
+    for name in ("p50_us", "p99_us", "p999_us", "max_us"):
+        yield Figure(section, f"acqd {name.removesuffix('_us')}", report[name], "us")
+    yield Figure(section, "acqd missed cycles", report["missed"], "")
+    if peer is None:
+        return
+    counts = np.zeros(4000)
+    for latency, count in re.findall(r"^(\d{6}) (\d+)", peer.communicate()[0], flags=re.MULTILINE):
+        counts[min(int(latency), 3999)] += int(count)
+    rank = np.cumsum(counts) / counts.sum()
+    p50, p99 = (int(np.searchsorted(rank, share)) for share in (0.5, 0.99))
+    yield Figure(section, "cyclictest p50", p50, "us")
+    yield Figure(section, "cyclictest p99", p99, "us")
+    yield Figure(section, "ratio of the p99s", report["p99_us"] / max(p99, 1), "", "<= 4")

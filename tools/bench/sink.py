@@ -1,0 +1,149 @@
+"""The sink beside the raw bulk insert of its database, and end to end through mosquitto."""
+
+from __future__ import annotations
+
+import sqlite3
+import statistics
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import paho.mqtt.client as paho
+from paho.mqtt.enums import CallbackAPIVersion
+
+from acqd.storage.database import open_database
+from acqd.storage.sink import Sink, SinkSettings
+from acqd.storage.writer import Received, Writer
+from acqd.telemetry.mqtt import BrokerAddress
+from acqd.telemetry.row import PowerRow, filetime, rfc3339
+from tools.bench.report import Figure
+from tools.bench.servers import mosquitto, postgres
+
+_ROWS, _BATCH, _ROUNDS = 40_000, 2_000, 3
+_COLUMNS = '"device","channel","boot","seq","time","filetime","Vrms","Irms","P","S","PF","f","W","flags","schema"'
+
+
+def _rows(boot: str) -> list[PowerRow]:
+    names = ("L1", "L2", "L3", "total")
+    stamps = [(rfc3339(k * 40_000_000), filetime(k * 40_000_000)) for k in range(_ROWS // 4)]
+    return [
+        PowerRow(
+            "cell1",
+            names[k % 4],
+            boot,
+            k // 4,
+            *stamps[k // 4],
+            230.1 + k,
+            1.2,
+            270.3,
+            276.1,
+            0.98,
+            50.01,
+            k * 1e-6,
+            [],
+        )
+        for k in range(_ROWS)
+    ]
+
+
+def _timed(work: Callable[[list[Any]], object], items: list[Any]) -> float:
+    begun = time.perf_counter()
+    for start in range(0, len(items), _BATCH):
+        work(items[start : start + _BATCH])
+    return len(items) / (time.perf_counter() - begun)
+
+
+def _plain(row: PowerRow) -> tuple[Any, ...]:
+    values = (row.Vrms, row.Irms, row.P, row.S, row.PF, row.f, row.W)
+    return (row.device, row.channel, row.boot, row.seq, row.time, row.filetime, *values, "[]", row.schema)
+
+
+def _ours(url: str) -> float:
+    writer = Writer(open_database(url))
+    speeds = []
+    for number in range(_ROUNDS):
+        messages = [Received(f"acqd/cell1/{r.channel}/power", r.to_json()) for r in _rows(f"ours{number}")]
+        speeds.append(_timed(writer.write, messages))
+    return statistics.median(speeds)
+
+
+def _raw_sqlite(path: Path) -> float:
+    """executemany of ready tuples into the same table, WAL, the same batches, one commit each."""
+    connection = sqlite3.connect(path)
+    statement = f"INSERT INTO power ({_COLUMNS}) VALUES ({','.join('?' * 15)})"
+
+    def insert(batch: list[Any]) -> None:
+        connection.executemany(statement, batch)
+        connection.commit()
+
+    return statistics.median(_timed(insert, [_plain(r) for r in _rows(f"raw{k}")]) for k in range(_ROUNDS))
+
+
+def _raw_postgres(url: str) -> float:
+    """COPY of ready tuples straight into the same table, the same batches, one commit each."""
+    import psycopg
+
+    with psycopg.connect(url) as connection:
+
+        def insert(batch: list[Any]) -> None:
+            with connection.cursor() as cursor, cursor.copy(f"COPY power ({_COLUMNS}) FROM STDIN") as copy:
+                for values in batch:
+                    copy.write_row(values)
+            connection.commit()
+
+        return statistics.median(_timed(insert, [_plain(r) for r in _rows(f"raw{k}")]) for k in range(_ROUNDS))
+
+
+def _end_to_end(url: str) -> float:
+    """Rows/s from mosquitto into the table: a backlog waits at the broker, then the sink starts."""
+    engine = open_database(url)
+    messages = [(f"acqd/cell1/{r.channel}/power", r.to_json()) for r in _rows("mqtt")]
+    settings = SinkSettings(client_id="bench")
+    with mosquitto() as port:
+        stopped = threading.Event()
+        address = BrokerAddress(port=port)
+        _run_until(Sink(address, engine, settings), stopped, lambda sink: sink.connected)
+        client = paho.Client(CallbackAPIVersion.VERSION2)
+        client.max_inflight_messages_set(5_000)
+        client.connect("127.0.0.1", port)
+        client.loop_start()
+        infos = [client.publish(topic, payload, qos=1) for topic, payload in messages]
+        for info in infos:
+            info.wait_for_publish(60)
+        client.loop_stop()
+        begun = time.perf_counter()
+        _run_until(Sink(address, engine, settings), stopped, lambda sink: sink.counters.rows >= _ROWS)
+        return _ROWS / (time.perf_counter() - begun)
+
+
+def _run_until(sink: Sink, stopped: threading.Event, done: Callable[[Sink], bool]) -> None:
+    stopped.clear()
+    thread = threading.Thread(target=sink.run, args=(stopped.is_set,))
+    thread.start()
+    deadline = time.monotonic() + 120
+    while not done(sink) and time.monotonic() < deadline:
+        time.sleep(0.01)
+    stopped.set()
+    thread.join()
+
+
+def sinks() -> Iterator[Figure]:
+    """Payload bytes to committed rows, in transactions of 2000."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "b.sqlite"
+        ours, raw = _ours(str(path)), _raw_sqlite(path)
+        yield from _figures("SQLite", ours, raw, "executemany", _end_to_end(str(path)))
+    with postgres() as url:
+        ours, raw = _ours(url), _raw_postgres(url)
+        yield from _figures("PostgreSQL", ours, raw, "COPY", _end_to_end(url))
+
+
+def _figures(name: str, ours: float, raw: float, how: str, end_to_end: float) -> Iterator[Figure]:
+    section = f"sink into {name}"
+    yield Figure(section, "payloads checked, written, committed", ours, "rows/s", ">= 20000")
+    yield Figure(section, f"raw bulk insert ({how} of ready tuples)", raw, "rows/s")
+    yield Figure(section, "ratio", ours / raw, "", ">= 0.5")
+    yield Figure(section, "a backlog of 40000 rows through mosquitto, everything included", end_to_end, "rows/s")
