@@ -211,10 +211,9 @@ def test_sink_from_broker_to_table(mosquitto, database):
     assert count(engine) == 500 and count(engine, quarantine) == 1
 
 
-def test_nothing_is_acknowledged_before_the_commit(mosquitto, tmp_path):
+def test_nothing_is_acknowledged_before_the_commit(mosquitto, database):
     """While the database is locked away the broker keeps the rows; afterwards they all arrive."""
-    path = tmp_path / "a.sqlite"
-    engine = open_database(str(path))
+    engine = open_database(database)
     Writer(engine).write([message(row(10_000))])
     with engine.connect() as connection:
         connection.exec_driver_sql("ALTER TABLE power RENAME TO hidden")

@@ -106,7 +106,7 @@ def test_rows_survive_the_wire(seq, values, channel, flags):
 @pytest.mark.parametrize(
     ("change", "complaint"),
     [({"P": "12"}, "P"), ({"seq": -1}, "seq"), ({"seq": 1.5}, "seq"), ({"channel": "L4"}, "channel"),
-     ({"time": "yesterday"}, "time"), ({"time": "2021-13-45T00:00:00Z"}, "month"), ({"device": ""}, "device"),
+     ({"time": "yesterday"}, "time"), ({"time": "2021-13-45T00:00:00Z"}, "RFC 3339"), ({"device": ""}, "device"),
      ({"flags": None}, "flags"), ({"schema": 2}, "schema"), ({"boot": None}, "boot"),
      ({"filetime": 2**70}, "filetime|int")],
 )  # fmt: skip

@@ -56,7 +56,7 @@ class FrequencyEstimator:
 
         Every end must have `self.samples` samples before it. NaN where no fundamental is credible.
         """
-        windows = sliding_window_view(u, self._samples, axis=1)[:, ends - self._samples]
+        windows = _windows(u, ends, self._samples)
         count = len(ends)
         trial = self._trial if self._trial is not None else self._coarse(windows[:, :1])
         grid = np.full(count, _to_grid(trial))
@@ -67,8 +67,12 @@ class FrequencyEstimator:
             for k in lost:
                 grid[k] = _to_grid(self._coarse(windows[:, k : k + 1]))
             f[lost], purity[lost] = self._iterate(windows[:, lost], grid[lost])
-        f[~_credible(f, purity)] = np.nan
-        known = f[~np.isnan(f)]
+        credible = _credible(f, purity)
+        if credible.all():
+            self._trial = float(f[-1])
+            return f
+        f[~credible] = np.nan
+        known = f[credible]
         self._trial = float(known[-1]) if known.size else None
         return f
 
@@ -80,27 +84,29 @@ class FrequencyEstimator:
         parts = np.empty((phases, count, 4))
         todo = np.arange(count)
         for _ in range(_STEPS):
-            for point in np.unique(grid[todo]):
-                at = todo[grid[todo] == point]
-                parts[:, at] = windows[:, at] @ self._projection(int(point))
-            c = parts[:, todo, 0] - 1j * parts[:, todo, 1]
-            d = parts[:, todo, 2] - 1j * parts[:, todo, 3]
-            weight = (c * c.conj()).real.sum(axis=0)
-            step = (c.conj() * d).imag.sum(axis=0) / np.maximum(weight, 1e-30)
-            f[todo] = np.clip(grid[todo] * _GRID + step / (2 * np.pi), F_MIN - 9, F_MAX + 9)
-            nearest = np.clip(_to_grid(f[todo]), _to_grid(F_MIN - _MARGIN), _to_grid(F_MAX + _MARGIN))
-            moved = nearest != grid[todo]
+            here = grid[todo]
+            for point in {int(here[0])} if (here == here[0]).all() else set(here.tolist()):
+                at = todo[here == point]
+                chosen = windows if len(at) == count else windows[:, at]
+                parts[:, at] = chosen @ self._projection(point)
+            re_c, im_c, re_d, im_d = np.moveaxis(parts[:, todo], 2, 0)
+            # Im(conj(c) d) and |c|^2, summed over the phases; the parts hold -Im.
+            turn = (im_c * re_d - re_c * im_d).sum(axis=0)
+            weight = (re_c * re_c + im_c * im_c).sum(axis=0)
+            exact = here * _GRID + turn / np.maximum(weight, 1e-30) / (2 * np.pi)
+            f[todo] = exact
             # Half a grid step of slack: noise must not make a window swap grid points for ever.
-            moved &= np.abs(f[todo] - grid[todo] * _GRID) > 0.6 * _GRID
-            grid[todo] = np.where(moved, nearest, grid[todo])
-            todo = todo[moved]
-            if not todo.size:
+            moved = np.abs(exact - here * _GRID) > 0.6 * _GRID
+            if not moved.any():
+                todo = todo[:0]
                 break
-        power = (parts[:, :, 0] ** 2 + parts[:, :, 1] ** 2) / 2
-        ac = np.einsum("pwn,pwn->pw", windows, windows) / self._samples - windows.mean(axis=2) ** 2
-        purity = power.sum(axis=0) / np.maximum(ac.sum(axis=0), 1e-30)
+            todo = todo[moved]
+            grid[todo] = _to_grid(np.clip(exact[moved], F_MIN - _MARGIN, F_MAX + _MARGIN))
+        power = (parts[:, :, :2] ** 2).sum(axis=(0, 2)) / 2
+        ac = np.einsum("pwn,pwn->w", windows, windows) / self._samples
+        ac -= (np.einsum("pwn->pw", windows) ** 2).sum(axis=0) / self._samples**2
         f[todo] = np.nan  # did not settle
-        return f, purity
+        return f, power / np.maximum(ac, 1e-30)
 
     def _coarse(self, window: Floats) -> float:
         """Trial frequency to about 1 Hz from the tapered spectrum of one window [phases, 1, n]."""
@@ -132,6 +138,13 @@ class FrequencyEstimator:
                 self._rows.pop(next(iter(self._rows)))
         self._rows[point] = rows  # re-inserted last: the dict is the least-recently-used order
         return rows
+
+
+def _windows(u: Floats, ends: np.ndarray, samples: int) -> Floats:
+    """[phases, windows, samples] ending before `ends`."""
+    if len(ends) == 1:
+        return u[:, None, ends[0] - samples : ends[0]]
+    return np.asarray(sliding_window_view(u, samples, axis=1)[:, ends - samples])
 
 
 def _to_grid(f: Floats | float) -> np.ndarray:

@@ -44,6 +44,7 @@ class FastTask:
         self._ring = ring
         self._rate = source.form.rate
         self._policy = policy or OverrunPolicy()
+        self._per_ns = self._rate * 1e-9
         self._per_window = window_samples
         self._wake = wake
         self._steps = StepDetector()
@@ -52,6 +53,7 @@ class FastTask:
         self._expected = 0  # stream index of the next sample
         self.windows = 0
         """Windows completed, in numbers of the stream's grid."""
+        self._window_end = 0.0
         self._anchor = (0, 0)
 
     def start(self, utc_ns: int, index: int) -> None:
@@ -61,6 +63,7 @@ class FastTask:
         begin = first.utc_ns if first is not None else utc_ns
         self._expected = index
         self.windows = int(index / self._per_window)
+        self._window_end = (self.windows + 1) * self._per_window
         self._anchor = (index, begin)
         self._ring.begin(index, begin)
 
@@ -68,7 +71,7 @@ class FastTask:
         """One wake-up after `expirations` periods. False when the source has ended."""
         stall_ns = expirations * PERIOD_NS
         self._elapsed_ns += stall_ns
-        due = int(self._elapsed_ns * 1e-9 * self._rate) - self._read
+        due = int(self._elapsed_ns * self._per_ns) - self._read
         self._read += due
         if stall_ns > self._policy.catch_up_ns:
             given_up = due - int(self._policy.catch_up_ns * 1e-9 * self._rate)
@@ -88,9 +91,9 @@ class FastTask:
             self._ring.event(GAP, gap)
         self._ring.write(block.codes)
         self._expected = block.index + len(block.codes)
-        windows = int(self._expected / self._per_window)
-        if windows > self.windows:
-            self.windows = windows
+        if self._expected >= self._window_end:
+            self.windows = int(self._expected / self._per_window)
+            self._window_end = (self.windows + 1) * self._per_window
             if self._source.live:
                 self._check_clock()
             self._wake()

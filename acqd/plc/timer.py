@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import ctypes
 import os
-import struct
 import sys
 import time
 
@@ -34,7 +33,7 @@ class PeriodicTimer:
 
     def wait(self) -> int:
         """Sleep until the next expiry; the number of periods that have passed (1: in time)."""
-        expirations = int(struct.unpack("Q", os.read(self._fd, 8))[0])
+        expirations = int.from_bytes(os.read(self._fd, 8), sys.byteorder)
         self.due_ns += expirations * self.period_ns
         return expirations
 

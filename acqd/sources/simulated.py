@@ -80,8 +80,8 @@ class SimulatedSource(Source):
         self._profile = _read_profile(s.load_profile, s.phases) if s.load_profile else None
         self._size = round(_CHUNK_S * s.rate)
         self._chunk: tuple[int, Codes] = (-1, np.empty((0, 2 * s.phases), dtype=np.int16))
-        random = np.random.default_rng(s.seed)
-        self._angles = {h: random.uniform(0, 2 * np.pi) for h in {*s.harmonics, *s.current_harmonics}}
+        self._orders = max([1, *s.harmonics, *s.current_harmonics])
+        self._weights = self._channel_weights()
         self._utc = 0
         self._base = 0
         self._position = 0
@@ -92,19 +92,20 @@ class SimulatedSource(Source):
 
     def read(self, limit: int) -> SampleBlock | None:
         """The next `limit` samples: there are always more."""
-        parts, left = [], limit
         at = self._base + self._position
-        while left:
-            number, offset = divmod(at + limit - left, self._size)
-            if self._chunk[0] != number:
-                self._chunk = (number, self._compute(number))
-            part = self._chunk[1][offset : offset + left]
-            parts.append(part)
-            left -= len(part)
-        codes = parts[0] if len(parts) == 1 else np.concatenate(parts) if parts else self._chunk[1][:0]
         utc = self._utc + round(self._position * 1e9 / self.form.rate)
         self._position += limit
-        return SampleBlock(codes, at, utc, flags=_FLAGS)
+        codes = self._part(at, limit)
+        while len(codes) < limit:
+            codes = np.concatenate((codes, self._part(at + len(codes), limit - len(codes))))
+        return SampleBlock(codes, at, utc, 0, _FLAGS)
+
+    def _part(self, at: int, limit: int) -> Codes:
+        """At most `limit` samples from `at` on, as far as its chunk goes."""
+        number, offset = divmod(at, self._size)
+        if self._chunk[0] != number:
+            self._chunk = (number, self._compute(number))
+        return self._chunk[1][offset : offset + limit]
 
     def _compute(self, number: int) -> Codes:
         s = self.settings
@@ -117,23 +118,31 @@ class SimulatedSource(Source):
             factor[(t >= sag.at) & (t < sag.at + sag.duration)] = 1 - sag.depth
         random = np.random.default_rng((s.seed, number))
         noise = s.noise * random.standard_normal((2 * s.phases, self._size))
-        power = self._power(t)
-        lag = float(np.arccos(np.clip(s.power_factor, 0.0, 1.0)))
-        codes = np.empty((self._size, 2 * s.phases), dtype=np.int16)
-        for phase in range(s.phases):
-            angle = 2 * np.pi * (turns % 1.0) - 2 * np.pi * phase / 3
-            u = np.sqrt(2) * s.voltage * (factor * self._shape(angle, s.harmonics) + s.dc + noise[2 * phase])
-            ampere = np.sqrt(2) * power[phase] / (s.voltage * max(s.power_factor, 0.01))
-            i = factor * ampere * self._shape(angle - lag, s.current_harmonics) + ampere * noise[2 * phase + 1]
-            for column, values in ((2 * phase, u), (2 * phase + 1, i)):
-                codes[:, column] = np.clip(np.rint(values / self.form.scale[column]), CODE_MIN, CODE_MAX)
-        return codes
+        turn = np.exp(2j * np.pi * (turns % 1.0))
+        powers = [turn]
+        for _ in range(self._orders - 1):
+            powers.append(powers[-1] * turn)
+        waves = (self._weights @ np.array(powers)).real
+        ampere = self._power(t) / (s.voltage * max(s.power_factor, 0.01))
+        waves[0::2] = s.voltage * (factor * waves[0::2] + s.dc + noise[0::2])
+        waves[1::2] = ampere * (factor * waves[1::2] + noise[1::2])
+        digits = np.rint(waves * (np.sqrt(2) / np.array(self.form.scale))[:, None])
+        return np.ascontiguousarray(np.clip(digits, CODE_MIN, CODE_MAX).T).astype(np.int16)
 
-    def _shape(self, angle: Floats, harmonics: dict[int, float]) -> Floats:
-        wave = np.cos(angle)
-        for order, share in harmonics.items():
-            wave = wave + share * np.cos(order * angle + self._angles[order])
-        return wave
+    def _channel_weights(self) -> np.ndarray:
+        """[channels, orders] complex amplitude of each harmonic, in shares of the fundamental."""
+        s = self.settings
+        random = np.random.default_rng(s.seed)
+        angles = {h: random.uniform(0, 2 * np.pi) for h in sorted({*s.harmonics, *s.current_harmonics})}
+        lag = float(np.arccos(np.clip(s.power_factor, 0.0, 1.0)))
+        weights = np.zeros((2 * s.phases, self._orders), dtype=complex)
+        for channel in range(2 * s.phases):
+            shift = 2 * np.pi * (channel // 2) / 3 + (lag if channel % 2 else 0.0)
+            shares = s.current_harmonics if channel % 2 else s.harmonics
+            for order, share in {1: 1.0, **shares}.items():
+                angle = angles[order] if order > 1 else 0.0
+                weights[channel, order - 1] = share * np.exp(1j * (angle - order * shift))
+        return weights
 
     def _power(self, t: Floats) -> Floats:
         """[phases, samples] W."""

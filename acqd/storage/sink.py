@@ -7,8 +7,8 @@ a sink that died had not confirmed; MQTT 3.1.1 without sharing where the broker 
 from __future__ import annotations
 
 import logging
-import queue
 import random
+import select
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -59,17 +59,17 @@ class SinkCounters:
 
 
 class Sink:
-    """Runs in the calling thread; paho's network loop has a thread of its own."""
+    """Runs in the calling thread alone: receive, write, acknowledge, in turn."""
 
     def __init__(self, address: BrokerAddress, engine: sa.Engine, settings: SinkSettings | None = None) -> None:
         self._address = address
         self._writer = Writer(engine)
         self._settings = settings or SinkSettings()
-        self._arrived: queue.SimpleQueue[paho.MQTTMessage | None] = queue.SimpleQueue()
+        self._arrived: list[paho.MQTTMessage] = []
         self._tls = address.tls_context()
         self._protocol = MQTTProtocolVersion.MQTTv5 if self._settings.shared else MQTTProtocolVersion.MQTTv311
         self._failure: str | None = None
-        self._connected = False
+        self._connected = self._subscribed = False
         self.counters = SinkCounters()
 
     @property
@@ -88,7 +88,7 @@ class Sink:
                     self._consume(client, stop, progress)
                 finally:
                     client.disconnect()
-                    client.loop_stop()
+                    self._connected = False
                 if stop():
                     return
             if self._failure and is_refusal(self._failure) and self.counters.reconnects < 0:
@@ -112,8 +112,8 @@ class Sink:
 
     def _connect(self) -> paho.Client | None:
         """A fresh client, subscribed; None when it did not work (why is in `_failure`)."""
-        self._failure, self._connected = None, False
-        self._arrived = queue.SimpleQueue()
+        self._failure, self._connected, self._subscribed = None, False, False
+        self._arrived = []
         five = self._protocol == MQTTProtocolVersion.MQTTv5
         client = paho.Client(
             CallbackAPIVersion.VERSION2,
@@ -128,7 +128,7 @@ class Sink:
         if self._tls is not None:
             client.tls_set_context(self._tls)
         client.on_connect, client.on_disconnect = self._on_connect, self._on_disconnect
-        client.on_message = lambda _client, _data, message: self._arrived.put(message)
+        client.on_message = lambda _client, _data, message: self._arrived.append(message)
         client.on_socket_open = _no_delay
         client.connect_timeout = _CONNECT_S
         arguments: dict[str, Any] = {"clean_start": False, "properties": self._session()} if five else {}
@@ -137,15 +137,17 @@ class Sink:
         except (OSError, ValueError) as error:
             self._failure = str(error)
             return None
-        client.loop_start()
         deadline = time.monotonic() + _CONNECT_S
-        while not self._connected and self._failure is None and time.monotonic() < deadline:
-            time.sleep(0.005)
+        self._connected = True  # as far as TCP goes
+        while not self._subscribed and self._failure is None and time.monotonic() < deadline:
+            self._receive(client, deadline - time.monotonic())
+            if client.socket() is None:
+                break
+        self._connected = self._subscribed
         if self._connected:
             return client
         five = self._protocol == MQTTProtocolVersion.MQTTv5
         self._failure = self._failure or (_UNSUPPORTED if five else "no answer")
-        client.loop_stop()
         return None
 
     def _session(self) -> Properties:
@@ -162,37 +164,50 @@ class Sink:
         prefix = f"$share/{self._settings.group}/" if shared else ""
         client.subscribe(prefix + topics.ALL_POWER, qos=1)
         self.counters.reconnects += 1
-        self._connected = True
+        self._subscribed = True
         _log.info("connected to broker %s (MQTT %s)", self._address, "5, shared" if shared else "3.1.1")
 
     def _on_disconnect(self, _client: Any, _data: Any, _flags: Any, reason: Any, _properties: Any) -> None:
         if self._failure is None:
-            closed_early = not self._connected and self._protocol == MQTTProtocolVersion.MQTTv5
+            closed_early = not self._subscribed and self._protocol == MQTTProtocolVersion.MQTTv5
             # Some 3.1.1 brokers just hang up on a version-5 CONNECT.
             self._failure = _UNSUPPORTED if closed_early else str(reason)
-        self._arrived.put(None)
+        self._connected = False
 
     def _consume(self, client: paho.Client, stop: Callable[[], bool], progress: Callable[[], None]) -> None:
         """Batches from this connection until it breaks or we are told to stop."""
-        while not stop() and client.is_connected():
-            batch = self._batch()
+        while not stop() and self._connected:
+            batch = self._batch(client)
             progress()
             if batch and not self._commit(client, batch, stop, progress):
                 return
 
-    def _batch(self) -> list[paho.MQTTMessage]:
+    def _batch(self, client: paho.Client) -> list[paho.MQTTMessage]:
         """What arrives within the interval, at most a batch."""
-        messages: list[paho.MQTTMessage] = []
         deadline = time.monotonic() + self._settings.interval
-        while len(messages) < self._settings.batch:
-            try:
-                message = self._arrived.get(timeout=max(0.0, deadline - time.monotonic()))
-            except queue.Empty:
+        while len(self._arrived) < self._settings.batch and self._connected:
+            left = deadline - time.monotonic()
+            if left <= 0:
                 break
-            if message is None:
+            self._receive(client, left)
+        batch, self._arrived = self._arrived, []
+        return batch
+
+    def _receive(self, client: paho.Client, timeout: float) -> None:
+        """Wait for packets and take those that are there."""
+        sock = client.socket()
+        if sock is None:
+            self._connected = False
+            return
+        readable, writable, _ = select.select([sock], [sock] if client.want_write() else [], [], timeout)
+        if writable:
+            client.loop_write()
+        while readable and len(self._arrived) < self._settings.batch:
+            before = len(self._arrived)
+            client.loop_read()
+            if len(self._arrived) == before:
                 break
-            messages.append(message)
-        return messages
+        client.loop_misc()
 
     def _commit(
         self,

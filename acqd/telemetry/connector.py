@@ -7,22 +7,22 @@ forgotten only on PUBACK. The daemon starts and meters without a broker.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 import random
 from collections.abc import Callable
 from typing import Literal
 
-import aiomqtt
-
 from acqd.errors import UserError
-from acqd.telemetry.mqtt import NO_DELAY, BrokerAddress, is_refusal, refusal
+from acqd.telemetry.mqtt import BrokerAddress, is_refusal, refusal
 from acqd.telemetry.outbox import Message, Outbox
+from acqd.telemetry.session import Session, SessionError
 from acqd.telemetry.topics import OFFLINE
 
 _log = logging.getLogger(__name__)
 _BATCH = 64  # messages on their way at once
 _BACKOFF_S = (0.2, 15.0)
-_TIMEOUT_S = 5.0
+_FAREWELL_S = 0.5
 State = Literal["connecting", "connected", "stopped"]
 
 
@@ -60,8 +60,8 @@ class Connector:
         while True:
             try:
                 await self._session()
-            except aiomqtt.MqttError as error:
-                reason = _reason(error)
+            except SessionError as error:
+                reason = str(error)
                 if is_refusal(reason) and self.reconnects < 0:
                     raise refusal(self._address, reason) from None
                 if self._must_connect and self.reconnects < 0:
@@ -84,49 +84,21 @@ class Connector:
             await asyncio.sleep(0.01)
 
     async def _session(self) -> None:
-        will = aiomqtt.Will(self._status_topic, OFFLINE, qos=1, retain=True)
-        client = aiomqtt.Client(
-            self._address.host,
-            self._address.port,
-            username=self._address.username,
-            password=self._address.password,
-            identifier=self._client_id,
-            will=will,
-            keepalive=10,
-            timeout=_TIMEOUT_S,
-            max_inflight_messages=_BATCH,
-            tls_context=self._tls,
-            socket_options=NO_DELAY,
-        )
-        client.pending_calls_threshold = 2 * _BATCH  # a whole batch under way is what we want
-        async with client:
+        will = Message(self._status_topic, OFFLINE, retain=True)
+        async with Session(self._address, self._client_id, will, _BATCH) as session:
             self.reconnects += 1
             self.state = "connected"
             _log.info("connected to broker %s", self._address)
-            await client.publish(self._status_topic, self._greeting(), qos=1, retain=True)
+            await session.publish([Message(self._status_topic, self._greeting(), retain=True)])
             try:
-                await self._deliver(client)
+                while True:
+                    messages = await self._outbox.peek(_BATCH)
+                    await session.publish(messages)
+                    self._outbox.confirm(messages)
+                    self.delivered += len(messages)
             except asyncio.CancelledError:
                 self.state = "stopped"
-                await client.publish(self._status_topic, OFFLINE, qos=1, retain=True, timeout=0.5)
+                # The will is for accidents; a planned stop says so itself.
+                with contextlib.suppress(SessionError):
+                    await session.publish([will], _FAREWELL_S)
                 raise
-
-    async def _deliver(self, client: aiomqtt.Client) -> None:
-        while True:
-            messages = await self._outbox.peek(_BATCH)
-            # Handed over in order, acknowledged together.
-            results = await asyncio.gather(*(_publish(client, message) for message in messages), return_exceptions=True)
-            delivered = [m for m, failed in zip(messages, results, strict=True) if failed is None]
-            self._outbox.confirm(delivered)
-            self.delivered += len(delivered)
-            for failed in results:
-                if failed is not None:
-                    raise failed
-
-
-async def _publish(client: aiomqtt.Client, message: Message) -> None:
-    await client.publish(message.topic, message.payload, qos=1, retain=message.retain)
-
-
-def _reason(error: aiomqtt.MqttError) -> str:
-    return str(error).removeprefix("[Errno 111] ") or type(error).__name__

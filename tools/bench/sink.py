@@ -18,7 +18,7 @@ from acqd.storage.database import open_database
 from acqd.storage.sink import Sink, SinkSettings
 from acqd.storage.writer import Received, Writer
 from acqd.telemetry.mqtt import BrokerAddress
-from acqd.telemetry.row import PowerRow, filetime, rfc3339
+from acqd.telemetry.row import CHANNELS, PowerRow, filetime, rfc3339
 from tools.bench.report import Figure
 from tools.bench.servers import mosquitto, postgres
 
@@ -27,7 +27,7 @@ _COLUMNS = '"device","channel","boot","seq","time","filetime","Vrms","Irms","P",
 
 
 def _rows(boot: str) -> list[PowerRow]:
-    names = ("L1", "L2", "L3", "total")
+    names = CHANNELS
     stamps = [(rfc3339(k * 40_000_000), filetime(k * 40_000_000)) for k in range(_ROWS // 4)]
     return [
         PowerRow(
