@@ -11,6 +11,10 @@ class UserError(Exception):
     """
 
 
+class OperationError(Exception):
+    """Something went wrong that no input or setting would have prevented: one line, exit code 1."""
+
+
 class InputError(UserError):
     """A file that cannot be used."""
 

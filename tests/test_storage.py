@@ -93,6 +93,15 @@ def test_malformed_messages_go_to_quarantine_with_the_reason_and_stop_nothing(da
     assert "device" in stored[0].reason and stored[1].payload == b"\x00\xff" and "another topic" in stored[2].reason
 
 
+def test_a_row_the_database_cannot_hold_is_set_aside_alone(database):
+    engine = open_database(database)
+    poison = [message(row(50, time="0000-01-01T00:00:00Z")), message(row(51, boot="a\0b"))]
+    messages = [*(message(row(k)) for k in range(100, 200)), *poison, *(message(row(k)) for k in range(40))]
+    written = Writer(engine).write(messages)
+    assert written.rows + written.quarantined == 142 and count(engine) == written.rows >= 140
+    assert count(engine, quarantine) == written.quarantined >= 1
+
+
 def test_migrations_give_exactly_the_declared_schema(database):
     engine = open_database(database)
     with engine.connect() as connection:

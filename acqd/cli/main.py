@@ -9,7 +9,7 @@ import sys
 import typer
 
 from acqd.cli import broker, doctor, jitter, replay, run, sink, watch
-from acqd.errors import UserError
+from acqd.errors import OperationError, UserError
 
 app = typer.Typer(
     help="Energy twin measurement chain: 20 kHz samples in, trustworthy power rows out.",
@@ -51,6 +51,9 @@ def main() -> None:
     except UserError as error:
         print(f"acqd: {error}", file=sys.stderr)
         sys.exit(2)
+    except OperationError as error:
+        print(f"acqd: {error}", file=sys.stderr)
+        sys.exit(1)
     except BrokenPipeError:
         # The reader of our output has gone (acqd replay ... | head): nothing is wrong.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from acqd.errors import UserError
+from acqd.errors import OperationError, UserError
 from acqd.metering import Meter, StreamFormat, WindowBatch
 from acqd.plc.fast import PERIOD_NS
 from acqd.plc.realtime import RealtimeSettings
@@ -83,9 +83,11 @@ class Executive:
             if self._stopping or code == 0:
                 return
             if not self._fast.live:
-                raise RuntimeError(f"MAIN_FAST ended with {code}; a replay cannot be resumed in the middle")
+                raise OperationError(
+                    f"MAIN_FAST died ({_how(code)}); a replay cannot be resumed in the middle, start it again"
+                )
             self.restarts += 1
-            _log.warning("MAIN_FAST ended with %s; restarting it, the gap will be flagged", code)
+            _log.warning("MAIN_FAST died (%s); restarting it, the gap will be flagged", _how(code))
             await asyncio.sleep(_RESTART_S)
             await self._launch()
 
@@ -212,3 +214,7 @@ class Executive:
 
     def _index_ns(self, seq: int) -> int:
         return round(seq * self._window * 1e9)
+
+
+def _how(code: int) -> str:
+    return f"signal {-code}" if code < 0 else f"exit code {code}"

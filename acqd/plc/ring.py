@@ -61,6 +61,7 @@ class Ring:
         self._position = 0  # reader: samples taken
         self._event_tail = 0
         self._index = 0  # reader: stream index of the next sample
+        self._anchor = (0, 0)  # reader: a stream index and its UTC
 
     @staticmethod
     def create(layout: RingLayout) -> tuple[Ring, int]:
@@ -119,6 +120,7 @@ class Ring:
         head = self._header[_HEAD]
         if not self._position and not self._event_tail:
             self._index = self._header[_ANCHOR_INDEX]
+            self._anchor = (self._index, self._header[_ANCHOR_UTC])
         blocks: list[SampleBlock] = []
         flags: frozenset[str] = frozenset()
         lost = self._skip_overwritten(head)
@@ -133,7 +135,8 @@ class Ring:
             elif kind in _KIND_FLAGS:
                 flags |= {_KIND_FLAGS[kind]}
             if kind == STEP:
-                self._header[_ANCHOR_INDEX], self._header[_ANCHOR_UTC] = self._index, value
+                behind = self._position - position  # more than 0 when the step itself was lapped
+                self._anchor = (self._index - behind, value)
         return blocks
 
     def _take(self, until: int, lost: int, flags: frozenset[str]) -> SampleBlock:
@@ -143,7 +146,7 @@ class Ring:
             codes = self._codes[start:stop].copy()
         else:
             codes = np.concatenate((self._codes[start:], self._codes[:stop]))
-        anchor, utc = self._header[_ANCHOR_INDEX], self._header[_ANCHOR_UTC]
+        anchor, utc = self._anchor
         block = SampleBlock(
             codes, self._index, utc + round((self._index - anchor) * 1e9 / self.layout.rate), lost, flags
         )

@@ -22,7 +22,7 @@ from paho.mqtt.properties import Properties
 
 from acqd.storage.writer import Received, Writer
 from acqd.telemetry import topics
-from acqd.telemetry.mqtt import NO_DELAY, BrokerAddress, is_refusal, refusal
+from acqd.telemetry.mqtt import NO_DELAY, BrokerAddress, is_refusal, pending, refusal
 
 _log = logging.getLogger(__name__)
 _BACKOFF_S = (0.2, 15.0)
@@ -199,10 +199,11 @@ class Sink:
         if sock is None:
             self._connected = False
             return
-        readable, writable, _ = select.select([sock], [sock] if client.want_write() else [], [], timeout)
+        wait = 0.0 if pending(sock) else timeout
+        readable, writable, _ = select.select([sock], [sock] if client.want_write() else [], [], wait)
         if writable:
             client.loop_write()
-        while readable and len(self._arrived) < self._settings.batch:
+        while (readable or pending(client.socket())) and len(self._arrived) < self._settings.batch:
             before = len(self._arrived)
             client.loop_read()
             if len(self._arrived) == before:

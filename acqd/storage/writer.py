@@ -37,6 +37,10 @@ class Written:
     quarantined: int
 
 
+class _PoisonError(Exception):
+    """The database will never take this batch as it is."""
+
+
 class Writer:
     """Writes to one database; not for several threads at once."""
 
@@ -61,14 +65,28 @@ class Writer:
             self._store(rows, refused)
         except self._engine.dialect.loaded_dbapi.Error as error:  # from COPY, which SQLAlchemy does not see
             raise sa.exc.DatabaseError("COPY", None, error) from error
+        except _PoisonError as error:
+            return self._apart(messages, str(error))
         return Written(len(rows), len(refused))
+
+    def _apart(self, messages: Sequence[Received], reason: str) -> Written:
+        """The database refuses some row of this batch for what it holds: find it, keep the others."""
+        if len(messages) == 1:
+            self._store([], [self._refusal(messages[0], reason)])
+            return Written(0, 1)
+        half = len(messages) // 2
+        first, second = self.write(messages[:half]), self.write(messages[half:])
+        return Written(first.rows + second.rows, first.quarantined + second.quarantined)
 
     def _store(self, rows: list[PowerRow], refused: list[dict[str, Any]]) -> None:
         with self._engine.begin() as connection:
             if self._engine.dialect.name == "sqlite":
                 connection.exec_driver_sql("BEGIN IMMEDIATE")
-            if rows:
-                self._insert(connection, rows)
+            try:
+                if rows:
+                    self._insert(connection, rows)
+            except (sa.exc.DataError, self._engine.dialect.loaded_dbapi.DataError) as error:
+                raise _PoisonError(str(error).splitlines()[0]) from error
             if refused:
                 connection.execute(sa.insert(quarantine), refused)
 

@@ -45,6 +45,11 @@ NO_DELAY = [(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)]
 """Socket options: without this a row waits for the acknowledgement of the one before (Nagle)."""
 
 
+def pending(sock: object) -> bool:
+    """Whether a TLS socket holds received bytes that select() does not tell of."""
+    return isinstance(sock, ssl.SSLSocket) and sock.pending() > 0
+
+
 def refusal(address: BrokerAddress, reason: str) -> UserError:
     """The broker answered and will not have us."""
     return UserError(f"broker {address} refused the connection: {reason}; check username, password and TLS")

@@ -66,6 +66,8 @@ _decoder = msgspec.json.Decoder(PowerRow)
 
 def parse_row(payload: bytes) -> PowerRow:
     """The row in a payload. Raises ValueError that says which field is wrong and why."""
+    if b"\\u0000" in payload:
+        raise ValueError("text holds a NUL character, which no database column takes")
     try:
         row = _decoder.decode(payload)
     except (msgspec.DecodeError, ValueError) as error:

@@ -16,7 +16,7 @@ from typing import Any
 import paho.mqtt.client as paho
 from paho.mqtt.enums import CallbackAPIVersion
 
-from acqd.telemetry.mqtt import NO_DELAY, BrokerAddress
+from acqd.telemetry.mqtt import NO_DELAY, BrokerAddress, pending
 from acqd.telemetry.outbox import Message
 
 _CONNECT_S = 5.0
@@ -45,9 +45,6 @@ class Session:
             client.username_pw_set(address.username, address.password)
         client.on_connect, client.on_disconnect = self._on_connect, self._on_disconnect
         client.on_publish = self._on_publish
-        client.on_socket_register_write = self._on_socket_register_write
-        client.on_socket_unregister_write = self._on_socket_unregister_write
-        client.on_socket_close = self._on_socket_close
         client.connect_timeout = _CONNECT_S
         self._client = client
 
@@ -65,6 +62,10 @@ class Session:
         with contextlib.suppress(OSError):  # a TLS socket has it set on the one below
             for option in NO_DELAY:
                 sock.setsockopt(*option)
+        # From here on, and only on this thread, paho asks the loop instead of the socket.
+        self._client.on_socket_register_write = self._on_socket_register_write
+        self._client.on_socket_unregister_write = self._on_socket_unregister_write
+        self._client.on_socket_close = self._on_socket_close
         self._loop.add_reader(sock, self._read)
         self._client.loop_write()
         try:
@@ -108,6 +109,9 @@ class Session:
 
     def _read(self) -> None:
         self._client.loop_read()
+        # TLS may hold packets back that the socket has given away already: it will not wake us for them.
+        while pending(self._client.socket()):
+            self._client.loop_read()
 
     def _drop(self) -> None:
         """Close the socket without ceremony."""
@@ -141,10 +145,7 @@ class Session:
         self._loop.remove_writer(sock)
 
     def _on_socket_close(self, _client: Any, _data: Any, sock: Any) -> None:
-        # paho may close from the connecting thread when that fails; nothing is registered then.
-        if self._connected.done() or not self._ended.done():
-            with contextlib.suppress(RuntimeError, ValueError):
-                self._forget(sock)
+        self._forget(sock)
 
     def _on_publish(self, _client: Any, _data: Any, mid: int, _reason: Any, _properties: Any) -> None:
         batch = self._waiting.pop(mid, None)
