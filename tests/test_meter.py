@@ -180,6 +180,14 @@ def test_interruption_gives_no_mains_and_no_frequency():
     assert np.abs(batch.f[alive] - 50.2).max() < 0.01
 
 
+def test_mains_that_return_are_seen_at_once_however_the_stream_is_cut():
+    mains = make_mains(51.7, seconds=2, phases=1)
+    mains.codes[:24_000] = 0
+    whole, cut = meter_all(mains), meter_all(mains, cuts=range(800, 40_000, 800))
+    np.testing.assert_allclose(whole.f[32:], 51.7, atol=0.01)
+    np.testing.assert_allclose(cut.f, whole.f, atol=1e-5)
+
+
 def test_one_dead_phase_is_flagged_alone():
     mains = make_mains(50.0, seconds=1)
     mains.codes[:, 2] = 0

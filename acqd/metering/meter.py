@@ -53,8 +53,8 @@ class Meter:
         self._grid = WindowGrid(form.rate, window)
         shortest = int(window * form.rate)
         fit = max(shortest, int(_FREQUENCY_SPAN * form.rate))
-        self._frequency = FrequencyEstimator(form.rate, fit, form.f_nominal)
-        self._start_frequency = FrequencyEstimator(form.rate, shortest, form.f_nominal)
+        self._frequency = FrequencyEstimator(form.rate, fit)
+        self._start_frequency = FrequencyEstimator(form.rate, shortest)
         self._last_f = form.f_nominal
         history = max(fit, int(np.ceil(CYCLES * form.rate / (F_MIN - 1))) + 2) - shortest
         self._stream = WindowStream(self._grid, history, max(1, _BATCH_SAMPLES // shortest))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -53,7 +54,7 @@ class FastTask:
         self._expected = 0  # stream index of the next sample
         self.windows = 0
         """Windows completed, in numbers of the stream's grid."""
-        self._window_end = 0.0
+        self._window_end = 0
         self._anchor = (0, 0)
 
     def start(self, utc_ns: int, index: int) -> None:
@@ -62,8 +63,7 @@ class FastTask:
         first = self._source.read(0)
         begin = first.utc_ns if first is not None else utc_ns
         self._expected = index
-        self.windows = int(index / self._per_window)
-        self._window_end = (self.windows + 1) * self._per_window
+        self._count_windows()
         self._anchor = (index, begin)
         self._ring.begin(index, begin)
 
@@ -92,11 +92,15 @@ class FastTask:
         self._ring.write(block.codes)
         self._expected = block.index + len(block.codes)
         if self._expected >= self._window_end:
-            self.windows = int(self._expected / self._per_window)
-            self._window_end = (self.windows + 1) * self._per_window
+            self._count_windows()
             if self._source.live:
                 self._check_clock()
             self._wake()
+
+    def _count_windows(self) -> None:
+        """Window k ends at sample floor(k * N + 1/2), as on the meter's grid."""
+        self.windows = math.ceil((self._expected + 0.5) / self._per_window) - 1
+        self._window_end = math.floor((self.windows + 1) * self._per_window + 0.5)
 
     def _check_clock(self) -> None:
         index, utc_ns = self._anchor
