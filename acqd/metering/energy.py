@@ -39,6 +39,7 @@ class EnergyRegister:
         `start` is each phase's (imported, exported) [kWh] to go on from after a restart.
         """
         self._unit = [Fraction(unit) for unit in kwh_per_count]
+        self._float_unit = np.array(kwh_per_count)
         begin = start or [(0.0, 0.0)] * len(kwh_per_count)
         # Starting readings become counts too (1e-9 of a count is far below the meter's resolution).
         self._counts = [
@@ -56,17 +57,13 @@ class EnergyRegister:
         A window imports or exports as a whole: within a mains cycle reactive power swings both ways.
         """
         whole = counts.astype(np.int64)
-        parts = np.maximum(whole, 0), np.maximum(-whole, 0)
-        readings = []
-        for direction, part in enumerate(parts):
-            running = np.cumsum(part, axis=1)
-            reading = np.empty(running.shape)
-            for phase, unit in enumerate(self._unit):
-                before = self._counts[phase][direction]
-                reading[phase] = (float(before) + running[phase]) * float(unit)
-                self._counts[phase][direction] = before + int(running[phase, -1])
-            readings.append(reading)
-        return EnergyColumns(*readings)
+        running = np.cumsum(np.stack((np.maximum(whole, 0), np.maximum(-whole, 0))), axis=2)
+        before = np.array(self._counts, dtype=np.float64).T[:, :, None]
+        imported, exported = (before + running) * self._float_unit[:, None]
+        for direction, sums in enumerate(running[:, :, -1].tolist()):
+            for phase, added in enumerate(sums):
+                self._counts[phase][direction] += added
+        return EnergyColumns(imported, exported)
 
     def reading(self) -> list[tuple[float, float]]:
         """Each phase's (imported, exported) [kWh] now."""

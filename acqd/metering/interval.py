@@ -18,14 +18,17 @@ def interval_sums(x: Floats, start: Floats, stop: Floats) -> Floats:
 
     Bounds are in samples, 0 <= start < stop <= samples; each interval spans at least one cell.
     """
-    last = x.shape[-1] - 1
-    first, end = np.floor(start).astype(np.int64), np.floor(stop).astype(np.int64)
-    whole = _segment_sums(x, first, end)
-    return whole - _partial(x, first, start - first, last) + _partial(x, end, stop - end, last)
+    bounds = np.concatenate((start, stop))
+    cells = np.floor(bounds).astype(np.int64)
+    count = len(start)
+    parts = _partial(x, cells, bounds - cells)
+    whole = _segment_sums(x, cells[:count], cells[count:])
+    return whole - parts[..., :count] + parts[..., count:]
 
 
-def _partial(x: Floats, cell: np.ndarray, share: Floats, last: int) -> Floats:
+def _partial(x: Floats, cell: np.ndarray, share: Floats) -> Floats:
     """Integral over the first `share` of each cell."""
+    last = x.shape[-1] - 1
     middle = np.minimum(cell, last)  # stop == samples has share 0: any cell will do
     slope = (x[..., np.minimum(middle + 1, last)] - x[..., np.maximum(middle - 1, 0)]) / 2
     result: Floats = share * x[..., middle] + (share * share - share) / 2 * slope
