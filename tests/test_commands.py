@@ -88,32 +88,22 @@ def test_replay_in_real_time_gives_the_same_rows(tmp_path):
 
 
 def test_replay_publishes_every_row_to_the_sink(tmp_path, mosquitto, waveforms):
-    sink = start("sink", "--database", "s.sqlite", "--port", mosquitto.port, cwd=tmp_path)
-    path = tmp_path / "s.sqlite"
-
-    def stored():
-        try:
-            return sqlite3.connect(path).execute("SELECT count(*) FROM power").fetchone()[0]
-        except sqlite3.OperationalError:
-            return -1
-
-    wait_for(lambda: stored() == 0, "the sink has made its tables")
-    # The broker knows the sink's session once it has subscribed; ask until a first row arrives.
+    log = tmp_path / "sink.log"
+    words = [*ACQD, "sink", "--database", "s.sqlite", "--port", str(mosquitto.port)]
+    with log.open("wb") as stderr:
+        sink = subprocess.Popen(words, cwd=tmp_path, stderr=stderr)
+    wait_for(lambda: "connected to broker" in log.read_text(), "the sink has subscribed")
     npz = waveforms / "fridge_1ph_20k" / "replay_20k_el3783.npz"
-
-    def primed():
-        assert acqd("replay", npz, "--publish", "--port", mosquitto.port, "--device", "p", cwd=tmp_path).returncode == 0
-        return stored() > 0
-
-    wait_for(primed, "a first row arrives")
-    wait_for(lambda: stored() % 475 == 0, "whole playbacks are stored")
-    before = stored()
     result = acqd("replay", npz, "--publish", "--port", mosquitto.port, "--device", "fridge", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
-    wait_for(lambda: stored() == before + 475, "475 rows in SQL")
+
+    def stored():
+        with sqlite3.connect(tmp_path / "s.sqlite") as connection:
+            return connection.execute("SELECT count(*) FROM power WHERE device='fridge'").fetchone()[0]
+
+    wait_for(lambda: stored() == 475, "475 rows in SQL")
     sink.terminate()
-    _out, err = sink.communicate(timeout=10)
-    assert sink.returncode == 0, err
+    assert sink.wait(10) == 0, log.read_text()
 
 
 def test_demonstration_runs_out_of_the_box(tmp_path):

@@ -113,6 +113,34 @@ def test_events_travel_with_their_samples(ring):
     assert blocks[2].utc_ns == 10**12 and blocks[1].utc_ns == 1_000 * 50_000
 
 
+def test_an_event_at_the_head_waits_for_its_sample(ring):
+    ring.begin(0, 0)
+    ring.write(counted(0, 800))
+    ring.event(STEP, 10**12)
+    (before,) = ring.read()
+    ring.write(counted(800, 1_600))
+    (after,) = ring.read()
+    assert not before.flags and after.flags == {"clock_step"} and after.utc_ns == 10**12
+
+
+def test_samples_overwritten_while_they_are_copied_are_lost_not_torn(ring, monkeypatch):
+    ring.begin(0, 0)
+    ring.write(counted(0, 14_000))
+    take = Ring._overwritten
+    calls = []
+
+    def writer_comes_round(self):
+        if calls:
+            ring.write(counted(14_000, 16_000))
+        calls.append(1)
+        return take(self)
+
+    monkeypatch.setattr(Ring, "_overwritten", writer_comes_round)
+    (block,) = ring.read()
+    assert block.lost == block.index == 1_000
+    np.testing.assert_array_equal(index_of(block.codes), np.arange(1_000, 14_000))
+
+
 def run_cycles(ring, source, expirations, policy=None):
     woken = []
     task = FastTask(source, ring, 800.0, lambda: woken.append(task.windows), policy)
@@ -232,6 +260,62 @@ def test_a_crashed_fast_process_is_restarted_and_the_gap_flagged():
     # Time goes on by sample count, and still is this computer's.
     np.testing.assert_array_equal(utc - utc[0], (seq - seq[0]) * 40_000_000)
     assert abs(time.time_ns() - utc[-1]) < 20e9
+
+
+def clock_set_by(seconds):
+    """A UTC that jumps in the fast process half-way through the test, as NTP would set it."""
+    return f"""
+import time as _t
+_real, _start = _t.time_ns, _t.monotonic()
+_t.time_ns = lambda: _real() + (int({seconds}e9) if _t.monotonic() - _start > 1.5 else 0)
+"""
+
+
+@pytest.mark.parametrize("step_s", [30, -30])
+def test_a_clock_step_reaches_the_rows_and_survives_a_crash(step_s, tmp_path, monkeypatch):
+    (tmp_path / "sitecustomize.py").write_text(clock_set_by(step_s))
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    batches = []
+
+    async def scenario():
+        ex = executive(batches)
+        await ex.start()
+        running = asyncio.create_task(ex.run())
+
+        def stepped():
+            return any("clock_step" in flags for batch in batches for flags in batch.flags[0])
+
+        while not stepped():
+            await asyncio.sleep(0.02)
+        os.kill(ex.fast_pid, signal.SIGKILL)
+        seen = sum(map(len, batches))
+        while sum(map(len, batches)) < seen + 10:
+            await asyncio.sleep(0.02)
+        await ex.stop()
+        await running
+        ex.close()
+
+    asyncio.run(asyncio.wait_for(scenario(), 60))
+    seq = np.concatenate([batch.seq for batch in batches])
+    utc = np.concatenate([batch.utc_ns for batch in batches])
+    assert (np.diff(seq) > 0).all() and np.diff(seq).max() < 200  # no leap of the numbers with the clock
+    moved = (utc - utc[0]) - (seq - seq[0]) * 40_000_000
+    assert abs(moved[np.argmax(np.abs(moved))] - step_s * 1e9) < 0.5e9
+
+
+def test_stopping_in_the_middle_of_a_restart_ends_the_run():
+    async def scenario():
+        ex = executive([])
+        await ex.start()
+        running = asyncio.create_task(ex.run())
+        os.kill(ex.fast_pid, signal.SIGKILL)
+        while ex.restarts == 0:
+            await asyncio.sleep(0.01)
+        await ex.stop()
+        await asyncio.wait_for(running, 10)
+        ex.close()
+
+    asyncio.run(scenario())
 
 
 def test_an_unusable_source_is_a_user_error_not_a_crash(tmp_path):

@@ -180,6 +180,22 @@ def test_roll_ups_and_retention(database):
     assert count(engine, power_15min) == 3
 
 
+def test_a_backlog_of_days_is_rolled_up_before_it_is_deleted(database):
+    engine = open_database(database)
+    day = 86_400
+    now = T0 + 100 * day
+    recent = [row(k, t=now - 3_600 + k) for k in range(200)]
+    Writer(engine).write([message(r) for r in recent])
+    maintain(engine, Retention(power_days=30), now)
+    old = [row(k, t=T0 + 40 * day + k, device="cell2", Vrms=1e-200) for k in range(120)]
+    Writer(engine).write([Received("acqd/cell2/L1/power", r.to_json()) for r in old])
+    done = maintain(engine, Retention(power_days=30), now)
+    assert done.power_deleted == 120
+    with engine.connect() as connection:
+        stored = connection.execute(sa.select(power_1min.c.rows).where(power_1min.c.device == "cell2")).scalars().all()
+    assert stored == [60, 60]
+
+
 @contextmanager
 def running_sink(address, engine, **settings):
     sink = Sink(address, engine, SinkSettings(interval=0.05, **settings))

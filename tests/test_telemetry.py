@@ -117,6 +117,14 @@ def test_malformed_rows_are_refused_with_the_field(change, complaint):
         parse_row(json.dumps(plain).encode())
 
 
+def test_deep_nesting_and_absurd_numbers_are_refused():
+    _, _, rows = some_rows(phases=1)
+    text = rows[0].to_json()
+    for bad in (text[:-1] + b',"x":' + b"[" * 5_000 + b"]" * 5_000 + b"}", text.replace(b'"S":', b'"S":1e200,"SS":')):
+        with pytest.raises(ValueError):
+            parse_row(bad)
+
+
 @given(st.binary(max_size=60))
 def test_any_bytes_are_refused_without_a_crash(payload):
     with pytest.raises(ValueError):
@@ -129,8 +137,8 @@ def test_device_names_that_would_break_topics_are_refused():
 
 
 def test_summaries_come_once_a_second_and_add_up():
-    meter, batch, rows = some_rows(seconds=3.2, utc_ns=10**18)
-    summariser = Summariser(meter.energy.reading)
+    _, batch, rows = some_rows(seconds=3.2, utc_ns=10**18)
+    summariser = Summariser()
     summaries = summariser.add(batch, rows)
     assert len(summaries) == 3 * 4
     first = [row for row in rows if row.channel == "L2"][:25]
@@ -138,7 +146,7 @@ def test_summaries_come_once_a_second_and_add_up():
     assert second["rows"] == 25 and second["time"] == "2001-09-09T01:46:40.000000Z"
     assert second["P"] == pytest.approx(np.mean([row.P for row in first]))
     assert second["Vrms"] == pytest.approx(np.sqrt(np.mean([row.Vrms**2 for row in first])))
-    assert second["W"] == first[-1].W
+    assert second["W"] == first[-1].W == pytest.approx(second["W_import"] - second["W_export"])
 
 
 def test_a_full_outbox_drops_the_oldest_and_counts():

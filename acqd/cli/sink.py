@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import signal
+import sys
 import time
 from dataclasses import asdict, replace
 from typing import Annotated
@@ -12,6 +12,7 @@ import orjson
 import typer
 
 from acqd.cli.options import ConfigFile, Host, Json, Port, configured
+from acqd.daemon.config import Config
 from acqd.daemon.notify import notify
 from acqd.errors import UserError
 from acqd.storage.database import open_database
@@ -19,7 +20,6 @@ from acqd.storage.maintain import maintain
 from acqd.storage.sink import Sink
 
 app = typer.Typer(invoke_without_command=True)
-_STALE_S = 10.0
 Database = Annotated[str | None, typer.Option(help="SQLite file or URL (default acqd.sqlite, or the config's).")]
 
 
@@ -31,7 +31,7 @@ def sink(
     host: Host = None,
     port: Port = None,
     duration: Annotated[float | None, typer.Option(min=0.1, help="Stop after so many seconds.")] = None,
-    shared: Annotated[bool, typer.Option(help="Share the rows with other sinks (needs MQTT 5).")] = True,
+    embedded: Annotated[bool, typer.Option("--embedded", hidden=True)] = False,
     json: Json = False,
 ) -> None:
     """Write rows from the broker into SQL, acknowledging them after the commit.
@@ -42,8 +42,11 @@ def sink(
         if any((config, database, host, port, duration, json)):
             raise UserError(f"put the options behind the subcommand: acqd sink {context.invoked_subcommand} ...")
         return
-    settings = configured(config, host, port)
+    # `acqd run` hands its configuration over on stdin: passwords are no arguments.
+    settings = Config.model_validate_json(sys.stdin.read()) if embedded else configured(config, host, port)
     engine = open_database(database or settings.sink.database)
+    # The embedded broker knows no MQTT 5: no need to find that out by trying.
+    shared = not (embedded and settings.broker.embedded)
     worker = Sink(settings.mqtt.address(), engine, replace(settings.sink.settings(), shared=shared))
     stopping = False
 
@@ -54,25 +57,18 @@ def sink(
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, stop)
     end = time.monotonic() + duration if duration else None
-    if "ACQD_SINK_READY" in os.environ:
+    if embedded:
         print("ready", flush=True)
     notify("READY=1")
-    worker.run(lambda: stopping or (end is not None and time.monotonic() > end), lambda: _watchdog(worker))
+    worker.run(lambda: stopping or (end is not None and time.monotonic() > end), lambda: notify("WATCHDOG=1"))
     notify("STOPPING=1")
     counters = asdict(worker.counters)
     del counters["last_commit"]
     counters["reconnects"] = max(0, counters["reconnects"])
     if json:
         print(orjson.dumps(counters).decode())
-    elif "ACQD_SINK_READY" not in os.environ:
+    elif not embedded:
         print(", ".join(f"{value} {name}" for name, value in counters.items()))
-
-
-def _watchdog(worker: Sink) -> None:
-    """Alive while commits advance; waiting for a broker is no reason to be killed."""
-    last = worker.counters.last_commit
-    if last is None or time.monotonic() - last < _STALE_S or not worker.connected:
-        notify("WATCHDOG=1")
 
 
 @app.command("maintain")

@@ -24,14 +24,14 @@ class Publisher:
     def __init__(self, address: BrokerAddress, device: str) -> None:
         self._address, self._device = address, device
         self._loop = asyncio.new_event_loop()
-        self._failure: UserError | None = None
+        self._failure: Exception | None = None
         self._ready = threading.Event()
         self._thread = threading.Thread(target=self._serve, name="publisher", daemon=True)
 
     def __enter__(self) -> Publisher:
         self._thread.start()
         self._ready.wait()
-        while self._connector.state != "connected" and self._failure is None:
+        while self._failure is None and self._connector.state != "connected":
             time.sleep(0.01)
         if self._failure is not None:
             self._close()
@@ -76,23 +76,28 @@ class Publisher:
         self._loop.close()
 
     async def _run(self) -> None:
-        self._outbox = MemoryOutbox(4 * _WAITING)
-        self._connector = Connector(
-            self._address,
-            self._outbox,
-            client_id=f"acqd-replay-{self._device}",
-            status_topic=topics.status(self._device),
-            greeting=lambda: b'{"state":"online","source":"replay"}',
-            must_connect=True,
-        )
-        self._task = asyncio.create_task(self._connector.run())
-        self._ready.set()
         try:
-            await self._task
+            self._outbox = MemoryOutbox(4 * _WAITING)
+            self._connector = Connector(
+                self._address,
+                self._outbox,
+                client_id=f"acqd-replay-{self._device}",
+                status_topic=topics.status(self._device),
+                greeting=lambda: b'{"state":"online","source":"replay"}',
+                must_connect=True,
+            )
+            self._task = asyncio.create_task(self._connector.run())
         except UserError as error:
             self._failure = error
+            return
+        finally:
+            self._ready.set()
+        try:
+            await self._task
         except asyncio.CancelledError:
             return
+        except Exception as error:  # for the thread that waits for us to raise
+            self._failure = error
 
     def _close(self) -> None:
         if not self._loop.is_closed():

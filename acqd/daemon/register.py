@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import logging
 import os
@@ -24,19 +25,32 @@ class RegisterFile:
         except FileNotFoundError:
             return None
         except (OSError, ValueError, KeyError, TypeError) as error:
-            _log.error("%s is unreadable (%s): energy starts from zero", self._path, error)
+            self._refuse(f"unreadable ({error})")
             return None
         if len(pairs) != phases:
-            _log.error("%s is of %d phases, now %d: energy starts from zero", self._path, len(pairs), phases)
+            self._refuse(f"of {len(pairs)} phases, now there are {phases}")
+            return None
+        if not all(0 <= reading < 1e15 for pair in pairs for reading in pair):
+            self._refuse("holding impossible readings")
             return None
         return pairs
+
+    def _refuse(self, reason: str) -> None:
+        """Start from zero, but keep the file: somebody may want its readings back."""
+        kept = self._path.with_suffix(".old")
+        with contextlib.suppress(OSError):
+            os.replace(self._path, kept)
+        _log.error("%s is %s: energy starts from zero, the file is kept as %s", self._path, reason, kept.name)
 
     def save(self, readings: list[tuple[float, float]]) -> None:
         """Write the readings; a full disk is logged, never fatal."""
         data = {"phases": [{"import_kWh": imported, "export_kWh": exported} for imported, exported in readings]}
         fresh = self._path.with_suffix(".new")
         try:
-            fresh.write_text(json.dumps(data), encoding="utf-8")
+            with fresh.open("w", encoding="utf-8") as file:
+                file.write(json.dumps(data))
+                file.flush()
+                os.fsync(file.fileno())
             os.replace(fresh, self._path)
         except OSError as error:
             _log.error("%s cannot be written: %s", self._path, error)

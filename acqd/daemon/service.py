@@ -19,7 +19,7 @@ from acqd import __version__
 from acqd.daemon.config import Config
 from acqd.daemon.notify import notify
 from acqd.daemon.register import RegisterFile
-from acqd.errors import UserError
+from acqd.errors import OperationError, UserError
 from acqd.metering import Meter, StreamFormat, WindowBatch
 from acqd.plc.executive import Executive
 from acqd.telemetry import topics
@@ -54,7 +54,7 @@ class Service:
             window=config.window,
             realtime=config.realtime.settings(),
         )
-        self._summariser = Summariser(self._readings)
+        self._summariser = Summariser()
         self._stop = asyncio.Event()
         self._last_row: float | None = None
         self._started = time.time_ns()
@@ -90,6 +90,8 @@ class Service:
                 )
                 background.append(asyncio.create_task(self._connector.run()))
             background.append(asyncio.create_task(self._housekeeping()))
+            if sink is not None:
+                background.append(asyncio.create_task(_watch(sink)))
             notify(f"READY=1\nSTATUS=metering {self.config.device}")
             await self._until_done(metering, background, duration)
         finally:
@@ -214,23 +216,27 @@ class Service:
 
     async def _start_sink(self) -> asyncio.subprocess.Process:
         """The sink in a process of its own. Raises UserError when its database cannot be used."""
-        mqtt, sink = self.config.mqtt, self.config.sink
-        environment = os.environ | {"ACQD_SINK_READY": "1"}
         process = await asyncio.create_subprocess_exec(
-            *(sys.executable, "-m", "acqd", "sink", "--database", sink.database),
-            *("--host", mqtt.host, "--port", str(mqtt.port)),
-            *(["--no-shared"] if self.config.broker.embedded else []),
+            *(sys.executable, "-m", "acqd", "sink", "--embedded"),
+            stdin=asyncio.subprocess.PIPE,
             stdout=asyncio.subprocess.PIPE,
             stderr=asyncio.subprocess.PIPE,
-            env=environment,
             start_new_session=True,
         )
-        assert process.stdout is not None and process.stderr is not None
+        assert process.stdin is not None and process.stdout is not None and process.stderr is not None
+        process.stdin.write(self.config.model_dump_json().encode())
+        process.stdin.close()
         if not await process.stdout.readline():
             message = (await process.stderr.read()).decode().strip()
             raise UserError(message.removeprefix("acqd: ") or "the sink did not start")
         self._sink_log = asyncio.create_task(_relay(process.stderr))
         return process
+
+
+async def _watch(sink: asyncio.subprocess.Process) -> None:
+    """Raises when the sink ends: it should outlive the metering."""
+    code = await sink.wait()
+    raise OperationError(f"the embedded sink ended with exit code {code}; its last log line says why")
 
 
 async def _relay(stream: asyncio.StreamReader) -> None:

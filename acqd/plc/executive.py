@@ -7,6 +7,7 @@ import json
 import logging
 import os
 import sys
+import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from typing import Any
@@ -60,7 +61,7 @@ class Executive:
         self._slow: SlowTask | None = None
         self._wake_fd = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
         self._stopping = False
-        self._anchor: tuple[int, int] | None = None
+        self._reached: tuple[int, int, int] | None = None  # next sample's index, its UTC, seen at (monotonic) [ns]
         self.restarts = 0
         self.meter: Meter | None = None
         self.failure: Exception | None = None
@@ -89,7 +90,11 @@ class Executive:
             self.restarts += 1
             _log.warning("MAIN_FAST died (%s); restarting it, the gap will be flagged", _how(code))
             await asyncio.sleep(_RESTART_S)
+            if self._stopping:
+                return
             await self._launch()
+            if self._stopping:  # asked for while the new process started
+                self._fast.process.terminate()
 
     async def stop(self) -> None:
         """Let the current window finish, then end the fast process."""
@@ -144,7 +149,7 @@ class Executive:
             "wake_fd": self._wake_fd,
             "window": self._window,
             "realtime": asdict(self._realtime),
-            "anchor": self._anchor,
+            "resume": self._reached,
         }
         # One BLAS thread: MAIN_FAST has no use for more, and each would be another stack to keep.
         environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
@@ -202,18 +207,15 @@ class Executive:
         assert self._slow is not None and self._fast is not None
         try:
             batch = self._slow.cycle()
-            if batch is None:
-                return
-            if self._fast.live and self._anchor is None:
-                self._anchor = (0, int(batch.utc_ns[0]) - self._index_ns(int(batch.seq[0])))
-            self._on_batch(batch)
+            reached = self._fast.ring.reached()
+            if reached is not None:
+                self._reached = (*reached, time.monotonic_ns())
+            if batch is not None:
+                self._on_batch(batch)
         except Exception as error:
             self.failure = error
             if self._fast.process.returncode is None:
                 self._fast.process.terminate()
-
-    def _index_ns(self, seq: int) -> int:
-        return round(seq * self._window * 1e9)
 
 
 def _how(code: int) -> str:

@@ -75,7 +75,7 @@ class FastTask:
         self._read += due
         if stall_ns > self._policy.catch_up_ns:
             given_up = due - int(self._policy.catch_up_ns * 1e-9 * self._rate)
-            self._source.read(given_up)  # taken and dropped: the gap is explicit
+            self._source.skip(given_up)
             due -= given_up
         block = self._source.read(due)
         if block is None:

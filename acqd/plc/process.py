@@ -54,10 +54,12 @@ def main() -> int:
     _answer({"form": asdict(form), "live": source.live, "layout": asdict(layout), "refused": refused})
     stats = CycleStats(ring.cycle_slots, PERIOD_NS)
     utc_ns, index = orders["source"].get("start_utc_ns") or time.time_ns(), 0
-    if orders["anchor"] and source.live:
-        # Restarted: go on at the sample number that now belongs to the old stream.
-        old_index, old_utc = orders["anchor"]
-        index = old_index + max(0, round((utc_ns - old_utc) * 1e-9 * form.rate))
+    if orders["resume"] and source.live:
+        # Restarted: the old stream goes on behind a gap as long as the outage. Measured on the monotonic
+        # clock and told in the stream's own time, so that a clock set meanwhile shows as a clock step.
+        old_index, old_utc, seen = orders["resume"]
+        outage_ns = time.monotonic_ns() - seen
+        index, utc_ns = old_index + round(outage_ns * 1e-9 * form.rate), old_utc + outage_ns
     try:
         run_fast(task, ring, stats, utc_ns=utc_ns, index=index, stop=lambda: stopping)
     finally:

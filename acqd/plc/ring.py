@@ -19,8 +19,8 @@ from acqd.metering.block import Codes, SampleBlock
 from acqd.plc.stats import SLOTS
 
 _HEADER = 16  # int64 words
-_HEAD, _EVENT_HEAD, _STATE, _ANCHOR_INDEX, _ANCHOR_UTC, _WAKE = range(6)
-_EVENTS = 256
+_HEAD, _EVENT_HEAD, _STATE, _ANCHOR_INDEX, _ANCHOR_UTC = range(5)
+_EVENTS = 4096  # several per cycle for as long as the ring lasts
 _EVENT_WORDS = 3  # position, kind, value
 RUNNING, ENDED, STOPPED = 1, 2, 3
 """States of the writer: running; the source has ended; stopped on request."""
@@ -113,6 +113,13 @@ class Ring:
 
     # -- reader --
 
+    def reached(self) -> tuple[int, int] | None:
+        """Index and UTC [ns] of the sample that `read` would give next; None before the first read."""
+        if not self._position:
+            return None
+        anchor, utc = self._anchor
+        return self._index, utc + round((self._index - anchor) * 1e9 / self.layout.rate)
+
     def read(self) -> list[SampleBlock]:
         """Everything new, cut into blocks where an event happened."""
         if not self.state:
@@ -123,12 +130,13 @@ class Ring:
             self._anchor = (self._index, self._header[_ANCHOR_UTC])
         blocks: list[SampleBlock] = []
         flags: frozenset[str] = frozenset()
-        lost = self._skip_overwritten(head)
+        lost = self._skip_overwritten()
         for position, kind, value in [*self._new_events(head), (head, 0, 0)]:
             if position > self._position:
                 block = self._take(position, lost, flags)
-                blocks.append(block)
                 lost, flags = 0, frozenset()
+                if len(block.codes):
+                    blocks.append(block)
             if kind == GAP:
                 lost += value
                 self._index += value
@@ -147,22 +155,29 @@ class Ring:
         else:
             codes = np.concatenate((self._codes[start:], self._codes[:stop]))
         anchor, utc = self._anchor
+        # The writer may have come round while we copied: what it reached is not ours any more.
+        torn = min(self._overwritten(), len(codes))
+        if torn:
+            codes, lost = codes[torn:], lost + torn
+            self._index += torn
         block = SampleBlock(
             codes, self._index, utc + round((self._index - anchor) * 1e9 / self.layout.rate), lost, flags
         )
-        self._index += until - self._position
+        self._index += len(codes)
         self._position = until
         return block
 
-    def _skip_overwritten(self, head: int) -> int:
-        """Samples lost because the reader came too late (leaving the writer room while copying)."""
+    def _overwritten(self) -> int:
+        """Samples from our position on that the writer has reached, or may be writing now."""
         room = self.layout.capacity * 3 // 4
-        if head - self._position <= self.layout.capacity - 1:
-            return 0
-        lost = head - room - self._position
+        return max(0, int(self._header[_HEAD]) - room - self._position)
+
+    def _skip_overwritten(self) -> int:
+        """Samples lost because the reader came too late."""
+        lost = self._overwritten()
         self._position += lost
         self._index += lost
-        return int(lost)
+        return lost
 
     def _new_events(self, head: int) -> list[tuple[int, int, int]]:
         """Events up to `head`, oldest first; those whose samples are gone keep their effect."""
@@ -172,7 +187,7 @@ class Ring:
         while self._event_tail < end:
             slot = self._event_tail % _EVENTS * _EVENT_WORDS
             position, kind, value = self._events[slot : slot + _EVENT_WORDS]
-            if position > head:
+            if position >= head:  # an event belongs to the next sample: it waits for that
                 break
             events.append((position, kind, value))
             self._event_tail += 1

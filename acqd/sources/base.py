@@ -26,6 +26,12 @@ class Source(ABC):
         Never blocks. A block may be empty. Lost samples show as a jump of `index`.
         """
 
+    def skip(self, count: int) -> None:
+        """Give up `count` samples: they become a gap."""
+        while count > 0:
+            self.read(min(count, 100_000))
+            count -= 100_000
+
     def close(self) -> None:
         """Let go of files and devices; allowed at any time."""
         return

@@ -100,6 +100,10 @@ class SimulatedSource(Source):
             codes = np.concatenate((codes, self._part(at + len(codes), limit - len(codes))))
         return SampleBlock(codes, at, utc, 0, _FLAGS)
 
+    def skip(self, count: int) -> None:
+        """Nothing to compute for samples that nobody wants."""
+        self._position += count
+
     def _part(self, at: int, limit: int) -> Codes:
         """At most `limit` samples from `at` on, as far as its chunk goes."""
         number, offset = divmod(at, self._size)

@@ -14,7 +14,7 @@ from acqd.telemetry.row import filetime, rfc3339
 
 _TICKS = 10_000_000  # FILETIME ticks per second
 _DAY = 86_400
-_LATE_ROWS_S = 86_400 // 900 * 900  # how far back late rows still change a roll-up
+_LATE_ROWS_S = _DAY  # how far back late rows still change a roll-up
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,10 +47,10 @@ def maintain(engine: sa.Engine, retention: Retention, now: float | None = None) 
     with engine.begin() as connection:
         if engine.dialect.name == "sqlite":
             connection.exec_driver_sql("BEGIN IMMEDIATE")
-        minutes, quarters = (_roll_up(connection, table, seconds, now) for seconds, table in ROLLUPS.items())
-        cut = _cut(now, retention.power_days)
         # Whole quarter hours only: a half-deleted bucket would be rolled up again, wrongly.
-        power_deleted = _delete(connection, power, power.c.filetime < _ticks(cut // 900 * 900)) if cut else 0
+        cut = _cut(now, retention.power_days) // 900 * 900
+        minutes, quarters = (_roll_up(connection, seconds, now, int(cut)) for seconds in ROLLUPS)
+        power_deleted = _delete(connection, power, power.c.filetime < _ticks(cut)) if cut else 0
         cut = _cut(now, retention.rollup_1min_days)
         rollup_deleted = _delete(connection, power_1min, power_1min.c.start < cut) if cut else 0
         cut = _cut(now, retention.quarantine_days)
@@ -77,12 +77,29 @@ def _delete(connection: sa.Connection, table: sa.Table, condition: sa.ColumnElem
     return connection.execute(sa.delete(table).where(condition)).rowcount
 
 
-def _roll_up(connection: sa.Connection, table: sa.Table, seconds: int, now: float) -> int:
-    """Insert or replace the buckets of `seconds` that are complete at `now`."""
-    c = power.c
+def _roll_up(connection: sa.Connection, seconds: int, now: float, cut: int) -> int:
+    """Roll up the buckets of `seconds` that are complete at `now`; `cut`: older rows are about to go.
+
+    Recent buckets are made anew, for rows that came late. Rows that came later than that, a backlog
+    of days, are rolled up at the last moment, unless their bucket exists.
+    """
+    table = ROLLUPS[seconds]
     newest = connection.execute(sa.select(sa.func.max(table.c.start))).scalar()
-    begin = 0 if newest is None else int(newest) - _LATE_ROWS_S
+    begin = 0 if newest is None else int(newest) // seconds * seconds - _LATE_ROWS_S
     end = int(now) // seconds * seconds
+    made = _write_buckets(connection, seconds, begin, end, replace=True)
+    return made + (_write_buckets(connection, seconds, 0, min(cut, begin), replace=False) if cut else 0)
+
+
+def _square(column: sa.ColumnElement[Any]) -> sa.ColumnElement[Any]:
+    """x * x; 0 for what is too small to be squared (PostgreSQL calls that an error)."""
+    return sa.case((sa.func.abs(column) < 1e-100, 0.0), else_=column * column)
+
+
+def _write_buckets(connection: sa.Connection, seconds: int, begin: int, end: int, *, replace: bool) -> int:
+    """Buckets between the Unix times `begin` and `end`; an existing one is replaced or left."""
+    table = ROLLUPS[seconds]
+    c = power.c
     start = (c.filetime - filetime(0)) // (_TICKS * seconds) * seconds
     P, S = sa.func.avg(c.P), sa.func.avg(c.S)
     last = sa.func.max(c.filetime)
@@ -97,10 +114,10 @@ def _roll_up(connection: sa.Connection, table: sa.Table, seconds: int, now: floa
         "channel": c.channel,
         "start": start,
         "rows": sa.func.count(),
-        "Vrms": sa.func.sqrt(sa.func.avg(c.Vrms * c.Vrms)),
+        "Vrms": sa.func.sqrt(sa.func.avg(_square(c.Vrms))),
         "Vrms_min": sa.func.min(c.Vrms),
         "Vrms_max": sa.func.max(c.Vrms),
-        "Irms": sa.func.sqrt(sa.func.avg(c.Irms * c.Irms)),
+        "Irms": sa.func.sqrt(sa.func.avg(_square(c.Irms))),
         "Irms_max": sa.func.max(c.Irms),
         "P": P,
         "P_min": sa.func.min(c.P),
@@ -120,5 +137,9 @@ def _roll_up(connection: sa.Connection, table: sa.Table, seconds: int, now: floa
     statement = insert(table).from_select(list(columns), query)
     key = ["device", "channel", "start"]
     changed = {name: statement.excluded[name] for name in columns if name not in key}
-    upsert = statement.on_conflict_do_update(index_elements=key, set_=changed)
+    upsert = (
+        statement.on_conflict_do_update(index_elements=key, set_=changed)
+        if replace
+        else statement.on_conflict_do_nothing(index_elements=key)
+    )
     return int(connection.execute(upsert.execution_options(preserve_rowcount=True)).rowcount)

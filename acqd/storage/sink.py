@@ -29,6 +29,7 @@ _BACKOFF_S = (0.2, 15.0)
 _CONNECT_S = 5.0
 _KEPT_S = 7 * 24 * 3600  # how long the broker keeps our session while we are away
 _UNSUPPORTED = "unsupported protocol"
+_NO_ANSWER = "no answer to CONNECT"
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +70,8 @@ class Sink:
         self._tls = address.tls_context()
         self._protocol = MQTTProtocolVersion.MQTTv5 if self._settings.shared else MQTTProtocolVersion.MQTTv311
         self._failure: str | None = None
-        self._connected = self._subscribed = False
+        self._connected = self._accepted = self._subscribed = False
+        self._unanswered = 0
         self.counters = SinkCounters()
 
     @property
@@ -83,7 +85,7 @@ class Sink:
         while not stop():
             client = self._connect()
             if client is not None:
-                delay = _BACKOFF_S[0]
+                committed = self.counters.batches
                 try:
                     self._consume(client, stop, progress)
                 finally:
@@ -91,18 +93,28 @@ class Sink:
                     self._connected = False
                 if stop():
                     return
-            if self._failure and is_refusal(self._failure) and self.counters.reconnects < 0:
-                raise refusal(self._address, self._failure)
-            if self._failure == _UNSUPPORTED:
-                _log.info("broker %s speaks no MQTT 5: rows are not shared between sinks", self._address)
-                self._protocol = MQTTProtocolVersion.MQTTv311
+                if self.counters.batches > committed:
+                    delay = _BACKOFF_S[0]
+            elif self._step_down():
                 continue
-            if client is None and self._settings.shared:
-                self._protocol = MQTTProtocolVersion.MQTTv5  # another broker may answer next time
+            elif self._failure and is_refusal(self._failure) and self.counters.reconnects < 0:
+                raise refusal(self._address, self._failure)
             if delay == _BACKOFF_S[0]:
                 _log.warning("broker %s: %s; trying on", self._address, self._failure)
             self._sleep(delay * random.uniform(0.5, 1.0), stop, progress)
             delay = min(2 * delay, _BACKOFF_S[1])
+
+    def _step_down(self) -> bool:
+        """After a failed connect: whether to try MQTT 3.1.1 at once. The next failure returns to 5."""
+        was_five = self._protocol == MQTTProtocolVersion.MQTTv5
+        self._unanswered = self._unanswered + 1 if self._failure == _NO_ANSWER and was_five else 0
+        if was_five and (self._failure == _UNSUPPORTED or self._unanswered >= 2):
+            _log.info("broker %s speaks no MQTT 5: rows are not shared between sinks", self._address)
+            self._protocol = MQTTProtocolVersion.MQTTv311
+            return True
+        if self._settings.shared:
+            self._protocol = MQTTProtocolVersion.MQTTv5
+        return False
 
     def _sleep(self, seconds: float, stop: Callable[[], bool], progress: Callable[[], None]) -> None:
         deadline = time.monotonic() + seconds
@@ -112,7 +124,7 @@ class Sink:
 
     def _connect(self) -> paho.Client | None:
         """A fresh client, subscribed; None when it did not work (why is in `_failure`)."""
-        self._failure, self._connected, self._subscribed = None, False, False
+        self._failure, self._connected, self._accepted, self._subscribed = None, False, False, False
         self._arrived = []
         five = self._protocol == MQTTProtocolVersion.MQTTv5
         client = paho.Client(
@@ -128,6 +140,7 @@ class Sink:
         if self._tls is not None:
             client.tls_set_context(self._tls)
         client.on_connect, client.on_disconnect = self._on_connect, self._on_disconnect
+        client.on_subscribe = self._on_subscribe
         client.on_message = lambda _client, _data, message: self._arrived.append(message)
         client.on_socket_open = _no_delay
         client.connect_timeout = _CONNECT_S
@@ -146,8 +159,7 @@ class Sink:
         self._connected = self._subscribed
         if self._connected:
             return client
-        five = self._protocol == MQTTProtocolVersion.MQTTv5
-        self._failure = self._failure or (_UNSUPPORTED if five else "no answer")
+        self._failure = self._failure or _NO_ANSWER
         return None
 
     def _session(self) -> Properties:
@@ -160,18 +172,28 @@ class Sink:
         if reason.is_failure:
             self._failure = _UNSUPPORTED if "protocol" in str(reason).lower() else str(reason)
             return
-        shared = self._protocol == MQTTProtocolVersion.MQTTv5
-        prefix = f"$share/{self._settings.group}/" if shared else ""
-        client.subscribe(prefix + topics.ALL_POWER, qos=1)
+        self._accepted = True
+        if self._protocol == MQTTProtocolVersion.MQTTv5:
+            client.unsubscribe(topics.ALL_POWER)  # a session from a time without sharing would get every row
+            client.subscribe(f"$share/{self._settings.group}/{topics.ALL_POWER}", qos=1)
+        else:
+            client.subscribe(topics.ALL_POWER, qos=1)
+
+    def _on_subscribe(self, _client: Any, _data: Any, _mid: Any, reasons: list[Any], _properties: Any) -> None:
+        if reasons[0].is_failure:
+            self._failure = (
+                f"subscription refused: {reasons[0]}; check the broker's access rules for {topics.ALL_POWER}"
+            )
+            return
         self.counters.reconnects += 1
         self._subscribed = True
-        _log.info("connected to broker %s (MQTT %s)", self._address, "5, shared" if shared else "3.1.1")
+        how = "5, shared" if self._protocol == MQTTProtocolVersion.MQTTv5 else "3.1.1"
+        _log.info("connected to broker %s (MQTT %s)", self._address, how)
 
     def _on_disconnect(self, _client: Any, _data: Any, _flags: Any, reason: Any, _properties: Any) -> None:
         if self._failure is None:
-            closed_early = not self._subscribed and self._protocol == MQTTProtocolVersion.MQTTv5
-            # Some 3.1.1 brokers just hang up on a version-5 CONNECT.
-            self._failure = _UNSUPPORTED if closed_early else str(reason)
+            # Before CONNACK: some 3.1.1 brokers just hang up on a version-5 CONNECT.
+            self._failure = str(reason) if self._accepted else _NO_ANSWER
         self._connected = False
 
     def _consume(self, client: paho.Client, stop: Callable[[], bool], progress: Callable[[], None]) -> None:
@@ -220,7 +242,7 @@ class Sink:
         """Write and acknowledge. While the database is away, nothing is acknowledged or lost."""
         try:
             written = self._writer.write([Received(message.topic, bytes(message.payload)) for message in batch])
-        except sa.exc.DatabaseError as error:
+        except sa.exc.DBAPIError as error:
             _log.error("database: %s; %d messages stay with the broker", str(error.orig).strip(), len(batch))
             self._failure = "paused for the database"
             self._sleep(1.0, stop, progress)

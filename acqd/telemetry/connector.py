@@ -85,7 +85,7 @@ class Connector:
 
     async def _session(self) -> None:
         will = Message(self._status_topic, OFFLINE, retain=True)
-        async with Session(self._address, self._client_id, will, _BATCH) as session:
+        async with Session(self._address, self._tls, self._client_id, will, _BATCH) as session:
             self.reconnects += 1
             self.state = "connected"
             _log.info("connected to broker %s", self._address)

@@ -20,8 +20,8 @@ Channel = Literal["L1", "L2", "L3", "total"]
 CHANNELS: tuple[Channel, ...] = ("L1", "L2", "L3", "total")
 _FILETIME_1970 = 116_444_736_000_000_000  # 100 ns from 1601-01-01 to 1970-01-01
 _INT64 = 2**63 - 1
-_Maybe = float | None
-_Quantities = tuple[_Maybe, _Maybe, _Maybe, _Maybe, _Maybe, _Maybe, _Maybe]  # Vrms .. W
+_Quantity = Annotated[float, Meta(ge=-1e15, le=1e15)] | None
+_Quantities = tuple[_Quantity, _Quantity, _Quantity, _Quantity, _Quantity, _Quantity, _Quantity]  # Vrms .. W
 _Name = Annotated[str, Meta(min_length=1, max_length=64)]
 _Integer = Annotated[int, Meta(ge=0, le=_INT64)]
 
@@ -40,18 +40,18 @@ class PowerRow:
     """RFC 3339 UTC of the window's first sample."""
     filetime: _Integer
     """The same in NTFS FILETIME: 100 ns since 1601-01-01 UTC."""
-    Vrms: float | None
+    Vrms: _Quantity
     """V."""
-    Irms: float | None
+    Irms: _Quantity
     """A."""
-    P: float | None
+    P: _Quantity
     """W."""
-    S: float | None
+    S: _Quantity
     """VA."""
-    PF: float | None
-    f: float | None
+    PF: _Quantity
+    f: _Quantity
     """Hz."""
-    W: float | None
+    W: _Quantity
     """kWh since the register began: import minus export."""
     flags: list[_Name]
     schema: Annotated[int, Meta(ge=SCHEMA, le=SCHEMA)] = SCHEMA
@@ -70,7 +70,7 @@ def parse_row(payload: bytes) -> PowerRow:
         raise ValueError("text holds a NUL character, which no database column takes")
     try:
         row = _decoder.decode(payload)
-    except (msgspec.DecodeError, ValueError) as error:
+    except (msgspec.DecodeError, ValueError, RecursionError) as error:
         raise ValueError(str(error)) from None
     try:
         zoned = datetime.fromisoformat(row.time).tzinfo is not None

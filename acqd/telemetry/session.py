@@ -9,6 +9,8 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import socket
+import ssl
+import threading
 from collections.abc import Sequence
 from types import TracebackType
 from typing import Any
@@ -31,7 +33,9 @@ class SessionError(Exception):
 class Session:
     """`async with Session(...)` connects; afterwards the object is spent."""
 
-    def __init__(self, address: BrokerAddress, client_id: str, will: Message, inflight: int) -> None:
+    def __init__(
+        self, address: BrokerAddress, tls: ssl.SSLContext | None, client_id: str, will: Message, inflight: int
+    ) -> None:
         self._address = address
         self._loop = asyncio.get_running_loop()
         self._ended: asyncio.Future[str] = self._loop.create_future()
@@ -46,18 +50,13 @@ class Session:
         client.on_connect, client.on_disconnect = self._on_connect, self._on_disconnect
         client.on_publish = self._on_publish
         client.connect_timeout = _CONNECT_S
+        if tls is not None:
+            client.tls_set_context(tls)
         self._client = client
 
     async def __aenter__(self) -> Session:
         """Connect. Raises SessionError."""
-        context = self._address.tls_context()
-        if context is not None:
-            self._client.tls_set_context(context)
-        try:
-            # Name look-up and TCP connect may block: not on the loop that meters.
-            await asyncio.to_thread(self._client.connect, self._address.host, self._address.port, _KEEPALIVE_S)
-        except (OSError, ValueError) as error:
-            raise SessionError(getattr(error, "strerror", None) or str(error)) from None
+        await self._reach()
         sock: Any = self._client.socket()
         with contextlib.suppress(OSError):  # a TLS socket has it set on the one below
             for option in NO_DELAY:
@@ -85,7 +84,35 @@ class Session:
         if self._housekeeping is not None:
             self._housekeeping.cancel()
         self._client.disconnect()
+        self._client.loop_write()
         self._drop()
+
+    async def _reach(self) -> None:
+        """Name look-up, TCP and TLS: they block, so not on the loop that meters.
+
+        Nor in the loop's own pool, which would have to be waited for when the daemon stops.
+        """
+        reached: asyncio.Future[None] = self._loop.create_future()
+
+        def tell(error: Exception | None) -> None:
+            if reached.cancelled():
+                return
+            if error is None:
+                reached.set_result(None)
+            else:
+                reached.set_exception(SessionError(getattr(error, "strerror", None) or str(error)))
+
+        def connect() -> None:
+            failure: Exception | None = None
+            try:
+                self._client.connect(self._address.host, self._address.port, _KEEPALIVE_S)
+            except (OSError, ValueError) as error:
+                failure = error
+            with contextlib.suppress(RuntimeError):  # the loop has closed meanwhile
+                self._loop.call_soon_threadsafe(tell, failure)
+
+        threading.Thread(target=connect, name="mqtt-connect", daemon=True).start()
+        await reached
 
     async def publish(self, messages: Sequence[Message], timeout: float = _ACK_S) -> None:
         """Send with QoS 1, in order; returns when all are acknowledged. Raises SessionError."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import Any
 
 from acqd.metering import WindowBatch
@@ -14,30 +14,30 @@ from acqd.telemetry.row import PowerRow, rfc3339
 class Summariser:
     """Collects rows until the stream's UTC second changes, then gives one summary per channel."""
 
-    def __init__(self, registers: Callable[[], list[tuple[float, float]]]) -> None:
-        """`registers` reads each phase's (imported, exported) energy [kWh]."""
-        self._registers = registers
+    def __init__(self) -> None:
         self._rows: dict[str, list[PowerRow]] = defaultdict(list)
         self._second: int | None = None
+        self._registers: list[tuple[float, float]] = []  # each phase's (imported, exported) [kWh] at the last row
 
     def add(self, batch: WindowBatch, rows: Iterable[PowerRow]) -> list[dict[str, Any]]:
-        """Take a batch's rows; the summaries that they complete."""
+        """Take a batch and its rows; the summaries that they complete."""
         done: list[dict[str, Any]] = []
-        seconds = {int(seq): int(ns) // 1_000_000_000 for seq, ns in zip(batch.seq, batch.utc_ns, strict=True)}
+        window = {seq: k for k, seq in enumerate(batch.seq.tolist())}
         for row in rows:
-            second = seconds[row.seq]
+            k = window[row.seq]
+            second = int(batch.utc_ns[k]) // 1_000_000_000
             if self._second is not None and second != self._second:
                 done += self._close()
             self._second = second
             self._rows[row.channel].append(row)
+            self._registers = list(zip(batch.imported[:, k].tolist(), batch.exported[:, k].tolist(), strict=True))
         return done
 
     def _close(self) -> list[dict[str, Any]]:
         assert self._second is not None
-        registers = self._registers()
-        readings = {f"L{phase}": pair for phase, pair in enumerate(registers, start=1)}
-        readings["total"] = (sum(pair[0] for pair in registers), sum(pair[1] for pair in registers))
-        summaries = [_summary(rows, self._second, *readings[channel]) for channel, rows in self._rows.items() if rows]
+        readings = {f"L{phase}": pair for phase, pair in enumerate(self._registers, start=1)}
+        readings["total"] = (sum(pair[0] for pair in self._registers), sum(pair[1] for pair in self._registers))
+        summaries = [_summary(rows, self._second, *readings[channel]) for channel, rows in self._rows.items()]
         self._rows.clear()
         return summaries
 

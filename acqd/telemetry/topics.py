@@ -10,12 +10,12 @@ ALL_SUMMARIES = "acqd/+/+/summary"
 ALL_STATUS = "acqd/+/status"
 OFFLINE = b"offline"
 """Last will and farewell on the status topic."""
-_DEVICE = re.compile(r"^[A-Za-z0-9_.-]{1,64}$")
+_DEVICE = re.compile(r"[A-Za-z0-9_.-]{1,64}")
 
 
 def valid_device(name: str) -> bool:
     """Whether a device name can be part of a topic (and of a file name)."""
-    return bool(_DEVICE.match(name))
+    return bool(_DEVICE.fullmatch(name))
 
 
 def power(device: str, channel: str) -> str:
