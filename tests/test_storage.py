@@ -264,12 +264,26 @@ def test_rows_sent_while_the_sink_is_away_wait_at_the_broker(mosquitto, database
         wait_for(lambda: count(engine) == 300, "the rows that waited")
 
 
+def test_rows_survive_a_restart_of_the_broker_before_the_sink_is_back(mosquitto, tmp_path):
+    engine = open_database(str(tmp_path / "a.sqlite"))
+    address = BrokerAddress(port=mosquitto.port)
+    with running_sink(address, engine):
+        pass
+    for start in (0, 100):
+        with publisher(mosquitto.port) as client:
+            publish(client, [row(k) for k in range(start, start + 100)])
+        mosquitto.stop()
+        mosquitto.start()
+    with running_sink(address, engine):
+        wait_for(lambda: count(engine) == 200, "the rows from before, between and after")
+
+
 def test_several_sinks_share_the_work(mosquitto, database):
     engine = open_database(database)
     address = BrokerAddress(port=mosquitto.port)
     with (
-        running_sink(address, engine, client_id="one") as one,
-        running_sink(address, engine, client_id="two") as two,
+        running_sink(address, engine, client_id="one", group="g") as one,
+        running_sink(address, engine, client_id="two", group="g") as two,
         publisher(mosquitto.port) as client,
     ):
         publish(client, [row(k) for k in range(400)])

@@ -31,6 +31,7 @@ def sink(
     host: Host = None,
     port: Port = None,
     duration: Annotated[float | None, typer.Option(min=0.1, help="Stop after so many seconds.")] = None,
+    group: Annotated[str | None, typer.Option(help="Share the rows with the other sinks of this group.")] = None,
     embedded: Annotated[bool, typer.Option("--embedded", hidden=True)] = False,
     json: Json = False,
 ) -> None:
@@ -46,8 +47,11 @@ def sink(
     settings = Config.model_validate_json(sys.stdin.read()) if embedded else configured(config, host, port)
     engine = open_database(database or settings.sink.database)
     # The embedded broker knows no MQTT 5: no need to find that out by trying.
-    shared = not (embedded and settings.broker.embedded)
-    worker = Sink(settings.mqtt.address(), engine, replace(settings.sink.settings(), shared=shared))
+    mqtt5 = not (embedded and settings.broker.embedded)
+    options = replace(settings.sink.settings(), mqtt5=mqtt5)
+    if group is not None:
+        options = replace(options, group=group)
+    worker = Sink(settings.mqtt.address(), engine, options)
     stopping = False
 
     def stop(*_: object) -> None:

@@ -133,7 +133,7 @@ class SinkSection(_Section):
     embedded: bool = False
     database: str = "acqd.sqlite"
     client_id: str = Field(default_factory=lambda: f"acqd-sink-{socket.gethostname()}", min_length=1)
-    group: str = "acqd-sink"
+    group: Annotated[str, Field(pattern=r"^[^/+#]*$")] = ""
     batch: Annotated[int, Field(ge=1, le=50_000)] = 2_000
     interval: Annotated[float, Field(gt=0, le=10)] = 0.25
     keep_days: Annotated[float, Field(ge=0)] = 30.0

@@ -1,7 +1,9 @@
 """The sink: MQTT -> SQL, acknowledged to the broker only after the commit.
 
-MQTT 5 with a shared subscription, so that several sinks share the work and the broker keeps what
-a sink that died had not confirmed; MQTT 3.1.1 without sharing where the broker knows no 5.
+A durable MQTT 5 session: the broker keeps what a sink that is away has not confirmed. Several sinks
+share the work through a shared subscription when they are given a group. Not by default: mosquitto
+2.0.11 (Debian 12) forgets a shared subscription when it restarts, until its client is back, and
+drops what is published in between; a plain one it keeps. MQTT 3.1.1 where the broker knows no 5.
 """
 
 from __future__ import annotations
@@ -37,14 +39,14 @@ class SinkSettings:
     """How the sink batches and shares."""
 
     client_id: str = "acqd-sink"
-    group: str = "acqd-sink"
-    """Shared-subscription group."""
+    group: str = ""
+    """Shared-subscription group: its sinks share the rows. Empty: every row comes here."""
     batch: int = 2_000
     """Messages per transaction at most; also what the broker may have under way to us."""
     interval: float = 0.25
     """Longest time [s] a row waits for its commit."""
-    shared: bool = True
-    """MQTT 5 and a shared subscription if the broker can; False: MQTT 3.1.1 from the start."""
+    mqtt5: bool = True
+    """MQTT 5 if the broker can; False: MQTT 3.1.1 from the start."""
 
 
 @dataclass(slots=True)
@@ -68,7 +70,7 @@ class Sink:
         self._settings = settings or SinkSettings()
         self._arrived: list[paho.MQTTMessage] = []
         self._tls = address.tls_context()
-        self._protocol = MQTTProtocolVersion.MQTTv5 if self._settings.shared else MQTTProtocolVersion.MQTTv311
+        self._protocol = MQTTProtocolVersion.MQTTv5 if self._settings.mqtt5 else MQTTProtocolVersion.MQTTv311
         self._failure: str | None = None
         self._connected = self._accepted = self._subscribed = False
         self._unanswered = 0
@@ -78,6 +80,10 @@ class Sink:
     def connected(self) -> bool:
         """Whether a broker is there to send rows."""
         return self._connected
+
+    @property
+    def _shares(self) -> bool:
+        return bool(self._settings.group) and self._protocol == MQTTProtocolVersion.MQTTv5
 
     def run(self, stop: Callable[[], bool], progress: Callable[[], None] = lambda: None) -> None:
         """Until `stop()`. Raises UserError when the broker refuses us at first contact."""
@@ -109,10 +115,10 @@ class Sink:
         was_five = self._protocol == MQTTProtocolVersion.MQTTv5
         self._unanswered = self._unanswered + 1 if self._failure == _NO_ANSWER and was_five else 0
         if was_five and (self._failure == _UNSUPPORTED or self._unanswered >= 2):
-            _log.info("broker %s speaks no MQTT 5: rows are not shared between sinks", self._address)
+            _log.info("broker %s speaks no MQTT 5: rows cannot be shared between sinks", self._address)
             self._protocol = MQTTProtocolVersion.MQTTv311
             return True
-        if self._settings.shared:
+        if self._settings.mqtt5:
             self._protocol = MQTTProtocolVersion.MQTTv5
         return False
 
@@ -173,7 +179,7 @@ class Sink:
             self._failure = _UNSUPPORTED if "protocol" in str(reason).lower() else str(reason)
             return
         self._accepted = True
-        if self._protocol == MQTTProtocolVersion.MQTTv5:
+        if self._shares:
             client.unsubscribe(topics.ALL_POWER)  # a session from a time without sharing would get every row
             client.subscribe(f"$share/{self._settings.group}/{topics.ALL_POWER}", qos=1)
         else:
@@ -187,8 +193,9 @@ class Sink:
             return
         self.counters.reconnects += 1
         self._subscribed = True
-        how = "5, shared" if self._protocol == MQTTProtocolVersion.MQTTv5 else "3.1.1"
-        _log.info("connected to broker %s (MQTT %s)", self._address, how)
+        version = "5" if self._protocol == MQTTProtocolVersion.MQTTv5 else "3.1.1"
+        sharing = f", sharing in group {self._settings.group}" if self._shares else ""
+        _log.info("connected to broker %s (MQTT %s%s)", self._address, version, sharing)
 
     def _on_disconnect(self, _client: Any, _data: Any, _flags: Any, reason: Any, _properties: Any) -> None:
         if self._failure is None:
