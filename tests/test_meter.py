@@ -188,6 +188,17 @@ def test_mains_that_return_are_seen_at_once_however_the_stream_is_cut():
     np.testing.assert_allclose(cut.f, whole.f, atol=1e-5)
 
 
+@settings(max_examples=40, deadline=None)
+@given(begin=st.integers(1_000, 12_000), length=st.integers(100, 9_000), f=st.floats(45.5, 64.5))
+def test_no_interruption_gives_nonsense(begin, length, f):
+    mains = make_mains(f, seconds=1, phases=1)
+    mains.codes[begin : begin + length] = 0
+    batch = meter_all(mains)
+    assert (batch.Vrms >= 0).all() and (batch.Vrms < 1.2 * mains.Vrms).all() and (batch.Irms >= 0).all()
+    known = batch.f[~np.isnan(batch.f)]
+    assert ((known > 44.4) & (known < 65.6)).all()
+
+
 def test_one_dead_phase_is_flagged_alone():
     mains = make_mains(50.0, seconds=1)
     mains.codes[:, 2] = 0

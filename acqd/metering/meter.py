@@ -94,6 +94,8 @@ class Meter:
             held = self._hold(f)
             start, stop, short = _synchronous(starts, ends, CYCLES * self.form.rate / held)
             means = interval_sums(products, start, stop) / (stop - start)
+            # The straight line through a cut cell can dip below zero where the voltage has just gone.
+            np.maximum(means[:2], 0.0, out=means[:2])
             live = np.sqrt(means[0]) * self._u_scale > self._dead
             for k in np.flatnonzero(short).tolist():
                 _mark(flags, k, "start")
@@ -127,6 +129,7 @@ class Meter:
         elif span:
             start = np.array([(length - span) / 2])
             means = interval_sums(products, start, start + span) / span
+            np.maximum(means[:2], 0.0, out=means[:2])
         else:
             means = np.full((3, self.form.phases, 1), np.nan)  # less than one cycle says nothing
         flags = piece.row_flags(self.form.phases)
