@@ -278,6 +278,18 @@ def test_rows_survive_a_restart_of_the_broker_before_the_sink_is_back(mosquitto,
         wait_for(lambda: count(engine) == 200, "the rows from before, between and after")
 
 
+def test_a_backlog_larger_than_a_batch_arrives(mosquitto, tmp_path):
+    """The broker sends the backlog before it confirms the subscription."""
+    engine = open_database(str(tmp_path / "a.sqlite"))
+    address = BrokerAddress(port=mosquitto.port)
+    with running_sink(address, engine, batch=50):
+        pass
+    with publisher(mosquitto.port) as client:
+        publish(client, [row(k) for k in range(400)])
+    with running_sink(address, engine, batch=50):
+        wait_for(lambda: count(engine) == 400, "a backlog of eight batches")
+
+
 def test_several_sinks_share_the_work(mosquitto, database):
     engine = open_database(database)
     address = BrokerAddress(port=mosquitto.port)

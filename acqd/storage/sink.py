@@ -31,6 +31,8 @@ _BACKOFF_S = (0.2, 15.0)
 _CONNECT_S = 5.0
 _KEPT_S = 7 * 24 * 3600  # how long the broker keeps our session while we are away
 _UNSUPPORTED = "unsupported protocol"
+_DATABASE_AWAY = "paused for the database"
+_STABLE_S = 5.0  # a connection that ends sooner may have been taken over by a client of the same name
 _NO_ANSWER = "no answer to CONNECT"
 
 
@@ -78,8 +80,8 @@ class Sink:
 
     @property
     def connected(self) -> bool:
-        """Whether a broker is there to send rows."""
-        return self._connected
+        """Whether the broker has taken our subscription (a backlog of rows may come before its word)."""
+        return self._connected and self._subscribed
 
     @property
     def _shares(self) -> bool:
@@ -91,7 +93,7 @@ class Sink:
         while not stop():
             client = self._connect()
             if client is not None:
-                committed = self.counters.batches
+                begun = time.monotonic()
                 try:
                     self._consume(client, stop, progress)
                 finally:
@@ -99,8 +101,10 @@ class Sink:
                     self._connected = False
                 if stop():
                     return
-                if self.counters.batches > committed:
+                if time.monotonic() - begun > _STABLE_S:
                     delay = _BACKOFF_S[0]
+                elif self._failure != _DATABASE_AWAY:
+                    self._failure = f"{self._failure} (does another sink use the client_id {self._settings.client_id}?)"
             elif self._step_down():
                 continue
             elif self._failure and is_refusal(self._failure) and self.counters.reconnects < 0:
@@ -158,11 +162,11 @@ class Sink:
             return None
         deadline = time.monotonic() + _CONNECT_S
         self._connected = True  # as far as TCP goes
-        while not self._subscribed and self._failure is None and time.monotonic() < deadline:
+        while not self._accepted and self._failure is None and time.monotonic() < deadline:
             self._receive(client, deadline - time.monotonic())
             if client.socket() is None:
                 break
-        self._connected = self._subscribed
+        self._connected = self._accepted and self._failure is None
         if self._connected:
             return client
         self._failure = self._failure or _NO_ANSWER
@@ -179,6 +183,7 @@ class Sink:
             self._failure = _UNSUPPORTED if "protocol" in str(reason).lower() else str(reason)
             return
         self._accepted = True
+        self.counters.reconnects += 1
         if self._shares:
             client.unsubscribe(topics.ALL_POWER)  # a session from a time without sharing would get every row
             client.subscribe(f"$share/{self._settings.group}/{topics.ALL_POWER}", qos=1)
@@ -190,8 +195,8 @@ class Sink:
             self._failure = (
                 f"subscription refused: {reasons[0]}; check the broker's access rules for {topics.ALL_POWER}"
             )
+            self._connected = False
             return
-        self.counters.reconnects += 1
         self._subscribed = True
         version = "5" if self._protocol == MQTTProtocolVersion.MQTTv5 else "3.1.1"
         sharing = f", sharing in group {self._settings.group}" if self._shares else ""
@@ -251,7 +256,7 @@ class Sink:
             written = self._writer.write([Received(message.topic, bytes(message.payload)) for message in batch])
         except sa.exc.DBAPIError as error:
             _log.error("database: %s; %d messages stay with the broker", str(error.orig).strip(), len(batch))
-            self._failure = "paused for the database"
+            self._failure = _DATABASE_AWAY
             self._sleep(1.0, stop, progress)
             return False  # a new connection makes the broker send them again
         for message in batch:
