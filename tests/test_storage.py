@@ -130,7 +130,9 @@ def test_opening_again_and_from_several_sinks_at_once_is_harmless(database):
 
 @pytest.mark.parametrize(
     ("url", "complaint"),
-    [("sqlite:////nowhere/at/all/x.sqlite", "does not exist"), ("oracle://x/y", "expected sqlite"), ("://", "no URL"),
+    [("sqlite:////nowhere/at/all/x.sqlite", "does not exist"), ("oracle://x/y", "expected sqlite"),
+     ("://", "cannot be understood"),
+     ("postgresql://u:x@h:abc/z", "cannot be understood"),
      ("postgresql://acqd@127.0.0.1:1/x", "check host")],
 )  # fmt: skip
 def test_unusable_databases_are_named(url, complaint):

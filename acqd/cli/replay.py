@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 from datetime import UTC, datetime
 from enum import StrEnum
@@ -44,14 +45,14 @@ def replay(
     aggregate: Annotated[Path | None, typer.Option(help="Write 10/12-cycle values (IEC 61000-4-30).")] = None,
     device: Annotated[str, typer.Option(help="Device name in the rows.")] = "replay",
     loops: Annotated[int, typer.Option("--loops", "--loop", min=1, help="Play each file so many times.")] = 1,
-    window: Annotated[float, typer.Option(min=0.04, max=0.05, help="Window length [s].")] = 0.04,
-    nominal_voltage: Annotated[float, typer.Option(min=0.01, help="For the no_mains threshold [V].")] = 230.0,
+    window: Annotated[float, typer.Option(min=0.04, max=0.05, help="Window length in s.")] = 0.04,
+    nominal_voltage: Annotated[float, typer.Option(min=0.01, help="V, for the no_mains threshold.")] = 230.0,
     start: Annotated[str | None, typer.Option(help="UTC of the first sample where the file has none.")] = None,
     mapping: Annotated[str | None, typer.Option("--map", help="Columns: u1=NAME,i1=NAME,...")] = None,
     u_scale: Annotated[float | None, typer.Option(help="V per unit of the file (sound: V at full scale).")] = None,
     i_scale: Annotated[float | None, typer.Option(help="A per unit of the file (sound: A at full scale).")] = None,
     rate: Annotated[float | None, typer.Option(help="Samples/s, where the file does not say.")] = None,
-    f_nominal: Annotated[float | None, typer.Option(help="Nominal mains frequency [Hz].")] = None,
+    f_nominal: Annotated[float | None, typer.Option(help="Nominal mains frequency in Hz.")] = None,
     config: ConfigFile = None,
     host: Host = None,
     port: Port = None,
@@ -67,6 +68,8 @@ def replay(
     for name, value in (("--u-scale", u_scale), ("--i-scale", i_scale), ("--rate", rate)):
         if value is not None and not 0 < value < 1e12:
             raise UserError(f"{name} {value:g}: expected a positive number")
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # by way of the clean-up
+    signal.signal(signal.SIGHUP, lambda *_: sys.exit(129))
     orders = Playback(
         files=files,
         channels=ChannelMap(columns, u_scale, i_scale, rate, f_nominal),
@@ -100,11 +103,14 @@ def _utc(text: str | None) -> int | None:
         stamp = datetime.fromisoformat(text)
     except ValueError:
         raise UserError(f"--start {text!r}: expected a time like 2021-07-13T10:15:00Z") from None
+    if not 1970 < stamp.year < 2200:
+        raise UserError(f"--start {text!r}: expected a time between 1971 and 2199")
     return round((stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC)).timestamp() * 1e9)
 
 
 def _print(report: PlaybackReport) -> None:
     console = Console(soft_wrap=True)
+    console.width = max(console.width, 110)  # cut-off numbers are worse than long lines
     for file in dict.fromkeys(line.file for line in report.channels):
         table = Table("", "windows", "Vrms \\[V]", "Irms \\[A]", "P \\[W]", "f \\[Hz]", "W \\[kWh]", "flagged")
         table.title, table.title_justify = file, "left"

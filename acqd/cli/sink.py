@@ -15,6 +15,7 @@ from acqd.cli.options import ConfigFile, Host, Json, Port, configured
 from acqd.daemon.config import Config
 from acqd.daemon.notify import notify
 from acqd.errors import UserError
+from acqd.plc.realtime import die_with_parent
 from acqd.storage.database import open_database
 from acqd.storage.maintain import maintain
 from acqd.storage.sink import Sink
@@ -43,6 +44,8 @@ def sink(
         if any((config, database, host, port, duration, json)):
             raise UserError(f"put the options behind the subcommand: acqd sink {context.invoked_subcommand} ...")
         return
+    if embedded:
+        die_with_parent()
     # `acqd run` hands its configuration over on stdin: passwords are no arguments.
     settings = Config.model_validate_json(sys.stdin.read()) if embedded else configured(config, host, port)
     engine = open_database(database or settings.sink.database)
@@ -77,12 +80,12 @@ def sink(
 
 @app.command("maintain")
 def maintain_command(config: ConfigFile = None, database: Database = None, json: Json = False) -> None:
-    """Make the 1 min and 15 min roll-ups, then delete what is past its retention (see [sink] keep_days).
+    """Make the 1 min and 15 min roll-ups, then delete what is past its retention (keep_days in the configuration).
 
     Example: acqd sink maintain --config /etc/acqd/acqd.toml
     """
     settings = configured(config)
-    done = maintain(open_database(database or settings.sink.database), settings.sink.retention())
+    done = maintain(open_database(database or settings.sink.database, create=False), settings.sink.retention())
     if json:
         print(orjson.dumps(asdict(done)).decode())
     else:

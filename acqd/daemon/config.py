@@ -21,13 +21,14 @@ from acqd.storage.sink import SinkSettings
 from acqd.telemetry.mqtt import BrokerAddress
 from acqd.telemetry.topics import valid_device
 
-_Port = Annotated[int, Field(ge=1, le=65_535)]
+_Port = Annotated[int, Field(ge=1, le=65_535, strict=True)]
+_Order = Annotated[int, Field(ge=2, le=100)]
 _Share = Annotated[float, Field(ge=0, le=1)]
 _Positive = Annotated[float, Field(gt=0)]
 
 
 class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 
 class SagSection(_Section):
@@ -45,17 +46,17 @@ class SourceSection(_Section):
     # simulated
     phases: Annotated[int, Field(ge=1, le=3)] = 3
     seed: int = 1
-    voltage: _Positive = 230.0
+    voltage: Annotated[float, Field(gt=0, le=500)] = 230.0
     frequency: Annotated[float, Field(ge=45, le=65)] = 50.0
-    frequency_drift: float = 0.0
+    frequency_drift: Annotated[float, Field(ge=-1, le=1)] = 0.0
     frequency_wander: Annotated[float, Field(ge=0, le=1)] = 0.02
     noise: _Share = 0.0005
     dc: _Share = 0.0
-    power: Annotated[float, Field(ge=0)] = 180.0
+    power: Annotated[float, Field(ge=0, le=2000)] = 180.0
     power_factor: Annotated[float, Field(gt=0, le=1)] = 0.9
     current_range: Literal[1, 5] = 5
-    harmonics: dict[int, _Share] = {3: 0.01, 5: 0.02, 7: 0.01}
-    current_harmonics: dict[int, _Share] = {3: 0.15, 5: 0.08, 7: 0.04}
+    harmonics: dict[_Order, _Share] = {3: 0.01, 5: 0.02, 7: 0.01}
+    current_harmonics: dict[_Order, _Share] = {3: 0.15, 5: 0.08, 7: 0.04}
     load_profile: Path | None = None
     sags: list[SagSection] = []
     # replay
@@ -97,7 +98,7 @@ class MqttSection(_Section):
     """The broker, for the daemon, the sink and the viewers."""
 
     enabled: bool = True
-    host: str = "127.0.0.1"
+    host: Annotated[str, Field(min_length=1)] = "127.0.0.1"
     port: _Port = 1883
     username: str | None = None
     password: str | None = None
@@ -114,8 +115,8 @@ class MqttSection(_Section):
         if self.password_file is not None:
             try:
                 password = self.password_file.read_text(encoding="utf-8").strip()
-            except OSError as error:
-                raise InputError(self.password_file, f"password file cannot be read ({error.strerror})") from None
+            except (OSError, UnicodeDecodeError) as error:
+                raise InputError(self.password_file, f"password file cannot be read ({error})") from None
         names = ("host", "port", "username", "tls", "ca_file", "cert_file", "key_file")
         return BrokerAddress(**{name: getattr(self, name) for name in names}, password=password)
 
@@ -184,7 +185,7 @@ class Config(_Section):
 def load_config(path: Path) -> Config:
     """Read and check a configuration file. Raises InputError with one line per mistake."""
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
+        data = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
         raise InputError(path, "no such file; config/acqd.toml in the source tree is a complete example") from None
     except (OSError, UnicodeDecodeError) as error:

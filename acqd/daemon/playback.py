@@ -77,6 +77,10 @@ class PlaybackReport:
 
 def play(orders: Playback, progress: Callable[[float], None]) -> PlaybackReport:
     """Play all files one after the other. Raises UserError; then no output file is left behind."""
+    outputs = [path.resolve() for path in (orders.out, orders.aggregate) if path is not None and str(path) != "-"]
+    for path in outputs:
+        if (path.is_file() and path in [file.resolve() for file in orders.files]) or outputs.count(path) > 1:
+            raise UserError(f"{path} would be written over; --out and --aggregate need files of their own")
     waveforms = [load_waveform(path, orders.channels) for path in orders.files]
     report = PlaybackReport(recorded_s=sum(w.duration for w in waveforms) * orders.loops)
     run = _Run(orders, report, progress)
@@ -189,6 +193,14 @@ def _output(path: Path) -> Iterator[BinaryIO]:
     if str(path) == "-":
         yield sys.stdout.buffer
         sys.stdout.buffer.flush()
+        return
+    path = path.resolve()  # a link stays a link
+    if path.exists() and not path.is_file():  # a pipe or device is written, never replaced
+        try:
+            with path.open("wb") as stream:
+                yield stream
+        except OSError as error:
+            raise UserError(f"{path}: cannot be written ({error.strerror}); choose another --out") from None
         return
     try:
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")

@@ -63,7 +63,7 @@ class Service:
     async def run(self, duration: float | None = None) -> None:
         """Until SIGTERM, SIGINT, the source's end or `duration` [s]. Raises UserError when it cannot start."""
         loop = asyncio.get_running_loop()
-        for number in (signal.SIGTERM, signal.SIGINT):
+        for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
             loop.add_signal_handler(number, self._stop.set)
         if self.config.state_dir is not None:
             _make_folder(self.config.state_dir)
@@ -217,7 +217,7 @@ class Service:
     async def _start_sink(self) -> asyncio.subprocess.Process:
         """The sink in a process of its own. Raises UserError when its database cannot be used."""
         process = await asyncio.create_subprocess_exec(
-            *(sys.executable, "-m", "acqd", "sink", "--embedded"),
+            *(sys.executable, "-P", "-m", "acqd", "sink", "--embedded"),
             stdin=asyncio.subprocess.PIPE,
             stdout=asyncio.subprocess.PIPE,
             stderr=asyncio.subprocess.PIPE,

@@ -155,6 +155,7 @@ class Executive:
         environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
         process = await asyncio.create_subprocess_exec(
             sys.executable,
+            "-P",  # never a folder named acqd that happens to lie here
             "-m",
             "acqd.plc.process",
             json.dumps(orders),

@@ -6,7 +6,6 @@ nothing else: no event loop, no MQTT, no SQL.
 
 from __future__ import annotations
 
-import ctypes
 import json
 import os
 import signal
@@ -17,20 +16,19 @@ from typing import Any
 
 from acqd.errors import UserError
 from acqd.plc.fast import PERIOD_NS, FastTask, OverrunPolicy, run_fast
-from acqd.plc.realtime import RealtimeSettings, engage
+from acqd.plc.realtime import RealtimeSettings, die_with_parent, engage
 from acqd.plc.ring import Ring, RingLayout
 from acqd.plc.stats import CycleStats
 from acqd.sources.spec import make_source
 
 RING_S = 1.0
 """Seconds of samples the ring holds: how long MAIN_SLOW may be kept away."""
-_PR_SET_PDEATHSIG = 1
 
 
 def main() -> int:
     """Run MAIN_FAST as the orders in argv[1] (JSON) say. Exit 0 ended or stopped, 2 bad source."""
     orders = json.loads(sys.argv[1])
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)  # never outlive the daemon
+    die_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the daemon's; it tells us when to stop
     stopping = False
 

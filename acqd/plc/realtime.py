@@ -5,8 +5,10 @@ from __future__ import annotations
 import ctypes
 import gc
 import os
+import signal
 from dataclasses import dataclass
 
+_PR_SET_PDEATHSIG = 1
 _MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4
 _LOCK = _MCL_CURRENT | _MCL_FUTURE | _MCL_ONFAULT  # what is used stays; what is never touched costs nothing
 
@@ -46,3 +48,8 @@ def engage(settings: RealtimeSettings) -> list[str]:
                 "SCHED_FIFO not permitted (raise LimitRTPRIO / ulimit -r or give CAP_SYS_NICE): normal priority"
             )
     return refused
+
+
+def die_with_parent() -> None:
+    """Have the kernel send SIGTERM when the parent process is gone, however it went."""
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)

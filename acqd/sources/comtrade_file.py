@@ -72,7 +72,7 @@ def _read(path: Path) -> Any:
                 record.load(str(path))
             else:
                 record.load(str(_sibling(path, ".cfg")), str(_sibling(path, ".dat")))
-    except (ValueError, IndexError, KeyError, TypeError, struct.error, UnicodeDecodeError, OSError) as error:
+    except (ValueError, IndexError, KeyError, TypeError, struct.error, comtrade.ComtradeError, OSError) as error:
         raise InputError(path, f"is no readable COMTRADE recording ({error})") from None
     expected = record.cfg.sample_rates[-1][1] if record.cfg.sample_rates else 0
     got = 0 if record.time is None else len(record.time)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from acqd.errors import InputError
-from acqd.sources.waveform import ChannelMap, Waveform, stream_format
+from acqd.sources.waveform import LATEST_NS, ChannelMap, Waveform, stream_format
 
 _KEYS = ("u_code", "i_code", "u_V_per_digit", "i_A_per_digit", "fs")
 
@@ -41,6 +41,8 @@ def load(path: Path, channels: ChannelMap) -> Waveform:
     f_nominal = channels.f_nominal or (_number(path, data, "f_nominal") if "f_nominal" in data else 50.0)
     rate = channels.rate or _number(path, data, "fs")
     start = int(_number(path, data, "start_utc_ns")) if "start_utc_ns" in data else None
+    if start is not None and not 0 <= start < LATEST_NS:
+        raise InputError(path, f"start_utc_ns {start} is no time between 1970 and 2200")
     return Waveform(path.name, codes, stream_format(path, rate, scale, f_nominal), start)
 
 
@@ -48,9 +50,9 @@ def _read(path: Path) -> dict[str, Any]:
     try:
         with np.load(path, allow_pickle=False) as file:
             return {key: file[key] for key in file.files}
-    except (zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError) as error:
-        raise InputError(path, f"is truncated or no NPZ file ({error}); record or copy it again") from None
-    except AttributeError:
+    except (zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError):
+        raise InputError(path, "is truncated or no NPZ file; record or copy it again") from None
+    except (AttributeError, TypeError):
         raise InputError(path, "is a bare array, no NPZ file; save it with numpy.savez") from None
 
 

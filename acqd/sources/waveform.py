@@ -11,6 +11,8 @@ from acqd.errors import InputError, UserError
 from acqd.metering import StreamFormat
 from acqd.metering.block import Codes, Floats
 
+LATEST_NS = 7_258_118_400_000_000_000
+"""2200-01-01 in UTC ns: a later start time is a mistake."""
 _FULL_CODE = 32_000  # largest value of a quantised recording: below the end stops, which mean over-range
 _NAMES = ("u1", "i1", "u2", "i2", "u3", "i3")
 

@@ -17,12 +17,16 @@ from acqd.errors import UserError
 _MIGRATIONS = Path(__file__).parent / "migrations"
 
 
-def open_database(url: str) -> sa.Engine:
+def open_database(url: str, *, create: bool = True) -> sa.Engine:
     """Engine for `url` (or a plain path: SQLite), with the schema brought up to date.
 
-    Raises UserError for a URL, path or server that cannot be used.
+    Raises UserError for a URL, path or server that cannot be used, and for a SQLite file that is not
+    there without `create`.
     """
     engine = _engine(url if "://" in url else f"sqlite:///{url}")
+    path = engine.url.database
+    if not create and engine.dialect.name == "sqlite" and path and not Path(path).exists():
+        raise UserError(f"database {Path(path).absolute()} does not exist; check the folder you are in, or --database")
     try:
         with engine.connect():
             pass
@@ -53,12 +57,15 @@ def migrate(engine: sa.Engine) -> None:
 def _engine(url: str) -> sa.Engine:
     try:
         parsed = make_url(url)
-    except sa.exc.ArgumentError:
-        raise UserError(f"database {url!r} is no URL; expected sqlite:///path or postgresql://user@host/name") from None
+    except (sa.exc.ArgumentError, ValueError):
+        raise UserError(
+            f"database URL ...{url.rpartition('@')[2]!r} cannot be understood; expected sqlite:///path or postgresql://user@host/name"
+        ) from None
     if parsed.drivername in ("postgresql", "postgres"):
         parsed = parsed.set(drivername="postgresql+psycopg")
-    if parsed.get_backend_name() not in ("sqlite", "postgresql"):
-        raise UserError(f"database {url!r}: expected sqlite:///path or postgresql://user@host/name")
+    shown = parsed.render_as_string(hide_password=True)
+    if parsed.drivername not in ("sqlite", "postgresql+psycopg"):
+        raise UserError(f"database {shown}: expected sqlite:///path or postgresql://user@host/name")
     try:
         if parsed.get_backend_name() == "sqlite":
             _check_folder(parsed.database)
@@ -67,7 +74,7 @@ def _engine(url: str) -> sa.Engine:
             return engine
         return sa.create_engine(parsed, pool_pre_ping=True, connect_args={"connect_timeout": 5})
     except ModuleNotFoundError as error:
-        raise UserError(f"database {url!r} needs the {error.name} package: install acqd[postgres]") from None
+        raise UserError(f"database {shown} needs the {error.name} package: install acqd[postgres]") from None
 
 
 def _check_folder(path: str | None) -> None:
