@@ -145,6 +145,23 @@ def test_other_broken_files(tmp_path, waveforms):
         ChannelMap.parse("u1:a")
 
 
+def test_a_truncated_sound_file_is_noticed(tmp_path):
+    path = tmp_path / "a.wav"
+    soundfile.write(path, make_mains(50.0, seconds=0.5, phases=1).codes, 20_000, subtype="PCM_16")
+    path.write_bytes(path.read_bytes()[:30_000])
+    with pytest.raises(InputError, match="truncated"):
+        load_waveform(path, ChannelMap(u_scale=400.0, i_scale=10.0))
+
+
+def test_a_hole_in_a_csv_is_named_at_its_row(tmp_path):
+    path = tmp_path / "a.csv"
+    write_csv(path)
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join(lines[:2_001] + lines[2_501:]))
+    with pytest.raises(InputError, match="row 2002"):
+        load_waveform(path)
+
+
 def test_truncated_comtrade_is_noticed(tmp_path, waveforms):
     source = waveforms / "generator_3ph" / "source"
     (tmp_path / "test3.cfg").write_bytes((source / "test3.cfg").read_bytes())

@@ -18,6 +18,8 @@ def load(path: Path, channels: ChannelMap) -> Waveform:
     u_scale, i_scale = channels.u_scale, channels.i_scale
     if u_scale is None or i_scale is None:
         raise InputError(path, "sound files have no units: give V and A at full scale with --u-scale and --i-scale")
+    if path.suffix.lower() == ".wav":
+        _check_whole(path)
     try:
         with soundfile.SoundFile(path) as file:
             count, exact = file.channels, file.subtype == "PCM_16"
@@ -41,6 +43,15 @@ def load(path: Path, channels: ChannelMap) -> Waveform:
         form = stream_format(path, rate, [s / _FULL_SCALE for s in scale], f_nominal)
         return Waveform(path.name, np.ascontiguousarray(values[:, order]), form, None)
     return quantise(path, values[:, order] * np.array(scale), rate, f_nominal, None)
+
+
+def _check_whole(path: Path) -> None:
+    """libsndfile reads what is left of a truncated WAV without a word; its header knows better."""
+    with path.open("rb") as file:
+        head = file.read(8)
+    announced = int.from_bytes(head[4:8], "little") + 8
+    if head[:4] == b"RIFF" and announced < 2**32 - 8 and path.stat().st_size < announced:
+        raise InputError(path, f"is truncated: {path.stat().st_size} of {announced} bytes")
 
 
 def _number(path: Path, name: str, count: int) -> int:

@@ -58,7 +58,7 @@ def _column(path: Path, header: list[str], name: str) -> int:
 
 
 def _table(path: Path, lines: list[str], delimiter: str, width: int) -> Floats:
-    body = [line for line in lines[1:] if line.strip()]
+    body = [line.replace('"', "") for line in lines[1:] if line.strip()]
     if delimiter == ";":
         body = [line.replace(",", ".") for line in body]  # decimal comma
     try:
@@ -100,7 +100,10 @@ def _clock(path: Path, time: Floats, channels: ChannelMap) -> tuple[float, int |
         return channels.rate, start
     if len(time) < 2 or time[-1] <= time[0]:
         raise InputError(path, "its time column does not advance; give the sampling rate with --rate")
-    period = (time[-1] - time[0]) / (len(time) - 1)
+    step = float(np.median(np.diff(time)))
+    # The whole span tells the step best, unless something is missing in it.
+    mean = float((time[-1] - time[0]) / (len(time) - 1))
+    period = mean if abs(mean - step) < _JITTER * abs(step) else step
     # Printed times are rounded: a recording at 1970 + 1.7e9 s cannot resolve more than 0.24 us.
     slack = max(_JITTER * period, 2 * np.spacing(abs(time[-1])), 1.1e-6 if start else 0.0)
     expected = time[0] + period * np.arange(len(time))
