@@ -24,11 +24,6 @@ class EnergyColumns:
     imported: Floats
     exported: Floats
 
-    @property
-    def net(self) -> Floats:
-        """Imported minus exported energy: the gapless sum."""
-        return self.imported - self.exported
-
 
 class EnergyRegister:
     """Import and export registers of all phases of one stream."""

@@ -1,7 +1,7 @@
 """The embedded broker: amqtt in this process, for trying things out and small cells.
 
-MQTT 3.1.1, loopback by default, no passwords: a plant runs mosquitto. `docs/adr/0004` has the
-measurements behind that.
+MQTT 3.1.1, loopback by default, no passwords: a plant runs mosquitto. See
+`docs/adr/0004`.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """One connection to a broker, on the running event loop: paho's protocol, asyncio's sockets.
 
-aiomqtt would do, but spends two tasks and a timer on every message; at 100 messages a second that
-is a tenth of the daemon's whole budget.
+aiomqtt would do, but spends two tasks and a timer on every message, a hundred times a second.
 """
 
 from __future__ import annotations

@@ -7,7 +7,6 @@ import re
 ALL_POWER = "acqd/+/+/power"
 """Every device's rows."""
 ALL_SUMMARIES = "acqd/+/+/summary"
-ALL_STATUS = "acqd/+/status"
 OFFLINE = b"offline"
 """Last will and farewell on the status topic."""
 _DEVICE = re.compile(r"[A-Za-z0-9_.-]{1,64}")
