@@ -1,0 +1,5 @@
+"""Robots: descriptions as data files, kinematics, dynamics, collision, logs. Knows no power, no plant."""
+
+from acqd.robot.description import RobotDescription, load_description, shipped_descriptions
+
+__all__ = ["RobotDescription", "load_description", "shipped_descriptions"]

@@ -1,0 +1,70 @@
+"""A description as a Pinocchio model, with a payload or without. Needs the `lab` extra."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from acqd.errors import UserError
+from acqd.robot.description import Floats, Link, RobotDescription
+
+try:
+    import pinocchio as pin
+except ModuleNotFoundError as error:  # pragma: no cover - the message is the point
+    raise UserError(f"kinematics and dynamics need the {error.name} package: install acqd[lab]") from None
+
+
+@dataclass(frozen=True, slots=True)
+class Payload:
+    """A body fixed to the flange."""
+
+    mass: float
+    """kg."""
+    com: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """In the flange frame [m]."""
+    inertia: tuple[float, float, float, float, float, float] = (0.0,) * 6
+    """xx, yy, zz, xy, xz, yz at its centre of mass [kg m^2]."""
+
+
+class Arm:
+    """The rigid body of a robot; joint positions and torques in the order of its axes."""
+
+    def __init__(self, description: RobotDescription, payload: Payload | None = None) -> None:
+        self.description = description
+        self.model: Any = pin.Model()
+        self.model.name = description.name
+        parent = 0
+        for joint in description.joint:
+            placement = pin.SE3(_rotation(joint.rpy_deg), np.array(joint.xyz))
+            axis = np.array(joint.axis) / np.linalg.norm(joint.axis)
+            parent = self.model.addJoint(parent, pin.JointModelRevoluteUnaligned(axis), placement, joint.name)
+            self.model.appendBodyToJoint(parent, _inertia(joint.link), pin.SE3.Identity())
+        flange = pin.SE3(_rotation(description.flange.rpy_deg), np.array(description.flange.xyz))
+        self.flange: int = self.model.addFrame(pin.Frame("flange", parent, 0, flange, pin.FrameType.OP_FRAME))
+        if payload is not None and payload.mass > 0:
+            body = pin.Inertia(payload.mass, np.array(payload.com), _tensor(payload.inertia))
+            self.model.appendBodyToJoint(parent, body, flange)
+        self.data: Any = self.model.createData()
+
+    @property
+    def axes(self) -> int:
+        """Number of joints."""
+        return self.description.axes
+
+
+def _inertia(link: Link) -> Any:
+    turn = _rotation(link.inertia_rpy_deg)
+    return pin.Inertia(link.mass, np.array(link.com), turn @ _tensor(link.inertia) @ turn.T)
+
+
+def _tensor(six: tuple[float, float, float, float, float, float]) -> Floats:
+    xx, yy, zz, xy, xz, yz = six
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def _rotation(rpy_deg: tuple[float, float, float]) -> Floats:
+    """Roll about x, then pitch about y, then yaw about z, all of the fixed frame (URDF)."""
+    rotation: Floats = pin.rpy.rpyToMatrix(np.radians(rpy_deg))
+    return rotation

@@ -1,0 +1,109 @@
+"""Whether a robot touches itself or its surroundings: capsules and boxes, through coal."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from acqd.errors import UserError
+from acqd.robot.arm import Arm
+from acqd.robot.description import Capsule, Floats
+from acqd.robot.scene import Scene
+
+
+class CollisionChecker:
+    """Checks configurations and joint-space paths of one arm in one scene."""
+
+    def __init__(self, arm: Arm, scene: Scene) -> None:
+        self._arm = arm
+        self._model: Any = pin.GeometryModel()
+        links: list[tuple[int, int]] = []  # (geometry, link number; 0 is the base)
+        for number, capsules in enumerate(
+            [arm.description.base.capsules, *(j.capsules for j in arm.description.joint)]
+        ):
+            links += [(self._add_capsule(number, capsule, pin.SE3.Identity()), number) for capsule in capsules]
+        flange = arm.model.frames[arm.flange].placement
+        tool = arm.axes + 1
+        for capsule in scene.tool.capsules if scene.tool else []:
+            links.append((self._add_capsule(arm.axes, capsule, flange), tool))
+        boxes = [self._add_box(box.name, box.centre, box.size, box.rpy_deg) for box in scene.box]
+        ignored = {tuple(sorted(pair)) for pair in arm.description.ignore_pairs}
+        for index, (first, one) in enumerate(links):
+            for second, other in links[index + 1 :]:
+                beside = abs(one - other) < 2 or {one, other} == {arm.axes - 1, tool}
+                if not beside and (min(one, other), max(one, other)) not in ignored:
+                    self._model.addCollisionPair(pin.CollisionPair(first, second))
+            if one > 0:  # the base is bolted to something; it cannot run into it
+                for box in boxes:
+                    self._model.addCollisionPair(pin.CollisionPair(first, box))
+        self._data: Any = self._model.createData()
+        for request in self._data.collisionRequests:
+            request.security_margin = scene.margin_m
+
+    def collides(self, q: Floats) -> bool:
+        """Whether configuration `q` [axes] comes nearer than the scene's margin to anything."""
+        return bool(pin.computeCollisions(self._arm.model, self._arm.data, self._model, self._data, q, True))
+
+    def touching(self, q: Floats) -> list[tuple[str, str]]:
+        """The pairs of bodies that collide at `q`, by name."""
+        pin.computeCollisions(self._arm.model, self._arm.data, self._model, self._data, q, False)
+        pairs = set()
+        for pair, result in zip(self._model.collisionPairs, self._data.collisionResults, strict=True):
+            if result.isCollision():
+                names = [self._model.geometryObjects[index].name for index in (pair.first, pair.second)]
+                pairs.add((names[0], names[1]))
+        return sorted(pairs)
+
+    def path_collides(self, path: Floats) -> bool:
+        """Whether any configuration of `path` [T, axes] collides; fails fast by checking coarsely first."""
+        order = np.argsort([_bit_reversed(k) for k in range(len(path))], kind="stable")
+        return any(self.collides(path[k]) for k in order)
+
+    def _add_capsule(self, link: int, capsule: Capsule, frame: Any) -> int:
+        start, end = np.array(capsule.start), np.array(capsule.end)
+        along = end - start
+        length = float(np.linalg.norm(along))
+        turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), along if length else np.array([0.0, 0.0, 1.0]))
+        placement = frame * pin.SE3(turn.matrix(), (start + end) / 2)
+        name = "base" if link == 0 else f"link {link}"
+        shape = coal.Capsule(capsule.radius, length)
+        return self._add(f"{name}", link, placement, shape)
+
+    def _add_box(
+        self,
+        name: str,
+        centre: tuple[float, float, float],
+        size: tuple[float, float, float],
+        rpy_deg: tuple[float, float, float],
+    ) -> int:
+        placement = pin.SE3(pin.rpy.rpyToMatrix(np.radians(rpy_deg)), np.array(centre))
+        return self._add(f"box {name!r}", 0, placement, coal.Box(*size))
+
+    def _add(self, name: str, joint: int, placement: Any, shape: Any) -> int:
+        number: int = self._model.addGeometryObject(pin.GeometryObject(name, joint, 0, placement, shape))
+        return number
+
+
+def require_free(checker: CollisionChecker, q: Floats, what: str, scene: str) -> None:
+    """Raises UserError that names what touches at configuration `q`."""
+    pairs = checker.touching(q)
+    if pairs:
+        named = "; ".join(f"{one} and {other}" for one, other in pairs[:3])
+        raise UserError(f"scene {scene}: {what} is in collision ({named}); move the boxes or choose another position")
+
+
+def dense_path(waypoints: Floats, step: float) -> Floats:
+    """Straight joint-space edges through `waypoints` [N, axes], no axis moving more than `step` (rad) between rows."""
+    parts = [waypoints[:1]]
+    for start, end in zip(waypoints[:-1], waypoints[1:], strict=True):
+        count = max(1, int(np.ceil(np.abs(end - start).max() / step)))
+        parts.append(start + np.linspace(0.0, 1.0, count + 1)[1:, None] * (end - start))
+    return np.concatenate(parts)
+
+
+def _bit_reversed(number: int) -> int:
+    """Middle first, then quarters, then eighths: neighbours collide together."""
+    return int(f"{number:020b}"[::-1], 2)

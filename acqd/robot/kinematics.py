@@ -1,0 +1,106 @@
+"""Where the flange is for given joint angles, and joint angles for a wanted pose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from acqd.robot.arm import Arm
+from acqd.robot.description import Floats
+
+_DAMPING = 1e-8
+_MAX_STEP = 0.4  # rad a joint may move per iteration: larger steps leave the region where the Jacobian holds
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """Of the flange in the base frame."""
+
+    position: Floats
+    """[3], m."""
+    rotation: Floats
+    """[3, 3]."""
+
+
+def forward_kinematics(arm: Arm, q: Floats) -> tuple[Floats, Floats]:
+    """Flange positions [T, 3] (m) and rotations [T, 3, 3] for joint angles `q` [T, axes] (rad)."""
+    positions, rotations = np.empty((len(q), 3)), np.empty((len(q), 3, 3))
+    placement = arm.data.oMf[arm.flange]
+    for k, row in enumerate(q):
+        pin.framesForwardKinematics(arm.model, arm.data, row)
+        placement = arm.data.oMf[arm.flange]
+        positions[k], rotations[k] = placement.translation, placement.rotation
+    return positions, rotations
+
+
+def joint_origins(arm: Arm, q: Floats) -> Floats:
+    """Base, joints and flange for one configuration [axes]: [axes + 2, 3], m. For drawing."""
+    pin.framesForwardKinematics(arm.model, arm.data, q)
+    inner = [arm.data.oMi[k].translation for k in range(1, arm.axes + 1)]
+    return np.array([np.zeros(3), *inner, arm.data.oMf[arm.flange].translation])
+
+
+def flange_jacobian(arm: Arm, q: Floats) -> Floats:
+    """[T, 6, axes]: linear (m/rad) over angular rows, in base axes, at the flange."""
+    frame = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+    return np.array([pin.computeFrameJacobian(arm.model, arm.data, row, arm.flange, frame) for row in q])
+
+
+def inverse_kinematics(
+    arm: Arm,
+    pose: Pose,
+    seed: Floats,
+    random: np.random.Generator,
+    *,
+    restarts: int = 60,
+    tolerance: float = 1e-7,
+) -> Floats | None:
+    """Joint angles [axes] within the limits that reach `pose`, or None.
+
+    Damped Newton iteration on SE(3) from `seed`, then from `restarts` random configurations; the axis
+    values are clamped to their limits on the way, so that redundancy can be used to stay inside.
+    `tolerance` is on position (m) and orientation (rad) together.
+    """
+    lower, upper = arm.description.lower, arm.description.upper
+    start = np.clip(seed, lower, upper)
+    for _ in range(restarts + 1):
+        found = _iterate(arm, pose, start, lower, upper, tolerance)
+        if found is not None:
+            return found
+        start = random.uniform(np.maximum(lower, -np.pi), np.minimum(upper, np.pi))
+    return None
+
+
+def _iterate(arm: Arm, pose: Pose, start: Floats, lower: Floats, upper: Floats, tolerance: float) -> Floats | None:
+    wanted = pin.SE3(pose.rotation, pose.position)
+    q = start.copy()
+    best, stalled = np.inf, 0
+    for _ in range(80):
+        pin.framesForwardKinematics(arm.model, arm.data, q)
+        offset = arm.data.oMf[arm.flange].actInv(wanted)
+        error = pin.log6(offset).vector
+        size = float(np.linalg.norm(error))
+        if size < tolerance:
+            return q
+        stalled = stalled + 1 if size > 0.9 * best else 0
+        best = min(best, size)
+        if stalled > 12:
+            return None
+        jacobian = pin.computeFrameJacobian(arm.model, arm.data, q, arm.flange)
+        damping = _DAMPING + 1e-3 * min(size, 1.0) ** 2
+        free = _step(jacobian, error, damping)
+        # axes that a step would drive through their stop are held for this step, the others try again
+        held = ((q <= lower) & (free < 0)) | ((q >= upper) & (free > 0))
+        if held.any():
+            jacobian[:, held] = 0.0
+            free = _step(jacobian, error, damping)
+        largest = np.abs(free).max()
+        q = np.clip(q + free * min(1.0, _MAX_STEP / max(largest, 1e-12)), lower, upper)
+    return None
+
+
+def _step(jacobian: Floats, error: Floats, damping: float) -> Floats:
+    step: Floats = jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + damping * np.eye(6), error)
+    return step
