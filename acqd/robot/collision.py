@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import coal
@@ -59,8 +60,7 @@ class CollisionChecker:
 
     def path_collides(self, path: Floats) -> bool:
         """Whether any configuration of `path` [T, axes] collides; fails fast by checking coarsely first."""
-        order = np.argsort([_bit_reversed(k) for k in range(len(path))], kind="stable")
-        return any(self.collides(path[k]) for k in order)
+        return any(self.collides(path[k]) for k in _middle_first(len(path)))
 
     def _add_capsule(self, link: int, capsule: Capsule, frame: Any) -> int:
         start, end = np.array(capsule.start), np.array(capsule.end)
@@ -104,6 +104,7 @@ def dense_path(waypoints: Floats, step: float) -> Floats:
     return np.concatenate(parts)
 
 
-def _bit_reversed(number: int) -> int:
-    """Middle first, then quarters, then eighths: neighbours collide together."""
-    return int(f"{number:020b}"[::-1], 2)
+@cache
+def _middle_first(count: int) -> list[int]:
+    """0 .. count - 1 with the far apart ones first: neighbours collide together."""
+    return sorted(range(count), key=lambda k: f"{k:020b}"[::-1])

@@ -19,11 +19,13 @@ _Positive = Annotated[float, Field(gt=0)]
 Model = TypeVar("Model", bound=BaseModel)
 
 
-class _Section(BaseModel):
+class Section(BaseModel):
+    """A table of a TOML file: unknown keys are mistakes."""
+
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False, frozen=True, populate_by_name=True)
 
 
-class Capsule(_Section):
+class Capsule(Section):
     """A cylinder with round ends, in the frame of its link."""
 
     radius: _Positive
@@ -34,7 +36,7 @@ class Capsule(_Section):
     """m."""
 
 
-class Link(_Section):
+class Link(Section):
     """Inertial parameters of the body that a joint moves."""
 
     mass: _Positive
@@ -47,7 +49,7 @@ class Link(_Section):
     """Orientation of the axes of `inertia` in the link frame."""
 
 
-class Drive(_Section):
+class Drive(Section):
     """Motor and gear, as far as they are known."""
 
     gear_ratio: _Positive
@@ -59,7 +61,7 @@ class Drive(_Section):
     """Effective, so that R i^2 is the whole copper loss."""
 
 
-class Joint(_Section):
+class Joint(Section):
     """A revolute joint and its link. The frame sits in that of the joint before, rotated by roll, pitch, yaw."""
 
     name: str
@@ -84,7 +86,7 @@ class Joint(_Section):
         return limits
 
 
-class Base(_Section):
+class Base(Section):
     """What does not move."""
 
     mass: float
@@ -92,14 +94,14 @@ class Base(_Section):
     capsules: list[Capsule] = []
 
 
-class Flange(_Section):
+class Flange(Section):
     """Where tools are mounted, in the frame of the last joint."""
 
     xyz: _Vector
     rpy_deg: _Vector = (0.0, 0.0, 0.0)
 
 
-class LogColumns(_Section):
+class LogColumns(Section):
     """How one kind of log names its columns. {0} stands for the axis counted from 0, {1} from 1."""
 
     format: Literal["datarecorder", "csv"]
@@ -120,7 +122,7 @@ class LogColumns(_Section):
     brake: str | None = None
 
 
-class RobotDescription(_Section):
+class RobotDescription(Section):
     """A whole robot."""
 
     name: Annotated[str, Field(pattern=r"^[a-z0-9_]+$")]

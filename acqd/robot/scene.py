@@ -8,12 +8,12 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from acqd.errors import UserError
-from acqd.robot.description import Capsule, _Section, read_toml
+from acqd.robot.description import Capsule, Section, read_toml
 
 _FOLDER = Path(__file__).parent / "scenes"
 
 
-class Box(_Section):
+class Box(Section):
     """A solid box in the frame of the robot's base."""
 
     name: Annotated[str, Field(min_length=1)]
@@ -30,13 +30,13 @@ class Box(_Section):
         return self
 
 
-class Tool(_Section):
+class Tool(Section):
     """What is mounted on the flange, in the flange frame."""
 
     capsules: Annotated[list[Capsule], Field(min_length=1)]
 
 
-class Scene(_Section):
+class Scene(Section):
     """The surroundings of one robot."""
 
     name: str
