@@ -1,0 +1,101 @@
+"""From motor torque to mains power: copper, inverters, DC link with chopper, supply."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.signal import lfilter
+
+from acqd.lab.controller import RATE
+from acqd.lab.plant.parameters import DcLink, DriveLosses, Supply
+from acqd.robot.description import Drive, Floats
+
+_DT = 1.0 / RATE
+
+
+class Motors:
+    """Permanent-magnet motors behind ideal gears."""
+
+    def __init__(self, drives: list[Drive], losses: DriveLosses) -> None:
+        self._constant = np.array([drive.torque_constant_Nm_A * drive.gear_ratio for drive in drives])
+        self._resistance = np.array([drive.resistance_Ohm for drive in drives])
+        self._losses = losses
+
+    def current(self, tau: Floats) -> Floats:
+        """[T, axes] A for torques at the output [T, axes] (Nm)."""
+        return np.asarray(tau / self._constant)
+
+    def copper_loss(self, current: Floats) -> Floats:
+        """[T, axes] W."""
+        return np.asarray(self._resistance * current * current)
+
+    def inverter_loss(self, current: Floats, power: Floats, enabled: Floats) -> Floats:
+        """[T] W: idling while enabled [T], conduction with the current, switching with the power."""
+        per_axis = self._losses.per_ampere_W * np.abs(current) + self._losses.share * np.abs(power)
+        return np.asarray(per_axis.sum(axis=1) + self._losses.enabled_W * power.shape[1] * enabled)
+
+
+class DcStorage:
+    """The link's capacitor takes up what the drives give back; when it is full, the chopper burns the rest."""
+
+    def __init__(self, link: DcLink) -> None:
+        self._limit = link.capacitor_J
+        self.energy = 0.0
+        """J above the supply's set point."""
+
+    def run(self, net: Floats) -> tuple[Floats, Floats, Floats]:
+        """From net power [T] (W, negative: given back): drawn from the supply, burnt, stored, each [T] W."""
+        burnt = np.zeros_like(net)
+        stored = np.zeros_like(net)
+        for k in self._busy(net):
+            change = -net[k] * _DT  # what flows into the capacitor if the supply gives nothing
+            new = min(max(self.energy + change, 0.0), self._limit)
+            if self.energy + change > self._limit:
+                burnt[k] = (self.energy + change - self._limit) / _DT
+            stored[k] = (new - self.energy) / _DT
+            self.energy = new
+        return net + stored + burnt, burnt, stored
+
+    def _busy(self, net: Floats) -> list[int]:
+        """Samples at which power comes back or is left in the capacitor: mostly none."""
+        if self.energy == 0.0 and net.min() >= 0:
+            return []
+        busy: list[int] = []
+        energy = self.energy
+        for k in np.flatnonzero(net < 0) if energy == 0.0 else range(len(net)):
+            if busy and k <= busy[-1]:
+                continue
+            at = int(k)
+            while at < len(net) and (net[at] < 0 or energy > 0):
+                energy = min(max(energy - net[at] * _DT, 0.0), self._limit)
+                busy.append(at)
+                at += 1
+        return busy
+
+
+class PowerSupply:
+    """Losses that grow with the load, and the mains side's lag behind it."""
+
+    def __init__(self, supply: Supply) -> None:
+        self._supply = supply
+        c = 2 * supply.lag_s / _DT
+        self._b, self._a = np.array([1.0, 1.0]) / (1 + c), np.array([1.0, (1 - c) / (1 + c)])
+        self._state: Floats | None = None
+        self._last = 0.0
+
+    def loss(self, output: Floats) -> Floats:
+        """[T] W."""
+        s = self._supply
+        return np.asarray(s.fixed_W + s.linear * output + s.quadratic_per_W * output * output)
+
+    def lagged(self, demand: Floats) -> Floats:
+        """[T] W: the demand as the mains see it, first order by the trapezoidal rule."""
+        if self._state is None:  # at rest since long ago
+            self._state = np.array([demand[0] * (1 - self._b[0])])
+        power, self._state = lfilter(self._b, self._a, demand, zi=self._state)
+        self._last = float(power[-1])
+        return np.asarray(power)
+
+    @property
+    def stored(self) -> float:
+        """Energy (J) that the bulk capacitor holds beyond that at zero power: the lag's other side."""
+        return -self._supply.lag_s * self._last

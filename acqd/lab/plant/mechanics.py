@@ -1,0 +1,109 @@
+"""Torques of the arm: rigid body with a payload that comes and goes, friction, and the heat it makes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from acqd.lab.controller import RATE, Motion
+from acqd.lab.plant.parameters import PlantParameters, per_axis
+from acqd.robot.arm import Arm, Payload
+from acqd.robot.description import Floats
+from acqd.robot.dynamics import inverse_dynamics, mechanical_energy
+
+_REFERENCE_DEGC = 30.0
+_SIGN_SPEED = 0.004  # rad/s over which friction turns round
+_COM = (0.0, 0.0, 0.04)  # of a payload in the flange frame [m]
+
+
+class RigidBody:
+    """The arm with whatever it carries."""
+
+    def __init__(self, arm: Arm) -> None:
+        self._arm = arm
+        self._rotor = np.array([joint.drive.rotor_inertia_kgm2 for joint in arm.description.joint])
+        self._loaded: dict[float, Arm] = {0.0: arm}
+
+    def arm(self, mass: float) -> Arm:
+        """The arm with `mass` (kg) at its flange."""
+        if mass not in self._loaded:
+            self._loaded[mass] = Arm(self._arm.description, Payload(mass, _COM))
+        return self._loaded[mass]
+
+    def torque(self, motion: Motion, mass: Floats) -> Floats:
+        """[T, axes] Nm for payloads [T] (kg)."""
+        tau = np.empty_like(motion.q)
+        for first, last in _stretches(mass):
+            part = motion.part(first, last)
+            tau[first:last] = _sparing(self.arm(float(mass[first])), part)
+        return tau
+
+    def rotor_torque(self, motion: Motion) -> Floats:
+        """[T, axes] Nm that accelerate the rotors, at the output."""
+        return motion.qdd * self._rotor
+
+    def energy(self, q: Floats, qd: Floats, mass: float) -> float:
+        """Kinetic and potential energy of arm, payload and rotors (J) in one state [axes]."""
+        rigid = float(mechanical_energy(self.arm(mass), q[None], qd[None])[0])
+        return rigid + 0.5 * float(self._rotor @ (qd * qd))
+
+    def handed_over(self, motion: Motion, mass: Floats) -> float:
+        """Energy (J) that payloads bring in when they are taken up, and take with them when put down."""
+        total = 0.0
+        for k in np.flatnonzero(np.diff(mass)) + 1:
+            after = self.energy(motion.q[k], motion.qd[k], float(mass[k]))
+            total += after - self.energy(motion.q[k], motion.qd[k], float(mass[k - 1]))
+        return total
+
+
+def _sparing(arm: Arm, motion: Motion) -> Floats:
+    """Inverse dynamics, computed once per standstill."""
+    moving = (motion.qd != 0).any(axis=1) | (motion.qdd != 0).any(axis=1)
+    needed = moving.copy()
+    needed[0] = True
+    needed[1:] |= moving[:-1]
+    rows = np.flatnonzero(needed)
+    tau = inverse_dynamics(arm, motion.q[rows], motion.qd[rows], motion.qdd[rows])
+    return np.asarray(tau[np.cumsum(needed) - 1])
+
+
+def _stretches(values: Floats) -> list[tuple[int, int]]:
+    """First and one past the last index of every run of equal values."""
+    edges = [0, *(np.flatnonzero(np.diff(values)) + 1).tolist(), len(values)]
+    return list(zip(edges[:-1], edges[1:], strict=True))
+
+
+def direction(qd: Floats) -> Floats:
+    """Sign of the speed, smooth through standstill."""
+    return np.tanh(qd / _SIGN_SPEED)
+
+
+class GearFriction:
+    """Coulomb, Stribeck and viscous friction; the viscous part falls as the gear warms up."""
+
+    def __init__(self, parameters: PlantParameters, start_degC: float | None = None) -> None:
+        self._p = parameters
+        friction, thermal = parameters.friction, parameters.thermal
+        self._coulomb, self._viscous = per_axis(friction.coulomb_Nm), per_axis(friction.viscous_Nms_rad)
+        self._stribeck = per_axis(friction.stribeck_Nm)
+        self._capacity, self._resistance = per_axis(thermal.capacity_J_K), per_axis(thermal.resistance_K_W)
+        start = _REFERENCE_DEGC if start_degC is None else start_degC
+        self.temperature = np.full(len(self._coulomb), start)
+        """[axes] degC, now."""
+
+    def run(self, qd: Floats, cell: int = RATE) -> tuple[Floats, Floats]:
+        """Friction torque (Nm) and gear temperature (degC), both [T, axes], over speeds [T, axes] (rad/s)."""
+        sign = direction(qd)
+        shape = np.exp(-((qd / self._p.friction.stribeck_speed_rad_s) ** 2))
+        dry = sign * (self._coulomb + self._stribeck * shape)
+        wet = self._viscous * qd
+        factor = np.empty_like(qd)
+        temperature = np.empty_like(qd)
+        for first in range(0, len(qd), cell):  # temperature moves slowly: constant within a second
+            part = slice(first, min(first + cell, len(qd)))
+            factor[part] = 1 + self._p.friction.viscous_per_K * (_REFERENCE_DEGC - self.temperature)
+            temperature[part] = self.temperature
+            seconds = (part.stop - first) / RATE
+            heat = ((dry[part] + factor[first] * wet[part]) * qd[part]).mean(axis=0)
+            cooling = (self.temperature - self._p.thermal.ambient_degC) / self._resistance
+            self.temperature = self.temperature + (heat - cooling) / self._capacity * seconds
+        return dry + factor * wet, temperature

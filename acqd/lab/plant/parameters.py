@@ -1,0 +1,119 @@
+"""What the plant is made of: one TOML file a robot in `acqd/lab/plants`, with a seeded spread."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from acqd.errors import InputError, UserError
+from acqd.robot.description import Floats, Joint, RobotDescription, Section, read_toml
+
+_FOLDER = Path(__file__).parent.parent / "plants"
+_Positive = Annotated[float, Field(gt=0)]
+_NotNegative = Annotated[float, Field(ge=0)]
+
+
+class Friction(Section):
+    """Of gears and bearings, at the output, per axis."""
+
+    coulomb_Nm: list[_NotNegative]
+    stribeck_Nm: list[_NotNegative]
+    stribeck_speed_rad_s: _Positive
+    viscous_Nms_rad: list[_NotNegative]
+    viscous_per_K: _NotNegative
+    """Relative growth of the viscous part per K below 30 degC."""
+
+
+class Thermal(Section):
+    """First-order heating of each gear by its friction."""
+
+    capacity_J_K: list[_Positive]
+    resistance_K_W: list[_Positive]
+    ambient_degC: float
+
+
+class DriveLosses(Section):
+    """Of the inverters."""
+
+    enabled_W: _NotNegative
+    per_ampere_W: _NotNegative
+    share: Annotated[float, Field(ge=0, lt=0.5)]
+
+
+class DcLink(Section):
+    """Between supply and inverters; nothing flows back to the mains."""
+
+    electronics_W: _NotNegative
+    capacitor_J: _NotNegative
+
+
+class Supply(Section):
+    """P_in = P_out + fixed + linear P_out + quadratic P_out^2, behind the load by a first-order lag."""
+
+    fixed_W: _NotNegative
+    linear: Annotated[float, Field(ge=0, lt=0.5)]
+    quadratic_per_W: Annotated[float, Field(ge=0, lt=0.01)]
+    lag_s: Annotated[float, Field(ge=0.001, le=1)]
+
+
+class ControllerLoad(Section):
+    """Standby load beside the drives."""
+
+    power_W: _NotNegative
+
+
+class PlantParameters(Section):
+    """All of it."""
+
+    robot: str
+    parameter_spread: Annotated[float, Field(ge=0, le=0.3)]
+    friction: Friction
+    thermal: Thermal
+    drive: DriveLosses
+    dc_link: DcLink
+    supply: Supply
+    controller: ControllerLoad
+
+
+def load_plant(robot: RobotDescription, path: Path | None = None) -> PlantParameters:
+    """The plant of a shipped robot, or one from a file. Raises UserError or InputError."""
+    path = path or _FOLDER / f"{robot.name}.toml"
+    if not path.exists() and path.parent == _FOLDER:
+        raise UserError(f"robot {robot.name} has no plant; write one like those in {_FOLDER} and name it with --plant")
+    parameters = read_toml(path, PlantParameters)
+    per_axis = {
+        "friction": ("coulomb_Nm", "stribeck_Nm", "viscous_Nms_rad"),
+        "thermal": ("capacity_J_K", "resistance_K_W"),
+    }
+    for section, keys in per_axis.items():
+        for key in keys:
+            count = len(getattr(getattr(parameters, section), key))
+            if count != robot.axes:
+                raise InputError(path, f"{section}.{key} has {count} values, but {robot.name} has {robot.axes} axes")
+    return parameters
+
+
+def true_robot(robot: RobotDescription, spread: float, random: np.random.Generator) -> RobotDescription:
+    """The robot as it really is: masses, centres of mass and rotors off the description's by `spread`."""
+
+    def factor() -> float:
+        return float(np.exp(spread * np.clip(random.standard_normal(), -2.5, 2.5)))
+
+    def deviate(joint: Joint) -> Joint:
+        scale = factor()
+        shift = 0.1 * spread * np.clip(random.standard_normal(3), -2.5, 2.5)
+        com = tuple(float(c) for c in np.array(joint.link.com) + shift)
+        inertia = tuple(scale * value for value in joint.link.inertia)
+        link = joint.link.model_copy(update={"mass": joint.link.mass * scale, "com": com, "inertia": inertia})
+        drive = joint.drive.model_copy(update={"rotor_inertia_kgm2": joint.drive.rotor_inertia_kgm2 * factor()})
+        return joint.model_copy(update={"link": link, "drive": drive})
+
+    return robot.model_copy(update={"joint": [deviate(joint) for joint in robot.joint]})
+
+
+def per_axis(values: list[float]) -> Floats:
+    """As an array that multiplies [T, axes]."""
+    return np.array(values)
