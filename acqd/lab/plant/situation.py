@@ -70,6 +70,11 @@ class Effect(ABC):
         self.values = {**self.defaults, **values}
         self.onset = onset
         self.random = random
+        self.begin()
+
+    def begin(self) -> None:
+        """Set up whatever state the effect carries from stretch to stretch of one session."""
+        return
 
     def __getitem__(self, name: str) -> float:
         return self.values[name]

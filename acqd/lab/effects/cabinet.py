@@ -1,0 +1,89 @@
+"""Loads beside the drives: standby, fans, grippers, process equipment."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from acqd.lab.controller import RATE
+from acqd.lab.effects.load import bursts
+from acqd.lab.plant.situation import Effect, Situation
+from acqd.robot.description import Floats
+
+
+class OffsetShift(Effect):
+    """Something else was plugged in: standby rises for good."""
+
+    id = "offset_shift"
+    about = "a constant load more (or less)"
+    strength = ("power_W", "W")
+    defaults: ClassVar = {"power_W": 8.0}
+
+    def mains_load(self, situation: Situation) -> Floats:
+        """W."""
+        return self["power_W"] * self.gate(situation)
+
+
+class Thermostat(Effect):
+    """A fan or cabinet heater that switches by temperature, hence with its own period."""
+
+    id = "thermostat"
+    about = "a load that switches on and off with a period of its own (period_s, duty)"
+    strength = ("power_W", "W")
+    defaults: ClassVar = {"power_W": 14.0, "period_s": 130.0, "duty": 0.45}
+
+    def begin(self) -> None:
+        """Fresh state."""
+        self._switches = [-self.random.uniform(0, self["period_s"])]  # times of switching on, off, on ...
+
+    def mains_load(self, situation: Situation) -> Floats:
+        """W; each period is a few percent longer or shorter than the last, as rooms are."""
+        t = situation.t
+        while self._switches[-1] <= t[-1]:
+            on = len(self._switches) % 2 == 1
+            share = self["duty"] if on else 1 - self["duty"]
+            self._switches.append(self._switches[-1] + share * self["period_s"] * self.random.normal(1, 0.03))
+        number = np.searchsorted(self._switches, t, side="right")
+        return self["power_W"] * (number % 2) * self.gate(situation)
+
+
+class ToolActuation(Effect):
+    """An electric gripper: a pulse when it closes or opens, holding power while closed."""
+
+    id = "tool_actuation"
+    about = "gripper: holding power while the tool is on, a pulse of pulse_W for pulse_s when it switches"
+    strength = ("power_W", "W")
+    defaults: ClassVar = {"power_W": 12.0, "pulse_W": 40.0, "pulse_s": 0.3}
+
+    def begin(self) -> None:
+        """Fresh state."""
+        self._was_on: bool | None = None
+
+    def dc_load(self, situation: Situation) -> Floats:
+        """W."""
+        tool = situation.motion.tool_on
+        before = tool[0] if self._was_on is None else self._was_on
+        switched = tool != np.concatenate([[before], tool[:-1]])
+        self._was_on = bool(tool[-1])
+        pulse = np.convolve(switched.astype(float), np.ones(int(self["pulse_s"] * RATE)))[: len(tool)]
+        return (self["power_W"] * tool + self["pulse_W"] * np.minimum(pulse, 1)) * self.gate(situation)
+
+
+class ProcessLoad(Effect):
+    """A screwdriver, dispenser or welder on the same supply."""
+
+    id = "process_load"
+    about = "equipment that works in phases named process or screw, else in bursts of a few seconds"
+    strength = ("power_W", "W")
+    defaults: ClassVar = {"power_W": 18.0}
+
+    def mains_load(self, situation: Situation) -> Floats:
+        """W."""
+        motion = situation.motion
+        working = [k for k, name in enumerate(motion.phase) if name in ("process", "screw")]
+        if working:
+            active = np.isin(motion.phase_number, working).astype(float)
+        else:
+            active = bursts(self.random, len(motion), (3.0, 8.0), 15.0) * situation.recorded
+        return self["power_W"] * active * self.gate(situation)
