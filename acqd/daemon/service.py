@@ -201,7 +201,7 @@ class Service:
             "time": rfc3339(time.time_ns()),
             "started": rfc3339(self._started),
             "source": self.config.source.kind,
-            "simulated": self.config.source.kind == "simulated",
+            "simulated": "simulated" in self._executive.flags,
             "rows": self.rows,
             "main_fast": self._executive.cycle_summary().as_dict() | {"restarts": self._executive.restarts},
             "main_slow": {"mean_us": self._executive.slow_us()},

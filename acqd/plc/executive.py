@@ -37,6 +37,7 @@ class _Fast:
     ring: Ring
     form: StreamFormat
     live: bool
+    flags: frozenset[str]
     refused: list[str] = field(default_factory=list)
 
 
@@ -121,6 +122,11 @@ class Executive:
         return self._fast.refused if self._fast else []
 
     @property
+    def flags(self) -> frozenset[str]:
+        """Row flags of the whole stream."""
+        return self._fast.flags if self._fast else frozenset()
+
+    @property
     def fast_pid(self) -> int | None:
         """Process id of MAIN_FAST."""
         return self._fast.process.pid if self._fast else None
@@ -179,6 +185,7 @@ class Executive:
                     Ring(RingLayout(**answer["layout"]), ring_fd),
                     StreamFormat(form["rate"], tuple(form["scale"]), form["f_nominal"]),
                     answer["live"],
+                    frozenset(answer["flags"]),
                     answer["refused"],
                 )
             )
@@ -189,8 +196,7 @@ class Executive:
         previous, self._fast = self._fast, fast
         if self._slow is None:
             self.meter = self._make_meter(fast.form)
-            flags = frozenset({"simulated"}) if self._spec["kind"] == "simulated" else frozenset()
-            self._slow = SlowTask(fast.ring, self.meter, flags)
+            self._slow = SlowTask(fast.ring, self.meter, fast.flags)
         else:
             self._slow.replace_ring(fast.ring)
         if previous is not None:

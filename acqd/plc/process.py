@@ -49,7 +49,8 @@ def main() -> int:
     wake_fd = orders["wake_fd"]
     task = FastTask(source, ring, orders["window"] * form.rate, lambda: os.eventfd_write(wake_fd, 1), OverrunPolicy())
     refused = engage(RealtimeSettings(**orders["realtime"]))
-    _answer({"form": asdict(form), "live": source.live, "layout": asdict(layout), "refused": refused})
+    answer = {"form": asdict(form), "live": source.live, "flags": sorted(source.flags), "layout": asdict(layout)}
+    _answer(answer | {"refused": refused})
     stats = CycleStats(ring.cycle_slots, PERIOD_NS)
     utc_ns, index = orders["source"].get("start_utc_ns") or time.time_ns(), 0
     if orders["resume"] and source.live:

@@ -14,6 +14,8 @@ class Source(ABC):
     """Known before `open`."""
     live: bool = True
     """Samples are taken now: their time follows this computer's UTC. False: a recording's own time."""
+    flags: frozenset[str] = frozenset()
+    """Row flags that hold for the whole stream ("simulated")."""
 
     @abstractmethod
     def open(self, utc_ns: int, index: int = 0) -> None:

@@ -18,7 +18,7 @@ _KEYS = ("u_code", "i_code", "u_V_per_digit", "i_A_per_digit", "fs")
 def load(path: Path, channels: ChannelMap) -> Waveform:
     """`u_code`, `i_code` int16 [phase, sample], `u_V_per_digit`, `i_A_per_digit`, `fs` [1/s].
 
-    Optional: `f_nominal` [Hz], `start_utc_ns`. Raises InputError.
+    Optional: `f_nominal` [Hz], `start_utc_ns`, `simulated` (not 0: flags every row). Raises InputError.
     """
     data = _read(path)
     missing = [key for key in _KEYS if key not in data]
@@ -43,7 +43,8 @@ def load(path: Path, channels: ChannelMap) -> Waveform:
     start = int(_number(path, data, "start_utc_ns")) if "start_utc_ns" in data else None
     if start is not None and not 0 <= start < LATEST_NS:
         raise InputError(path, f"start_utc_ns {start} is no time between 1970 and 2200")
-    return Waveform(path.name, codes, stream_format(path, rate, scale, f_nominal), start)
+    simulated = "simulated" in data and _number(path, data, "simulated") != 0
+    return Waveform(path.name, codes, stream_format(path, rate, scale, f_nominal), start, simulated)
 
 
 def _read(path: Path) -> dict[str, Any]:

@@ -16,6 +16,7 @@ class ReplaySource(Source):
 
     def __init__(self, waveform: Waveform, loops: int = 1) -> None:
         self.form = waveform.form
+        self.flags = frozenset({"simulated"}) if waveform.simulated else frozenset()
         self._waveform = waveform
         self._samples = len(waveform.codes)
         self._end = self._samples * loops if loops else None
@@ -43,6 +44,6 @@ class ReplaySource(Source):
             where = 0
         codes = parts[0] if len(parts) == 1 else np.concatenate(parts) if parts else self._waveform.codes[:0]
         utc = self._utc + round(self._position * 1e9 / self.form.rate)
-        block = SampleBlock(codes, self._base + self._position, utc)
+        block = SampleBlock(codes, self._base + self._position, utc, 0, self.flags)
         self._position += count
         return block

@@ -15,7 +15,6 @@ from acqd.sources import el3783
 from acqd.sources.base import Source
 
 _CHUNK_S = 0.04  # computed at once; noise is seeded per chunk, so reads of any size see the same stream
-_FLAGS = frozenset({"simulated"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +68,8 @@ class SimulationSettings:
 class SimulatedSource(Source):
     """Seeded and reproducible: the same settings give the same codes, however they are read."""
 
+    flags = frozenset({"simulated"})
+
     def __init__(self, settings: SimulationSettings | None = None) -> None:
         self.settings = settings or SimulationSettings()
         s = self.settings
@@ -98,7 +99,7 @@ class SimulatedSource(Source):
         codes = self._part(at, limit)
         while len(codes) < limit:
             codes = np.concatenate((codes, self._part(at + len(codes), limit - len(codes))))
-        return SampleBlock(codes, at, utc, 0, _FLAGS)
+        return SampleBlock(codes, at, utc, 0, self.flags)
 
     def skip(self, count: int) -> None:
         """Nothing to compute for samples that nobody wants."""

@@ -70,6 +70,8 @@ class Waveform:
     form: StreamFormat
     start_utc_ns: int | None
     """UTC of the first sample if the file knows it."""
+    simulated: bool = False
+    """Made by a simulation, and says so: every row of it is flagged."""
 
     @property
     def duration(self) -> float:

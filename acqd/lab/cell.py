@@ -1,0 +1,80 @@
+"""A virtual cell ready to work: the robot as described, the robot as it really is, its surroundings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from acqd.errors import UserError
+from acqd.lab.excitation import Cube, Excitation
+from acqd.lab.execution import Planner
+from acqd.lab.plant.parameters import PlantParameters, load_plant, true_robot
+from acqd.lab.settings import LabSettings
+from acqd.robot.arm import Arm
+from acqd.robot.collision import CollisionChecker
+from acqd.robot.description import RobotDescription, load_description
+from acqd.robot.scene import Scene, load_scene
+
+_CUBES = {
+    "iiwa7_r800": Cube(),
+    "ur3e": Cube((0.3, 0.1, 0.22), 0.16),
+    "ur10e": Cube((0.6, 0.1, 0.3), 0.3),
+    "kinova_gen3": Cube((0.45, 0.0, 0.3), 0.25),
+}
+# streams of random numbers
+TRUE_ROBOT, MAINS, MOTION, RECORDER, EFFECTS, ORDER, CLOCK = range(1, 8)
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """One virtual robot and its surroundings."""
+
+    settings: LabSettings
+    number: int
+    """From 0; every cell of a fleet deviates in its own way."""
+    robot: RobotDescription
+    scene: Scene
+    arm: Arm
+    """As described: what plans motions."""
+    true_arm: Arm
+    """As it really is: what the plant moves."""
+    parameters: PlantParameters
+    planner: Planner
+
+    @property
+    def checker(self) -> CollisionChecker:
+        """Of the described arm in its scene."""
+        return self.planner.checker
+
+    @property
+    def device(self) -> str:
+        """Name in power rows."""
+        return f"{self.settings.device}-{self.number + 1:02d}"
+
+    def cube(self) -> Cube:
+        """The volume of limited-space trajectories. Raises UserError for a robot without one."""
+        if self.settings.cube is not None:
+            return self.settings.cube.cube()
+        if self.robot.name not in _CUBES:
+            raise UserError(f"robot {self.robot.name} has no default cube; give one (--cube X Y Z EDGE)")
+        return _CUBES[self.robot.name]
+
+    def excitation(self, *, thesis: bool = False) -> Excitation:
+        """Generator of source trajectories."""
+        return Excitation(self.arm, self.checker, self.scene.name, thesis)
+
+    def random(self, *stream: int) -> np.random.Generator:
+        """Random numbers of one use in this cell."""
+        return self.settings.random(self.number, *stream)
+
+
+def build_cell(settings: LabSettings, number: int = 0) -> Cell:
+    """Raises UserError or InputError for descriptions, scenes or plants that cannot be used."""
+    robot = load_description(settings.robot)
+    scene = load_scene(settings.scene or ("digital_factory" if robot.name == "iiwa7_r800" else "free"))
+    parameters = load_plant(robot, settings.plant)
+    arm = Arm(robot)
+    truth = true_robot(robot, parameters.parameter_spread, settings.random(number, TRUE_ROBOT))
+    planner = Planner(arm, CollisionChecker(arm, scene), settings.motion.parameters())
+    return Cell(settings, number, robot, scene, arm, Arm(truth), parameters, planner)

@@ -1,0 +1,171 @@
+"""One power stream: executions one after the other on one plant, metered without a break."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from acqd.lab.cell import CLOCK, EFFECTS, MAINS, RECORDER, Cell
+from acqd.lab.controller import RATE, Controller, Motion, Step, Wait
+from acqd.lab.effects import make_effects
+from acqd.lab.mains import Mains, Metered
+from acqd.lab.metering import FullSpeedDaemon
+from acqd.lab.plant import Effect, Plant, Situation
+from acqd.lab.recorder import ControllerClock, record
+from acqd.metering import WindowBatch
+from acqd.metering.block import Codes
+from acqd.robot.description import Floats
+
+_CHUNK_MS = 10_000  # of waveform at once
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingTruth:
+    """One execution as it really was."""
+
+    number: int
+    """In the campaign, from 1."""
+    name: str
+    start_s: float
+    """True time since the session's begin."""
+    seconds: float
+    rows: int
+    """In the robot's log."""
+
+
+@dataclass(slots=True)
+class SessionTruth:
+    """What really happened, for the truth record."""
+
+    start_utc_ns: int
+    window_s: float
+    recordings: list[RecordingTruth] = field(default_factory=list)
+    power: Floats = field(default_factory=lambda: np.empty(0))
+    """[windows] W: true mean."""
+    clean_power: Floats = field(default_factory=lambda: np.empty(0))
+    """[windows] W: true mean without the effects."""
+    metered: Floats = field(default_factory=lambda: np.empty(0))
+    """[windows] W: P of the rows, NaN where unknown."""
+    energy: dict[str, Any] = field(default_factory=dict)
+    """The plant's ledger."""
+
+    def part(self, recording: RecordingTruth) -> slice:
+        """Windows that lie within a recording."""
+        first = int(np.ceil(recording.start_s / self.window_s))
+        return slice(first, int((recording.start_s + recording.seconds) / self.window_s))
+
+
+class Session:
+    """Plays programs on the plant and meters them; rows go to `deliver` as they come."""
+
+    def __init__(
+        self,
+        cell: Cell,
+        number: int,
+        start_utc_ns: int,
+        position: Floats,
+        deliver: Callable[[WindowBatch], None],
+        keep: Callable[[Codes], None] | None = None,
+    ) -> None:
+        """`position` [axes] (rad) is where the arm stands; `keep` sees the raw codes too."""
+        settings = cell.settings
+        self._cell = cell
+        self._number = number
+        self._deliver = deliver
+        self._keep = keep
+        self._effects = make_effects(settings.effects, [settings.seed, cell.number, EFFECTS, number])
+        self._mains = Mains(settings.mains, cell.random(MAINS, number))
+        self._daemon = FullSpeedDaemon(self._mains.form, settings.window_s, start_utc_ns)
+        self._plant = Plant(cell.true_arm, cell.parameters, self._effects, settings.start_degC)
+        self._clean = Plant(cell.true_arm, cell.parameters, (), settings.start_degC) if self._effects else None
+        self._powers: list[Floats] = []
+        self._clean_powers: list[Floats] = []
+        self._metered: list[Floats] = []
+        self._ms = 0
+        self.controller = Controller(cell.robot, position)
+        self.truth = SessionTruth(start_utc_ns, settings.window_s)
+
+    @property
+    def elapsed_s(self) -> float:
+        """Simulated time since the session's begin."""
+        return self._ms / RATE
+
+    def pause(self, steps: list[Step], recording: int) -> None:
+        """Steps between recordings: nobody logs them, but the meter runs on."""
+        self._play(self.controller.run(steps), recording, recorded=False)
+
+    def record(self, program: list[Step], number: int, name: str, log: Path) -> None:
+        """Execute a program with the robot's recorder running; the log is written to `log`."""
+        self.record_motion(self.controller.run(program), number, name, log)
+
+    def record_motion(self, motion: Motion, number: int, name: str, log: Path) -> None:
+        """The same for a motion that is known already."""
+        start_s = self.elapsed_s
+        seen = self._play(motion, number, recorded=True)
+        settings = self._cell.settings
+        begin_s = start_s + (self.truth.start_utc_ns - settings.start_utc_ns) * 1e-9
+        random = self._cell.random(RECORDER, number)
+        rows = record(log, self._cell.robot, seen, begin_s, self._clock(number), settings.recorder.settings(), random)
+        self.truth.recordings.append(RecordingTruth(number, name, start_s, motion.seconds, rows))
+
+    def finish(self) -> SessionTruth:
+        """Two more seconds, so that the last windows are whole; then the truth."""
+        self.pause([Wait(2.0)], self.truth.recordings[-1].number if self.truth.recordings else 1)
+        self._daemon.close()
+        truth = self.truth
+        truth.power = self._window_means(self._powers)
+        truth.clean_power = self._window_means(self._clean_powers) if self._clean else truth.power
+        truth.metered = np.concatenate(self._metered)
+        truth.energy = self._plant.ledger.balance()
+        return truth
+
+    def _clock(self, recording: int) -> ControllerClock:
+        clock = self._cell.settings.clock.clock(self._cell.settings.start_utc_ns)
+        if self._cell.number:  # of a fleet: every controller is wrong in its own way
+            random = self._cell.random(CLOCK)
+            clock = ControllerClock(clock.offset_s + random.normal(0, 2), clock.drift_ppm + random.normal(0, 10), clock.origin_utc_ns)
+        for effect in self._effects:
+            clock = effect.clock(clock, recording)
+        return clock
+
+    def _play(self, motion: Motion, recording: int, *, recorded: bool) -> Any:
+        voltage = self._mains.voltage(self._ms, len(motion))
+        about = {"start_s": self.elapsed_s, "recording": recording, "recorded": recorded}
+        trace = self._plant.run(motion, voltage, **about)
+        self._powers.append(trace.power)
+        if self._clean:
+            self._clean_powers.append(self._clean.run(motion, voltage, **about).power)
+        metered = _sensor(self._effects, trace.situation)
+        for first in range(0, len(motion), _CHUNK_MS):
+            part = slice(first, first + _CHUNK_MS)
+            sensor = metered and Metered(metered.gain[part], metered.limit)
+            self._meter(self._mains.waveform(trace.power[part], sensor))
+        self._ms += len(motion)
+        return trace.recorded
+
+    def _meter(self, codes: Codes) -> None:
+        if self._keep is not None:
+            self._keep(codes)
+        for batch in self._daemon.feed(codes):
+            self._metered.append(batch.P[0])
+            self._deliver(batch)
+
+    def _window_means(self, powers: list[Floats]) -> Floats:
+        """Mean over each window of power that is linear between its 1 kHz samples."""
+        power = np.concatenate(powers)
+        width = round(self.truth.window_s * RATE)
+        integral = np.concatenate([[0.0], np.cumsum((power[1:] + power[:-1]) / 2)])
+        return np.asarray(np.diff(integral[::width]) / width)
+
+
+def _sensor(effects: list[Effect], situation: Situation) -> Metered | None:
+    """All that is wrong with the current sensor together."""
+    faults = [fault for effect in effects if (fault := effect.metered(situation)) is not None]
+    if not faults:
+        return None
+    gain = np.prod([gain for gain, _ in faults], axis=0)
+    return Metered(gain, min(limit for _, limit in faults))

@@ -1,0 +1,155 @@
+"""Settings of a campaign: what `lab.toml` may say, with the defaults of the thesis."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, field_validator
+
+from acqd.lab.effects import EffectOrder
+from acqd.lab.excitation import Cube
+from acqd.lab.execution import MotionParameters
+from acqd.lab.mains import MainsSettings
+from acqd.lab.recorder import ControllerClock, RecorderSettings
+from acqd.robot.description import Section
+
+_Share = Annotated[float, Field(ge=0, le=1)]
+
+
+class MotionSection(Section):
+    """Random parameters of each motion (Listing 5.1)."""
+
+    relative_speed: tuple[_Share, _Share] = (0.2, 0.5)
+    relative_blending: tuple[_Share, _Share] = (0.0, 0.5)
+    relative_acceleration: Annotated[float, Field(gt=0, le=1)] = 0.2
+
+    @field_validator("relative_speed", "relative_blending")
+    @classmethod
+    def _ordered(cls, limits: tuple[float, float]) -> tuple[float, float]:
+        if limits[0] > limits[1]:
+            raise ValueError("expected [lowest, highest]")
+        return limits
+
+    @field_validator("relative_speed")
+    @classmethod
+    def _moves(cls, limits: tuple[float, float]) -> tuple[float, float]:
+        if limits[0] < 0.01:
+            raise ValueError("slower than 1 % does not arrive")
+        return limits
+
+    def parameters(self) -> MotionParameters:
+        """As the planner takes them."""
+        return MotionParameters(**self.model_dump())
+
+
+class CubeSection(Section):
+    """Algorithm 1's volume."""
+
+    centre: tuple[float, float, float] = (0.6, 0.0, 0.34)
+    edge: Annotated[float, Field(gt=0, le=3)] = 0.3
+
+    def cube(self) -> Cube:
+        """As the generator takes it."""
+        return Cube(self.centre, self.edge)
+
+
+class ClockSection(Section):
+    """The robot controller's clock, which nobody synchronises."""
+
+    offset_s: Annotated[float, Field(ge=-1e9, le=1e9)] = 1.24
+    """Controller minus UTC at the campaign's begin."""
+    drift_ppm: Annotated[float, Field(ge=-1000, le=1000)] = 8.0
+
+    def clock(self, origin_utc_ns: int) -> ControllerClock:
+        """As the recorder takes it."""
+        return ControllerClock(self.offset_s, self.drift_ppm, origin_utc_ns)
+
+
+class RecorderSection(Section):
+    """The robot controller's DataRecorder (Listing 4.1)."""
+
+    period_s: Annotated[float, Field(ge=0.001, le=1)] = 0.04
+    timeout_s: Annotated[float, Field(ge=1, le=100_000)] = 400.0
+    jitter_s: Annotated[float, Field(ge=0, le=0.1)] = 0.0005
+    missing: Annotated[float, Field(ge=0, le=0.9)] = 0.0
+    angle_noise_rad: Annotated[float, Field(ge=0, le=0.1)] = 2e-6
+    torque_noise_Nm: Annotated[float, Field(ge=0, le=100)] = 0.15
+    signals: bool = True
+
+    def settings(self) -> RecorderSettings:
+        """As the recorder takes them."""
+        return RecorderSettings(**self.model_dump())
+
+
+class LabSettings(Section):
+    """A virtual cell and what is to happen in it."""
+
+    robot: str = "iiwa7_r800"
+    """Shipped name, or path of a description."""
+    scene: str | None = None
+    """Shipped name or path; None: `digital_factory` for the iiwa, `free` for others."""
+    plant: Path | None = None
+    """Plant file; None: the one shipped for the robot."""
+    seed: Annotated[int, Field(ge=0)] = 1
+    start: datetime = datetime(2021, 7, 13, 8, 0, tzinfo=UTC)
+    """UTC of the campaign's begin."""
+    device: Annotated[str, Field(pattern=r"^[A-Za-z0-9._-]{1,60}$")] = "cell"
+    window: Annotated[float, Field(ge=0.04, le=0.05)] | None = None
+    """s; None: two mains cycles."""
+    start_degC: Annotated[float, Field(ge=-20, le=80)] | None = None
+    """Gear temperature at each session's begin; None: warm."""
+    pause_s: Annotated[float, Field(ge=0.5, le=3600)] = 12.0
+    """Between executions; the brakes close after 10 s."""
+    motion: MotionSection = MotionSection()
+    cube: CubeSection | None = None
+    """None: the thesis' cube for the iiwa, one within reach for others."""
+    mains: MainsSettings = MainsSettings()
+    recorder: RecorderSection = RecorderSection()
+    clock: ClockSection = ClockSection()
+    effects: list[EffectOrder] = []
+
+    @field_validator("start")
+    @classmethod
+    def _zoned(cls, start: datetime) -> datetime:
+        start = start if start.tzinfo else start.replace(tzinfo=UTC)
+        if not 1971 <= start.year < 2200:
+            raise ValueError("expected a time between 1971 and 2199")
+        return start
+
+    @property
+    def start_utc_ns(self) -> int:
+        """Of the campaign."""
+        return round(self.start.timestamp() * 1e6) * 1000
+
+    @property
+    def window_s(self) -> float:
+        """Two mains cycles, or what was asked for."""
+        return self.window or (0.05 if self.mains.frequency > 55 else 0.04)
+
+    def random(self, *stream: int) -> np.random.Generator:
+        """Reproducible random numbers of their own for each use."""
+        return np.random.default_rng([self.seed, *stream])
+
+
+Profile = Literal["thesis", "use-case"]
+
+
+class CampaignSettings(LabSettings):
+    """A whole measured campaign."""
+
+    profile: Profile = "thesis"
+    limited: Annotated[int, Field(ge=0, le=100_000)] = 202
+    """Recordings in limited space (profile thesis)."""
+    all_space: Annotated[int, Field(ge=0, le=100_000)] = 135
+    """Recordings in all space (profile thesis)."""
+    limited_sources: Annotated[int, Field(ge=1, le=10_000)] = 46
+    all_space_sources: Annotated[int, Field(ge=1, le=10_000)] = 30
+    assemblies: Annotated[int, Field(ge=1, le=100_000)] = 24
+    """Recordings of the assembly (profile use-case)."""
+    session: Annotated[int, Field(ge=1, le=10_000)] = 24
+    """Recordings per power stream."""
+    cells: Annotated[int, Field(ge=1, le=1000)] = 1
+    """Virtual robots, each with its own deviations, mains and clock."""
