@@ -9,8 +9,8 @@ import numpy as np
 
 from acqd.errors import UserError
 from acqd.lab.controller import Phase, Step, SwitchTool, Wait
-from acqd.lab.execution import Planner
 from acqd.lab.excitation import TOOL_DOWN
+from acqd.lab.execution import Planner
 from acqd.lab.motion import Move
 from acqd.robot.arm import Arm
 from acqd.robot.description import Floats
@@ -75,7 +75,12 @@ class Assembly:
         return steps
 
     def _pick(
-        self, steps: list[Step], at: Floats, where: tuple[float, float], random: np.random.Generator, phase: str = "pick"
+        self,
+        steps: list[Step],
+        at: Floats,
+        where: tuple[float, float],
+        random: np.random.Generator,
+        phase: str = "pick",
     ) -> Floats:
         at = self._go(steps, at, [Place(*where, _ABOVE), Place(*where, _DOWN)], 0.45, random, phase=phase)
         steps.append(SwitchTool(True))
@@ -106,7 +111,7 @@ class Assembly:
         """Append blended motions to the last of `places`; returns the configuration there."""
         if phase:
             steps.append(Phase(phase))
-        targets = []
+        targets: list[Floats] = []
         for place in places:
             targets.append(self._reach(place, targets[-1] if targets else at))
         steps += self._moves(at, targets, speed, random)
@@ -123,5 +128,7 @@ class Assembly:
         q = inverse_kinematics(self._arm, place.pose(), near, self._random)
         if q is None:
             name = self._arm.description.name
-            raise UserError(f"assembly: {name} cannot reach x {place.x:g}, y {place.y:g}, z {place.z:g} m with the tool down")
+            raise UserError(
+                f"assembly: {name} cannot reach x {place.x:g}, y {place.y:g}, z {place.z:g} m with the tool down"
+            )
         return q

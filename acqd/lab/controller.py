@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -79,8 +79,16 @@ class Motion:
 
     def part(self, first: int, last: int) -> Motion:
         """Samples `first` to `last`."""
-        arrays = (a[first:last] for a in (self.q, self.qd, self.qdd, self.brake_open, self.tool_on))
-        return Motion(*arrays, self.phase, self.phase_number[first:last])
+        part = slice(first, last)
+        return replace(
+            self,
+            q=self.q[part],
+            qd=self.qd[part],
+            qdd=self.qdd[part],
+            brake_open=self.brake_open[part],
+            tool_on=self.tool_on[part],
+            phase_number=self.phase_number[part],
+        )
 
 
 class Controller:

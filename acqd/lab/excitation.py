@@ -120,7 +120,9 @@ class Excitation:
         if not before:
             collides = self.checker.collides(q)
         elif self.thesis:
-            collides = any(self.checker.collides(p) for p in before[-1] + np.linspace(0, 1, 10)[:, None] * (q - before[-1]))
+            collides = any(
+                self.checker.collides(p) for p in before[-1] + np.linspace(0, 1, 10)[:, None] * (q - before[-1])
+            )
         else:
             corner = np.array([*before[-2:], q])
             collides = self.checker.path_collides(dense_path(corner[-2:], CHECK_STEP)) or self._corner_collides(corner)
@@ -148,7 +150,7 @@ def planned_path(q: Floats) -> Floats:
     travelled = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(q, axis=0)).max(axis=1))])
     steps = np.arange(0.0, travelled[-1] + CHECK_STEP, CHECK_STEP * 0.95)
     chosen = np.unique(np.concatenate([np.searchsorted(travelled, steps).clip(max=len(q) - 1), [len(q) - 1]]))
-    return q[chosen]
+    return np.asarray(q[chosen])
 
 
 def _metres(point: Floats) -> str:

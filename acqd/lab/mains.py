@@ -34,11 +34,11 @@ class MainsSettings(Section):
     """V RMS, correlated over some 2 min."""
     voltage_step: Annotated[float, Field(ge=0, le=10)] = 1.0
     """V: size of the steps by which loads and tap changers shift it, every ten minutes or so."""
-    harmonics: dict[int, float] = {3: 0.006, 5: 0.021, 7: 0.012, 11: 0.005}
+    harmonics: dict[int, float] = Field(default={3: 0.006, 5: 0.021, 7: 0.012, 11: 0.005})
     """Of the voltage: order -> share."""
     shape: Literal["pfc", "rectifier"] = "pfc"
     """Sinusoidal current with some distortion, or the pulses of a rectifier with smoothing capacitor."""
-    current_harmonics: dict[int, float] = {3: 0.06, 5: 0.035, 7: 0.02}
+    current_harmonics: dict[int, float] = Field(default={3: 0.06, 5: 0.035, 7: 0.02})
     """Of a pfc's current: order -> share."""
     filter_current: Annotated[float, Field(ge=0, le=2)] = 0.11
     """A RMS: leading, into the line filter's capacitors."""
@@ -146,7 +146,7 @@ class _Wander:
         """[count] values from `first_ms` on, one a millisecond."""
         t = (first_ms + np.arange(count)) * 1e-3 / _KNOT_S
         self._extend(int(t[-1]) + 2)
-        return np.interp(t, np.arange(len(self._knots)), self._knots)
+        return np.asarray(np.interp(t, np.arange(len(self._knots)), self._knots))
 
     def _extend(self, count: int) -> None:
         more = []

@@ -168,9 +168,7 @@ def _soonest(
     return before.end
 
 
-def _within(
-    before: Leg, distance: Floats, profile: Profile, start: float, speed: Floats, acceleration: Floats
-) -> bool:
+def _within(before: Leg, distance: Floats, profile: Profile, start: float, speed: Floats, acceleration: Floats) -> bool:
     t = _instants(before, profile, start)
     s_old, sd_old, sdd_old = before.profile.at(t - before.start)
     s_new, sd_new, sdd_new = profile.at(t - start)

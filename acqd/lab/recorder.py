@@ -78,21 +78,21 @@ def record(
     seconds = min(len(seen.q) / RATE, settings.timeout_s)
     ideal = np.arange(int(seconds / settings.period_s)) * settings.period_s
     taken = np.clip(ideal + random.normal(0, settings.jitter_s, len(ideal)), 0, (len(seen.q) - 1) / RATE)
-    stamp = clock.reading(begin_utc_s + np.maximum.accumulate(taken))
-    kept = random.random(len(ideal)) >= settings.missing
-    rows = Recorded(
-        *(_at(values, taken) for values in (seen.q, seen.tau, seen.current, seen.temperature)),
-        *(np.round(_at(values[:, None], taken)[:, 0]) for values in (seen.tool_on, seen.brake_open)),
-    )
-    q = rows.q + random.normal(0, settings.angle_noise_rad, rows.q.shape)
-    tau = rows.tau + random.normal(0, settings.torque_noise_Nm, rows.tau.shape)
+    taken = np.maximum.accumulate(taken)[random.random(len(ideal)) >= settings.missing]
+    stamps = [clock.origin_utc_ns + round(s * 1e9) for s in clock.reading(begin_utc_s + taken).tolist()]
+    q, tau, current, temperature = (_at(v, taken) for v in (seen.q, seen.tau, seen.current, seen.temperature))
+    q += random.normal(0, settings.angle_noise_rad, q.shape)
+    tau += random.normal(0, settings.torque_noise_Nm, tau.shape)
+    tool, brake = (np.round(_at(switch[:, None], taken)) for switch in (seen.tool_on, seen.brake_open))
     layout = next((layout for layout in robot.log if layout.format == "datarecorder"), None)
-    noisy = Recorded(q, tau, rows.current, rows.temperature, rows.tool_on, rows.brake_open)
     if layout is not None:
-        _write_datarecorder(path, layout, noisy, stamp, kept, clock.origin_utc_ns, settings.signals)
+        columns = {layout.q: q, layout.tau: tau}
+        switches = {layout.tool: tool, layout.brake: brake}
+        _write_datarecorder(path, layout, columns | (switches if settings.signals else {}), stamps)
     else:
-        _write_csv(path, noisy, stamp, kept, clock.origin_utc_ns, settings.signals)
-    return int(kept.sum())
+        logged = {"q{1}": q, "current{1}": current, "temperature{1}": temperature}
+        _write_csv(path, logged | ({"tool": tool, "brake": brake} if settings.signals else {}), stamps)
+    return len(stamps)
 
 
 def log_suffix(robot: RobotDescription) -> str:
@@ -105,45 +105,32 @@ def _at(values: Floats, seconds: Floats) -> Floats:
     position = seconds * RATE
     before = np.minimum(position.astype(int), len(values) - 2)
     share = (position - before)[:, None]
-    return values[before] * (1 - share) + values[before + 1] * share
+    return np.asarray(values[before] * (1 - share) + values[before + 1] * share)
 
 
 def _write_datarecorder(
-    path: Path, layout: LogColumns, rows: Recorded, stamp: Floats, kept: Floats, origin_ns: int, signals: bool
+    path: Path, layout: LogColumns, columns: dict[str | None, Floats], stamps_ns: list[int]
 ) -> None:
     """Whitespace separated, header after %, time as seconds and nanoseconds to the millisecond (thesis 4.2)."""
-    axes = rows.q.shape[1]
-    names = [layout.time_s or "", layout.time_ns or ""]
-    names += [layout.q.format(k, k + 1) for k in range(axes)]
-    columns = [rows.q]
-    if layout.tau:
-        names += [layout.tau.format(k, k + 1) for k in range(axes)]
-        columns.append(rows.tau)
-    for name, values in ((layout.tool, rows.tool_on), (layout.brake, rows.brake_open)):
-        if name and signals:
-            names.append(name)
-            columns.append(values[:, None])
-    table = np.concatenate(columns, axis=1)
-    lines = ["% " + " ".join(names)]
-    for k in np.flatnonzero(kept):
-        ms = (origin_ns + round(stamp[k] * 1e9)) // 1_000_000
-        values = " ".join(f"{value:.7g}" for value in table[k])
-        lines.append(f"{ms // 1000} {ms % 1000 * 1_000_000} {values}")
+    names, table = _table({name: values for name, values in columns.items() if name})
+    lines = [" ".join(["%", str(layout.time_s), str(layout.time_ns), *names])]
+    for stamp, row in zip(stamps_ns, table.tolist(), strict=True):
+        ms = stamp // 1_000_000
+        lines.append(f"{ms // 1000} {ms % 1000 * 1_000_000} " + " ".join([f"{value:.7g}" for value in row]))
     path.write_text("\n".join([*lines, ""]), encoding="utf-8")
 
 
-def _write_csv(path: Path, rows: Recorded, stamp: Floats, kept: Floats, origin_ns: int, signals: bool) -> None:
-    """The generic header: time in Unix seconds, motor currents and temperatures instead of joint torques."""
-    axes = rows.q.shape[1]
-    names = ["time"]
-    names += [f"{quantity}{k + 1}" for quantity in ("q", "current", "temperature") for k in range(axes)]
-    table = np.concatenate([rows.q, rows.current, rows.temperature], axis=1)
-    if signals:
-        names += ["tool", "brake"]
-        table = np.column_stack([table, rows.tool_on, rows.brake_open])
-    lines = [",".join(names)]
-    for k in np.flatnonzero(kept):
-        us = (origin_ns + round(stamp[k] * 1e9)) // 1000
-        values = ",".join(f"{value:.7g}" for value in table[k])
-        lines.append(f"{us // 1_000_000}.{us % 1_000_000:06d},{values}")
+def _write_csv(path: Path, columns: dict[str, Floats], stamps_ns: list[int]) -> None:
+    """The generic header: time in Unix seconds; motor currents and temperatures instead of joint torques."""
+    names, table = _table(columns)
+    lines = [",".join(["time", *names])]
+    for stamp, row in zip(stamps_ns, table.tolist(), strict=True):
+        us = stamp // 1000
+        lines.append(f"{us // 1_000_000}.{us % 1_000_000:06d}," + ",".join([f"{value:.7g}" for value in row]))
     path.write_text("\n".join([*lines, ""]), encoding="utf-8")
+
+
+def _table(columns: dict[str, Floats]) -> tuple[list[str], Floats]:
+    """Names and values side by side; {0} and {1} in a name become axis numbers from 0 and from 1."""
+    names = [name.format(k, k + 1) for name, values in columns.items() for k in range(values.shape[1])]
+    return names, np.concatenate(list(columns.values()), axis=1)

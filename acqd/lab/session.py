@@ -14,8 +14,8 @@ from acqd.lab.controller import RATE, Controller, Motion, Step, Wait
 from acqd.lab.effects import make_effects
 from acqd.lab.mains import Mains, Metered
 from acqd.lab.metering import FullSpeedDaemon
-from acqd.lab.plant import Effect, Plant, Situation
-from acqd.lab.recorder import ControllerClock, record
+from acqd.lab.plant import Effect, Plant, Situation, Stretch
+from acqd.lab.recorder import ControllerClock, Recorded, record
 from acqd.metering import WindowBatch
 from acqd.metering.block import Codes
 from acqd.robot.description import Floats
@@ -127,18 +127,20 @@ class Session:
         clock = self._cell.settings.clock.clock(self._cell.settings.start_utc_ns)
         if self._cell.number:  # of a fleet: every controller is wrong in its own way
             random = self._cell.random(CLOCK)
-            clock = ControllerClock(clock.offset_s + random.normal(0, 2), clock.drift_ppm + random.normal(0, 10), clock.origin_utc_ns)
+            clock = ControllerClock(
+                clock.offset_s + random.normal(0, 2), clock.drift_ppm + random.normal(0, 10), clock.origin_utc_ns
+            )
         for effect in self._effects:
             clock = effect.clock(clock, recording)
         return clock
 
-    def _play(self, motion: Motion, recording: int, *, recorded: bool) -> Any:
+    def _play(self, motion: Motion, recording: int, *, recorded: bool) -> Recorded:
         voltage = self._mains.voltage(self._ms, len(motion))
-        about = {"start_s": self.elapsed_s, "recording": recording, "recorded": recorded}
-        trace = self._plant.run(motion, voltage, **about)
+        where = Stretch(self.elapsed_s, recording, recorded)
+        trace = self._plant.run(motion, voltage, where)
         self._powers.append(trace.power)
         if self._clean:
-            self._clean_powers.append(self._clean.run(motion, voltage, **about).power)
+            self._clean_powers.append(self._clean.run(motion, voltage, where).power)
         metered = _sensor(self._effects, trace.situation)
         for first in range(0, len(motion), _CHUNK_MS):
             part = slice(first, first + _CHUNK_MS)

@@ -109,7 +109,7 @@ class LabSettings(Section):
     mains: MainsSettings = MainsSettings()
     recorder: RecorderSection = RecorderSection()
     clock: ClockSection = ClockSection()
-    effects: list[EffectOrder] = []
+    effects: list[EffectOrder] = Field(default=[])
 
     @field_validator("start")
     @classmethod

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from functools import cache
 from typing import Any
 
@@ -98,7 +99,7 @@ def require_free(checker: CollisionChecker, q: Floats, what: str, scene: str) ->
 def dense_path(waypoints: Floats, step: float) -> Floats:
     """Straight joint-space edges through `waypoints` [N, axes], no axis moving more than `step` (rad) between rows."""
     parts = [waypoints[:1]]
-    for start, end in zip(waypoints[:-1], waypoints[1:], strict=True):
+    for start, end in itertools.pairwise(waypoints):
         count = max(1, int(np.ceil(np.abs(end - start).max() / step)))
         parts.append(start + np.linspace(0.0, 1.0, count + 1)[1:, None] * (end - start))
     return np.concatenate(parts)

@@ -15,7 +15,11 @@ from acqd.robot.table import Table, read_table
 _PER_AXIS = ("q", "qd", "tau", "current", "temperature")
 _GENERIC = LogColumns(
     format="csv",
-    **{name: name + "{1}" for name in _PER_AXIS},
+    q="q{1}",
+    qd="qd{1}",
+    tau="tau{1}",
+    current="current{1}",
+    temperature="temperature{1}",
     tool="tool",
     brake="brake",
 )
@@ -106,8 +110,11 @@ def _assemble(path: Path, table: Table, columns: Columns, layout: LogColumns, ro
             raise InputError(path, f"row {table.line(row)}: {name} column {column + 1} is empty or no number")
     time = clock[:, 0] + clock[:, 1] * 1e-9 if clock.shape[1] == 2 else clock[:, 0] * layout.time_unit_s
     _check_angles(path, q, robot)
-    signals = {name: table.values[:, columns[name][0]] for name in ("tool", "brake") if name in columns}
-    return RobotLog(path, time, q, *(values(name) for name in _PER_AXIS[1:]), signals)
+    signals: dict[str, Floats] = {
+        name: table.values[:, columns[name][0]] for name in ("tool", "brake") if name in columns
+    }
+    others = {name: values(name) for name in _PER_AXIS[1:]}
+    return RobotLog(path, time, q, **others, signals=signals)
 
 
 def _check_angles(path: Path, q: Floats, robot: RobotDescription) -> None:

@@ -40,7 +40,7 @@ class Scene(Section):
     """The surroundings of one robot."""
 
     name: str
-    box: list[Box] = []
+    box: list[Box] = Field(default=[])
     tool: Tool | None = None
     margin_m: Annotated[float, Field(ge=0, le=0.5)] = 0.01
     """Distance that counts as a collision."""

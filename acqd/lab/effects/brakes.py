@@ -36,7 +36,7 @@ class BrakeRelease(Effect):
         surge, _ = lfilter([1.0], [1, -keep], edges.astype(float), zi=[keep * self._surge])
         self._surge = float(surge[-1])
         since = self._elapsed(edges)
-        return self["peak_W"] * surge + self["pull_W"] * (since < self["pull_s"])
+        return np.asarray(self["peak_W"] * surge + self["pull_W"] * (since < self["pull_s"]))
 
     def _elapsed(self, edges: np.ndarray) -> Floats:
         """[T] s since the last opening."""

@@ -85,5 +85,5 @@ class ProcessLoad(Effect):
         if working:
             active = np.isin(motion.phase_number, working).astype(float)
         else:
-            active = bursts(self.random, len(motion), (3.0, 8.0), 15.0) * situation.recorded
+            active = bursts(self.random, len(motion), (3.0, 8.0), 15.0) * situation.stretch.recorded
         return self["power_W"] * active * self.gate(situation)

@@ -106,7 +106,7 @@ class ThermalFriction(_Friction):
         warmth, _ = lfilter([1 - keep], [1, -keep], moving, zi=[keep * self._warmth])
         self._warmth = float(warmth[-1])
         cold = self["relative"] * (1 - warmth)[:, None]
-        return cold * per_axis(situation.parameters.friction.viscous_Nms_rad) * qd * self._where(situation)
+        return np.asarray(cold * per_axis(situation.parameters.friction.viscous_Nms_rad) * qd * self._where(situation))
 
 
 class GearRipple(_Friction):

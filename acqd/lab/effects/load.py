@@ -75,7 +75,7 @@ class ContactForce(Effect):
         if working:
             pressed = np.isin(motion.phase_number, working).astype(float)
         else:
-            pressed = bursts(self.random, len(motion), (1.0, 4.0), 12.0) * situation.recorded
+            pressed = bursts(self.random, len(motion), (1.0, 4.0), 12.0) * situation.stretch.recorded
         return smoothed(pressed, 0.05)
 
 

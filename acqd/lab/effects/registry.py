@@ -24,7 +24,7 @@ class EffectOrder(Section):
     """One effect to switch on."""
 
     id: str
-    values: dict[str, float] = {}
+    values: dict[str, float] = Field(default={})
     recording: Annotated[int, Field(ge=1)] = 1
     """Number of the recording in which it begins."""
     at_s: Annotated[float, Field(ge=0)] = 0.0
@@ -41,7 +41,11 @@ def known_effects() -> dict[str, type[Effect]]:
     for module_info in pkgutil.iter_modules(package.__path__):
         module = importlib.import_module(f"{__package__}.{module_info.name}")
         classes = inspect.getmembers(module, inspect.isclass)
-        found += [cls for _, cls in classes if issubclass(cls, Effect) and cls.__module__ == module.__name__ and hasattr(cls, "id")]
+        found += [
+            cls
+            for _, cls in classes
+            if issubclass(cls, Effect) and cls.__module__ == module.__name__ and hasattr(cls, "id")
+        ]
     found += [entry.load() for entry in entry_points(group="acqd.lab.effects")]
     return {cls.id: cls for cls in sorted(found, key=lambda cls: cls.id)}
 

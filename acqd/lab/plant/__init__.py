@@ -4,6 +4,6 @@ Apart from everything that analyses: nothing outside `acqd.lab` and `acqd.cli` m
 """
 
 from acqd.lab.plant.plant import Plant, PlantTrace
-from acqd.lab.plant.situation import Effect, Situation
+from acqd.lab.plant.situation import Effect, Situation, Stretch
 
-__all__ = ["Effect", "Plant", "PlantTrace", "Situation"]
+__all__ = ["Effect", "Plant", "PlantTrace", "Situation", "Stretch"]

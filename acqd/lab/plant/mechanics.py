@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 
 from acqd.lab.controller import RATE, Motion
@@ -39,7 +41,7 @@ class RigidBody:
 
     def rotor_torque(self, motion: Motion) -> Floats:
         """[T, axes] Nm that accelerate the rotors, at the output."""
-        return motion.qdd * self._rotor
+        return np.asarray(motion.qdd * self._rotor)
 
     def energy(self, q: Floats, qd: Floats, mass: float) -> float:
         """Kinetic and potential energy of arm, payload and rotors (J) in one state [axes]."""
@@ -69,7 +71,7 @@ def _sparing(arm: Arm, motion: Motion) -> Floats:
 def _stretches(values: Floats) -> list[tuple[int, int]]:
     """First and one past the last index of every run of equal values."""
     edges = [0, *(np.flatnonzero(np.diff(values)) + 1).tolist(), len(values)]
-    return list(zip(edges[:-1], edges[1:], strict=True))
+    return list(itertools.pairwise(edges))
 
 
 def direction(qd: Floats) -> Floats:

@@ -12,7 +12,7 @@ from acqd.lab.plant.electrics import DcStorage, Motors, PowerSupply
 from acqd.lab.plant.ledger import Ledger, row_sum
 from acqd.lab.plant.mechanics import GearFriction, RigidBody
 from acqd.lab.plant.parameters import PlantParameters
-from acqd.lab.plant.situation import Effect, Situation
+from acqd.lab.plant.situation import Effect, Situation, Stretch
 from acqd.lab.recorder import Recorded
 from acqd.robot.arm import Arm
 from acqd.robot.description import Floats
@@ -47,14 +47,9 @@ class Plant:
         self._begun = False
         self.ledger = Ledger()
 
-    def run(
-        self, motion: Motion, voltage: Floats, *, start_s: float, recording: int = 1, recorded: bool = True
-    ) -> PlantTrace:
-        """The plant over one stretch of `motion` at mains `voltage` [T] (Vrms).
-
-        `start_s`: since the session's begin. `recording` and `recorded`: see Situation.
-        """
-        s = Situation(start_s, recording, recorded, motion, self._arm, self._p, voltage)
+    def run(self, motion: Motion, voltage: Floats, stretch: Stretch | None = None) -> PlantTrace:
+        """The plant over one stretch of `motion` at mains `voltage` [T] (Vrms)."""
+        s = Situation(stretch or Stretch(), motion, self._arm, self._p, voltage)
         mass = sum(self._asked(lambda effect: effect.payload(s)).values(), np.zeros(len(motion)))
         powers = self._mechanics(s, mass) | self._dc_side(s)
         powers |= self._mains_side(s)
@@ -83,7 +78,10 @@ class Plant:
         torque = torque * motion.brake_open[:, None]  # a closed brake holds the arm, not the motor
         s.current = self._motors.current(torque)
         s.joint_power = torque * motion.qd + self._motors.copper_loss(s.current)
-        powers = {"friction": row_sum(s.tau_friction * motion.qd), "copper": row_sum(self._motors.copper_loss(s.current))}
+        powers = {
+            "friction": row_sum(s.tau_friction * motion.qd),
+            "copper": row_sum(self._motors.copper_loss(s.current)),
+        }
         return powers | {name: row_sum(tau * motion.qd) for name, tau in (outside | inside).items()}
 
     def _dc_side(self, s: Situation) -> dict[str, Floats]:

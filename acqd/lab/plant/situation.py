@@ -16,16 +16,23 @@ from acqd.robot.arm import Arm
 from acqd.robot.description import Floats
 
 
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """Where in a campaign a stretch of motion lies."""
+
+    start_s: float = 0.0
+    """Since the session's begin."""
+    recording: int = 1
+    """Number of the recording that this belongs to or comes before, from 1, over the whole campaign."""
+    recorded: bool = True
+    """Whether the robot's recorder is running."""
+
+
 @dataclass(slots=True)
 class Situation:
-    """One stretch of motion; the quantities below `motion` fill up as the plant computes them."""
+    """One stretch of motion; the quantities below `voltage` fill up as the plant computes them."""
 
-    start_s: float
-    """Since the session's begin."""
-    recording: int
-    """Number of the recording that this belongs to or comes before, from 1, over the whole campaign."""
-    recorded: bool
-    """Whether the robot's recorder is running."""
+    stretch: Stretch
     motion: Motion
     arm: Arm
     """The robot as it really is, without payload."""
@@ -48,7 +55,7 @@ class Situation:
     @property
     def t(self) -> Floats:
         """[T] s since the session's begin."""
-        return self.start_s + np.arange(len(self.motion)) / RATE
+        return self.stretch.start_s + np.arange(len(self.motion)) / RATE
 
 
 class Effect(ABC):
@@ -83,9 +90,10 @@ class Effect(ABC):
         """[T] 1 where the effect acts, 0 before its onset."""
         number, seconds = self.onset
         samples = len(situation.motion)
-        if situation.recording != number or (not situation.recorded and seconds <= 0):
-            return np.full(samples, float(situation.recording >= number))
-        if not situation.recorded:  # on the way to the recording in which it begins
+        stretch = situation.stretch
+        if stretch.recording != number or (not stretch.recorded and seconds <= 0):
+            return np.full(samples, float(stretch.recording >= number))
+        if not stretch.recorded:  # on the way to the recording in which it begins
             return np.zeros(samples)
         return (np.arange(samples) / RATE >= seconds).astype(float)
 

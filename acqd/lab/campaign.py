@@ -1,0 +1,243 @@
+"""A whole measured campaign: trajectories, sessions, database, manifest, truth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import orjson
+
+from acqd import __version__
+from acqd.errors import InputError, UserError
+from acqd.lab.cell import build_cell
+from acqd.lab.effects import known_effects
+from acqd.lab.engine import run_here, run_on_ray
+from acqd.lab.generate import generate
+from acqd.lab.plan import SessionPlan, plan_sessions
+from acqd.lab.rows import store_rows
+from acqd.lab.settings import CampaignSettings
+from acqd.lab.work import Folders, run_session
+from acqd.storage.database import open_database
+
+Engine = Literal["process", "ray"]
+
+
+@dataclass(frozen=True, slots=True)
+class CampaignOrder:
+    """What to do, and how."""
+
+    settings: CampaignSettings
+    out: Path
+    truth: Path
+    database: str
+    """URL; a plain path is SQLite."""
+    jobs: int = 2
+    engine: Engine = "process"
+    ray_address: str | None = None
+
+
+@dataclass(slots=True)
+class CampaignReport:
+    """What was done."""
+
+    out: str
+    truth: str
+    database: str
+    recordings: int = 0
+    recorded_s: float = 0.0
+    streamed_s: float = 0.0
+    rows: int = 0
+    sessions_done_before: int = 0
+    sample_pairs: int = 0
+    standby_W: float = 0.0
+    spaces: dict[str, dict[str, float]] = field(default_factory=dict)
+    """Per space: recordings, hours, mean, p99 and max of metered P [W]."""
+    steady_error: dict[str, float] = field(default_factory=dict)
+    """Metered against true power in steady state, relative."""
+    energy_unaccounted: float = 0.0
+    """Worst session, share of the supplied energy."""
+    simulated: bool = True
+
+
+def run_campaign(order: CampaignOrder, progress: Callable[[str, float], None]) -> CampaignReport:
+    """Run what has not been run yet. `progress` gets a sentence and the share done. Raises UserError."""
+    settings = order.settings
+    folders = Folders(order.out, order.truth)
+    plans = plan_sessions(settings)
+    if not plans:
+        raise UserError("the campaign has no recordings; raise --limited or --all")
+    cell = build_cell(settings)
+    order.truth.parent.mkdir(parents=True, exist_ok=True)
+    _claim(folders, settings)
+    database = open_database(order.database)
+    if settings.profile == "thesis":
+        progress("drawing trajectories", 0.0)
+        generate(
+            cell,
+            folders.trajectories,
+            limited=min(settings.limited, settings.limited_sources),
+            all_space=min(settings.all_space, settings.all_space_sources),
+            keep=True,
+        )
+    reports = {plan.name: _finished(folders, plan) for plan in plans}
+    left = [plan for plan in plans if reports[plan.name] is None]
+    done_before = len(plans) - len(left)
+    rows = sum(_ingest(folders, plan.name, database) for plan in plans if reports[plan.name] is not None)
+    work = partial(_work, settings, folders)
+    results = run_on_ray(work, left, order.ray_address) if order.engine == "ray" else run_here(work, left, order.jobs)
+    progress("executing", done_before / len(plans))
+    for count, report in enumerate(results if left else [], start=done_before + 1):
+        reports[report["session"]] = report
+        rows += _ingest(folders, report["session"], database)
+        progress("executing", count / len(plans))
+    finished = [report for plan in plans if (report := reports[plan.name]) is not None]
+    _write_manifest(folders, settings, plans, finished)
+    _write_truth(folders, settings, finished)
+    summary = _summarise(order, finished)
+    summary.rows, summary.sessions_done_before = rows, done_before
+    return summary
+
+
+def _work(settings: CampaignSettings, folders: Folders, plan: SessionPlan) -> dict[str, Any]:
+    return run_session(settings, plan, folders)
+
+
+def _claim(folders: Folders, settings: CampaignSettings) -> None:
+    """Make the folders; go on in them only with the same settings. Raises UserError."""
+    mine = settings.model_dump(mode="json")
+    seal = folders.truth / "settings.json"
+    try:
+        if seal.exists():
+            theirs = orjson.loads(seal.read_bytes())
+            differing = sorted(key for key in mine.keys() | theirs.keys() if mine.get(key) != theirs.get(key))
+            if differing:
+                raise UserError(
+                    f"{folders.out} holds a campaign with other settings ({', '.join(differing)}); "
+                    "choose another --out, or remove it and its truth folder"
+                )
+            return
+        if folders.out.exists() and any(folders.out.iterdir()):
+            raise UserError(f"{folders.out} is not empty and holds no campaign of this kind; choose another --out")
+        folders.out.mkdir(parents=True, exist_ok=True)
+        folders.truth.mkdir(parents=True, exist_ok=True)
+        seal.write_bytes(orjson.dumps(mine, option=orjson.OPT_INDENT_2))
+    except orjson.JSONDecodeError:
+        raise InputError(seal, "is damaged; remove the campaign and its truth folder, and run it again") from None
+    except OSError as error:
+        raise UserError(f"{error.filename}: {error.strerror}; choose another --out") from None
+
+
+def _finished(folders: Folders, plan: SessionPlan) -> dict[str, Any] | None:
+    path = folders.work / f"{plan.name}.json"
+    try:
+        report: dict[str, Any] = orjson.loads(path.read_bytes())
+    except (FileNotFoundError, orjson.JSONDecodeError):
+        return None
+    return report
+
+
+def _ingest(folders: Folders, session: str, database: Any) -> int:
+    """Rows of a session into SQL, once: the row file goes when they are there."""
+    path = folders.work / f"{session}.jsonl"
+    if not path.exists():
+        return 0
+    count = store_rows(path, database)
+    path.unlink()
+    return count
+
+
+def _write_manifest(
+    folders: Folders, settings: CampaignSettings, plans: list[SessionPlan], reports: list[dict[str, Any]]
+) -> None:
+    """What an analyst may know: no undeclared effect, no clock, no true robot, and no seed to get them by."""
+    by_session = {report["session"]: report for report in reports}
+    recordings = []
+    for plan in plans:
+        report = by_session[plan.name]
+        for planned, done in zip(plan.recordings, report["recordings"], strict=True):
+            recordings.append(
+                {
+                    "name": planned.name,
+                    "space": planned.space,
+                    "source": planned.source_name,
+                    "device": report["device"],
+                    "session": plan.name,
+                    "log_rows": done["rows"],
+                }
+            )
+    manifest = {
+        "acqd": __version__,
+        "simulated": True,
+        "profile": settings.profile,
+        "robot": settings.robot,
+        "window_s": settings.window_s,
+        "log_period_s": settings.recorder.period_s,
+        "effects": [_described(effect.id, effect.model_dump()) for effect in settings.effects if effect.declared],
+        "recordings": recordings,
+    }
+    _write_json(folders.out / "campaign.json", manifest)
+
+
+def _write_truth(folders: Folders, settings: CampaignSettings, reports: list[dict[str, Any]]) -> None:
+    cells = [build_cell(settings, number) for number in range(settings.cells)]
+    truth = {
+        "acqd": __version__,
+        "simulated": True,
+        "settings": settings.model_dump(mode="json"),
+        "effects": [_described(effect.id, effect.model_dump()) for effect in settings.effects],
+        "plant": cells[0].parameters.model_dump(mode="json"),
+        "true_robots": [
+            [
+                {"joint": joint.name, **joint.link.model_dump(), "rotor_inertia_kgm2": joint.drive.rotor_inertia_kgm2}
+                for joint in cell.true_arm.description.joint
+            ]
+            for cell in cells
+        ],
+        "sessions": reports,
+    }
+    _write_json(folders.truth / "truth.json", truth)
+
+
+def _described(identity: str, order: dict[str, Any]) -> dict[str, Any]:
+    effect = known_effects()[identity]
+    return order | {"about": effect.about, "values": {**effect.defaults, **order["values"]}}
+
+
+def _write_json(path: Path, content: dict[str, Any]) -> None:
+    temporary = path.with_suffix(".part")
+    temporary.write_bytes(orjson.dumps(content, option=orjson.OPT_INDENT_2 | orjson.OPT_SERIALIZE_NUMPY))
+    temporary.replace(path)
+
+
+def _summarise(order: CampaignOrder, reports: list[dict[str, Any]]) -> CampaignReport:
+    summary = CampaignReport(str(order.out), str(order.truth), order.database)
+    recordings = [recording for report in reports for recording in report["recordings"]]
+    summary.recordings = len(recordings)
+    summary.recorded_s = sum(recording["seconds"] for recording in recordings)
+    summary.streamed_s = sum(report["seconds"] for report in reports)
+    summary.sample_pairs = round(summary.streamed_s * 20_000)
+    summary.standby_W = float(np.median([report["standby_W"] for report in reports]))
+    for space in sorted({recording["space"] for recording in recordings}):
+        chosen = [recording for recording in recordings if recording["space"] == space]
+        weights = [recording["seconds"] for recording in chosen]
+        summary.spaces[space] = {
+            "recordings": len(chosen),
+            "hours": sum(weights) / 3600,
+            "mean_W": float(np.average([recording["metered_W"]["mean"] for recording in chosen], weights=weights)),
+            "p99_W": float(np.average([recording["metered_W"]["p99"] for recording in chosen], weights=weights)),
+            "max_W": max(recording["metered_W"]["max"] for recording in chosen),
+            "hidden_rms_W": float(np.sqrt(np.average([r["hidden_W"]["rms"] ** 2 for r in chosen], weights=weights))),
+        }
+    steady = [report["steady"] for report in reports if report["steady"]["windows"]]
+    if steady:
+        summary.steady_error = {
+            "windows": sum(part["windows"] for part in steady),
+            "worst": max(part["worst"] for part in steady),
+            "rms": float(np.sqrt(np.average([p["rms"] ** 2 for p in steady], weights=[p["windows"] for p in steady]))),
+        }
+    summary.energy_unaccounted = max(report["energy"]["unaccounted_share"] for report in reports)
+    return summary

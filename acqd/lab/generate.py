@@ -1,0 +1,67 @@
+"""A set of source trajectories on disk: CSV files, tally, and the check they have passed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import orjson
+
+from acqd import __version__
+from acqd.lab.cell import Cell
+from acqd.lab.excitation import Tally
+from acqd.lab.trajectory import Trajectory, write_trajectory
+
+_LIMITED, _ALL = 101, 102  # streams of random numbers
+
+
+@dataclass(frozen=True, slots=True)
+class Generated:
+    """What was drawn."""
+
+    limited: list[Trajectory]
+    all_space: list[Trajectory]
+    limited_tally: Tally
+    all_space_tally: Tally
+
+    def summary(self) -> dict[str, Any]:
+        """For manifest and report."""
+        return {
+            "limited": {"trajectories": len(self.limited)} | asdict(self.limited_tally),
+            "all": {"trajectories": len(self.all_space)} | asdict(self.all_space_tally),
+        }
+
+
+def generate(
+    cell: Cell,
+    folder: Path,
+    *,
+    limited: int,
+    all_space: int,
+    thesis: bool = False,
+    keep: bool = False,
+    progress: Callable[[float], None] | None = None,
+) -> Generated | None:
+    """Draw and write trajectories; with `keep`, None when a complete set lies there already. Raises UserError."""
+    manifest = folder / "trajectories.json"
+    if keep and manifest.exists():
+        return None
+    told = progress or (lambda _: None)
+    drawn: dict[str, list[Trajectory]] = {"limited": [], "all": []}
+    confined, free = cell.excitation(thesis=thesis), cell.excitation(thesis=thesis)
+    for number in range(1, limited + 1):
+        name = f"limited_{number:02d}"
+        drawn["limited"].append(confined.limited_space(name, cell.cube(), cell.settings.random(_LIMITED, number)))
+        told(number / (limited + all_space))
+    for number in range(1, all_space + 1):
+        drawn["all"].append(free.all_space(f"all_{number:02d}", cell.settings.random(_ALL, number)))
+        told((limited + number) / (limited + all_space))
+    generated = Generated(drawn["limited"], drawn["all"], confined.tally, free.tally)
+    folder.mkdir(parents=True, exist_ok=True)
+    for trajectory in [*generated.limited, *generated.all_space]:
+        write_trajectory(folder / f"{trajectory.name}.csv", trajectory, cell.robot)
+    about = {"acqd": __version__, "robot": cell.robot.name, "scene": cell.scene.name, "thesis_check": thesis}
+    manifest.write_bytes(orjson.dumps(about | generated.summary(), option=orjson.OPT_INDENT_2))
+    return generated
