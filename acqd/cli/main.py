@@ -8,7 +8,7 @@ import sys
 
 import typer
 
-from acqd.cli import broker, doctor, jitter, replay, run, sink, watch
+from acqd.cli import broker, doctor, jitter, lab, replay, run, sink, watch
 from acqd.errors import OperationError, UserError
 
 app = typer.Typer(
@@ -25,6 +25,7 @@ app.command("watch")(watch.watch)
 app.command("doctor")(doctor.doctor)
 app.command("jitter")(jitter.jitter)
 app.command("broker")(broker.broker)
+app.add_typer(lab.app, name="lab")
 
 _JOURNAL_LEVEL = {logging.DEBUG: 7, logging.INFO: 6, logging.WARNING: 4, logging.ERROR: 3, logging.CRITICAL: 2}
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -13,14 +13,17 @@ import orjson
 
 from acqd import __version__
 from acqd.errors import InputError, UserError
-from acqd.lab.cell import build_cell
+from acqd.lab.cell import build_cell, device_name
 from acqd.lab.effects import known_effects
 from acqd.lab.engine import run_here, run_on_ray
 from acqd.lab.generate import generate
+from acqd.lab.pictures.reports import campaign_report
 from acqd.lab.plan import SessionPlan, plan_sessions
 from acqd.lab.rows import store_rows
+from acqd.lab.session import windows_within
 from acqd.lab.settings import CampaignSettings
 from acqd.lab.work import Folders, run_session
+from acqd.robot.description import Floats
 from acqd.storage.database import open_database
 
 Engine = Literal["process", "ray"]
@@ -87,19 +90,48 @@ def run_campaign(order: CampaignOrder, progress: Callable[[str, float], None]) -
     left = [plan for plan in plans if reports[plan.name] is None]
     done_before = len(plans) - len(left)
     rows = sum(_ingest(folders, plan.name, database) for plan in plans if reports[plan.name] is not None)
-    work = partial(_work, settings, folders)
-    results = run_on_ray(work, left, order.ray_address) if order.engine == "ray" else run_here(work, left, order.jobs)
-    progress("executing", done_before / len(plans))
-    for count, report in enumerate(results if left else [], start=done_before + 1):
-        reports[report["session"]] = report
-        rows += _ingest(folders, report["session"], database)
-        progress("executing", count / len(plans))
+    for done in _execute(order, folders, plans, left, progress):
+        reports[done["session"]] = done
+        rows += _ingest(folders, done["session"], database)
+    progress("writing", 1.0)
     finished = [report for plan in plans if (report := reports[plan.name]) is not None]
     _write_manifest(folders, settings, plans, finished)
     _write_truth(folders, settings, finished)
-    summary = _summarise(order, finished)
+    powers = metered_powers(order.truth, finished)
+    summary = _summarise(order, finished, powers)
+    campaign_report(powers, summary.spaces, finished, folders.out)
     summary.rows, summary.sessions_done_before = rows, done_before
     return summary
+
+
+def _execute(
+    order: CampaignOrder,
+    folders: Folders,
+    plans: list[SessionPlan],
+    left: list[SessionPlan],
+    progress: Callable[[str, float], None],
+) -> Iterator[dict[str, Any]]:
+    """Reports of the sessions in `left` as they come; the logs that exist say how far the others are."""
+    if not left:
+        return
+    total = sum(len(plan.recordings) for plan in plans)
+    for plan in left:  # half-done sessions begin again
+        for log in _logs(folders, order.settings, plan):
+            log.unlink(missing_ok=True)
+
+    def tick() -> None:
+        progress("executing", len(list(folders.out.glob("logs/*/*"))) / total)
+
+    work = partial(_work, order.settings, folders)
+    if order.engine == "ray":
+        yield from run_on_ray(work, left, order.ray_address, tick)
+    else:
+        yield from run_here(work, left, order.jobs, tick)
+
+
+def _logs(folders: Folders, settings: CampaignSettings, plan: SessionPlan) -> list[Path]:
+    folder = folders.logs(device_name(settings, plan.cell))
+    return [path for recording in plan.recordings for path in folder.glob(f"{recording.name}.*")]
 
 
 def _work(settings: CampaignSettings, folders: Folders, plan: SessionPlan) -> dict[str, Any]:
@@ -213,9 +245,25 @@ def _write_json(path: Path, content: dict[str, Any]) -> None:
     temporary.replace(path)
 
 
-def _summarise(order: CampaignOrder, reports: list[dict[str, Any]]) -> CampaignReport:
+def metered_powers(truth: Path, reports: list[dict[str, Any]]) -> dict[str, Floats]:
+    """Metered P [windows] (W) of every recording, by `device/name`."""
+    powers = {}
+    for report in reports:
+        with np.load(truth / f"{report['session']}.npz") as arrays:
+            metered, window_s = arrays["P_metered_W"], float(arrays["window_s"])
+        for recording in report["recordings"]:
+            within = windows_within(recording["start_s"], recording["seconds"], window_s)
+            powers[f"{report['device']}/{recording['name']}"] = metered[within]
+    return powers
+
+
+def _summarise(order: CampaignOrder, reports: list[dict[str, Any]], powers: dict[str, Floats]) -> CampaignReport:
     summary = CampaignReport(str(order.out), str(order.truth), order.database)
-    recordings = [recording for report in reports for recording in report["recordings"]]
+    recordings = [
+        recording | {"log": f"{report['device']}/{recording['name']}"}
+        for report in reports
+        for recording in report["recordings"]
+    ]
     summary.recordings = len(recordings)
     summary.recorded_s = sum(recording["seconds"] for recording in recordings)
     summary.streamed_s = sum(report["seconds"] for report in reports)
@@ -223,14 +271,16 @@ def _summarise(order: CampaignOrder, reports: list[dict[str, Any]]) -> CampaignR
     summary.standby_W = float(np.median([report["standby_W"] for report in reports]))
     for space in sorted({recording["space"] for recording in recordings}):
         chosen = [recording for recording in recordings if recording["space"] == space]
-        weights = [recording["seconds"] for recording in chosen]
+        seconds = [recording["seconds"] for recording in chosen]
+        hidden = [recording["hidden_W"]["rms"] ** 2 for recording in chosen]
+        metered = np.concatenate([powers[recording["log"]] for recording in chosen])
         summary.spaces[space] = {
             "recordings": len(chosen),
-            "hours": sum(weights) / 3600,
-            "mean_W": float(np.average([recording["metered_W"]["mean"] for recording in chosen], weights=weights)),
-            "p99_W": float(np.average([recording["metered_W"]["p99"] for recording in chosen], weights=weights)),
-            "max_W": max(recording["metered_W"]["max"] for recording in chosen),
-            "hidden_rms_W": float(np.sqrt(np.average([r["hidden_W"]["rms"] ** 2 for r in chosen], weights=weights))),
+            "hours": sum(seconds) / 3600,
+            "mean_W": float(np.nanmean(metered)),
+            "p99_W": float(np.nanpercentile(metered, 99)),
+            "max_W": float(np.nanmax(metered)),
+            "hidden_rms_W": float(np.sqrt(np.average(hidden, weights=seconds))),
         }
     steady = [report["steady"] for report in reports if report["steady"]["windows"]]
     if steady:

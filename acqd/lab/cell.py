@@ -50,7 +50,7 @@ class Cell:
     @property
     def device(self) -> str:
         """Name in power rows."""
-        return f"{self.settings.device}-{self.number + 1:02d}"
+        return device_name(self.settings, self.number)
 
     def cube(self) -> Cube:
         """The volume of limited-space trajectories. Raises UserError for a robot without one."""
@@ -67,6 +67,11 @@ class Cell:
     def random(self, *stream: int) -> np.random.Generator:
         """Random numbers of one use in this cell."""
         return self.settings.random(self.number, *stream)
+
+
+def device_name(settings: LabSettings, number: int) -> str:
+    """Of cell `number` (from 0)."""
+    return f"{settings.device}-{number + 1:02d}"
 
 
 def build_cell(settings: LabSettings, number: int = 0) -> Cell:

@@ -13,17 +13,18 @@ from acqd.errors import OperationError, UserError
 Task = TypeVar("Task")
 
 
-def run_here(work: Callable[[Task], Any], tasks: list[Task], jobs: int) -> Iterator[Any]:
-    """Results as they come. The first failure ends the run; what is done stays done."""
-    if jobs == 1 or len(tasks) == 1:
-        yield from map(work, tasks)
-        return
+_TICK_S = 0.5
+
+
+def run_here(work: Callable[[Task], Any], tasks: list[Task], jobs: int, tick: Callable[[], None]) -> Iterator[Any]:
+    """Results as they come; `tick` is called twice a second. The first failure ends the run; what is done stays."""
     context = multiprocessing.get_context("spawn")  # no threads, locks or database handles inherited
     with ProcessPoolExecutor(min(jobs, len(tasks)), mp_context=context) as pool:
         waiting: set[Future[Any]] = {pool.submit(work, task) for task in tasks}
         try:
             while waiting:
-                done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+                done, waiting = wait(waiting, _TICK_S, FIRST_COMPLETED)
+                tick()
                 for future in done:
                     yield future.result()
         except BrokenProcessPool:
@@ -35,8 +36,10 @@ def run_here(work: Callable[[Task], Any], tasks: list[Task], jobs: int) -> Itera
                 future.cancel()
 
 
-def run_on_ray(work: Callable[[Task], Any], tasks: list[Task], address: str | None) -> Iterator[Any]:
-    """Results as they come, from a Ray cluster; without an address, from one started here for the purpose.
+def run_on_ray(
+    work: Callable[[Task], Any], tasks: list[Task], address: str | None, tick: Callable[[], None]
+) -> Iterator[Any]:
+    """Like `run_here`, on a Ray cluster; without an address, on one started here for the purpose.
 
     The workers need acqd and the campaign's folder (a shared file system). Raises UserError.
     """
@@ -52,10 +55,12 @@ def run_on_ray(work: Callable[[Task], Any], tasks: list[Task], address: str | No
         remote = ray.remote(num_cpus=1, max_retries=2)(work)
         waiting = [remote.remote(task) for task in tasks]
         while waiting:
-            done, waiting = ray.wait(waiting, num_returns=1)
-            try:
-                yield ray.get(done[0])
-            except ray.exceptions.RayTaskError as error:
-                raise error.cause from None
+            done, waiting = ray.wait(waiting, num_returns=1, timeout=_TICK_S)
+            tick()
+            for reference in done:
+                try:
+                    yield ray.get(reference)
+                except ray.exceptions.RayTaskError as error:
+                    raise error.cause from None
     finally:
         ray.shutdown()

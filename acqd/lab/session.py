@@ -53,10 +53,10 @@ class SessionTruth:
     energy: dict[str, Any] = field(default_factory=dict)
     """The plant's ledger."""
 
-    def part(self, recording: RecordingTruth) -> slice:
-        """Windows that lie within a recording."""
-        first = int(np.ceil(recording.start_s / self.window_s))
-        return slice(first, int((recording.start_s + recording.seconds) / self.window_s))
+
+def windows_within(start_s: float, seconds: float, window_s: float) -> slice:
+    """Windows of a session that lie wholly within a recording."""
+    return slice(int(np.ceil(start_s / window_s)), int((start_s + seconds) / window_s))
 
 
 class Session:

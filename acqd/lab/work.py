@@ -17,7 +17,7 @@ from acqd.lab.controller import Controller, Phase, Step, Wait
 from acqd.lab.plan import RecordingPlan, SessionPlan
 from acqd.lab.recorder import log_suffix
 from acqd.lab.rows import RowFile
-from acqd.lab.session import RecordingTruth, Session, SessionTruth
+from acqd.lab.session import RecordingTruth, Session, SessionTruth, windows_within
 from acqd.lab.settings import CampaignSettings
 from acqd.lab.trajectory import Trajectory, read_trajectory
 from acqd.robot.description import Floats
@@ -68,6 +68,7 @@ def run_session(settings: CampaignSettings, plan: SessionPlan, folders: Folders)
         window_s=np.float64(truth.window_s),
         P_W=truth.power,
         P_without_effects_W=truth.clean_power,
+        P_metered_W=truth.metered,
     )
     report = _report(cell, plan, truth)
     finished = folders.work / f"{plan.name}.json"
@@ -167,16 +168,10 @@ def _report(cell: Cell, plan: SessionPlan, truth: SessionTruth) -> dict[str, Any
 
 def _figures(truth: SessionTruth, recording: RecordingTruth, plan: SessionPlan) -> dict[str, Any]:
     space = next(planned.space for planned in plan.recordings if planned.number == recording.number)
-    part = truth.part(recording)
+    part = windows_within(recording.start_s, recording.seconds, truth.window_s)
     hidden = truth.power[part] - truth.clean_power[part]
-    metered = truth.metered[part]
     return {
         "space": space,
-        "metered_W": {
-            "mean": float(np.nanmean(metered)),
-            "p99": float(np.nanpercentile(metered, 99)),
-            "max": float(np.nanmax(metered)),
-        },
         "hidden_W": {"mean": float(hidden.mean()), "rms": float(np.sqrt(np.mean(hidden**2)))},
     }
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from pathlib import Path
-from typing import Annotated, Literal, TypeAlias, TypeVar
+from typing import Annotated, Any, Literal, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -184,16 +184,20 @@ def load_description(name: str) -> RobotDescription:
 def read_toml(path: Path, model: type[Model]) -> Model:
     """A validated TOML file. Raises InputError that names file and key."""
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        return model.model_validate(read_toml_table(path))
+    except ValidationError as error:
+        raise InputError(path, "; ".join(complaint(fault) for fault in error.errors())) from None
+
+
+def read_toml_table(path: Path) -> dict[str, Any]:
+    """The raw content of a TOML file. Raises InputError."""
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "no UTF-8 text"
         raise InputError(path, f"cannot be read ({reason})") from None
     except tomllib.TOMLDecodeError as error:
         raise InputError(path, f"is not valid TOML: {error}") from None
-    try:
-        return model.model_validate(data)
-    except ValidationError as error:
-        raise InputError(path, "; ".join(complaint(fault) for fault in error.errors())) from None
 
 
 def complaint(fault: object) -> str:

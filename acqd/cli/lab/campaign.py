@@ -1,0 +1,116 @@
+"""`acqd lab campaign`: a whole measured campaign."""
+
+from __future__ import annotations
+
+import os
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import orjson
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+
+from acqd.cli.lab.options import Effects, LabFile, Robot, Scene, Seed, Undeclared, settings_from
+from acqd.cli.options import Json
+
+
+class Profile(StrEnum):
+    """What is executed."""
+
+    THESIS = "thesis"
+    USE_CASE = "use-case"
+
+
+class Engine(StrEnum):
+    """Who does the work."""
+
+    PROCESS = "process"
+    RAY = "ray"
+
+
+def campaign(
+    out: Annotated[Path, typer.Option(help="Folder of the campaign; an unfinished one goes on.")],
+    profile: Annotated[Profile | None, typer.Option(help="Random trajectories (default), or the assembly.")] = None,
+    limited: Annotated[int | None, typer.Option(min=0, help="Recordings in limited space (default 202).")] = None,
+    all_space: Annotated[
+        int | None, typer.Option("--all", min=0, help="Recordings in all space (default 135).")
+    ] = None,
+    assemblies: Annotated[int | None, typer.Option(min=1, help="Recordings of the assembly (default 24).")] = None,
+    session: Annotated[int | None, typer.Option(min=1, help="Recordings per power stream (default 24).")] = None,
+    cells: Annotated[int | None, typer.Option(min=1, help="Virtual robots (default 1).")] = None,
+    robot: Robot = None,
+    scene: Scene = None,
+    seed: Seed = None,
+    effect: Effects = None,
+    undeclared: Undeclared = None,
+    settings: LabFile = None,
+    truth: Annotated[Path | None, typer.Option(help="Folder for what really happened (default OUT.truth).")] = None,
+    database: Annotated[str | None, typer.Option(help="SQL for the rows (default OUT/power.sqlite).")] = None,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Processes (default: one per core).")] = None,
+    engine: Annotated[Engine, typer.Option(help="Processes here, or a Ray cluster.")] = Engine.PROCESS,
+    ray_address: Annotated[str | None, typer.Option(help="Of the Ray cluster; without, one is started here.")] = None,
+    json: Json = False,
+) -> None:
+    """Measure many executions: power rows in SQL, robot logs on a clock of their own, the truth apart.
+
+    Examples: acqd lab campaign --out campaign
+
+    acqd lab campaign --out hidden --limited 20 --all 20 --undeclared payload:mass_kg=1.2,from=21
+    """
+    from acqd.lab.campaign import CampaignOrder, run_campaign
+    from acqd.lab.effects import parse_effect
+    from acqd.lab.settings import CampaignSettings
+
+    orders = [parse_effect(text) for text in effect or []]
+    orders += [parse_effect(text, declared=False) for text in undeclared or []]
+    given = {
+        "profile": profile and profile.value,
+        "limited": limited,
+        "all_space": all_space,
+        "assemblies": assemblies,
+        "session": session,
+        "cells": cells,
+        "robot": robot,
+        "scene": scene,
+        "seed": seed,
+    }
+    order = CampaignOrder(
+        settings_from(CampaignSettings, settings, given, orders),
+        out,
+        truth or out.with_name(out.name + ".truth"),
+        database or f"sqlite:///{out.absolute()}/power.sqlite",
+        jobs or os.cpu_count() or 1,
+        engine.value,
+        ray_address,
+    )
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        bar = progress.add_task("preparing", total=1.0)
+        report = run_campaign(order, lambda what, share: progress.update(bar, description=what, completed=share))
+    if json:
+        print(orjson.dumps(report).decode())
+    else:
+        _print(report)
+
+
+def _print(report) -> None:  # type: ignore[no-untyped-def]
+    console = Console(soft_wrap=True, highlight=False)
+    table = Table("space", "recordings", "hours", "mean P \\[W]", "p99 \\[W]", "max \\[W]", "effects \\[W RMS]")
+    for name, figures in report.spaces.items():
+        keys = ("hours", "mean_W", "p99_W", "max_W", "hidden_rms_W")
+        table.add_row(name, str(figures["recordings"]), *(f"{figures[key]:.4g}" for key in keys))
+    console.print(table)
+    steady = report.steady_error
+    accuracy = f"worst {steady['worst']:.2%} in {steady['windows']} windows" if steady else "no steady window"
+    console.print(
+        f"simulated: {report.recordings} recordings, {report.recorded_s / 3600:.2f} h recorded in "
+        f"{report.streamed_s / 3600:.2f} h of power streams, {report.sample_pairs / 1e6:.0f} M sample pairs, "
+        f"{report.rows} rows written now\n"
+        f"standby {report.standby_W:.1f} W; metered against true power in steady state: {accuracy}; "
+        f"energy unaccounted for: {report.energy_unaccounted:.1e}\n"
+        f"campaign: {report.out}\nrows: {report.database}\ntruth, for judging only: {report.truth}"
+    )

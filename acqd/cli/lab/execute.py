@@ -1,0 +1,77 @@
+"""`acqd lab execute`: one trajectory, or one recorded motion, on the virtual cell."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import Annotated
+
+import orjson
+import typer
+from rich.console import Console
+
+from acqd.cli.lab.options import Effects, LabFile, Robot, Scene, Seed, Undeclared, settings_from
+from acqd.cli.options import ConfigFile, Json
+from acqd.cli.serve import announce, demonstration_port, serve
+from acqd.daemon.config import Config, SourceSection, load_config
+from acqd.errors import UserError
+
+
+def execute(
+    file: Annotated[Path, typer.Argument(help="Trajectory (CSV in degrees), or a robot's log to play again.")],
+    out: Annotated[Path | None, typer.Option(help="Folder for rows, log, truth and report.")] = None,
+    live: Annotated[bool, typer.Option("--live", help="Play it through the running daemon in real time.")] = False,
+    waveform: Annotated[bool, typer.Option("--waveform", help="Keep the 20 kHz samples too (NPZ).")] = False,
+    robot: Robot = None,
+    scene: Scene = None,
+    seed: Seed = None,
+    effect: Effects = None,
+    undeclared: Undeclared = None,
+    settings: LabFile = None,
+    config: ConfigFile = None,
+    json: Json = False,
+) -> None:
+    """Execute a trajectory with random speeds and blending, meter it, and account for the energy.
+
+    Examples: acqd lab execute trajectories/all_01.csv --out run1
+
+    acqd lab execute trajectories/all_01.csv --live
+    """
+    from acqd.lab import execute as lab
+    from acqd.lab.effects import parse_effect
+    from acqd.lab.settings import LabSettings
+
+    if live == (out is not None):
+        raise UserError("say either --out FOLDER (at full speed, into files) or --live (in real time, over MQTT)")
+    orders = [parse_effect(text) for text in effect or []]
+    orders += [parse_effect(text, declared=False) for text in undeclared or []]
+    given = {"robot": robot, "scene": scene, "seed": seed}
+    chosen = settings_from(LabSettings, settings, given, orders)
+    if out is not None:
+        report = lab.execute(chosen, file, out, waveform=waveform)
+        if json:
+            print(orjson.dumps(report).decode())
+        else:
+            _print(report)
+        return
+    with tempfile.TemporaryDirectory(prefix="acqd-live-") as folder:
+        path = lab.render(chosen, file, Path(folder))
+        daemon = load_config(config) if config else Config.demonstration(demonstration_port())
+        daemon.source = SourceSection(kind="replay", file=path)
+        daemon.metering.window = chosen.window_s
+        if not config:
+            daemon.device = f"{chosen.device}-01"
+            announce(daemon, f"virtual {chosen.robot} executing {file.name}", json=json)
+        serve(daemon, None, json=json, quiet=config is not None, title=f"acqd lab execute {file.name}")
+
+
+def _print(report) -> None:  # type: ignore[no-untyped-def]
+    console = Console(soft_wrap=True, highlight=False)
+    console.print(
+        f"{report.name} on the virtual {report.robot} (simulated): {report.seconds:.1f} s, {report.rows} windows\n"
+        f"P mean {report.P_mean_W:.1f} W, p99 {report.P_p99_W:.1f} W, max {report.P_max_W:.1f} W; "
+        f"effects add {report.hidden_rms_W:.2f} W RMS\n"
+        f"energy unaccounted for: {report.energy_unaccounted:.1e} of the supplied"
+    )
+    for path in report.files:
+        console.print(f"  {path}")

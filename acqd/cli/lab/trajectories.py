@@ -1,0 +1,80 @@
+"""`acqd lab trajectories`: source trajectories for excitation."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import orjson
+import typer
+from rich.console import Console
+from rich.progress import Progress
+
+from acqd.cli.lab.options import LabFile, Robot, Scene, Seed, settings_from
+from acqd.cli.options import Json
+from acqd.errors import UserError
+
+
+class Space(StrEnum):
+    """Which algorithm."""
+
+    LIMITED = "limited"
+    ALL = "all"
+    BOTH = "both"
+
+
+def trajectories(
+    out: Annotated[Path, typer.Option(help="Folder for the CSV files, pictures and the report.")],
+    space: Annotated[
+        Space, typer.Option(help="Limited space (Algorithm 1), all space (Algorithm 2), or both.")
+    ] = Space.BOTH,
+    limited: Annotated[int, typer.Option(min=1, help="Trajectories in limited space.")] = 46,
+    all_space: Annotated[int, typer.Option("--all", min=1, help="Trajectories in all space.")] = 30,
+    cube: Annotated[
+        tuple[float, float, float, float] | None, typer.Option(metavar="X Y Z EDGE", help="Cube of limited space in m.")
+    ] = None,
+    thesis: Annotated[bool, typer.Option("--thesis", help="Check paths at 10 points only, as the thesis did.")] = False,
+    robot: Robot = None,
+    scene: Scene = None,
+    seed: Seed = None,
+    settings: LabFile = None,
+    json: Json = False,
+) -> None:
+    """Draw random trajectories that the robot can reach and that collide with nothing.
+
+    Example: acqd lab trajectories --out trajectories --seed 7
+    """
+    from acqd.lab.cell import build_cell
+    from acqd.lab.generate import generate
+    from acqd.lab.pictures.reports import trajectories_report
+    from acqd.lab.settings import LabSettings
+
+    given = {"robot": robot, "scene": scene, "seed": seed}
+    if cube is not None:
+        given["cube"] = {"centre": cube[:3], "edge": cube[3]}  # type: ignore[assignment]
+    cell = build_cell(settings_from(LabSettings, settings, given, []))
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise UserError(f"{out} exists and is not an empty folder; choose another --out")
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
+        bar = progress.add_task("drawing", total=1.0)
+        drawn = generate(
+            cell,
+            out,
+            limited=limited if space is not Space.ALL else 0,
+            all_space=all_space if space is not Space.LIMITED else 0,
+            thesis=thesis,
+            progress=lambda share: progress.update(bar, completed=share),
+        )
+        assert drawn is not None
+        report = trajectories_report(cell, drawn, out)
+    if json:
+        print(orjson.dumps({"out": str(out), "report": str(report), **drawn.summary()}).decode())
+        return
+    for name, tally in drawn.summary().items():
+        print(
+            f"{name}: {tally['trajectories']} trajectories, {tally['points']} points; "
+            f"drawn again: {tally['unreachable']} unreachable, {tally['colliding']} colliding"
+        )
+    print(f"{out}: CSV files in degrees; pictures in {report}")

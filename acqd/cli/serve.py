@@ -1,0 +1,70 @@
+"""Running the daemon in the foreground, with live numbers: for `acqd run` and `acqd lab execute --live`."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import sys
+from pathlib import Path
+from typing import Any
+
+import orjson
+from rich.console import Console
+from rich.live import Live
+
+from acqd.cli.table import power_table
+from acqd.daemon.config import Config
+from acqd.daemon.service import Service
+from acqd.errors import UserError
+from acqd.telemetry.broker import check_port, free_port
+
+_DEFAULT_PORT = 1883
+
+
+def serve(settings: Config, duration: float | None, *, json: bool, quiet: bool, title: str) -> None:
+    """Run the daemon until it ends. `quiet`: no lines where stdout is no terminal."""
+    console = Console(stderr=json)
+    latest: dict[tuple[str, str], dict[str, Any]] = {}
+    live = Live(console=console, auto_refresh=False) if sys.stdout.isatty() and not json else None
+
+    def show(summaries: list[dict[str, Any]]) -> None:
+        latest.update({(summary["device"], summary["channel"]): summary for summary in summaries})
+        if json:
+            sys.stdout.buffer.write(b"".join(orjson.dumps(summary) + b"\n" for summary in summaries))
+            sys.stdout.flush()
+        elif live is not None:
+            live.update(power_table(latest, f"{title}  {summaries[-1]['time']}"), refresh=True)
+        elif not quiet:
+            console.print(_line(summaries[-1]), soft_wrap=True, highlight=False)
+
+    async def run() -> None:
+        await Service(settings, show).run(duration)
+
+    with live or contextlib.nullcontext():
+        asyncio.run(run())
+
+
+def announce(settings: Config, what: str, *, json: bool) -> None:
+    """Where a demonstration's rows can be had."""
+    Console(stderr=json).print(
+        f"{what}; broker mqtt://{settings.mqtt.host}:{settings.mqtt.port}; "
+        f"database {Path(settings.sink.database).absolute()}; stop with Ctrl-C",
+        soft_wrap=True,
+    )
+
+
+def _line(summary: dict[str, Any]) -> str:
+    values = ((name, summary[name]) for name in ("Vrms", "Irms", "P", "PF", "f", "W"))
+    text = "  ".join(f"{name} {'-' if value is None else f'{value:.6g}'}" for name, value in values)
+    return f"{summary['time']} {summary['channel']:5} {text}  {' '.join(summary['flags'])}"
+
+
+def demonstration_port() -> int:
+    """The usual MQTT port, or a free one where that is taken."""
+    try:
+        check_port("127.0.0.1", _DEFAULT_PORT)
+    except UserError:
+        port = free_port()
+        print(f"acqd: port {_DEFAULT_PORT} is in use; the embedded broker takes {port}", file=sys.stderr)
+        return port
+    return _DEFAULT_PORT

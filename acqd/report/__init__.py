@@ -1,0 +1,5 @@
+"""Self-contained HTML pages with pictures, for people."""
+
+from acqd.report.page import Page
+
+__all__ = ["Page"]
