@@ -60,7 +60,7 @@ class CampaignReport:
     spaces: dict[str, dict[str, float]] = field(default_factory=dict)
     """Per space: recordings, hours, mean, p99 and max of metered P [W]."""
     steady_error: dict[str, float] = field(default_factory=dict)
-    """Metered against true power in steady state, relative."""
+    """Metered against true power in steady state, relative: RMS per window, worst second."""
     energy_unaccounted: float = 0.0
     """Worst session, share of the supplied energy."""
     simulated: bool = True
@@ -284,10 +284,11 @@ def _summarise(order: CampaignOrder, reports: list[dict[str, Any]], powers: dict
         }
     steady = [report["steady"] for report in reports if report["steady"]["windows"]]
     if steady:
+        windows = [part["windows"] for part in steady]
         summary.steady_error = {
-            "windows": sum(part["windows"] for part in steady),
-            "worst": max(part["worst"] for part in steady),
-            "rms": float(np.sqrt(np.average([p["rms"] ** 2 for p in steady], weights=[p["windows"] for p in steady]))),
+            "windows": sum(windows),
+            "window_rms": float(np.sqrt(np.average([part["window_rms"] ** 2 for part in steady], weights=windows))),
+            "second_worst": max(part["second_worst"] for part in steady),
         }
     summary.energy_unaccounted = max(report["energy"]["unaccounted_share"] for report in reports)
     return summary

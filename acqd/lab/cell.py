@@ -23,7 +23,7 @@ _CUBES = {
     "kinova_gen3": Cube((0.45, 0.0, 0.3), 0.25),
 }
 # streams of random numbers
-TRUE_ROBOT, MAINS, MOTION, RECORDER, EFFECTS, ORDER, CLOCK = range(1, 8)
+TRUE_ROBOT, MAINS, MOTION, RECORDER, EFFECTS, ORDER, CLOCK, STANDBY = range(1, 9)
 
 
 @dataclass(frozen=True, slots=True)

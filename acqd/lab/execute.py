@@ -117,12 +117,12 @@ def _perform(
 def _write_waveform(path: Path, parts: list[Codes], settings: LabSettings, *, timed: bool) -> Path:
     """As an EL3783 would have delivered it; see docs/waveforms.md."""
     codes = np.concatenate(parts)
+    form = Mains(settings.mains, settings.random(0)).form
     arrays = {"u_code": codes[:, :1].T, "i_code": codes[:, 1:].T, "simulated": np.array(1)}
     arrays |= {"u_V_per_digit": np.array(form.scale[0]), "i_A_per_digit": np.array(form.scale[1])}
     arrays |= {"fs": np.array(form.rate), "f_nominal": np.array(form.f_nominal)}
     if timed:
         arrays["start_utc_ns"] = np.array(settings.start_utc_ns)
-    form = Mains(settings.mains, settings.random(0)).form
     np.savez_compressed(path, allow_pickle=False, **arrays)
     return path
 

@@ -2,7 +2,8 @@
 
 All axes of a motion start and stop together on one common path parameter s(t), a trapezoid of velocity
 smoothed over a short time, so that acceleration is continuous. Blending starts the next motion before the
-last has ended and adds their displacements; where the sum would exceed an axis' limit, it starts later.
+last has ended and adds their displacements. The sum may be as fast as the faster of the two motions is
+allowed to be, and accelerate as both together; where it would exceed that, the next motion starts later.
 """
 
 from __future__ import annotations
@@ -137,7 +138,8 @@ def plan_chain(origin: Floats, moves: list[Move], speed: Floats, acceleration: F
         else:
             before, order = legs[-1], orders[-1]
             allowed_speed = max(order.relative_speed, move.relative_speed) * speed
-            allowed_acceleration = max(order.relative_acceleration, move.relative_acceleration) * acceleration
+            together = order.relative_acceleration + move.relative_acceleration
+            allowed_acceleration = min(together, 1.0) * acceleration
             earliest = before.start + _time_of(before.profile, order.blend_after)
             if len(legs) > 1:
                 earliest = max(earliest, legs[-2].end)  # never three at once

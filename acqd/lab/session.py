@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from acqd.lab.cell import CLOCK, EFFECTS, MAINS, RECORDER, Cell
+from acqd.lab.cell import CLOCK, EFFECTS, MAINS, RECORDER, STANDBY, Cell
 from acqd.lab.controller import RATE, Controller, Motion, Step, Wait
 from acqd.lab.effects import make_effects
 from acqd.lab.mains import Mains, Metered
@@ -80,14 +80,19 @@ class Session:
         self._effects = make_effects(settings.effects, [settings.seed, cell.number, EFFECTS, number])
         self._mains = Mains(settings.mains, cell.random(MAINS, number))
         self._daemon = FullSpeedDaemon(self._mains.form, settings.window_s, start_utc_ns)
-        self._plant = Plant(cell.true_arm, cell.parameters, self._effects, settings.start_degC)
-        self._clean = Plant(cell.true_arm, cell.parameters, (), settings.start_degC) if self._effects else None
+        self._plant = self._make_plant(self._effects)
+        self._clean = self._make_plant([]) if self._effects else None  # the same noise, without the effects
         self._powers: list[Floats] = []
         self._clean_powers: list[Floats] = []
         self._metered: list[Floats] = []
         self._ms = 0
         self.controller = Controller(cell.robot, position)
         self.truth = SessionTruth(start_utc_ns, settings.window_s)
+
+    def _make_plant(self, effects: list[Effect]) -> Plant:
+        cell = self._cell
+        noise = cell.random(STANDBY, self._number)
+        return Plant(cell.true_arm, cell.parameters, effects, cell.settings.start_degC, noise)
 
     @property
     def elapsed_s(self) -> float:

@@ -105,7 +105,9 @@ def _print(report) -> None:  # type: ignore[no-untyped-def]
         table.add_row(name, str(figures["recordings"]), *(f"{figures[key]:.4g}" for key in keys))
     console.print(table)
     steady = report.steady_error
-    accuracy = f"worst {steady['worst']:.2%} in {steady['windows']} windows" if steady else "no steady window"
+    accuracy = "no steady window"
+    if steady:
+        accuracy = f"{steady['window_rms']:.3%} RMS per window, worst second {steady['second_worst']:.3%}"
     console.print(
         f"simulated: {report.recordings} recordings, {report.recorded_s / 3600:.2f} h recorded in "
         f"{report.streamed_s / 3600:.2f} h of power streams, {report.sample_pairs / 1e6:.0f} M sample pairs, "

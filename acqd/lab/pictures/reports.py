@@ -112,7 +112,7 @@ def campaign_report(
         page.figure(figure, f"A recording in {space} space.")
     page.heading("Sessions")
     page.table(
-        ["session", "recordings", "seconds", "unaccounted energy", "worst steady error"],
+        ["session", "recordings", "seconds", "unaccounted energy", "worst steady second"],
         [_session_row(session) for session in sessions],
     )
     path = folder / "report.html"
@@ -121,5 +121,5 @@ def campaign_report(
 
 
 def _session_row(session: dict[str, Any]) -> list[object]:
-    unaccounted, steady = session["energy"]["unaccounted_share"], session["steady"]["worst"]
+    unaccounted, steady = session["energy"]["unaccounted_share"], session["steady"]["second_worst"]
     return [session["session"], len(session["recordings"]), session["seconds"], f"{unaccounted:.1e}", f"{steady:.1e}"]

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from acqd.lab.controller import RATE
-from acqd.lab.plant.parameters import DcLink, DriveLosses, Supply
+from acqd.lab.plant.parameters import ControllerLoad, DcLink, DriveLosses, Supply
 from acqd.robot.description import Drive, Floats
 
 _DT = 1.0 / RATE
@@ -70,6 +70,37 @@ class DcStorage:
                 busy.append(at)
                 at += 1
         return busy
+
+
+class Standby:
+    """What the cabinet takes beside the drives: constant but for what its computer and fans are up to."""
+
+    def __init__(self, load: ControllerLoad, random: np.random.Generator) -> None:
+        self._power = load.power_W
+        self._parts = [
+            _Fluctuation(load.fast_fluctuation_W, 0.15, random),
+            _Fluctuation(load.slow_fluctuation_W, 30.0, random),
+        ]
+
+    def run(self, samples: int) -> Floats:
+        """[samples] W."""
+        return self._power + sum((part.run(samples) for part in self._parts), np.zeros(samples))
+
+
+class _Fluctuation:
+    """Noise of a given RMS and correlation time."""
+
+    def __init__(self, rms: float, tau_s: float, random: np.random.Generator) -> None:
+        self._keep = float(np.exp(-_DT / tau_s))
+        self._drive = rms * np.sqrt(1 - self._keep**2)
+        self._random = random
+        self._value = rms * float(random.standard_normal())
+
+    def run(self, samples: int) -> Floats:
+        noise = self._drive * self._random.standard_normal(samples)
+        values, _ = lfilter([1.0], [1.0, -self._keep], noise, zi=[self._keep * self._value])
+        self._value = float(values[-1])
+        return np.asarray(values)
 
 
 class PowerSupply:

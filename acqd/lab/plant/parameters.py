@@ -63,6 +63,10 @@ class ControllerLoad(Section):
     """Standby load beside the drives."""
 
     power_W: _NotNegative
+    fast_fluctuation_W: _NotNegative
+    """RMS, correlated over 0.15 s: what the cabinet PC is busy with."""
+    slow_fluctuation_W: _NotNegative
+    """RMS, correlated over 30 s: fans and temperature."""
 
 
 class PlantParameters(Section):

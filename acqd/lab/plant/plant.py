@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from acqd.lab.controller import Motion
-from acqd.lab.plant.electrics import DcStorage, Motors, PowerSupply
+from acqd.lab.plant.electrics import DcStorage, Motors, PowerSupply, Standby
 from acqd.lab.plant.ledger import Ledger, row_sum
 from acqd.lab.plant.mechanics import GearFriction, RigidBody
 from acqd.lab.plant.parameters import PlantParameters
@@ -33,7 +33,12 @@ class Plant:
     """One robot cell. Stretches of motion follow on each other without a gap; their state carries over."""
 
     def __init__(
-        self, arm: Arm, parameters: PlantParameters, effects: Sequence[Effect] = (), start_degC: float | None = None
+        self,
+        arm: Arm,
+        parameters: PlantParameters,
+        effects: Sequence[Effect] = (),
+        start_degC: float | None = None,
+        random: np.random.Generator | None = None,
     ) -> None:
         """`arm` is the robot as it really is. `start_degC`: of all gears; None: warm."""
         self._arm = arm
@@ -44,6 +49,7 @@ class Plant:
         self._motors = Motors([joint.drive for joint in arm.description.joint], parameters.drive)
         self._storage = DcStorage(parameters.dc_link)
         self._supply = PowerSupply(parameters.supply)
+        self._standby = Standby(parameters.controller, random or np.random.default_rng(0))
         self._begun = False
         self.ledger = Ledger()
 
@@ -96,7 +102,7 @@ class Plant:
 
     def _mains_side(self, s: Situation) -> dict[str, Floats]:
         loss = self._supply.loss(s.dc_power)
-        controller = np.full(len(s.motion), self._p.controller.power_W)
+        controller = self._standby.run(len(s.motion))
         s.mains_power = s.dc_power + loss + controller
         loads = self._asked(lambda effect: effect.mains_load(s))
         demand = s.mains_power + sum(loads.values(), np.zeros(len(s.motion)))
