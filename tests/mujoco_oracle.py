@@ -78,3 +78,39 @@ def inverse_dynamics(model, q, qd, qdd):
         # the oracle is asked for smooth dynamics only: contacts of overlapping capsules do not count
         tau[k] = data.qfrc_inverse + data.qfrc_constraint
     return tau
+
+
+def flange(model, q):
+    """Flange positions [T, 3] and rotations [T, 3, 3]."""
+    data = mujoco.MjData(model)
+    positions, rotations = np.empty((len(q), 3)), np.empty((len(q), 3, 3))
+    for k, row in enumerate(q):
+        data.qpos[:] = row
+        mujoco.mj_kinematics(model, data)
+        site = data.site("flange")
+        positions[k], rotations[k] = site.xpos, site.xmat.reshape(3, 3)
+    return positions, rotations
+
+
+def clearance(description: RobotDescription, scene: Scene, path, ignored=()):
+    """Smallest distance [m] of arm to itself and to the boxes along `path` [T, axes]; overlap is negative."""
+    model = build(description, scene=scene)
+    data = mujoco.MjData(model)
+    names = [model.geom(k).name for k in range(model.ngeom)]
+    apart = {tuple(sorted(pair)) for pair in [*description.ignore_pairs, *ignored]}
+    pairs = []
+    for one in range(model.ngeom):
+        for other in range(one + 1, model.ngeom):
+            boxes = [names[k].startswith("box") for k in (one, other)]
+            links = [None if box else int(names[k].split(":")[0]) for k, box in zip((one, other), boxes, strict=True)]
+            if all(boxes) or any(boxes) and 0 in links:
+                continue
+            if not any(boxes) and (abs(links[0] - links[1]) < 2 or tuple(sorted(links)) in apart):
+                continue
+            pairs.append((one, other))
+    smallest, fromto = np.inf, np.zeros(6)
+    for row in path:
+        data.qpos[:] = row
+        mujoco.mj_kinematics(model, data)
+        smallest = min(smallest, *(mujoco.mj_geomDistance(model, data, a, b, 0.05, fromto) for a, b in pairs))
+    return smallest
