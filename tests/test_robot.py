@@ -19,7 +19,7 @@ from acqd.robot.dynamics import (
 )
 from acqd.robot.kinematics import Pose, flange_jacobian, forward_kinematics, inverse_kinematics, joint_origins
 from acqd.robot.scene import load_scene
-from tests import mujoco_oracle
+from tools import mujoco_oracle
 
 ROBOTS = shipped_descriptions()
 PAYLOAD = Payload(1.3, (0.02, 0.01, 0.05), (0.02, 0.02, 0.03, 0.001, 0.002, 0.003))

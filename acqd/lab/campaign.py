@@ -13,10 +13,11 @@ import orjson
 
 from acqd import __version__
 from acqd.errors import InputError, UserError
+from acqd.lab.assembly import Assembly
 from acqd.lab.cell import build_cell, device_name
 from acqd.lab.effects import known_effects
 from acqd.lab.engine import run_here, run_on_ray
-from acqd.lab.generate import generate
+from acqd.lab.generate import MANIFEST, Generated, draw, write
 from acqd.lab.pictures.reports import campaign_report
 from acqd.lab.plan import SessionPlan, plan_sessions
 from acqd.lab.rows import store_rows
@@ -73,19 +74,12 @@ def run_campaign(order: CampaignOrder, progress: Callable[[str, float], None]) -
     plans = plan_sessions(settings)
     if not plans:
         raise UserError("the campaign has no recordings; raise --limited or --all")
-    cell = build_cell(settings)
-    order.truth.parent.mkdir(parents=True, exist_ok=True)
+    progress("preparing", 0.0)
+    prepared = _prepare(settings, folders)  # what cannot be done is known before anything is written
     _claim(folders, settings)
     database = open_database(order.database)
-    if settings.profile == "thesis":
-        progress("drawing trajectories", 0.0)
-        generate(
-            cell,
-            folders.trajectories,
-            limited=min(settings.limited, settings.limited_sources),
-            all_space=min(settings.all_space, settings.all_space_sources),
-            keep=True,
-        )
+    if prepared is not None:
+        write(prepared, build_cell(settings), folders.trajectories)
     reports = {plan.name: _finished(folders, plan) for plan in plans}
     left = [plan for plan in plans if reports[plan.name] is None]
     done_before = len(plans) - len(left)
@@ -104,6 +98,21 @@ def run_campaign(order: CampaignOrder, progress: Callable[[str, float], None]) -
     return summary
 
 
+def _prepare(settings: CampaignSettings, folders: Folders) -> Generated | None:
+    """Source trajectories, unless they are there; for assemblies, the proof that the robot can do one."""
+    cell = build_cell(settings)
+    if settings.profile == "use-case":
+        Assembly(cell.arm, cell.planner).program(cell.random(0))
+        return None
+    if (folders.trajectories / MANIFEST).exists():
+        return None
+    return draw(
+        cell,
+        limited=min(settings.limited, settings.limited_sources),
+        all_space=min(settings.all_space, settings.all_space_sources),
+    )
+
+
 def _execute(
     order: CampaignOrder,
     folders: Folders,
@@ -120,7 +129,7 @@ def _execute(
             log.unlink(missing_ok=True)
 
     def tick() -> None:
-        progress("executing", len(list(folders.out.glob("logs/*/*"))) / total)
+        progress("executing", min(1.0, len(list(folders.out.glob("logs/*/*"))) / total))
 
     work = partial(_work, order.settings, folders)
     if order.engine == "ray":

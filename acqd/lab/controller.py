@@ -132,7 +132,7 @@ class Controller:
         if not chain.legs:
             return []
         if not self._open:
-            self._open = True
+            self._open, self._standstill = True, 0.0
             pieces.append(self._stand(self._brakes.release_s, phase))
         samples = int(np.ceil(chain.duration * RATE))
         pieces.append(_Piece(*chain.sample(np.arange(samples) / RATE), np.ones(samples, bool), self._tool, phase))

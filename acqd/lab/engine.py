@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
+import secrets
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -47,12 +49,18 @@ def run_on_ray(
         import ray
     except ModuleNotFoundError:
         raise UserError("--engine ray needs Ray: install acqd[ray]") from None
+    if address is None:  # our own cluster, for nobody else: a token that only its processes know
+        os.environ.setdefault("RAY_AUTH_TOKEN", secrets.token_hex(32))
     try:
         ray.init(address=address, log_to_driver=False, include_dashboard=False, configure_logging=False)
     except ConnectionError as error:
         raise UserError(f"no Ray cluster at {address}: {str(error).splitlines()[0]}") from None
     try:
-        remote = ray.remote(num_cpus=1, max_retries=2)(work)
+
+        def call(task: Task) -> Any:  # Ray wants a function proper
+            return work(task)
+
+        remote = ray.remote(num_cpus=1, max_retries=2)(call)
         waiting = [remote.remote(task) for task in tasks]
         while waiting:
             done, waiting = ray.wait(waiting, num_returns=1, timeout=_TICK_S)

@@ -19,6 +19,7 @@ TOOL_DOWN = np.array([[-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]])
 CHECK_STEP = np.radians(2.0)
 """Largest axis step between two collision checks."""
 _PATIENCE = 2000  # draws in a row that may fail before a space is called impossible
+_FIRST_PATIENCE = 60  # the same while nothing has been reached yet: an unreachable point takes long to give up on
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +62,7 @@ class Excitation:
         waypoints: list[Floats] = []
         failures = 0
         while len(waypoints) < count:
-            if failures > _PATIENCE:
+            if failures >= (_PATIENCE if waypoints else _FIRST_PATIENCE):
                 raise UserError(
                     f"cube at {_metres(centre)} with edge {cube.edge:g} m: {failures} points in a row could not be "
                     f"reached by {self.arm.description.name} with the tool down and without collision; "

@@ -14,6 +14,7 @@ from acqd.lab.cell import Cell
 from acqd.lab.excitation import Tally
 from acqd.lab.trajectory import Trajectory, write_trajectory
 
+MANIFEST = "trajectories.json"
 _LIMITED, _ALL = 101, 102  # streams of random numbers
 
 
@@ -25,6 +26,8 @@ class Generated:
     all_space: list[Trajectory]
     limited_tally: Tally
     all_space_tally: Tally
+    thesis: bool
+    """Checked at 10 points a motion only."""
 
     def summary(self) -> dict[str, Any]:
         """For manifest and report."""
@@ -34,20 +37,15 @@ class Generated:
         }
 
 
-def generate(
+def draw(
     cell: Cell,
-    folder: Path,
     *,
     limited: int,
     all_space: int,
     thesis: bool = False,
-    keep: bool = False,
     progress: Callable[[float], None] | None = None,
-) -> Generated | None:
-    """Draw and write trajectories; with `keep`, None when a complete set lies there already. Raises UserError."""
-    manifest = folder / "trajectories.json"
-    if keep and manifest.exists():
-        return None
+) -> Generated:
+    """Draw trajectories for one cell's robot and scene. Raises UserError."""
     told = progress or (lambda _: None)
     drawn: dict[str, list[Trajectory]] = {"limited": [], "all": []}
     confined, free = cell.excitation(thesis=thesis), cell.excitation(thesis=thesis)
@@ -58,10 +56,14 @@ def generate(
     for number in range(1, all_space + 1):
         drawn["all"].append(free.all_space(f"all_{number:02d}", cell.settings.random(_ALL, number)))
         told((limited + number) / (limited + all_space))
-    generated = Generated(drawn["limited"], drawn["all"], confined.tally, free.tally)
+    return Generated(drawn["limited"], drawn["all"], confined.tally, free.tally, thesis)
+
+
+def write(generated: Generated, cell: Cell, folder: Path) -> None:
+    """CSV files, and last the manifest: a folder with one is complete."""
     folder.mkdir(parents=True, exist_ok=True)
     for trajectory in [*generated.limited, *generated.all_space]:
         write_trajectory(folder / f"{trajectory.name}.csv", trajectory, cell.robot)
-    about = {"acqd": __version__, "robot": cell.robot.name, "scene": cell.scene.name, "thesis_check": thesis}
-    manifest.write_bytes(orjson.dumps(about | generated.summary(), option=orjson.OPT_INDENT_2))
-    return generated
+    about = {"acqd": __version__, "robot": cell.robot.name, "scene": cell.scene.name}
+    about["checked_at"] = "10 points" if generated.thesis else "2 deg"
+    (folder / MANIFEST).write_bytes(orjson.dumps(about | generated.summary(), option=orjson.OPT_INDENT_2))

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, field_validator
+from pydantic import Field, field_validator, model_validator
 
 from acqd.lab.effects import EffectOrder
 from acqd.lab.excitation import Cube
@@ -141,6 +141,7 @@ class CampaignSettings(LabSettings):
     """A whole measured campaign."""
 
     profile: Profile = "thesis"
+    """use-case: with brake release and a gripped part as undeclared effects, unless `effects` says otherwise."""
     limited: Annotated[int, Field(ge=0, le=100_000)] = 202
     """Recordings in limited space (profile thesis)."""
     all_space: Annotated[int, Field(ge=0, le=100_000)] = 135
@@ -153,3 +154,15 @@ class CampaignSettings(LabSettings):
     """Recordings per power stream."""
     cells: Annotated[int, Field(ge=1, le=1000)] = 1
     """Virtual robots, each with its own deviations, mains and clock."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _real_assemblies_have_effects(cls, data: Any) -> Any:
+        """The thesis' models could replicate neither the brakes' peak nor a gripped part (chapters 9, 10)."""
+        if isinstance(data, dict) and data.get("profile") == "use-case" and "effects" not in data:
+            hidden = [
+                EffectOrder(id="brake_release", declared=False),
+                EffectOrder(id="payload", values={"mass_kg": 0.6, "with_tool": 1.0}, declared=False),
+            ]
+            return data | {"effects": hidden}
+        return data

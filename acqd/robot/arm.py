@@ -6,14 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
-from acqd.errors import UserError
 from acqd.robot.description import Floats, Link, RobotDescription
-
-try:
-    import pinocchio as pin
-except ModuleNotFoundError as error:  # pragma: no cover - the message is the point
-    raise UserError(f"kinematics and dynamics need the {error.name} package: install acqd[lab]") from None
 
 
 @dataclass(frozen=True, slots=True)

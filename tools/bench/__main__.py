@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from tools.bench import accuracy, live, sink, speed
+from tools.bench import accuracy, lab, live, sink, speed
 from tools.bench.report import Figure, table
 
 _SECTIONS: dict[str, list[Callable[[], Iterator[Figure]]]] = {
@@ -20,6 +20,7 @@ _SECTIONS: dict[str, list[Callable[[], Iterator[Figure]]]] = {
     "speed": [speed.beside_pqopen, speed.replay, speed.main_slow],
     "live": [live.daemon, live.jitter],
     "sink": [sink.sinks],
+    "lab": [lab.motions, lab.campaign],
 }
 
 

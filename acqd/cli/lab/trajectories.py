@@ -46,7 +46,7 @@ def trajectories(
     Example: acqd lab trajectories --out trajectories --seed 7
     """
     from acqd.lab.cell import build_cell
-    from acqd.lab.generate import generate
+    from acqd.lab.generate import draw, write
     from acqd.lab.pictures.reports import trajectories_report
     from acqd.lab.settings import LabSettings
 
@@ -59,15 +59,14 @@ def trajectories(
     console = Console(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
         bar = progress.add_task("drawing", total=1.0)
-        drawn = generate(
+        drawn = draw(
             cell,
-            out,
             limited=limited if space is not Space.ALL else 0,
             all_space=all_space if space is not Space.LIMITED else 0,
             thesis=thesis,
             progress=lambda share: progress.update(bar, completed=share),
         )
-        assert drawn is not None
+        write(drawn, cell, out)
         report = trajectories_report(cell, drawn, out)
     if json:
         print(orjson.dumps({"out": str(out), "report": str(report), **drawn.summary()}).decode())

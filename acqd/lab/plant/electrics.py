@@ -93,8 +93,8 @@ class _Fluctuation:
     def __init__(self, rms: float, tau_s: float, random: np.random.Generator) -> None:
         self._keep = float(np.exp(-_DT / tau_s))
         self._drive = rms * np.sqrt(1 - self._keep**2)
-        self._random = random
-        self._value = rms * float(random.standard_normal())
+        self._random = np.random.default_rng(random.integers(2**63))  # its own: pieces of any length give the same
+        self._value = rms * float(self._random.standard_normal())
 
     def run(self, samples: int) -> Floats:
         noise = self._drive * self._random.standard_normal(samples)

@@ -48,12 +48,16 @@ class RigidBody:
         rigid = float(mechanical_energy(self.arm(mass), q[None], qd[None])[0])
         return rigid + 0.5 * float(self._rotor @ (qd * qd))
 
-    def handed_over(self, motion: Motion, mass: Floats) -> float:
-        """Energy (J) that payloads bring in when they are taken up, and take with them when put down."""
+    def handed_over(self, motion: Motion, mass: Floats, before: float) -> float:
+        """Energy (J) that payloads bring in when they are taken up, and take with them when put down.
+
+        `before` is the mass (kg) carried just before the motion.
+        """
         total = 0.0
-        for k in np.flatnonzero(np.diff(mass)) + 1:
-            after = self.energy(motion.q[k], motion.qd[k], float(mass[k]))
-            total += after - self.energy(motion.q[k], motion.qd[k], float(mass[k - 1]))
+        carried = np.concatenate([[before], mass])
+        for k in np.flatnonzero(np.diff(carried)):
+            after = self.energy(motion.q[k], motion.qd[k], float(carried[k + 1]))
+            total += after - self.energy(motion.q[k], motion.qd[k], float(carried[k]))
         return total
 
 

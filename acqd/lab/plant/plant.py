@@ -50,7 +50,7 @@ class Plant:
         self._storage = DcStorage(parameters.dc_link)
         self._supply = PowerSupply(parameters.supply)
         self._standby = Standby(parameters.controller, random or np.random.default_rng(0))
-        self._begun = False
+        self._carried: float | None = None  # kg at the end of the stretch before
         self.ledger = Ledger()
 
     def run(self, motion: Motion, voltage: Floats, stretch: Stretch | None = None) -> PlantTrace:
@@ -111,11 +111,12 @@ class Plant:
     def _account(self, s: Situation, powers: dict[str, Floats], mass: Floats) -> None:
         """Where the stretch's energy went. The same effect may act at several hooks: then under one name."""
         motion = s.motion
-        if not self._begun:
-            self._begun = True
+        if self._carried is None:
+            self._carried = float(mass[0])
             first = self._body.energy(motion.q[0], motion.qd[0], float(mass[0]))
             self.ledger.stored(first - self._p.supply.lag_s * float(powers["supplied"][0]))
-        self.ledger.brought_in(self._body.handed_over(motion, mass))
+        self.ledger.brought_in(self._body.handed_over(motion, mass, self._carried))
+        self._carried = float(mass[-1])
         self.ledger.add(powers)
         last = self._body.energy(motion.q[-1], motion.qd[-1], float(mass[-1]))
         self.ledger.stored(last + self._storage.energy + self._supply.stored)

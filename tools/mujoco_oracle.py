@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+from typing import Any
+
 import mujoco
 import numpy as np
 
 from acqd.robot.arm import Payload
-from acqd.robot.description import RobotDescription
+from acqd.robot.description import Capsule, Floats, RobotDescription
 from acqd.robot.scene import Scene
 
 
-def _numbers(values) -> str:
+def _numbers(values: Iterable[float] | Floats) -> str:
     return " ".join(f"{float(value)!r}" for value in values)
 
 
-def _quaternion(rpy_deg) -> str:
+def _quaternion(rpy_deg: Sequence[float]) -> str:
     roll, pitch, yaw = np.radians(rpy_deg)
 
-    def about(axis, angle):
+    def about(axis: int, angle: float) -> Floats:
         return np.array([np.cos(angle / 2), *(np.sin(angle / 2) * np.eye(3)[axis])])
 
     out, scratch = np.empty(4), np.empty(4)
@@ -26,7 +29,7 @@ def _quaternion(rpy_deg) -> str:
     return _numbers(out)
 
 
-def _inertial(mass, com, inertia, rpy_deg=(0, 0, 0)) -> str:
+def _inertial(mass: float, com: Sequence[float], inertia: Sequence[float], rpy_deg: Sequence[float] = (0, 0, 0)) -> str:
     rotation = np.empty(9)
     mujoco.mju_quat2Mat(rotation, np.array([float(x) for x in _quaternion(rpy_deg).split()]))
     turn = rotation.reshape(3, 3)
@@ -36,14 +39,14 @@ def _inertial(mass, com, inertia, rpy_deg=(0, 0, 0)) -> str:
     return f'<inertial pos="{_numbers(com)}" mass="{mass!r}" fullinertia="{_numbers(six)}"/>'
 
 
-def _capsules(link: int, capsules) -> str:
+def _capsules(link: int, capsules: Sequence[Capsule]) -> str:
     return "".join(
         f'<geom name="{link}:{k}" type="capsule" size="{c.radius!r}" fromto="{_numbers(c.start)} {_numbers(c.end)}"/>'
         for k, c in enumerate(capsules)
     )
 
 
-def build(description: RobotDescription, payload: Payload | None = None, scene: Scene | None = None):
+def build(description: RobotDescription, payload: Payload | None = None, scene: Scene | None = None) -> Any:
     """mujoco.MjModel; geoms are named `link:number`, boxes of the scene by their name."""
     head = '<mujoco><compiler angle="radian" balanceinertia="false" boundmass="0" inertiafromgeom="false"/>'
     head += '<option gravity="0 0 -9.81"/><worldbody>'
@@ -68,7 +71,7 @@ def build(description: RobotDescription, payload: Payload | None = None, scene: 
     return mujoco.MjModel.from_xml_string(body)
 
 
-def inverse_dynamics(model, q, qd, qdd):
+def inverse_dynamics(model: Any, q: Floats, qd: Floats, qdd: Floats) -> Floats:
     """[T, axes], Nm."""
     data = mujoco.MjData(model)
     tau = np.empty_like(q)
@@ -80,7 +83,7 @@ def inverse_dynamics(model, q, qd, qdd):
     return tau
 
 
-def flange(model, q):
+def flange(model: Any, q: Floats) -> tuple[Floats, Floats]:
     """Flange positions [T, 3] and rotations [T, 3, 3]."""
     data = mujoco.MjData(model)
     positions, rotations = np.empty((len(q), 3)), np.empty((len(q), 3, 3))
@@ -92,25 +95,31 @@ def flange(model, q):
     return positions, rotations
 
 
-def clearance(description: RobotDescription, scene: Scene, path, ignored=()):
+def clearance(description: RobotDescription, scene: Scene, path: Floats) -> float:
     """Smallest distance [m] of arm to itself and to the boxes along `path` [T, axes]; overlap is negative."""
     model = build(description, scene=scene)
     data = mujoco.MjData(model)
-    names = [model.geom(k).name for k in range(model.ngeom)]
-    apart = {tuple(sorted(pair)) for pair in [*description.ignore_pairs, *ignored]}
-    pairs = []
-    for one in range(model.ngeom):
-        for other in range(one + 1, model.ngeom):
-            boxes = [names[k].startswith("box") for k in (one, other)]
-            links = [None if box else int(names[k].split(":")[0]) for k, box in zip((one, other), boxes, strict=True)]
-            if all(boxes) or any(boxes) and 0 in links:
-                continue
-            if not any(boxes) and (abs(links[0] - links[1]) < 2 or tuple(sorted(links)) in apart):
-                continue
-            pairs.append((one, other))
+    pairs = _pairs(description, [model.geom(k).name for k in range(model.ngeom)])
     smallest, fromto = np.inf, np.zeros(6)
     for row in path:
         data.qpos[:] = row
         mujoco.mj_kinematics(model, data)
         smallest = min(smallest, *(mujoco.mj_geomDistance(model, data, a, b, 0.05, fromto) for a, b in pairs))
-    return smallest
+    return float(smallest)
+
+
+def _pairs(description: RobotDescription, names: list[str]) -> list[tuple[int, int]]:
+    """Geoms that may not touch: links two or more apart, and moving links with boxes."""
+    apart = {(min(pair), max(pair)) for pair in description.ignore_pairs}
+    links = [None if name.startswith("box") else int(name.split(":")[0]) for name in names]
+    pairs = []
+    for one, a in enumerate(links):
+        for other, b in list(enumerate(links))[one + 1 :]:
+            if a is None and b is None:
+                continue
+            if a is None or b is None:
+                if 0 not in (a, b):
+                    pairs.append((one, other))
+            elif abs(a - b) >= 2 and (min(a, b), max(a, b)) not in apart:
+                pairs.append((one, other))
+    return pairs
