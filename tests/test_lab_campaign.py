@@ -113,7 +113,7 @@ def test_logs_are_the_motion_on_the_controllers_own_clock(campaign):
             t = (log.time + 7.0 - begin) / (1 + 50e-6) + begin
             qd = np.gradient(log.q, log.time, axis=0)
             mechanical = (log.tau * qd).sum(axis=1)
-            stamps, P = np.array(powers[session["session"]]).T
+            stamps, P = np.array(powers[session["boot"]]).T
             electrical = np.interp(t, stamps + 0.02, P)
             assert np.corrcoef(mechanical, electrical)[0, 1] > 0.7
 

@@ -207,6 +207,7 @@ def _write_manifest(
                     "source": planned.source_name,
                     "device": report["device"],
                     "session": plan.name,
+                    "boot": report["boot"],
                     "log_rows": done["rows"],
                 }
             )

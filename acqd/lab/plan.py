@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
 
 from acqd.lab.cell import ORDER
@@ -46,8 +47,13 @@ class SessionPlan:
 
     @property
     def name(self) -> str:
-        """For files and boot numbers."""
+        """For files."""
         return f"cell{self.cell + 1:02d}-session{self.number + 1:03d}"
+
+    def boot(self, settings: CampaignSettings) -> str:
+        """For rows: other campaigns may lie in the same database, and theirs must differ."""
+        digest = hashlib.blake2b(settings.model_dump_json().encode(), digest_size=5).hexdigest()
+        return f"{digest}-{self.cell + 1}-{self.number + 1}"
 
 
 def plan_sessions(settings: CampaignSettings) -> list[SessionPlan]:

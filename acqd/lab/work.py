@@ -57,7 +57,7 @@ def run_session(settings: CampaignSettings, plan: SessionPlan, folders: Folders)
     cell = build_cell(settings, plan.cell)
     for folder in (folders.logs(cell.device), folders.work):
         folder.mkdir(parents=True, exist_ok=True)
-    rows = RowFile(folders.work / f"{plan.name}.jsonl", cell.device, plan.name)
+    rows = RowFile(folders.work / f"{plan.name}.jsonl", cell.device, plan.boot(settings))
     try:
         truth = _play(cell, plan, folders, settings, rows)
     finally:
@@ -156,6 +156,7 @@ def _report(cell: Cell, plan: SessionPlan, truth: SessionTruth) -> dict[str, Any
     power, metered = truth.power[:windows], truth.metered[:windows]
     return {
         "session": plan.name,
+        "boot": plan.boot(settings),
         "device": cell.device,
         "seconds": truth.energy["seconds"],
         "windows": windows,
