@@ -20,3 +20,7 @@ class InputError(UserError):
 
     def __init__(self, path: object, problem: str) -> None:
         super().__init__(f"{path}: {problem}")
+
+    def __reduce__(self) -> tuple[type[UserError], tuple[object, ...]]:
+        """From a worker process it arrives as the line that it is."""
+        return UserError, self.args

@@ -1,8 +1,10 @@
 """Campaigns end to end: rows in SQL, logs on another clock, the truth apart; resumed, in parallel, on Ray."""
 
+import fcntl
 import itertools
 import json
 import os
+import pickle
 import re
 import signal
 import sqlite3
@@ -12,8 +14,10 @@ import time
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 
+from acqd.errors import InputError, UserError
 from acqd.lab.campaign import CampaignOrder, run_campaign
 from acqd.lab.effects import parse_effect
 from acqd.lab.plan import plan_sessions
@@ -149,6 +153,53 @@ def test_two_processes_make_the_same_campaign_as_one(campaign, tmp_path):
         assert (other.out / log.relative_to(the_order.out)).read_bytes() == log.read_bytes()
 
 
+def test_rows_that_the_database_lost_are_made_again(campaign):
+    the_order, _report = campaign
+    database = the_order.out / "power.sqlite"
+    before = [tuple(row) for row in rows_of(database)]
+    database.unlink()
+    again = run_campaign(the_order, quiet)
+    assert again.sessions_done_before == 0 and again.rows == len(before)
+    assert [tuple(row) for row in rows_of(database)] == before
+
+
+def test_campaigns_share_a_database_without_mixing(tmp_path):
+    database = f"sqlite:///{tmp_path}/both.sqlite"
+    total = 0
+    for seed in (1, 2):
+        settings = CampaignSettings(limited=1, all_space=0, seed=seed)
+        one = CampaignOrder(settings, tmp_path / f"c{seed}", tmp_path / f"t{seed}", database, 1)
+        total += run_campaign(one, quiet).rows
+    assert len(rows_of(tmp_path / "both.sqlite")) == total
+
+
+def test_a_campaign_that_runs_cannot_be_started_again_beside_itself(campaign):
+    the_order, _ = campaign
+    with (the_order.truth / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        with pytest.raises(UserError, match="another process is running this campaign"):
+            run_campaign(the_order, quiet)
+
+
+def test_workers_end_with_a_killed_parent(tmp_path):
+    arguments = ["lab", "campaign", "--out", tmp_path / "c", "--limited", "2", "--all", "2", "--session", "1"]
+    parent = subprocess.Popen([sys.executable, "-P", "-m", "acqd", *map(str, [*arguments, "--jobs", "2"])])
+    wait_for(lambda: len(list((tmp_path / "c").rglob("*.log"))) >= 1, "a log", 60)
+    workers = [
+        child for child in psutil.Process(parent.pid).children(recursive=True) if "spawn_main" in str(child.cmdline())
+    ]
+    assert len(workers) == 2
+    parent.kill()
+    parent.wait()
+    wait_for(lambda: not any(w.is_running() and w.status() != "zombie" for w in workers), "the workers' end", 10)
+
+
+def test_a_worker_tells_bad_input_as_one_line(tmp_path):
+    """InputError has a constructor of its own and must survive the way back from another process."""
+    error = pickle.loads(pickle.dumps(InputError("x.csv", "row 3 is empty")))
+    assert isinstance(error, UserError) and str(error) == "x.csv: row 3 is empty"
+
+
 def run_acqd(*arguments, **options):
     command = [sys.executable, "-P", "-m", "acqd", *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, timeout=100, **options)
@@ -247,6 +298,13 @@ def test_the_steady_error_sees_a_wrong_meter():
         (["execute", "good.csv", "--out", "x", "--effect", "gremlins"], "effect 'gremlins' is unknown"),
         (["execute", "good.csv", "--out", "x", "--settings", "lab.toml"], "lab.toml: mains.voltage"),
         (["campaign", "--out", "x", "--limited", "0", "--all", "0"], "the campaign has no recordings"),
+        (
+            ["campaign", "--out", "x", "--limited", "1", "--all", "0", "--effect", "payload:from=9"],
+            "campaign ends with 1",
+        ),
+        (["campaign", "--out", "x", "--effect", "encoder_bias:axis=9"], "the robot has the axes 1 to 7"),
+        (["campaign", "--out", "x", "--settings", "typo.toml"], "typo.toml: effects.0: effect 'paylod' is unknown"),
+        (["campaign", "--out", "x", "--settings", "odd.toml"], "odd.toml: window: expected whole milliseconds"),
         (["campaign", "--out", "full"], "full is not empty and holds no campaign"),
         (["campaign", "--out", "x", "--profile", "use-case", "--robot", "ur3e"], "ur3e cannot reach"),
     ],
@@ -259,6 +317,8 @@ def test_bad_input_is_one_clear_line_and_leaves_nothing(tmp_path, arguments, com
     header = "time," + ",".join(f"q{k}" for k in range(1, 8))
     (tmp_path / "back.csv").write_text(header + "".join(f"\n{t},0,0,0,0,0,0,0" for t in (0, 1, 0.5, 2, 3, 4, 5, 6, 7)))
     (tmp_path / "lab.toml").write_text("[mains]\nvoltage = 12\n")
+    (tmp_path / "typo.toml").write_text('[[effects]]\nid = "paylod"\n')
+    (tmp_path / "odd.toml").write_text("window = 0.0425\n")
     crate = '[[box]]\nname = "crate"\ncentre = [0, 0, 1.0]\nsize = [0.6, 0.6, 0.3]\n'
     (tmp_path / "crate.toml").write_text('name = "crate"\n' + crate)
     done = run_acqd("lab", *arguments, cwd=tmp_path)

@@ -6,9 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from acqd.errors import InputError, UserError
+from acqd.lab.assembly import Assembly
 from acqd.lab.cell import build_cell
 from acqd.lab.controller import RATE, Controller, Phase, SwitchTool, Wait
 from acqd.lab.excitation import Cube, Excitation, planned_path
+from acqd.lab.execution import Planner
 from acqd.lab.motion import Move, fastest_profile, plan_chain
 from acqd.lab.settings import LabSettings
 from acqd.lab.trajectory import Trajectory, read_trajectory, write_trajectory
@@ -194,13 +196,34 @@ def test_a_broken_trajectory_is_named_where_it_is_broken(tmp_path, text, complai
         read_trajectory(path, IIWA)
 
 
+def test_a_position_given_twice_hides_no_collision(cell):
+    """Found by review: a leg of no length shifted the blends that were taken away."""
+    random = np.random.default_rng(3)
+    for _ in range(6):
+        trajectory = cell.excitation().all_space("x", random)
+        twice = Trajectory("twice", np.concatenate([trajectory.waypoints[:1], trajectory.waypoints]))
+        programs = [cell.planner.program(t, np.random.default_rng(5)) for t in (trajectory, twice)]
+        motions = [Controller(IIWA, trajectory.waypoints[0]).run(program) for program in programs]
+        np.testing.assert_allclose(motions[0].q, motions[1].q)
+        assert not cell.checker.path_collides(planned_path(motions[1].q))
+
+
+def test_an_assembly_does_not_drive_through_what_stands_in_its_way(cell):
+    post = Box(name="post", centre=(0.54, -0.14, 0.3), size=(0.03, 0.03, 0.6))
+    blocked = Planner(cell.arm, CollisionChecker(cell.arm, Scene(name="blocked", box=[post])))
+    with pytest.raises(UserError, match=r"the straight way to .* deg collides"):
+        Assembly(cell.arm, blocked).program(np.random.default_rng(0))
+    for controller in ("robot", "twin"):
+        assembly = Assembly(cell.arm, cell.planner, controller)
+        motion = Controller(IIWA, assembly.home()).run(assembly.program(np.random.default_rng(0)))
+        assert not cell.checker.path_collides(planned_path(motion.q))
+
+
 def test_a_trajectory_through_a_box_is_refused_with_the_place(cell):
     arm = Arm(IIWA)
     wall = Scene(name="wall", box=[Box(name="wall", centre=(0.5, 0.0, 0.6), size=(0.02, 0.4, 0.6))])
-    from acqd.lab.execution import Planner
-
     planner = Planner(arm, CollisionChecker(arm, wall))
     side = np.radians([60, 60, 0, -40, 0, 0, 0])
     through = Trajectory("through", np.array([side, side * [-1, 1, 1, 1, 1, 1, 1]]))
-    with pytest.raises(UserError, match="the straight way to waypoint 2 collides"):
+    with pytest.raises(UserError, match="the straight way to -60 60 0 -40 0 0 0 deg collides"):
         planner.program(through, np.random.default_rng(0))

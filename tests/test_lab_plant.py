@@ -7,7 +7,7 @@ import pytest
 
 from acqd.errors import InputError, UserError
 from acqd.lab.cell import build_cell
-from acqd.lab.controller import Controller, Move, SwitchTool, Wait
+from acqd.lab.controller import Controller, Move, Phase, SwitchTool, Wait
 from acqd.lab.effects import known_effects, make_effects, parse_effect
 from acqd.lab.mains import Mains, MainsSettings, Metered
 from acqd.lab.plant import Plant, Stretch
@@ -17,6 +17,10 @@ from acqd.lab.recorder import ControllerClock
 from acqd.lab.settings import LabSettings
 from acqd.metering import Meter, SampleBlock, WindowBatch
 from acqd.robot import load_description, shipped_descriptions
+from acqd.robot.dynamics import mechanical_energy
+from acqd.robot.kinematics import forward_kinematics
+
+IIWA = load_description("iiwa7_r800")
 
 CELL = build_cell(LabSettings())
 
@@ -143,9 +147,106 @@ def test_the_log_of_a_biased_sensor_is_biased():
 def test_clock_effects_change_the_clock_from_their_recording_on():
     offset, drift = make_effects([parse_effect("clock_offset:from=3"), parse_effect("clock_drift:from=3")], [1])
     clock = ControllerClock()
-    assert offset.clock(clock, 2) == drift.clock(clock, 2) == clock
-    assert offset.clock(clock, 3).offset_s == 0.2
-    assert drift.clock(clock, 4).drift_ppm == 30.0
+    begins = {1: 0.0, 2: 0.0, 3: 5000.0, 4: 5000.0}.__getitem__  # two recordings a session
+    assert offset.clock(clock, 2, begins) == drift.clock(clock, 2, begins) == clock
+    assert offset.clock(clock, 3, begins).offset_s == 0.2
+    faster = drift.clock(clock, 4, begins)
+    at = np.array([5000.0, 6000.0])
+    np.testing.assert_allclose(faster.reading(at) - at, [0.0, 0.03], atol=1e-9)  # a bend, no jump
+
+
+def power_of(order, motion=MOTION, voltage=VOLTAGE, stretch=None):
+    plant = Plant(CELL.true_arm, CELL.parameters, make_effects([parse_effect(order)], [1]))
+    clean = Plant(CELL.true_arm, CELL.parameters)
+    return plant.run(motion, voltage, stretch).power - clean.run(motion, voltage, stretch).power
+
+
+def test_pressing_downwards_helps_when_going_up_and_costs_when_going_down():
+    """The table pushes the flange up: rising needs less power than without, sinking more."""
+    targets = np.radians([[0, 60, 0, -60, 0, 30, 0], [0, 20, 0, -60, 0, 30, 0], [0, 70, 0, -60, 0, 30, 0]])
+    motion = Controller(IIWA, np.zeros(7)).run([Phase("contact"), *(Move(target, 0.4, 0.2) for target in targets)])
+    rising = np.gradient(forward_kinematics(CELL.arm, motion.q)[0][:, 2], 1e-3)
+    pressed = power_of("contact_force:force_N=60", motion, np.full(len(motion), 230.0))
+    active = (np.abs(pressed) > 1) & (np.abs(rising) > 0.05)
+    assert active.sum() > 100
+    assert np.corrcoef(pressed[active], rising[active])[0, 1] < -0.5
+
+
+def test_a_heavier_link_costs_power_on_the_way_up_and_a_lighter_one_saves_it():
+    potential = np.gradient(mechanical_energy(CELL.arm, MOTION.q, 0 * MOTION.q), 1e-3)
+    fast = np.abs(potential) > 5
+    for order, sign in (("gravity_bias:mass_kg=3", 1), ("gravity_bias:mass_kg=-3", -1)):
+        assert sign * np.corrcoef(power_of(order)[fast], potential[fast])[0, 1] > 0.4
+
+
+def test_higher_voltage_means_more_power_in_proportion():
+    volts = np.full(len(MOTION), 230 * 1.02)
+    np.testing.assert_allclose(
+        power_of("line_voltage:exponent=1", voltage=volts)[1000:] / CLEAN[1000:], 0.02, rtol=0.02
+    )
+    assert np.abs(power_of("line_voltage:exponent=1", voltage=np.full(len(MOTION), 230.0))).max() < 1e-9
+
+
+def test_only_power_given_back_is_burnt():
+    plant = Plant(CELL.true_arm, CELL.parameters)
+    trace = plant.run(MOTION, VOLTAGE)
+    given = np.maximum(-trace.situation.joint_power.sum(axis=1), 0)
+    extra = power_of("regeneration_clipping")
+    assert given.max() > 5
+    assert extra.sum() == pytest.approx(given.sum(), rel=0.12)  # and the supply's losses on it
+    assert (extra[given.cumsum() == 0] == 0).all()
+
+
+def test_a_thermostat_is_on_for_its_share_of_its_period():
+    motion = Controller(IIWA, np.zeros(7)).run([Wait(3000.0)])
+    extra = power_of("thermostat:power_W=10,period_s=60,duty=0.3", motion, np.full(len(motion), 230.0))
+    assert extra.mean() == pytest.approx(3.0, rel=0.1)
+    assert np.diff(extra > 5).sum() == pytest.approx(100, abs=8)
+
+
+def test_equipment_works_in_bursts_and_in_its_phases():
+    motion = Controller(IIWA, np.zeros(7)).run([Wait(300.0)])
+    extra = power_of("process_load:power_W=20", motion, np.full(len(motion), 230.0))
+    assert 0.1 < (extra > 15).mean() < 0.6
+    motion = Controller(IIWA, np.zeros(7)).run([Wait(2.0), Phase("screw"), Wait(3.0), Phase("rest"), Wait(2.0)])
+    extra = power_of("process_load:power_W=20", motion, np.full(len(motion), 230.0))
+    np.testing.assert_allclose(extra[[1900, 2500, 4900, 5500]], [0, 20, 20, 0], atol=0.1)
+
+
+@pytest.mark.parametrize("name", ["tool_actuation", "process_load", "contact_force", "thermostat", "brake_release"])
+def test_effects_with_a_state_do_not_care_how_motion_is_cut(name):
+    whole, pieces = (run(make_effects([parse_effect(name)], [1]), pieces=count)[1] for count in (1, 37))
+    assert np.abs(whole - pieces).max() < 0.05
+
+
+def test_cold_gears_are_cold_when_the_effect_begins():
+    later = power_of("thermal_friction:from=2,minutes=0.2", stretch=Stretch(0.0, 2))
+    at_once = power_of("thermal_friction:minutes=0.2")
+    np.testing.assert_allclose(later, at_once, atol=1e-9)
+
+
+def test_an_effect_goes_on_after_the_last_recording(tmp_path):
+    from acqd.lab.session import Session
+
+    settings = LabSettings(effects=[parse_effect("offset_shift:power_W=50,at=1.0")])
+    cell = build_cell(settings)
+    session = Session(cell, 0, settings.start_utc_ns, np.zeros(7), lambda batch: None)
+    session.record([Wait(3.0)], 1, "still", tmp_path / "still.log")
+    truth = session.finish()
+    hidden = truth.power - truth.clean_power
+    np.testing.assert_allclose(hidden[[5, 20, 40, 80, 120]], [0, 0, 50, 50, 50], atol=0.1)
+
+
+def test_a_saturation_begins_within_a_recording(tmp_path):
+    from acqd.lab.session import Session
+
+    settings = LabSettings(effects=[parse_effect("meter_saturation:limit_A=0.5,at=2.0")])
+    cell = build_cell(settings)
+    session = Session(cell, 0, settings.start_utc_ns, np.zeros(7), lambda batch: None)
+    session.record([Wait(4.0)], 1, "still", tmp_path / "still.log")
+    truth = session.finish()
+    error = truth.metered - truth.power
+    assert np.abs(error[:48]).max() < 1 and error[55:95].max() < -20
 
 
 def test_what_comes_back_is_stored_up_to_the_limit_and_then_burnt():
@@ -164,8 +265,12 @@ def test_what_comes_back_is_stored_up_to_the_limit_and_then_burnt():
     [
         ("paylod", "effect 'paylod' is unknown; did you mean payload"),
         ("xyzzy", "effect 'xyzzy' is unknown; known: brake_holding"),
-        ("payload:mass=1", "effect payload: 'mass=1' is not one of mass_kg=, with_tool=, from=, at="),
-        ("payload:mass_kg=heavy", "mass_kg='heavy' is no number"),
+        ("payload:mass=1", "effect payload: 'mass' is not one of mass_kg=, with_tool=, from=, at="),
+        ("payload:mass_kg=heavy", "'mass_kg=heavy' is not like name=1.5"),
+        ("payload:mass_kg", r"'mass_kg' is not like name=1.5 .no =."),
+        ("payload:mass_kg=-2", r"mass_kg=-2 is outside 0.001 .. 1000"),
+        ("thermostat:period_s=0", r"period_s=0 is outside 1 .. 100000"),
+        ("clock_drift:at=3", "it can only begin with a recording"),
         ("payload:mass_kg=nan", "is no finite number"),
         ("payload:from=0", "expected a recording number from 1"),
     ],
@@ -189,7 +294,8 @@ def metered(settings, power, fault=None, window=0.04, chunk=3000):
     batches, index = [], 0
     for first in range(0, len(power), chunk):
         part = power[first : first + chunk]
-        codes = mains.waveform(part, fault and Metered(np.full(len(part), fault.gain[0]), fault.limit))
+        ones = np.ones(len(part))
+        codes = mains.waveform(part, fault and Metered(fault.gain[0] * ones, fault.limit[0] * ones))
         batches.append(meter.feed(SampleBlock(codes, index, index * 50_000)))
         index += len(codes)
     return WindowBatch.join([batch for batch in batches if batch is not None])
@@ -245,7 +351,7 @@ def test_inrush_drives_the_converter_over_its_range_once():
 
 def test_a_faulty_current_sensor_shows_in_the_power():
     power = np.full(5000, 200.0)
-    gain = metered(MainsSettings(), power, Metered(np.array([1.03]), np.inf))
+    gain = metered(MainsSettings(), power, Metered(np.array([1.03]), np.array([np.inf])))
     assert gain.P[0].mean() == pytest.approx(206.0, rel=1e-3)
-    clipped = metered(MainsSettings(), power, Metered(np.array([1.0]), 1.0))
+    clipped = metered(MainsSettings(), power, Metered(np.array([1.0]), np.array([1.0])))
     assert clipped.P[0].mean() < 190

@@ -78,6 +78,16 @@ def test_rows_go_missing_and_signals_are_left_out_on_request(tmp_path):
     require_rising(log)
 
 
+@pytest.mark.parametrize("period", [0.001, 0.002, 0.004])
+def test_a_fast_recorders_clock_never_stands_still(tmp_path, period):
+    robot = load_description("iiwa7_r800")
+    settings = RecorderSettings(period_s=period)
+    record(tmp_path / "x.log", robot, motion(7), 0.0, ControllerClock(), settings, np.random.default_rng(0))
+    log = read_log(tmp_path / "x.log", robot)
+    require_rising(log)
+    assert len(log.time) == pytest.approx(4.0 / period, abs=2)
+
+
 HEADER = "time," + ",".join(f"q{k}" for k in range(1, 8))
 
 

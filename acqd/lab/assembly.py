@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -118,11 +118,14 @@ class Assembly:
         return targets[-1]
 
     def _moves(self, at: Floats, targets: list[Floats], speed: float, random: np.random.Generator) -> list[Move]:
-        moves = []
+        moves: list[Move] = []
         for start, end in zip([at, *targets[:-1]], targets, strict=True):
+            if np.abs(end - start).max() <= 1e-9:
+                continue
             relative = float(speed * self._speed_factor * random.uniform(0.94, 1.06))
             moves.append(Move(end, relative, 0.2, self._planner.blend_after(start, end, 0.2)))
-        return moves
+        moves[-1] = replace(moves[-1], blend_after=1.0)  # what comes next is planned apart
+        return self._planner.without_collisions(at, moves)
 
     def _reach(self, place: Place, near: Floats) -> Floats:
         q = inverse_kinematics(self._arm, place.pose(), near, self._random)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import fcntl
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -10,9 +12,10 @@ from typing import Any, Literal
 
 import numpy as np
 import orjson
+import sqlalchemy as sa
 
 from acqd import __version__
-from acqd.errors import InputError, UserError
+from acqd.errors import InputError, OperationError, UserError
 from acqd.lab.assembly import Assembly
 from acqd.lab.cell import build_cell, device_name
 from acqd.lab.effects import known_effects
@@ -20,7 +23,7 @@ from acqd.lab.engine import run_here, run_on_ray
 from acqd.lab.generate import MANIFEST, Generated, draw, write
 from acqd.lab.pictures.reports import campaign_report
 from acqd.lab.plan import SessionPlan, plan_sessions
-from acqd.lab.rows import store_rows
+from acqd.lab.rows import rows_stored, store_rows
 from acqd.lab.session import windows_within
 from acqd.lab.settings import CampaignSettings
 from acqd.lab.work import Folders, run_session
@@ -74,19 +77,35 @@ def run_campaign(order: CampaignOrder, progress: Callable[[str, float], None]) -
     plans = plan_sessions(settings)
     if not plans:
         raise UserError("the campaign has no recordings; raise --limited or --all")
+    last = max(recording.number for plan in plans for recording in plan.recordings)
+    late = [effect for effect in settings.effects if effect.recording > last]
+    if late:
+        raise UserError(
+            f"effect {late[0].id} begins with recording {late[0].recording}, but the campaign ends with {last}"
+        )
     progress("preparing", 0.0)
     prepared = _prepare(settings, folders)  # what cannot be done is known before anything is written
-    _claim(folders, settings)
+    with _claimed(folders, settings):
+        return _run(order, folders, plans, prepared, progress)
+
+
+def _run(
+    order: CampaignOrder,
+    folders: Folders,
+    plans: list[SessionPlan],
+    prepared: Generated | None,
+    progress: Callable[[str, float], None],
+) -> CampaignReport:
+    settings = order.settings
     database = open_database(order.database)
     if prepared is not None:
         write(prepared, build_cell(settings), folders.trajectories)
-    reports = {plan.name: _finished(folders, plan) for plan in plans}
+    reports = {plan.name: _finished(folders, settings, plan, database) for plan in plans}
     left = [plan for plan in plans if reports[plan.name] is None]
-    done_before = len(plans) - len(left)
-    rows = sum(_ingest(folders, plan.name, database) for plan in plans if reports[plan.name] is not None)
+    rows = 0
     for done in _execute(order, folders, plans, left, progress):
         reports[done["session"]] = done
-        rows += _ingest(folders, done["session"], database)
+        rows += _ingest(folders, done, database)
     progress("writing", 1.0)
     finished = [report for plan in plans if (report := reports[plan.name]) is not None]
     _write_manifest(folders, settings, plans, finished)
@@ -94,7 +113,7 @@ def run_campaign(order: CampaignOrder, progress: Callable[[str, float], None]) -
     powers = metered_powers(order.truth, finished)
     summary = _summarise(order, finished, powers)
     campaign_report(powers, summary.spaces, finished, folders.out)
-    summary.rows, summary.sessions_done_before = rows, done_before
+    summary.rows, summary.sessions_done_before = rows, len(plans) - len(left)
     return summary
 
 
@@ -147,46 +166,65 @@ def _work(settings: CampaignSettings, folders: Folders, plan: SessionPlan) -> di
     return run_session(settings, plan, folders)
 
 
-def _claim(folders: Folders, settings: CampaignSettings) -> None:
-    """Make the folders; go on in them only with the same settings. Raises UserError."""
+@contextmanager
+def _claimed(folders: Folders, settings: CampaignSettings) -> Iterator[None]:
+    """Have the folders to ourselves; go on in them only with the same settings. Raises UserError."""
     mine = settings.model_dump(mode="json")
     seal = folders.truth / "settings.json"
     try:
-        if seal.exists():
-            theirs = orjson.loads(seal.read_bytes())
-            differing = sorted(key for key in mine.keys() | theirs.keys() if mine.get(key) != theirs.get(key))
-            if differing:
-                raise UserError(
-                    f"{folders.out} holds a campaign with other settings ({', '.join(differing)}); "
-                    "choose another --out, or remove it and its truth folder"
-                )
-            return
-        if folders.out.exists() and any(folders.out.iterdir()):
+        theirs = orjson.loads(seal.read_bytes()) if seal.exists() else None
+        if theirs is None and folders.out.exists() and (not folders.out.is_dir() or any(folders.out.iterdir())):
             raise UserError(f"{folders.out} is not empty and holds no campaign of this kind; choose another --out")
+        differing = sorted(key for key in mine if theirs is not None and mine[key] != theirs.get(key))
+        if differing:
+            raise UserError(
+                f"{folders.out} holds a campaign with other settings ({', '.join(differing)}); "
+                "choose another --out, or remove it and its truth folder"
+            )
         folders.out.mkdir(parents=True, exist_ok=True)
         folders.truth.mkdir(parents=True, exist_ok=True)
-        seal.write_bytes(orjson.dumps(mine, option=orjson.OPT_INDENT_2))
-    except orjson.JSONDecodeError:
+        if theirs is None:
+            seal.write_bytes(orjson.dumps(mine, option=orjson.OPT_INDENT_2))
+        lock = (folders.truth / "lock").open("w")
+    except (orjson.JSONDecodeError, AttributeError):
         raise InputError(seal, "is damaged; remove the campaign and its truth folder, and run it again") from None
     except OSError as error:
         raise UserError(f"{error.filename}: {error.strerror}; choose another --out") from None
+    with lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise UserError(f"{folders.out}: another process is running this campaign; wait for it") from None
+        yield
 
 
-def _finished(folders: Folders, plan: SessionPlan) -> dict[str, Any] | None:
-    path = folders.work / f"{plan.name}.json"
+def _finished(
+    folders: Folders, settings: CampaignSettings, plan: SessionPlan, database: sa.Engine
+) -> dict[str, Any] | None:
+    """The report of a session whose logs, truth and rows are all there; else None, and it is done again."""
     try:
-        report: dict[str, Any] = orjson.loads(path.read_bytes())
+        report: dict[str, Any] = orjson.loads((folders.work / f"{plan.name}.json").read_bytes())
     except (FileNotFoundError, orjson.JSONDecodeError):
         return None
+    if len(_logs(folders, settings, plan)) < len(plan.recordings) or not (folders.truth / f"{plan.name}.npz").exists():
+        return None
+    if rows_stored(database, report["device"], report["boot"]) < report["windows"]:
+        if not (folders.work / f"{plan.name}.jsonl").exists():
+            return None
+        _ingest(folders, report, database)
     return report
 
 
-def _ingest(folders: Folders, session: str, database: Any) -> int:
-    """Rows of a session into SQL, once: the row file goes when they are there."""
-    path = folders.work / f"{session}.jsonl"
-    if not path.exists():
-        return 0
+def _ingest(folders: Folders, report: dict[str, Any], database: sa.Engine) -> int:
+    """Rows of a session into SQL; the row file goes when they are all there. Raises OperationError."""
+    path = folders.work / f"{report['session']}.jsonl"
     count = store_rows(path, database)
+    stored = rows_stored(database, report["device"], report["boot"])
+    if not count == stored == report["windows"]:
+        raise OperationError(
+            f"session {report['session']}: {report['windows']} windows, {count} rows in {path}, {stored} in the "
+            "database; remove the file and run the same command again"
+        )
     path.unlink()
     return count
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from acqd.errors import UserError
+from acqd.lab.effects import check_axes
 from acqd.lab.excitation import Cube, Excitation
 from acqd.lab.execution import Planner
 from acqd.lab.plant.parameters import PlantParameters, load_plant, true_robot
@@ -79,6 +80,7 @@ def build_cell(settings: LabSettings, number: int = 0) -> Cell:
     robot = load_description(settings.robot)
     scene = load_scene(settings.scene or ("digital_factory" if robot.name == "iiwa7_r800" else "free"))
     parameters = load_plant(robot, settings.plant)
+    check_axes(settings.effects, robot.axes)
     arm = Arm(robot)
     truth = true_robot(robot, parameters.parameter_spread, settings.random(number, TRUE_ROBOT))
     planner = Planner(arm, CollisionChecker(arm, scene), settings.motion.parameters())

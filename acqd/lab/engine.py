@@ -11,6 +11,7 @@ from concurrent.futures.process import BrokenProcessPool
 from typing import Any, TypeVar
 
 from acqd.errors import OperationError, UserError
+from acqd.plc.realtime import die_with_parent
 
 Task = TypeVar("Task")
 
@@ -21,7 +22,7 @@ _TICK_S = 0.5
 def run_here(work: Callable[[Task], Any], tasks: list[Task], jobs: int, tick: Callable[[], None]) -> Iterator[Any]:
     """Results as they come; `tick` is called twice a second. The first failure ends the run; what is done stays."""
     context = multiprocessing.get_context("spawn")  # no threads, locks or database handles inherited
-    with ProcessPoolExecutor(min(jobs, len(tasks)), mp_context=context) as pool:
+    with ProcessPoolExecutor(min(jobs, len(tasks)), context, initializer=die_with_parent) as pool:
         waiting: set[Future[Any]] = {pool.submit(work, task) for task in tasks}
         try:
             while waiting:
@@ -69,6 +70,8 @@ def run_on_ray(
                 try:
                     yield ray.get(reference)
                 except ray.exceptions.RayTaskError as error:
-                    raise error.cause from None
+                    if isinstance(error.cause, UserError | OperationError):
+                        raise error.cause from None
+                    raise
     finally:
         ray.shutdown()

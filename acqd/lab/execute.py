@@ -59,10 +59,12 @@ def execute(settings: LabSettings, source: Path, out: Path, *, waveform: bool = 
         raise UserError(f"{log} would be written over; choose another --out")
     rows = RowFile(out / "rows.jsonl", cell.device, f"execute-{settings.seed}")
     codes: list[Codes] = []
+    complete = False
     try:
         motion, truth = _perform(cell, performance, log, rows.write, codes.append if waveform else None)
+        complete = True
     finally:
-        rows.close()
+        rows.close(complete=complete)
     files = [out / "rows.jsonl", log, _write_truth(out / "truth.json", settings, truth)]
     if waveform:
         files.append(_write_waveform(out / "waveform.npz", codes, settings, timed=True))

@@ -45,6 +45,8 @@ class Planner:
         """Blended motions through `waypoints` [N, axes]; a corner whose blend would collide is not blended."""
         moves = []
         for start, end in pairwise(waypoints):
+            if np.abs(end - start).max() <= 1e-9:  # twice the same position is no motion
+                continue
             moves.append(
                 Move(
                     target=end,
@@ -53,7 +55,7 @@ class Planner:
                     blend_after=self.blend_after(start, end, float(random.uniform(*self.parameters.relative_blending))),
                 )
             )
-        return self._without_collisions(waypoints[0], moves)
+        return self.without_collisions(waypoints[0], moves)
 
     def blend_after(self, start: Floats, end: Floats, relative_blending: float) -> float:
         """Path parameter at which the last `relative_blending` of the Cartesian way begins (thesis 5.3)."""
@@ -76,15 +78,15 @@ class Planner:
                 return [Move(q, 0.3, self.parameters.relative_acceleration) for q in way]
         raise UserError("no collision-free way between two trajectories was found in 400 attempts; change the scene")
 
-    def _without_collisions(self, origin: Floats, moves: list[Move]) -> list[Move]:
+    def without_collisions(self, origin: Floats, moves: list[Move]) -> list[Move]:
+        """The same motions (none of them of no length), unblended where the blend would collide. Raises UserError."""
         robot = self.arm.description
-        for _ in range(len(moves)):
+        while True:  # each round takes one blend away, or raises
             chain = plan_chain(origin, moves, robot.speed, robot.acceleration)
             where = self._first_collision(chain)
             if where is None:
                 return moves
             moves = self._unblended(moves, chain, where)
-        return moves
 
     def _first_collision(self, chain: Chain) -> float | None:
         """Time of the first collision along a chain, None when it is free."""
@@ -99,9 +101,10 @@ class Planner:
         """Without the blend that is under way at time `where`."""
         active = [k for k, leg in enumerate(chain.legs) if leg.start <= where <= leg.end]
         before = min(active)
-        if len(active) < 2:
+        if len(active) < 2 or moves[before].blend_after >= 1.0:
+            target = " ".join(f"{angle:.0f}" for angle in np.degrees(moves[before].target))
             raise UserError(
-                f"the straight way to waypoint {before + 2} collides (checked every {np.degrees(CHECK_STEP):g} deg); "
+                f"the straight way to {target} deg collides (checked every {np.degrees(CHECK_STEP):g} deg); "
                 "make the trajectories with this scene, or choose the scene they were made with (--scene)"
             )
         return [replace(move, blend_after=1.0) if k == before else move for k, move in enumerate(moves)]

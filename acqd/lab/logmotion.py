@@ -13,6 +13,7 @@ from acqd.robot.log import RobotLog, require_rising
 
 _CUTOFF_HZ = 8.0  # encoders' steps must not become accelerations
 _LONGEST_GAP_S = 1.0
+_MOVING_RAD_S = 2e-3
 
 
 def motion_of(log: RobotLog, robot: RobotDescription) -> Motion:
@@ -37,7 +38,8 @@ def motion_of(log: RobotLog, robot: RobotDescription) -> Motion:
     samples = len(q)
     at = np.searchsorted(t, np.arange(samples) / RATE, side="right") - 1
     signals = {name: values[at] > 0.5 for name, values in log.signals.items()}
-    brake_open = signals.get("brake", np.ones(samples, bool))
+    moving = np.abs(qd).max(axis=1) > _MOVING_RAD_S
+    brake_open = signals.get("brake", np.ones(samples, bool)) | moving  # no arm moves against its brakes
     tool_on = signals.get("tool", np.zeros(samples, bool))
     return Motion(q, qd, qdd, brake_open, tool_on, [""], np.zeros(samples, np.int16))
 

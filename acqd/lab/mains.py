@@ -58,8 +58,8 @@ class Metered:
 
     gain: Floats
     """[T]."""
-    limit: float
-    """A."""
+    limit: Floats
+    """[T] A; inf where the sensor is whole."""
 
 
 class Mains:
@@ -78,7 +78,7 @@ class Mains:
         self._u_shape, self._i_shape = _shapes(settings, random)
         self._phase = float(random.uniform(0, 1))
         self._emitted_ms = 0
-        self._carry: tuple[float, float, float] | None = None
+        self._carry: list[float] | None = None
 
     def voltage(self, first_ms: int, count: int) -> Floats:
         """[count] Vrms at `first_ms` milliseconds since the session's begin, and on."""
@@ -92,12 +92,12 @@ class Mains:
         first = self._emitted_ms + (self._carry is not None)
         voltage = self.voltage(first, len(power))
         gain = metered.gain if metered else np.ones(len(power))
-        limit = metered.limit if metered else np.inf
+        limit = metered.limit if metered else np.full(len(power), np.inf)
+        values = [power, voltage, gain, limit]
         if self._carry is not None:
-            power, voltage, gain = (
-                np.concatenate([[before], now]) for before, now in zip(self._carry, (power, voltage, gain), strict=True)
-            )
-        self._carry = (float(power[-1]), float(voltage[-1]), float(gain[-1]))
+            values = [np.concatenate([[before], now]) for before, now in zip(self._carry, values, strict=True)]
+        self._carry = [float(value[-1]) for value in values]
+        power, voltage, gain, limit = values
         count = len(power) - 1
         cycles = self._cycles(count)
         rms = _fine(voltage)
@@ -107,7 +107,10 @@ class Mains:
         if self._emitted_ms * 1e-3 < 10 * _SURGE_TAU_S and self.settings.inrush > 0:
             i += self._surge(cycles)
         self._emitted_ms += count
-        i = np.clip(i * _fine(gain), -limit, limit)
+        i *= _fine(gain)
+        if np.isfinite(limit).any():
+            clipped = np.repeat(limit[:-1], _PER_MS)
+            i = np.clip(i, -clipped, clipped)
         return self._quantised(u, i)
 
     def _cycles(self, count: int) -> Floats:

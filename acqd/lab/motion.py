@@ -160,13 +160,21 @@ def _time_of(profile: Profile, s: float) -> float:
 def _soonest(
     before: Leg, distance: Floats, profile: Profile, earliest: float, speed: Floats, acceleration: Floats
 ) -> float:
-    """The earliest start whose overlap with `before` keeps the limits, to a millisecond."""
+    """An early start whose overlap with `before` keeps the limits."""
     if earliest >= before.end or _within(before, distance, profile, earliest, speed, acceleration):
         return min(earliest, before.end)
-    # more overlap is not always worse, so candidates are tried in turn rather than bisected
-    for start in np.linspace(earliest, before.end, 24)[1:-1]:
-        if _within(before, distance, profile, float(start), speed, acceleration):
-            return float(start)
+    # more overlap is not always worse, so candidates are tried in turn, and only the step between is bisected
+    candidates = np.linspace(earliest, before.end, 24)
+    for refused, start in pairwise(candidates):
+        if start == before.end or _within(before, distance, profile, float(start), speed, acceleration):
+            low, high = float(refused), float(start)
+            for _ in range(5):
+                middle = (low + high) / 2
+                if _within(before, distance, profile, middle, speed, acceleration):
+                    high = middle
+                else:
+                    low = middle
+            return high
     return before.end
 
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 
-from acqd.lab.cell import ORDER
-from acqd.lab.settings import CampaignSettings
+import numpy as np
 
-_LONGEST_S = 240.0  # that a recording with its pause may take: keeps sessions apart in time
+from acqd.lab.cell import ORDER
+from acqd.lab.settings import CampaignSettings, LabSettings
+
+_LONGEST_S = 240.0  # that a recording takes at the thesis' speeds: keeps sessions apart in time
 _BETWEEN_S = 900.0
 
 
@@ -65,8 +67,22 @@ def plan_sessions(settings: CampaignSettings) -> list[SessionPlan]:
         for number, first in enumerate(range(0, len(recordings), settings.session)):
             part = tuple(recordings[first : first + settings.session])
             sessions.append(SessionPlan(cell, number, start, part))
-            start += len(part) * (_LONGEST_S + settings.pause_s) + _BETWEEN_S
+            start += room_s(settings, len(part))
     return sessions
+
+
+def room_s(settings: CampaignSettings, recordings: int) -> float:
+    """Time that a session of so many recordings has until the next one begins."""
+    motion = settings.motion
+    slow = max(1.0, 0.2 / motion.relative_speed[0], float(np.sqrt(0.2 / motion.relative_acceleration)))
+    return recordings * (_LONGEST_S * slow + settings.pause_s) + _BETWEEN_S
+
+
+def session_begin_s(settings: LabSettings, recording: int) -> float:
+    """When the session that holds `recording` begins, after the campaign's begin; a lone execution is one session."""
+    if not isinstance(settings, CampaignSettings):
+        return 0.0
+    return (recording - 1) // settings.session * room_s(settings, settings.session)
 
 
 def _recordings(settings: CampaignSettings, cell: int) -> list[RecordingPlan]:

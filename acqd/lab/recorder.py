@@ -36,7 +36,7 @@ class RecorderSettings:
     timeout_s: float = 400.0
     """Longest recording."""
     jitter_s: float = 0.0005
-    """Standard deviation of when a sample is really taken."""
+    """Standard deviation of when a sample is really taken; at most an eighth of the period."""
     missing: float = 0.0
     """Share of rows that are lost."""
     angle_noise_rad: float = 2e-6
@@ -77,7 +77,8 @@ def record(
     """Write one log; `begin_utc_s` is the true time of its first sample. Returns its number of rows."""
     seconds = min(len(seen.q) / RATE, settings.timeout_s)
     ideal = np.arange(int(seconds / settings.period_s)) * settings.period_s
-    taken = np.clip(ideal + random.normal(0, settings.jitter_s, len(ideal)), 0, (len(seen.q) - 1) / RATE)
+    jitter_s = min(settings.jitter_s, settings.period_s / 8)  # a late sample does not overtake the next
+    taken = np.clip(ideal + random.normal(0, jitter_s, len(ideal)), 0, (len(seen.q) - 1) / RATE)
     taken = np.maximum.accumulate(taken)[random.random(len(ideal)) >= settings.missing]
     stamps = [clock.origin_utc_ns + round(s * 1e9) for s in clock.reading(begin_utc_s + taken).tolist()]
     q, tau, current, temperature = (_at(v, taken) for v in (seen.q, seen.tau, seen.current, seen.temperature))
@@ -114,8 +115,9 @@ def _write_datarecorder(
     """Whitespace separated, header after %, time as seconds and nanoseconds to the millisecond (thesis 4.2)."""
     names, table = _table({name: values for name, values in columns.items() if name})
     lines = [" ".join(["%", str(layout.time_s), str(layout.time_ns), *names])]
+    ms = 0
     for stamp, row in zip(stamps_ns, table.tolist(), strict=True):
-        ms = stamp // 1_000_000
+        ms = max(stamp // 1_000_000, ms + 1)  # never the same millisecond twice
         lines.append(f"{ms // 1000} {ms % 1000 * 1_000_000} " + " ".join([f"{value:.7g}" for value in row]))
     path.write_text("\n".join([*lines, ""]), encoding="utf-8")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import BinaryIO
 
@@ -9,6 +10,7 @@ import sqlalchemy as sa
 
 from acqd.errors import OperationError
 from acqd.metering import WindowBatch
+from acqd.storage.schema import power
 from acqd.storage.writer import Received, Writer
 from acqd.telemetry import topics
 from acqd.telemetry.row import parse_row, rows_of
@@ -20,16 +22,21 @@ class RowFile:
     """Rows as JSON lines, exactly as the daemon would publish them."""
 
     def __init__(self, path: Path, device: str, boot: str) -> None:
-        self._file: BinaryIO = path.open("wb", buffering=1 << 20)
+        self._path, self._part = path, path.with_name(f".{path.name}.{os.getpid()}")
+        self._file: BinaryIO = self._part.open("wb", buffering=1 << 20)
         self._device, self._boot = device, boot
 
     def write(self, batch: WindowBatch) -> None:
         """Append the rows of a batch."""
         self._file.write(b"".join(row.to_json() + b"\n" for row in rows_of(batch, self._device, self._boot)))
 
-    def close(self) -> None:
-        """Flush and close."""
+    def close(self, *, complete: bool) -> None:
+        """Complete: the file appears under its name. Otherwise nothing is left of it."""
         self._file.close()
+        if complete:
+            self._part.replace(self._path)
+        else:
+            self._part.unlink()
 
 
 def store_rows(path: Path, engine: sa.Engine) -> int:
@@ -48,6 +55,13 @@ def store_rows(path: Path, engine: sa.Engine) -> int:
                 messages = []
     _commit(writer, messages)
     return count
+
+
+def rows_stored(engine: sa.Engine, device: str, boot: str) -> int:
+    """Rows of one session that the database holds."""
+    query = sa.select(sa.func.count()).where(power.c.device == device, power.c.boot == boot)
+    with engine.connect() as connection:
+        return int(connection.execute(query).scalar_one())
 
 
 def _commit(writer: Writer, messages: list[Received]) -> None:

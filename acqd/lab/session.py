@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from acqd.lab.controller import RATE, Controller, Motion, Step, Wait
 from acqd.lab.effects import make_effects
 from acqd.lab.mains import Mains, Metered
 from acqd.lab.metering import FullSpeedDaemon
+from acqd.lab.plan import session_begin_s
 from acqd.lab.plant import Effect, Plant, Situation, Stretch
 from acqd.lab.recorder import ControllerClock, Recorded, record
 from acqd.metering import WindowBatch
@@ -56,7 +58,8 @@ class SessionTruth:
 
 def windows_within(start_s: float, seconds: float, window_s: float) -> slice:
     """Windows of a session that lie wholly within a recording."""
-    return slice(int(np.ceil(start_s / window_s)), int((start_s + seconds) / window_s))
+    first, last = start_s / window_s, (start_s + seconds) / window_s
+    return slice(int(np.ceil(first - 1e-6)), int(np.floor(last + 1e-6)))
 
 
 class Session:
@@ -92,7 +95,8 @@ class Session:
     def _make_plant(self, effects: list[Effect]) -> Plant:
         cell = self._cell
         noise = cell.random(STANDBY, self._number)
-        return Plant(cell.true_arm, cell.parameters, effects, cell.settings.start_degC, noise)
+        settings = cell.settings
+        return Plant(cell.true_arm, cell.parameters, effects, settings.start_degC, noise, settings.mains.voltage)
 
     @property
     def elapsed_s(self) -> float:
@@ -119,7 +123,8 @@ class Session:
 
     def finish(self) -> SessionTruth:
         """Two more seconds, so that the last windows are whole; then the truth."""
-        self.pause([Wait(2.0)], self.truth.recordings[-1].number if self.truth.recordings else 1)
+        last = max((recording.number for recording in self.truth.recordings), default=0)
+        self.pause([Wait(2.0)], last + 1)
         self._daemon.close()
         truth = self.truth
         truth.power = self._window_means(self._powers)
@@ -136,7 +141,7 @@ class Session:
                 clock.offset_s + random.normal(0, 2), clock.drift_ppm + random.normal(0, 10), clock.origin_utc_ns
             )
         for effect in self._effects:
-            clock = effect.clock(clock, recording)
+            clock = effect.clock(clock, recording, partial(session_begin_s, self._cell.settings))
         return clock
 
     def _play(self, motion: Motion, recording: int, *, recorded: bool) -> Recorded:
@@ -149,7 +154,7 @@ class Session:
         metered = _sensor(self._effects, trace.situation)
         for first in range(0, len(motion), _CHUNK_MS):
             part = slice(first, first + _CHUNK_MS)
-            sensor = metered and Metered(metered.gain[part], metered.limit)
+            sensor = metered and Metered(metered.gain[part], metered.limit[part])
             self._meter(self._mains.waveform(trace.power[part], sensor))
         self._ms += len(motion)
         return trace.recorded
@@ -175,4 +180,4 @@ def _sensor(effects: list[Effect], situation: Situation) -> Metered | None:
     if not faults:
         return None
     gain = np.prod([gain for gain, _ in faults], axis=0)
-    return Metered(gain, min(limit for _, limit in faults))
+    return Metered(gain, np.min([limit for _, limit in faults], axis=0))

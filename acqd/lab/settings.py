@@ -98,7 +98,7 @@ class LabSettings(Section):
     """UTC of the campaign's begin."""
     device: Annotated[str, Field(pattern=r"^[A-Za-z0-9._-]{1,60}$")] = "cell"
     window: Annotated[float, Field(ge=0.04, le=0.05)] | None = None
-    """s; None: two mains cycles."""
+    """s, whole milliseconds; None: 40 ms at 50 Hz, 50 ms at 60 Hz, as the daemon has it."""
     start_degC: Annotated[float, Field(ge=-20, le=80)] | None = None
     """Gear temperature at each session's begin; None: warm."""
     pause_s: Annotated[float, Field(ge=0.5, le=3600)] = 12.0
@@ -119,6 +119,13 @@ class LabSettings(Section):
             raise ValueError("expected a time between 1971 and 2199")
         return start
 
+    @field_validator("window")
+    @classmethod
+    def _whole_milliseconds(cls, window: float | None) -> float | None:
+        if window is not None and abs(window * 1000 - round(window * 1000)) > 1e-9:
+            raise ValueError("expected whole milliseconds, as 0.04")
+        return window
+
     @property
     def start_utc_ns(self) -> int:
         """Of the campaign."""
@@ -126,7 +133,7 @@ class LabSettings(Section):
 
     @property
     def window_s(self) -> float:
-        """Two mains cycles, or what was asked for."""
+        """As asked for, or as the daemon chooses."""
         return self.window or (0.05 if self.mains.frequency > 55 else 0.04)
 
     def random(self, *stream: int) -> np.random.Generator:

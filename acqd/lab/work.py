@@ -14,7 +14,7 @@ from acqd.errors import OperationError
 from acqd.lab.assembly import Assembly
 from acqd.lab.cell import MOTION, Cell, build_cell
 from acqd.lab.controller import Controller, Phase, Step, Wait
-from acqd.lab.plan import RecordingPlan, SessionPlan
+from acqd.lab.plan import RecordingPlan, SessionPlan, room_s
 from acqd.lab.recorder import log_suffix
 from acqd.lab.rows import RowFile
 from acqd.lab.session import RecordingTruth, Session, SessionTruth, windows_within
@@ -58,10 +58,12 @@ def run_session(settings: CampaignSettings, plan: SessionPlan, folders: Folders)
     for folder in (folders.logs(cell.device), folders.work):
         folder.mkdir(parents=True, exist_ok=True)
     rows = RowFile(folders.work / f"{plan.name}.jsonl", cell.device, plan.boot(settings))
+    complete = False
     try:
         truth = _play(cell, plan, folders, settings, rows)
+        complete = True
     finally:
-        rows.close()
+        rows.close(complete=complete)
     np.savez_compressed(
         folders.truth / f"{plan.name}.npz",
         start_utc_ns=np.int64(truth.start_utc_ns),
@@ -70,9 +72,9 @@ def run_session(settings: CampaignSettings, plan: SessionPlan, folders: Folders)
         P_without_effects_W=truth.clean_power,
         P_metered_W=truth.metered,
     )
-    report = _report(cell, plan, truth)
+    report = _report(cell, plan, truth) | {"boot": plan.boot(settings)}
     finished = folders.work / f"{plan.name}.json"
-    temporary = finished.with_suffix(".part")
+    temporary = finished.with_suffix(f".{os.getpid()}")
     temporary.write_bytes(orjson.dumps(report, option=orjson.OPT_SERIALIZE_NUMPY))
     temporary.replace(finished)
     return report
@@ -91,8 +93,7 @@ def _play(cell: Cell, plan: SessionPlan, folders: Folders, settings: CampaignSet
         session.record(programs.program(recording), recording.number, recording.name, log)
         programs.imitate(recording)
     truth = session.finish()
-    allowed = len(plan.recordings) * (240.0 + settings.pause_s) + 600.0
-    if session.elapsed_s > allowed:
+    if session.elapsed_s > room_s(settings, len(plan.recordings)):
         raise OperationError(
             f"session {plan.name} took {session.elapsed_s:.0f} s of simulated time; slow motions need fewer waypoints"
         )
@@ -156,7 +157,6 @@ def _report(cell: Cell, plan: SessionPlan, truth: SessionTruth) -> dict[str, Any
     power, metered = truth.power[:windows], truth.metered[:windows]
     return {
         "session": plan.name,
-        "boot": plan.boot(settings),
         "device": cell.device,
         "seconds": truth.energy["seconds"],
         "windows": windows,

@@ -27,7 +27,6 @@ class Pose:
 def forward_kinematics(arm: Arm, q: Floats) -> tuple[Floats, Floats]:
     """Flange positions [T, 3] (m) and rotations [T, 3, 3] for joint angles `q` [T, axes] (rad)."""
     positions, rotations = np.empty((len(q), 3)), np.empty((len(q), 3, 3))
-    placement = arm.data.oMf[arm.flange]
     for k, row in enumerate(q):
         pin.framesForwardKinematics(arm.model, arm.data, row)
         placement = arm.data.oMf[arm.flange]

@@ -79,8 +79,8 @@ def campaign(
     }
     order = CampaignOrder(
         settings_from(CampaignSettings, settings, given, orders),
-        out,
-        truth or out.with_name(out.name + ".truth"),
+        out.absolute(),
+        (truth or out.with_name(out.name + ".truth")).absolute(),
         database or f"sqlite:///{out.absolute()}/power.sqlite",
         jobs or os.cpu_count() or 1,
         engine.value,

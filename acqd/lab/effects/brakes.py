@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from acqd.lab.controller import RATE
@@ -19,6 +20,7 @@ class BrakeRelease(Effect):
     about = "peak when the brakes open: a surge that decays within tau_s, on top of a pull-in of pull_W for pull_s"
     strength = ("peak_W", "W")
     defaults: ClassVar = {"peak_W": 220.0, "tau_s": 0.12, "pull_W": 60.0, "pull_s": 0.2}
+    limits: ClassVar = {"tau_s": (0.001, 10), "pull_s": (0, 60)}
 
     def begin(self) -> None:
         """Fresh state."""
@@ -35,16 +37,9 @@ class BrakeRelease(Effect):
         keep = np.exp(-1 / (RATE * self["tau_s"]))
         surge, _ = lfilter([1.0], [1, -keep], edges.astype(float), zi=[keep * self._surge])
         self._surge = float(surge[-1])
-        since = self._elapsed(edges)
-        return np.asarray(self["peak_W"] * surge + self["pull_W"] * (since < self["pull_s"]))
-
-    def _elapsed(self, edges: np.ndarray) -> Floats:
-        """[T] s since the last opening."""
-        at = np.arange(len(edges))
-        last = np.maximum.accumulate(np.where(edges, at, -1))
-        since = np.where(last >= 0, (at - last) / RATE, self._since + (at + 1) / RATE)
+        since = seconds_since(edges, self._since)
         self._since = float(since[-1])
-        return since
+        return np.asarray(self["peak_W"] * surge + self["pull_W"] * (since < self["pull_s"]))
 
 
 class BrakeHolding(Effect):
@@ -58,3 +53,10 @@ class BrakeHolding(Effect):
     def dc_load(self, situation: Situation) -> Floats:
         """W."""
         return self["power_W"] * situation.motion.brake_open * self.gate(situation)
+
+
+def seconds_since(events: NDArray[np.bool_], before: float) -> Floats:
+    """[T] s since the last of `events` [T]; `before` is what it was at the sample before."""
+    at = np.arange(len(events))
+    last = np.maximum.accumulate(np.where(events, at, -1))
+    return np.where(last >= 0, (at - last) / RATE, before + (at + 1) / RATE)

@@ -6,8 +6,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from acqd.lab.controller import RATE
-from acqd.lab.effects.load import bursts
+from acqd.lab.effects.brakes import seconds_since
+from acqd.lab.effects.load import Bursts
 from acqd.lab.plant.situation import Effect, Situation
 from acqd.robot.description import Floats
 
@@ -32,6 +32,7 @@ class Thermostat(Effect):
     about = "a load that switches on and off with a period of its own (period_s, duty)"
     strength = ("power_W", "W")
     defaults: ClassVar = {"power_W": 14.0, "period_s": 130.0, "duty": 0.45}
+    limits: ClassVar = {"period_s": (1, 1e5), "duty": (0.02, 0.98)}
 
     def begin(self) -> None:
         """Fresh state."""
@@ -55,10 +56,12 @@ class ToolActuation(Effect):
     about = "gripper: holding power while the tool is on, a pulse of pulse_W for pulse_s when it switches"
     strength = ("power_W", "W")
     defaults: ClassVar = {"power_W": 12.0, "pulse_W": 40.0, "pulse_s": 0.3}
+    limits: ClassVar = {"pulse_s": (0.001, 60)}
 
     def begin(self) -> None:
         """Fresh state."""
         self._was_on: bool | None = None
+        self._since = np.inf  # s since the last switching
 
     def dc_load(self, situation: Situation) -> Floats:
         """W."""
@@ -66,8 +69,9 @@ class ToolActuation(Effect):
         before = tool[0] if self._was_on is None else self._was_on
         switched = tool != np.concatenate([[before], tool[:-1]])
         self._was_on = bool(tool[-1])
-        pulse = np.convolve(switched.astype(float), np.ones(int(self["pulse_s"] * RATE)))[: len(tool)]
-        return (self["power_W"] * tool + self["pulse_W"] * np.minimum(pulse, 1)) * self.gate(situation)
+        since = seconds_since(switched, self._since)
+        self._since = float(since[-1])
+        return (self["power_W"] * tool + self["pulse_W"] * (since < self["pulse_s"])) * self.gate(situation)
 
 
 class ProcessLoad(Effect):
@@ -78,6 +82,10 @@ class ProcessLoad(Effect):
     strength = ("power_W", "W")
     defaults: ClassVar = {"power_W": 18.0}
 
+    def begin(self) -> None:
+        """Bursts of 3 to 8 s."""
+        self._bursts = Bursts(self.random, (3.0, 8.0), 15.0)
+
     def mains_load(self, situation: Situation) -> Floats:
         """W."""
         motion = situation.motion
@@ -85,5 +93,5 @@ class ProcessLoad(Effect):
         if working:
             active = np.isin(motion.phase_number, working).astype(float)
         else:
-            active = bursts(self.random, len(motion), (3.0, 8.0), 15.0) * situation.stretch.recorded
+            active = self._bursts.at(situation.t) * situation.stretch.recorded
         return self["power_W"] * active * self.gate(situation)

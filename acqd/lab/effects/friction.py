@@ -36,6 +36,7 @@ class CoulombFriction(_Friction):
     about = "dry friction rises by a share, on one axis or (axis=0) on all"
     strength = ("relative", "of the present dry friction")
     defaults: ClassVar = {"relative": 0.4, "axis": 0.0}
+    limits: ClassVar = {"relative": (-1, 100), "axis": (0, 100)}
 
     def torque(self, situation: Situation) -> Floats:
         """Against the motion."""
@@ -50,6 +51,7 @@ class ViscousFriction(_Friction):
     about = "viscous friction rises by a share, on one axis or (axis=0) on all"
     strength = ("relative", "of the present viscous friction")
     defaults: ClassVar = {"relative": 0.5, "axis": 0.0}
+    limits: ClassVar = {"relative": (-1, 100), "axis": (0, 100)}
 
     def torque(self, situation: Situation) -> Floats:
         """Against the motion."""
@@ -64,6 +66,7 @@ class StribeckFriction(_Friction):
     about = "friction near standstill, dying out with speed (speed_rad_s)"
     strength = ("torque_Nm", "Nm")
     defaults: ClassVar = {"torque_Nm": 4.0, "speed_rad_s": 0.12, "axis": 0.0}
+    limits: ClassVar = {"speed_rad_s": (1e-3, 10), "axis": (0, 100)}
 
     def torque(self, situation: Situation) -> Floats:
         """Against the motion."""
@@ -79,6 +82,7 @@ class LoadDependentFriction(_Friction):
     about = "dry friction in proportion to the transmitted torque"
     strength = ("relative", "of the transmitted torque")
     defaults: ClassVar = {"relative": 0.12, "axis": 0.0}
+    limits: ClassVar = {"relative": (0, 10), "axis": (0, 100)}
 
     def torque(self, situation: Situation) -> Floats:
         """Against the motion."""
@@ -93,6 +97,7 @@ class ThermalFriction(_Friction):
     about = "extra viscous friction of cold gears; time constant of warming up in minutes of motion"
     strength = ("relative", "of the warm viscous friction")
     defaults: ClassVar = {"relative": 0.8, "minutes": 25.0, "axis": 0.0}
+    limits: ClassVar = {"relative": (-1, 100), "minutes": (0.01, 1e5), "axis": (0, 100)}
 
     def begin(self) -> None:
         """Cold."""
@@ -101,7 +106,7 @@ class ThermalFriction(_Friction):
     def torque(self, situation: Situation) -> Floats:
         """Against the motion."""
         qd = situation.motion.qd
-        moving = (np.abs(qd).max(axis=1) > 0).astype(float)
+        moving = (np.abs(qd).max(axis=1) > 0) * self.gate(situation)  # cold when it begins
         keep = np.exp(-1 / (RATE * 60 * self["minutes"]))
         warmth, _ = lfilter([1 - keep], [1, -keep], moving, zi=[keep * self._warmth])
         self._warmth = float(warmth[-1])
@@ -116,6 +121,7 @@ class GearRipple(_Friction):
     about = "torque periodic in one axis' angle (periods per turn)"
     strength = ("torque_Nm", "Nm")
     defaults: ClassVar = {"torque_Nm": 6.0, "axis": 2.0, "periods": 24.0}
+    limits: ClassVar = {"axis": (0, 100), "periods": (0.1, 1e5)}
 
     def torque(self, situation: Situation) -> Floats:
         """Conservative: it helps as often as it hinders; the copper loss stays."""
@@ -130,6 +136,7 @@ class MechanicalPower(_Friction):
     about = "a share of the mechanical power through the gears is lost"
     strength = ("relative", "of the mechanical power")
     defaults: ClassVar = {"relative": 0.15, "axis": 0.0}
+    limits: ClassVar = {"relative": (0, 10), "axis": (0, 100)}
 
     def torque(self, situation: Situation) -> Floats:
         """Against the motion, so that its power is the share of |tau qd|."""

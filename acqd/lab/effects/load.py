@@ -23,6 +23,7 @@ class Payload(Effect):
     about = "a mass at the flange: always, or (with_tool=1) while the tool is on"
     strength = ("mass_kg", "kg")
     defaults: ClassVar = {"mass_kg": 1.0, "with_tool": 0.0}
+    limits: ClassVar = {"mass_kg": (0.001, 1000), "with_tool": (0, 1)}
 
     def payload(self, situation: Situation) -> Floats:
         """The mass where it is carried."""
@@ -37,6 +38,7 @@ class GravityBias(Effect):
     about = "weight of a mass on one link (axis), positive or negative"
     strength = ("mass_kg", "kg")
     defaults: ClassVar = {"mass_kg": 0.8, "axis": 3.0}
+    limits: ClassVar = {"mass_kg": (-1000, 1000), "axis": (1, 100)}
 
     def torque(self, situation: Situation) -> Floats:
         """Its static torque."""
@@ -60,6 +62,10 @@ class ContactForce(Effect):
     strength = ("force_N", "N")
     defaults: ClassVar = {"force_N": 25.0}
 
+    def begin(self) -> None:
+        """Presses of 1 to 4 s."""
+        self._bursts = Bursts(self.random, (1.0, 4.0), 12.0)
+
     def external_torque(self, situation: Situation) -> Floats | None:
         """What the joints need on top: minus the transposed Jacobian times the force."""
         pressed = self._pressed(situation) * self.gate(situation)
@@ -75,19 +81,24 @@ class ContactForce(Effect):
         if working:
             pressed = np.isin(motion.phase_number, working).astype(float)
         else:
-            pressed = bursts(self.random, len(motion), (1.0, 4.0), 12.0) * situation.stretch.recorded
+            pressed = self._bursts.at(situation.t) * situation.stretch.recorded
         return smoothed(pressed, 0.05)
 
 
-def bursts(random: np.random.Generator, samples: int, seconds: tuple[float, float], every_s: float) -> Floats:
-    """[samples] 1 during stretches of random length that come at random, every so many seconds."""
-    active = np.zeros(samples)
-    at = random.exponential(every_s)
-    while at * RATE < samples:
-        length = random.uniform(*seconds)
-        active[int(at * RATE) : int((at + length) * RATE)] = 1.0
-        at += length + random.exponential(every_s)
-    return active
+class Bursts:
+    """Activity of random length that comes at random, every so many seconds of the session."""
+
+    def __init__(self, random: np.random.Generator, seconds: tuple[float, float], every_s: float) -> None:
+        self._random, self._seconds, self._every_s = random, seconds, every_s
+        self._switches = [random.exponential(every_s)]  # times of beginning, ending, beginning ...
+
+    def at(self, t: Floats) -> Floats:
+        """[T] 1 during a burst, else 0, at session times `t` (s)."""
+        while self._switches[-1] <= t[-1]:
+            active = len(self._switches) % 2 == 1
+            length = self._random.uniform(*self._seconds) if active else self._random.exponential(self._every_s)
+            self._switches.append(self._switches[-1] + length)
+        return np.asarray(np.searchsorted(self._switches, t, side="right") % 2, dtype=np.float64)
 
 
 def smoothed(switch: Floats, seconds: float) -> Floats:

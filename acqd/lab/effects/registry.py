@@ -13,7 +13,7 @@ from importlib.metadata import entry_points
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, ValidationError, model_validator
 
 from acqd.errors import UserError
 from acqd.lab.plant.situation import Effect
@@ -31,6 +31,25 @@ class EffectOrder(Section):
     """Seconds after that recording's begin."""
     declared: bool = True
     """Whether the campaign's public manifest mentions it."""
+
+    @model_validator(mode="after")
+    def _possible(self) -> EffectOrder:
+        known = known_effects()
+        if self.id not in known:
+            near = difflib.get_close_matches(self.id, known, n=1, cutoff=0.4)
+            hint = f"did you mean {near[0]}?" if near else f"known: {', '.join(known)}"
+            raise ValueError(f"effect {self.id!r} is unknown; {hint}")
+        effect = known[self.id]
+        for name, value in self.values.items():
+            if name not in effect.defaults:
+                allowed = "=, ".join([*effect.defaults, "from", "at"])
+                raise ValueError(f"effect {self.id}: '{name}' is not one of {allowed}=")
+            least, greatest = effect.limits.get(name, (-1e6, 1e6))
+            if not least <= value <= greatest:
+                raise ValueError(f"effect {self.id}: {name}={value:g} is outside {least:g} .. {greatest:g}")
+        if effect.whole_recordings and self.at_s > 0:
+            raise ValueError(f"effect {self.id}: at={self.at_s:g}: it can only begin with a recording (from=)")
+        return self
 
 
 @cache
@@ -52,36 +71,38 @@ def known_effects() -> dict[str, type[Effect]]:
 
 def parse_effect(text: str, *, declared: bool = True) -> EffectOrder:
     """`payload:mass_kg=1.5,from=20,at=3.5` as an order. Raises UserError."""
-    name, _, rest = text.partition(":")
-    name = name.strip()
-    known = known_effects()
-    if name not in known:
-        near = difflib.get_close_matches(name, known, n=1, cutoff=0.4)
-        hint = f"did you mean {near[0]}?" if near else f"known: {', '.join(known)}"
-        raise UserError(f"effect {name!r} is unknown; {hint}")
+    name, _, rest = (part.strip() for part in text.partition(":"))
     values: dict[str, float] = {}
     for item in filter(None, (part.strip() for part in rest.split(","))):
-        key, equals, number = item.partition("=")
-        allowed = [*known[name].defaults, "from", "at"]
-        if not equals or key not in allowed:
-            raise UserError(f"effect {name}: {item!r} is not one of {'=, '.join(allowed)}=")
+        key, equals, number = (part.strip() for part in item.partition("="))
         try:
             values[key] = float(number)
         except ValueError:
-            raise UserError(f"effect {name}: {key}={number!r} is no number") from None
+            raise UserError(f"effect {name}: {item!r} is not like name=1.5{'' if equals else ' (no =)'}") from None
         if not np.isfinite(values[key]):
-            raise UserError(f"effect {name}: {key}={number} is no finite number")
+            raise UserError(f"effect {name}: {item} is no finite number")
     begin, at = values.pop("from", 1.0), values.pop("at", 0.0)
     if begin < 1 or begin != int(begin) or at < 0:
         raise UserError(f"effect {name}: from={begin:g},at={at:g}: expected a recording number from 1 and seconds >= 0")
-    return EffectOrder(id=name, values=values, recording=int(begin), at_s=at, declared=declared)
+    try:
+        return EffectOrder(id=name, values=values, recording=int(begin), at_s=at, declared=declared)
+    except ValidationError as error:
+        raise UserError(error.errors()[0]["msg"].removeprefix("Value error, ")) from None
+
+
+def check_axes(orders: Sequence[EffectOrder], axes: int) -> None:
+    """Raises UserError for an effect on an axis that the robot does not have."""
+    for order in orders:
+        axis = order.values.get("axis", 0)
+        if axis != int(axis) or axis > axes:
+            raise UserError(f"effect {order.id}: axis={axis:g}, but the robot has the axes 1 to {axes}")
 
 
 def make_effects(orders: Sequence[EffectOrder], seed: Sequence[int]) -> list[Effect]:
-    """Fresh effects for one session; each has random numbers of its own. Raises UserError."""
+    """Fresh effects for one session; each has random numbers of its own."""
     known = known_effects()
     effects = []
-    for order in orders:
-        random = np.random.default_rng([*seed, zlib.crc32(order.id.encode())])
+    for place, order in enumerate(orders):
+        random = np.random.default_rng([*seed, place, zlib.crc32(order.id.encode())])
         effects.append(known[order.id](order.values, (order.recording, order.at_s), random))
     return effects

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import ClassVar
 
@@ -20,10 +21,12 @@ class MeterGain(Effect):
     about = "measured current is off by a share"
     strength = ("relative", "of the current")
     defaults: ClassVar = {"relative": 0.02}
+    limits: ClassVar = {"relative": (-0.9, 10)}
 
-    def metered(self, situation: Situation) -> tuple[Floats, float]:
+    def metered(self, situation: Situation) -> tuple[Floats, Floats]:
         """Factor on the current."""
-        return 1.0 + self["relative"] * self.gate(situation), np.inf
+        gain = 1.0 + self["relative"] * self.gate(situation)
+        return gain, np.full(len(gain), np.inf)
 
 
 class MeterSaturation(Effect):
@@ -33,11 +36,12 @@ class MeterSaturation(Effect):
     about = "measured current is clipped at this peak value"
     strength = ("limit_A", "A")
     defaults: ClassVar = {"limit_A": 1.45}
+    limits: ClassVar = {"limit_A": (0.001, 1000)}
 
-    def metered(self, situation: Situation) -> tuple[Floats, float]:
+    def metered(self, situation: Situation) -> tuple[Floats, Floats]:
         """Limit on the current."""
-        active = self.gate(situation).any()
-        return np.ones(len(situation.motion)), self["limit_A"] if active else np.inf
+        active = self.gate(situation) > 0
+        return np.ones(len(active)), np.where(active, self["limit_A"], np.inf)
 
 
 class EncoderBias(Effect):
@@ -47,6 +51,7 @@ class EncoderBias(Effect):
     about = "logged angle of one axis is off"
     strength = ("angle_rad", "rad")
     defaults: ClassVar = {"angle_rad": 0.03, "axis": 2.0}
+    limits: ClassVar = {"angle_rad": (-1, 1), "axis": (1, 100)}
 
     def logged(self, recorded: Recorded, situation: Situation) -> Recorded:
         """Shift the angle."""
@@ -61,6 +66,7 @@ class TorqueBias(Effect):
     about = "logged torque of one axis is off"
     strength = ("torque_Nm", "Nm")
     defaults: ClassVar = {"torque_Nm": 3.0, "axis": 2.0}
+    limits: ClassVar = {"axis": (1, 100)}
 
     def logged(self, recorded: Recorded, situation: Situation) -> Recorded:
         """Shift the torque."""
@@ -76,7 +82,9 @@ class ClockOffset(Effect):
     strength = ("seconds", "s")
     defaults: ClassVar = {"seconds": 0.2}
 
-    def clock(self, clock: ControllerClock, recording: int) -> ControllerClock:
+    whole_recordings = True
+
+    def clock(self, clock: ControllerClock, recording: int, begin_s: Callable[[int], float]) -> ControllerClock:
         """From the onset's recording on."""
         shift = self["seconds"] * (recording >= self.onset[0])
         return replace(clock, offset_s=clock.offset_s + shift)
@@ -86,10 +94,17 @@ class ClockDrift(Effect):
     """The controller's clock runs faster than before."""
 
     id = "clock_drift"
-    about = "the controller's clock gains this much"
+    about = "the controller's clock gains this much, from the begin of the power stream of its recording on"
     strength = ("ppm", "ppm")
     defaults: ClassVar = {"ppm": 30.0}
+    limits: ClassVar = {"ppm": (-1000, 1000)}
 
-    def clock(self, clock: ControllerClock, recording: int) -> ControllerClock:
-        """From the onset's recording on."""
-        return replace(clock, drift_ppm=clock.drift_ppm + self["ppm"] * (recording >= self.onset[0]))
+    whole_recordings = True
+
+    def clock(self, clock: ControllerClock, recording: int, begin_s: Callable[[int], float]) -> ControllerClock:
+        """A bend, no jump: the gain counts from the begin of the session in which the onset lies."""
+        onset_s = begin_s(self.onset[0])
+        if begin_s(recording) < onset_s:
+            return clock
+        offset_s = clock.offset_s - self["ppm"] * 1e-6 * onset_s
+        return replace(clock, offset_s=offset_s, drift_ppm=clock.drift_ppm + self["ppm"])

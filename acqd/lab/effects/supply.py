@@ -9,8 +9,6 @@ import numpy as np
 from acqd.lab.plant.situation import Effect, Situation
 from acqd.robot.description import Floats
 
-_NOMINAL_V = 230.0
-
 
 class CopperLoss(Effect):
     """Windings that are warmer, or thinner, than they were."""
@@ -19,6 +17,7 @@ class CopperLoss(Effect):
     about = "winding resistance rises by a share"
     strength = ("relative", "of the present resistance")
     defaults: ClassVar = {"relative": 0.6}
+    limits: ClassVar = {"relative": (-0.9, 100)}
 
     def dc_load(self, situation: Situation) -> Floats:
         """W."""
@@ -34,6 +33,7 @@ class RegenerationClipping(Effect):
     about = "a share of the power that the drives give back, beyond above_W, is burnt in a brake resistor"
     strength = ("share", "of the power given back")
     defaults: ClassVar = {"share": 1.0, "above_W": 0.0}
+    limits: ClassVar = {"share": (0, 1), "above_W": (0, 1e5)}
 
     def dc_load(self, situation: Situation) -> Floats:
         """W."""
@@ -59,10 +59,11 @@ class LineVoltage(Effect):
 
     id = "line_voltage"
     about = "power depends on the mains voltage by this exponent"
-    strength = ("exponent", "of V / 230 V")
+    strength = ("exponent", "of V / nominal V")
     defaults: ClassVar = {"exponent": 1.5}
+    limits: ClassVar = {"exponent": (-5, 5)}
 
     def mains_load(self, situation: Situation) -> Floats:
         """W."""
-        ratio = (situation.voltage / _NOMINAL_V) ** self["exponent"]
+        ratio = (situation.voltage / situation.nominal_V) ** self["exponent"]
         return situation.mains_power * (ratio - 1.0) * self.gate(situation)

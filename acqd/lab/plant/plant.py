@@ -39,8 +39,10 @@ class Plant:
         effects: Sequence[Effect] = (),
         start_degC: float | None = None,
         random: np.random.Generator | None = None,
+        nominal_V: float = 230.0,
     ) -> None:
-        """`arm` is the robot as it really is. `start_degC`: of all gears; None: warm."""
+        """`arm` is the robot as it really is. `start_degC`: of all gears; None: 30, where most stay at work."""
+        self._nominal_V = nominal_V
         self._arm = arm
         self._p = parameters
         self._effects = list(effects)
@@ -55,7 +57,7 @@ class Plant:
 
     def run(self, motion: Motion, voltage: Floats, stretch: Stretch | None = None) -> PlantTrace:
         """The plant over one stretch of `motion` at mains `voltage` [T] (Vrms)."""
-        s = Situation(stretch or Stretch(), motion, self._arm, self._p, voltage)
+        s = Situation(stretch or Stretch(), motion, self._arm, self._p, voltage, self._nominal_V)
         mass = sum(self._asked(lambda effect: effect.payload(s)).values(), np.zeros(len(motion)))
         powers = self._mechanics(s, mass) | self._dc_side(s)
         powers |= self._mains_side(s)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from abc import ABC
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -39,6 +39,8 @@ class Situation:
     parameters: PlantParameters
     voltage: Floats
     """[T] Vrms of the mains."""
+    nominal_V: float
+    """What the mains should have."""
     tau_rigid: Floats = field(default_factory=lambda: np.empty(0))
     """[T, axes] Nm: rigid body with payload."""
     tau_friction: Floats = field(default_factory=lambda: np.empty(0))
@@ -61,7 +63,7 @@ class Situation:
 class Effect(ABC):
     """A physical effect that the undisturbed plant does not have. Additive: every hook returns what is added.
 
-    Subclasses set `id`, `parameters` (name -> default) and `about`, and override the hooks they need.
+    Subclasses set `id`, `about`, `strength` and `defaults`, and override the hooks they need.
     Adding an effect is one class in one file of `acqd.lab.effects`.
     """
 
@@ -71,6 +73,10 @@ class Effect(ABC):
     """Name and unit of the parameter that says how strong it is."""
     defaults: ClassVar[Mapping[str, float]]
     """Every parameter with its default, the strength first."""
+    limits: ClassVar[Mapping[str, tuple[float, float]]] = {}
+    """Least and greatest value of the parameters that cannot have any."""
+    whole_recordings: ClassVar[bool] = False
+    """It begins with a recording, never within one."""
 
     def __init__(self, values: Mapping[str, float], onset: tuple[int, float], random: np.random.Generator) -> None:
         """`onset`: recording number (from 1) and seconds within it."""
@@ -117,18 +123,14 @@ class Effect(ABC):
         """[T] W from the mains."""
         return None
 
-    def metered(self, situation: Situation) -> tuple[Floats, float] | None:
-        """[T] factor on the measured current, and the current (A) at which the sensor saturates."""
+    def metered(self, situation: Situation) -> tuple[Floats, Floats] | None:
+        """[T] factor on the measured current, and [T] current (A) at which the sensor saturates."""
         return None
 
     def logged(self, recorded: Recorded, situation: Situation) -> Recorded:
         """What the robot's log shows."""
         return recorded
 
-    def clock(self, clock: ControllerClock, recording: int) -> ControllerClock:
-        """The controller's clock during a recording."""
+    def clock(self, clock: ControllerClock, recording: int, begin_s: Callable[[int], float]) -> ControllerClock:
+        """The controller's clock during a recording; `begin_s` tells when a recording's session begins."""
         return clock
-
-    def truth(self) -> dict[str, Any]:
-        """For the truth record."""
-        return {"id": self.id, "parameters": self.values, "onset": {"recording": self.onset[0], "s": self.onset[1]}}
