@@ -17,14 +17,16 @@ import numpy as np
 import psutil
 import pytest
 
+from acqd.cli.lab.options import settings_from
 from acqd.errors import InputError, UserError
 from acqd.lab.campaign import CampaignOrder, run_campaign
 from acqd.lab.effects import parse_effect
 from acqd.lab.plan import plan_sessions
-from acqd.lab.settings import CampaignSettings
+from acqd.lab.settings import CampaignSettings, LabSettings
 from acqd.lab.work import steady_error
 from acqd.robot import load_description
 from acqd.robot.arm import Arm
+from acqd.robot.description import read_toml_table
 from acqd.robot.dynamics import inverse_dynamics
 from acqd.robot.log import read_log
 from tests.conftest import wait_for
@@ -284,6 +286,26 @@ def test_the_steady_error_sees_a_wrong_meter():
     assert steady_error(np.linspace(0, 5000, 1000), np.linspace(0, 5000, 1000))["windows"] == 0
 
 
+def test_the_rest_of_acqd_starts_without_the_laboratorys_libraries():
+    script = (
+        "import sys, acqd.cli.main; print([m for m in ('pinocchio', 'scipy', 'matplotlib', 'ray') if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-P", "-c", script], capture_output=True, text=True)
+    assert done.stdout.strip() == "[]", done.stderr
+
+
+def test_the_settings_file_that_is_shipped_says_the_defaults(tmp_path):
+    path = Path(__file__).parents[1] / "config" / "lab.toml"
+    told = CampaignSettings(**read_toml_table(path))
+    assert told == CampaignSettings()
+    commented = re.sub(
+        r"^# (profile|limited|all_space|\w+_sources|assemblies|session|cells) =", r"\1 =", path.read_text(), flags=re.M
+    )
+    (tmp_path / "lab.toml").write_text(commented)
+    assert CampaignSettings(**read_toml_table(tmp_path / "lab.toml")) == CampaignSettings()
+    assert settings_from(LabSettings, tmp_path / "lab.toml", {}, []) == LabSettings()
+
+
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
@@ -305,7 +327,15 @@ def test_the_steady_error_sees_a_wrong_meter():
         (["campaign", "--out", "x", "--effect", "encoder_bias:axis=9"], "the robot has the axes 1 to 7"),
         (["campaign", "--out", "x", "--settings", "typo.toml"], "typo.toml: effects.0: effect 'paylod' is unknown"),
         (["campaign", "--out", "x", "--settings", "odd.toml"], "odd.toml: window: expected whole milliseconds"),
-        (["campaign", "--out", "full"], "full is not empty and holds no campaign"),
+        (["campaign", "--out", "x", "--truth", "x/truth"], "lies in what an analyst may read"),
+        (
+            ["execute", "good.csv", "--out", "x", "--effect", "payload:at=1000"],
+            "effect payload: at=1000, but good lasts only",
+        ),
+        (["execute", "good.csv", "--out", "x", "--effect", "payload:from=2"], "an execution has only one recording"),
+        (["execute", "tiny.csv", "--out", "x"], "tiny.csv: has 30 rows over 0.00029 s"),
+        (["trajectories", "--out", "good.csv/deep"], "good.csv/deep: cannot be made"),
+        (["campaign", "--out", "full"], "full is not empty"),
         (["campaign", "--out", "x", "--profile", "use-case", "--robot", "ur3e"], "ur3e cannot reach"),
     ],
 )
@@ -317,6 +347,7 @@ def test_bad_input_is_one_clear_line_and_leaves_nothing(tmp_path, arguments, com
     header = "time," + ",".join(f"q{k}" for k in range(1, 8))
     (tmp_path / "back.csv").write_text(header + "".join(f"\n{t},0,0,0,0,0,0,0" for t in (0, 1, 0.5, 2, 3, 4, 5, 6, 7)))
     (tmp_path / "lab.toml").write_text("[mains]\nvoltage = 12\n")
+    (tmp_path / "tiny.csv").write_text(header + "".join(f"\n{k * 1e-5:.5f},0,0,0,0,0,0,0" for k in range(30)))
     (tmp_path / "typo.toml").write_text('[[effects]]\nid = "paylod"\n')
     (tmp_path / "odd.toml").write_text("window = 0.0425\n")
     crate = '[[box]]\nname = "crate"\ncentre = [0, 0, 1.0]\nsize = [0.6, 0.6, 0.3]\n'
@@ -325,6 +356,26 @@ def test_bad_input_is_one_clear_line_and_leaves_nothing(tmp_path, arguments, com
     assert done.returncode == 2, done.stderr
     assert complaint in done.stderr and len(done.stderr.strip().splitlines()) == 1
     assert not (tmp_path / "x").exists() or not any((tmp_path / "x").iterdir())
+
+
+DATA = Path(__file__).parents[2] / "shared" / "data" / "robots"
+
+
+@pytest.mark.skipif(not DATA.is_dir(), reason="../shared/data is not there")
+@pytest.mark.parametrize(
+    ("robot", "log"),
+    [
+        ("ur3e", "ur3e_rtde/ur3e_rtde_25s.csv"),
+        ("ur10e", "ur10e/ur-20_02_05-20sec_8harm.csv"),
+        ("kinova_gen3", "kinova_gen3/joint_2_trapez.csv"),
+    ],
+)
+def test_a_real_robots_motion_runs_on_its_virtual_twin(tmp_path, robot, log):
+    done = run_acqd("lab", "execute", DATA / log, "--robot", robot, "--out", tmp_path / "run", "--json")
+    assert done.returncode == 0, done.stderr
+    report = json.loads(done.stdout)
+    assert report["energy_unaccounted"] < 1e-5  # measured motions begin and end anywhere
+    assert 20 < report["P_mean_W"] < 400 and report["P_max_W"] > report["P_mean_W"] + 1
 
 
 def test_execute_writes_rows_log_truth_and_report_and_replay_reads_its_waveform(tmp_path):

@@ -95,7 +95,7 @@ HEADER = "time," + ",".join(f"q{k}" for k in range(1, 8))
     ("text", "complaint"),
     [
         ("", "is empty"),
-        (HEADER + "\n", "has a header but no rows"),
+        (HEADER + "\n", "has no rows of numbers"),
         (HEADER + "\n0,0,0,0,0,0,0,0\n1,0,0,0\n", "row 3 has 4 columns, the first line 8; is it cut off"),
         (HEADER + "\n0,0,0,0,0,0,0,0\n1,0,0,x,0,0,0,0\n", "row 3: q column 3 is empty or no number"),
         (HEADER.replace(",q7", "") + "\n0,0,0,0,0,0,0\n", "has 6 columns qN, but iiwa7_r800 has 7 axes"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import sys
+from typing import NoReturn
 
 import typer
 
@@ -40,6 +41,12 @@ class _Lines(logging.Formatter):
         return f"acqd: {record.levelname.lower()}: {text}" if record.levelno > logging.INFO else f"acqd: {text}"
 
 
+def _end_quietly() -> NoReturn:
+    """The reader of our output has gone (acqd replay ... | head): nothing is wrong."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    sys.exit(0)
+
+
 def main() -> None:
     """Run the command line: 0 ok, 2 bad input or usage, 1 failure."""
     handler = logging.StreamHandler()
@@ -55,9 +62,11 @@ def main() -> None:
     except OperationError as error:
         print(f"acqd: {error}", file=sys.stderr)
         sys.exit(1)
-    except BrokenPipeError:
-        # The reader of our output has gone (acqd replay ... | head): nothing is wrong.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(0)
+    except OSError as error:
+        if isinstance(error, BrokenPipeError):
+            _end_quietly()
+        where = f"{error.filename}: " if error.filename else ""
+        print(f"acqd: {where}{error.strerror or error}", file=sys.stderr)
+        sys.exit(1)
     except KeyboardInterrupt:
         sys.exit(130)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -75,6 +76,8 @@ def run_campaign(order: CampaignOrder, progress: Callable[[str, float], None]) -
     settings = order.settings
     folders = Folders(order.out, order.truth)
     plans = plan_sessions(settings)
+    if folders.truth == folders.out or folders.out in folders.truth.parents:
+        raise UserError(f"--truth {folders.truth} lies in what an analyst may read; choose a folder outside --out")
     if not plans:
         raise UserError("the campaign has no recordings; raise --limited or --all")
     last = max(recording.number for plan in plans for recording in plan.recordings)
@@ -112,7 +115,8 @@ def _run(
     _write_truth(folders, settings, finished)
     powers = metered_powers(order.truth, finished)
     summary = _summarise(order, finished, powers)
-    campaign_report(powers, summary.spaces, finished, folders.out)
+    title = f"{settings.robot}, {len(powers)} recordings"
+    campaign_report(title, powers, summary.spaces, settings.window_s, folders.out)
     summary.rows, summary.sessions_done_before = rows, len(plans) - len(left)
     return summary
 
@@ -174,7 +178,9 @@ def _claimed(folders: Folders, settings: CampaignSettings) -> Iterator[None]:
     try:
         theirs = orjson.loads(seal.read_bytes()) if seal.exists() else None
         if theirs is None and folders.out.exists() and (not folders.out.is_dir() or any(folders.out.iterdir())):
-            raise UserError(f"{folders.out} is not empty and holds no campaign of this kind; choose another --out")
+            raise UserError(
+                f"{folders.out} is not empty, and {folders.truth} says of no campaign in it; choose another --out"
+            )
         differing = sorted(key for key in mine if theirs is not None and mine[key] != theirs.get(key))
         if differing:
             raise UserError(
@@ -186,7 +192,7 @@ def _claimed(folders: Folders, settings: CampaignSettings) -> Iterator[None]:
         if theirs is None:
             seal.write_bytes(orjson.dumps(mine, option=orjson.OPT_INDENT_2))
         lock = (folders.truth / "lock").open("w")
-    except (orjson.JSONDecodeError, AttributeError):
+    except (orjson.JSONDecodeError, AttributeError, TypeError):
         raise InputError(seal, "is damaged; remove the campaign and its truth folder, and run it again") from None
     except OSError as error:
         raise UserError(f"{error.filename}: {error.strerror}; choose another --out") from None
@@ -204,9 +210,14 @@ def _finished(
     """The report of a session whose logs, truth and rows are all there; else None, and it is done again."""
     try:
         report: dict[str, Any] = orjson.loads((folders.work / f"{plan.name}.json").read_bytes())
-    except (FileNotFoundError, orjson.JSONDecodeError):
+        told = {"session", "device", "boot", "windows", "recordings", "steady", "energy"} <= report.keys()
+    except (FileNotFoundError, orjson.JSONDecodeError, AttributeError):
         return None
-    if len(_logs(folders, settings, plan)) < len(plan.recordings) or not (folders.truth / f"{plan.name}.npz").exists():
+    if (
+        not told
+        or len(_logs(folders, settings, plan)) < len(plan.recordings)
+        or not (folders.truth / f"{plan.name}.npz").exists()
+    ):
         return None
     if rows_stored(database, report["device"], report["boot"]) < report["windows"]:
         if not (folders.work / f"{plan.name}.jsonl").exists():
@@ -297,8 +308,12 @@ def metered_powers(truth: Path, reports: list[dict[str, Any]]) -> dict[str, Floa
     """Metered P [windows] (W) of every recording, by `device/name`."""
     powers = {}
     for report in reports:
-        with np.load(truth / f"{report['session']}.npz") as arrays:
-            metered, window_s = arrays["P_metered_W"], float(arrays["window_s"])
+        path = truth / f"{report['session']}.npz"
+        try:
+            with np.load(path) as arrays:
+                metered, window_s = arrays["P_metered_W"], float(arrays["window_s"])
+        except (OSError, ValueError, KeyError, zipfile.BadZipFile):
+            raise InputError(path, "is damaged; remove it and run the same command again") from None
         for recording in report["recordings"]:
             within = windows_within(recording["start_s"], recording["seconds"], window_s)
             powers[f"{report['device']}/{recording['name']}"] = metered[within]

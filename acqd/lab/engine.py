@@ -53,7 +53,7 @@ def run_on_ray(
     if address is None:  # our own cluster, for nobody else: a token that only its processes know
         os.environ.setdefault("RAY_AUTH_TOKEN", secrets.token_hex(32))
     try:
-        ray.init(address=address, log_to_driver=False, include_dashboard=False, configure_logging=False)
+        ray.init(address=address or "local", log_to_driver=False, include_dashboard=False, configure_logging=False)
     except ConnectionError as error:
         raise UserError(f"no Ray cluster at {address}: {str(error).splitlines()[0]}") from None
     try:

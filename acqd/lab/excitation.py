@@ -18,7 +18,7 @@ TOOL_DOWN = np.array([[-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]])
 """End-effector orientation of Algorithm 1."""
 CHECK_STEP = np.radians(2.0)
 """Largest axis step between two collision checks."""
-_PATIENCE = 2000  # draws in a row that may fail before a space is called impossible
+_PATIENCE = 600  # draws in a row that may fail before a space is called impossible
 _FIRST_PATIENCE = 60  # the same while nothing has been reached yet: an unreachable point takes long to give up on
 
 

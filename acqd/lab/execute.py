@@ -48,15 +48,18 @@ class ExecutionReport:
 
 def execute(settings: LabSettings, source: Path, out: Path, *, waveform: bool = False) -> ExecutionReport:
     """Run `source` and write rows, log, truth and report to the folder `out`. Raises UserError."""
+    late = [effect.id for effect in settings.effects if effect.recording > 1]
+    if late:
+        raise UserError(f"effect {late[0]}: from=: an execution has only one recording; use at= within it")
     cell = build_cell(settings)
     performance = _load(cell, source)
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise UserError(f"{out} exists and is not an empty folder; choose another --out")
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise UserError(f"{out}: cannot be made ({error.strerror}); choose another --out") from None
     log = out / (source.stem + log_suffix(cell.robot))
-    if log.resolve() == source.resolve():
-        raise UserError(f"{log} would be written over; choose another --out")
     rows = RowFile(out / "rows.jsonl", cell.device, f"execute-{settings.seed}")
     codes: list[Codes] = []
     complete = False
@@ -91,8 +94,12 @@ class _Performance:
 
 def _load(cell: Cell, source: Path) -> _Performance:
     """A trajectory, or the motion of a log: whichever the file's columns say. Raises InputError."""
-    names = read_table(source).header
-    if names is None or all(name.endswith("_deg") for name in names):
+    table = read_table(source)
+    if table.header is None:  # a trajectory, unless this robot's logs come without a header
+        is_log = any(not layout.header for layout in cell.robot.log) and table.values.shape[1] != cell.robot.axes
+    else:
+        is_log = not all(name.endswith("_deg") for name in table.header)
+    if not is_log:
         trajectory = read_trajectory(source, cell.robot)
         require_free(cell.checker, trajectory.waypoints[0], f"the first position of {source}", cell.scene.name)
         program = cell.planner.program(trajectory, cell.random(MOTION, 1, 1))

@@ -38,7 +38,10 @@ class Planner:
     def program(self, trajectory: Trajectory, random: np.random.Generator, before_s: float = 1.0) -> list[Step]:
         """Wait, visit all waypoints from the first on with random speed and blending, wait."""
         steps: list[Step] = [Wait(before_s)]
-        steps += self.moves(trajectory.waypoints, random)
+        try:
+            steps += self.moves(trajectory.waypoints, random)
+        except UserError as error:
+            raise UserError(f"{trajectory.name}: {error}") from None
         return [*steps, Wait(1.0)]
 
     def moves(self, waypoints: Floats, random: np.random.Generator) -> list[Move]:

@@ -20,8 +20,8 @@ def motion_of(log: RobotLog, robot: RobotDescription) -> Motion:
     """Low-passed and differentiated; brakes and tool as logged, else open and off. Raises InputError."""
     require_rising(log)
     t = log.time - log.time[0]
-    if len(t) < 8:
-        raise InputError(log.path, f"has {len(t)} rows, too few for a motion")
+    if len(t) < 20 or t[-1] < 1.0:
+        raise InputError(log.path, f"has {len(t)} rows over {t[-1]:.3g} s, too little for a motion")
     gaps = np.diff(t)
     if gaps.max() > _LONGEST_GAP_S:
         row = int(gaps.argmax()) + 1

@@ -19,6 +19,8 @@ _PER_MS = round(el3783.RATE / RATE)
 _TABLE = 8192
 _KNOT_S = 1.0  # frequency and voltage are drawn once a second, linear in between
 _SURGE_TAU_S = 0.02
+_Order = Annotated[int, Field(ge=2, le=100)]
+_Share = Annotated[float, Field(ge=-0.5, le=0.5)]
 
 
 class MainsSettings(Section):
@@ -34,11 +36,11 @@ class MainsSettings(Section):
     """V RMS, correlated over some 2 min."""
     voltage_step: Annotated[float, Field(ge=0, le=10)] = 1.0
     """V: size of the steps by which loads and tap changers shift it, every ten minutes or so."""
-    harmonics: dict[int, float] = Field(default={3: 0.006, 5: 0.021, 7: 0.012, 11: 0.005})
+    harmonics: dict[_Order, _Share] = Field(default={3: 0.006, 5: 0.021, 7: 0.012, 11: 0.005})
     """Of the voltage: order -> share."""
     shape: Literal["pfc", "rectifier"] = "pfc"
     """Sinusoidal current with some distortion, or the pulses of a rectifier with smoothing capacitor."""
-    current_harmonics: dict[int, float] = Field(default={3: 0.06, 5: 0.035, 7: 0.02})
+    current_harmonics: dict[_Order, _Share] = Field(default={3: 0.06, 5: 0.035, 7: 0.02})
     """Of a pfc's current: order -> share."""
     filter_current: Annotated[float, Field(ge=0, le=2)] = 0.11
     """A RMS: leading, into the line filter's capacitors."""

@@ -8,7 +8,7 @@ from typing import BinaryIO
 
 import sqlalchemy as sa
 
-from acqd.errors import OperationError
+from acqd.errors import InputError, OperationError
 from acqd.metering import WindowBatch
 from acqd.storage.schema import power
 from acqd.storage.writer import Received, Writer
@@ -47,7 +47,10 @@ def store_rows(path: Path, engine: sa.Engine) -> int:
     with path.open("rb") as file:
         for line in file:
             payload = line.rstrip(b"\n")
-            row = parse_row(payload)
+            try:
+                row = parse_row(payload)
+            except ValueError as error:
+                raise InputError(path, f"line {count + 1}: {error}; remove it and run the same command again") from None
             messages.append(Received(topics.power(row.device, row.channel), payload))
             count += 1
             if len(messages) == _BATCH:

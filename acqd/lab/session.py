@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from acqd.errors import UserError
 from acqd.lab.cell import CLOCK, EFFECTS, MAINS, RECORDER, STANDBY, Cell
 from acqd.lab.controller import RATE, Controller, Motion, Step, Wait
 from acqd.lab.effects import make_effects
@@ -113,6 +114,10 @@ class Session:
 
     def record_motion(self, motion: Motion, number: int, name: str, log: Path) -> None:
         """The same for a motion that is known already."""
+        for effect in self._effects:
+            if effect.onset[0] == number and effect.onset[1] >= motion.seconds:
+                problem = f"effect {effect.id}: at={effect.onset[1]:g}, but {name} lasts only {motion.seconds:.1f} s"
+                raise UserError(problem)
         start_s = self.elapsed_s
         seen = self._play(motion, number, recorded=True)
         settings = self._cell.settings

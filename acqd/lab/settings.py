@@ -24,7 +24,7 @@ class MotionSection(Section):
 
     relative_speed: tuple[_Share, _Share] = (0.2, 0.5)
     relative_blending: tuple[_Share, _Share] = (0.0, 0.5)
-    relative_acceleration: Annotated[float, Field(gt=0, le=1)] = 0.2
+    relative_acceleration: Annotated[float, Field(ge=0.01, le=1)] = 0.2
 
     @field_validator("relative_speed", "relative_blending")
     @classmethod
@@ -49,7 +49,7 @@ class CubeSection(Section):
     """Algorithm 1's volume."""
 
     centre: tuple[float, float, float] = (0.6, 0.0, 0.34)
-    edge: Annotated[float, Field(gt=0, le=3)] = 0.3
+    edge: Annotated[float, Field(ge=0.01, le=3)] = 0.3
 
     def cube(self) -> Cube:
         """As the generator takes it."""
@@ -93,10 +93,10 @@ class LabSettings(Section):
     """Shipped name or path; None: `digital_factory` for the iiwa, `free` for others."""
     plant: Path | None = None
     """Plant file; None: the one shipped for the robot."""
-    seed: Annotated[int, Field(ge=0)] = 1
+    seed: Annotated[int, Field(ge=0, lt=2**63, strict=True)] = 1
     start: datetime = datetime(2021, 7, 13, 8, 0, tzinfo=UTC)
     """UTC of the campaign's begin."""
-    device: Annotated[str, Field(pattern=r"^[A-Za-z0-9._-]{1,60}$")] = "cell"
+    device: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,59}$")] = "cell"
     window: Annotated[float, Field(ge=0.04, le=0.05)] | None = None
     """s, whole milliseconds; None: 40 ms at 50 Hz, 50 ms at 60 Hz, as the daemon has it."""
     start_degC: Annotated[float, Field(ge=-20, le=80)] | None = None
@@ -173,3 +173,7 @@ class CampaignSettings(LabSettings):
             ]
             return data | {"effects": hidden}
         return data
+
+
+CAMPAIGN_ONLY = frozenset(CampaignSettings.model_fields) - frozenset(LabSettings.model_fields)
+"""Keys that a lone execution has no use for."""

@@ -161,7 +161,7 @@ def _report(cell: Cell, plan: SessionPlan, truth: SessionTruth) -> dict[str, Any
         "seconds": truth.energy["seconds"],
         "windows": windows,
         "energy": truth.energy,
-        "steady": steady_error(power, metered),
+        "steady": steady_error(power, metered, truth.window_s),
         "standby_W": float(np.median(metered[: round(1.5 / truth.window_s)])),
         "recordings": [asdict(recording) | _figures(truth, recording, plan) for recording in truth.recordings],
     }
@@ -177,14 +177,14 @@ def _figures(truth: SessionTruth, recording: RecordingTruth, plan: SessionPlan) 
     }
 
 
-def steady_error(power: Floats, metered: Floats, calm_W: float = 6.0) -> dict[str, float]:
+def steady_error(power: Floats, metered: Floats, window_s: float = 0.04, calm_W: float = 6.0) -> dict[str, float]:
     """Metered against true power while the arm stands: per window, and per second.
 
     Steady is a second in which the true mean power of its windows stays within `calm_W`, which the standby
     load's own fluctuation does and a moving arm does not. A metered window ends up to one mains cycle before
     its end; what changes in that time shows per window and averages out per second.
     """
-    per_second = 25
+    per_second = round(1 / window_s)
     seconds = len(power) // per_second
     true, read = (values[: seconds * per_second].reshape(seconds, per_second) for values in (power, metered))
     calm = (np.ptp(true, axis=1) < calm_W) & np.isfinite(read).all(axis=1)

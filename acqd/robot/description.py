@@ -204,4 +204,8 @@ def complaint(fault: object) -> str:
     """One pydantic error as `key: what is wrong (got ...)`."""
     assert isinstance(fault, dict)
     key = ".".join(str(part) for part in fault["loc"]) or "the file"
+    if fault["type"] == "extra_forbidden":
+        return f"{key}: there is no such key; is it misspelt, or in the wrong table?"
+    if fault["type"] == "missing":
+        return f"{key} is missing"
     return f"{key}: {fault['msg'].removeprefix('Value error, ')} (got {fault['input']!r:.60})"

@@ -130,7 +130,7 @@ def _check_angles(path: Path, q: Floats, robot: RobotDescription) -> None:
     axis = int(beyond[0])
     limit = np.degrees(robot.upper[axis])
     advice = f"{robot.joint[axis].name} reaches {worst[axis]:.4g} rad, but its limit is {limit:.0f} deg"
-    if (np.radians(worst) <= turns).all() and worst.max() > 2 * np.pi:
+    if (np.radians(worst) <= turns).all() and worst.max() > 20:
         raise InputError(path, f"{advice}; the angles look like degrees: write radians")
     raise InputError(path, f"{advice}; is this a log of {robot.name}?")
 

@@ -46,7 +46,9 @@ def read_table(path: Path) -> Table:
     start = blank + (header is not None)
     values = _numbers(path, lines[start:], separator, len(cells), start + 1)
     if not len(values):
-        raise InputError(path, "has a header but no rows")
+        raise InputError(path, "has no rows of numbers")
+    if separator == ";" and "," in lines[start] and np.isnan(values[0]).any():
+        raise InputError(path, f"row {start + 1} has decimal commas; write decimal points")
     return Table(header, values, start + 1)
 
 

@@ -15,6 +15,7 @@ from rich.table import Table
 
 from acqd.cli.lab.options import Effects, LabFile, Robot, Scene, Seed, Undeclared, settings_from
 from acqd.cli.options import Json
+from acqd.errors import UserError
 
 
 class Profile(StrEnum):
@@ -64,6 +65,8 @@ def campaign(
     from acqd.lab.effects import parse_effect
     from acqd.lab.settings import CampaignSettings
 
+    if profile is Profile.USE_CASE and not (limited is None and all_space is None):
+        raise UserError("--profile use-case repeats an assembly: --assemblies, not --limited or --all")
     orders = [parse_effect(text) for text in effect or []]
     orders += [parse_effect(text, declared=False) for text in undeclared or []]
     given = {
@@ -103,6 +106,7 @@ def _print(report) -> None:  # type: ignore[no-untyped-def]
     for name, figures in report.spaces.items():
         keys = ("hours", "mean_W", "p99_W", "max_W", "hidden_rms_W")
         table.add_row(name, str(figures["recordings"]), *(f"{figures[key]:.4g}" for key in keys))
+    console.width = max(console.width, 100)  # cut-off headers are worse than long lines
     console.print(table)
     steady = report.steady_error
     accuracy = "no steady window"

@@ -29,4 +29,6 @@ def effects(json: Json = False) -> None:
     for cls in known.values():
         parameters = ",".join(f"{name}={value:g}" for name, value in cls.defaults.items())
         table.add_row(cls.id, cls.about, parameters, cls.strength[1])
-    Console().print(table)
+    console = Console()
+    console.width = max(console.width, 170)  # parameter names must be readable to be used
+    console.print(table)

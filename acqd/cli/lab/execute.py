@@ -10,7 +10,7 @@ import orjson
 import typer
 from rich.console import Console
 
-from acqd.cli.lab.options import Effects, LabFile, Robot, Scene, Seed, Undeclared, settings_from
+from acqd.cli.lab.options import Effects, LabFile, Robot, Scene, Seed, settings_from
 from acqd.cli.options import ConfigFile, Json
 from acqd.cli.serve import announce, demonstration_port, serve
 from acqd.daemon.config import Config, SourceSection, load_config
@@ -26,7 +26,6 @@ def execute(
     scene: Scene = None,
     seed: Seed = None,
     effect: Effects = None,
-    undeclared: Undeclared = None,
     settings: LabFile = None,
     config: ConfigFile = None,
     json: Json = False,
@@ -41,10 +40,11 @@ def execute(
     from acqd.lab.effects import parse_effect
     from acqd.lab.settings import LabSettings
 
+    if live and waveform:
+        raise UserError("--live keeps nothing; --waveform goes with --out")
     if live == (out is not None):
         raise UserError("say either --out FOLDER (at full speed, into files) or --live (in real time, over MQTT)")
     orders = [parse_effect(text) for text in effect or []]
-    orders += [parse_effect(text, declared=False) for text in undeclared or []]
     given = {"robot": robot, "scene": scene, "seed": seed}
     chosen = settings_from(LabSettings, settings, given, orders)
     if out is not None:

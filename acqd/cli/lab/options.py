@@ -28,10 +28,15 @@ Model = TypeVar("Model")
 
 def settings_from(model: type[Model], file: Path | None, given: dict[str, Any], effects: list[Any]) -> Model:
     """Settings of a file, overruled by the options that were given. Raises UserError."""
+    from acqd.lab.settings import CAMPAIGN_ONLY, LabSettings
+
     values = read_toml_table(file) if file else {}
     values |= {name: value for name, value in given.items() if value is not None}
-    if effects:
-        values["effects"] = [*values.get("effects", []), *(effect.model_dump() for effect in effects)]
+    ordered = values.get("effects", [])
+    if effects and isinstance(ordered, list):
+        values["effects"] = [*ordered, *(effect.model_dump() for effect in effects)]
+    if model is LabSettings:  # one file serves all commands
+        values = {name: value for name, value in values.items() if name not in CAMPAIGN_ONLY}
     try:
         return model(**values)
     except ValidationError as error:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -56,6 +57,11 @@ def trajectories(
     cell = build_cell(settings_from(LabSettings, settings, given, []))
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise UserError(f"{out} exists and is not an empty folder; choose another --out")
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        out.rmdir()  # it can be made; it is made when there is something to put into it
+    except OSError as error:
+        raise UserError(f"{out}: cannot be made ({error.strerror}); choose another --out") from None
     console = Console(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
         bar = progress.add_task("drawing", total=1.0)
@@ -66,8 +72,12 @@ def trajectories(
             thesis=thesis,
             progress=lambda share: progress.update(bar, completed=share),
         )
-        write(drawn, cell, out)
-        report = trajectories_report(cell, drawn, out)
+        try:
+            write(drawn, cell, out)
+            report = trajectories_report(cell, drawn, out)
+        except OSError:
+            shutil.rmtree(out, ignore_errors=True)
+            raise
     if json:
         print(orjson.dumps({"out": str(out), "report": str(report), **drawn.summary()}).decode())
         return

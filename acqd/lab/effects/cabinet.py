@@ -19,6 +19,7 @@ class OffsetShift(Effect):
     about = "a constant load more (or less)"
     strength = ("power_W", "W")
     defaults: ClassVar = {"power_W": 8.0}
+    limits: ClassVar = {"power_W": (-50, 1e5)}
 
     def mains_load(self, situation: Situation) -> Floats:
         """W."""

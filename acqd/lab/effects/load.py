@@ -6,6 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from acqd.errors import UserError
 from acqd.lab.controller import RATE
 from acqd.lab.plant.situation import Effect, Situation
 from acqd.robot.arm import Arm
@@ -45,6 +46,8 @@ class GravityBias(Effect):
         joints = list(situation.arm.description.joint)
         number = int(np.clip(self["axis"], 1, len(joints))) - 1
         link = joints[number].link
+        if link.mass + self["mass_kg"] <= 0:
+            raise UserError(f"effect {self.id}: link {number + 1} has only {link.mass:.2f} kg to lose")
         joints[number] = joints[number].model_copy(
             update={"link": link.model_copy(update={"mass": link.mass + self["mass_kg"]})}
         )

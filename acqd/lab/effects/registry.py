@@ -25,7 +25,7 @@ class EffectOrder(Section):
 
     id: str
     values: dict[str, float] = Field(default={})
-    recording: Annotated[int, Field(ge=1)] = 1
+    recording: Annotated[int, Field(ge=1, le=1_000_000)] = 1
     """Number of the recording in which it begins."""
     at_s: Annotated[float, Field(ge=0)] = 0.0
     """Seconds after that recording's begin."""
@@ -82,7 +82,7 @@ def parse_effect(text: str, *, declared: bool = True) -> EffectOrder:
         if not np.isfinite(values[key]):
             raise UserError(f"effect {name}: {item} is no finite number")
     begin, at = values.pop("from", 1.0), values.pop("at", 0.0)
-    if begin < 1 or begin != int(begin) or at < 0:
+    if not 1 <= begin <= 1e6 or begin != int(begin) or at < 0:
         raise UserError(f"effect {name}: from={begin:g},at={at:g}: expected a recording number from 1 and seconds >= 0")
     try:
         return EffectOrder(id=name, values=values, recording=int(begin), at_s=at, declared=declared)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -56,17 +55,17 @@ def execution_report(cell: Cell, truth: SessionTruth, q: Floats, folder: Path) -
     page = Page(f"{recording.name} on the virtual {cell.robot.title}", simulated=True)
     within = windows_within(recording.start_s, recording.seconds, truth.window_s)
     t = np.arange(within.start, within.stop) * truth.window_s - recording.start_s
-    figure = Figure(figsize=(10, 6.2))
-    power, angles = figure.subplots(2, 1, sharex=True)
-    power.plot(t, truth.metered[within], label="metered P", color="#2563eb", linewidth=1)
-    power.plot(t, truth.power[within], label="true mean power", color="#d97706", linewidth=0.8, linestyle="--")
-    power.set_ylabel("P [W]")
-    power.legend(fontsize=8)
+    figure = Figure(figsize=(10, 7.5))
+    power, error, angles = figure.subplots(3, 1, sharex=True, height_ratios=(3, 1, 3))
+    power.plot(t, truth.metered[within], color="#2563eb", linewidth=1)
+    power.set_ylabel("metered P [W]")
+    error.plot(t, truth.metered[within] - truth.power[within], color="#d97706", linewidth=0.8)
+    error.set_ylabel("metered\n- true [W]")
     for axis, joint in enumerate(cell.robot.joint):
         angles.plot(np.arange(0, len(q), 20) / RATE, np.degrees(q[::20, axis]), linewidth=0.9, label=joint.name)
     angles.set(xlabel="time [s]", ylabel="axis angle [°]")
-    angles.legend(fontsize=7, ncol=len(cell.robot.joint))
-    for panel in (power, angles):
+    angles.legend(fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    for panel in (power, error, angles):
         panel.grid(alpha=0.3)
     figure.tight_layout()
     page.figure(figure, "Power at the mains and joint angles.", folder / "power.png")
@@ -85,10 +84,10 @@ def execution_report(cell: Cell, truth: SessionTruth, q: Floats, folder: Path) -
 
 
 def campaign_report(
-    powers: dict[str, Floats], spaces: dict[str, dict[str, float]], sessions: list[dict[str, Any]], folder: Path
+    title: str, powers: dict[str, Floats], spaces: dict[str, dict[str, float]], window_s: float, folder: Path
 ) -> Path:
-    """Distribution of power per space, sample recordings, figures of every session."""
-    page = Page("Virtual measurement campaign", simulated=True)
+    """Distribution of metered power per space and sample recordings: nothing that only the truth knows."""
+    page = Page(f"Virtual measurement campaign: {title}", simulated=True)
     keys = ("recordings", "hours", "mean_W", "p99_W", "max_W")
     page.table(
         ["space", "recordings", "hours", "mean P [W]", "p99 [W]", "max [W]"],
@@ -96,9 +95,12 @@ def campaign_report(
     )
     figure = Figure(figsize=(10, 3.4))
     panel = figure.subplots()
+    first = {space: next(name for name in powers if name.split("/")[-1].startswith(space)) for space in spaces}
     by_space = {space: [p for name, p in powers.items() if name.split("/")[-1].startswith(space)] for space in spaces}
+    everything = np.concatenate(list(powers.values()))
+    bins = np.linspace(np.nanmin(everything), np.nanmax(everything), 90).tolist()
     for space, recordings in by_space.items():
-        panel.hist(np.concatenate(recordings), bins=160, density=True, histtype="step", label=space)
+        panel.hist(np.concatenate(recordings), bins=bins, density=True, histtype="step", label=space)
     panel.set(xlabel="metered P per window [W]", ylabel="density [1/W]", yscale="log")
     panel.legend()
     panel.grid(alpha=0.3)
@@ -106,20 +108,10 @@ def campaign_report(
     for space, recordings in by_space.items():
         figure = Figure(figsize=(10, 2.6))
         panel = figure.subplots()
-        panel.plot(np.arange(len(recordings[0])) * 0.04, recordings[0], linewidth=0.9)
-        panel.set(xlabel="window times 40 ms [s]", ylabel="P [W]", title=f"first recording, {space}")
+        panel.plot(np.arange(len(recordings[0])) * window_s, recordings[0], linewidth=0.9)
+        panel.set(xlabel="time since the first window [s]", ylabel="P [W]", title=first[space])
         panel.grid(alpha=0.3)
         page.figure(figure, f"A recording in {space} space.")
-    page.heading("Sessions")
-    page.table(
-        ["session", "recordings", "seconds", "unaccounted energy", "worst steady second"],
-        [_session_row(session) for session in sessions],
-    )
     path = folder / "report.html"
     page.write(path)
     return path
-
-
-def _session_row(session: dict[str, Any]) -> list[object]:
-    unaccounted, steady = session["energy"]["unaccounted_share"], session["steady"]["second_worst"]
-    return [session["session"], len(session["recordings"]), session["seconds"], f"{unaccounted:.1e}", f"{steady:.1e}"]

@@ -18,6 +18,7 @@ from acqd.robot.kinematics import forward_kinematics, joint_origins
 from acqd.robot.scene import Box, Scene
 
 _ROBOT, _PATH, _CUBE, _BOX = "#d97706", "#2563eb", "#059669", "#64748b"
+_GROUND = -0.1  # m: nothing is drawn below
 _EDGES = [
     (a, b)
     for a, b in combinations(product((-0.5, 0.5), repeat=3), 2)
@@ -76,7 +77,7 @@ def blending(arm: Arm, trajectory: Trajectory, executed: Floats) -> Figure:
     axes.plot(*forward_kinematics(arm, executed)[0].T, color=_ROBOT, linestyle=":", linewidth=1.8, label="executed")
     axes.scatter(*forward_kinematics(arm, trajectory.waypoints)[0].T, s=16, facecolors="none", edgecolors="black")
     axes.set(title=trajectory.name, xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
-    axes.legend(loc="upper left", fontsize=8)
+    axes.legend(loc="upper left", bbox_to_anchor=(-0.15, 1.12), fontsize=8)
     axes.set_box_aspect((1, 1, 1))
     return figure
 
@@ -87,10 +88,12 @@ def two_executions(names: Sequence[str], executions: Sequence[Floats], rate: flo
     figure = Figure(figsize=(10, 1.25 * axes_count + 0.6))
     panels: Any = figure.subplots(axes_count, 1, sharex=True, squeeze=False)[:, 0]
     for axis, panel in enumerate(panels):
-        for q, colour in zip(executions, (_PATH, _ROBOT), strict=True):
-            panel.plot(np.arange(len(q)) / rate, np.degrees(q[:, axis]), color=colour, linewidth=1)
+        for number, (q, colour) in enumerate(zip(executions, (_PATH, _ROBOT), strict=True), start=1):
+            name = f"execution {number}"
+            panel.plot(np.arange(len(q)) / rate, np.degrees(q[:, axis]), color=colour, linewidth=1, label=name)
         panel.set_ylabel(f"{names[axis]} [°]", fontsize=8)
         panel.grid(alpha=0.3)
+    panels[0].legend(fontsize=8, ncol=2, loc="upper right")
     panels[-1].set_xlabel("time [s]")
     figure.align_ylabels()
     figure.tight_layout()
@@ -125,7 +128,9 @@ def _faces(box: Box) -> list[Floats]:
             corners = np.empty((4, 3))
             corners[:, axis] = side
             corners[:, others] = [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]
-            faces.append(np.array(box.centre) + (corners * box.size) @ turn.T)
+            face = np.array(box.centre) + (corners * box.size) @ turn.T
+            face[:, 2] = np.maximum(face[:, 2], _GROUND)  # of solid tables and floors the top will do
+            faces.append(face)
     return faces
 
 
