@@ -37,7 +37,7 @@ def campaign() -> Iterator[Figure]:
     yield Figure(_SECTION, "recorded", report["recorded_s"] / 3600, "h")
     yield Figure(_SECTION, "standby", report["standby_W"], "W")
     for space, figures in report["spaces"].items():
-        yield Figure(_SECTION, f"{space} space: mean / p99 / max, the mean", figures["mean_W"], "W")
+        yield Figure(_SECTION, f"{space} space: mean", figures["mean_W"], "W")
         yield Figure(_SECTION, f"{space} space: p99", figures["p99_W"], "W")
         yield Figure(_SECTION, f"{space} space: max", figures["max_W"], "W")
     steady = report["steady_error"]
@@ -64,4 +64,4 @@ def motions() -> Iterator[Figure]:
     yield Figure(_SECTION, "76 motions: largest share of an axis' speed", speed, "", "<= 1")
     yield Figure(_SECTION, "76 motions: largest share of an axis' acceleration", acceleration, "", "<= 1")
     yield Figure(_SECTION, "76 motions: all positions within the axis limits", float(inside), "", ">= 1")
-    yield Figure(_SECTION, "points drawn again as unreachable", float(drawn.limited_tally.unreachable), "of 2277")
+    yield Figure(_SECTION, "points drawn again as unreachable", float(drawn.limited_tally.unreachable), f"of {drawn.limited_tally.points}")
