@@ -16,7 +16,7 @@ from acqd.lab.settings import LabSettings
 from acqd.lab.trajectory import Trajectory, read_trajectory, write_trajectory
 from acqd.robot import load_description
 from acqd.robot.arm import Arm
-from acqd.robot.collision import CollisionChecker
+from acqd.robot.collision import CollisionChecker, dense_path
 from acqd.robot.kinematics import forward_kinematics
 from acqd.robot.scene import Box, Scene
 from tools import mujoco_oracle
@@ -217,6 +217,21 @@ def test_an_assembly_does_not_drive_through_what_stands_in_its_way(cell):
         assembly = Assembly(cell.arm, cell.planner, controller)
         motion = Controller(IIWA, assembly.home()).run(assembly.program(np.random.default_rng(0)))
         assert not cell.checker.path_collides(planned_path(motion.q))
+
+
+def test_transfers_go_round_what_stands_in_the_way(cell):
+    wall = Scene(name="wall", box=[Box(name="wall", centre=(0.5, 0.0, 0.4), size=(0.02, 0.5, 1.0))])
+    planner = Planner(cell.arm, CollisionChecker(cell.arm, wall))
+    side = np.radians([60, 60, 0, -40, 0, 0, 0])
+    start, end = side, side * [-1, 1, 1, 1, 1, 1, 1]
+    assert planner.checker.path_collides(dense_path(np.array([start, end]), np.radians(1)))
+    moves = planner.connect(start, end)
+    assert len(moves) > 1
+    way = np.array([start, *(move.target for move in moves)])
+    np.testing.assert_array_equal(way[-1], end)
+    assert not planner.checker.path_collides(dense_path(way, np.radians(0.5)))
+    again = planner.connect(start, end)
+    np.testing.assert_array_equal(way[1:], [move.target for move in again])
 
 
 def test_a_trajectory_through_a_box_is_refused_with_the_place(cell):

@@ -17,7 +17,7 @@ from acqd.robot.dynamics import (
     payload_regressor,
     regressor,
 )
-from acqd.robot.kinematics import Pose, flange_jacobian, forward_kinematics, inverse_kinematics, joint_origins
+from acqd.robot.kinematics import Pose, flange_jacobian, forward_kinematics, inverse_kinematics, joint_origins, unwound
 from acqd.robot.scene import load_scene
 from tools import mujoco_oracle
 
@@ -106,6 +106,18 @@ def test_inverse_kinematics_finds_every_reachable_pose_within_the_limits(name):
         again = forward_kinematics(arm, found[None])
         np.testing.assert_allclose(again[0][0], position, atol=1e-6)
         np.testing.assert_allclose(again[1][0], rotation, atol=1e-6)
+
+
+def test_a_posture_is_reached_without_needless_turns():
+    robot = load_description("ur10e")
+    q = np.radians([10.0, 247.0, -114.0, -223.0, -90.0, 300.0])
+    shorter = unwound(q, np.zeros(6), robot.lower, robot.upper)
+    np.testing.assert_allclose(np.degrees(shorter), [10, -113, -114, 137, -90, -60])
+    arm = Arm(robot)
+    np.testing.assert_allclose(
+        forward_kinematics(arm, q[None])[0], forward_kinematics(arm, shorter[None])[0], atol=1e-9
+    )
+    np.testing.assert_array_equal(unwound(q, q, robot.lower, robot.upper), q)
 
 
 def reachable_by_geometry(position):

@@ -12,7 +12,7 @@ from acqd.lab.trajectory import Trajectory
 from acqd.robot.arm import Arm
 from acqd.robot.collision import CollisionChecker, dense_path, require_free
 from acqd.robot.description import Floats
-from acqd.robot.kinematics import Pose, inverse_kinematics
+from acqd.robot.kinematics import Pose, inverse_kinematics, unwound
 
 TOOL_DOWN = np.array([[-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]])
 """End-effector orientation of Algorithm 1."""
@@ -110,6 +110,8 @@ class Excitation:
         for _ in range(12):
             start = random.uniform(np.maximum(robot.lower, -np.pi), np.minimum(robot.upper, np.pi)) * 0.6
             q = inverse_kinematics(self.arm, Pose(centre, TOOL_DOWN), start, random, restarts=10)
+            if q is not None:  # a turn more would have to be made by every way there
+                q = unwound(q, middle, robot.lower, robot.upper)
             if q is not None and not self.checker.collides(q):
                 strain = float(np.max(np.abs(q - middle) / width))
                 if strain < best:

@@ -12,8 +12,9 @@ from acqd.lab.controller import Step, Wait
 from acqd.lab.excitation import CHECK_STEP, planned_path
 from acqd.lab.motion import Chain, Move, plan_chain
 from acqd.lab.trajectory import Trajectory
+from acqd.lab.transfer import find_way
 from acqd.robot.arm import Arm
-from acqd.robot.collision import CollisionChecker, dense_path
+from acqd.robot.collision import CollisionChecker
 from acqd.robot.description import Floats
 from acqd.robot.kinematics import forward_kinematics
 
@@ -69,17 +70,14 @@ class Planner:
             return 1.0 - relative_blending
         return float(np.interp((1.0 - relative_blending) * way[-1], way, s))
 
-    def connect(self, start: Floats, end: Floats, random: np.random.Generator) -> list[Move]:
-        """A free way between two positions, by way of others where the direct one collides. Raises UserError."""
+    def connect(self, start: Floats, end: Floats) -> list[Move]:
+        """A free way between two positions, round what stands in the direct one. Raises UserError."""
         robot = self.arm.description
-        lower, upper = np.maximum(robot.lower, -np.pi), np.minimum(robot.upper, np.pi)
-        ways = [[end], [np.zeros(robot.axes), end]]
-        for attempt in range(400):
-            way = ways[attempt] if attempt < len(ways) else [random.uniform(lower, upper), end]
-            path = dense_path(np.array([start, *way]), CHECK_STEP)
-            if not self.checker.path_collides(path):
-                return [Move(q, 0.3, self.parameters.relative_acceleration) for q in way]
-        raise UserError("no collision-free way between two trajectories was found in 400 attempts; change the scene")
+        limits = np.maximum(robot.lower, -np.pi), np.minimum(robot.upper, np.pi)
+        way = find_way(self.checker, start, end, limits, CHECK_STEP)
+        if way is None:
+            raise UserError("no collision-free way from one trajectory to the next was found; change the scene")
+        return [Move(q, 0.3, self.parameters.relative_acceleration) for q in way]
 
     def without_collisions(self, origin: Floats, moves: list[Move]) -> list[Move]:
         """The same motions (none of them of no length), unblended where the blend would collide. Raises UserError."""

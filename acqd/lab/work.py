@@ -85,8 +85,7 @@ def _play(cell: Cell, plan: SessionPlan, folders: Folders, settings: CampaignSet
     start_utc_ns = settings.start_utc_ns + round(plan.start_s * 1e9)
     session = Session(cell, plan.number, start_utc_ns, programs.start(plan.recordings[0]), rows.write)
     for place, recording in enumerate(plan.recordings):
-        random = cell.random(MOTION, recording.number)
-        way = cell.planner.connect(session.controller.position, programs.start(recording), random)
+        way = cell.planner.connect(session.controller.position, programs.start(recording))
         pause = settings.pause_s if place else 3.0
         session.pause([Phase("transfer"), *way, Wait(pause)], recording.number)
         log = folders.logs(cell.device) / (recording.name + log_suffix(cell.robot))

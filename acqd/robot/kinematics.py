@@ -67,9 +67,16 @@ def inverse_kinematics(
     for _ in range(restarts + 1):
         found = _iterate(arm, pose, start, lower, upper, tolerance)
         if found is not None:
-            return found
+            return unwound(found, seed, lower, upper)
         start = random.uniform(np.maximum(lower, -np.pi), np.minimum(upper, np.pi))
     return None
+
+
+def unwound(q: Floats, near: Floats, lower: Floats, upper: Floats) -> Floats:
+    """The same posture with whole turns taken off, as near to `near` [axes] as the limits allow."""
+    turns = np.round((q - near) / (2 * np.pi)) * 2 * np.pi
+    fewer = q - turns
+    return np.where((fewer >= lower) & (fewer <= upper), fewer, q)
 
 
 def _iterate(arm: Arm, pose: Pose, start: Floats, lower: Floats, upper: Floats, tolerance: float) -> Floats | None:

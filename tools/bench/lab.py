@@ -64,4 +64,5 @@ def motions() -> Iterator[Figure]:
     yield Figure(_SECTION, "76 motions: largest share of an axis' speed", speed, "", "<= 1")
     yield Figure(_SECTION, "76 motions: largest share of an axis' acceleration", acceleration, "", "<= 1")
     yield Figure(_SECTION, "76 motions: all positions within the axis limits", float(inside), "", ">= 1")
-    yield Figure(_SECTION, "points drawn again as unreachable", float(drawn.limited_tally.unreachable), f"of {drawn.limited_tally.points}")
+    tally = drawn.limited_tally
+    yield Figure(_SECTION, "points drawn again as unreachable", float(tally.unreachable), f"of {tally.points}")
