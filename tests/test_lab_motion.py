@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from acqd.errors import InputError, UserError
@@ -44,6 +44,7 @@ def test_a_profile_keeps_its_limits_and_arrives(distance, speed, acceleration):
 
 
 @given(st.integers(0, 10_000))
+@example(369)  # a leg that ends before the one before it
 @settings(max_examples=25, deadline=None)
 def test_a_blended_chain_keeps_every_limit(seed):
     random = np.random.default_rng(seed)

@@ -141,9 +141,10 @@ def plan_chain(origin: Floats, moves: list[Move], speed: Floats, acceleration: F
             together = order.relative_acceleration + move.relative_acceleration
             allowed_acceleration = min(together, 1.0) * acceleration
             earliest = before.start + _time_of(before.profile, order.blend_after)
-            if len(legs) > 1:
-                earliest = max(earliest, legs[-2].end)  # never three at once
+            alone = legs[-2].end if len(legs) > 1 else 0.0  # never three at once
+            earliest = max(earliest, alone)
             start = _soonest(before, distance, profile, earliest, allowed_speed, allowed_acceleration)
+            start = max(start, alone)
             legs.append(Leg(start, distance, profile))
         orders.append(move)
     return Chain(origin, legs)
