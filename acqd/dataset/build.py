@@ -1,0 +1,237 @@
+"""`acqd dataset build`: logs and power rows in, aligned recordings with provenance out."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+import orjson
+import pyarrow.parquet
+
+from acqd import __version__
+from acqd.dataset.explain import TorqueSource, explain
+from acqd.dataset.locate import Alignment, Located, locate
+from acqd.dataset.merge import Recording, merge
+from acqd.dataset.power import PowerStream, open_power
+from acqd.dataset.split import source_of, split
+from acqd.errors import OperationError, UserError
+from acqd.robot.description import RobotDescription, load_description
+from acqd.robot.log import RobotLog, read_log
+
+_SUFFIXES = (".log", ".csv", ".txt")
+_LEAST_VALID_S = 2.0
+
+
+_Merged: TypeAlias = tuple[RobotLog, Located, Recording | None, str]
+"""A log, where it lies, what came of it, and if nothing did, why."""
+
+
+@dataclass(frozen=True, slots=True)
+class BuildOrder:
+    """What to merge, and how."""
+
+    power: str
+    logs: Path
+    out: Path
+    robot: str
+    device: str | None = None
+    channel: str | None = None
+    torque: TorqueSource | None = None
+    search_s: float = 2.4
+    step_s: float = 0.04
+    seed: int = 1
+
+
+@dataclass(slots=True)
+class BuildReport:
+    """What came of it."""
+
+    out: str
+    robot: str
+    recordings: int = 0
+    seconds: float = 0.0
+    refused: list[str] = field(default_factory=list)
+    """Logs that could not be placed, and why."""
+    notes: list[str] = field(default_factory=list)
+    offset_s: float | None = None
+    drift_ppm: float | None = None
+    scatter_ms: float | None = None
+    supply_lag_ms: float = 0.0
+    split: dict[str, int] = field(default_factory=dict)
+    simulated: bool = False
+
+
+def build(order: BuildOrder, progress: Callable[[str, float], None]) -> BuildReport:
+    """Align, merge and write; nothing appears under `out` unless all of it does. Raises UserError."""
+    if order.out.exists():
+        raise UserError(f"{order.out} exists; choose another --out, or remove it")
+    robot = load_description(order.robot)
+    paths = _log_files(order.logs)
+    progress("reading power", 0.0)
+    power = open_power(order.power, order.device, order.channel)
+    logs = []
+    for number, path in enumerate(paths):
+        logs.append(read_log(path, robot))
+        progress("reading logs", (number + 1) / len(paths))
+    explained = [explain(log, robot, order.torque) for log in logs]
+    alignment = locate(explained, power, order.search_s, lambda share: progress("aligning", share))
+    if all(located.method == "refused" for located in alignment.located):
+        raise UserError(
+            f"none of {len(logs)} logs can be placed in the power stream (best R2 "
+            f"{max(located.own.r2 for located in alignment.located):.2f}): is it this robot's power, of these days?"
+        )
+    merged = _merge_all(order, logs, power, alignment)
+    return _write(order, robot, power, alignment, merged)
+
+
+def _log_files(folder: Path) -> list[Path]:
+    if folder.is_file():
+        return [folder]
+    paths = sorted(path for path in folder.rglob("*") if path.suffix in _SUFFIXES and path.is_file())
+    if not paths:
+        raise UserError(f"{folder}: no robot logs ({', '.join(_SUFFIXES)}) there")
+    stems = [path.stem for path in paths]
+    doubled = {stem for stem in stems if stems.count(stem) > 1}
+    if doubled:
+        raise UserError(f"{folder}: several logs named {min(doubled)}; build one dataset per robot")
+    return paths
+
+
+def _merge_all(order: BuildOrder, logs: list[RobotLog], power: PowerStream, alignment: Alignment) -> list[_Merged]:
+    drift = alignment.line.drift_ppm if alignment.line else 0.0
+    results: list[_Merged] = []
+    for log, located in zip(logs, alignment.located, strict=True):
+        if located.method == "refused":
+            results.append((log, located, None, located.note))
+            continue
+        recording = merge(log.path.stem, log, power, located.lag_s, drift, order.step_s)
+        if recording.valid.sum() * order.step_s < _LEAST_VALID_S:
+            results.append((log, located, None, "no power rows in its time span"))
+        else:
+            results.append((log, located, recording, ""))
+    if all(recording is None for _, _, recording, _ in results):
+        raise UserError(
+            "no log overlaps the power stream: are they of the same days? --search SECONDS widens the search"
+        )
+    return results
+
+
+def _write(
+    order: BuildOrder,
+    robot: RobotDescription,
+    power: PowerStream,
+    alignment: Alignment,
+    merged: list[_Merged],
+) -> BuildReport:
+    report = BuildReport(str(order.out), robot.name, simulated=power.simulated)
+    line = alignment.line
+    if line is not None:
+        report.offset_s, report.drift_ppm, report.scatter_ms = line.offset_s, line.drift_ppm, 1000 * line.scatter_s
+    report.supply_lag_ms = 1000 * alignment.supply_lag_s
+    entries: list[dict[str, Any]] = []
+    kept = [(log, located, recording) for log, located, recording, _ in merged if recording is not None]
+    seconds: dict[str, float] = {}
+    for _, _, recording in kept:
+        source = source_of(recording.name)
+        seconds[source] = seconds.get(source, 0.0) + float(recording.valid.sum()) * order.step_s
+    parts = split(seconds, order.seed)
+    report.refused = [f"{log.path}: {reason}" for log, _, recording, reason in merged if recording is None]
+    for log, located, recording in kept:
+        if located.note:
+            report.notes.append(f"{log.path}: {located.note}")
+        source = source_of(recording.name)
+        report.split[parts[source]] = report.split.get(parts[source], 0) + 1
+        entries.append(_entry(order, log, located, recording) | {"source": source, "split": parts[source]})
+    report.recordings = len(entries)
+    report.seconds = sum(entry["valid_s"] for entry in entries)
+    manifest = {
+        "acqd": __version__,
+        "robot": robot.name,
+        "simulated": power.simulated,
+        "step_s": order.step_s,
+        "power": _power_provenance(order, power),
+        "clock": {"offset_s": report.offset_s, "drift_ppm": report.drift_ppm, "scatter_ms": report.scatter_ms},
+        "supply_lag_s": alignment.supply_lag_s,
+        "refused": report.refused,
+        "recordings": entries,
+    }
+    _publish(order.out, [recording for _, _, recording in kept], manifest)
+    return report
+
+
+def _entry(order: BuildOrder, log: RobotLog, located: Located, recording: Recording) -> dict[str, Any]:
+    return {
+        "name": recording.name,
+        "file": f"recordings/{recording.name}.parquet",
+        "rows": len(recording.valid),
+        "valid_s": float(recording.valid.sum()) * order.step_s,
+        "lag_s": located.lag_s,
+        "lag_by": located.method,
+        "own_lag": {"s": located.own.seconds, "r2": located.own.r2, "stands_out": located.own.ratio},
+        "note": located.note,
+        "log": {"path": str(log.path), "sha256": _digest(log.path), "rows": len(log.time)},
+    }
+
+
+def _power_provenance(order: BuildOrder, power: PowerStream) -> dict[str, Any]:
+    path = Path(order.power)
+    return {
+        "origin": order.power,
+        "sha256": _digest(path) if path.is_file() and path.suffix != ".sqlite" else None,
+        "rows": len(power.time_ns),
+        "first_ns": int(power.time_ns[0]),
+        "last_ns": int(power.time_ns[-1]),
+        "duplicates_dropped": power.dropped,
+        "window_ns": power.window_ns,
+    }
+
+
+def _digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _publish(out: Path, recordings: list[Recording], manifest: dict[str, Any]) -> None:
+    """Everything into a folder beside `out`, which then takes its name."""
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        beside = Path(tempfile.mkdtemp(prefix=f".{out.name}.", dir=out.parent))
+    except OSError as error:
+        raise UserError(f"{out}: cannot be made ({error.strerror}); choose another --out") from None
+    try:
+        (beside / "recordings").mkdir()
+        for recording in recordings:
+            pyarrow.parquet.write_table(recording.table(), beside / "recordings" / f"{recording.name}.parquet")
+        (beside / "manifest.json").write_bytes(orjson.dumps(manifest, option=orjson.OPT_INDENT_2))
+        umask = os.umask(0)
+        os.umask(umask)
+        beside.chmod(0o777 & ~umask)
+        beside.replace(out)
+    except OSError as error:
+        raise OperationError(f"{out}: {error.strerror}; nothing was left behind") from None
+    finally:
+        shutil.rmtree(beside, ignore_errors=True)
+
+
+def load_manifest(dataset: Path) -> dict[str, Any]:
+    """The manifest of a dataset. Raises UserError."""
+    path = dataset / "manifest.json"
+    try:
+        manifest: dict[str, Any] = orjson.loads(path.read_bytes())
+    except FileNotFoundError:
+        raise UserError(f"{dataset} is no dataset: it has no manifest.json; acqd dataset build makes one") from None
+    except (OSError, orjson.JSONDecodeError) as error:
+        raise UserError(f"{path} is damaged ({error}); build the dataset again") from None
+    return manifest
+
+
+def valid_share(manifest: dict[str, Any]) -> float:
+    """Share of rows at which both sides were there."""
+    rows = np.array([[entry["valid_s"], entry["rows"] * manifest["step_s"]] for entry in manifest["recordings"]])
+    return float(rows[:, 0].sum() / rows[:, 1].sum())

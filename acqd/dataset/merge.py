@@ -1,0 +1,92 @@
+"""One recording: power and joints on a common time vector (thesis section 6.1)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from acqd.dataset.power import PowerStream
+from acqd.robot.description import Floats
+from acqd.robot.log import RobotLog
+
+_LOG_GAP_S = 0.25  # without a log row for longer, angles are not interpolated
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """Rows `step_s` apart; `valid` says where both sides were there."""
+
+    name: str
+    time_ns: NDArray[np.int64]
+    """[T] UTC of the power clock, at the middle of each window."""
+    columns: dict[str, Floats]
+    """P [W], Vrms [V], q1.. [rad] and whatever else was logged; NaN where unknown."""
+    valid: NDArray[np.bool_]
+    """[T]."""
+
+    def table(self) -> pa.Table:
+        """For Parquet."""
+        return pa.table({"time_ns": self.time_ns, **self.columns, "valid": self.valid})
+
+
+def merge(name: str, log: RobotLog, power: PowerStream, lag_s: float, drift_ppm: float, step_s: float) -> Recording:
+    """Both resampled linearly to rows `step_s` apart; a side that is faster is averaged over the step first.
+
+    `lag_s` is controller clock minus power clock at the log's middle, `drift_ppm` how much the controller gains.
+    """
+    order = np.argsort(log.time, kind="stable")
+    own, first = np.unique(log.time[order], return_index=True)  # disordered rows sorted, duplicates once
+    rows = order[first]
+    middle = (own[0] + own[-1]) / 2
+    clock = own - lag_s - (own - middle) * drift_ppm * 1e-6  # power clock
+    half_ns = power.window_ns // 2
+    part = power.part(round(clock[0] * 1e9) - half_ns, round(clock[-1] * 1e9) - half_ns)
+    centres: Floats = np.asarray((power.time_ns[part] + half_ns) * 1e-9, dtype=np.float64)
+    count = int((centres[-1] - centres[0]) / step_s + 1e-6) + 1 if len(centres) else 0
+    grid: Floats = np.asarray((centres[0] if count else clock[0]) + step_s * np.arange(count), dtype=np.float64)
+    P, volts = np.asarray(power.P[part]), np.asarray(power.Vrms[part])
+    columns = {"P": _resampled(grid, centres, P, step_s), "Vrms": _resampled(grid, centres, volts, step_s)}
+    for quantity in ("q", "qd", "tau", "current", "temperature"):
+        values = getattr(log, quantity)
+        if values is not None:
+            for axis in range(values.shape[1]):
+                columns[f"{quantity}{axis + 1}"] = _resampled(grid, clock, values[rows, axis], step_s)
+    for signal, values in log.signals.items():
+        columns[signal] = np.round(_resampled(grid, clock, values[rows], step_s))
+    valid = _near(grid, centres[np.isfinite(P)], 0.75 * power.window_ns * 1e-9) & _near(grid, clock, _LOG_GAP_S / 2)
+    valid &= np.isfinite(columns["P"])
+    first_ns = int(power.time_ns[part][0]) + half_ns if count else 0
+    time_ns = first_ns + np.rint(step_s * 1e9 * np.arange(count)).astype(np.int64)
+    return Recording(name, time_ns, columns, valid)
+
+
+def _resampled(grid: Floats, t: Floats, values: Floats, step_s: float) -> Floats:
+    known = np.isfinite(values)
+    if known.sum() < 2:
+        return np.full(len(grid), np.nan)
+    t, values = t[known], values[known]
+    if np.median(np.diff(t)) < 0.6 * step_s:  # the mean over each step, by the integral of the straight lines
+        integral = np.concatenate([[0.0], np.cumsum(np.diff(t) * (values[1:] + values[:-1]) / 2)])
+        edges = np.clip([grid - step_s / 2, grid + step_s / 2], t[0], t[-1])
+        low, high = (_integral_at(edge, t, values, integral) for edge in edges)
+        return np.asarray((high - low) / np.maximum(edges[1] - edges[0], 1e-12))
+    return np.asarray(np.interp(grid, t, values))
+
+
+def _integral_at(at: Floats, t: Floats, values: Floats, integral: Floats) -> Floats:
+    before = np.clip(np.searchsorted(t, at, side="right") - 1, 0, len(t) - 2)
+    into = at - t[before]
+    slope = (values[before + 1] - values[before]) / (t[before + 1] - t[before])
+    return np.asarray(integral[before] + into * (values[before] + slope * into / 2))
+
+
+def _near(grid: Floats, t: Floats, within_s: float) -> NDArray[np.bool_]:
+    """Whether a time of `t` (rising) lies within `within_s` of each grid point."""
+    if not len(t):
+        return np.zeros(len(grid), bool)
+    after = np.clip(np.searchsorted(t, grid), 1, len(t) - 1) if len(t) > 1 else np.zeros(len(grid), int)
+    nearest = np.minimum(np.abs(t[after] - grid), np.abs(t[np.maximum(after - 1, 0)] - grid))
+    return np.asarray(nearest <= within_s)
