@@ -68,7 +68,7 @@ def ring():
 @settings(max_examples=60, deadline=None)
 @given(steps=st.lists(st.tuples(st.integers(0, 3_000), st.booleans(), st.sampled_from([0, 0, 0, 7, 500])), max_size=40))
 def test_ring_hands_over_every_sample_in_order_with_its_index(steps):
-    ring, fd = Ring.create(RingLayout(RATE, 2, 5_000))
+    ring, fd = Ring.create(RingLayout(RATE, 2, 8_000))  # a quarter of it is kept clear of the reader
     ring.begin(100, 10**9)
     index, seen, written, expected = 100, [], [], 0
     for count, read, gap in steps:
