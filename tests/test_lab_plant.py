@@ -115,6 +115,19 @@ def test_an_effect_does_nothing_before_its_onset_and_scales_with_its_strength(na
         assert np.abs(strong).sum() > 2 * np.abs(weak).sum() > 0
 
 
+def test_an_effect_at_two_hooks_keeps_the_balance():
+    class Both(known_effects()["offset_shift"]):
+        def dc_load(self, situation):
+            return 5.0 * self.gate(situation)
+
+        def torque(self, situation):
+            return 0.5 * np.tanh(situation.motion.qd / 0.01)
+
+    plant, power = run([Both({}, (1, 0.0), np.random.default_rng(0))])
+    assert plant.ledger.balance()["unaccounted_share"] < 1e-6
+    assert (power - CLEAN)[500] > 12
+
+
 def test_an_onset_within_a_recording_is_kept_to_the_millisecond():
     power = run(make_effects([parse_effect("offset_shift:at=3.0")], [1]))[1]
     changed = np.flatnonzero(np.abs(power - CLEAN) > 1e-9)

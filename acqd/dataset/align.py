@@ -31,8 +31,6 @@ class Lag:
 
     seconds: float
     """Controller clock minus power clock."""
-    sigma_s: float
-    """Standard error by the curvature of the fit; optimistic."""
     r2: float
     """Explained share of the power's variance at the maximum."""
     ratio: float
@@ -61,31 +59,27 @@ def coarse_search(
     runner_up = float(r2[away].max()) if away.any() else 0.0
     lag = centre_s + half_s - best * step
     ratio = (1 - runner_up) / max(1 - float(r2[best]), 1e-9)
-    return Lag(lag, step, float(r2[best]), ratio)
+    return Lag(lag, float(r2[best]), ratio)
 
 
 def refine(about: Explanation, power: PowerStream, supply_lag_s: float, coarse: Lag) -> Lag:
-    """The lag between the grid's points, and its standard error."""
+    """The lag between the grid's points."""
     window_s = power.window_ns * 1e-9
     columns = about.as_metered(supply_lag_s, window_s)
     t = about.t
 
     def unexplained(lag: float) -> float:
-        return _unexplained(t, columns, power, lag)[0]
+        return _unexplained(t, columns, power, lag)
 
     span = 1.5 * window_s
     found = minimize_scalar(
         unexplained, bounds=(coarse.seconds - span, coarse.seconds + span), method="bounded", options={"xatol": 1e-4}
     )
-    share, rows = _unexplained(t, columns, power, float(found.x))
-    width = 0.01
-    bend = (unexplained(found.x + width) + unexplained(found.x - width) - 2 * share) / width**2
-    sigma = float(np.sqrt(2 * share / max(rows * bend, 1e-12)))
-    return Lag(float(found.x), sigma, 1 - share, coarse.ratio)
+    return Lag(float(found.x), 1 - float(found.fun), coarse.ratio)
 
 
-def _unexplained(t: Floats, columns: Floats, power: PowerStream, lag: float) -> tuple[float, int]:
-    """Unexplained share of the half-differenced power's variance, and the number of rows."""
+def _unexplained(t: Floats, columns: Floats, power: PowerStream, lag: float) -> float:
+    """Unexplained share of the half-differenced power's variance."""
     half_window = power.window_ns * 0.5e-9
     edge = 0.2
     rows = power.part(round((t[0] + edge - lag - half_window) * 1e9), round((t[-1] - edge - lag - half_window) * 1e9))
@@ -95,13 +89,13 @@ def _unexplained(t: Floats, columns: Floats, power: PowerStream, lag: float) -> 
     X = np.column_stack([np.interp(centres[known], t, column) for column in columns.T] + [np.ones(known.sum())])
     y = P[known]
     if len(y) < 2 * X.shape[1]:
-        return 1.0, len(y)
+        return 1.0
     X, y = X[1:] - _RHO * X[:-1], y[1:] - _RHO * y[:-1]
     X = X / np.maximum(np.sqrt((X * X).mean(axis=0)), 1e-12)
     gram = X.T @ X
     gram[np.diag_indices_from(gram)] += 1e-7 * len(y)  # columns may say the same
     solution = np.linalg.solve(gram, X.T @ y)
-    return float((y - X @ solution).var() / max(y.var(), 1e-12)), len(y)
+    return float((y - X @ solution).var() / max(y.var(), 1e-12))
 
 
 def _every(columns: Floats, step: float) -> Floats:
@@ -120,7 +114,7 @@ def _orthonormal(X: Floats) -> Floats:
 
 
 def _even(power: PowerStream, begin_s: float, count: int, step: float) -> Floats | None:
-    """[count] power at even times from `begin_s`; beyond the stream its mean, None when it lies elsewhere."""
+    """[count] power at even times from `begin_s`, its ends held beyond the stream; None when it lies elsewhere."""
     grid = begin_s + step * np.arange(count)
     rows = power.part(round((grid[0] - 1) * 1e9), round((grid[-1] + 1) * 1e9))
     P = np.asarray(power.P[rows])

@@ -34,9 +34,6 @@ class Explanation:
     """First grid point, controller time as in the log."""
     columns: Floats
     """[T, k], not yet delayed or averaged."""
-    mechanical_W: Floats
-    """[T] total mechanical power (Eq. 6.3)."""
-    torque: TorqueSource
 
     @property
     def t(self) -> Floats:
@@ -70,7 +67,7 @@ def explain(log: RobotLog, robot: RobotDescription, torque: TorqueSource | None 
     columns = [np.abs(qd), qd**2, qd * qdd, tau * qd, tau**2, tau * direction, np.abs(power)[:, None]]
     if "brake" in log.signals:
         columns.append(np.interp(grid, time, log.signals["brake"][rows])[:, None])
-    return Explanation(float(time[0]), np.column_stack(columns), power, source)
+    return Explanation(float(time[0]), np.column_stack(columns))
 
 
 def best_torque(log: RobotLog) -> TorqueSource:

@@ -15,7 +15,7 @@ from acqd.dataset.power import PowerStream
 
 _SUPPLY_LAGS_S = (0.0, 0.006, 0.012, 0.018, 0.024, 0.036, 0.05)
 _PROBED = 12  # recordings that the supply's lag is found from
-_NONE = Lag(0.0, np.inf, 0.0, 1.0)
+_NONE = Lag(0.0, 0.0, 1.0)
 Method = Literal["clock line", "own", "refused"]
 
 

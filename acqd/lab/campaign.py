@@ -351,6 +351,7 @@ def _summarise(order: CampaignOrder, reports: list[dict[str, Any]], powers: dict
         summary.steady_error = {
             "windows": sum(windows),
             "window_rms": float(np.sqrt(np.average([part["window_rms"] ** 2 for part in steady], weights=windows))),
+            "window_worst": max(part["window_worst"] for part in steady),
             "second_worst": max(part["second_worst"] for part in steady),
         }
     summary.energy_unaccounted = max(report["energy"]["unaccounted_share"] for report in reports)

@@ -188,11 +188,12 @@ def steady_error(power: Floats, metered: Floats, window_s: float = 0.04, calm_W:
     true, read = (values[: seconds * per_second].reshape(seconds, per_second) for values in (power, metered))
     calm = (np.ptp(true, axis=1) < calm_W) & np.isfinite(read).all(axis=1)
     if not calm.any():
-        return {"windows": 0, "window_rms": 0.0, "second_worst": 0.0}
+        return {"windows": 0, "window_rms": 0.0, "window_worst": 0.0, "second_worst": 0.0}
     window = read[calm] / true[calm] - 1.0
     second = read[calm].mean(axis=1) / true[calm].mean(axis=1) - 1.0
     return {
         "windows": int(calm.sum()) * per_second,
         "window_rms": float(np.sqrt(np.mean(window**2))),
+        "window_worst": float(np.abs(window).max()),
         "second_worst": float(np.abs(second).max()),
     }

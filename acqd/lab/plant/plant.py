@@ -59,8 +59,7 @@ class Plant:
         """The plant over one stretch of `motion` at mains `voltage` [T] (Vrms)."""
         s = Situation(stretch or Stretch(), motion, self._arm, self._p, voltage, self._nominal_V)
         mass = sum(self._asked(lambda effect: effect.payload(s)).values(), np.zeros(len(motion)))
-        powers = self._mechanics(s, mass) | self._dc_side(s)
-        powers |= self._mains_side(s)
+        powers = _together(self._mechanics(s, mass), self._dc_side(s), self._mains_side(s))
         self._account(s, powers, mass)
         return PlantTrace(powers["supplied"], self._recorded(s), s)
 
@@ -90,7 +89,8 @@ class Plant:
             "friction": row_sum(s.tau_friction * motion.qd),
             "copper": row_sum(self._motors.copper_loss(s.current)),
         }
-        return powers | {name: row_sum(tau * motion.qd) for name, tau in (outside | inside).items()}
+        acting = _together(outside, inside)
+        return powers | {name: row_sum(tau * motion.qd) for name, tau in acting.items()}
 
     def _dc_side(self, s: Situation) -> dict[str, Floats]:
         enabled = s.motion.brake_open.astype(float)
@@ -136,3 +136,12 @@ class Plant:
         for effect in self._effects:
             recorded = effect.logged(recorded, s)
         return recorded
+
+
+def _together(*parts: dict[str, Floats]) -> dict[str, Floats]:
+    """Sums by name: an effect may act at several hooks, and has one channel."""
+    total: dict[str, Floats] = {}
+    for part in parts:
+        for name, values in part.items():
+            total[name] = total[name] + values if name in total else values
+    return total
