@@ -7,19 +7,24 @@ quantities (see explain.py); the explained share R^2 is what is maximised.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import qr
 from scipy.optimize import minimize_scalar
 from scipy.signal import correlate
 
-from acqd.dataset.explain import STEP_S, Explanation
+from acqd.dataset.explain import STEP_S, Explanation, band_limited
 from acqd.dataset.power import PowerStream
 from acqd.robot.description import Floats
 
+Bools: TypeAlias = NDArray[np.bool_]
+
 SEARCH_S = 2.4
 """Half the range that the thesis searches (section 6.3)."""
-_RHO = 0.5  # neighbouring residuals are alike: half-differencing whitens them enough to sharpen the maximum
+_EDGE_S = 0.5  # of a log: there its smoothing is not to be trusted
+_SPAN = 1.5  # windows to either side within which a coarse lag is refined
 _EXCLUDED_S = 0.5  # around the maximum: where its own flank lies
 _LEAST_R2 = 0.2
 _LEAST_RATIO = 1.3  # of unexplained variance, runner-up to best
@@ -47,50 +52,76 @@ def coarse_search(
 ) -> Lag | None:
     """The best lag within `half_s` around `centre_s` on the grid of the power rows; None without overlap."""
     step = power.window_ns * 1e-9
-    X = _orthonormal(_every(about.as_metered(supply_lag_s, step), step))
+    X = _orthonormal(_every(about.as_metered(supply_lag_s, step)[:, : about.essential], step))
     begin = about.start_s - centre_s - half_s
     count = len(X) + int(2 * half_s / step) + 1
-    P = _even(power, begin, count, step)
-    if P is None or len(P) < len(X):
+    even = _even(power, begin, count, step)
+    if even is None or count < len(X):
         return None
-    r2 = _r2_over_lags(X, P)
+    r2 = _r2_over_lags(X, even[1])
     best = int(np.argmax(r2))
     away = np.abs(np.arange(len(r2)) - best) * step > _EXCLUDED_S
     runner_up = float(r2[away].max()) if away.any() else 0.0
     lag = centre_s + half_s - best * step
     ratio = (1 - runner_up) / max(1 - float(r2[best]), 1e-9)
+    if min(best, len(r2) - 1 - best) * step < _EXCLUDED_S:
+        ratio = 1.0  # the flank of a maximum that lies outside
     return Lag(lag, float(r2[best]), ratio)
 
 
-def refine(about: Explanation, power: PowerStream, supply_lag_s: float, coarse: Lag) -> Lag:
-    """The lag between the grid's points."""
+@dataclass(frozen=True, slots=True)
+class Overlap:
+    """A recording's quantities beside the power, below BAND_HZ, ready to be shifted against each other."""
+
+    t: Floats
+    """[T] s, controller time."""
+    columns: Floats
+    """[T, k] as the meter would see them."""
+    at: Floats
+    """[N] s, power clock."""
+    P: Floats
+    """[N] W."""
+
+    def shifted(self, lag_s: float) -> tuple[Floats, Floats]:
+        """Quantities [N, k] and power [N], both centred, were the controller's clock `lag_s` ahead."""
+        place = (self.at + lag_s - self.t[0]) / STEP_S
+        before = np.clip(place.astype(np.int64), 0, len(self.columns) - 2)
+        share = np.clip(place - before, 0.0, 1.0)[:, None]
+        X = self.columns[before] * (1 - share) + self.columns[before + 1] * share
+        return X - X.mean(axis=0), self.P - self.P.mean()
+
+
+def overlap(about: Explanation, power: PowerStream, supply_lag_s: float, coarse: Lag) -> Overlap | None:
+    """What both sides know at about the coarse lag; None when that is too little."""
     window_s = power.window_ns * 1e-9
-    columns = about.as_metered(supply_lag_s, window_s)
-    t = about.t
+    t, span = about.t, _SPAN * window_s
+    count = int((t[-1] - t[0] + 2 * span) / window_s)
+    even = _even(power, t[0] - coarse.seconds - span, count, window_s)
+    if even is None:
+        return None
+    at, P, known = even
+    inside = known & (at + coarse.seconds > t[0] + _EDGE_S) & (at + coarse.seconds < t[-1] - _EDGE_S)
+    if inside.sum() < 2 * about.columns.shape[1]:
+        return None
+    columns = band_limited(about.as_metered(supply_lag_s, window_s), STEP_S)
+    return Overlap(t, columns, at[inside], band_limited(P, window_s)[inside])
 
-    def unexplained(lag: float) -> float:
-        return _unexplained(t, columns, power, lag)
 
-    span = 1.5 * window_s
+def refine(about: Explanation, power: PowerStream, supply_lag_s: float, coarse: Lag) -> Lag:
+    """The lag between the grid's points, from what both sides have in common below BAND_HZ."""
+    both = overlap(about, power, supply_lag_s, coarse)
+    if both is None:
+        return coarse
+    span = _SPAN * power.window_ns * 1e-9
+    bounds = (coarse.seconds - span, coarse.seconds + span)
     found = minimize_scalar(
-        unexplained, bounds=(coarse.seconds - span, coarse.seconds + span), method="bounded", options={"xatol": 1e-4}
+        lambda lag: unexplained(*both.shifted(lag)), bounds=bounds, method="bounded", options={"xatol": 1e-4}
     )
     return Lag(float(found.x), 1 - float(found.fun), coarse.ratio)
 
 
-def _unexplained(t: Floats, columns: Floats, power: PowerStream, lag: float) -> float:
-    """Unexplained share of the half-differenced power's variance."""
-    half_window = power.window_ns * 0.5e-9
-    edge = 0.2
-    rows = power.part(round((t[0] + edge - lag - half_window) * 1e9), round((t[-1] - edge - lag - half_window) * 1e9))
-    centres = power.time_ns[rows] * 1e-9 + half_window + lag
-    P = power.P[rows]
-    known = np.isfinite(P)
-    X = np.column_stack([np.interp(centres[known], t, column) for column in columns.T] + [np.ones(known.sum())])
-    y = P[known]
-    if len(y) < 2 * X.shape[1]:
-        return 1.0
-    X, y = X[1:] - _RHO * X[:-1], y[1:] - _RHO * y[:-1]
+def unexplained(X: Floats, y: Floats) -> float:
+    """Share of the variance of `y` that its regression on `X` leaves, both centred."""
     X = X / np.maximum(np.sqrt((X * X).mean(axis=0)), 1e-12)
     gram = X.T @ X
     gram[np.diag_indices_from(gram)] += 1e-7 * len(y)  # columns may say the same
@@ -113,16 +144,21 @@ def _orthonormal(X: Floats) -> Floats:
     return np.asarray(basis[:, kept])
 
 
-def _even(power: PowerStream, begin_s: float, count: int, step: float) -> Floats | None:
-    """[count] power at even times from `begin_s`, its ends held beyond the stream; None when it lies elsewhere."""
+def _even(power: PowerStream, begin_s: float, count: int, step: float) -> tuple[Floats, Floats, Bools] | None:
+    """[count] even times from `begin_s`, the power there, and whether a row is near; None without enough rows.
+
+    The stream's ends are held beyond it.
+    """
     grid = begin_s + step * np.arange(count)
     rows = power.part(round((grid[0] - 1) * 1e9), round((grid[-1] + 1) * 1e9))
     P = np.asarray(power.P[rows])
     known = np.isfinite(P)
     if known.sum() < 50:
         return None
-    centres = power.time_ns[rows][known] * 1e-9 + 0.5 * step
-    return np.asarray(np.interp(grid, centres, P[known]))
+    centres = np.asarray(power.time_ns[rows][known] * 1e-9 + 0.5 * step)
+    after = np.clip(np.searchsorted(centres, grid), 1, len(centres) - 1)
+    near: Bools = np.asarray(np.minimum(np.abs(centres[after] - grid), np.abs(grid - centres[after - 1])) <= step)
+    return np.asarray(grid), np.asarray(np.interp(grid, centres, P[known])), near
 
 
 def _r2_over_lags(X: Floats, P: Floats) -> Floats:

@@ -22,7 +22,9 @@ TorqueSource = Literal["measured", "model", "current"]
 """Joint torques from sensors, from inverse dynamics of the description, or motor currents in their place."""
 STEP_S = 0.01
 """Grid of the quantities."""
-_CUTOFF_HZ = 8.0
+_CUTOFF_HZ = 12.0  # well above BAND_HZ, so that smoothing the angles changes nothing there
+BAND_HZ = 4.0
+"""Quantities and power are compared below this: above it, encoders' and recorders' details are all there is."""
 _SIGN_SPEED = 0.02  # rad/s
 
 
@@ -34,6 +36,8 @@ class Explanation:
     """First grid point, controller time as in the log."""
     columns: Floats
     """[T, k], not yet delayed or averaged."""
+    essential: int
+    """How many of the first columns explain most: a search over hours with all of them would fit chance."""
 
     @property
     def t(self) -> Floats:
@@ -41,12 +45,21 @@ class Explanation:
         return np.asarray(self.start_s + STEP_S * np.arange(len(self.columns)))
 
     def as_metered(self, lag_s: float, window_s: float) -> Floats:
-        """[T, k]: behind a first-order lag of the supply and averaged over a meter's window around each point."""
+        """[T, k]: behind a first-order lag of the supply and averaged over a meter's window around each point.
+
+        The lag is by the trapezoidal rule, which delays slow signals by `lag_s` exactly, at any step.
+        """
         columns = self.columns
         if lag_s > 0:
-            keep = np.exp(-STEP_S / lag_s)
-            columns, _ = lfilter([1 - keep], [1, -keep], columns, axis=0, zi=columns[:1] * keep)
+            c = 2 * lag_s / STEP_S
+            b, a = np.array([1.0, 1.0]) / (1 + c), np.array([1.0, (1 - c) / (1 + c)])
+            columns, _ = lfilter(b, a, columns, axis=0, zi=columns[:1] * (1 - b[0]))
         return _averaged(columns, window_s)
+
+
+def band_limited(values: Floats, step_s: float) -> Floats:
+    """Without what lies above BAND_HZ and without delay, along the first axis."""
+    return np.asarray(sosfiltfilt(butter(2, BAND_HZ, fs=1 / step_s, output="sos"), values, axis=0))
 
 
 def explain(log: RobotLog, robot: RobotDescription, torque: TorqueSource | None = None) -> Explanation:
@@ -65,9 +78,12 @@ def explain(log: RobotLog, robot: RobotDescription, torque: TorqueSource | None 
     direction = np.tanh(qd / _SIGN_SPEED)
     power = (tau * qd).sum(axis=1)
     columns = [np.abs(qd), qd**2, qd * qdd, tau * qd, tau**2, tau * direction, np.abs(power)[:, None]]
-    if "brake" in log.signals:
+    essential = sum(column.shape[1] for column in columns)
+    # the rest of the copper loss, (tau + J qdd + friction)^2: left out, these terms pass for a time shift
+    columns += [qdd**2, tau * qdd, qdd * direction]
+    if "brake" in log.signals:  # last: not every log has it
         columns.append(np.interp(grid, time, log.signals["brake"][rows])[:, None])
-    return Explanation(float(time[0]), np.column_stack(columns))
+    return Explanation(float(time[0]), np.column_stack(columns), essential)
 
 
 def best_torque(log: RobotLog) -> TorqueSource:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -12,9 +12,9 @@ from acqd.dataset.align import SEARCH_S, Lag, coarse_search, refine
 from acqd.dataset.clocks import ClockLine, deviates, fit_line
 from acqd.dataset.explain import STEP_S, Explanation
 from acqd.dataset.power import PowerStream
+from acqd.dataset.supply import USUAL_LAG_S, supply_lag
 
-_SUPPLY_LAGS_S = (0.0, 0.006, 0.012, 0.018, 0.024, 0.036, 0.05)
-_PROBED = 12  # recordings that the supply's lag is found from
+_FURTHER_S = 120.0
 _NONE = Lag(0.0, 0.0, 1.0)
 Method = Literal["clock line", "own", "refused"]
 
@@ -44,29 +44,33 @@ def locate(
     explained: list[Explanation], power: PowerStream, search_s: float, progress: Callable[[float], None]
 ) -> Alignment:
     """Lags of all logs; `search_s` is how far the clocks may be apart before the whole stream is searched."""
-    lags: list[Lag] = []
-    for number, about in enumerate(explained):
-        lags.append(_coarse(about, power, lags, search_s))
+    in_time = sorted(range(len(explained)), key=lambda k: explained[k].start_s)
+    found: dict[int, Lag] = {}
+    for number, k in enumerate(in_time):
+        before = [found[j].seconds for j in in_time[:number] if found[j].credible]
+        found[k] = _coarse(explained[k], power, before, search_s)
         progress(0.5 * (number + 1) / len(explained))
-    lags = _second_look(explained, power, lags)
-    supply_lag_s = _supply_lag(explained, power, lags)
+    _second_look(explained, power, found, in_time)
+    lags = [found[k] for k in range(len(explained))]
     for number, (about, lag) in enumerate(zip(explained, lags, strict=True)):
         if lag.credible:
-            lags[number] = refine(about, power, supply_lag_s, lag)
+            lags[number] = refine(about, power, USUAL_LAG_S, lag)
         progress(0.5 + 0.5 * (number + 1) / len(explained))
+    supply_lag_s, shift = supply_lag(explained, power, lags)
+    lags = [replace(lag, seconds=lag.seconds + shift) if lag.credible else lag for lag in lags]
     middles = np.array([_middle(about) for about in explained])
     line = fit_line(middles, lags)
     return Alignment([_decide(lag, float(t), line) for lag, t in zip(lags, middles, strict=True)], line, supply_lag_s)
 
 
-def _coarse(about: Explanation, power: PowerStream, before: list[Lag], search_s: float) -> Lag:
-    """Near the others first, then within the search range, then anywhere in the stream."""
-    known = [lag.seconds for lag in before if lag.credible]
+def _coarse(about: Explanation, power: PowerStream, before: list[float], search_s: float) -> Lag:
+    """Near the recordings just before, then within the search range, then further, then anywhere in the stream."""
     stream = (power.time_ns[0] * 1e-9, power.time_ns[-1] * 1e-9)
     begin, end = about.start_s, about.start_s + len(about.columns) * STEP_S
     anywhere = (begin + end) / 2 - sum(stream) / 2, (stream[1] - stream[0] + end - begin) / 2
     best = _NONE
-    for centre, half in [*([(float(np.median(known)), SEARCH_S)] if known else []), (0.0, search_s), anywhere]:
+    near = [(float(np.median(before[-5:])), SEARCH_S)] if before else []  # clocks drift apart: not all of them
+    for centre, half in [*near, (0.0, search_s), (0.0, search_s + _FURTHER_S), anywhere]:
         found = coarse_search(about, power, 0.0, centre, half)
         if found is not None and found.r2 > best.r2:
             best = found
@@ -75,41 +79,17 @@ def _coarse(about: Explanation, power: PowerStream, before: list[Lag], search_s:
     return best
 
 
-def _second_look(explained: list[Explanation], power: PowerStream, lags: list[Lag]) -> list[Lag]:
-    """What lies far from all others, or stood out nowhere, is looked for again near the others."""
-    known = np.array([lag.seconds for lag in lags if lag.credible])
-    if len(known) < 3:
-        return lags
-    centre = float(np.median(known))
-    looked = []
-    for about, lag in zip(explained, lags, strict=True):
-        if abs(lag.seconds - centre) > SEARCH_S or not lag.credible:
-            again = coarse_search(about, power, 0.0, centre, SEARCH_S)
-            if again is not None and (again.credible or not lag.credible):
-                lag = again
-        looked.append(lag)
-    return looked
-
-
-def _supply_lag(explained: list[Explanation], power: PowerStream, lags: list[Lag]) -> float:
-    """The first-order lag of the mains side that explains most of the power; it would pass for clock offset else."""
-    chosen = [k for k, lag in enumerate(lags) if lag.credible]
-    chosen = chosen[:: max(1, len(chosen) // _PROBED)]
-    if not chosen:
-        return 0.0
-
-    def left_over(candidate: float) -> float:
-        shares = [1 - refine(explained[k], power, candidate, lags[k]).r2 for k in chosen]
-        return float(np.mean(np.log(np.array(shares) + 1e-9)))
-
-    unexplained = np.array([left_over(candidate) for candidate in _SUPPLY_LAGS_S])
-    best = int(unexplained.argmin())
-    if best in (0, len(_SUPPLY_LAGS_S) - 1):
-        return _SUPPLY_LAGS_S[best]
-    around = slice(best - 1, best + 2)
-    a, b, _ = np.polyfit(_SUPPLY_LAGS_S[around], unexplained[around], 2)
-    low, high = _SUPPLY_LAGS_S[best - 1], _SUPPLY_LAGS_S[best + 1]
-    return min(max(float(-b / (2 * a)), low), high) if a > 0 else _SUPPLY_LAGS_S[best]
+def _second_look(explained: list[Explanation], power: PowerStream, found: dict[int, Lag], in_time: list[int]) -> None:
+    """What lies far from its neighbours in time, or stood out nowhere, is looked for again near them."""
+    for place, k in enumerate(in_time):
+        around = [j for j in in_time[max(0, place - 5) : place + 6] if j != k and found[j].credible]
+        if len(around) < 3:
+            continue
+        centre = float(np.median([found[j].seconds for j in around]))
+        if abs(found[k].seconds - centre) > SEARCH_S or not found[k].credible:
+            again = coarse_search(explained[k], power, 0.0, centre, SEARCH_S)
+            if again is not None and (again.credible or not found[k].credible):
+                found[k] = again
 
 
 def _decide(lag: Lag, middle_s: float, line: ClockLine | None) -> Located:

@@ -1,0 +1,65 @@
+"""The mains side's first-order lag behind the robot, which would pass for clock offset if nobody asked for it."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from acqd.dataset.align import Lag, Overlap, overlap, unexplained
+from acqd.dataset.clocks import fit_line
+from acqd.dataset.explain import STEP_S, Explanation
+from acqd.dataset.power import PowerStream
+
+USUAL_LAG_S = 0.015
+"""Of a usual supply: its bulk capacitor delays by most of a mains period."""
+_SPREAD_S = 0.01
+_WORTH = 0.01  # share of what is unexplained that must vanish before a supply one spread off the usual is believed
+_CANDIDATES_S = (0.0, 0.005, 0.01, 0.015, 0.02, 0.025, 0.03, 0.04, 0.05)
+_PROBED = 24  # recordings
+
+
+def supply_lag(explained: list[Explanation], power: PowerStream, lags: list[Lag]) -> tuple[float, float]:
+    """The supply's lag [s], and what it shifts all lags by [s], which were refined for the usual one.
+
+    One regression of all probed recordings together, at the lags of their common clock: alone, a recording has
+    too few independent seconds for so many quantities, and fits the wrong supply nearly as well.
+    """
+    chosen = [k for k, lag in enumerate(lags) if lag.credible]
+    chosen = chosen[:: max(1, len(chosen) // _PROBED)]
+    middles = np.array([explained[k].start_s + len(explained[k].columns) * STEP_S / 2 for k in chosen])
+    line = fit_line(middles, [lags[k] for k in chosen])
+    placed = [float(line.at(t)) if line else lags[k].seconds for k, t in zip(chosen, middles, strict=True)]
+    shifts = np.zeros(len(_CANDIDATES_S))
+    left_over = np.zeros(len(_CANDIDATES_S))
+    for number, candidate in enumerate(_CANDIDATES_S):
+        found = [overlap(explained[k], power, candidate, lags[k]) for k in chosen]
+        both = [(pair, lag) for pair, lag in zip(found, placed, strict=True) if pair is not None]
+        if not both:
+            return USUAL_LAG_S, 0.0
+        expected = candidate - USUAL_LAG_S
+        best = minimize_scalar(
+            lambda shift, both=both: _pooled(both, shift),
+            bounds=(expected - 0.02, expected + 0.02),
+            method="bounded",
+            options={"xatol": 5e-4},
+        )
+        shifts[number] = best.x
+        left_over[number] = np.log(best.fun + 1e-9) + _WORTH * (expected / _SPREAD_S) ** 2
+    lag = _lowest(left_over)
+    return lag, float(np.interp(lag, _CANDIDATES_S, shifts))
+
+
+def _pooled(both: list[tuple[Overlap, float]], shift: float) -> float:
+    fewest = min(pair.columns.shape[1] for pair, _ in both)  # not every log has its brake
+    parts = [pair.shifted(lag + shift) for pair, lag in both]
+    return unexplained(np.concatenate([X[:, :fewest] for X, _ in parts]), np.concatenate([y for _, y in parts]))
+
+
+def _lowest(left_over: np.ndarray) -> float:
+    """The candidate, or the vertex of the parabola through it and its neighbours."""
+    best = int(left_over.argmin())
+    if best in (0, len(_CANDIDATES_S) - 1):
+        return _CANDIDATES_S[best]
+    around = slice(best - 1, best + 2)
+    a, b, _ = np.polyfit(_CANDIDATES_S[around], left_over[around], 2)
+    return min(max(float(-b / (2 * a)), _CANDIDATES_S[best - 1]), _CANDIDATES_S[best + 1])
