@@ -12,6 +12,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
+from scipy.ndimage import gaussian_filter1d
 from scipy.signal import butter, lfilter, sosfiltfilt
 
 from acqd.errors import InputError, UserError
@@ -23,7 +24,7 @@ TorqueSource = Literal["measured", "model", "current"]
 STEP_S = 0.01
 """Grid of the quantities."""
 _CUTOFF_HZ = 12.0  # well above BAND_HZ, so that smoothing the angles changes nothing there
-BAND_HZ = 4.0
+BAND_HZ = 2.5
 """Quantities and power are compared below this: above it, encoders' and recorders' details are all there is."""
 _SIGN_SPEED = 0.02  # rad/s
 
@@ -58,8 +59,13 @@ class Explanation:
 
 
 def band_limited(values: Floats, step_s: float) -> Floats:
-    """Without what lies above BAND_HZ and without delay, along the first axis."""
-    return np.asarray(sosfiltfilt(butter(2, BAND_HZ, fs=1 / step_s, output="sos"), values, axis=0))
+    """Without what lies well above BAND_HZ and without delay, along the first axis.
+
+    A Gaussian acts the same at every sampling rate; a digital Butterworth of the power's rate is steeper than
+    one of the quantities' rate, and the difference passes for a lag of the supply.
+    """
+    deviation = np.sqrt(np.log(2) / 2) / (2 * np.pi * BAND_HZ) * np.sqrt(2)  # half the power at BAND_HZ
+    return np.asarray(gaussian_filter1d(values, deviation / step_s, axis=0, mode="nearest"))
 
 
 def explain(log: RobotLog, robot: RobotDescription, torque: TorqueSource | None = None) -> Explanation:
