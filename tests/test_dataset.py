@@ -104,7 +104,7 @@ def test_a_log_of_another_day_is_refused_not_placed(campaign, tmp_path):
 
 
 def test_one_clock_that_was_set_in_between_is_announced(campaign, tmp_path):
-    settings, out, _ = campaign
+    settings, out, truth = campaign
     if settings.robot != "iiwa7_r800":
         pytest.skip("one robot is enough")
     logs = tmp_path / "logs"
@@ -123,8 +123,8 @@ def test_one_clock_that_was_set_in_between_is_announced(campaign, tmp_path):
     report = build(order, lambda what, share: None)
     assert len(report.notes) == 1 and paths[2].name in report.notes[0] and "was it set?" in report.notes[0]
     entry = next(e for e in load_manifest(tmp_path / "ds")["recordings"] if e["name"] == paths[2].stem)
-    others = [e["lag_s"] for e in load_manifest(tmp_path / "ds")["recordings"] if e["name"] != paths[2].stem]
-    assert entry["lag_by"] == "own" and entry["lag_s"] - np.median(others) == pytest.approx(0.2, abs=0.02)
+    expected = true_lags(settings, truth)[paths[2].stem] + 0.2
+    assert entry["lag_by"] == "own" and entry["lag_s"] == pytest.approx(expected, abs=0.01)
 
 
 def test_a_clock_just_beyond_the_search_range_is_not_met_at_its_edge(campaign, tmp_path):
