@@ -60,7 +60,7 @@ def test_lags_are_found_to_milliseconds_with_torques_and_without(campaign, tmp_p
     settings, out, truth = campaign
     for torque in (None, "model"):
         report = make(out, tmp_path / str(torque), robot=settings.robot, torque=torque)
-        assert report.recordings == 8 and not report.refused and report.simulated
+        assert report.recordings == 8 and not report.refused and report.measured == "simulated"
         manifest = load_manifest(tmp_path / str(torque))
         true = true_lags(settings, truth)
         errors = np.array([entry["lag_s"] - true[entry["name"]] for entry in manifest["recordings"]])

@@ -74,7 +74,7 @@ def build(
             f"robot clock {report.offset_s:+.3f} s off, {report.drift_ppm:+.1f} ppm, scatter {report.scatter_ms:.1f} ms"
         )
     parts = ", ".join(f"{count} {part}" for part, count in report.split.items())
-    label = " (simulated)" if report.simulated else ""
+    label = f" ({report.measured})" if report.measured != "mains" else ""
     print(f"{report.out}{label}: {report.recordings} recordings, {report.seconds / 3600:.2f} h; {parts}; {clock}")
     if report.refused:
         print(f"{len(report.refused)} logs refused, see above")
@@ -100,7 +100,7 @@ def show(path: Annotated[Path, typer.Argument(metavar="DS", help="Folder of a da
         cells = (f"{entry['valid_s']:.1f}", f"{entry['lag_s']:.4f}", entry["lag_by"], f"{own['s']:.4f}")
         table.add_row(entry["name"], entry["split"], *cells, f"{own['r2']:.3f}", f"{own['stands_out']:.1f}")
     console.print(table)
-    label = "simulated, " if manifest["simulated"] else ""
+    label = f"{manifest['measured']}, " if manifest["measured"] != "mains" else ""
     console.print(
         f"{manifest['robot']}, {label}{len(manifest['recordings'])} recordings, "
         f"{valid_share(manifest):.1%} of the rows valid, {len(manifest['refused'])} logs refused"

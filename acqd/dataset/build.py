@@ -19,7 +19,7 @@ from acqd import __version__
 from acqd.dataset.explain import TorqueSource, explain
 from acqd.dataset.locate import Alignment, Located, locate
 from acqd.dataset.merge import Recording, merge
-from acqd.dataset.power import PowerStream, open_power
+from acqd.dataset.power import Measured, PowerStream, open_power
 from acqd.dataset.split import source_of, split
 from acqd.errors import OperationError, UserError
 from acqd.robot.description import RobotDescription, load_description
@@ -65,7 +65,7 @@ class BuildReport:
     scatter_ms: float | None = None
     supply_lag_ms: float = 0.0
     split: dict[str, int] = field(default_factory=dict)
-    simulated: bool = False
+    measured: Measured = "mains"
 
 
 def build(order: BuildOrder, progress: Callable[[str, float], None]) -> BuildReport:
@@ -130,7 +130,7 @@ def _write(
     alignment: Alignment,
     merged: list[_Merged],
 ) -> BuildReport:
-    report = BuildReport(str(order.out), robot.name, simulated=power.simulated)
+    report = BuildReport(str(order.out), robot.name, measured=power.measured)
     line = alignment.line
     if line is not None:
         report.offset_s, report.drift_ppm, report.scatter_ms = line.offset_s, line.drift_ppm, 1000 * line.scatter_s
@@ -154,7 +154,7 @@ def _write(
     manifest = {
         "acqd": __version__,
         "robot": robot.name,
-        "simulated": power.simulated,
+        "measured": power.measured,
         "step_s": order.step_s,
         "power": _power_provenance(order, power),
         "clock": {"offset_s": report.offset_s, "drift_ppm": report.drift_ppm, "scatter_ms": report.scatter_ms},

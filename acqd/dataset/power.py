@@ -7,6 +7,7 @@ import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import orjson
@@ -22,6 +23,9 @@ from acqd.robot.description import Floats
 from acqd.storage.database import open_database
 from acqd.storage.schema import power
 
+Measured = Literal["mains", "derived", "simulated"]
+"""What P is: a meter's, computed from other measurements (currents), or a simulation's."""
+_LABELS: tuple[Measured, ...] = ("simulated", "derived")  # flags of rows that say so
 _CHUNK = 100_000
 _BAD_FLAGS = frozenset({"gap", "overrange", "no_mains"})
 """Rows with these have no P that can be trusted."""
@@ -42,7 +46,7 @@ class PowerStream:
     """Length of a window: the median step."""
     dropped: int
     """Duplicates left out."""
-    simulated: bool
+    measured: Measured
     origin: str
     """Where it came from."""
 
@@ -57,7 +61,8 @@ class _Rows:
     time_ns: Nanoseconds
     P: Floats
     Vrms: Floats
-    simulated: bool
+    labels: frozenset[str]
+    """Flags that occur."""
 
 
 def open_power(origin: str, device: str | None, channel: str | None) -> PowerStream:
@@ -80,13 +85,13 @@ def open_power(origin: str, device: str | None, channel: str | None) -> PowerStr
 
 
 def _spool(origin: str, pieces: Iterator[_Rows]) -> PowerStream:
-    simulated = False
+    labels: set[str] = set()
     with tempfile.TemporaryFile(prefix="acqd-power-") as file:
         for piece in pieces:
             rows = np.empty(len(piece.time_ns), dtype=_ROW)
             rows["time"], rows["P"], rows["Vrms"] = piece.time_ns, piece.P, piece.Vrms
             file.write(rows.tobytes())
-            simulated |= piece.simulated
+            labels |= piece.labels
         file.flush()
         if file.tell() < 3 * _ROW.itemsize:
             raise UserError(f"power {origin}: fewer than three rows of that device and channel")
@@ -102,7 +107,8 @@ def _spool(origin: str, pieces: Iterator[_Rows]) -> PowerStream:
     known = mapped["P"][np.isfinite(mapped["P"])]
     if len(known) < 3 or np.ptp(known) == 0.0:
         raise UserError(f"power {origin}: P is constant or missing; is this the robot's channel?")
-    return PowerStream(time_ns, mapped["P"], mapped["Vrms"], window_ns, dropped, simulated, origin)
+    measured = next((label for label in _LABELS if label in labels), "mains")
+    return PowerStream(time_ns, mapped["P"], mapped["Vrms"], window_ns, dropped, measured, origin)
 
 
 def _from_sql(origin: str, device: str | None, channel: str | None) -> Iterator[_Rows]:
@@ -123,7 +129,7 @@ def _rows(time_ns: Nanoseconds, P: object, Vrms: object, flags: object) -> _Rows
     values, volts = np.array(P, dtype=np.float64), np.array(Vrms, dtype=np.float64)
     named = [frozenset(each or ()) for each in flags]  # type: ignore[attr-defined]
     values[[bool(each & _BAD_FLAGS) for each in named]] = np.nan
-    return _Rows(time_ns, values, volts, any("simulated" in each for each in named))
+    return _Rows(time_ns, values, volts, frozenset().union(*named))
 
 
 def _choose(origin: str, found: set[tuple[str, str]], device: str | None, channel: str | None) -> tuple[str, str]:

@@ -20,7 +20,7 @@ from acqd.errors import InputError, OperationError, UserError
 from acqd.lab.assembly import Assembly
 from acqd.lab.cell import build_cell, device_name
 from acqd.lab.effects import known_effects
-from acqd.lab.engine import run_here, run_on_ray
+from acqd.workers import run_here, run_on_ray
 from acqd.lab.generate import MANIFEST, Generated, draw, write
 from acqd.lab.pictures.reports import campaign_report
 from acqd.lab.plan import SessionPlan, plan_sessions

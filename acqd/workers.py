@@ -1,4 +1,4 @@
-"""Who does the sessions: this process, several processes, or a Ray cluster."""
+"""Who does independent tasks: several processes here, or a Ray cluster."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def run_on_ray(
 ) -> Iterator[Any]:
     """Like `run_here`, on a Ray cluster; without an address, on one started here for the purpose.
 
-    The workers need acqd and the campaign's folder (a shared file system). Raises UserError.
+    The workers need acqd and the folders of the tasks (a shared file system). Raises UserError.
     """
     try:
         import ray

@@ -1,0 +1,1 @@
+"""Models of electrical power: features, networks, grey boxes, training, bundles, comparison."""

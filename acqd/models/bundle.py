@@ -1,0 +1,83 @@
+"""A trained model as a directory: bundle.json says everything about it, weights.safetensors holds its arrays."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+import orjson
+from numpy.typing import NDArray
+from safetensors import SafetensorError
+from safetensors.numpy import load_file, save_file
+
+from acqd.errors import InputError, OperationError, UserError
+
+FORMAT = 1
+Arrays: TypeAlias = dict[str, NDArray[Any]]
+
+
+@dataclass(frozen=True, slots=True)
+class Bundle:
+    """What was read from disk, or is to be written."""
+
+    about: dict[str, Any]
+    """kind, name, robot, axes, step_s, units, architecture, normalisation, envelope, metrics, provenance."""
+    arrays: Arrays
+
+
+def save_bundle(path: Path, bundle: Bundle) -> None:
+    """Write a directory at once; one that is there is replaced. Raises OperationError."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        beside = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
+    except OSError as error:
+        raise UserError(f"{path}: cannot be made ({error.strerror}); choose another --out") from None
+    try:
+        (beside / "bundle.json").write_bytes(
+            orjson.dumps({"format": FORMAT, **bundle.about}, option=orjson.OPT_INDENT_2 | orjson.OPT_SERIALIZE_NUMPY)
+        )
+        contiguous = {name: np.ascontiguousarray(array) for name, array in bundle.arrays.items()}
+        save_file(contiguous, beside / "weights.safetensors")
+        umask = os.umask(0)
+        os.umask(umask)
+        beside.chmod(0o777 & ~umask)
+        if path.is_dir():
+            old = path.with_name(f".{path.name}.old")
+            shutil.rmtree(old, ignore_errors=True)
+            path.rename(old)
+            beside.rename(path)
+            shutil.rmtree(old, ignore_errors=True)
+        else:
+            beside.rename(path)
+    except OSError as error:
+        raise OperationError(f"{path}: {error.strerror}; nothing was left behind") from None
+    finally:
+        shutil.rmtree(beside, ignore_errors=True)
+
+
+def load_bundle(path: Path) -> Bundle:
+    """Read a directory. Raises InputError."""
+    file = path / "bundle.json"
+    try:
+        about = orjson.loads(file.read_bytes())
+    except FileNotFoundError:
+        raise InputError(path, "is no bundle: it has no bundle.json; acqd train makes one") from None
+    except (OSError, orjson.JSONDecodeError) as error:
+        raise InputError(file, f"is damaged ({error}); train the model again, or copy the bundle again") from None
+    if not isinstance(about, dict) or about.get("format") != FORMAT:
+        raise InputError(file, f"has another format than {FORMAT}; it was written by another version of acqd")
+    try:
+        arrays = load_file(path / "weights.safetensors")
+    except (OSError, SafetensorError) as error:
+        raise InputError(path / "weights.safetensors", f"cannot be read ({error}); copy the bundle again") from None
+    return Bundle(about, arrays)
+
+
+def is_bundle(path: Path) -> bool:
+    """Whether a path looks like one."""
+    return (path / "bundle.json").is_file()

@@ -1,0 +1,65 @@
+"""Grey boxes in and out of bundles."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from acqd.models.bundle import Arrays
+from acqd.models.data import Data
+from acqd.models.greybox.fit import Fit, fit_grey_box
+from acqd.models.greybox.model import TERMS, GreyBox
+from acqd.models.greybox.parameters import Layout, table
+from acqd.robot.description import load_description
+from acqd.robot.newton_euler import Chain
+
+if TYPE_CHECKING:
+    from acqd.models.training import Made, TrainOrder
+
+
+def make_grey_box(order: TrainOrder, data: Data, progress: Callable[[str, float, float], None]) -> Made:
+    """Fit one."""
+    from acqd.models.training import Made
+
+    fit = fitted(order, data, progress)
+    return Made("grey_box", fit.model, describe(fit), arrays_of(fit.model), "Gauss-Newton")
+
+
+def fitted(order: TrainOrder, data: Data, progress: Callable[[str, float, float], None]) -> Fit:
+    """The fit alone."""
+    robot = load_description(order.robot or data.robot)
+    training = data.part("train", order.kinds)
+    return fit_grey_box(
+        robot, training, data.step_s, order.seed, lambda share: progress("fitting the grey box", share, float("nan"))
+    )
+
+
+def describe(fit: Fit) -> dict[str, Any]:
+    """What bundle.json says of the parameters."""
+    return {
+        "terms": [*TERMS, "signals", "standby"],
+        "signals": list(fit.model.signals),
+        "sigma_W": fit.sigma_W,
+        "parameters": table(fit.model.layout, fit.model.values, fit.covariance),
+    }
+
+
+def arrays_of(model: GreyBox) -> Arrays:
+    """For weights.safetensors."""
+    return {
+        "parameters": model.values,
+        "chain_xyz": model.chain.xyz,
+        "chain_rotation": model.chain.rotation,
+        "chain_axis": model.chain.axis,
+        "usual_signals": model.usual_signals(),
+    }
+
+
+def restore(about: dict[str, Any], arrays: Arrays) -> GreyBox:
+    """Back from a bundle."""
+    chain = Chain(arrays["chain_xyz"], arrays["chain_rotation"], arrays["chain_axis"])
+    layout = Layout(int(about["axes"]), tuple(about["signals"]))
+    values = np.asarray(arrays["parameters"], dtype=np.float64)
+    return GreyBox(chain, layout, values, float(about["step_s"]), arrays["usual_signals"])

@@ -1,0 +1,112 @@
+"""Parameters of a grey box: names, units, bounds and what is known of them beforehand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from acqd.robot.description import Floats, RobotDescription
+
+INERTIAL = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
+_INERTIAL_UNITS = ("kg", *("kg m",) * 3, *("kg m^2",) * 6)
+_PER_JOINT = {
+    "rotor": "kg m^2",
+    "coulomb": "Nm",
+    "viscous": "Nm s/rad",
+    "copper": "W/Nm^2",
+    "conduction": "W/Nm",
+}
+_MASS_SPREAD = 0.25  # published parameter sets of one robot differ by so much
+_COM_SPREAD_M = 0.03
+_GAIN, _GAIN_SPREAD = 1.05, 0.05  # mains power per power at the joints; with torques logged it is measured
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Where each parameter lies in the flat vector; all powers are at the mains."""
+
+    axes: int
+    signals: tuple[str, ...]
+
+    def place(self, group: str) -> slice:
+        """A group's slice: inertial, rotor, coulomb, viscous, copper, conduction, signals, standby, gain, lag."""
+        first = 0
+        for name, size in self._sizes().items():
+            if name == group:
+                return slice(first, first + size)
+            first += size
+        raise KeyError(group)
+
+    def _sizes(self) -> dict[str, int]:
+        sizes = {"inertial": 10 * self.axes} | dict.fromkeys(_PER_JOINT, self.axes)
+        return sizes | {"signals": len(self.signals), "standby": 1, "gain": 1, "lag": 1}
+
+    @property
+    def size(self) -> int:
+        """Parameters in all."""
+        return sum(self._sizes().values())
+
+    def names(self) -> list[tuple[str, str]]:
+        """Name and unit of each."""
+        found = [
+            (f"{name}.link{k + 1}", unit)
+            for k in range(self.axes)
+            for name, unit in zip(INERTIAL, _INERTIAL_UNITS, strict=True)
+        ]
+        found += [(f"{name}.joint{k + 1}", unit) for name, unit in _PER_JOINT.items() for k in range(self.axes)]
+        found += [(f"signal.{name}", "W") for name in self.signals]
+        return [*found, ("standby", "W"), ("gain", "-"), ("lag", "s")]
+
+    def lowest(self) -> Floats:
+        """What each parameter may not fall below."""
+        low = np.full(self.size, -np.inf)
+        for group in _PER_JOINT:
+            low[self.place(group)] = 0.0
+        low[self.place("inertial")][::10] = 0.0
+        low[self.place("gain")], low[self.place("lag")] = 0.5, 0.0
+        return low
+
+
+@dataclass(frozen=True, slots=True)
+class Prior:
+    """Independent normal beliefs: what data say nothing about stays where it was believed to be."""
+
+    mean: Floats
+    deviation: Floats
+
+
+def prior(layout: Layout, robot: RobotDescription, inertial: Floats, standby_W: float, step_s: float) -> Prior:
+    """From the description: inertial parameters [10 axes], drives; the rest wide open."""
+    mean, deviation = np.zeros(layout.size), np.full(layout.size, np.inf)
+    mean[layout.place("inertial")] = inertial
+    mass = inertial[::10]
+    spread = _MASS_SPREAD * np.abs(inertial).reshape(-1, 10)
+    spread[:, 1:4] += _COM_SPREAD_M * mass[:, None]
+    spread[:, 4:] += (_COM_SPREAD_M**2 + 0.1 * _COM_SPREAD_M) * mass[:, None]
+    deviation[layout.place("inertial")] = spread.ravel() + 1e-6
+    drives = [joint.drive for joint in robot.joint]
+    rotor = np.array([drive.rotor_inertia_kgm2 for drive in drives])
+    mean[layout.place("rotor")], deviation[layout.place("rotor")] = rotor, 0.5 * rotor + 0.01
+    constant = np.array([drive.torque_constant_Nm_A * drive.gear_ratio for drive in drives])
+    copper = np.array([drive.resistance_Ohm for drive in drives]) / constant**2
+    mean[layout.place("copper")], deviation[layout.place("copper")] = copper, 2.0 * copper
+    torque = np.array([joint.torque_Nm for joint in robot.joint])
+    deviation[layout.place("coulomb")] = 0.3 * torque
+    deviation[layout.place("viscous")] = 0.5 * torque
+    deviation[layout.place("conduction")] = 20.0 / torque
+    deviation[layout.place("signals")] = 50.0
+    mean[layout.place("standby")], deviation[layout.place("standby")] = standby_W, 100.0
+    mean[layout.place("gain")], deviation[layout.place("gain")] = _GAIN, _GAIN_SPREAD
+    mean[layout.place("lag")], deviation[layout.place("lag")] = 0.015, step_s
+    return Prior(mean, deviation)
+
+
+def table(layout: Layout, values: Floats, covariance: Floats) -> list[dict[str, Any]]:
+    """For bundle.json: name, value, unit, 95 % confidence interval."""
+    half = 1.96 * np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    return [
+        {"name": name, "value": float(value), "unit": unit, "ci95": [float(value - width), float(value + width)]}
+        for (name, unit), value, width in zip(layout.names(), values, half, strict=True)
+    ]

@@ -1,0 +1,67 @@
+"""How far predictions are off (thesis Eq. 8.1 to 8.3), and the energy that a recording is off by."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from acqd.models.data import Stretch
+from acqd.models.predictor import Predictor
+from acqd.robot.description import Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Metrics:
+    """Over all rows of some recordings."""
+
+    mae: float
+    """W."""
+    rmse: float
+    """W."""
+    bias: float
+    """W, prediction minus measurement."""
+    r2: float
+    """Explained share of the measured power's variance."""
+    energy_p95: float
+    """|energy error| of a recording, relative, that 95 % stay below."""
+    rows: int
+    recordings: int
+
+    def as_json(self) -> dict[str, float]:
+        """For bundle.json."""
+        return asdict(self)
+
+
+def signals_of(model: Predictor, stretch: Stretch) -> Floats | None:
+    """The logged states that a model uses, or None where one is missing."""
+    if not all(name in stretch.signals for name in model.signals):
+        return None
+    return np.column_stack([np.zeros((len(stretch.P), 0)), *(stretch.signals[name] for name in model.signals)])
+
+
+def predictions(model: Predictor, stretches: Iterable[Stretch]) -> list[Floats]:
+    """[T] W for each stretch."""
+    return [model.sequence(stretch.q, signals_of(model, stretch)) for stretch in stretches]
+
+
+def measure(predicted: list[Floats], stretches: list[Stretch]) -> Metrics:
+    """Of predictions beside what was measured."""
+    error = np.concatenate([guess - stretch.P for guess, stretch in zip(predicted, stretches, strict=True)])
+    P = np.concatenate([stretch.P for stretch in stretches])
+    energy: dict[str, list[float]] = {}
+    for guess, stretch in zip(predicted, stretches, strict=True):
+        sums = energy.setdefault(stretch.recording, [0.0, 0.0])
+        sums[0] += float(guess.sum())
+        sums[1] += float(stretch.P.sum())
+    off = [abs(guess - true) / max(abs(true), 1e-9) for guess, true in energy.values()]
+    return Metrics(
+        float(np.abs(error).mean()),
+        float(np.sqrt((error**2).mean())),
+        float(error.mean()),
+        float(1 - error.var() / max(P.var(), 1e-12)),
+        float(np.percentile(off, 95)),
+        len(error),
+        len(energy),
+    )

@@ -1,0 +1,1 @@
+"""The thesis' networks (appendix B): structure, training, prediction."""

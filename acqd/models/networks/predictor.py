@@ -1,0 +1,94 @@
+"""A trained network in plain numpy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from acqd.models.features import derivatives, padded
+from acqd.models.networks.architecture import HIDDEN, Architecture
+from acqd.models.networks.theta import Head, Singles, views
+from acqd.models.normalisation import Normalisation
+from acqd.models.predictor import Predictor
+from acqd.robot.description import Floats
+
+
+def network_inputs(architecture: Architecture, normal: Normalisation, q: Floats, step_s: float) -> Floats:
+    """What the network is trained on: normalised features [T, width], or angles [T + 2 radius, axes] for frames.
+
+    From angles [T + 2 radius, axes].
+    """
+    if architecture.inputs == "frames":
+        return normal.inputs(0, q)
+    if architecture.inputs == "q":
+        return normal.inputs(0, q)
+    qd, qdd = derivatives(q, step_s)
+    orders = [normal.inputs(0, q[1:-1]), normal.inputs(1, qd), normal.inputs(2, qdd)]
+    return np.concatenate(orders[: architecture.inputs.count(",") + 1], axis=1)
+
+
+@dataclass(slots=True)
+class _State:
+    hidden: Floats
+    cell: Floats
+
+
+class NetworkPredictor(Predictor):
+    """LSTM(10) behind manual features or convolution kernels, with the folded head."""
+
+    def __init__(
+        self, architecture: Architecture, axes: int, step_s: float, theta: Singles, normal: Normalisation
+    ) -> None:
+        self.architecture = architecture
+        self.axes = axes
+        self.step_s = step_s
+        self.radius = architecture.radius
+        self.normal = normal
+        self.arrays = views(architecture, axes, theta)
+        self._W, self._R, self._b = (self.arrays[name].astype(np.float64) for name in ("W", "R", "b"))
+        head = Head.fold(self.arrays)
+        self._out, self._out_bias = head.weight.astype(np.float64), head.bias
+
+    def run(self, q: Floats, signals: Floats) -> Floats:
+        """See Predictor."""
+        state = self.start()
+        driven = self._features(q) @ self._W.T + self._b
+        hidden = np.empty((len(driven), HIDDEN))
+        for t, row in enumerate(driven):
+            hidden[t] = self._advance(state, row)
+        return np.asarray((hidden @ self._out + self._out_bias) * self.normal.P_scale + self.normal.P_offset)
+
+    def start(self) -> _State:
+        """See Predictor."""
+        return _State(np.zeros(HIDDEN), np.zeros(HIDDEN))
+
+    def step(self, state: _State, window: Floats, signals: Floats) -> float:
+        """See Predictor."""
+        hidden = self._advance(state, self._W @ self._features(window)[0] + self._b)
+        return float(hidden @ self._out + self._out_bias) * self.normal.P_scale + self.normal.P_offset
+
+    def _features(self, q: Floats) -> Floats:
+        inputs = network_inputs(self.architecture, self.normal, q, self.step_s)
+        if not self.architecture.kernels:
+            return inputs
+        frames = np.lib.stride_tricks.sliding_window_view(inputs, self.architecture.length, axis=0)
+        maps = np.einsum("tal,ql->tqa", frames, self.arrays["kernel"]) + self.arrays["kernel_bias"][:, None]
+        return np.asarray(maps.reshape(len(frames), -1))
+
+    def _advance(self, state: _State, driven: Floats) -> Floats:
+        gates = driven + self._R @ state.hidden
+        gates[: 2 * HIDDEN] = _sigmoid(gates[: 2 * HIDDEN])
+        i, f = gates[:HIDDEN], gates[HIDDEN : 2 * HIDDEN]
+        state.cell = f * state.cell + i * np.tanh(gates[2 * HIDDEN : 3 * HIDDEN])
+        state.hidden = _sigmoid(gates[3 * HIDDEN :]) * np.tanh(state.cell)
+        return state.hidden
+
+
+def _sigmoid(x: Floats) -> Floats:
+    return np.asarray(0.5 * (1.0 + np.tanh(0.5 * x)))
+
+
+def example_inputs(architecture: Architecture, normal: Normalisation, q: Floats, step_s: float) -> Singles:
+    """Training inputs of a stretch's angles [T, axes]."""
+    return network_inputs(architecture, normal, padded(q, architecture.radius), step_s).astype(np.float32)

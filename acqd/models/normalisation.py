@@ -1,0 +1,64 @@
+"""Inputs and target in the range that networks like (thesis section 7.3.1)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from acqd.models.data import Stretch
+from acqd.models.features import motion
+from acqd.robot.description import Floats
+
+_LEAST_SCALE = 1e-3  # of an axis that hardly moves: its noise is not blown up
+
+
+@dataclass(frozen=True, slots=True)
+class Normalisation:
+    """(value - offset) / scale, per axis for q [rad], qd [rad/s] and qdd [rad/s^2], and for P [W]."""
+
+    offset: Floats
+    """[3, axes]: q, qd, qdd."""
+    scale: Floats
+    """[3, axes]."""
+    P_offset: float
+    P_scale: float
+
+    @classmethod
+    def thesis(cls, axes: int) -> Normalisation:
+        """The constants of section 7.3.1, for the iiwa."""
+        scale = np.repeat([[3.0], [1.6], [13.0]], axes, axis=1)
+        return cls(np.zeros((3, axes)), scale, 155.0, 166.0)
+
+    @classmethod
+    def fitted(cls, stretches: list[Stretch], step_s: float) -> Normalisation:
+        """Mean and standard deviation of training data."""
+        moments = [np.concatenate(parts) for parts in zip(*(motion(s.q, step_s) for s in stretches), strict=True)]
+        P = np.concatenate([s.P for s in stretches])
+        offset = np.array([values.mean(axis=0) for values in moments])
+        scale = np.array([np.maximum(values.std(axis=0), _LEAST_SCALE) for values in moments])
+        return cls(offset, scale, float(P.mean()), float(P.std()))
+
+    def inputs(self, order: int, values: Floats) -> Floats:
+        """Normalised angles (order 0), velocities (1) or accelerations (2), [..., axes]."""
+        return np.asarray((values - self.offset[order]) / self.scale[order])
+
+    def as_json(self) -> dict[str, Any]:
+        """For bundle.json."""
+        names = ("q_rad", "qd_rad_s", "qdd_rad_s2")
+        axes = {
+            name: {"offset": self.offset[k].tolist(), "scale": self.scale[k].tolist()} for k, name in enumerate(names)
+        }
+        return axes | {"P_W": {"offset": self.P_offset, "scale": self.P_scale}}
+
+    @classmethod
+    def from_json(cls, data: dict[str, Any]) -> Normalisation:
+        """Back from bundle.json."""
+        axes = [data[name] for name in ("q_rad", "qd_rad_s", "qdd_rad_s2")]
+        return cls(
+            np.array([each["offset"] for each in axes]),
+            np.array([each["scale"] for each in axes]),
+            float(data["P_W"]["offset"]),
+            float(data["P_W"]["scale"]),
+        )

@@ -1,0 +1,130 @@
+"""From a dataset to a bundle: any model by name, with metrics, envelope and provenance."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from acqd import __version__
+from acqd.errors import UserError
+from acqd.models.bundle import Arrays, Bundle, save_bundle
+from acqd.models.data import Data, load_data
+from acqd.models.envelope import Envelope
+from acqd.models.metrics import measure, predictions
+from acqd.models.networks.architecture import ARCHITECTURES, architecture
+from acqd.models.networks.settings import TrainingSettings
+from acqd.models.predictor import Predictor
+
+GREY_BOX = "grey-box"
+HYBRID = "hybrid"
+NAMES = (*ARCHITECTURES, GREY_BOX, HYBRID)
+
+
+@dataclass(frozen=True, slots=True)
+class TrainOrder:
+    """One model on one dataset."""
+
+    dataset: Path
+    network: str
+    out: Path
+    """The bundle's directory."""
+    kinds: tuple[str, ...] = ()
+    """Of trajectories to train on; none: all."""
+    seed: int = 1
+    settings: TrainingSettings = field(default_factory=TrainingSettings)
+    robot: str | None = None
+    """Description for the physical models; None: the dataset's."""
+
+
+@dataclass(frozen=True, slots=True)
+class Made:
+    """A predictor and what its bundle has to say of it."""
+
+    kind: str
+    predictor: Predictor
+    about: dict[str, Any]
+    arrays: Arrays
+    engine: str
+
+
+def bundle_name(network: str, kinds: tuple[str, ...], seed: int) -> str:
+    """`21x1dim-all+limited-s1`."""
+    return f"{network}-{'+'.join(sorted(kinds)) or 'everything'}-s{seed}"
+
+
+def train_one(order: TrainOrder, progress: Callable[[str, float, float], None]) -> dict[str, Any]:
+    """Train and write the bundle; `progress` gets what is done, its share and the seconds left.
+
+    Returns what bundle.json says. Raises UserError, OperationError.
+    """
+    if order.network not in NAMES:
+        raise UserError(f"no network {order.network!r}; there are {', '.join(NAMES)}")
+    data = load_data(order.dataset)
+    begun = time.monotonic()
+    training = data.part("train", order.kinds)
+    made = _make(order, data, progress)
+    metrics = {}
+    for split in ("train", "validation", "test"):
+        stretches = data.part(split, order.kinds) if split != "test" else data.part(split)  # type: ignore[arg-type]
+        metrics[split] = measure(predictions(made.predictor, stretches), stretches).as_json()
+    P = np.concatenate([stretch.P for stretch in training])
+    about = {
+        "kind": made.kind,
+        "name": order.network,
+        "robot": data.robot,
+        "axes": data.axes,
+        "step_s": data.step_s,
+        "look_ahead_rows": made.predictor.radius,
+        "inputs": [{"name": f"q{k + 1}", "unit": "rad"} for k in range(data.axes)]
+        + [{"name": name, "unit": "0/1"} for name in made.predictor.signals],
+        "target": "P",
+        "unit": "W",
+        "measured": data.measured,
+        **made.about,
+        "envelope": Envelope.of(training, data.step_s).as_json() | {"P_W": {"low": P.min(), "high": P.max()}},
+        "metrics": metrics,
+        "training": {"kinds": list(order.kinds) or data.kinds, "seed": order.seed, "engine": made.engine}
+        | {"seconds": round(time.monotonic() - begun, 2)},
+        "provenance": {
+            "acqd": __version__,
+            "dataset": str(order.dataset),
+            "manifest_sha256": data.digest,
+            "fit_recordings": sorted({stretch.recording for stretch in training}),
+        },
+    }
+    save_bundle(order.out, Bundle(about, made.arrays))
+    return about
+
+
+def _make(order: TrainOrder, data: Data, progress: Callable[[str, float, float], None]) -> Made:
+    if order.network == GREY_BOX:
+        from acqd.models.greybox.make import make_grey_box
+
+        return make_grey_box(order, data, progress)
+    if order.network == HYBRID:
+        from acqd.models.hybrid.make import make_hybrid
+
+        return make_hybrid(order, data, progress)
+    from acqd.models.networks.train import Progress, train
+
+    chosen = architecture(order.network)
+
+    def report(at: Progress) -> None:
+        what = f"epoch {at.epoch}, RMSE {at.train_W:.2f} W, validation {at.validation_W:.2f} W"
+        progress(what, at.epoch / at.epochs, at.remaining_s)
+
+    checkpoint = order.out.parent / ".checkpoints" / f"{order.out.name}.safetensors"
+    trained = train(chosen, data, order.kinds, order.seed, order.settings, checkpoint, report)
+    about = {
+        "architecture": {"name": chosen.name, "learnables": chosen.learnables(data.axes)},
+        "normalisation": trained.predictor.normal.as_json(),
+        "settings": order.settings.as_json(),
+        "history": trained.run.history[:: max(1, len(trained.run.history) // 200)],
+        "epochs": trained.run.epoch,
+    }
+    return Made("network", trained.predictor, about, {"theta": trained.theta}, trained.engine)

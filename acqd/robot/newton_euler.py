@@ -1,0 +1,101 @@
+"""Inverse dynamics in plain numpy for whole recordings at once, with any inertial parameters.
+
+What a model needs at run time on a machine without a robot library; `dynamics.py` (Pinocchio) judges it in the tests.
+Luh, Walker, Paul: On-line computational scheme for mechanical manipulators (1980), in link frames.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acqd.robot.description import Floats, RobotDescription
+
+_GRAVITY = 9.81
+
+
+@dataclass(frozen=True, slots=True)
+class Chain:
+    """Geometry of a serial arm: each joint's frame in the one before it, and its axis."""
+
+    xyz: Floats
+    """[axes, 3] m."""
+    rotation: Floats
+    """[axes, 3, 3]."""
+    axis: Floats
+    """[axes, 3] unit vectors."""
+
+    @classmethod
+    def of(cls, robot: RobotDescription) -> Chain:
+        """From a description."""
+        axis = np.array([joint.axis for joint in robot.joint], dtype=np.float64)
+        return cls(
+            np.array([joint.xyz for joint in robot.joint], dtype=np.float64),
+            np.array([_from_rpy(np.radians(joint.rpy_deg)) for joint in robot.joint]),
+            axis / np.linalg.norm(axis, axis=1, keepdims=True),
+        )
+
+
+def joint_torque(chain: Chain, parameters: Floats, q: Floats, qd: Floats, qdd: Floats) -> Floats:
+    """[T, axes] Nm for motion [T, axes] and inertial parameters [10 axes] in the order of `dynamics.regressor`."""
+    links = parameters.reshape(-1, 10)
+    rows, axes = q.shape
+    turn, spin, turning, lift = [], [], [], []  # per link: to its parent [T,3,3]; w, dw, dv [T,3] in its frame
+    w, dw, dv = np.zeros((rows, 3)), np.zeros((rows, 3)), np.tile([0.0, 0.0, _GRAVITY], (rows, 1))
+    for k in range(axes):
+        R = chain.rotation[k] @ _about(chain.axis[k], q[:, k])
+        p = chain.xyz[k]
+        dv = _into(R, dv + np.cross(dw, p) + np.cross(w, np.cross(w, p)))
+        speed = chain.axis[k] * qd[:, k : k + 1]
+        w_parent = _into(R, w)
+        dw = _into(R, dw) + np.cross(w_parent, speed) + chain.axis[k] * qdd[:, k : k + 1]
+        w = w_parent + speed
+        turn.append(R)
+        spin.append(w)
+        turning.append(dw)
+        lift.append(dv)
+    tau = np.empty_like(q)
+    force, moment = np.zeros((rows, 3)), np.zeros((rows, 3))
+    for k in range(axes - 1, -1, -1):
+        mass, first, tensor = links[k, 0], links[k, 1:4], _tensor(links[k, 4:])
+        w, dw, dv = spin[k], turning[k], lift[k]
+        own_force = mass * dv + np.cross(dw, first) + np.cross(w, np.cross(w, first))
+        own_moment = dw @ tensor + np.cross(w, w @ tensor) + np.cross(first, dv)
+        if k < axes - 1:
+            outer = _outof(turn[k + 1], force)
+            moment = _outof(turn[k + 1], moment) + np.cross(chain.xyz[k + 1], outer) + own_moment
+            force = outer + own_force
+        else:
+            force, moment = own_force, own_moment
+        tau[:, k] = moment @ chain.axis[k]
+    return tau
+
+
+def _into(R: Floats, v: Floats) -> Floats:
+    """Parent's coordinates to the link's."""
+    return np.asarray(np.einsum("tji,tj->ti", R, v))
+
+
+def _outof(R: Floats, v: Floats) -> Floats:
+    return np.asarray(np.einsum("tij,tj->ti", R, v))
+
+
+def _tensor(six: Floats) -> Floats:
+    """xx, xy, yy, xz, yz, zz."""
+    xx, xy, yy, xz, yz, zz = six
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def _about(axis: Floats, angle: Floats) -> Floats:
+    """[T, 3, 3] rotations about a unit axis (Rodrigues)."""
+    x, y, z = axis
+    K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    sine, rest = np.sin(angle)[:, None, None], (1 - np.cos(angle))[:, None, None]
+    return np.asarray(np.eye(3) + sine * K + rest * (K @ K))
+
+
+def _from_rpy(rpy: NDArray[np.float64]) -> Floats:
+    about_x, about_y, about_z = (_about(np.eye(3)[k], rpy[k : k + 1])[0] for k in range(3))
+    return np.asarray(about_z @ about_y @ about_x)
