@@ -3,53 +3,20 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from acqd import __version__
 from acqd.errors import UserError
-from acqd.models.bundle import Arrays, Bundle, save_bundle
+from acqd.models.bundle import Bundle, save_bundle
 from acqd.models.data import Data, load_data
 from acqd.models.envelope import Envelope
 from acqd.models.metrics import measure, predictions
 from acqd.models.networks.architecture import ARCHITECTURES, architecture
-from acqd.models.networks.settings import TrainingSettings
-from acqd.models.predictor import Predictor
+from acqd.models.order import GREY_BOX, HYBRID, Made, Report, TrainOrder
 
-GREY_BOX = "grey-box"
-HYBRID = "hybrid"
 NAMES = (*ARCHITECTURES, GREY_BOX, HYBRID)
-
-
-@dataclass(frozen=True, slots=True)
-class TrainOrder:
-    """One model on one dataset."""
-
-    dataset: Path
-    network: str
-    out: Path
-    """The bundle's directory."""
-    kinds: tuple[str, ...] = ()
-    """Of trajectories to train on; none: all."""
-    seed: int = 1
-    settings: TrainingSettings = field(default_factory=TrainingSettings)
-    robot: str | None = None
-    """Description for the physical models; None: the dataset's."""
-
-
-@dataclass(frozen=True, slots=True)
-class Made:
-    """A predictor and what its bundle has to say of it."""
-
-    kind: str
-    predictor: Predictor
-    about: dict[str, Any]
-    arrays: Arrays
-    engine: str
 
 
 def bundle_name(network: str, kinds: tuple[str, ...], seed: int) -> str:
@@ -57,7 +24,7 @@ def bundle_name(network: str, kinds: tuple[str, ...], seed: int) -> str:
     return f"{network}-{'+'.join(sorted(kinds)) or 'everything'}-s{seed}"
 
 
-def train_one(order: TrainOrder, progress: Callable[[str, float, float], None]) -> dict[str, Any]:
+def train_one(order: TrainOrder, progress: Report) -> dict[str, Any]:
     """Train and write the bundle; `progress` gets what is done, its share and the seconds left.
 
     Returns what bundle.json says. Raises UserError, OperationError.
@@ -101,7 +68,7 @@ def train_one(order: TrainOrder, progress: Callable[[str, float, float], None]) 
     return about
 
 
-def _make(order: TrainOrder, data: Data, progress: Callable[[str, float, float], None]) -> Made:
+def _make(order: TrainOrder, data: Data, progress: Report) -> Made:
     if order.network == GREY_BOX:
         from acqd.models.greybox.make import make_grey_box
 

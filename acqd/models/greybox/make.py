@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -12,22 +11,18 @@ from acqd.models.data import Data
 from acqd.models.greybox.fit import Fit, fit_grey_box
 from acqd.models.greybox.model import TERMS, GreyBox
 from acqd.models.greybox.parameters import Layout, table
+from acqd.models.order import Made, Report, TrainOrder
 from acqd.robot.description import load_description
 from acqd.robot.newton_euler import Chain
 
-if TYPE_CHECKING:
-    from acqd.models.training import Made, TrainOrder
 
-
-def make_grey_box(order: TrainOrder, data: Data, progress: Callable[[str, float, float], None]) -> Made:
+def make_grey_box(order: TrainOrder, data: Data, progress: Report) -> Made:
     """Fit one."""
-    from acqd.models.training import Made
-
     fit = fitted(order, data, progress)
     return Made("grey_box", fit.model, describe(fit), arrays_of(fit.model), "Gauss-Newton")
 
 
-def fitted(order: TrainOrder, data: Data, progress: Callable[[str, float, float], None]) -> Fit:
+def fitted(order: TrainOrder, data: Data, progress: Report) -> Fit:
     """The fit alone."""
     robot = load_description(order.robot or data.robot)
     training = data.part("train", order.kinds)

@@ -21,6 +21,8 @@ class TrainingSettings:
     epsilon: float = 1e-8
     l2: float = 1e-4
     """On weights, not on biases: MATLAB's default."""
+    gradient_limit: float = 1.0
+    """Norm that a gradient is scaled down to. The thesis sets none; over a thousand steps some then explode."""
     validation_every: int = 100
     """Optimiser steps between looks at the validation recordings."""
     patience: int | None = None

@@ -140,6 +140,10 @@ def _optimise(
             loss, gradient = engine.gradient(run.theta, batch)
             if not math.isfinite(loss):
                 raise OperationError(f"{task.architecture.name} diverged in epoch {run.epoch}: try a smaller --rate")
+            norm = float(np.linalg.norm(gradient.astype(np.float64)))
+            if not math.isfinite(norm):
+                continue  # a step so steep says nothing of the direction
+            gradient *= np.float32(min(1.0, settings.gradient_limit / max(norm, 1e-12)))
             gradient += decay * run.theta
             run.adam.step(run.theta, gradient, rate, task.architecture.betas, settings.epsilon)
             total += loss

@@ -1,0 +1,1 @@
+"""A grey box, and a small network for what it leaves over."""

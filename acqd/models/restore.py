@@ -1,0 +1,44 @@
+"""A bundle as something that predicts."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from acqd.errors import InputError, UserError
+from acqd.models.bundle import Bundle, load_bundle
+from acqd.models.greybox.make import restore as restore_grey_box
+from acqd.models.hybrid.make import restore_hybrid
+from acqd.models.networks.architecture import architecture
+from acqd.models.networks.predictor import NetworkPredictor
+from acqd.models.normalisation import Normalisation
+from acqd.models.predictor import Predictor
+
+
+def open_model(path: Path) -> tuple[Bundle, Predictor]:
+    """The bundle and its predictor. Raises InputError."""
+    bundle = load_bundle(path)
+    try:
+        return bundle, restore(bundle)
+    except (KeyError, ValueError, TypeError, IndexError, UserError) as error:
+        reason = f"{type(error).__name__}: {error}" if not isinstance(error, UserError) else str(error)
+        raise InputError(path, f"does not hold what its kind of model needs ({reason}); train it again") from None
+
+
+def restore(bundle: Bundle) -> Predictor:
+    """By the kind that bundle.json names."""
+    about, arrays = bundle.about, bundle.arrays
+    if about["kind"] == "grey_box":
+        return restore_grey_box(about, arrays)
+    if about["kind"] == "hybrid":
+        return restore_hybrid(about, arrays)
+    if about["kind"] != "network":
+        raise UserError(f"unknown kind of model {about['kind']!r}")
+    chosen = architecture(about["architecture"]["name"])
+    theta = np.asarray(arrays["theta"], dtype=np.float32)
+    if len(theta) != chosen.learnables(about["axes"]):
+        raise UserError(f"{len(theta)} learnables where {chosen.name} has {chosen.learnables(about['axes'])}")
+    return NetworkPredictor(
+        chosen, int(about["axes"]), float(about["step_s"]), theta, Normalisation.from_json(about["normalisation"])
+    )
