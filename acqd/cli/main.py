@@ -9,7 +9,7 @@ from typing import NoReturn
 
 import typer
 
-from acqd.cli import broker, dataset, doctor, jitter, lab, replay, run, sink, watch
+from acqd.cli import broker, dataset, doctor, jitter, lab, models, replay, run, sink, watch
 from acqd.errors import OperationError, UserError
 
 app = typer.Typer(
@@ -28,6 +28,9 @@ app.command("jitter")(jitter.jitter)
 app.command("broker")(broker.broker)
 app.add_typer(lab.app, name="lab")
 app.add_typer(dataset.app, name="dataset")
+app.command("train")(models.train)
+app.command("compare")(models.compare)
+app.command("predict")(models.predict)
 
 _JOURNAL_LEVEL = {logging.DEBUG: 7, logging.INFO: 6, logging.WARNING: 4, logging.ERROR: 3, logging.CRITICAL: 2}
 

@@ -9,6 +9,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from acqd.dataset.power import PowerStream
+from acqd.dataset.resample import resampled
 from acqd.robot.description import Floats
 from acqd.robot.log import RobotLog
 
@@ -48,39 +49,19 @@ def merge(name: str, log: RobotLog, power: PowerStream, lag_s: float, drift_ppm:
     count = int((centres[-1] - centres[0]) / step_s + 1e-6) + 1 if len(centres) else 0
     grid: Floats = np.asarray((centres[0] if count else clock[0]) + step_s * np.arange(count), dtype=np.float64)
     P, volts = np.asarray(power.P[part]), np.asarray(power.Vrms[part])
-    columns = {"P": _resampled(grid, centres, P, step_s), "Vrms": _resampled(grid, centres, volts, step_s)}
+    columns = {"P": resampled(grid, centres, P, step_s), "Vrms": resampled(grid, centres, volts, step_s)}
     for quantity in ("q", "qd", "tau", "current", "temperature"):
         values = getattr(log, quantity)
         if values is not None:
             for axis in range(values.shape[1]):
-                columns[f"{quantity}{axis + 1}"] = _resampled(grid, clock, values[rows, axis], step_s)
+                columns[f"{quantity}{axis + 1}"] = resampled(grid, clock, values[rows, axis], step_s)
     for signal, values in log.signals.items():
-        columns[signal] = np.round(_resampled(grid, clock, values[rows], step_s))
+        columns[signal] = np.round(resampled(grid, clock, values[rows], step_s))
     valid = _near(grid, centres[np.isfinite(P)], 0.75 * power.window_ns * 1e-9) & _near(grid, clock, _LOG_GAP_S / 2)
     valid &= np.isfinite(columns["P"])
     first_ns = int(power.time_ns[part][0]) + half_ns if count else 0
     time_ns = first_ns + np.rint(step_s * 1e9 * np.arange(count)).astype(np.int64)
     return Recording(name, time_ns, columns, valid)
-
-
-def _resampled(grid: Floats, t: Floats, values: Floats, step_s: float) -> Floats:
-    known = np.isfinite(values)
-    if known.sum() < 2:
-        return np.full(len(grid), np.nan)
-    t, values = t[known], values[known]
-    if np.median(np.diff(t)) < 0.6 * step_s:  # the mean over each step, by the integral of the straight lines
-        integral = np.concatenate([[0.0], np.cumsum(np.diff(t) * (values[1:] + values[:-1]) / 2)])
-        edges = np.clip([grid - step_s / 2, grid + step_s / 2], t[0], t[-1])
-        low, high = (_integral_at(edge, t, values, integral) for edge in edges)
-        return np.asarray((high - low) / np.maximum(edges[1] - edges[0], 1e-12))
-    return np.asarray(np.interp(grid, t, values))
-
-
-def _integral_at(at: Floats, t: Floats, values: Floats, integral: Floats) -> Floats:
-    before = np.clip(np.searchsorted(t, at, side="right") - 1, 0, len(t) - 2)
-    into = at - t[before]
-    slope = (values[before + 1] - values[before]) / (t[before + 1] - t[before])
-    return np.asarray(integral[before] + into * (values[before] + slope * into / 2))
 
 
 def _near(grid: Floats, t: Floats, within_s: float) -> NDArray[np.bool_]:

@@ -107,7 +107,7 @@ def _spool(origin: str, pieces: Iterator[_Rows]) -> PowerStream:
     known = mapped["P"][np.isfinite(mapped["P"])]
     if len(known) < 3 or np.ptp(known) == 0.0:
         raise UserError(f"power {origin}: P is constant or missing; is this the robot's channel?")
-    measured = next((label for label in _LABELS if label in labels), "mains")
+    measured: Measured = next((label for label in _LABELS if label in labels), "mains")
     return PowerStream(time_ns, mapped["P"], mapped["Vrms"], window_ns, dropped, measured, origin)
 
 

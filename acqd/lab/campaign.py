@@ -20,7 +20,6 @@ from acqd.errors import InputError, OperationError, UserError
 from acqd.lab.assembly import Assembly
 from acqd.lab.cell import build_cell, device_name
 from acqd.lab.effects import known_effects
-from acqd.workers import run_here, run_on_ray
 from acqd.lab.generate import MANIFEST, Generated, draw, write
 from acqd.lab.pictures.reports import campaign_report
 from acqd.lab.plan import SessionPlan, plan_sessions
@@ -30,6 +29,7 @@ from acqd.lab.settings import CampaignSettings
 from acqd.lab.work import Folders, run_session
 from acqd.robot.description import Floats
 from acqd.storage.database import open_database
+from acqd.workers import run_here, run_on_ray
 
 Engine = Literal["process", "ray"]
 

@@ -55,7 +55,7 @@ class Data:
     @property
     def axes(self) -> int:
         """Joints."""
-        return self.stretches[0].q.shape[1]
+        return int(self.stretches[0].q.shape[1])
 
     @property
     def kinds(self) -> list[str]:

@@ -36,14 +36,14 @@ def orders(template: TrainOrder, models: Path) -> list[TrainOrder]:
     ]
 
 
-def run_order(order: TrainOrder) -> dict[str, Any]:
-    """Train, unless the same was trained before: what a worker does. Returns what bundle.json says."""
+def run_order(order: TrainOrder) -> tuple[str, dict[str, Any]]:
+    """Train, unless the same was trained before: what a worker does. Returns the path and what bundle.json says."""
     if is_bundle(order.out):
         about = load_bundle(order.out).about
         same = about["provenance"]["manifest_sha256"] == load_data(order.dataset).digest
         if same and about.get("settings") == order.settings.as_json() and about["training"]["seed"] == order.seed:
-            return about
-    return train_one(order, _silent)
+            return str(order.out), about
+    return str(order.out), train_one(order, _silent)
 
 
 def _silent(what: str, share: float, left_s: float) -> None:

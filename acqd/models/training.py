@@ -37,7 +37,7 @@ def train_one(order: TrainOrder, progress: Report) -> dict[str, Any]:
     made = _make(order, data, progress)
     metrics = {}
     for split in ("train", "validation", "test"):
-        stretches = data.part(split, order.kinds) if split != "test" else data.part(split)  # type: ignore[arg-type]
+        stretches = data.part(split, order.kinds) if split != "test" else data.part(split)
         metrics[split] = measure(predictions(made.predictor, stretches), stretches).as_json()
     P = np.concatenate([stretch.P for stretch in training])
     about = {

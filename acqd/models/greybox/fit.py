@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from acqd.models.data import SIGNALS, Stretch
 from acqd.models.features import motion
@@ -43,7 +44,8 @@ class _Part:
     q: Floats
     qd: Floats
     qdd: Floats
-    Y: Floats
+    Y: NDArray[np.float32]
+    """[T, axes, 10 axes]: torque per inertial parameter."""
     tau: Floats | None
     signals: Floats
 
@@ -80,7 +82,10 @@ def fit_grey_box(
     high[layout.place("lag")] = 2.0 * step_s
     values = np.clip(belief.mean, low, high)
     chain = Chain.of(robot)
-    make = lambda x: GreyBox(chain, layout, x, step_s, usual)  # noqa: E731
+
+    def make(x: Floats) -> GreyBox:
+        return GreyBox(chain, layout, x, step_s, usual)
+
     now, damping = _normal(make(values), parts, belief, None), 1e-4
     for iteration in range(_ITERATIONS):
         scaled = now.hessian + damping * np.diag(np.diag(now.hessian))
@@ -129,7 +134,7 @@ def _jacobian(model: GreyBox, part: _Part) -> tuple[Floats, Floats]:
     gain = float(model.group("gain")[0])
     J = np.zeros((len(part.P), layout.size))
     sign = direction(part.qd)
-    tau, motor = model.motor_torque(part.q, part.qd, part.qdd)
+    _, motor = model.motor_torque(part.q, part.qd, part.qdd)
     steer = 2 * model.group("copper") * motor + model.group("conduction") * motor / np.hypot(motor, 0.5)
     pull = gain * part.qd + steer  # dP/d(torque): mechanical power and losses
     J[:, layout.place("inertial")] = np.einsum("tjk,tj->tk", part.Y, pull, optimize=True)

@@ -32,7 +32,10 @@ def make_hybrid(order: TrainOrder, data: Data, progress: Report) -> Made:
     network, gain = _fit_rest(fit.model, normal, training, validation, order.seed, progress)
     model = Hybrid(fit.model, network, normal)
     about = describe(fit) | {
-        "architecture": {"hidden": HIDDEN, "learnables": int(sum(each.size for each in (network.W, network.b, network.out)))},
+        "architecture": {
+            "hidden": HIDDEN,
+            "learnables": int(sum(each.size for each in (network.W, network.b, network.out))),
+        },
         "normalisation": normal.as_json(),
         "validation_gain": gain,
     }

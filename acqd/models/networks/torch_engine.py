@@ -24,8 +24,9 @@ class Network(torch.nn.Module):
             self.kernels = torch.nn.Conv1d(1, architecture.kernels, architecture.length)
         self.lstm = torch.nn.LSTM(architecture.width(axes), HIDDEN, batch_first=True)
         # torch keeps two biases per gate; MATLAB one: the second stays zero
-        torch.nn.init.zeros_(self.lstm.bias_hh_l0)
-        self.lstm.bias_hh_l0.requires_grad_(False)
+        second = dict(self.lstm.named_parameters())["bias_hh_l0"]
+        torch.nn.init.zeros_(second)
+        second.requires_grad_(False)
         sizes = (HIDDEN, *HEAD)
         self.head = torch.nn.Sequential(*(torch.nn.Linear(a, b) for a, b in itertools.pairwise(sizes)))
 
@@ -35,7 +36,8 @@ class Network(torch.nn.Module):
         if self._architecture.kernels:
             assert self.kernels.bias is not None
             found += [self.kernels.weight, self.kernels.bias]
-        found += [self.lstm.weight_ih_l0, self.lstm.weight_hh_l0, self.lstm.bias_ih_l0]
+        named = dict(self.lstm.named_parameters())
+        found += [named[f"{name}_l0"] for name in ("weight_ih", "weight_hh", "bias_ih")]
         return found + list(self.head.parameters())
 
     def forward(self, inputs: torch.Tensor) -> torch.Tensor:

@@ -1,0 +1,72 @@
+"""`acqd predict`: power for a robot log."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import orjson
+import typer
+from rich.console import Console
+
+from acqd.cli.options import Json
+from acqd.errors import UserError
+
+
+def predict(
+    bundle: Annotated[Path, typer.Argument(metavar="BUNDLE", help="Folder that acqd train wrote.")],
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="Robot log: DataRecorder text, RTDE CSV, or CSV.")],
+    out: Annotated[Path | None, typer.Option(help="CSV for the predicted rows.")] = None,
+    robot: Annotated[
+        str | None, typer.Option(help="Description that maps the log's columns (default the bundle's).")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Predict the power of a logged motion.
+
+    Example: acqd predict ds.models/grey-box-everything-s1 campaign/logs/cell-01/all_01_0001.log --out power.csv
+    """
+    missing = [name for name in ("safetensors", "scipy") if find_spec(name) is None]
+    if missing:
+        raise UserError(f"acqd predict needs {' and '.join(missing)}: install acqd[predict]")
+    from acqd.models.predict import predict_log
+    from acqd.models.restore import open_model
+
+    opened, model = open_model(bundle)
+    made = predict_log(opened, model, log, robot)
+    if out is not None:
+        made.write(out)
+    share = float(made.outside.mean())
+    if share > 0:
+        Console(stderr=True).print(
+            f"acqd: {log}: {share:.1%} of the rows lie outside of what the model was trained on", soft_wrap=True
+        )
+    known = np.isfinite(made.P)
+    summary = {
+        "model": opened.about["name"],
+        "robot": opened.about["robot"],
+        "trained_on_power": opened.about["measured"],
+        "rows": len(made.P),
+        "gaps": int((~known).sum()),
+        "mean_W": float(made.P[known].mean()),
+        "max_W": float(made.P[known].max()),
+        "energy_kWh": made.energy(),
+        "outside_envelope": share,
+        "out": None if out is None else str(out),
+    }
+    if json:
+        rows = {
+            "time": made.time,
+            "P_W": np.where(known, made.P, 0.0).tolist()
+            if known.all()
+            else [float(p) if ok else None for p, ok in zip(made.P, known, strict=True)],
+        }
+        print(orjson.dumps(summary | ({} if out else rows), option=orjson.OPT_SERIALIZE_NUMPY).decode())
+        return
+    print(
+        f"{log}: {len(made.P) * made.step_s:.1f} s, mean {summary['mean_W']:.2f} W, max {summary['max_W']:.2f} W, "
+        f"{summary['energy_kWh']:.6f} kWh by {summary['model']} (trained on {summary['trained_on_power']} power)"
+        + (f"; rows in {out}" if out else "")
+    )

@@ -1,0 +1,53 @@
+"""What no report may lack: a constant, a linear regression on physics, and what the meter itself scatters."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from acqd.models.data import Data, Stretch
+from acqd.models.features import motion
+from acqd.robot.description import Floats
+
+_RIDGE = 1e-6
+_STILL_RAD_S = 2e-3
+_LEAST_ROWS = 25
+
+
+def constant(training: list[Stretch], stretches: list[Stretch]) -> list[Floats]:
+    """The training recordings' mean power."""
+    mean = float(np.concatenate([stretch.P for stretch in training]).mean())
+    return [np.full(len(stretch.P), mean) for stretch in stretches]
+
+
+def linear_physics(training: list[Stretch], stretches: list[Stretch], step_s: float) -> list[Floats]:
+    """Least squares on |qd|, qd^2, qd qdd, qdd^2, and sines and cosines of the angles: no robot description."""
+    X = np.concatenate([_regressors(stretch, step_s) for stretch in training])
+    y = np.concatenate([stretch.P for stretch in training])
+    scale = np.maximum(np.sqrt((X * X).mean(axis=0)), 1e-12)
+    gram = (X / scale).T @ (X / scale)
+    gram[np.diag_indices_from(gram)] += _RIDGE * len(y)
+    weights = np.linalg.solve(gram, (X / scale).T @ y) / scale
+    return [np.asarray(_regressors(stretch, step_s) @ weights) for stretch in stretches]
+
+
+def _regressors(stretch: Stretch, step_s: float) -> Floats:
+    q, qd, qdd = motion(stretch.q, step_s)
+    gravity = [np.sin(q) * qd, np.cos(q) * qd, np.sin(q), np.cos(q)]
+    return np.column_stack([np.abs(qd), qd**2, qd * qdd, qdd**2, *gravity, np.ones(len(q))])
+
+
+def noise_floor(data: Data) -> float | None:
+    """MAE (W) that a perfect model would have: how power scatters about its slow mean while the robot stands still.
+
+    None without standstill in the recordings.
+    """
+    apart = []
+    for stretch in data.stretches:
+        _, qd, _ = motion(stretch.q, data.step_s)
+        still = (np.abs(qd) < _STILL_RAD_S).all(axis=1)
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(np.int8), [0]])))
+        for first, last in zip(edges[::2], edges[1::2], strict=True):
+            inner = stretch.P[first + 5 : last - 5]  # what settles after the motion is not noise
+            if len(inner) >= _LEAST_ROWS:
+                apart.append(inner - np.median(inner))
+    return float(np.abs(np.concatenate(apart)).mean()) if apart else None

@@ -1,0 +1,162 @@
+"""Every model on every kind of held-out recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from acqd.errors import UserError
+from acqd.models.bundle import is_bundle
+from acqd.models.compare.baselines import constant, linear_physics, noise_floor
+from acqd.models.compare.stability import unstable_share
+from acqd.models.data import Data, Stretch
+from acqd.models.metrics import Metrics, measure, predictions
+from acqd.models.predictor import Predictor
+from acqd.models.restore import open_model
+from acqd.robot.description import Floats
+
+_RESAMPLES = 500
+_AVERAGED = ("mae", "rmse", "bias", "r2", "energy_p95")
+_Member: TypeAlias = tuple[dict[str, Any], Predictor | None, list[Floats]]
+"""bundle.json, the model and its predictions."""
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One model, or several seeds of one."""
+
+    name: str
+    trained_on: str
+    """Kinds of trajectories."""
+    seeds: int
+    metrics: dict[str, Metrics]
+    """By test set: "everything" and each kind."""
+    mae_ci95: tuple[float, float]
+    """W, on everything: over recordings, and seeds where there are several."""
+    unstable: float
+    """Share of seconds in which it oscillates by itself."""
+    errors: Floats
+    """[rows] |error| on everything, of the first seed."""
+    predicted: list[Floats]
+    """Of the first seed, for the test stretches."""
+    model: Predictor | None
+    """Of the first seed; None for baselines."""
+    about: dict[str, Any]
+    """bundle.json of the first seed."""
+
+    @property
+    def label(self) -> str:
+        """For axes of pictures."""
+        return self.name
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """All of it."""
+
+    data: Data
+    test: list[Stretch]
+    entries: list[Entry]
+    baselines: list[Entry]
+    floor_W: float | None
+    notes: list[str]
+
+    @property
+    def kinds(self) -> list[str]:
+        """Columns of the heatmaps."""
+        return [*self.data.kinds, "everything"] if len(self.data.kinds) > 1 else ["everything"]
+
+    def best(self) -> Entry:
+        """Lowest MAE on everything."""
+        return min(self.entries, key=lambda entry: entry.metrics["everything"].mae)
+
+    def find(self, name: str, trained_on: str) -> Entry | None:
+        """By name and training data."""
+        return next((e for e in self.entries if (e.name, e.trained_on) == (name, trained_on)), None)
+
+
+def compare(data: Data, models: Path, progress: Callable[[str, float], None]) -> Comparison:
+    """Bundles found under `models` on the test recordings of `data`. Raises UserError."""
+    paths = sorted(path for path in _bundles(models))
+    if not paths:
+        raise UserError(f"{models}: no bundles there; acqd train makes them")
+    test, training = data.part("test"), data.part("train")
+    notes: list[str] = []
+    groups: dict[tuple[str, str], list[_Member]] = {}
+    for number, path in enumerate(paths):
+        bundle, model = open_model(path)
+        about = bundle.about
+        if about["robot"] != data.robot or about["axes"] != data.axes or about["step_s"] != data.step_s:
+            notes.append(f"{path.name}: left out, it is of {about['robot']} at {about['step_s']} s")
+            continue
+        seen = set(about["provenance"]["fit_recordings"]) & {stretch.recording for stretch in test}
+        if about["provenance"]["manifest_sha256"] != data.digest:
+            known = f"; {len(seen)} test recordings have names that it was fitted on" if seen else ""
+            notes.append(f"{path.name}: trained on another dataset{known}")
+        trained_on = "+".join(about["training"]["kinds"])
+        everything = "+".join(data.kinds)
+        key = (about["name"], "everything" if trained_on == everything else trained_on)
+        groups.setdefault(key, []).append((about, model, predictions(model, test)))
+        progress(path.name, (number + 1) / len(paths))
+    if not groups:
+        raise UserError(f"{models}: no bundle fits this dataset; {notes[0]}")
+    entries = [_entry(name, kinds, members, data, test) for (name, kinds), members in groups.items()]
+    guesses = {"constant": constant(training, test), "linear physics": linear_physics(training, test, data.step_s)}
+    baselines = [_entry(name, "everything", [({}, None, guess)], data, test) for name, guess in guesses.items()]
+    return Comparison(data, test, entries, baselines, noise_floor(data), notes)
+
+
+def _bundles(models: Path) -> Iterator[Path]:
+    if is_bundle(models):
+        yield models
+        return
+    if models.is_dir():
+        yield from (path for path in models.iterdir() if not path.name.startswith(".") and is_bundle(path))
+
+
+def _entry(
+    name: str,
+    trained_on: str,
+    members: list[_Member],
+    data: Data,
+    test: list[Stretch],
+) -> Entry:
+    metrics = {"everything": _mean([measure(guess, test) for _, _, guess in members])}
+    for kind in data.kinds if len(data.kinds) > 1 else []:
+        own = [k for k, stretch in enumerate(test) if stretch.kind == kind]
+        if own:
+            chosen = [test[k] for k in own]
+            metrics[kind] = _mean([measure([guess[k] for k in own], chosen) for _, _, guess in members])
+    about, model, first = members[0]
+    errors = np.concatenate([np.abs(guess - s.P) for guess, s in zip(first, test, strict=True)])
+    unstable = float(np.mean([unstable_share(guess, test) for _, _, guess in members]))
+    interval = _interval([guess for _, _, guess in members], test)
+    return Entry(name, trained_on, len(members), metrics, interval, unstable, errors, first, model, about)
+
+
+def _mean(each: list[Metrics]) -> Metrics:
+    averaged = {name: float(np.mean([getattr(one, name) for one in each])) for name in _AVERAGED}
+    return replace(each[0], **averaged)
+
+
+def _interval(guesses: list[list[Floats]], test: list[Stretch]) -> tuple[float, float]:
+    """95 % bootstrap of the MAE: recordings drawn with replacement, and seeds."""
+    random = np.random.default_rng(0)
+    recordings = sorted({stretch.recording for stretch in test})
+    place = {name: k for k, name in enumerate(recordings)}
+    sums, rows = np.zeros((len(guesses), len(recordings))), np.zeros(len(recordings))
+    for k, stretch in enumerate(test):
+        rows[place[stretch.recording]] += len(stretch.P)
+        for seed, guess in enumerate(guesses):
+            sums[seed, place[stretch.recording]] += np.abs(guess[k] - stretch.P).sum()
+    drawn = []
+    for _ in range(_RESAMPLES):
+        which = random.integers(len(recordings), size=len(recordings))
+        seeds = random.integers(len(guesses), size=len(guesses))
+        drawn.append(sums[seeds][:, which].sum() / (len(guesses) * rows[which].sum()))
+    low, high = np.percentile(drawn, [2.5, 97.5])
+    return float(low), float(high)
