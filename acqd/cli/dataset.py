@@ -47,6 +47,8 @@ def build(
     search: Annotated[float, typer.Option(min=0.1, help="s that the clocks may differ before all is searched.")] = 2.4,
     step: Annotated[float, typer.Option(min=0.005, max=10, help="s between rows.")] = 0.04,
     seed: Annotated[int, typer.Option(min=0, help="Of the split.")] = 1,
+    lag: Annotated[float | None, typer.Option(help="s that the robot's clock is ahead, if known: no search.")] = None,
+    cut: Annotated[float | None, typer.Option(min=2.5, help="s: cut long logs into pieces, for the split.")] = None,
     json: Json = False,
 ) -> None:
     """Find each log's time shift, merge it with its power, and write Parquet with provenance.
@@ -58,7 +60,7 @@ def build(
     from acqd.dataset.explain import TorqueSource
 
     source: TorqueSource | None = torque.value if torque is not None else None
-    order = BuildOrder(power, logs, out, robot, device, channel, source, search, step, seed)
+    order = BuildOrder(power, logs, out, robot, device, channel, source, search, step, seed, lag, cut)
     console = Console(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
         bar = progress.add_task("reading", total=1.0)
@@ -68,7 +70,7 @@ def build(
     if json:
         print(orjson.dumps(report).decode())
         return
-    clock = "no common clock found: every recording by its own lag"
+    clock = "no common clock found: every recording by its own lag" if lag is None else f"lag given, {lag} s"
     if report.offset_s is not None:
         clock = (
             f"robot clock {report.offset_s:+.3f} s off, {report.drift_ppm:+.1f} ppm, scatter {report.scatter_ms:.1f} ms"

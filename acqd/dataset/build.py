@@ -16,11 +16,12 @@ import orjson
 import pyarrow.parquet
 
 from acqd import __version__
+from acqd.dataset.cut import cut
 from acqd.dataset.explain import TorqueSource, explain
-from acqd.dataset.locate import Alignment, Located, locate
+from acqd.dataset.locate import Alignment, Located, given, locate
 from acqd.dataset.merge import Recording, merge
 from acqd.dataset.power import Measured, PowerStream, open_power
-from acqd.dataset.split import source_of, split
+from acqd.dataset.split import kinds_of, source_of, split
 from acqd.errors import OperationError, UserError
 from acqd.robot.description import RobotDescription, load_description
 from acqd.robot.log import RobotLog, read_log
@@ -47,6 +48,10 @@ class BuildOrder:
     search_s: float = 2.4
     step_s: float = 0.04
     seed: int = 1
+    lag_s: float | None = None
+    """Of all logs, when it is known: nothing is searched for."""
+    cut_s: float | None = None
+    """Logs are cut into pieces of so many seconds, each a source of its own."""
 
 
 @dataclass(slots=True)
@@ -80,8 +85,16 @@ def build(order: BuildOrder, progress: Callable[[str, float], None]) -> BuildRep
     for number, path in enumerate(paths):
         logs.append(read_log(path, robot))
         progress("reading logs", (number + 1) / len(paths))
-    explained = [explain(log, robot, order.torque) for log in logs]
-    alignment = locate(explained, power, order.search_s, lambda share: progress("aligning", share))
+    if order.cut_s is not None:
+        logs = [piece for log in logs for piece in cut(log, order.cut_s)]
+    if order.lag_s is not None:
+        alignment = given(len(logs), order.lag_s)
+    else:
+        explained = []
+        for number, log in enumerate(logs):
+            explained.append(explain(log, robot, order.torque))
+            progress("computing what a meter must see", (number + 1) / len(logs))
+        alignment = locate(explained, power, order.search_s, lambda share: progress("aligning", share))
     if all(located.method == "refused" for located in alignment.located):
         raise UserError(
             f"none of {len(logs)} logs can be placed in the power stream (best R2 "
@@ -141,14 +154,16 @@ def _write(
     for _, _, recording in kept:
         source = source_of(recording.name)
         seconds[source] = seconds.get(source, 0.0) + float(recording.valid.sum()) * order.step_s
-    parts = split(seconds, order.seed)
+    parts, kinds = split(seconds, order.seed), kinds_of(set(seconds))
     report.refused = [f"{log.path}: {reason}" for log, _, recording, reason in merged if recording is None]
     for log, located, recording in kept:
         if located.note:
             report.notes.append(f"{log.path}: {located.note}")
         source = source_of(recording.name)
         report.split[parts[source]] = report.split.get(parts[source], 0) + 1
-        entries.append(_entry(order, log, located, recording) | {"source": source, "split": parts[source]})
+        entries.append(
+            _entry(order, log, located, recording) | {"source": source, "kind": kinds[source], "split": parts[source]}
+        )
     report.recordings = len(entries)
     report.seconds = sum(entry["valid_s"] for entry in entries)
     manifest = {
@@ -176,8 +191,13 @@ def _entry(order: BuildOrder, log: RobotLog, located: Located, recording: Record
         "lag_by": located.method,
         "own_lag": {"s": located.own.seconds, "r2": located.own.r2, "stands_out": located.own.ratio},
         "note": located.note,
-        "log": {"path": str(log.path), "sha256": _digest(log.path), "rows": len(log.time)},
+        "log": {"path": str(_file(log)), "sha256": _digest(_file(log)), "rows": len(log.time)},
     }
+
+
+def _file(log: RobotLog) -> Path:
+    """The file on disk: a piece of a log has its parent's."""
+    return log.path if log.path.is_file() else log.path.parent
 
 
 def _power_provenance(order: BuildOrder, power: PowerStream) -> dict[str, Any]:

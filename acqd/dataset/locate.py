@@ -16,7 +16,7 @@ from acqd.dataset.supply import USUAL_LAG_S, supply_lag
 
 _FURTHER_S = 120.0
 _NONE = Lag(0.0, 0.0, 1.0)
-Method = Literal["clock line", "own", "refused"]
+Method = Literal["clock line", "own", "given", "refused"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +61,11 @@ def locate(
     middles = np.array([_middle(about) for about in explained])
     line = fit_line(middles, lags)
     return Alignment([_decide(lag, float(t), line) for lag, t in zip(lags, middles, strict=True)], line, supply_lag_s)
+
+
+def given(count: int, lag_s: float) -> Alignment:
+    """One clock, or a lag that the user knows."""
+    return Alignment([Located(lag_s, "given", _NONE)] * count, None, 0.0)
 
 
 def _coarse(about: Explanation, power: PowerStream, before: list[float], search_s: float) -> Lag:

@@ -10,6 +10,8 @@ import numpy as np
 Part = Literal["train", "validation", "test"]
 _SHARES: tuple[tuple[Part, float], ...] = (("train", 0.74), ("validation", 0.12), ("test", 0.14))
 
+_LEAST_SOURCES = 3  # that make a kind
+
 
 def source_of(name: str) -> str:
     """`limited_07_0123` is an execution of `limited_07`; a name without such a number is its own source."""
@@ -17,17 +19,24 @@ def source_of(name: str) -> str:
     return match[1] if match else name
 
 
+def kinds_of(sources: set[str]) -> dict[str, str]:
+    """Source -> kind of trajectory: its name up to the last underscore; kinds with fewer than three are "other"."""
+    kind = {name: name.rpartition("_")[0] or name for name in sources}
+    members = list(kind.values())
+    return {name: own if members.count(own) >= _LEAST_SOURCES else "other" for name, own in kind.items()}
+
+
 def split(sources: dict[str, float], seed: int) -> dict[str, Part]:
     """Source (name -> seconds recorded) to part, by time as near to 74/12/14 % as whole sources allow.
 
-    Sources are dealt out within each kind (the name up to its last underscore), longest first in random order
-    of equals, always to the part that lacks most. With fewer than three sources of a kind all train.
+    Sources are dealt out within each kind, in random order, always to the part that lacks most. With fewer than
+    three sources all train.
     """
     random = np.random.default_rng(seed)
     parts: dict[str, Part] = {}
     kinds: dict[str, list[str]] = {}
-    for name in sorted(sources):
-        kinds.setdefault(name.rpartition("_")[0] or name, []).append(name)
+    for name, kind in sorted(kinds_of(set(sources)).items()):
+        kinds.setdefault(kind, []).append(name)
     for members in kinds.values():
         order = [members[k] for k in random.permutation(len(members))]
         total = sum(sources[name] for name in order)

@@ -15,7 +15,6 @@ from acqd.errors import InputError, UserError
 from acqd.robot.description import Floats
 
 _LEAST_S = 2.0
-_LEAST_SOURCES = 3  # that make a kind of trajectory worth a column of its own
 SIGNALS = ("brake", "tool")
 """Logged states that a model may use."""
 
@@ -79,14 +78,9 @@ class Data:
 def load_data(path: Path) -> Data:
     """Read a dataset. Raises UserError, InputError."""
     manifest = load_manifest(path)
-    sources: dict[str, set[str]] = {}
-    for entry in manifest["recordings"]:
-        sources.setdefault(_kind(entry["source"]), set()).add(entry["source"])
     stretches: list[Stretch] = []
     for entry in manifest["recordings"]:
-        kind = _kind(entry["source"])
-        kind = kind if len(sources[kind]) >= _LEAST_SOURCES else "other"
-        stretches += _stretches(path / entry["file"], entry, kind, manifest["step_s"])
+        stretches += _stretches(path / entry["file"], entry, manifest["step_s"])
     if not stretches:
         raise UserError(f"{path}: no recording has {_LEAST_S} s of valid rows")
     if len({stretch.q.shape[1] for stretch in stretches}) > 1:
@@ -95,11 +89,7 @@ def load_data(path: Path) -> Data:
     return Data(path, digest, manifest["robot"], manifest["step_s"], manifest["measured"], stretches)
 
 
-def _kind(source: str) -> str:
-    return source.rpartition("_")[0] or source
-
-
-def _stretches(file: Path, entry: dict[str, object], kind: str, step_s: float) -> list[Stretch]:
+def _stretches(file: Path, entry: dict[str, object], step_s: float) -> list[Stretch]:
     try:
         table = pyarrow.parquet.read_table(file)
     except (OSError, pyarrow.ArrowInvalid) as error:
@@ -123,7 +113,7 @@ def _stretches(file: Path, entry: dict[str, object], kind: str, step_s: float) -
             Stretch(
                 str(entry["name"]),
                 str(entry["source"]),
-                kind,
+                str(entry["kind"]),
                 part,
                 q[rows],
                 columns["P"][rows],

@@ -139,8 +139,8 @@ def _entry(
 
 
 def _mean(each: list[Metrics]) -> Metrics:
-    averaged = {name: float(np.mean([getattr(one, name) for one in each])) for name in _AVERAGED}
-    return replace(each[0], **averaged)
+    mae, rmse, bias, r2, energy = (float(np.mean([getattr(one, name) for one in each])) for name in _AVERAGED)
+    return replace(each[0], mae=mae, rmse=rmse, bias=bias, r2=r2, energy_p95=energy)
 
 
 def _interval(guesses: list[list[Floats]], test: list[Stretch]) -> tuple[float, float]:
