@@ -17,9 +17,10 @@ import pyarrow.parquet
 
 from acqd import __version__
 from acqd.dataset.cut import cut
-from acqd.dataset.explain import TorqueSource, explain
+from acqd.dataset.explain import Explanation, TorqueSource, explain
 from acqd.dataset.locate import Alignment, Located, given, locate
 from acqd.dataset.merge import Recording, merge
+from acqd.dataset.pictures import write_report
 from acqd.dataset.power import Measured, PowerStream, open_power
 from acqd.dataset.split import kinds_of, source_of, split
 from acqd.errors import OperationError, UserError
@@ -87,10 +88,10 @@ def build(order: BuildOrder, progress: Callable[[str, float], None]) -> BuildRep
         progress("reading logs", (number + 1) / len(paths))
     if order.cut_s is not None:
         logs = [piece for log in logs for piece in cut(log, order.cut_s)]
+    explained: list[Explanation] = []
     if order.lag_s is not None:
         alignment = given(len(logs), order.lag_s)
     else:
-        explained = []
         for number, log in enumerate(logs):
             explained.append(explain(log, robot, order.torque))
             progress("computing what a meter must see", (number + 1) / len(logs))
@@ -101,7 +102,8 @@ def build(order: BuildOrder, progress: Callable[[str, float], None]) -> BuildRep
             f"{max(located.own.r2 for located in alignment.located):.2f}): is it this robot's power, of these days?"
         )
     merged = _merge_all(order, logs, power, alignment)
-    return _write(order, robot, power, alignment, merged)
+    report = _report(order, robot, power, alignment, merged, explained)
+    return _write(order, robot, power, alignment, merged, report)
 
 
 def _log_files(folder: Path) -> list[Path]:
@@ -142,6 +144,7 @@ def _write(
     power: PowerStream,
     alignment: Alignment,
     merged: list[_Merged],
+    pictures: Callable[[Path], None],
 ) -> BuildReport:
     report = BuildReport(str(order.out), robot.name, measured=power.measured)
     line = alignment.line
@@ -177,7 +180,7 @@ def _write(
         "refused": report.refused,
         "recordings": entries,
     }
-    _publish(order.out, [recording for _, _, recording in kept], manifest)
+    _publish(order.out, [recording for _, _, recording in kept], manifest, pictures)
     return report
 
 
@@ -217,7 +220,31 @@ def _digest(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-def _publish(out: Path, recordings: list[Recording], manifest: dict[str, Any]) -> None:
+def _report(
+    order: BuildOrder,
+    robot: RobotDescription,
+    power: PowerStream,
+    alignment: Alignment,
+    merged: list[_Merged],
+    explained: list[Explanation],
+) -> Callable[[Path], None]:
+    """What draws the thesis' figures of a typical recording; nothing where no lag was searched for."""
+    placed = [k for k, (_, _, recording, _) in enumerate(merged) if recording is not None]
+    if not explained or not placed:
+        return lambda _: None
+    typical = sorted(placed, key=lambda k: alignment.located[k].own.r2)[len(placed) // 2]
+    log, located, recording, _ = merged[typical]
+    assert recording is not None
+    middles = np.array([float(about.t.mean()) for about in explained])
+    shown = (log, explained[typical], located, recording)
+    clock = (middles, alignment.located, alignment.line)
+    title = f"Power and motion of {robot.title}: {order.out.name}"
+    return lambda folder: write_report(folder / "report.html", title, power, shown, clock)
+
+
+def _publish(
+    out: Path, recordings: list[Recording], manifest: dict[str, Any], pictures: Callable[[Path], None]
+) -> None:
     """Everything into a folder beside `out`, which then takes its name."""
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
@@ -228,6 +255,7 @@ def _publish(out: Path, recordings: list[Recording], manifest: dict[str, Any]) -
         (beside / "recordings").mkdir()
         for recording in recordings:
             pyarrow.parquet.write_table(recording.table(), beside / "recordings" / f"{recording.name}.parquet")
+        pictures(beside)
         (beside / "manifest.json").write_bytes(orjson.dumps(manifest, option=orjson.OPT_INDENT_2))
         umask = os.umask(0)
         os.umask(umask)

@@ -37,6 +37,8 @@ class Explanation:
     """First grid point, controller time as in the log."""
     columns: Floats
     """[T, k], not yet delayed or averaged."""
+    mechanical_power: Floats
+    """[T] W: torque times speed, summed over the joints (thesis Eq. 6.1 to 6.3)."""
     essential: int
     """How many of the first columns explain most: a search over hours with all of them would fit chance."""
 
@@ -89,7 +91,7 @@ def explain(log: RobotLog, robot: RobotDescription, torque: TorqueSource | None 
     columns += [qdd**2, tau * qdd, qdd * direction]
     if "brake" in log.signals:  # last: not every log has it
         columns.append(np.interp(grid, time, log.signals["brake"][rows])[:, None])
-    return Explanation(float(time[0]), np.column_stack(columns), essential)
+    return Explanation(float(time[0]), np.column_stack(columns), power, essential)
 
 
 def best_torque(log: RobotLog) -> TorqueSource:

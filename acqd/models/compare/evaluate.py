@@ -25,7 +25,7 @@ _Member: TypeAlias = tuple[dict[str, Any], Predictor | None, list[Floats]]
 """bundle.json, the model and its predictions."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Entry:
     """One model, or several seeds of one."""
 

@@ -22,6 +22,7 @@ HIDDEN = 12
 _WEIGHT_DECAY = 1e-4
 _ROUNDS, _STEPS_A_ROUND = 30, 10
 _MOST_ROWS = 150_000
+_LEAST_LOOKS = 4  # validation stretches below which no gain can be told from luck
 
 
 def make_hybrid(order: TrainOrder, data: Data, progress: Report) -> Made:
@@ -59,7 +60,7 @@ def _fit_rest(
 ) -> tuple[Perceptron, float]:
     """The network of the round that does best on validation, and the share of MSE that it takes away there.
 
-    Starts from nothing: when no round helps on validation, the network stays silent.
+    When no round helps credibly on validation, the network stays silent.
     """
     random = np.random.default_rng(seed)
     X, y = _rows(grey, normal, training)
@@ -72,7 +73,8 @@ def _fit_rest(
     theta = np.concatenate([random.normal(0, 1 / np.sqrt(inputs), HIDDEN * inputs), np.zeros(2 * HIDDEN)])
     theta[-HIDDEN:] = random.normal(0, 0.1, HIDDEN)
     silent = float((y_look**2).mean())
-    best, best_loss = _unpack(np.zeros_like(theta), inputs, 0.0), silent
+    nothing = _unpack(np.zeros_like(theta), inputs, 0.0)
+    best, best_loss = nothing, silent
     for number in range(_ROUNDS):
         done = minimize(
             _loss, theta, (X, y / scale), method="L-BFGS-B", jac=True, options={"maxiter": _STEPS_A_ROUND, "maxcor": 20}
@@ -83,7 +85,20 @@ def _fit_rest(
         if loss < best_loss:
             best, best_loss = network, loss
         progress("fitting the rest", (number + 1) / _ROUNDS, float("nan"))
+    if not _helps(best, grey, normal, validation):
+        return nothing, 0.0
     return best, 1 - best_loss / silent
+
+
+def _helps(network: Perceptron, grey: GreyBox, normal: Normalisation, validation: list[Stretch]) -> bool:
+    """Whether the gain is more than two standard errors over recordings: the best of thirty rounds is lucky."""
+    gains = []
+    for stretch in validation:
+        X, y = _rows(grey, normal, [stretch])
+        gains.append(float((y**2).mean() - ((y - network(X)) ** 2).mean()))
+    if len(gains) < _LEAST_LOOKS:
+        return False
+    return float(np.mean(gains)) > 2 * float(np.std(gains, ddof=1)) / float(np.sqrt(len(gains)))
 
 
 def _rows(grey: GreyBox, normal: Normalisation, stretches: list[Stretch]) -> tuple[Floats, Floats]:
