@@ -71,8 +71,18 @@ def resampling(log: RobotLog, power: PowerStream, located: Located, recording: R
             own = log.time - located.lag_s
             near = np.abs(own - centre) < _EXTRACT_S / 2
             angles = own[near], log.q[near, 0]
-        axes.plot(electrical[0] - centre, electrical[1], "D-", ms=4, lw=0.6, color="#d9480f", label="P [W]")
-        right.plot(angles[0] - centre, angles[1], "s-", ms=4, lw=0.6, color="#3b82c4", label="q1 [rad]")
+        axes.plot(
+            electrical[0] - centre,
+            electrical[1],
+            "D-",
+            ms=4,
+            lw=0.6,
+            color="#d9480f",
+            label=None if merged else "P [W]",
+        )
+        right.plot(
+            angles[0] - centre, angles[1], "s-", ms=4, lw=0.6, color="#3b82c4", label=None if merged else "q1 [rad]"
+        )
         axes.set_ylabel("P [W]")
         right.set_ylabel("q1 [rad]")
         axes.set_title("resampled" if merged else "recorded, lag removed", fontsize=9)

@@ -29,8 +29,8 @@ def kinds_of(sources: set[str]) -> dict[str, str]:
 def split(sources: dict[str, float], seed: int) -> dict[str, Part]:
     """Source (name -> seconds recorded) to part, by time as near to 74/12/14 % as whole sources allow.
 
-    Sources are dealt out within each kind, in random order, always to the part that lacks most. With fewer than
-    three sources all train.
+    Sources are dealt out within each kind, in random order: one to each part, then always to the part that lacks
+    most. With fewer than three sources all train.
     """
     random = np.random.default_rng(seed)
     parts: dict[str, Part] = {}
@@ -39,10 +39,14 @@ def split(sources: dict[str, float], seed: int) -> dict[str, Part]:
         kinds.setdefault(kind, []).append(name)
     for members in kinds.values():
         order = [members[k] for k in random.permutation(len(members))]
+        if len(order) < _LEAST_SOURCES:
+            parts |= dict.fromkeys(order, "train")
+            continue
         total = sum(sources[name] for name in order)
         given = dict.fromkeys((part for part, _ in _SHARES), 0.0)
+        firsts = iter(given)
         for name in order:
-            part = max(_SHARES, key=lambda share: share[1] - given[share[0]] / total)[0] if len(order) > 2 else "train"
+            part = next(firsts, None) or max(_SHARES, key=lambda share: share[1] - given[share[0]] / total)[0]
             parts[name] = part
             given[part] += sources[name]
     return parts

@@ -61,12 +61,13 @@ def predict_log(bundle: Bundle, model: Predictor, path: Path, robot: str | None 
 def predict(bundle: Bundle, model: Predictor, log: RobotLog) -> Prediction:
     """Angles to the model's step, each stretch without a gap on its own. Raises InputError."""
     order = np.argsort(log.time, kind="stable")
-    time, first = np.unique(log.time[order], return_index=True)
+    stamps, first = np.unique(log.time[order], return_index=True)
     rows = order[first]
     step = model.step_s
-    grid = np.asarray(time[0] + step * np.arange(int((time[-1] - time[0]) / step + 1e-6) + 1))
+    time = np.asarray(stamps - stamps[0])  # since 1970, a double resolves no better than 0.2 us
+    grid = np.asarray(step * np.arange(int(time[-1] / step + 1e-6) + 1))
     if len(grid) < _LEAST_ROWS:
-        raise InputError(log.path, f"is {time[-1] - time[0]:.2f} s long: too short to predict")
+        raise InputError(log.path, f"is {time[-1]:.2f} s long: too short to predict")
     q = np.column_stack([resampled(grid, time, log.q[rows, axis], step) for axis in range(model.axes)])
     signals = _signals(model, log, grid, time, rows)
     P = np.full(len(grid), np.nan)
@@ -75,7 +76,7 @@ def predict(bundle: Bundle, model: Predictor, log: RobotLog) -> Prediction:
     outside = Envelope.from_json(bundle.about["envelope"]).outside(q, step)
     if outside.mean() > 0.5 and np.abs(q).max() > 2 * np.pi:
         raise UserError(f"{log.path}: angles reach {np.abs(q).max():.0f}: are they degrees? Expected radians")
-    return Prediction(grid, P, outside, step)
+    return Prediction(stamps[0] + grid, P, outside, step)
 
 
 def _signals(model: Predictor, log: RobotLog, grid: Floats, time: Floats, rows: NDArray[np.int64]) -> Floats | None:
@@ -89,5 +90,5 @@ def _without_gaps(grid: Floats, time: Floats) -> list[tuple[int, int]]:
     """First and one past the last grid point of each stretch that the log covers."""
     breaks = np.flatnonzero(np.diff(time) > _GAP_S)
     begins, ends = np.concatenate([[time[0]], time[breaks + 1]]), np.concatenate([time[breaks], [time[-1]]])
-    spans = zip(np.searchsorted(grid, begins - 1e-9), np.searchsorted(grid, ends + 1e-9), strict=True)
+    spans = zip(np.searchsorted(grid, begins - 1e-6), np.searchsorted(grid, ends + 1e-6), strict=True)
     return [(int(begin), int(end)) for begin, end in spans if end - begin >= _LEAST_ROWS]

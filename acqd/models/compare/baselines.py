@@ -10,7 +10,8 @@ from acqd.robot.description import Floats
 
 _RIDGE = 1e-6
 _STILL_RAD_S = 2e-3
-_LEAST_ROWS = 25
+_SETTLING = 6  # rows after a motion that are not noise yet
+_LEAST_ROWS = 12
 
 
 def constant(training: list[Stretch], stretches: list[Stretch]) -> list[Floats]:
@@ -47,7 +48,7 @@ def noise_floor(data: Data) -> float | None:
         still = (np.abs(qd) < _STILL_RAD_S).all(axis=1)
         edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(np.int8), [0]])))
         for first, last in zip(edges[::2], edges[1::2], strict=True):
-            inner = stretch.P[first + 5 : last - 5]  # what settles after the motion is not noise
+            inner = stretch.P[first + _SETTLING : last - 2]
             if len(inner) >= _LEAST_ROWS:
                 apart.append(inner - np.median(inner))
     return float(np.abs(np.concatenate(apart)).mean()) if apart else None

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from acqd.errors import UserError
 from acqd.models.bundle import Arrays
 from acqd.models.data import Data
 from acqd.models.greybox.fit import Fit, fit_grey_box
@@ -25,6 +26,8 @@ def make_grey_box(order: TrainOrder, data: Data, progress: Report) -> Made:
 def fitted(order: TrainOrder, data: Data, progress: Report) -> Fit:
     """The fit alone."""
     robot = load_description(order.robot or data.robot)
+    if robot.axes != data.axes:
+        raise UserError(f"{order.dataset}: has {data.axes} axes, {robot.name} has {robot.axes}; name its own --robot")
     training = data.part("train", order.kinds)
     return fit_grey_box(
         robot, training, data.step_s, order.seed, lambda share: progress("fitting the grey box", share, float("nan"))
@@ -57,4 +60,8 @@ def restore(about: dict[str, Any], arrays: Arrays) -> GreyBox:
     chain = Chain(arrays["chain_xyz"], arrays["chain_rotation"], arrays["chain_axis"])
     layout = Layout(int(about["axes"]), tuple(about["signals"]))
     values = np.asarray(arrays["parameters"], dtype=np.float64)
+    if len(values) != layout.size or len(chain.xyz) != layout.axes:
+        raise ValueError(
+            f"{len(values)} parameters and {len(chain.xyz)} joints where {layout.size} and {layout.axes} belong"
+        )
     return GreyBox(chain, layout, values, float(about["step_s"]), arrays["usual_signals"])
