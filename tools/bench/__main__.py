@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from tools.bench import accuracy, lab, live, sink, speed
+from tools.bench import accuracy, lab, live, models, sink, speed
 from tools.bench.report import Figure, table
 
 _SECTIONS: dict[str, list[Callable[[], Iterator[Figure]]]] = {
@@ -21,6 +21,7 @@ _SECTIONS: dict[str, list[Callable[[], Iterator[Figure]]]] = {
     "live": [live.daemon, live.jitter],
     "sink": [sink.sinks],
     "lab": [lab.motions, lab.campaign],
+    "models": [models.time_shifts, models.training_step, models.thesis_campaign],
 }
 
 
