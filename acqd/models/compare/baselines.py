@@ -51,4 +51,7 @@ def noise_floor(data: Data) -> float | None:
             inner = stretch.P[first + _SETTLING : last - 2]
             if len(inner) >= _LEAST_ROWS:
                 apart.append(inner - np.median(inner))
-    return float(np.abs(np.concatenate(apart)).mean()) if apart else None
+    if not apart:
+        return None
+    deviation = 1.4826 * float(np.median(np.abs(np.concatenate(apart))))  # robust: brakes open at standstill, too
+    return deviation * float(np.sqrt(2 / np.pi))
