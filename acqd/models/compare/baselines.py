@@ -12,6 +12,7 @@ _RIDGE = 1e-6
 _STILL_RAD_S = 2e-3
 _SETTLING = 6  # rows after a motion that are not noise yet
 _LEAST_ROWS = 12
+_LEAST_TOTAL = 100
 
 
 def constant(training: list[Stretch], stretches: list[Stretch]) -> list[Floats]:
@@ -40,7 +41,7 @@ def _regressors(stretch: Stretch, step_s: float) -> Floats:
 def noise_floor(data: Data) -> float | None:
     """MAE (W) that a perfect model would have: how power scatters about its slow mean while the robot stands still.
 
-    None without standstill in the recordings.
+    None with too little standstill in the recordings.
     """
     apart = []
     for stretch in data.stretches:
@@ -51,7 +52,7 @@ def noise_floor(data: Data) -> float | None:
             inner = stretch.P[first + _SETTLING : last - 2]
             if len(inner) >= _LEAST_ROWS:
                 apart.append(inner - np.median(inner))
-    if not apart:
+    if sum(map(len, apart)) < _LEAST_TOTAL:
         return None
     deviation = 1.4826 * float(np.median(np.abs(np.concatenate(apart))))  # robust: brakes open at standstill, too
     return deviation * float(np.sqrt(2 / np.pi))

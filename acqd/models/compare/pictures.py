@@ -13,19 +13,25 @@ from acqd.robot.description import Floats
 _MOST_POINTS = 4000
 
 
+def kind_label(kinds: str) -> str:
+    """ "all" is the thesis' all space, not all there is."""
+    return "+".join(f"{kind} space" if kind in ("all", "limited") else kind for kind in kinds.split("+"))
+
+
 def heatmap(entries: list[Entry], kinds: list[str], rows: list[str]) -> Figure:
     """MAE [W] of models (rows) on test sets (columns)."""
     values = np.array([[_mae(entry, kind) for kind in kinds] for entry in entries])
+    shade = np.log10(np.maximum(values, 0.1))
+    low, span = float(np.nanmin(shade)), max(float(np.nanmax(shade) - np.nanmin(shade)), 0.3)
     figure = Figure(figsize=(2.2 + 1.5 * len(kinds), 1.0 + 0.42 * len(entries)))
     axes = figure.subplots()
-    axes.imshow(np.log10(np.maximum(values, 0.1)), cmap="YlOrRd", aspect="auto")
-    axes.set_xticks(range(len(kinds)), [f"test: {kind}" for kind in kinds])
+    axes.imshow(shade, cmap="YlOrRd", aspect="auto", vmin=low, vmax=low + span)
+    axes.set_xticks(range(len(kinds)), [f"test: {kind_label(kind)}" for kind in kinds])
     axes.set_yticks(range(len(entries)), rows)
-    middle = np.nanmedian(np.log10(np.maximum(values, 0.1)))
     for i in range(len(entries)):
         for k in range(len(kinds)):
             if np.isfinite(values[i, k]):
-                color = "white" if np.log10(max(values[i, k], 0.1)) > middle + 0.4 else "black"
+                color = "white" if shade[i, k] > low + 0.65 * span else "black"
                 axes.text(k, i, f"{values[i, k]:.2f}", ha="center", va="center", color=color)
     return figure
 
@@ -132,5 +138,8 @@ def energy(comparison: Comparison, entries: list[Entry]) -> Figure:
     axes.set_yticks(range(len(entries)), [entry.label for entry in entries])
     axes.invert_yaxis()
     axes.set_xscale("symlog", linthresh=2)
+    ticks = [-100, -10, -2, -1, 0, 1, 2, 10, 100]
+    left, right = axes.get_xlim()
+    axes.set_xticks([tick for tick in ticks if left <= tick <= right], [str(t) for t in ticks if left <= t <= right])
     axes.set_xlabel("energy predicted / measured - 1 [%], one mark a recording; green: within 1 %")
     return figure

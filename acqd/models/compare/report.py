@@ -30,7 +30,7 @@ def write_report(comparison: Comparison, path: Path) -> None:
     best = comparison.best()
     m = best.metrics["everything"]
     page.text(
-        f"Best on {m.recordings} held-out recordings: {best.label}, trained on {best.trained_on}: MAE {m.mae:.2f} W "
+        f"Best on {m.recordings} held-out recordings: {best.label}, trained on {pictures.kind_label(best.trained_on)}: MAE {m.mae:.2f} W "
         f"(95 % {best.mae_ci95[0]:.2f} to {best.mae_ci95[1]:.2f}), RMSE {m.rmse:.2f} W, energy of a recording within "
         f"{100 * m.energy_p95:.2f} % for 95 % of them."
         + (f" A perfect model would have about {comparison.floor_W:.2f} W MAE." if comparison.floor_W else "")
@@ -64,7 +64,14 @@ def _table(page: Page, comparison: Comparison) -> None:
         )
         rows.append(
             [
-                *(entry.label, entry.trained_on, learnables, entry.seeds, m.mae, f"{low:.2f} to {high:.2f}"),
+                *(
+                    entry.label,
+                    pictures.kind_label(entry.trained_on),
+                    learnables,
+                    entry.seeds,
+                    m.mae,
+                    f"{low:.2f} to {high:.2f}",
+                ),
                 *(m.rmse, m.bias, 100 * m.energy_p95, f"{100 * entry.unstable:.2f} %"),
             ]
         )
@@ -84,7 +91,7 @@ def _heatmaps(page: Page, comparison: Comparison) -> None:
         found = [e for e in comparison.entries if e.name in _MANUAL]
         found = sorted(found, key=lambda e: (_MANUAL.index(e.name), e.trained_on))
         if found:
-            rows = [f"{e.name}, trained on {e.trained_on}" for e in found]
+            rows = [f"{e.name}, trained on {pictures.kind_label(e.trained_on)}" for e in found]
             page.figure(pictures.heatmap(found, comparison.kinds, rows), "MAE [W] on each kind of held-out recordings.")
     for title, names in _FIGURES:
         found = [e for name in names if (e := comparison.find(name, "everything"))]
@@ -93,7 +100,7 @@ def _heatmaps(page: Page, comparison: Comparison) -> None:
             page.figure(pictures.heatmap(found, comparison.kinds, [e.label for e in found]), "MAE [W].")
     everything = sorted(comparison.entries, key=lambda e: e.metrics["everything"].mae) + comparison.baselines
     page.heading("Every model (Figure 8.16)")
-    rows = [f"{e.label} ({e.trained_on})" for e in everything]
+    rows = [f"{e.label} ({pictures.kind_label(e.trained_on)})" for e in everything]
     page.figure(pictures.heatmap(everything, comparison.kinds, rows), "MAE [W].")
 
 
