@@ -64,7 +64,7 @@ def dataset(make_power, count=16, rows=600, axes=7, **more):
     for k, part in enumerate(parts):
         q = angles(rows + 13 * k, axes, k)
         made.append(stretch(k, part, q, make_power(q, k), **{name: make(q) for name, make in more.items()}))
-    return Data(Path("nowhere"), "0" * 64, "iiwa7_r800", STEP, "simulated", made)
+    return Data(Path("nowhere"), "0" * 64, "iiwa7_r800", "iiwa7_r800", STEP, "simulated", made)
 
 
 def test_learnables_are_those_of_appendix_b():
@@ -359,6 +359,6 @@ def test_oscillation_and_noise_are_told_apart():
     wild[300:400] += 15 * (-1.0) ** np.arange(100)
     assert unstable_share([wild], [one]) == pytest.approx(100 / 600, abs=0.03)
     still = replace(one, q=np.zeros_like(q), P=200 + np.random.default_rng(1).normal(0, 2.0, 600))
-    data = Data(Path("x"), "", "iiwa7_r800", STEP, "mains", [still])
+    data = Data(Path("x"), "", "iiwa7_r800", "iiwa7_r800", STEP, "mains", [still])
     assert noise_floor(data) == pytest.approx(2.0 * np.sqrt(2 / np.pi), rel=0.1)
     assert json.loads(json.dumps(measure([P], [one]).as_json()))["mae"] == 0.0

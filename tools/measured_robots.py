@@ -104,7 +104,7 @@ def acqd(*arguments: str) -> str:
 def cross_validated(dataset: Path, folds: int = 5) -> tuple[float, float, int]:
     """R2 and MAE (W) of the grey box over all pieces, each predicted by a fit that has not seen it; their number."""
     data = load_data(dataset)
-    robot = load_description(data.robot)
+    robot = load_description(data.description)
     found: list[tuple[Floats, Floats]] = []
     for fold in range(folds):
         seen = [each for k, each in enumerate(data.stretches) if k % folds != fold]

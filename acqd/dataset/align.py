@@ -23,6 +23,7 @@ Bools: TypeAlias = NDArray[np.bool_]
 
 SEARCH_S = 2.4
 """Half the range that the thesis searches (section 6.3)."""
+_COVERED = 0.8
 _EDGE_S = 0.5  # of a log: there its smoothing is not to be trusted
 _SPAN = 1.5  # windows to either side within which a coarse lag is refined
 _EXCLUDED_S = 0.5  # around the maximum: where its own flank lies
@@ -40,6 +41,8 @@ class Lag:
     """Explained share of the power's variance at the maximum."""
     ratio: float
     """Unexplained variance of the best other lag over that of this one: how far it stands out."""
+    rest_W: float = 0.0
+    """RMS of the power, below BAND_HZ, that stays unexplained; known once refined."""
 
     @property
     def credible(self) -> bool:
@@ -53,12 +56,16 @@ def coarse_search(
     """The best lag within `half_s` around `centre_s` on the grid of the power rows; None without overlap."""
     step = power.window_ns * 1e-9
     X = _orthonormal(_every(about.as_metered(supply_lag_s, step)[:, : about.essential], step))
+    if not X.shape[1]:
+        return None  # it stood still
     begin = about.start_s - centre_s - half_s
     count = len(X) + int(2 * half_s / step) + 1
     even = _even(power, begin, count, step)
     if even is None or count < len(X):
         return None
     r2 = _r2_over_lags(X, even[1])
+    rows = np.concatenate([[0], np.cumsum(even[2])])
+    r2[rows[len(X) :] - rows[: -len(X)] < _COVERED * len(X)] = 0.0  # most of a log must have power beside it
     best = int(np.argmax(r2))
     away = np.abs(np.arange(len(r2)) - best) * step > _EXCLUDED_S
     runner_up = float(r2[away].max()) if away.any() else 0.0
@@ -84,10 +91,7 @@ class Overlap:
 
     def shifted(self, lag_s: float) -> tuple[Floats, Floats]:
         """Quantities [N, k] and power [N], both centred, were the controller's clock `lag_s` ahead."""
-        place = (self.at + lag_s - self.t[0]) / STEP_S
-        before = np.clip(place.astype(np.int64), 0, len(self.columns) - 2)
-        share = np.clip(place - before, 0.0, 1.0)[:, None]
-        X = self.columns[before] * (1 - share) + self.columns[before + 1] * share
+        X = _between(self.columns, (self.at + lag_s - self.t[0]) / STEP_S)
         return X - X.mean(axis=0), self.P - self.P.mean()
 
 
@@ -117,7 +121,7 @@ def refine(about: Explanation, power: PowerStream, supply_lag_s: float, coarse: 
     found = minimize_scalar(
         lambda lag: unexplained(*both.shifted(lag)), bounds=bounds, method="bounded", options={"xatol": 1e-4}
     )
-    return Lag(float(found.x), 1 - float(found.fun), coarse.ratio)
+    return Lag(float(found.x), 1 - float(found.fun), coarse.ratio, float(np.sqrt(found.fun) * both.P.std()))
 
 
 def unexplained(X: Floats, y: Floats) -> float:
@@ -130,8 +134,15 @@ def unexplained(X: Floats, y: Floats) -> float:
 
 
 def _every(columns: Floats, step: float) -> Floats:
-    """Rows `step` seconds apart."""
-    return columns[:: max(1, round(step / STEP_S))]
+    """Rows `step` seconds apart, whatever the grid's step is."""
+    return _between(columns, np.arange(0, (len(columns) - 1) * STEP_S, step) / STEP_S)
+
+
+def _between(columns: Floats, place: Floats) -> Floats:
+    """Rows at places that are no whole numbers."""
+    before = np.clip(place.astype(np.int64), 0, len(columns) - 2)
+    share = np.clip(place - before, 0.0, 1.0)[:, None]
+    return np.asarray(columns[before] * (1 - share) + columns[before + 1] * share)
 
 
 def _orthonormal(X: Floats) -> Floats:
@@ -139,6 +150,8 @@ def _orthonormal(X: Floats) -> Floats:
     X = X - X.mean(axis=0)
     scale = X.std(axis=0)
     X = X[:, scale > 1e-12] / scale[scale > 1e-12]
+    if not X.shape[1]:
+        return X
     basis, triangle, _ = qr(X, mode="economic", pivoting=True)
     kept = np.abs(np.diag(triangle)) > 1e-6 * np.abs(triangle[0, 0])
     return np.asarray(basis[:, kept])

@@ -21,14 +21,16 @@ from acqd.dataset.explain import Explanation, TorqueSource, explain
 from acqd.dataset.locate import Alignment, Located, given, locate
 from acqd.dataset.merge import Recording, merge
 from acqd.dataset.pictures import write_report
+from acqd.dataset.plausible import check_columns
 from acqd.dataset.power import Measured, PowerStream, open_power
-from acqd.dataset.split import kinds_of, source_of, split
-from acqd.errors import OperationError, UserError
+from acqd.dataset.split import kinds_of, sources_of, split
+from acqd.errors import InputError, OperationError, UserError
 from acqd.robot.description import RobotDescription, load_description
 from acqd.robot.log import RobotLog, read_log
 
 _SUFFIXES = (".log", ".csv", ".txt")
 _LEAST_VALID_S = 2.0
+_MANY = 4  # logs that ought to show a common clock
 
 
 _Merged: TypeAlias = tuple[RobotLog, Located, Recording | None, str]
@@ -89,12 +91,12 @@ def build(order: BuildOrder, progress: Callable[[str, float], None]) -> BuildRep
     if order.cut_s is not None:
         logs = [piece for log in logs for piece in cut(log, order.cut_s)]
     explained: list[Explanation] = []
+    early: list[str] = []
     if order.lag_s is not None:
         alignment = given(len(logs), order.lag_s)
     else:
-        for number, log in enumerate(logs):
-            explained.append(explain(log, robot, order.torque))
-            progress("computing what a meter must see", (number + 1) / len(logs))
+        logs, explained = _explained(logs, robot, order.torque, early, progress)
+        check_columns(logs, robot)
         alignment = locate(explained, power, order.search_s, lambda share: progress("aligning", share))
     if all(located.method == "refused" for located in alignment.located):
         raise UserError(
@@ -102,8 +104,32 @@ def build(order: BuildOrder, progress: Callable[[str, float], None]) -> BuildRep
             f"{max(located.own.r2 for located in alignment.located):.2f}): is it this robot's power, of these days?"
         )
     merged = _merge_all(order, logs, power, alignment)
-    report = _report(order, robot, power, alignment, merged, explained)
-    return _write(order, robot, power, alignment, merged, report)
+    pictures = _report(order, robot, power, alignment, merged, explained)
+    report = _write(order, robot, power, alignment, merged, early, pictures)
+    if alignment.line is None and order.lag_s is None and len(logs) >= _MANY:
+        report.notes.append("the logs' lags lie on no common clock: were columns mixed up, or clocks set?")
+    return report
+
+
+def _explained(
+    logs: list[RobotLog],
+    robot: RobotDescription,
+    torque: TorqueSource | None,
+    refused: list[str],
+    progress: Callable[[str, float], None],
+) -> tuple[list[RobotLog], list[Explanation]]:
+    """What can be explained; the rest is told in `refused`. Raises InputError when nothing can."""
+    kept, explained = [], []
+    for number, log in enumerate(logs):
+        try:
+            explained.append(explain(log, robot, torque))
+            kept.append(log)
+        except InputError as error:
+            if number == len(logs) - 1 and not kept:
+                raise
+            refused.append(str(error))
+        progress("computing what a meter must see", (number + 1) / len(logs))
+    return kept, explained
 
 
 def _log_files(folder: Path) -> list[Path]:
@@ -144,6 +170,7 @@ def _write(
     power: PowerStream,
     alignment: Alignment,
     merged: list[_Merged],
+    early: list[str],
     pictures: Callable[[Path], None],
 ) -> BuildReport:
     report = BuildReport(str(order.out), robot.name, measured=power.measured)
@@ -154,15 +181,16 @@ def _write(
     entries: list[dict[str, Any]] = []
     kept = [(log, located, recording) for log, located, recording, _ in merged if recording is not None]
     seconds: dict[str, float] = {}
+    sources = sources_of([recording.name for _, _, recording in kept])
     for _, _, recording in kept:
-        source = source_of(recording.name)
+        source = sources[recording.name]
         seconds[source] = seconds.get(source, 0.0) + float(recording.valid.sum()) * order.step_s
     parts, kinds = split(seconds, order.seed), kinds_of(set(seconds))
-    report.refused = [f"{log.path}: {reason}" for log, _, recording, reason in merged if recording is None]
+    report.refused = early + [f"{log.path}: {reason}" for log, _, recording, reason in merged if recording is None]
     for log, located, recording in kept:
         if located.note:
             report.notes.append(f"{log.path}: {located.note}")
-        source = source_of(recording.name)
+        source = sources[recording.name]
         report.split[parts[source]] = report.split.get(parts[source], 0) + 1
         entries.append(
             _entry(order, log, located, recording) | {"source": source, "kind": kinds[source], "split": parts[source]}
@@ -172,6 +200,7 @@ def _write(
     manifest = {
         "acqd": __version__,
         "robot": robot.name,
+        "description": str(Path(order.robot).resolve()) if Path(order.robot).is_file() else order.robot,
         "measured": power.measured,
         "step_s": order.step_s,
         "power": _power_provenance(order, power),
@@ -207,7 +236,7 @@ def _power_provenance(order: BuildOrder, power: PowerStream) -> dict[str, Any]:
     path = Path(order.power)
     return {
         "origin": order.power,
-        "sha256": _digest(path) if path.is_file() and path.suffix != ".sqlite" else None,
+        "sha256": _digest(path) if path.is_file() else None,
         "rows": len(power.time_ns),
         "first_ns": int(power.time_ns[0]),
         "last_ns": int(power.time_ns[-1]),
@@ -217,7 +246,8 @@ def _power_provenance(order: BuildOrder, power: PowerStream) -> dict[str, Any]:
 
 
 def _digest(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _report(
@@ -276,6 +306,9 @@ def load_manifest(dataset: Path) -> dict[str, Any]:
         raise UserError(f"{dataset} is no dataset: it has no manifest.json; acqd dataset build makes one") from None
     except (OSError, orjson.JSONDecodeError) as error:
         raise UserError(f"{path} is damaged ({error}); build the dataset again") from None
+    needed = {"robot", "description", "step_s", "measured", "recordings", "refused"}
+    if not isinstance(manifest, dict) or not needed <= manifest.keys():
+        raise UserError(f"{path} is of another version of acqd, or damaged; build the dataset again")
     return manifest
 
 

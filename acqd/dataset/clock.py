@@ -19,11 +19,20 @@ _UNITS = ((1e11, 1_000_000_000), (1e14, 1_000_000), (1e17, 1_000), (1e20, 1))  #
 
 def parse_times(path: Path, name: str, cells: Sequence[object]) -> Nanoseconds:
     """A column `name` of RFC 3339 texts, Unix s/ms/us/ns, or (named filetime) NTFS 100 ns. Raises InputError."""
+    empty = next((row for row, cell in enumerate(cells, start=1) if cell is None or cell == ""), None)
+    if empty is not None:
+        raise InputError(path, f"column {name}: data row {empty} has no time")
     if name == "filetime":
-        return (np.array([int(str(cell)) for cell in cells]) - _FILETIME_1970) * 100
+        try:
+            return (np.array([int(str(cell)) for cell in cells]) - _FILETIME_1970) * 100
+        except ValueError as error:
+            raise InputError(path, f"column {name}: {error}; expected a whole number of 100 ns") from None
     if isinstance(cells[0], str) and not _is_number(cells[0]):
         return np.array([_rfc3339(path, str(cell)) for cell in cells])
-    values = np.array(cells, dtype=np.float64)
+    try:
+        values = np.array(cells, dtype=np.float64)
+    except (ValueError, TypeError) as error:
+        raise InputError(path, f"column {name}: {error}; times must be all numbers or all RFC 3339") from None
     if not np.isfinite(values).all():
         raise InputError(path, f"column {name}: row {int(np.argmin(np.isfinite(values))) + 1} has no time")
     largest = float(np.abs(values).max())

@@ -45,7 +45,7 @@ def fit_line(times_s: Floats, lags: list[Lag]) -> ClockLine | None:
     if np.ptp(t) > 600:  # over less, drift is lost in the scatter
         one, other = np.triu_indices(len(t), 1)
         apart = np.abs(t[other] - t[one]) > np.ptp(t) / 10
-        slope = float(np.median(((values[other] - values[one]) / (t[other] - t[one]))[apart]))
+        slope = float(np.median((values[other] - values[one])[apart] / (t[other] - t[one])[apart]))
     rest = values - slope * (t - reference)
     near = np.abs(rest - np.median(rest)) <= _OUTLIER_S
     if near.mean() < 0.6:

@@ -15,8 +15,9 @@ def cut(log: RobotLog, seconds: float) -> list[RobotLog]:
     """Pieces of about `seconds`; their path is the log's with a name of their own below it."""
     span = float(log.time.max() - log.time.min())
     count = max(1, round(span / seconds))
-    number = np.minimum(((log.time - log.time.min()) / span * count).astype(int), count - 1)
-    return [_piece(log, number == k, log.path / f"{log.path.stem}_p{k + 1:03d}") for k in range(count)]
+    number = np.minimum(((log.time - log.time.min()) / max(span, 1e-9) * count).astype(int), count - 1)
+    pieces = [_piece(log, number == k, log.path / f"{log.path.stem}_p{k + 1:03d}") for k in range(count)]
+    return [piece for piece in pieces if len(piece.time) > 1]  # the log may have holes
 
 
 def _piece(log: RobotLog, rows: NDArray[np.bool_], path: Path) -> RobotLog:

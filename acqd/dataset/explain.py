@@ -17,7 +17,7 @@ from scipy.signal import butter, lfilter, sosfiltfilt
 
 from acqd.errors import InputError, UserError
 from acqd.robot.description import Floats, RobotDescription
-from acqd.robot.log import RobotLog
+from acqd.robot.log import RobotLog, in_time
 
 TorqueSource = Literal["measured", "model", "current"]
 """Joint torques from sensors, from inverse dynamics of the description, or motor currents in their place."""
@@ -72,9 +72,7 @@ def band_limited(values: Floats, step_s: float) -> Floats:
 
 def explain(log: RobotLog, robot: RobotDescription, torque: TorqueSource | None = None) -> Explanation:
     """Quantities of one log; `torque` None takes the best there is. Raises InputError, UserError."""
-    order = np.argsort(log.time, kind="stable")
-    time, first = np.unique(log.time[order], return_index=True)
-    rows: NDArray[np.int64] = np.asarray(order[first], dtype=np.int64)
+    time, rows = in_time(log)
     if len(time) < 50 or time[-1] - time[0] < 2.0:
         raise InputError(log.path, f"{len(time)} rows over {time[-1] - time[0]:.1f} s are too few to be aligned")
     grid = np.arange(time[0], time[-1], STEP_S)
@@ -89,7 +87,7 @@ def explain(log: RobotLog, robot: RobotDescription, torque: TorqueSource | None 
     essential = sum(column.shape[1] for column in columns)
     # the rest of the copper loss, (tau + J qdd + friction)^2: left out, these terms pass for a time shift
     columns += [qdd**2, tau * qdd, qdd * direction]
-    if "brake" in log.signals:  # last: not every log has it
+    if "brake" in log.signals and np.isfinite(log.signals["brake"]).all():  # last: not every log has it
         columns.append(np.interp(grid, time, log.signals["brake"][rows])[:, None])
     return Explanation(float(time[0]), np.column_stack(columns), power, essential)
 
@@ -119,6 +117,12 @@ def _torque(
     measured = log.tau if source == "measured" else log.current
     if measured is None:
         raise InputError(log.path, f"has no {'tau' if source == 'measured' else 'current'} columns")
+    if not np.isfinite(measured).all():
+        row = int(np.argmin(np.isfinite(measured).all(axis=1))) + 1
+        raise InputError(
+            log.path,
+            f"data row {row}: a {'torque' if source == 'measured' else 'current'} is missing; use --torque model",
+        )
     return _smooth(grid, time, measured[rows])
 
 
@@ -129,10 +133,16 @@ def _smooth(grid: Floats, time: Floats, values: Floats) -> Floats:
 
 
 def _averaged(columns: Floats, window_s: float) -> Floats:
-    """Trapezoidal mean over `window_s` around every point."""
-    half = max(1, round(window_s / STEP_S / 2))
-    weights = np.ones(2 * half + 1)
-    weights[[0, -1]] = 0.5
-    weights /= weights.sum()
-    padded = np.pad(columns, ((half, half), (0, 0)), mode="edge")
-    return np.column_stack([np.convolve(column, weights, "valid") for column in padded.T])
+    """Mean over `window_s` around every point, by the integral of the straight lines between points."""
+    half = window_s / STEP_S / 2
+    ends = int(np.ceil(half)) + 1
+    padded = np.pad(columns, ((ends, ends), (0, 0)), mode="edge")
+    integral = np.concatenate([np.zeros((1, padded.shape[1])), np.cumsum((padded[1:] + padded[:-1]) / 2, axis=0)])
+    whole, share = int(half), half - int(half)
+    middle = np.arange(ends, ends + len(columns))
+
+    def at(place: NDArray[np.int64], share: float) -> Floats:
+        inner = padded[place] * share + (padded[place + 1] - padded[place]) * share**2 / 2
+        return np.asarray(integral[place] + inner)
+
+    return np.asarray((at(middle + whole, share) - at(middle - whole - 1, 1 - share)) / (2 * half))

@@ -8,13 +8,15 @@ from typing import Literal
 
 import numpy as np
 
-from acqd.dataset.align import SEARCH_S, Lag, coarse_search, refine
+from acqd.dataset.align import SEARCH_S, Lag, coarse_search, overlap, refine, unexplained
 from acqd.dataset.clocks import ClockLine, deviates, fit_line
 from acqd.dataset.explain import STEP_S, Explanation
 from acqd.dataset.power import PowerStream
 from acqd.dataset.supply import USUAL_LAG_S, supply_lag
 
 _FURTHER_S = 120.0
+_TIMES_WORSE = 4.0  # unexplained power that contradicts
+_LEAST_REST_W = 0.3
 _NONE = Lag(0.0, 0.0, 1.0)
 Method = Literal["clock line", "own", "given", "refused"]
 
@@ -60,7 +62,26 @@ def locate(
     lags = [replace(lag, seconds=lag.seconds + shift) if lag.credible else lag for lag in lags]
     middles = np.array([_middle(about) for about in explained])
     line = fit_line(middles, lags)
-    return Alignment([_decide(lag, float(t), line) for lag, t in zip(lags, middles, strict=True)], line, supply_lag_s)
+    usual_W = float(np.median([lag.rest_W for lag in lags if lag.credible] or [0.0]))
+    located = []
+    for about, lag, middle in zip(explained, lags, middles, strict=True):
+        place = _decide(lag, float(middle), line)
+        located.append(_contradicted(about, power, place, usual_W) or place)
+    return Alignment(located, line, supply_lag_s)
+
+
+def _contradicted(about: Explanation, power: PowerStream, place: Located, usual_W: float) -> Located | None:
+    """A refusal, when the power at that place is not that of the motion although it is for the other logs."""
+    if place.method == "refused" or (place.own.credible and place.method == "clock line"):
+        return None
+    both = overlap(about, power, USUAL_LAG_S, replace(place.own, seconds=place.lag_s))
+    if both is None:
+        return None  # little power there: merging tells how little
+    rest_W = float(np.sqrt(unexplained(*both.shifted(place.lag_s))) * both.P.std())
+    if rest_W > _TIMES_WORSE * max(usual_W, _LEAST_REST_W):
+        reason = f"{rest_W:.1f} W of its power stay unexplained, {usual_W:.1f} W of the others'"
+        return Located(place.lag_s, "refused", place.own, f"{reason}: is it another robot's, or was the meter stuck?")
+    return None
 
 
 def given(count: int, lag_s: float) -> Alignment:
@@ -107,6 +128,9 @@ def _decide(lag: Lag, middle_s: float, line: ClockLine | None) -> Located:
     if line is None:
         return Located(lag.seconds, "own", lag)
     off_ms = 1000 * (lag.seconds - float(line.at(middle_s)))
+    if abs(off_ms) > 1000 * SEARCH_S:
+        reason = f"explains power {off_ms / 1000:+.0f} s off the clock of the others best"
+        return Located(lag.seconds, "refused", lag, f"{reason}: is it another robot's, or of another day?")
     return Located(lag.seconds, "own", lag, f"{off_ms:+.0f} ms off the clock of the others: was it set?")
 
 

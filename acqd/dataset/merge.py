@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from acqd.dataset.power import PowerStream
 from acqd.dataset.resample import resampled
 from acqd.robot.description import Floats
-from acqd.robot.log import RobotLog
+from acqd.robot.log import RobotLog, in_time
 
+_POWER_GAP = 2.1  # windows to the nearest known one: up to three missing in a row are bridged
 _LOG_GAP_S = 0.25  # without a log row for longer, angles are not interpolated
 
 
@@ -38,9 +39,7 @@ def merge(name: str, log: RobotLog, power: PowerStream, lag_s: float, drift_ppm:
 
     `lag_s` is controller clock minus power clock at the log's middle, `drift_ppm` how much the controller gains.
     """
-    order = np.argsort(log.time, kind="stable")
-    own, first = np.unique(log.time[order], return_index=True)  # disordered rows sorted, duplicates once
-    rows = order[first]
+    own, rows = in_time(log)  # disordered rows sorted, duplicates once
     middle = (own[0] + own[-1]) / 2
     clock = own - lag_s - (own - middle) * drift_ppm * 1e-6  # power clock
     half_ns = power.window_ns // 2
@@ -57,7 +56,9 @@ def merge(name: str, log: RobotLog, power: PowerStream, lag_s: float, drift_ppm:
                 columns[f"{quantity}{axis + 1}"] = resampled(grid, clock, values[rows, axis], step_s)
     for signal, values in log.signals.items():
         columns[signal] = np.round(resampled(grid, clock, values[rows], step_s))
-    valid = _near(grid, centres[np.isfinite(P)], 0.75 * power.window_ns * 1e-9) & _near(grid, clock, _LOG_GAP_S / 2)
+    valid = _near(grid, centres[np.isfinite(P)], _POWER_GAP * power.window_ns * 1e-9) & _near(
+        grid, clock, _LOG_GAP_S / 2
+    )
     valid &= np.isfinite(columns["P"])
     first_ns = int(power.time_ns[part][0]) + half_ns if count else 0
     time_ns = first_ns + np.rint(step_s * 1e9 * np.arange(count)).astype(np.int64)

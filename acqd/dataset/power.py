@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -74,11 +74,11 @@ def open_power(origin: str, device: str | None, channel: str | None) -> PowerStr
     if "://" in origin or path.suffix in (".sqlite", ".db", ".sqlite3"):
         pieces = _from_sql(origin, device, channel)
     elif path.suffix == ".parquet":
-        pieces = _from_tables(path, pyarrow.parquet.ParquetFile(_existing(path)).iter_batches(_CHUNK), device, channel)
+        pieces = _from_tables(path, lambda: _parquet(_existing(path)), device, channel)
     elif path.suffix in (".jsonl", ".json", ".ndjson"):
-        pieces = _from_tables(path, _json_lines(_existing(path)), device, channel)
+        pieces = _from_tables(path, lambda: _json_lines(_existing(path)), device, channel)
     elif path.suffix in (".csv", ".txt"):
-        pieces = _from_tables(path, _csv(_existing(path)), device, channel)
+        pieces = _from_tables(path, lambda: _csv(_existing(path)), device, channel)
     else:
         raise UserError(f"power {origin}: expected an SQL URL, or a .sqlite, .csv, .jsonl or .parquet file")
     return _spool(origin, pieces)
@@ -112,6 +112,8 @@ def _spool(origin: str, pieces: Iterator[_Rows]) -> PowerStream:
 
 
 def _from_sql(origin: str, device: str | None, channel: str | None) -> Iterator[_Rows]:
+    if Path(origin).is_file() and Path(origin).stat().st_size == 0:
+        raise InputError(origin, "is empty; expected a database with a table of power rows")
     engine = open_database(origin, create=False)
     with engine.connect() as connection:
         found = connection.execute(sa.select(power.c.device, power.c.channel).distinct()).all()
@@ -149,23 +151,20 @@ def _choose(origin: str, found: set[tuple[str, str]], device: str | None, channe
 
 
 def _from_tables(
-    path: Path, tables: Iterator[pa.RecordBatch], device: str | None, channel: str | None
+    path: Path, read: Callable[[], Iterator[pa.RecordBatch]], device: str | None, channel: str | None
 ) -> Iterator[_Rows]:
     """Batches with at least a time column and P; device, channel, Vrms and flags where they are."""
     seen: set[tuple[str, str]] = set()
-    for table in tables:
+    for table in read():  # once for what there is to choose from, once for the rows
+        seen |= set(zip(*_owners(table), strict=True))
+    wanted = _choose(str(path), seen, device, channel)
+    for table in read():
         names = table.schema.names
         clock = next((name for name in ("filetime", "time") if name in names), None)
         if clock is None or "P" not in names:
             raise InputError(path, f"needs the columns time (or filetime) and P; it has {', '.join(names[:8])}")
         data = table.to_pydict()
-        owners = data.get("device", [""] * len(table))
-        phases = data.get("channel", [""] * len(table))
-        seen |= set(zip(owners, phases, strict=True))
-        wanted = _choose(str(path), seen, device, channel)
-        if len({owner for owner, _ in seen}) > 1 and device is None:
-            _choose(str(path), seen, None, channel)
-        keep = [k for k, pair in enumerate(zip(owners, phases, strict=True)) if pair == wanted]
+        keep = [k for k, pair in enumerate(zip(*_owners(table), strict=True)) if pair == wanted]
         if not keep:
             continue
         flags = [_flag_names(cell) for cell in data["flags"]] if "flags" in data else [()] * len(table)
@@ -180,6 +179,15 @@ def _from_tables(
             )
         except ValueError as error:
             raise InputError(path, f"column P or Vrms: {error}") from None
+
+
+def _owners(table: pa.RecordBatch) -> tuple[list[str], list[str]]:
+    """Device and channel of each row; empty where a file has no such column."""
+    names = table.schema.names
+    device, channel = (
+        table.column(name).to_pylist() if name in names else [""] * len(table) for name in ("device", "channel")
+    )
+    return device, channel
 
 
 def _timestamp(cell: object) -> object:
@@ -202,6 +210,13 @@ def _existing(path: Path) -> Path:
     return path
 
 
+def _parquet(path: Path) -> Iterator[pa.RecordBatch]:
+    try:
+        yield from pyarrow.parquet.ParquetFile(path).iter_batches(_CHUNK)
+    except (pa.ArrowInvalid, OSError) as error:
+        raise InputError(path, f"is no Parquet file ({str(error).splitlines()[0]})") from None
+
+
 def _csv(path: Path) -> Iterator[pa.RecordBatch]:
     try:
         yield from pyarrow.csv.open_csv(path)
@@ -214,11 +229,24 @@ def _json_lines(path: Path) -> Iterator[pa.RecordBatch]:
     with path.open("rb") as file:
         for number, line in enumerate(file, start=1):
             try:
-                rows.append(orjson.loads(line))
+                row = orjson.loads(line)
             except orjson.JSONDecodeError as error:
                 raise InputError(path, f"line {number} is no JSON ({error})") from None
+            if not isinstance(row, dict):
+                raise InputError(path, f"line {number} is no JSON object with time and P")
+            rows.append(row)
             if len(rows) == _CHUNK:
-                yield pa.RecordBatch.from_pylist(rows)
+                yield _batch(path, rows, number)
                 rows = []
     if rows:
-        yield pa.RecordBatch.from_pylist(rows)
+        yield _batch(path, rows, number)
+
+
+def _batch(path: Path, rows: list[dict[str, object]], last: int) -> pa.RecordBatch:
+    try:
+        return pa.RecordBatch.from_pylist(rows)
+    except (pa.ArrowInvalid, pa.ArrowTypeError) as error:
+        reason = str(error).splitlines()[0]
+        raise InputError(
+            path, f"lines {last - len(rows) + 1} to {last}: a column changes its type ({reason})"
+        ) from None

@@ -19,6 +19,12 @@ def source_of(name: str) -> str:
     return match[1] if match else name
 
 
+def sources_of(names: list[str]) -> dict[str, str]:
+    """Recording -> source. Pieces of a log belong to its source, unless there would be too few to split by."""
+    whole = {name: source_of(re.sub(r"_p\d{3}$", "", name)) for name in names}
+    return whole if len(set(whole.values())) >= _LEAST_SOURCES else {name: source_of(name) for name in names}
+
+
 def kinds_of(sources: set[str]) -> dict[str, str]:
     """Source -> kind of trajectory: its name up to the last underscore; kinds with fewer than three are "other"."""
     kind = {name: name.rpartition("_")[0] or name for name in sources}

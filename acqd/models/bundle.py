@@ -30,8 +30,18 @@ class Bundle:
     arrays: Arrays
 
 
+def require_free(path: Path) -> None:
+    """A place where a bundle may be written: nothing, an empty folder or a bundle. Raises UserError."""
+    if path.exists() and not is_bundle(path) and not (path.is_dir() and not any(path.iterdir())):
+        raise UserError(f"{path} exists and is no bundle: it would be lost; choose another --out")
+    parent = next(each for each in path.absolute().parents if each.exists())
+    if not parent.is_dir() or not os.access(parent, os.W_OK):
+        raise UserError(f"{path}: {parent} is no folder that can be written to; choose another --out")
+
+
 def save_bundle(path: Path, bundle: Bundle) -> None:
-    """Write a directory at once; one that is there is replaced. Raises OperationError."""
+    """Write a directory at once; a bundle that is there is replaced. Raises UserError, OperationError."""
+    require_free(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         beside = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
@@ -42,10 +52,12 @@ def save_bundle(path: Path, bundle: Bundle) -> None:
             orjson.dumps({"format": FORMAT, **bundle.about}, option=orjson.OPT_INDENT_2 | orjson.OPT_SERIALIZE_NUMPY)
         )
         contiguous = {name: np.ascontiguousarray(array) for name, array in bundle.arrays.items()}
-        save_file(contiguous, beside / "weights.safetensors")
+        weights = beside / "weights.safetensors"
+        save_file(contiguous, weights)
         umask = os.umask(0)
         os.umask(umask)
         beside.chmod(0o777 & ~umask)
+        weights.chmod(0o666 & ~umask)
         if path.is_dir():
             old = path.with_name(f".{path.name}.old")
             shutil.rmtree(old, ignore_errors=True)

@@ -46,6 +46,8 @@ class Data:
     digest: str
     """SHA-256 of the manifest, which holds those of the inputs."""
     robot: str
+    description: str
+    """Name or path of the robot's description."""
     step_s: float
     measured: str
     """mains, derived or simulated."""
@@ -86,7 +88,9 @@ def load_data(path: Path) -> Data:
     if len({stretch.q.shape[1] for stretch in stretches}) > 1:
         raise UserError(f"{path}: recordings differ in their number of axes; build one dataset per robot")
     digest = hashlib.sha256((path / "manifest.json").read_bytes()).hexdigest()
-    return Data(path, digest, manifest["robot"], manifest["step_s"], manifest["measured"], stretches)
+    return Data(
+        path, digest, manifest["robot"], manifest["description"], manifest["step_s"], manifest["measured"], stretches
+    )
 
 
 def _stretches(file: Path, entry: dict[str, object], step_s: float) -> list[Stretch]:

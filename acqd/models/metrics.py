@@ -60,7 +60,7 @@ def measure(predicted: list[Floats], stretches: list[Stretch]) -> Metrics:
         float(np.abs(error).mean()),
         float(np.sqrt((error**2).mean())),
         float(error.mean()),
-        float(1 - error.var() / max(P.var(), 1e-12)),
+        float(1 - (error**2).mean() / max(P.var(), 1e-12)),
         float(np.percentile(off, 95)),
         len(error),
         len(energy),

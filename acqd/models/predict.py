@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acqd.dataset.resample import resampled
-from acqd.errors import InputError, OperationError, UserError
+from acqd.errors import InputError, UserError
 from acqd.models.bundle import Bundle
 from acqd.models.envelope import Envelope
 from acqd.models.predictor import Predictor
 from acqd.robot.description import Floats, load_description
-from acqd.robot.log import RobotLog, read_log
+from acqd.robot.log import RobotLog, in_time, read_log
 
 _GAP_S = 0.25
 _LEAST_ROWS = 3
@@ -37,22 +37,24 @@ class Prediction:
         return float(np.nansum(self.P)) * self.step_s / 3.6e6
 
     def write(self, path: Path) -> None:
-        """As CSV. Raises OperationError."""
+        """As CSV. Raises UserError."""
         lines = ["time,P_predicted_W,outside_envelope"]
         rows = zip(self.time, self.P, self.outside, strict=True)
         lines += [f"{t:.6f},{'' if np.isnan(p) else f'{p:.4f}'},{int(flag)}" for t, p, flag in rows]
         beside = path.with_name(f".{path.name}.new")
         try:
+            if path.is_dir():
+                raise IsADirectoryError(21, "is a folder")
             beside.write_text("\n".join([*lines, ""]), encoding="ascii")
             beside.replace(path)
         except OSError as error:
             beside.unlink(missing_ok=True)
-            raise OperationError(f"{path}: {error.strerror}; nothing was written") from None
+            raise UserError(f"{path}: {error.strerror}; nothing was written, choose another --out") from None
 
 
 def predict_log(bundle: Bundle, model: Predictor, path: Path, robot: str | None = None) -> Prediction:
     """Read a log of the bundle's robot and predict. Raises InputError, UserError."""
-    log = read_log(path, load_description(robot or bundle.about["robot"]))
+    log = read_log(path, load_description(robot or bundle.about["description"]))
     if log.q.shape[1] != model.axes:
         raise InputError(path, f"has {log.q.shape[1]} axes, the model {model.axes}: is it of {bundle.about['robot']}?")
     return predict(bundle, model, log)
@@ -60,9 +62,7 @@ def predict_log(bundle: Bundle, model: Predictor, path: Path, robot: str | None 
 
 def predict(bundle: Bundle, model: Predictor, log: RobotLog) -> Prediction:
     """Angles to the model's step, each stretch without a gap on its own. Raises InputError."""
-    order = np.argsort(log.time, kind="stable")
-    stamps, first = np.unique(log.time[order], return_index=True)
-    rows = order[first]
+    stamps, rows = in_time(log)
     step = model.step_s
     time = np.asarray(stamps - stamps[0])  # since 1970, a double resolves no better than 0.2 us
     grid = np.asarray(step * np.arange(int(time[-1] / step + 1e-6) + 1))
@@ -73,6 +73,8 @@ def predict(bundle: Bundle, model: Predictor, log: RobotLog) -> Prediction:
     P = np.full(len(grid), np.nan)
     for begin, end in _without_gaps(grid, time):
         P[begin:end] = model.sequence(q[begin:end], None if signals is None else signals[begin:end])
+    if not np.isfinite(P).any():
+        raise InputError(log.path, f"has no {_LEAST_ROWS} rows without a gap of {_GAP_S} s: nothing to predict")
     outside = Envelope.from_json(bundle.about["envelope"]).outside(q, step)
     if outside.mean() > 0.5 and np.abs(q).max() > 2 * np.pi:
         raise UserError(f"{log.path}: angles reach {np.abs(q).max():.0f}: are they degrees? Expected radians")
@@ -83,7 +85,7 @@ def _signals(model: Predictor, log: RobotLog, grid: Floats, time: Floats, rows: 
     if not model.signals or not all(name in log.signals for name in model.signals):
         return None
     columns = [np.round(resampled(grid, time, log.signals[name][rows], model.step_s)) for name in model.signals]
-    return np.column_stack(columns)
+    return np.where(np.isfinite(columns), columns, model.usual_signals()[:, None]).T
 
 
 def _without_gaps(grid: Floats, time: Floats) -> list[tuple[int, int]]:

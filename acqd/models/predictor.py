@@ -60,15 +60,16 @@ class Stream:
 
     def step(self, q: Floats, signals: Floats | None = None) -> float | None:
         """Take angles [axes] and signals [k]; the power `radius` rows ago, None while that lies before the first."""
-        self._signals.append(self._model.usual_signals() if signals is None else signals)
+        q = np.array(q)  # the caller may fill the same array again
+        self._signals.append(self._model.usual_signals() if signals is None else np.array(signals))
         if not self._rows:
             self._rows.extend([q] * self._model.radius)
         return self._push(q)
 
     def finish(self) -> list[float]:
         """Predictions of the last `radius` rows, with the last angles held."""
-        late = []
-        for _ in range(self._model.radius):
+        late: list[float] = []
+        for _ in range(self._model.radius if self._rows else 0):
             self._signals.append(self._signals[-1])
             value = self._push(self._rows[-1])
             if value is not None:

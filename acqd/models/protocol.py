@@ -22,7 +22,7 @@ def table_7_1(kinds: list[str]) -> list[tuple[str, tuple[str, ...]]]:
         raise UserError(
             f"Table 7.1 compares two kinds of trajectories, limited and all space; this dataset has {', '.join(kinds)}"
         )
-    both = tuple(kinds)
+    both: tuple[str, ...] = ()  # everything
     separate = [(name, (kind,)) for name in _MANUAL for kind in kinds]
     return [*separate, *((name, both) for name in ARCHITECTURES)]
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from acqd import __version__
 from acqd.errors import UserError
-from acqd.models.bundle import Bundle, save_bundle
+from acqd.models.bundle import Bundle, require_free, save_bundle
 from acqd.models.data import Data, load_data
 from acqd.models.envelope import Envelope
 from acqd.models.metrics import measure, predictions
@@ -31,6 +32,7 @@ def train_one(order: TrainOrder, progress: Report) -> dict[str, Any]:
     """
     if order.network not in NAMES:
         raise UserError(f"no network {order.network!r}; there are {', '.join(NAMES)}")
+    require_free(order.out)
     data = load_data(order.dataset)
     begun = time.monotonic()
     training = data.part("train", order.kinds)
@@ -44,6 +46,7 @@ def train_one(order: TrainOrder, progress: Report) -> dict[str, Any]:
         "kind": made.kind,
         "name": order.network,
         "robot": data.robot,
+        "description": order.robot or data.description,
         "axes": data.axes,
         "step_s": data.step_s,
         "look_ahead_rows": made.predictor.radius,
@@ -62,10 +65,16 @@ def train_one(order: TrainOrder, progress: Report) -> dict[str, Any]:
             "dataset": str(order.dataset),
             "manifest_sha256": data.digest,
             "fit_recordings": sorted({stretch.recording for stretch in training}),
+            "validation_recordings": sorted({s.recording for s in data.part("validation", order.kinds)}),
         },
     }
     save_bundle(order.out, Bundle(about, made.arrays))
+    _checkpoint(order).unlink(missing_ok=True)
     return about
+
+
+def _checkpoint(order: TrainOrder) -> Path:
+    return order.out.parent / ".checkpoints" / f"{order.out.name}.safetensors"
 
 
 def _make(order: TrainOrder, data: Data, progress: Report) -> Made:
@@ -85,8 +94,7 @@ def _make(order: TrainOrder, data: Data, progress: Report) -> Made:
         what = f"epoch {at.epoch}, RMSE {at.train_W:.2f} W, validation {at.validation_W:.2f} W"
         progress(what, at.epoch / at.epochs, at.remaining_s)
 
-    checkpoint = order.out.parent / ".checkpoints" / f"{order.out.name}.safetensors"
-    trained = train(chosen, data, order.kinds, order.seed, order.settings, checkpoint, report)
+    trained = train(chosen, data, order.kinds, order.seed, order.settings, _checkpoint(order), report)
     about = {
         "architecture": {"name": chosen.name, "learnables": chosen.learnables(data.axes)},
         "normalisation": trained.predictor.normal.as_json(),

@@ -7,11 +7,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from acqd.errors import InputError
 from acqd.robot.description import Floats, LogColumns, RobotDescription
 from acqd.robot.table import Table, read_table
 
+_DAY_S = 86_400.0
 _PER_AXIS = ("q", "qd", "tau", "current", "temperature")
 _GENERIC = LogColumns(
     format="csv",
@@ -152,6 +154,20 @@ def _why_not(table: Table, robot: RobotDescription) -> str:
         f"has none of the columns a log of {robot.name} has (time,q1..q{robot.axes} or "
         f"{', '.join(patterns[:-1]) or 'none of its own'}); it begins with {', '.join(table.header[:4])}"
     )
+
+
+def in_time(log: RobotLog) -> tuple[Floats, NDArray[np.int64]]:
+    """Rising times, each once, and the row of each. Raises InputError when one lies days off the others."""
+    order = np.argsort(log.time, kind="stable")
+    stamps, first = np.unique(log.time[order], return_index=True)
+    rows = np.asarray(order[first], dtype=np.int64)
+    steps = np.diff(stamps)
+    if len(steps) and steps.max() > _DAY_S:
+        row = int(rows[int(steps.argmax())]) + 1
+        raise InputError(
+            log.path, f"time jumps by {steps.max() / _DAY_S:.0f} days after data row {row}: remove what is wrong"
+        )
+    return stamps, rows
 
 
 def require_rising(log: RobotLog) -> None:

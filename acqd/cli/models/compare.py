@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
+from acqd.cli.models.places import default_models
 from acqd.cli.options import Json
 from acqd.errors import UserError
 
@@ -33,7 +34,7 @@ def compare(
     from acqd.models.compare.report import as_json, write_report
     from acqd.models.data import load_data
 
-    folder = models or dataset.with_name(dataset.name + ".models")
+    folder = models or default_models(dataset)
     console = Console(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("predicting", total=1.0)

@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 from rich.table import Table
 
+from acqd.cli.models.places import default_models
 from acqd.cli.options import Json
 from acqd.errors import UserError
 
@@ -99,7 +100,7 @@ def train(
         compute=compute.value,
         device=device,
     )
-    folder = models or dataset.with_name(dataset.name.rstrip("/") + ".models")
+    folder = models or default_models(dataset)
     wanted: list[TrainOrder] = []
     for each in seed or [1]:
         template = TrainOrder(dataset, network or "", Path(), tuple(on or ()), each, settings, robot)
@@ -133,7 +134,9 @@ def train(
             f"{100 * m['test']['energy_p95']:.2f} %",
             f"{about['training']['seconds']:.0f}",
         )
-    Console(soft_wrap=True).print(table)
+    wide = Console(soft_wrap=True)
+    wide.width = max(wide.width, 120)
+    wide.print(table)
 
 
 def _short(about: dict[str, Any]) -> dict[str, Any]:

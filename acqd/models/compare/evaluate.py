@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
+import orjson
 
 from acqd.errors import UserError
 from acqd.models.bundle import is_bundle
@@ -36,7 +37,7 @@ class Entry:
     metrics: dict[str, Metrics]
     """By test set: "everything" and each kind."""
     mae_ci95: tuple[float, float]
-    """W, on everything: over recordings, and seeds where there are several."""
+    """W, on everything: over source trajectories, and seeds where there are several."""
     unstable: float
     """Share of seconds in which it oscillates by itself."""
     errors: Floats
@@ -86,28 +87,47 @@ def compare(data: Data, models: Path, progress: Callable[[str, float], None]) ->
         raise UserError(f"{models}: no bundles there; acqd train makes them")
     test, training = data.part("test"), data.part("train")
     notes: list[str] = []
-    groups: dict[tuple[str, str], list[_Member]] = {}
+    groups: dict[tuple[str, str, str], dict[int, _Member]] = {}
     for number, path in enumerate(paths):
         bundle, model = open_model(path)
         about = bundle.about
         if about["robot"] != data.robot or about["axes"] != data.axes or about["step_s"] != data.step_s:
             notes.append(f"{path.name}: left out, it is of {about['robot']} at {about['step_s']} s")
             continue
-        seen = set(about["provenance"]["fit_recordings"]) & {stretch.recording for stretch in test}
+        fitted = about["provenance"]["fit_recordings"] + about["provenance"]["validation_recordings"]
+        seen = set(fitted) & {stretch.recording for stretch in test}
+        if seen:
+            notes.append(f"{path.name}: left out, it has seen {len(seen)} of the test recordings")
+            continue
         if about["provenance"]["manifest_sha256"] != data.digest:
-            known = f"; {len(seen)} test recordings have names that it was fitted on" if seen else ""
-            notes.append(f"{path.name}: trained on another dataset{known}")
+            notes.append(f"{path.name}: trained on another dataset")
         trained_on = "+".join(about["training"]["kinds"])
         everything = "+".join(data.kinds)
-        key = (about["name"], "everything" if trained_on == everything else trained_on)
-        groups.setdefault(key, []).append((about, model, predictions(model, test)))
+        settings = orjson.dumps(about.get("settings"), option=orjson.OPT_SORT_KEYS).decode()
+        key = (about["name"], "everything" if trained_on == everything else trained_on, settings)
+        members = groups.setdefault(key, {})
+        if about["training"]["seed"] in members:
+            notes.append(f"{path.name}: left out, the same seed was trained twice")
+            continue
+        members[about["training"]["seed"]] = (about, model, predictions(model, test))
         progress(path.name, (number + 1) / len(paths))
     if not groups:
         raise UserError(f"{models}: no bundle fits this dataset; {notes[0]}")
-    entries = [_entry(name, kinds, members, data, test) for (name, kinds), members in groups.items()]
+    entries = []
+    for name, kinds, settings in groups:
+        alike = [other for other in groups if other[:2] == (name, kinds)]
+        label = name if len(alike) == 1 else f"{name} ({_difference(settings, [other[2] for other in alike])})"
+        entries.append(_entry(label, kinds, list(groups[name, kinds, settings].values()), data, test))
     guesses = {"constant": constant(training, test), "linear physics": linear_physics(training, test, data.step_s)}
     baselines = [_entry(name, "everything", [({}, None, guess)], data, test) for name, guess in guesses.items()]
     return Comparison(data, test, entries, baselines, noise_floor(data), notes)
+
+
+def _difference(settings: str, others: list[str]) -> str:
+    """What sets a training apart from others of the same network: epochs 200, say."""
+    own, rest = orjson.loads(settings) or {}, [orjson.loads(other) or {} for other in others]
+    differing = [key for key in own if any(other.get(key) != own[key] for other in rest)]
+    return ", ".join(f"{key} {own[key]}" for key in differing) or "other settings"
 
 
 def _bundles(models: Path) -> Iterator[Path]:
@@ -144,18 +164,18 @@ def _mean(each: list[Metrics]) -> Metrics:
 
 
 def _interval(guesses: list[list[Floats]], test: list[Stretch]) -> tuple[float, float]:
-    """95 % bootstrap of the MAE: recordings drawn with replacement, and seeds."""
+    """95 % bootstrap of the MAE over source trajectories (executions of one are alike) and seeds."""
     random = np.random.default_rng(0)
-    recordings = sorted({stretch.recording for stretch in test})
-    place = {name: k for k, name in enumerate(recordings)}
-    sums, rows = np.zeros((len(guesses), len(recordings))), np.zeros(len(recordings))
+    sources = sorted({stretch.source for stretch in test})
+    place = {name: k for k, name in enumerate(sources)}
+    sums, rows = np.zeros((len(guesses), len(sources))), np.zeros(len(sources))
     for k, stretch in enumerate(test):
-        rows[place[stretch.recording]] += len(stretch.P)
+        rows[place[stretch.source]] += len(stretch.P)
         for seed, guess in enumerate(guesses):
-            sums[seed, place[stretch.recording]] += np.abs(guess[k] - stretch.P).sum()
+            sums[seed, place[stretch.source]] += np.abs(guess[k] - stretch.P).sum()
     drawn = []
     for _ in range(_RESAMPLES):
-        which = random.integers(len(recordings), size=len(recordings))
+        which = random.integers(len(sources), size=len(sources))
         seeds = random.integers(len(guesses), size=len(guesses))
         drawn.append(sums[seeds][:, which].sum() / (len(guesses) * rows[which].sum()))
     low, high = np.percentile(drawn, [2.5, 97.5])

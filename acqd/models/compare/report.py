@@ -30,7 +30,8 @@ def write_report(comparison: Comparison, path: Path) -> None:
     best = comparison.best()
     m = best.metrics["everything"]
     page.text(
-        f"Best on {m.recordings} held-out recordings: {best.label}, trained on {pictures.kind_label(best.trained_on)}: MAE {m.mae:.2f} W "
+        f"Best on {m.recordings} held-out recordings: {best.label}, trained on "
+        f"{pictures.kind_label(best.trained_on)}: MAE {m.mae:.2f} W "
         f"(95 % {best.mae_ci95[0]:.2f} to {best.mae_ci95[1]:.2f}), RMSE {m.rmse:.2f} W, energy of a recording within "
         f"{100 * m.energy_p95:.2f} % for 95 % of them."
         + (f" A perfect model would have about {comparison.floor_W:.2f} W MAE." if comparison.floor_W else "")
@@ -80,7 +81,7 @@ def _table(page: Page, comparison: Comparison) -> None:
     if comparison.floor_W is not None:
         page.text(
             f"Noise floor: {comparison.floor_W:.2f} W MAE, how power scatters while the robot stands still. Intervals: "
-            "bootstrap over recordings, and over seeds where there are several. Unstable: seconds in which "
+            "bootstrap over source trajectories, and over seeds where there are several. Unstable: seconds in which "
             "a prediction oscillates four times as much as the measurement (Figure 8.5)."
         )
 

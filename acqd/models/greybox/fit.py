@@ -22,6 +22,7 @@ _ITERATIONS = 25
 _HUBER = 2.0  # standard deviations beyond which a residual counts linearly
 _ALIKE = 10.0  # neighbouring rows that say the same: so much less does each count against the prior
 _LAG_STEP_S = 1e-3
+_MANY_RECORDINGS = 30
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,10 +217,13 @@ def _free_step(hessian: Floats, gradient: Floats, values: Floats, low: Floats) -
 
 
 def _clustered(normal: _Normal, belief: Prior) -> Floats:
-    """Sandwich covariance with recordings as clusters, and the prior as one more observation."""
+    """Sandwich covariance with recordings as clusters, and the prior as one more observation.
+
+    Few recordings say little about how recordings differ: then what rows alone say is added.
+    """
     inverse = np.linalg.inv(normal.hessian)
     scores = np.array(list(normal.by_recording.values()))
-    scores = scores - scores.mean(axis=0)
     count = len(scores)
     meat = scores.T @ scores * (count / max(count - 1, 1)) + np.diag(belief.deviation**-2.0)
-    return np.asarray(inverse @ meat @ inverse)
+    sandwich = np.asarray(inverse @ meat @ inverse)
+    return sandwich if count >= _MANY_RECORDINGS else sandwich + inverse

@@ -25,7 +25,7 @@ def make_grey_box(order: TrainOrder, data: Data, progress: Report) -> Made:
 
 def fitted(order: TrainOrder, data: Data, progress: Report) -> Fit:
     """The fit alone."""
-    robot = load_description(order.robot or data.robot)
+    robot = load_description(order.robot or data.description)
     if robot.axes != data.axes:
         raise UserError(f"{order.dataset}: has {data.axes} axes, {robot.name} has {robot.axes}; name its own --robot")
     training = data.part("train", order.kinds)

@@ -22,7 +22,7 @@ HIDDEN = 12
 _WEIGHT_DECAY = 1e-4
 _ROUNDS, _STEPS_A_ROUND = 30, 10
 _MOST_ROWS = 150_000
-_LEAST_LOOKS = 4  # validation stretches below which no gain can be told from luck
+_LEAST_LOOKS = 4  # validation recordings below which no gain can be told from luck
 
 
 def make_hybrid(order: TrainOrder, data: Data, progress: Report) -> Made:
@@ -92,9 +92,12 @@ def _fit_rest(
 
 def _helps(network: Perceptron, grey: GreyBox, normal: Normalisation, validation: list[Stretch]) -> bool:
     """Whether the gain is more than two standard errors over recordings: the best of thirty rounds is lucky."""
-    gains = []
+    by_recording: dict[str, list[Stretch]] = {}
     for stretch in validation:
-        X, y = _rows(grey, normal, [stretch])
+        by_recording.setdefault(stretch.recording, []).append(stretch)
+    gains = []
+    for own in by_recording.values():
+        X, y = _rows(grey, normal, own)
         gains.append(float((y**2).mean() - ((y - network(X)) ** 2).mean()))
     if len(gains) < _LEAST_LOOKS:
         return False

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
+from acqd.errors import UserError
 from acqd.models.networks.architecture import HEAD, HIDDEN, Architecture
 from acqd.models.networks.batches import Batch
 from acqd.models.networks.engine import Engine
@@ -65,8 +66,11 @@ class TorchEngine(Engine):
         super().__init__(architecture, axes)
         self.name = f"torch {device}"
         torch.set_num_threads(1)
-        self._device = torch.device(device)
-        self._network = Network(architecture, axes).to(self._device)
+        try:
+            self._device = torch.device(device)
+            self._network = Network(architecture, axes).to(self._device)
+        except (RuntimeError, AssertionError, NotImplementedError) as error:
+            raise UserError(f"--device {device}: {str(error).splitlines()[0]}; use cpu") from None
         self._learnables = self._network.learnables()
 
     def prepare(self, batch: Batch) -> _Prepared:

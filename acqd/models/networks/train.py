@@ -60,7 +60,10 @@ def train(
     checkpoint: Path,
     progress: Callable[[Progress], None],
 ) -> Trained:
-    """Train, or go on where the checkpoint stands. Raises UserError, OperationError."""
+    """Train, or go on where the checkpoint stands; who has saved the result removes it.
+
+    Raises UserError, OperationError.
+    """
     training, validation = data.part("train", kinds), data.part("validation", kinds)
     normal = Normalisation.thesis(data.axes)
     if settings.normalisation == "fitted":
@@ -75,7 +78,6 @@ def train(
         settings,
         (lambda: save_run(checkpoint, run, fingerprint), progress),
     )
-    checkpoint.unlink(missing_ok=True)
     predictor = NetworkPredictor(architecture, data.axes, data.step_s, run.best, normal)
     return Trained(predictor, run.best, run, engine.name)
 
@@ -84,6 +86,8 @@ def _engine(architecture: Architecture, axes: int, settings: TrainingSettings) -
     fused = settings.compute == "fused" or (
         settings.compute == "auto" and settings.device == "cpu" and compiler() is not None
     )
+    if settings.device != "cpu" and settings.compute == "fused":
+        raise UserError(f"--compute fused is for the CPU, not for {settings.device}")
     if fused:
         from acqd.models.networks.fused.engine import FusedEngine
 
