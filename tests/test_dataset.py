@@ -269,3 +269,129 @@ def test_the_command_builds_shows_and_refuses(campaign, tmp_path):
         database.execute("CREATE TABLE unrelated (x)")
     none = run_acqd("dataset", "show", tmp_path)
     assert none.returncode == 2 and "is no dataset" in none.stderr
+
+
+@pytest.fixture(scope="module")
+def cell(tmp_path_factory):
+    """A small campaign of the iiwa, and its power as arrays."""
+    folder = tmp_path_factory.mktemp("cell")
+    settings = CampaignSettings(limited=4, all_space=4, session=8, seed=31)
+    out = folder / "c"
+    run_campaign(CampaignOrder(settings, out, folder / "t", f"{out}/power.sqlite", 2), lambda what, share: None)
+    stream = open_power(f"{out}/power.sqlite", None, None)
+    return settings, out, true_lags(settings, folder / "t"), np.array(stream.time_ns), np.array(stream.P)
+
+
+def write_power(path, time_ns, P):
+    rows = [f"{t / 1e9:.6f},{p:.5f}" for t, p in zip(time_ns, P, strict=True)]
+    path.write_text("\n".join(["time,P", *rows, ""]))
+    return str(path)
+
+
+@pytest.mark.parametrize("step_ms", [5.0, 25.0, 100 / 3])
+def test_windows_of_any_length_are_aligned(cell, tmp_path, step_ms):
+    _, out, true, time_ns, P = cell
+    t, step = (time_ns - time_ns[0]) * 1e-9, step_ms / 1000
+    energy = np.concatenate([[0.0], np.cumsum(P * 0.04)])
+    grid = np.arange(int(t[-1] / step)) * step
+    mean = np.diff(np.interp(np.append(grid, grid[-1] + step), np.append(t, t[-1] + 0.04), energy)) / step
+    power = write_power(tmp_path / "p.csv", time_ns[0] + np.rint(grid * 1e9), mean)
+    build(BuildOrder(power, out / "logs", tmp_path / "ds", "iiwa7_r800"), lambda what, share: None)
+    for entry in load_manifest(tmp_path / "ds")["recordings"]:
+        assert entry["lag_s"] == pytest.approx(true[entry["name"]], abs=0.008)
+
+
+def test_missing_power_rows_are_bridged_and_long_gaps_are_not(cell, tmp_path):
+    _, out, true, time_ns, P = cell
+    kept = np.random.default_rng(0).random(len(P)) > 0.05
+    middle = time_ns[0] + (time_ns[-1] - time_ns[0]) // 2
+    kept &= (time_ns < middle) | (time_ns > middle + 2_000_000_000)
+    build(
+        BuildOrder(
+            write_power(tmp_path / "p.csv", time_ns[kept], P[kept]), out / "logs", tmp_path / "ds", "iiwa7_r800"
+        ),
+        lambda what, share: None,
+    )
+    manifest = load_manifest(tmp_path / "ds")
+    whole = sum(entry["rows"] for entry in manifest["recordings"]) * 0.04
+    valid = sum(entry["valid_s"] for entry in manifest["recordings"])
+    assert whole - 2.5 < valid < whole
+    assert all(abs(entry["lag_s"] - true[entry["name"]]) < 0.008 for entry in manifest["recordings"])
+
+
+def test_logs_without_power_and_a_stuck_meter_are_refused(cell, tmp_path):
+    settings, out, true, time_ns, P = cell
+    paths = sorted((out / "logs").rglob("*.log"))
+    half = time_ns < time_ns[0] + (time_ns[-1] - time_ns[0]) // 2
+    power = write_power(tmp_path / "half.csv", time_ns[half], P[half])
+    report = build(BuildOrder(power, out / "logs", tmp_path / "ds", "iiwa7_r800"), lambda what, share: None)
+    assert 2 <= len(report.refused) == 8 - report.recordings  # of the last, what has power may stay
+    assert all(abs(e["lag_s"] - true[e["name"]]) < 0.01 for e in load_manifest(tmp_path / "ds")["recordings"])
+    robot = load_description("iiwa7_r800")
+    clock = read_log(paths[3], robot).time - settings.clock.offset_s
+    stuck = P.copy()
+    stuck[(time_ns * 1e-9 > clock[0] - 1) & (time_ns * 1e-9 < clock[-1] + 1)] = (
+        155.0 + 5 * np.sin(np.arange(len(P)))[(time_ns * 1e-9 > clock[0] - 1) & (time_ns * 1e-9 < clock[-1] + 1)]
+    )
+    power = write_power(tmp_path / "stuck.csv", time_ns, stuck)
+    report = build(BuildOrder(power, out / "logs", tmp_path / "d2", "iiwa7_r800"), lambda what, share: None)
+    assert len(report.refused) == 1 and paths[3].name in report.refused[0]
+
+
+def test_mixed_up_columns_are_named(cell, tmp_path):
+    _, out, _, _, _ = cell
+    folder = tmp_path / "logs"
+    folder.mkdir()
+    for path in sorted((out / "logs").rglob("*.log"))[:3]:
+        lines = path.read_text().splitlines()
+        names = lines[0].split()
+        first = next(k for k, name in enumerate(names) if name.startswith("axisQMsr"))
+        shift = len(names) - len(lines[1].split())  # the header may begin with a lone %
+        swapped = [lines[0]]
+        for line in lines[1:]:
+            cells = line.split()
+            one, other = first + 1 - shift, first + 3 - shift
+            cells[one], cells[other] = cells[other], cells[one]
+            swapped.append(" ".join(cells))
+        (folder / path.name).write_text("\n".join([*swapped, ""]))
+    with pytest.raises(InputError, match="columns in the order"):
+        build(BuildOrder(f"{out}/power.sqlite", folder, tmp_path / "ds", "iiwa7_r800"), lambda what, share: None)
+    assert not (tmp_path / "ds").exists()
+
+
+def test_channels_that_come_one_after_the_other_are_told_apart(tmp_path):
+    rows_ = [
+        f"{1_626_163_200 + 0.04 * k:.3f},{channel},{P + k % 7}"
+        for channel, P in (("L1", 50), ("total", 150))
+        for k in range(120_000)
+    ]
+    (tmp_path / "p.csv").write_text("\n".join(["time,channel,P", *rows_, ""]))
+    stream = open_power(str(tmp_path / "p.csv"), None, None)
+    assert len(stream.P) == 120_000 and stream.P.min() == 150
+    assert open_power(str(tmp_path / "p.csv"), None, "L1").P.max() == 56
+
+
+def test_one_log_cut_into_pieces_is_split_by_its_pieces_many_by_their_source():
+    from acqd.dataset.split import sources_of
+
+    assert len(set(sources_of([f"run_p{k:03d}" for k in range(9)]).values())) == 9
+    many = [f"all_{k:02d}_{n:04d}_p{p:03d}" for k in range(3) for n in range(4) for p in range(5)]
+    assert set(sources_of(many).values()) == {"all_00", "all_01", "all_02"}
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "expected"),
+    [
+        ("a.parquet", "", "no Parquet"),
+        ("a.jsonl", '{"time": null, "P": 1}\n', "row 1 has no time"),
+        ("a.jsonl", "[1, 2]\n", "line 1 is no JSON object"),
+        ("a.csv", "filetime,P\n,1\n", "has no time"),
+        ("a.csv", "filetime,P\nx,1\n", "column filetime"),
+        ("a.sqlite", "", "is empty"),
+    ],
+)
+def test_broken_power_files_are_named(tmp_path, name, text, expected):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(UserError, match=expected):
+        open_power(str(tmp_path / name), None, None)
+    assert (tmp_path / name).read_text() == text

@@ -362,3 +362,30 @@ def test_oscillation_and_noise_are_told_apart():
     data = Data(Path("x"), "", "iiwa7_r800", "iiwa7_r800", STEP, "mains", [still])
     assert noise_floor(data) == pytest.approx(2.0 * np.sqrt(2 / np.pi), rel=0.1)
     assert json.loads(json.dumps(measure([P], [one]).as_json()))["mae"] == 0.0
+
+
+def test_a_stream_copies_what_it_is_given(grey):
+    data, fit = grey
+    q = data.stretches[0].q[:50]
+    stream, buffer, each = Stream(fit.model), np.empty(7), []
+    for row in q:
+        buffer[:] = row
+        each.append(stream.step(buffer))
+    each = [value for value in each if value is not None] + stream.finish()
+    assert np.abs(each - fit.model.sequence(q)).max() < 1e-6
+    assert Stream(fit.model).finish() == []
+
+
+def test_nothing_that_is_no_bundle_is_replaced(tmp_path):
+    (tmp_path / "thesis").mkdir()
+    (tmp_path / "thesis" / "chapter1.tex").write_text("x")
+    for place in ("thesis", "thesis/chapter1.tex", "thesis/chapter1.tex/below"):
+        with pytest.raises(UserError, match="choose another"):
+            save_bundle(tmp_path / place, Bundle({}, {}))
+    assert (tmp_path / "thesis" / "chapter1.tex").read_text() == "x"
+
+
+def test_bias_counts_against_r2():
+    P = np.random.default_rng(1).normal(100, 5, 400)
+    one = stretch(1, "test", np.zeros((400, 7)), P)
+    assert measure([P], [one]).r2 == 1.0 and measure([P + 30], [one]).r2 < -20
