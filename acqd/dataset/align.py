@@ -41,8 +41,6 @@ class Lag:
     """Explained share of the power's variance at the maximum."""
     ratio: float
     """Unexplained variance of the best other lag over that of this one: how far it stands out."""
-    rest_W: float = 0.0
-    """RMS of the power, below BAND_HZ, that stays unexplained; known once refined."""
 
     @property
     def credible(self) -> bool:
@@ -121,7 +119,7 @@ def refine(about: Explanation, power: PowerStream, supply_lag_s: float, coarse: 
     found = minimize_scalar(
         lambda lag: unexplained(*both.shifted(lag)), bounds=bounds, method="bounded", options={"xatol": 1e-4}
     )
-    return Lag(float(found.x), 1 - float(found.fun), coarse.ratio, float(np.sqrt(found.fun) * both.P.std()))
+    return Lag(float(found.x), 1 - float(found.fun), coarse.ratio)
 
 
 def unexplained(X: Floats, y: Floats) -> float:

@@ -8,11 +8,11 @@ from typing import Literal
 
 import numpy as np
 
-from acqd.dataset.align import SEARCH_S, Lag, coarse_search, overlap, refine, unexplained
+from acqd.dataset.align import SEARCH_S, Lag, coarse_search, overlap, refine
 from acqd.dataset.clocks import ClockLine, deviates, fit_line
 from acqd.dataset.explain import STEP_S, Explanation
 from acqd.dataset.power import PowerStream
-from acqd.dataset.supply import USUAL_LAG_S, supply_lag
+from acqd.dataset.supply import USUAL_LAG_S, Regression, common_regression, supply_lag
 
 _FURTHER_S = 120.0
 _TIMES_WORSE = 4.0  # unexplained power that contradicts
@@ -62,24 +62,27 @@ def locate(
     lags = [replace(lag, seconds=lag.seconds + shift) if lag.credible else lag for lag in lags]
     middles = np.array([_middle(about) for about in explained])
     line = fit_line(middles, lags)
-    usual_W = float(np.median([lag.rest_W for lag in lags if lag.credible] or [0.0]))
-    located = []
-    for about, lag, middle in zip(explained, lags, middles, strict=True):
-        place = _decide(lag, float(middle), line)
-        located.append(_contradicted(about, power, place, usual_W) or place)
+    located = [_decide(lag, float(middle), line) for lag, middle in zip(lags, middles, strict=True)]
+    doubtful = [k for k, place in enumerate(located) if place.method != "refused" and not _backed(place)]
+    common = common_regression(explained, power, lags) if doubtful else None
+    for k in doubtful if common else []:
+        located[k] = _contradicted(explained[k], power, located[k], common) or located[k]
     return Alignment(located, line, supply_lag_s)
 
 
-def _contradicted(about: Explanation, power: PowerStream, place: Located, usual_W: float) -> Located | None:
-    """A refusal, when the power at that place is not that of the motion although it is for the other logs."""
-    if place.method == "refused" or (place.own.credible and place.method == "clock line"):
-        return None
+def _backed(place: Located) -> bool:
+    """Whether the recording itself and the others say the same."""
+    return place.own.credible and place.method == "clock line"
+
+
+def _contradicted(about: Explanation, power: PowerStream, place: Located, common: Regression | None) -> Located | None:
+    """A refusal, when the power at that place is not what the motion takes in all other logs."""
     both = overlap(about, power, USUAL_LAG_S, replace(place.own, seconds=place.lag_s))
-    if both is None:
+    if both is None or common is None:
         return None  # little power there: merging tells how little
-    rest_W = float(np.sqrt(unexplained(*both.shifted(place.lag_s))) * both.P.std())
-    if rest_W > _TIMES_WORSE * max(usual_W, _LEAST_REST_W):
-        reason = f"{rest_W:.1f} W of its power stay unexplained, {usual_W:.1f} W of the others'"
+    rest_W = common.rest(*both.shifted(place.lag_s))
+    if rest_W > _TIMES_WORSE * max(common.rest_W, _LEAST_REST_W):
+        reason = f"{rest_W:.1f} W of its power stay unexplained, {common.rest_W:.1f} W of the others'"
         return Located(place.lag_s, "refused", place.own, f"{reason}: is it another robot's, or was the meter stuck?")
     return None
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.optimize import minimize_scalar
 
@@ -9,6 +11,7 @@ from acqd.dataset.align import Lag, Overlap, overlap, unexplained
 from acqd.dataset.clocks import fit_line
 from acqd.dataset.explain import STEP_S, Explanation
 from acqd.dataset.power import PowerStream
+from acqd.robot.description import Floats
 
 USUAL_LAG_S = 0.015
 """Of a usual supply: its bulk capacitor delays by most of a mains period."""
@@ -18,6 +21,7 @@ _SPREAD_S = 0.01
 _WORTH = 0.05
 _CANDIDATES_S = (0.0, 0.005, 0.01, 0.015, 0.02, 0.025, 0.03, 0.04, 0.05)
 _PROBED = 24  # recordings
+_LEAST_COMMON = 3
 
 
 def supply_lag(explained: list[Explanation], power: PowerStream, lags: list[Lag]) -> tuple[float, float]:
@@ -49,6 +53,38 @@ def supply_lag(explained: list[Explanation], power: PowerStream, lags: list[Lag]
         left_over[number] = np.log(best.fun + 1e-9) + _WORTH * (expected / _SPREAD_S) ** 2
     lag = _lowest(left_over)
     return lag, float(np.interp(lag, _CANDIDATES_S, shifts))
+
+
+@dataclass(frozen=True, slots=True)
+class Regression:
+    """What power the motion takes, by all credible recordings together."""
+
+    weights: Floats
+    """[k] W per quantity."""
+    rest_W: float
+    """RMS that it leaves in them."""
+
+    def rest(self, X: Floats, y: Floats) -> float:
+        """RMS (W) that it leaves in another recording's quantities and power, both centred."""
+        kept = min(len(self.weights), X.shape[1])
+        return float((y - X[:, :kept] @ self.weights[:kept]).std())
+
+
+def common_regression(explained: list[Explanation], power: PowerStream, lags: list[Lag]) -> Regression | None:
+    """None with fewer than three credible recordings."""
+    chosen = [k for k, lag in enumerate(lags) if lag.credible]
+    chosen = chosen[:: max(1, len(chosen) // _PROBED)]
+    found = [(overlap(explained[k], power, USUAL_LAG_S, lags[k]), lags[k].seconds) for k in chosen]
+    parts = [both.shifted(lag) for both, lag in found if both is not None]
+    if len(parts) < _LEAST_COMMON:
+        return None
+    fewest = min(X.shape[1] for X, _ in parts)
+    X, y = np.concatenate([X[:, :fewest] for X, _ in parts]), np.concatenate([y for _, y in parts])
+    scale = np.maximum(np.sqrt((X * X).mean(axis=0)), 1e-12)
+    gram = (X / scale).T @ (X / scale)
+    gram[np.diag_indices_from(gram)] += 1e-6 * len(y)
+    weights = np.asarray(np.linalg.solve(gram, (X / scale).T @ y) / scale)
+    return Regression(weights, float((y - X @ weights).std()))
 
 
 def _pooled(both: list[tuple[Overlap, float]], shift: float) -> float:
