@@ -127,7 +127,7 @@ def main() -> None:
     parser.add_argument("--epochs", default="600")
     parser.add_argument("--seed", default="1", help="of the split")
     arguments = parser.parse_args()
-    table = Table("robot", "power", "model", "held-out runs", "R2", "MAE [W]", "95 %", "RMSE [W]", "energy p95")
+    table = Table("robot", "power", "model", "held-out pieces", "R2", "MAE [W]", "95 %", "RMSE [W]", "energy p95")
     for robot in ROBOTS:
         out = arguments.out / robot.name
         prepare(robot, arguments.data, out)
