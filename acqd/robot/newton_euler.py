@@ -46,12 +46,11 @@ def joint_torque(chain: Chain, parameters: Floats, q: Floats, qd: Floats, qdd: F
     w, dw, dv = np.zeros((rows, 3)), np.zeros((rows, 3)), np.tile([0.0, 0.0, _GRAVITY], (rows, 1))
     for k in range(axes):
         R = chain.rotation[k] @ _about(chain.axis[k], q[:, k])
-        p = chain.xyz[k]
-        dv = _into(R, dv + np.cross(dw, p) + np.cross(w, np.cross(w, p)))
-        speed = chain.axis[k] * qd[:, k : k + 1]
-        w_parent = _into(R, w)
-        dw = _into(R, dw) + np.cross(w_parent, speed) + chain.axis[k] * qdd[:, k : k + 1]
-        w = w_parent + speed
+        p, axis, rate = chain.xyz[k], chain.axis[k], qd[:, k : k + 1]
+        dv = _into(R, dv + dw @ _crossing(p) + _twice(w, p))
+        w = _into(R, w)
+        dw = _into(R, dw) + rate * (w @ _crossing(axis)) + axis * qdd[:, k : k + 1]
+        w = w + axis * rate
         turn.append(R)
         spin.append(w)
         turning.append(dw)
@@ -60,26 +59,40 @@ def joint_torque(chain: Chain, parameters: Floats, q: Floats, qd: Floats, qdd: F
     force, moment = np.zeros((rows, 3)), np.zeros((rows, 3))
     for k in range(axes - 1, -1, -1):
         mass, first, tensor = links[k, 0], links[k, 1:4], _tensor(links[k, 4:])
-        w, dw, dv = spin[k], turning[k], lift[k]
-        own_force = mass * dv + np.cross(dw, first) + np.cross(w, np.cross(w, first))
-        own_moment = dw @ tensor + np.cross(w, w @ tensor) + np.cross(first, dv)
+        w, dw, dv, about_first = spin[k], turning[k], lift[k], _crossing(first)
         if k < axes - 1:
-            outer = _outof(turn[k + 1], force)
-            moment = _outof(turn[k + 1], moment) + np.cross(chain.xyz[k + 1], outer) + own_moment
-            force = outer + own_force
-        else:
-            force, moment = own_force, own_moment
+            force = _outof(turn[k + 1], force)
+            moment = _outof(turn[k + 1], moment) - force @ _crossing(chain.xyz[k + 1])
+        force = force + mass * dv + dw @ about_first + _twice(w, first)
+        moment = moment + dw @ tensor + _cross(w, w @ tensor) - dv @ about_first
         tau[:, k] = moment @ chain.axis[k]
     return tau
 
 
+def _crossing(v: Floats) -> Floats:
+    """Matrix M with a @ M = a x v."""
+    x, y, z = v
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def _twice(w: Floats, v: Floats) -> Floats:
+    """w x (w x v)."""
+    return np.asarray(w * (w @ v)[:, None] - v * (w * w).sum(axis=1)[:, None])
+
+
+def _cross(a: Floats, b: Floats) -> Floats:
+    x, y, z = a.T
+    u, v, w = b.T
+    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=1)
+
+
 def _into(R: Floats, v: Floats) -> Floats:
     """Parent's coordinates to the link's."""
-    return np.asarray(np.einsum("tji,tj->ti", R, v))
+    return np.asarray((v[:, None, :] @ R)[:, 0])
 
 
 def _outof(R: Floats, v: Floats) -> Floats:
-    return np.asarray(np.einsum("tij,tj->ti", R, v))
+    return np.asarray((R @ v[:, :, None])[:, :, 0])
 
 
 def _tensor(six: Floats) -> Floats:
@@ -90,8 +103,7 @@ def _tensor(six: Floats) -> Floats:
 
 def _about(axis: Floats, angle: Floats) -> Floats:
     """[T, 3, 3] rotations about a unit axis (Rodrigues)."""
-    x, y, z = axis
-    K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    K = _crossing(axis)
     sine, rest = np.sin(angle)[:, None, None], (1 - np.cos(angle))[:, None, None]
     return np.asarray(np.eye(3) + sine * K + rest * (K @ K))
 
