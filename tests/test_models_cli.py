@@ -31,7 +31,7 @@ def acqd(*arguments, **environment):
 @pytest.fixture(scope="module")
 def campaign(tmp_path_factory):
     folder = tmp_path_factory.mktemp("models")
-    settings = CampaignSettings(limited=10, all_space=10, limited_sources=5, all_space_sources=5, session=10, seed=21)
+    settings = CampaignSettings(limited=6, all_space=6, limited_sources=3, all_space_sources=3, session=6, seed=21)
     run_campaign(
         CampaignOrder(settings, folder / "c", folder / "t", f"{folder}/c/power.sqlite", 2), lambda what, share: None
     )

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
-import shutil
-import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -24,7 +21,8 @@ from acqd.dataset.pictures import write_report
 from acqd.dataset.plausible import check_columns
 from acqd.dataset.power import Measured, PowerStream, open_power
 from acqd.dataset.split import kinds_of, sources_of, split
-from acqd.errors import InputError, OperationError, UserError
+from acqd.errors import InputError, UserError
+from acqd.folder import complete_folder
 from acqd.robot.description import RobotDescription, load_description
 from acqd.robot.log import RobotLog, read_log
 
@@ -275,26 +273,13 @@ def _report(
 def _publish(
     out: Path, recordings: list[Recording], manifest: dict[str, Any], pictures: Callable[[Path], None]
 ) -> None:
-    """Everything into a folder beside `out`, which then takes its name."""
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        beside = Path(tempfile.mkdtemp(prefix=f".{out.name}.", dir=out.parent))
-    except OSError as error:
-        raise UserError(f"{out}: cannot be made ({error.strerror}); choose another --out") from None
-    try:
-        (beside / "recordings").mkdir()
+    """All of it, or nothing."""
+    with complete_folder(out) as folder:
+        (folder / "recordings").mkdir()
         for recording in recordings:
-            pyarrow.parquet.write_table(recording.table(), beside / "recordings" / f"{recording.name}.parquet")
-        pictures(beside)
-        (beside / "manifest.json").write_bytes(orjson.dumps(manifest, option=orjson.OPT_INDENT_2))
-        umask = os.umask(0)
-        os.umask(umask)
-        beside.chmod(0o777 & ~umask)
-        beside.replace(out)
-    except OSError as error:
-        raise OperationError(f"{out}: {error.strerror}; nothing was left behind") from None
-    finally:
-        shutil.rmtree(beside, ignore_errors=True)
+            pyarrow.parquet.write_table(recording.table(), folder / "recordings" / f"{recording.name}.parquet")
+        pictures(folder)
+        (folder / "manifest.json").write_bytes(orjson.dumps(manifest, option=orjson.OPT_INDENT_2))
 
 
 def load_manifest(dataset: Path) -> dict[str, Any]:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -15,7 +13,8 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors.numpy import load_file, save_file
 
-from acqd.errors import InputError, OperationError, UserError
+from acqd.errors import InputError, UserError
+from acqd.folder import complete_folder
 
 FORMAT = 1
 Arrays: TypeAlias = dict[str, NDArray[Any]]
@@ -42,34 +41,13 @@ def require_free(path: Path) -> None:
 def save_bundle(path: Path, bundle: Bundle) -> None:
     """Write a directory at once; a bundle that is there is replaced. Raises UserError, OperationError."""
     require_free(path)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        beside = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
-    except OSError as error:
-        raise UserError(f"{path}: cannot be made ({error.strerror}); choose another --out") from None
-    try:
-        (beside / "bundle.json").write_bytes(
-            orjson.dumps({"format": FORMAT, **bundle.about}, option=orjson.OPT_INDENT_2 | orjson.OPT_SERIALIZE_NUMPY)
+    contiguous = {name: np.ascontiguousarray(array) for name, array in bundle.arrays.items()}
+    about = {"format": FORMAT, **bundle.about}
+    with complete_folder(path) as folder:
+        (folder / "bundle.json").write_bytes(
+            orjson.dumps(about, option=orjson.OPT_INDENT_2 | orjson.OPT_SERIALIZE_NUMPY)
         )
-        contiguous = {name: np.ascontiguousarray(array) for name, array in bundle.arrays.items()}
-        weights = beside / "weights.safetensors"
-        save_file(contiguous, weights)
-        umask = os.umask(0)
-        os.umask(umask)
-        beside.chmod(0o777 & ~umask)
-        weights.chmod(0o666 & ~umask)
-        if path.is_dir():
-            old = path.with_name(f".{path.name}.old")
-            shutil.rmtree(old, ignore_errors=True)
-            path.rename(old)
-            beside.rename(path)
-            shutil.rmtree(old, ignore_errors=True)
-        else:
-            beside.rename(path)
-    except OSError as error:
-        raise OperationError(f"{path}: {error.strerror}; nothing was left behind") from None
-    finally:
-        shutil.rmtree(beside, ignore_errors=True)
+        save_file(contiguous, folder / "weights.safetensors")
 
 
 def load_bundle(path: Path) -> Bundle:

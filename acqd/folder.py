@@ -1,0 +1,47 @@
+"""A folder of results that appears complete or not at all."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from acqd.errors import OperationError, UserError
+
+
+@contextmanager
+def complete_folder(path: Path) -> Iterator[Path]:
+    """A folder to write into; it takes the name `path` at the end, in the place of a folder that had it.
+
+    Raises UserError when it cannot be made, OperationError (and leaves nothing) when it cannot be filled.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        beside = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
+    except OSError as error:
+        raise UserError(f"{path}: cannot be made ({error.strerror}); choose another --out") from None
+    try:
+        yield beside
+        _open_up(beside)
+        old = path.with_name(f".{path.name}.old")
+        if path.is_dir():
+            shutil.rmtree(old, ignore_errors=True)
+            path.rename(old)
+        beside.rename(path)
+        shutil.rmtree(old, ignore_errors=True)
+    except OSError as error:
+        raise OperationError(f"{path}: {error.strerror}; nothing was left behind") from None
+    finally:
+        shutil.rmtree(beside, ignore_errors=True)
+
+
+def _open_up(folder: Path) -> None:
+    """Permissions as the umask has them; temporary folders and some writers are stricter."""
+    umask = os.umask(0)
+    os.umask(umask)
+    folder.chmod(0o777 & ~umask)
+    for path in folder.rglob("*"):
+        path.chmod((0o777 if path.is_dir() else 0o666) & ~umask)
