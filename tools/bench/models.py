@@ -69,7 +69,7 @@ def time_shifts() -> Iterator[Figure]:
             campaign, out = folder / robot, folder / f"{robot}-{torque}"
             (folder / "lab.toml").write_text(_HARD.format(offset=offset, drift=drift))
             if not campaign.exists():
-                size = ("--limited", 16, "--all", 16, "--session", 8, "--seed", 77)
+                size = ("--limited", 12, "--all", 12, "--session", 8, "--seed", 5)
                 _acqd("lab", "campaign", "--out", campaign, "--robot", robot, *size, "--settings", folder / "lab.toml")
             inputs = ("--power", campaign / "power.sqlite", "--logs", campaign / "logs", "--robot", robot)
             _acqd("dataset", "build", *inputs, "--torque", torque, "--out", out)
