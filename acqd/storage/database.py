@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import sqlite3
+import time
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +16,7 @@ from sqlalchemy.engine import make_url
 
 from acqd.errors import UserError
 
+_PATIENCE_S = 30.0
 _MIGRATIONS = Path(__file__).parent / "migrations"
 
 
@@ -69,7 +72,7 @@ def _engine(url: str) -> sa.Engine:
     try:
         if parsed.get_backend_name() == "sqlite":
             _check_folder(parsed.database)
-            engine = sa.create_engine(parsed, connect_args={"timeout": 30})
+            engine = sa.create_engine(parsed, connect_args={"timeout": _PATIENCE_S})
             sa.event.listen(engine, "connect", _sqlite_settings)
             return engine
         return sa.create_engine(parsed, pool_pre_ping=True, connect_args={"connect_timeout": 5})
@@ -88,9 +91,22 @@ def _sqlite_settings(connection: Any, _: Any) -> None:
     connection.isolation_level = None  # transactions are begun by us, not guessed by sqlite3
     connection.create_function("sqrt", 1, lambda x: None if x is None else math.sqrt(x), deterministic=True)
     cursor = connection.cursor()
-    cursor.execute("PRAGMA journal_mode=WAL")
+    _to_wal(cursor)
     cursor.execute("PRAGMA synchronous=NORMAL")
     cursor.close()
+
+
+def _to_wal(cursor: sqlite3.Cursor) -> None:
+    """Write-ahead log; SQLite does not wait by itself when others switch a new file at the same moment."""
+    patience_ends = time.monotonic() + _PATIENCE_S
+    while True:
+        try:
+            cursor.execute("PRAGMA journal_mode=WAL")
+            return
+        except sqlite3.OperationalError as error:
+            if "locked" not in str(error) or time.monotonic() > patience_ends:
+                raise
+            time.sleep(0.02)
 
 
 def _shown(engine: sa.Engine) -> str:
