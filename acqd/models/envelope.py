@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from acqd.models.data import Stretch
 from acqd.models.features import motion
 from acqd.robot.description import Floats
+
+if TYPE_CHECKING:
+    from acqd.models.data import Stretch
 
 _SLACK = 0.05  # of a range's width: a hair's breadth outside is still inside
 _NAMES = ("q_rad", "qd_rad_s", "qdd_rad_s2")

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from acqd.models.data import Stretch
 from acqd.models.predictor import Predictor
 from acqd.robot.description import Floats
+
+if TYPE_CHECKING:
+    from acqd.models.data import Stretch
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from acqd.errors import UserError
 from acqd.models.bundle import Arrays
-from acqd.models.data import Data
-from acqd.models.greybox.fit import Fit, fit_grey_box
 from acqd.models.greybox.model import TERMS, GreyBox
 from acqd.models.greybox.parameters import Layout, table
 from acqd.models.order import Made, Report, TrainOrder
 from acqd.robot.description import load_description
 from acqd.robot.newton_euler import Chain
+
+if TYPE_CHECKING:
+    from acqd.models.data import Data
+    from acqd.models.greybox.fit import Fit
 
 
 def make_grey_box(order: TrainOrder, data: Data, progress: Report) -> Made:
@@ -25,6 +27,8 @@ def make_grey_box(order: TrainOrder, data: Data, progress: Report) -> Made:
 
 def fitted(order: TrainOrder, data: Data, progress: Report) -> Fit:
     """The fit alone."""
+    from acqd.models.greybox.fit import fit_grey_box  # needs a robot library; predicting does not
+
     robot = load_description(order.robot or data.description)
     if robot.axes != data.axes:
         raise UserError(f"{order.dataset}: has {data.axes} axes, {robot.name} has {robot.axes}; name its own --robot")

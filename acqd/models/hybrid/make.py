@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.optimize import minimize
 
 from acqd.models.bundle import Arrays
-from acqd.models.data import Data, Stretch
 from acqd.models.features import padded
 from acqd.models.greybox.make import arrays_of, describe, fitted, restore
 from acqd.models.greybox.model import GreyBox
@@ -17,6 +16,9 @@ from acqd.models.metrics import predictions
 from acqd.models.normalisation import Normalisation
 from acqd.models.order import Made, Report, TrainOrder
 from acqd.robot.description import Floats
+
+if TYPE_CHECKING:
+    from acqd.models.data import Data, Stretch
 
 HIDDEN = 12
 _WEIGHT_DECAY = 1e-4
