@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +36,10 @@ class Stretch:
     """[T, axes] Nm, where sensors logged them."""
     signals: dict[str, Floats]
     """[T] each."""
+    start_s: float = 0.0
+    """UTC of the first row (Unix s)."""
+    channels: dict[str, Floats] = field(default_factory=dict)
+    """What else was measured: "Vrms" [T] V; "current" A, "temperature" degC, [T, axes]; NaN where unknown."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,6 +127,18 @@ def _stretches(file: Path, entry: dict[str, object], step_s: float) -> list[Stre
                 columns["P"][rows],
                 None if tau is None else tau[rows],
                 signals,
+                float(columns["time_ns"][first]) * 1e-9,
+                {name: values[rows] for name, values in _channels(columns, axes).items()},
             )
         )
+    return found
+
+
+def _channels(columns: dict[str, Floats], axes: int) -> dict[str, Floats]:
+    found = {}
+    if "Vrms" in columns and np.isfinite(columns["Vrms"]).any():
+        found["Vrms"] = columns["Vrms"]
+    for name in ("current", "temperature"):
+        if f"{name}1" in columns:
+            found[name] = np.column_stack([columns[f"{name}{k + 1}"] for k in range(axes)])
     return found

@@ -26,6 +26,8 @@ class Chain:
     """[axes, 3, 3]."""
     axis: Floats
     """[axes, 3] unit vectors."""
+    tip: Floats
+    """[2, 3]: the flange's origin and its z axis, in the last joint's frame."""
 
     @classmethod
     def of(cls, robot: RobotDescription) -> Chain:
@@ -35,7 +37,12 @@ class Chain:
             np.array([joint.xyz for joint in robot.joint], dtype=np.float64),
             np.array([_from_rpy(np.radians(joint.rpy_deg)) for joint in robot.joint]),
             axis / np.linalg.norm(axis, axis=1, keepdims=True),
+            np.array([robot.flange.xyz, _from_rpy(np.radians(robot.flange.rpy_deg))[:, 2]], dtype=np.float64),
         )
+
+    def beyond_flange(self, reach_m: float) -> Floats:
+        """[3] m in the last joint's frame: a point that far along the flange's axis."""
+        return np.asarray(self.tip[0] + reach_m * self.tip[1])
 
 
 def joint_torque(chain: Chain, parameters: Floats, q: Floats, qd: Floats, qdd: Floats) -> Floats:

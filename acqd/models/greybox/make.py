@@ -55,13 +55,14 @@ def arrays_of(model: GreyBox) -> Arrays:
         "chain_xyz": model.chain.xyz,
         "chain_rotation": model.chain.rotation,
         "chain_axis": model.chain.axis,
+        "chain_tip": model.chain.tip,
         "usual_signals": model.usual_signals(),
     }
 
 
 def restore(about: dict[str, Any], arrays: Arrays) -> GreyBox:
     """Back from a bundle."""
-    chain = Chain(arrays["chain_xyz"], arrays["chain_rotation"], arrays["chain_axis"])
+    chain = Chain(arrays["chain_xyz"], arrays["chain_rotation"], arrays["chain_axis"], arrays["chain_tip"])
     layout = Layout(int(about["axes"]), tuple(about["signals"]))
     values = np.asarray(arrays["parameters"], dtype=np.float64)
     if len(values) != layout.size or len(chain.xyz) != layout.axes:

@@ -1,0 +1,229 @@
+"""All columns of all recordings, white, and who owns which of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acqd.discrepancy.base import base_columns
+from acqd.discrepancy.effect import Effect, Shape, Variant
+from acqd.discrepancy.effects import library
+from acqd.discrepancy.evidence import Blocks
+from acqd.discrepancy.generic import Ranges, generic_columns, rivals
+from acqd.discrepancy.noise import ORDER, Whitener
+from acqd.discrepancy.scene import Lag, Scene, averaged, scene_of
+from acqd.models.data import Stretch
+from acqd.models.greybox.model import GreyBox
+from acqd.robot.arm import Arm
+from acqd.robot.description import Floats
+
+_LONGEST_ROWS = 1500  # of a block: a minute
+_LEAST_ROWS = 4 * ORDER
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """One hypothesis: an effect in one shape at one place, or an unnamed rival."""
+
+    id: str
+    """Of the effect; "" for a rival."""
+    label: str
+    """Where, or what a rival depends on."""
+    places: NDArray[np.int64]
+    """Raw columns."""
+    variant: Variant | None
+    derived: bool = False
+    """Whether its columns were found by looking at the residual."""
+    cost: float = 0.0
+    """Parameters spent on that search."""
+
+    @property
+    def size(self) -> int:
+        """Free coefficients."""
+        return self.variant.size if self.variant else len(self.places)
+
+    @property
+    def mix(self) -> Floats | None:
+        """[columns, coefficients]."""
+        return self.variant.place.mix if self.variant else None
+
+
+@dataclass(slots=True)
+class Part:
+    """One block of rows."""
+
+    recording: str
+    fresh: bool
+    """Of the dataset in question (else of the reference)."""
+    start_s: float
+    stretch: int
+    rows: slice
+    """Of its stretch; the first ORDER are lost to whitening."""
+
+
+@dataclass(slots=True)
+class Design:
+    """What competitions are made from."""
+
+    model: GreyBox
+    base: int
+    """Columns of the base model, the first."""
+    candidates: list[Candidate]
+    parts: list[Part]
+    stretches: list[Stretch]
+    scenes: list[Scene]
+    raw: list[NDArray[np.float32]]
+    """Per stretch [T, p]."""
+    off: list[Floats]
+    """Per stretch [T] W: measured minus predicted by the base model."""
+    whitener: Whitener
+    white: list[NDArray[np.float32]] = field(default_factory=list)
+    """Per part [rows, p + 1]."""
+    chosen: set[str] = field(default_factory=set)
+    """Effects that compete."""
+    blocks: Blocks = field(default_factory=lambda: Blocks(np.empty((0, 1, 1)), np.empty(0)))
+
+    @property
+    def range_W(self) -> float:
+        """Dynamic range of the measured power: p99 - p1."""
+        return float(np.ptp(np.percentile(np.concatenate([s.P for s in self.stretches]), [1, 99])))
+
+    @property
+    def fresh(self) -> Floats:
+        """[blocks] 1 for the dataset in question."""
+        return np.array([part.fresh for part in self.parts]) * 1.0
+
+
+def effect_rows(effect: Effect, scene: Scene) -> Floats:
+    """[T, k] W at the meter per unit parameter, all shapes side by side."""
+    return _at_meter(effect, scene, effect.columns(scene))
+
+
+def effect_rows_at(effect: Effect, scene: Scene, shape: Shape) -> Floats:
+    """[T, k] W at the meter per unit parameter, of one shape."""
+    memory = dict(scene.memory)
+    columns = effect.at(scene, shape)
+    scene.memory.clear()
+    scene.memory.update(memory)
+    return _at_meter(effect, scene, columns)
+
+
+def _at_meter(effect: Effect, scene: Scene, columns: Floats) -> Floats:
+    if not columns.shape[1]:
+        return np.zeros((scene.rows, 0))
+    if effect.stage == "meter":
+        return columns
+    return averaged(Lag(float(scene.model.group("lag")[0]), scene.step_s).run(columns))
+
+
+def make_design(
+    model: GreyBox,
+    arm: Arm,
+    stretches: list[tuple[Stretch, bool]],
+    chosen: set[str],
+    progress: Callable[[float], None],
+) -> Design:
+    """`stretches` with whether they are in question; `chosen` effects compete, and all rivals."""
+    only = [stretch for stretch, _ in stretches]
+    scenes = [scene_of(model, s.q, s.signals, s.start_s, s.channels) for s in only]
+    _tell_time(scenes, [fresh for _, fresh in stretches])
+    ranges = Ranges.of(scenes)
+    effects = [e for name, e in library().items() if name in chosen and all(e.possible(scene) for scene in scenes)]
+    raw: list[NDArray[np.float32]] = []
+    for number, scene in enumerate(scenes):
+        lag = Lag(float(model.group("lag")[0]), scene.step_s)
+        columns = [base_columns(arm, scene), *(effect_rows(effect, scene) for effect in effects)]
+        columns.append(averaged(lag.run(generic_columns(scene, ranges))))
+        raw.append(np.concatenate(columns, axis=1).astype(np.float32))
+        progress((number + 1) / len(scenes))
+    candidates, place = [], model.layout.size
+    for effect in effects:
+        for variant in effect.variants(scenes[0]):
+            candidates.append(Candidate(effect.id, variant.place.where, place + np.array(variant.columns), variant))
+        place += effect.columns(scenes[0]).shape[1]
+    for rival in rivals(model.axes):
+        candidates.append(Candidate("", rival.name, place + np.array(rival.columns), None))
+    off = [s.P - scene.metered for s, scene in zip(only, scenes, strict=True)]
+    design = Design(
+        model, model.layout.size, candidates, _parts(stretches), only, scenes, raw, off, Whitener(np.ones(1)),
+        chosen=chosen,
+    )  # fmt: skip
+    return design
+
+
+def _tell_time(scenes: list[Scene], fresh: list[bool]) -> None:
+    """Effects that remember when the session began are told."""
+    for kind in (True, False):
+        origin = min((float(s.t[0]) for s, f in zip(scenes, fresh, strict=True) if f == kind), default=0.0)
+        for scene, own in zip(scenes, fresh, strict=True):
+            if own == kind:
+                scene.memory["origin_s"] = origin
+                scene.memory["session_s"] = float(scene.t[0]) - origin
+
+
+def _parts(stretches: list[tuple[Stretch, bool]]) -> list[Part]:
+    found = []
+    for number, (stretch, fresh) in enumerate(stretches):
+        rows = len(stretch.P)
+        count = max(1, round(rows / _LONGEST_ROWS))
+        edges = np.linspace(0, rows, count + 1).astype(int)
+        for first, last in zip(edges, edges[1:], strict=False):
+            first = max(0, int(first) - ORDER)  # rows lost to whitening come from the block before
+            if last - first >= _LEAST_ROWS:
+                found.append(Part(stretch.recording, fresh, stretch.start_s + first * 0.04, number, slice(first, int(last))))
+    return found
+
+
+def whiten(design: Design, whitener: Whitener) -> None:
+    """All columns and residuals of all parts by one noise model, and their Gram matrices."""
+    design.whitener, design.white = whitener, []
+    grams, rows = [], []
+    for part in design.parts:
+        both = np.concatenate(
+            [design.raw[part.stretch][part.rows], design.off[part.stretch][part.rows, None]], axis=1
+        )
+        white = whitener.apply(both)
+        design.white.append(white)
+        exact = white.astype(np.float64)
+        grams.append(exact.T @ exact)
+        rows.append(len(white))
+    design.blocks = Blocks(np.array(grams), np.array(rows, dtype=float))
+
+
+def extend(design: Design, columns: list[Floats]) -> NDArray[np.int64]:
+    """Add columns ([T, k] per stretch); their places."""
+    first, count = design.blocks.y, columns[0].shape[1]
+    size = design.blocks.grams.shape[1]
+    grams = np.zeros((len(design.parts), size + count, size + count))
+    old = np.concatenate([np.arange(first), [first + count]])
+    grams[:, old[:, None], old] = design.blocks.grams
+    design.blocks.grams = grams
+    for number, values in enumerate(columns):
+        design.raw[number] = np.concatenate([design.raw[number], values.astype(np.float32)], axis=1)
+    for number, white in enumerate(design.white):
+        room = np.zeros((len(white), count), dtype=np.float32)
+        design.white[number] = np.concatenate([white[:, :first], room, white[:, first:]], axis=1)
+    places = np.arange(first, first + count)
+    replace_columns(design, places, columns)
+    return places
+
+
+def replace_columns(design: Design, places: NDArray[np.int64], columns: list[Floats]) -> None:
+    """Other values ([T, k] per stretch) at `places`."""
+    for number, values in enumerate(columns):
+        design.raw[number][:, places] = values
+    for number, part in enumerate(design.parts):
+        values = columns[part.stretch][part.rows]
+        gram = design.blocks.grams[number]
+        gram[places, :] = gram[:, places] = 0.0
+        if not values.any():
+            design.white[number][:, places] = 0.0
+            continue
+        white = design.whitener.apply(values)
+        design.white[number][:, places] = white
+        products = design.white[number].T.astype(np.float64) @ white.astype(np.float64)
+        gram[:, places] = products
+        gram[places, :] = products.T

@@ -1,0 +1,59 @@
+"""Loads beside the drives."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from acqd.discrepancy.effect import Effect, Parameter, Place, Shape
+from acqd.discrepancy.scene import Scene
+from acqd.robot.description import Floats
+
+
+class OffsetShift(Effect):
+    """A constant load more, or less."""
+
+    id = "offset_shift"
+    about = "something takes a constant power more (or less): another device on the same supply"
+    equation = "P = P_0"
+    neighbours = ("meter_gain", "thermostat", "brake_holding")
+    experiment = "two minutes at rest before and after"
+    structural = False
+
+    def at(self, scene: Scene, shape: Shape) -> Floats:
+        """One."""
+        return np.ones((len(scene.q), 1))
+
+    def places(self, scene: Scene) -> Iterator[Place]:
+        """One."""
+        yield Place("cabinet", (0,), (Parameter("power", "W"),))
+
+
+class Thermostat(Effect):
+    """A load that switches with a period of its own."""
+
+    id = "thermostat"
+    about = "a fan or heater that switches on and off in a rhythm of its own"
+    equation = "P = P_h while on"
+    neighbours = ("offset_shift", "process_load")
+    experiment = "an hour at rest"
+    structural = False
+
+    def at(self, scene: Scene, shape: Shape) -> Floats:
+        """None beforehand: `switching.search` looks for on and off in the residual."""
+        return np.zeros((len(scene.q), 0))
+
+    def places(self, scene: Scene) -> Iterator[Place]:
+        """None beforehand."""
+        return iter(())
+
+
+class ProcessLoad(Thermostat):
+    """Equipment that works now and then."""
+
+    id = "process_load"
+    about = "equipment on the same supply that works for some seconds at a time"
+    equation = "P = P_e while it works"
+    neighbours = ("thermostat", "contact_force", "tool_actuation")
+    experiment = "log when the equipment works, or record an hour with it switched off"

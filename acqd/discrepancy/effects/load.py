@@ -1,0 +1,101 @@
+"""Bodies that the model does not know."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import ClassVar
+
+import numpy as np
+
+from acqd.discrepancy.effect import Effect, Parameter, Place, Shape
+from acqd.discrepancy.scene import Scene
+from acqd.robot.description import Floats
+from acqd.robot.newton_euler import joint_torque
+
+
+def point_mass(place: Floats) -> Floats:
+    """[10] inertial parameters of 1 kg at `place` (m) in a link's frame."""
+    x, y, z = place
+    return np.array([1.0, x, y, z, y * y + z * z, -x * y, x * x + z * z, -x * z, -y * z, x * x + y * y])
+
+
+def torque_of(scene: Scene, link: int, parameters: Floats, *, static: bool = False) -> Floats:
+    """[N, axes] Nm of a body with inertial parameters [10] fixed to a link (from 0)."""
+    whole = np.zeros(10 * scene.axes)
+    whole[10 * link : 10 * link + 10] = parameters
+    still = np.zeros_like(scene.qd)
+    motion = (still, still) if static else (scene.qd, scene.qdd)
+    return joint_torque(scene.model.chain, whole, scene.q, *motion)
+
+
+def power_of(scene: Scene, torque: Floats) -> Floats:
+    """[N] W that an additional torque at the motors takes, to first order."""
+    return (scene.steer * torque).sum(axis=1)
+
+
+class Payload(Effect):
+    """A body at the flange."""
+
+    id = "payload"
+    about = "the arm carries a mass that the model does not know"
+    equation = "tau = m Y(q, qd, qdd; centre of mass)"
+    neighbours = ("gravity_bias", "copper_loss")
+    experiment = "the same motion with the gripper empty and with a known mass, tool vertical and horizontal"
+    shapes = ({"centre_of_mass_m": 0.0}, {"centre_of_mass_m": 0.06}, {"centre_of_mass_m": 0.15})
+    bounds: ClassVar = {"centre_of_mass_m": (-0.1, 0.4)}
+
+    def at(self, scene: Scene, shape: Shape) -> Floats:
+        """Always, and while the tool is on."""
+        body = point_mass(scene.model.chain.beyond_flange(shape["centre_of_mass_m"]))
+        always = power_of(scene, torque_of(scene, scene.axes - 1, body))
+        return np.column_stack([always, *([always * scene.signals["tool"]] if "tool" in scene.signals else [])])
+
+    def places(self, scene: Scene) -> Iterator[Place]:
+        """Always, or with the tool."""
+        yield Place("flange", (0,), (Parameter("mass", "kg"),))
+        if "tool" in scene.signals:
+            yield Place("flange, while the tool is on", (1,), (Parameter("mass", "kg"),))
+
+
+class GravityBias(Effect):
+    """Weight on a link, or a spring: hoses, a dress pack, a counterweight gone missing."""
+
+    id = "gravity_bias"
+    about = "one link is heavier (or lighter) than the model has it: hoses, a dress pack, a cover gone"
+    equation = "tau = m g(q; link)"
+    neighbours = ("payload",)
+    experiment = "hold ten postures for ten seconds each, and move each joint alone through the vertical"
+
+    def at(self, scene: Scene, shape: Shape) -> Floats:
+        """Per link but the first, whose weight does nothing when the base is upright."""
+        links = scene.model.group("inertial").reshape(-1, 10)
+        found = []
+        for k in range(1, scene.axes):
+            mass = max(float(links[k, 0]), 1e-3)
+            centre = np.clip(links[k, 1:4] / mass, -0.5, 0.5)
+            found.append(power_of(scene, torque_of(scene, k, point_mass(centre), static=True)))
+        return np.column_stack(found)
+
+    def places(self, scene: Scene) -> Iterator[Place]:
+        """Links."""
+        for k in range(1, scene.axes):
+            yield Place(f"link {k + 1}", (k - 1,), (Parameter("mass", "kg"),))
+
+
+class ContactForce(Effect):
+    """The tool pushes against something, now and then."""
+
+    id = "contact_force"
+    about = "the tool pushes against something for some seconds at a time"
+    equation = "tau = -J(q)^T F while in contact"
+    neighbours = ("process_load", "payload")
+    experiment = "log the joint torques, or the times of contact"
+    structural = False
+
+    def at(self, scene: Scene, shape: Shape) -> Floats:
+        """Power of 1 N up on the flange; when it acts is searched in the residual."""
+        return np.zeros((len(scene.q), 0))
+
+    def places(self, scene: Scene) -> Iterator[Place]:
+        """None beforehand."""
+        return iter(())

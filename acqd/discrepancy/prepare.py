@@ -1,0 +1,77 @@
+"""From recordings and a grey box to a design with its noise, the model that competes, and possible onsets."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from acqd.discrepancy.base import deviations
+from acqd.discrepancy.design import Design, make_design, whiten
+from acqd.discrepancy.effects import library
+from acqd.discrepancy.evidence import Column, Model
+from acqd.discrepancy.noise import Whitener
+from acqd.discrepancy.trace import Gate, onset_gates
+from acqd.models.data import Stretch
+from acqd.models.greybox.model import GreyBox
+from acqd.models.greybox.parameters import prior
+from acqd.robot.arm import Arm
+from acqd.robot.description import Floats, RobotDescription
+from acqd.robot.dynamics import inertial_parameters
+
+_FEWEST_FOR_NOISE = 4  # reference recordings
+_RIDGE = 1e-6
+
+
+def prepare(
+    model: GreyBox,
+    robot: RobotDescription,
+    fresh: list[Stretch],
+    reference: list[Stretch],
+    chosen: set[str],
+    withheld: set[str],
+    progress: Callable[[float], None],
+) -> tuple[Design, Model, list[Gate]]:
+    """With `reference`, what is common to both is free in the model; what only `fresh` has is the question.
+
+    Without, the question is what the model lacks in all of them. `withheld` groups of the model's parameters are
+    held at nought.
+    """
+    arm = Arm(robot)
+    stretches = [(each, False) for each in reference] + [(each, True) for each in fresh]
+    design = make_design(model, arm, stretches, chosen, progress)
+    belief = prior(model.layout, robot, inertial_parameters(arm), 0.0, model.step_s)
+    spread = deviations(model, belief.deviation)
+    for group in withheld:
+        spread[model.layout.place(group)] = 1e-9
+    everywhere = np.ones(len(design.parts))
+    base = [Column(k, everywhere, float(spread[k])) for k in range(design.base)]
+    whiten(design, Whitener.of(design.off))
+    enough = len({each.recording for each in reference}) >= _FEWEST_FOR_NOISE
+    quiet = 1 - design.fresh if enough else everywhere
+    whiten(design, Whitener.of(_left_by_everything(design, base, quiet)))
+    common = _common(design) if reference else []
+    gates = onset_gates(design, design.fresh)
+    return design, Model(design.blocks, [*base, *(Column(k, everywhere) for k in common)]), gates
+
+
+def _common(design: Design) -> list[int]:
+    """Columns of effects that a model may lack from the start: in a contrast they are free for both sides."""
+    effects = library()
+    found: set[int] = set()
+    for candidate in design.candidates:
+        if candidate.id and effects[candidate.id].structural:
+            found |= set(candidate.places.tolist())
+    return sorted(found)
+
+
+def _left_by_everything(design: Design, base: list[Column], weights: Floats) -> list[Floats]:
+    """Residuals of a fit of all columns there are: only noise is left for certain (notes/residual.md, stage 3)."""
+    everything = [*base, *(Column(k, np.ones(len(design.parts))) for k in range(design.base, design.blocks.y))]
+    A, b, _ = Model(design.blocks, everything).normal(weights)
+    scale = np.sqrt(np.maximum(np.diag(A), 1e-12))
+    scaled = A / np.outer(scale, scale)
+    scaled[np.diag_indices(len(A))] += _RIDGE
+    beta = np.linalg.solve(scaled, b / scale) / scale
+    open_ = sorted({part.stretch for part, weight in zip(design.parts, weights, strict=True) if weight})
+    return [design.off[k] - design.raw[k] @ beta for k in open_]

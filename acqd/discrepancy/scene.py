@@ -1,0 +1,149 @@
+"""A stretch of recording as effects see it: motion at four points a row, torques, powers, signals.
+
+A meter averages over its window; physics computed at the window's middle only is wrong wherever the arm speeds up,
+stops or turns round, and those errors look like brakes and Stribeck friction.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from scipy.signal import lfilter
+
+from acqd.models.features import padded
+from acqd.models.greybox.model import GreyBox, lag_filter
+from acqd.robot.description import Floats
+
+SUB = 4
+"""Points a row."""
+RADIUS = 2
+"""Rows to either side that a row's motion is interpolated from."""
+
+
+def _weights(step_s: float) -> Floats:
+    """[3, SUB, 2 RADIUS + 1]: value, first and second derivative of the interpolating polynomial."""
+    nodes = np.arange(-RADIUS, RADIUS + 1) * 1.0
+    points = (np.arange(SUB) + 0.5) / SUB - 0.5
+    inverse = np.linalg.inv(np.vander(nodes, increasing=True))  # coefficients of the polynomial per node
+    powers = np.arange(len(nodes))
+    found = np.zeros((3, SUB, len(nodes)))
+    for k, x in enumerate(points):
+        found[0, k] = x**powers @ inverse
+        found[1, k] = (powers[1:] * x ** (powers[1:] - 1)) @ inverse[1:] / step_s
+        found[2, k] = (powers[2:] * (powers[2:] - 1) * x ** (powers[2:] - 2)) @ inverse[2:] / step_s**2
+    return found
+
+
+def fine_motion(q: Floats, step_s: float) -> tuple[Floats, Floats, Floats]:
+    """q, qd, qdd [SUB T, axes] from angles [T + 2 RADIUS, axes]."""
+    rows = len(q) - 2 * RADIUS
+    around = np.stack([q[k : k + rows] for k in range(2 * RADIUS + 1)], axis=1)  # [T, nodes, axes]
+    fine = np.einsum("dsn,tna->dtsa", _weights(step_s), around, optimize=True)
+    return tuple(each.reshape(rows * SUB, q.shape[1]) for each in fine)  # type: ignore[return-value]
+
+
+def averaged(fine: Floats) -> Floats:
+    """[T, ...] means over the rows of values [SUB T, ...]."""
+    return np.asarray(fine.reshape(-1, SUB, *fine.shape[1:]).mean(axis=1))
+
+
+class Lag:
+    """The supply's first-order lag at the fine step; goes on where it stopped."""
+
+    def __init__(self, lag_s: float, step_s: float) -> None:
+        self._b, self._a = lag_filter(lag_s, step_s / SUB)
+        self._state: Floats | None = None
+
+    def run(self, values: Floats) -> Floats:
+        """Behind the lag, along the first axis, from rest at the very first value."""
+        if self._state is None:
+            self._state = values[:1] * (1 - self._b[0])
+        out, self._state = lfilter(self._b, self._a, values, axis=0, zi=self._state)
+        return np.asarray(out)
+
+
+@dataclass(slots=True)
+class Scene:
+    """Arrays over fine points [N = SUB T] unless said otherwise; powers are at the mains, before the supply's lag."""
+
+    step_s: float
+    """Of rows."""
+    t: Floats
+    """s, UTC."""
+    q: Floats
+    qd: Floats
+    qdd: Floats
+    tau_rigid: Floats
+    """[N, axes] Nm of the described body."""
+    tau: Floats
+    """[N, axes] Nm at the motors, at the output side."""
+    steer: Floats
+    """[N, axes] W/Nm: power per torque at the motor, mechanical and losses."""
+    model: GreyBox
+    """Where torques and powers come from."""
+    drives: Floats
+    """[N] W of motion, without standby."""
+    metered: Floats
+    """[T] W: the grey box' prediction of the row, behind the lag."""
+    signals: dict[str, Floats]
+    """[N] 0/1 each; "tool", "brake"."""
+    volts: Floats | None
+    """[T] V."""
+    temperature: Floats | None
+    """[N, axes] degC."""
+    begins: bool = True
+    """Whether this is a recording's first row (and not the continuation of a stream)."""
+    memory: dict[str, Any] = field(default_factory=dict)
+    """What effects with a state keep from one piece of a recording to the next."""
+
+    @property
+    def rows(self) -> int:
+        """T."""
+        return len(self.metered)
+
+    @property
+    def axes(self) -> int:
+        """Joints."""
+        return int(self.q.shape[1])
+
+    @property
+    def fine_s(self) -> float:
+        """Between fine points."""
+        return self.step_s / SUB
+
+
+def make_scene(
+    model: GreyBox,
+    q: Floats,
+    signals: dict[str, Floats],
+    start_s: float,
+    volts: Floats | None = None,
+    temperature: Floats | None = None,
+    lag: Lag | None = None,
+) -> Scene:
+    """From angles [T + 2 RADIUS, axes] and rows [T] of the rest."""
+    step_s = model.step_s
+    qf, qd, qdd = fine_motion(q, step_s)
+    rows = len(q) - 2 * RADIUS
+    rigid, motor = model.motor_torque(qf, qd, qdd)
+    gain, copper, conduction = (model.group(name) for name in ("gain", "copper", "conduction"))
+    steer = gain[0] * qd + 2 * copper * motor + conduction * motor / np.hypot(motor, 0.5)
+    drives = gain[0] * (motor * qd).sum(axis=1) + (motor**2) @ copper
+    drives += (np.sqrt(motor**2 + 0.25) - 0.5) @ conduction
+    lag = lag or Lag(float(model.group("lag")[0]), step_s)
+    metered = averaged(lag.run(drives)) + float(model.group("standby")[0])
+    for name, weight in zip(model.signals, model.group("signals"), strict=True):
+        metered = metered + weight * signals.get(name, np.zeros(rows))
+    t = start_s + ((np.arange(rows * SUB) + 0.5) / SUB - 0.5) * step_s
+    return Scene(
+        step_s, t, qf, qd, qdd, rigid, motor, steer, model, drives, metered,
+        {name: np.repeat(values, SUB) for name, values in signals.items()},
+        volts, None if temperature is None else np.repeat(temperature, SUB, axis=0),
+    )  # fmt: skip
+
+
+def scene_of(model: GreyBox, q: Floats, signals: dict[str, Floats], start_s: float, channels: dict[str, Floats]) -> Scene:
+    """Of a whole recording: angles [T, axes]."""
+    return make_scene(model, padded(q, RADIUS), signals, start_s, channels.get("Vrms"), channels.get("temperature"))

@@ -1,0 +1,180 @@
+"""Which candidate explains most of what is left, and whether that can be chance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+from acqd.discrepancy.design import Candidate, Design
+from acqd.discrepancy.evidence import Competition, Model
+from acqd.robot.description import Floats
+
+_DRAWS = 999
+_NEVER = 1e-3  # white sum of squares of a column that never acts, or that the model has already
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One candidate under one gate."""
+
+    candidate: Candidate
+    coefficients: Floats
+    drop: float
+    """White sum of squares that it takes away."""
+    evidence: float
+    """The drop, less what so many free numbers take away by chance: k log n."""
+    gains: Floats
+    """[recordings] drop on each recording where it acts, by coefficients from the others."""
+    consistency: float
+    """Share of the recordings, among those where it acts, that say the same as all together."""
+    surprise: float
+    """-log of the probability that a candidate alone is so consistent by chance; the maximum is calibrated apart."""
+
+    @property
+    def held_out(self) -> float:
+        """Drop on recordings that did not take part."""
+        return float(self.gains.sum())
+
+
+def _columns(candidates: list[Candidate]) -> tuple[np.ndarray, list[np.ndarray]]:
+    used = np.unique(np.concatenate([candidate.places for candidate in candidates]))
+    return used, [np.searchsorted(used, candidate.places) for candidate in candidates]
+
+
+def _solve(S: Floats, r: Floats) -> Floats:
+    scale = np.sqrt(np.maximum(np.diag(S), 1e-12))
+    scaled = S / np.outer(scale, scale)
+    scaled[np.diag_indices(len(S))] += 1e-8
+    return np.asarray(np.linalg.solve(scaled, r / scale) / scale)
+
+
+def _part(S: Floats, r: Floats, own: np.ndarray, candidate: Candidate) -> tuple[Floats, Floats]:
+    S, r = S[np.ix_(own, own)], r[own]
+    if candidate.mix is not None:
+        S, r = candidate.mix.T @ S @ candidate.mix, candidate.mix.T @ r
+    return S, r
+
+
+def rank(design: Design, model: Model, gate: Floats, candidates: list[Candidate]) -> list[Finding]:
+    """All candidates under a gate, the one with most evidence first."""
+    used, owns = _columns(candidates)
+    found = model.compete(used, gate)
+    scores = model.scores(found, used, gate)
+    gains = held_out(design, model, gate, used, owns, candidates)
+    rows = float((design.blocks.rows * gate).sum())
+    findings = []
+    for number, (candidate, own) in enumerate(zip(candidates, owns, strict=True)):
+        S, r = _part(found.S, found.r, own, candidate)
+        if not S.size or np.diag(S).min() < _NEVER:
+            continue  # never acts here, or the model has it already
+        theta = _solve(S, r)
+        if not _possible(candidate, theta, S):
+            continue
+        drop = float(r @ theta)
+        E = scores[:, own] if candidate.mix is None else scores[:, own] @ candidate.mix
+        findings.append(
+            Finding(
+                candidate,
+                theta,
+                drop,
+                drop - (candidate.size + candidate.cost) * np.log(rows),
+                gains[number],
+                _consistency(design, gate, E @ theta),
+                _surprise(E, S),
+            )
+        )
+    return sorted(findings, key=lambda finding: -finding.evidence)
+
+
+def quick(design: Design, model: Model, gate: Floats, candidates: list[Candidate]) -> list[Finding]:
+    """The same without a look at single recordings."""
+    used, owns = _columns(candidates)
+    found = model.compete(used, gate)
+    rows = float((design.blocks.rows * gate).sum())
+    findings = []
+    for candidate, own in zip(candidates, owns, strict=True):
+        S, r = _part(found.S, found.r, own, candidate)
+        if not S.size or np.diag(S).min() < _NEVER:
+            continue
+        theta = _solve(S, r)
+        if not _possible(candidate, theta, S):
+            continue
+        drop = float(r @ theta)
+        evidence = drop - (candidate.size + candidate.cost) * np.log(rows)
+        findings.append(Finding(candidate, theta, drop, evidence, np.empty(0), 0.0, 0.0))
+    return sorted(findings, key=lambda finding: -finding.evidence)
+
+
+def _possible(candidate: Candidate, theta: Floats, S: Floats) -> bool:
+    """Whether a lone parameter lies within its physical bounds, or not clearly outside."""
+    if candidate.variant is None or candidate.size > 1:
+        return True
+    parameter = candidate.variant.place.parameters[0]
+    slack = 2.0 / np.sqrt(S[0, 0])
+    return bool(parameter.low - slack <= theta[0] <= parameter.high + slack)
+
+
+def _consistency(design: Design, gate: Floats, agreement: Floats) -> float:
+    """Share of the recordings that pull in the direction of all together, of those that pull at all."""
+    names = np.array([part.recording for part in design.parts])
+    pulls = np.array([agreement[(names == name) & (gate > 0)].sum() for name in np.unique(names[gate > 0])])
+    acting = np.abs(pulls) > 1e-3 * np.abs(pulls).max()
+    return float((pulls[acting] > 0).mean())
+
+
+def _surprise(E: Floats, S: Floats) -> float:
+    V = E.T @ E + 1e-3 * S
+    u = E.sum(axis=0)
+    return float(-chi2.logsf(u @ np.linalg.solve(V, u), len(u)))
+
+
+def chance(design: Design, model: Model, gate: Floats, candidates: list[Candidate], seed: int) -> Floats:
+    """[draws] the largest surprise of any candidate when the signs of whole blocks are random (wild bootstrap)."""
+    used, owns = _columns(candidates)
+    found = model.compete(used, gate)
+    scores = model.scores(found, used, gate)
+    signs = np.random.default_rng(seed).choice([-1.0, 1.0], size=(_DRAWS, len(scores)))
+    largest = np.zeros(_DRAWS)
+    for candidate, own in zip(candidates, owns, strict=True):
+        S, _ = _part(found.S, found.r, own, candidate)
+        if not S.size or np.diag(S).min() < _NEVER:
+            continue
+        E = scores[:, own] if candidate.mix is None else scores[:, own] @ candidate.mix
+        V = E.T @ E + 1e-3 * S
+        u = signs @ E
+        statistic = np.einsum("dk,dk->d", u, np.linalg.solve(V, u.T).T)
+        largest = np.maximum(largest, -chi2.logsf(statistic, E.shape[1]))
+    return largest
+
+
+def held_out(
+    design: Design, model: Model, gate: Floats, used: np.ndarray, owns: list[np.ndarray], candidates: list[Candidate]
+) -> list[Floats]:
+    """Per candidate, the drop in each recording under the gate, with coefficients from all others."""
+    names = [part.recording for part in design.parts]
+    recordings = sorted({name for name, open_ in zip(names, gate, strict=True) if open_})
+    gains = np.zeros((len(candidates), len(recordings)))
+    grams, y = design.blocks.grams, design.blocks.y
+    for number, recording in enumerate(recordings):
+        own_blocks = np.array([name == recording for name in names])
+        found: Competition = model.compete(used, gate, (~own_blocks).astype(float))
+        Q, s = np.zeros_like(found.S), np.zeros(len(used))
+        for i in np.flatnonzero(own_blocks):
+            g, own = grams[i], model.gates[:, i]
+            at = model.places
+            left = g[used, y] * gate[i] - gate[i] * (g[np.ix_(used, at)] @ (own * found.beta))
+            left_m = own * (g[at, y] - g[np.ix_(at, at)] @ (own * found.beta))
+            s += left - found.carried.T @ left_m
+            carried = own[:, None] * found.carried
+            cross = gate[i] * g[np.ix_(used, at)] @ carried
+            Q += gate[i] * g[np.ix_(used, used)] - cross - cross.T + carried.T @ g[np.ix_(at, at)] @ carried
+        for k, (candidate, own) in enumerate(zip(candidates, owns, strict=True)):
+            S, r = _part(found.S, found.r, own, candidate)
+            if not S.size or np.diag(S).min() < _NEVER:
+                continue
+            theta = _solve(S, r)
+            Qk, sk = _part(Q, s, own, candidate)
+            gains[k, number] = 2 * theta @ sk - theta @ Qk @ theta
+    return list(gains)

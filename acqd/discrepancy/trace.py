@@ -1,0 +1,251 @@
+"""From a design to a verdict: the effect that explains most, once more with it in the model, until nothing is credible."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+
+from acqd.discrepancy.derive import Derived, derive, reference_gain
+from acqd.discrepancy.design import Candidate, Design
+from acqd.discrepancy.effects import library
+from acqd.discrepancy.effects.sensors import slope
+from acqd.discrepancy.evidence import Column, Model
+from acqd.discrepancy.refine import refine
+from acqd.discrepancy.search import Finding, chance, quick, rank
+from acqd.robot.description import Floats
+
+Verdict = Literal["effects_found", "nothing_left", "unknown_structure", "not_identifiable"]
+
+LEAST_EVIDENCE = 30.0
+"""White sum of squares: at tens of thousands of rows significance alone is useless."""
+_DERIVED_EVIDENCE = 250.0
+_DERIVED_WORTH = 1.33  # times the best predictive evidence, before what was found by looking counts more
+_RIVAL_MARGIN, _RIVAL_SHARE = 40.0, 0.06
+_ALPHA = 0.02
+_CONSISTENT = 0.6  # of the recordings
+_LATER_SHARE = 0.03  # of the first effect's evidence: less is its shape's error
+_NEIGHBOUR_SHARE = 0.12  # and of a neighbour's
+_FEWEST = 3  # recordings before and after an onset
+_SMALL_CLOCK_S = 0.006  # what alignments differ by
+_LEAST_SHARE = 0.0025  # of the dynamic range: below, nobody at a plant would act
+CLOCKS = ("clock_offset", "clock_drift")
+
+
+@dataclass(frozen=True, slots=True)
+class Gate:
+    """Which blocks an effect acts in."""
+
+    label: str
+    open: Floats
+    """[blocks]."""
+    begin: str | None = None
+    """First recording, when it is not there from the start."""
+
+
+@dataclass(frozen=True, slots=True)
+class Named:
+    """An accepted effect."""
+
+    finding: Finding
+    gate: Gate
+    shape: dict[str, float]
+    derived: Derived | None
+    rivals: list[Finding]
+    """Best of every other effect, given what had been found before."""
+    chance: float
+    """Surprise that clean data exceed in 2 % of cases."""
+
+    @property
+    def id(self) -> str:
+        """Of the effect."""
+        return self.finding.candidate.id
+
+
+@dataclass(slots=True)
+class Tracing:
+    """What came of it."""
+
+    verdict: Verdict
+    found: list[Named] = field(default_factory=list)
+    unknown: Finding | None = None
+    unknown_gate: Gate | None = None
+    model: Model | None = None
+    """Base and everything found."""
+    looked_at: list[Finding] = field(default_factory=list)
+    """The last ranking, in which nothing was credible."""
+    notes: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What the user asked for."""
+
+    max_effects: int = 5
+    seed: int = 1
+
+
+def trace(
+    design: Design, model: Model, gates: list[Gate], limits: Limits, progress: Callable[[str], None]
+) -> Tracing:
+    """`gates`: the first one is the question (all of the dataset), the others are possible onsets."""
+    tracing = Tracing("nothing_left", model=model)
+    model = _without_small_clock(design, model, gates[0], tracing)
+    while len(tracing.found) < limits.max_effects:
+        progress(f"looking for effect {len(tracing.found) + 1}")
+        step = _step(design, model, gates, tracing, limits)
+        if step is None:
+            break
+        tracing.found.append(step)
+        places = step.finding.candidate.places
+        model = Model(design.blocks, [*model.columns, *_columns(step.finding.candidate, step.gate, places)])
+    tracing.model = model
+    _prune(design, tracing)
+    if tracing.found:
+        tracing.verdict = "effects_found"
+    elif tracing.unknown is not None:
+        tracing.verdict = "unknown_structure"
+    return tracing
+
+
+def _columns(candidate: Candidate, gate: Gate, places: np.ndarray) -> list[Column]:
+    assert candidate.mix is None  # refined candidates carry their parameters' own columns
+    return [Column(int(place), gate.open) for place in places]
+
+
+def _without_small_clock(design: Design, model: Model, gate: Gate, tracing: Tracing) -> Model:
+    """Two alignments differ by a millisecond or two; that is no effect, but it must not look like one."""
+    clocks = [c for c in design.candidates if c.id == "clock_offset"]
+    if not clocks:
+        return model
+    found = quick(design, model, gate.open, clocks)
+    if not found or abs(float(found[0].coefficients[0])) > _SMALL_CLOCK_S:
+        return model
+    return Model(design.blocks, [*model.columns, Column(int(clocks[0].places[0]), gate.open)])
+
+
+def _step(design: Design, model: Model, gates: list[Gate], tracing: Tracing, limits: Limits) -> Named | None:
+    taken = {(named.id, named.finding.candidate.label) for named in tracing.found}
+    pool = [c for c in design.candidates if (c.id, c.label) not in taken or not c.id]
+    gate = _best_gate(design, model, gates, pool)
+    findings = rank(design, model, gate.open, pool)
+    derived = {id(d.candidate): d for d in derive(design, model, gates[0].open, {named.id for named in tracing.found})}
+    if derived:
+        findings += rank(design, model, gates[0].open, [each.candidate for each in derived.values()])
+    findings.sort(key=lambda finding: -_worth(finding))
+    tracing.looked_at = findings
+    named = [finding for finding in findings if finding.candidate.id]
+    unnamed = [finding for finding in findings if not finding.candidate.id]
+    limit = float(np.quantile(chance(design, model, gate.open, pool, limits.seed), 1 - _ALPHA))
+    if gate is not gates[0]:
+        limit += np.log(len(gates))  # it was the best of so many
+    best = next((finding for finding in named if _credible(design, finding, limit, derived, tracing)), None)
+    rival = next((finding for finding in unnamed if _credible(design, finding, limit, derived, tracing)), None)
+    if rival is not None and (best is None or _outdone(best, rival)):
+        if tracing.unknown is None:
+            tracing.unknown, tracing.unknown_gate = rival, gate
+        return None
+    if best is None:
+        return None
+    rivals = _one_each(named, best)
+    gate = gates[0] if best.candidate.derived else gate
+    finding, shape = refine(design, model, gate.open, best, derived.get(id(best.candidate)))
+    return Named(finding, gate, shape, derived.get(id(best.candidate)), rivals, limit)
+
+
+def _worth(finding: Finding) -> float:
+    return finding.evidence / (_DERIVED_WORTH if finding.candidate.derived else 1.0)
+
+
+def _outdone(best: Finding, rival: Finding) -> bool:
+    return rival.evidence > best.evidence + _RIVAL_MARGIN + _RIVAL_SHARE * best.evidence
+
+
+def _credible(
+    design: Design, finding: Finding, limit: float, derived: dict[int, Derived], tracing: Tracing
+) -> bool:
+    least = LEAST_EVIDENCE
+    if finding.candidate.derived:
+        least = max(_DERIVED_EVIDENCE, reference_gain(design, derived[id(finding.candidate)]))
+    for earlier in tracing.found:
+        neighbour = finding.candidate.id in library()[earlier.id].neighbours or finding.candidate.id in ("", earlier.id)
+        least = max(least, (_NEIGHBOUR_SHARE if neighbour else _LATER_SHARE) * earlier.finding.evidence)
+    return (
+        finding.evidence > least
+        and relevant(design, finding)
+        and (finding.surprise > limit or _unanimous(finding))
+        and finding.held_out > 0
+        and finding.consistency >= _CONSISTENT
+    )
+
+
+def relevant(design: Design, finding: Finding) -> bool:
+    """Whether it is more than a trace of power while it acts; differences of two alignments are none."""
+    candidate, theta = finding.candidate, finding.coefficients
+    weights = theta if candidate.mix is None else candidate.mix @ theta
+    power = np.concatenate([raw[:, candidate.places] @ weights for raw in design.raw])
+    size = np.abs(power)
+    acting = power[size > 0.05 * size.max()]
+    if candidate.id in CLOCKS:
+        seconds = size.max() / max(float(np.abs(np.concatenate([slope(s) for s in design.scenes])).max()), 1e-9)
+        return seconds > _SMALL_CLOCK_S
+    return bool(np.sqrt(np.mean(acting**2)) > _LEAST_SHARE * design.range_W)
+
+
+def _unanimous(finding: Finding) -> bool:
+    """Nearly every recording says so: where a few are much louder than the rest, their sum says less than that."""
+    return len(finding.gains) >= 8 and finding.consistency >= 0.9 and finding.evidence > _DERIVED_EVIDENCE
+
+
+def _one_each(named: list[Finding], best: Finding) -> list[Finding]:
+    seen, rivals = {best.candidate.id}, []
+    for finding in named:
+        if finding.candidate.id not in seen:
+            seen.add(finding.candidate.id)
+            rivals.append(finding)
+    return rivals
+
+
+def _best_gate(design: Design, model: Model, gates: list[Gate], pool: list[Candidate]) -> Gate:
+    """All of it, unless an onset explains clearly more."""
+    best = [quick(design, model, gate.open, pool)[:1] for gate in gates]
+    evidence = np.array([found[0].evidence if found else -np.inf for found in best])
+    top = int(evidence.argmax())
+    return gates[top] if evidence[top] > 1.05 * evidence[0] + 40.0 else gates[0]
+
+
+def _prune(design: Design, tracing: Tracing) -> None:
+    """Effects that the later ones made superfluous go."""
+    assert tracing.model is not None
+    for named in list(tracing.found):
+        if len(tracing.found) < 2:
+            return
+        own = set(named.finding.candidate.places.tolist())
+        others = [c for c in tracing.model.columns if not (c.place in own and c.gate is named.gate.open)]
+        without = Model(design.blocks, others)
+        again = quick(design, without, named.gate.open, [named.finding.candidate])
+        if not again or again[0].evidence < LEAST_EVIDENCE:
+            tracing.found.remove(named)
+            tracing.model = without
+
+
+def onset_gates(design: Design, fresh: Floats) -> list[Gate]:
+    """All of the dataset, and from each of its recordings on (in the order of time)."""
+    times: dict[str, float] = {}
+    for part, own in zip(design.parts, fresh, strict=True):
+        if own:
+            times[part.recording] = min(times.get(part.recording, np.inf), part.start_s)
+    order = sorted(times, key=lambda name: times[name])
+    gates = [Gate("all of it", fresh)]
+    for number in range(_FEWEST, len(order) - _FEWEST + 1):
+        later = set(order[number:])
+        gate = np.array([float(part.recording in later) for part in design.parts]) * fresh
+        gates.append(Gate(f"from {order[number]} on", gate, order[number]))
+    return gates
+
+
+def shifted(finding: Finding, candidate: Candidate) -> Finding:
+    """The same finding with other columns."""
+    return replace(finding, candidate=candidate)
