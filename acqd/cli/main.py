@@ -9,7 +9,7 @@ from typing import NoReturn
 
 import typer
 
-from acqd.cli import broker, dataset, doctor, jitter, lab, models, replay, run, sink, watch
+from acqd.cli import broker, close_loop, dataset, doctor, jitter, lab, models, replay, run, sink, watch
 from acqd.errors import OperationError, UserError
 
 app = typer.Typer(
@@ -31,6 +31,7 @@ app.add_typer(dataset.app, name="dataset")
 app.command("train")(models.train)
 app.command("compare")(models.compare)
 app.command("predict")(models.predict)
+app.command("close-loop")(close_loop.close_loop)
 
 _JOURNAL_LEVEL = {logging.DEBUG: 7, logging.INFO: 6, logging.WARNING: 4, logging.ERROR: 3, logging.CRITICAL: 2}
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from acqd.discrepancy.scene import Lag, Scene, averaged
+from acqd.models.effects.scene import Lag, Scene, averaged
 from acqd.models.greybox.model import GreyBox, direction, magnitude
 from acqd.robot.arm import Arm
 from acqd.robot.description import Floats

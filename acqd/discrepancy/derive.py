@@ -5,18 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from acqd.discrepancy import ripple, switching
 from acqd.discrepancy.design import Candidate, Design, extend
-from acqd.discrepancy.effect import Parameter, Place, Variant
-from acqd.discrepancy.effects.load import point_mass, power_of, torque_of
-from acqd.discrepancy.evidence import Model
-from acqd.discrepancy.scene import Lag, Scene, averaged
+from acqd.discrepancy.evidence import Column, Model
+from acqd.discrepancy.noise import Whitener
+from acqd.models.effects import library
+from acqd.models.effects.effect import Parameter, Place, Variant, effect_rows
+from acqd.models.effects.load import pressed
+from acqd.models.effects.scene import Lag, Scene, averaged
 from acqd.robot.description import Floats
 
-_GRAVITY = 9.81
-_REGULAR = 0.45  # of a rhythm
+_REGULAR = 0.33  # of a rhythm
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,8 +25,6 @@ class Derived:
 
     candidate: Candidate
     ripple: ripple.Ripple | None = None
-    states: list[NDArray[np.bool_]] | None = None
-    """[T] per stretch of the design, False where the gate is closed."""
     reference_gain_per_row: float = 0.0
     """The same search on reference recordings, where there is nothing to find."""
     rows: int = 0
@@ -38,18 +36,87 @@ def derive(design: Design, model: Model, gate: Floats, known: set[str]) -> list[
     """Everything that a look at the residual suggests."""
     residuals = residuals_of(design, model)
     open_ = sorted({part.stretch for part, own in zip(design.parts, gate, strict=True) if own})
-    closed = sorted({part.stretch for part in design.parts} - set(open_))
-    found = []
+    found: list[Derived] = []
     if "gear_ripple" in design.chosen and "gear_ripple" not in known:
         found.append(_ripple(design, [residuals[k] for k in open_], open_))
     kinds = {"thermostat", "process_load", "contact_force"} & design.chosen - known
+    flat = [np.ones(len(off)) for off in design.off]
+    searches: list[tuple[Whitener, list[Floats], tuple[int, ...]]] = []
     if kinds & {"thermostat", "process_load"}:
-        each = _switching(design, residuals, open_, closed, kinds)
-        found += [each] if each else []
+        searches += [(design.whitener, flat, (1,)), (design.patient, flat, (1,))]
     if "contact_force" in kinds:
-        each = _contact(design, residuals, open_, closed)
-        found += [each] if each else []
+        searches.append((design.whitener, [contact_rows(scene) for scene in design.scenes], (1, -1)))
+    for whitener, shapes, signs in searches:
+        look = _Look(design, model, gate, open_, whitener, shapes, signs)
+        states = look.states(residuals)
+        each = None if states is None else _described(look, states, kinds, residuals)
+        found += [each] if each is not None else []
     return found
+
+
+@dataclass(frozen=True, slots=True)
+class _Look:
+    """One way to look for something that is on or off."""
+
+    design: Design
+    model: Model
+    gate: Floats
+    open: list[int]
+    whitener: Whitener
+    shapes: list[Floats]
+    signs: tuple[int, ...]
+
+    def states(self, residuals: list[Floats]) -> switching.States | None:
+        """The base model has taken over part of what switches: once it is known roughly, both are fitted anew."""
+        first = self.among(residuals, self.open)
+        if first is None:
+            return None
+        columns = self.columns(first)
+        places = extend(self.design, columns)
+        beside = Model(self.design.blocks, [*self.model.columns, Column(int(places[0]), self.gate)])
+        again = self.among(residuals_of(self.design, beside, {int(places[0])}), self.open)
+        return again if again is not None and again.gain > first.gain else first
+
+    def among(self, residuals: list[Floats], which: list[int]) -> switching.States | None:
+        """Of some stretches."""
+        return switching.search(
+            [residuals[k] for k in which], self.whitener, [self.shapes[k] for k in which], self.signs
+        )
+
+    def columns(self, states: switching.States) -> list[Floats]:
+        """[T, 1] per stretch of the design."""
+        on = [np.zeros(len(off), dtype=bool) for off in self.design.off]
+        for k, found in zip(self.open, states.on, strict=True):
+            on[k] = found
+        return [(shape * each)[:, None] for shape, each in zip(self.shapes, on, strict=True)]
+
+    def by_chance(self, residuals: list[Floats]) -> float:
+        """Log-likelihood per row that the same look wins where there is nothing to find."""
+        closed = sorted(set(range(len(self.design.off))) - set(self.open))
+        found = self.among(residuals, closed) if closed else None
+        return max(found.gain, 0.0) / sum(len(residuals[k]) for k in closed) if found else 0.0
+
+
+def _described(look: _Look, states: switching.States, kinds: set[str], residuals: list[Floats]) -> Derived | None:
+    """As a candidate, with the name that its rhythm and shape give it."""
+    design = look.design
+    regular = 0.0
+    shape = {"share_of_time": states.share}
+    if len(look.signs) > 1:
+        identity, place = "contact_force", Place("flange", (0,), (Parameter("force up", "N"),))
+    else:
+        period, regular = switching.rhythm(states.on, [averaged(design.scenes[k].t) for k in look.open])
+        identity, place = "process_load", Place("cabinet", (0,), (Parameter("power", "W", 0.0),))
+        if regular > _REGULAR:
+            identity, shape = "thermostat", shape | {"period_s": period}
+    if identity not in kinds:
+        return None
+    places = extend(design, look.columns(states))
+    candidate = Candidate(
+        identity, place.where, places, Variant(place, (0,), shape), derived=True, cost=states.switchings
+    )
+    rows = sum(len(residuals[k]) for k in look.open)
+    return Derived(candidate, None, look.by_chance(residuals), rows, regular)
 
 
 def reference_gain(design: Design, derived: Derived) -> float:
@@ -57,15 +124,17 @@ def reference_gain(design: Design, derived: Derived) -> float:
     return 3 * derived.reference_gain_per_row * derived.rows
 
 
-def residuals_of(design: Design, model: Model) -> list[Floats]:
-    """[T] W per stretch: what the model leaves, not whitened."""
+def residuals_of(design: Design, model: Model, omit: set[int] | None = None) -> list[Floats]:
+    """[T] W per stretch: what the model leaves, not whitened; levels that wander stay in, and raw columns `omit`."""
     beta, _ = model.solve()
+    beta = np.where([c.wanders or c.place in (omit or ()) for c in model.columns], 0.0, beta)
     found = [off.copy() for off in design.off]
-    for part in design.parts:
-        number = design.parts.index(part)
+    for number, part in enumerate(design.parts):
         weights = beta * model.gates[:, number]
         rows = part.rows
-        found[part.stretch][rows] = design.off[part.stretch][rows] - design.raw[part.stretch][rows][:, model.places] @ weights
+        found[part.stretch][rows] = (
+            design.off[part.stretch][rows] - design.raw[part.stretch][rows][:, model.places] @ weights
+        )
     return found
 
 
@@ -73,83 +142,14 @@ def _ripple(design: Design, residuals: list[Floats], open_: list[int]) -> Derive
     scenes = [design.scenes[k] for k in open_]
     likeliest = ripple.scan(scenes, residuals, design.whitener)
     best = ripple.refined(likeliest[0], scenes, residuals, design.whitener)
-    places = extend(design, [_ripple_rows(best, scene) for scene in design.scenes])
+    effect = library()["gear_ripple"]
+    places = extend(design, [effect_rows(effect, scene, best.shape) for scene in design.scenes])
     parameters = (Parameter("sine", "Nm"), Parameter("cosine", "Nm"))
     place = Place(f"joint {best.joint + 1}", (0, 1), parameters)
-    variant = Variant(place, (0, 1), {"periods_per_turn": best.periods})
+    variant = Variant(place, (0, 1), best.shape)
     return Derived(Candidate("gear_ripple", place.where, places, variant, derived=True, cost=6.0), ripple=best)
 
 
-def _ripple_rows(found: ripple.Ripple, scene: Scene) -> Floats:
-    return averaged(Lag(float(scene.model.group("lag")[0]), scene.step_s).run(found.columns(scene)))
-
-
-def _switching(
-    design: Design, residuals: list[Floats], open_: list[int], closed: list[int], kinds: set[str]
-) -> Derived | None:
-    states = switching.search([residuals[k] for k in open_], design.whitener)
-    if states is None:
-        return None
-    on = _placed(design, states.on, open_)
-    times = [averaged(design.scenes[k].t) for k in open_]
-    period, regular = switching.rhythm(states.on, times)
-    identity = "thermostat" if regular > _REGULAR else "process_load"
-    if identity not in kinds:
-        return None
-    shape = {"period_s": period, "duty": states.share} if identity == "thermostat" else {"share_of_time": states.share}
-    place = Place("cabinet", (0,), (Parameter("power", "W", 0.0),))
-    places = extend(design, [each[:, None] * 1.0 for each in on])
-    candidate = Candidate(identity, "cabinet", places, Variant(place, (0,), shape), derived=True, cost=states.switchings)
-    return Derived(
-        candidate,
-        None,
-        on,
-        _reference(design, residuals, closed, None),
-        _rows(residuals, open_),
-        regular,
-    )
-
-
-def _contact(design: Design, residuals: list[Floats], open_: list[int], closed: list[int]) -> Derived | None:
-    shapes = [contact_rows(scene) for scene in design.scenes]
-    states = switching.search([residuals[k] for k in open_], design.whitener, [shapes[k] for k in open_], (1, -1))
-    if states is None:
-        return None
-    on = _placed(design, states.on, open_)
-    place = Place("flange", (0,), (Parameter("force up", "N"),))
-    places = extend(design, [(shape * each)[:, None] for shape, each in zip(shapes, on, strict=True)])
-    candidate = Candidate(
-        "contact_force", "flange", places, Variant(place, (0,), {"share_of_time": states.share}), derived=True,
-        cost=states.switchings,
-    )  # fmt: skip
-    return Derived(candidate, None, on, _reference(design, residuals, closed, shapes), _rows(residuals, open_))
-
-
 def contact_rows(scene: Scene) -> Floats:
-    """[T] W per N up on the flange: what holds a weight there, the other way round."""
-    body = point_mass(scene.model.chain.beyond_flange(0.0)) / _GRAVITY
-    power = -power_of(scene, torque_of(scene, scene.axes - 1, body, static=True))
-    return averaged(Lag(float(scene.model.group("lag")[0]), scene.step_s).run(power[:, None]))[:, 0]
-
-
-def _placed(design: Design, on: list[NDArray[np.bool_]], open_: list[int]) -> list[NDArray[np.bool_]]:
-    found = [np.zeros(len(off), dtype=bool) for off in design.off]
-    for k, states in zip(open_, on, strict=True):
-        found[k] = states
-    return found
-
-
-def _rows(residuals: list[Floats], which: list[int]) -> int:
-    return sum(len(residuals[k]) for k in which)
-
-
-def _reference(design: Design, residuals: list[Floats], closed: list[int], shapes: list[Floats] | None) -> float:
-    if not closed:
-        return 0.0
-    found = switching.search(
-        [residuals[k] for k in closed],
-        design.whitener,
-        None if shapes is None else [shapes[k] for k in closed],
-        (1,) if shapes is None else (1, -1),
-    )
-    return max(found.gain, 0.0) / _rows(residuals, closed) if found else 0.0
+    """[T] W at the meter per N up on the flange."""
+    return averaged(Lag(float(scene.model.group("lag")[0]), scene.step_s).run(pressed(scene)[:, None]))[:, 0]

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acqd.discrepancy.base import base_columns
-from acqd.discrepancy.effect import Effect, Shape, Variant
-from acqd.discrepancy.effects import library
 from acqd.discrepancy.evidence import Blocks
 from acqd.discrepancy.generic import Ranges, generic_columns, rivals
 from acqd.discrepancy.noise import ORDER, Whitener
-from acqd.discrepancy.scene import Lag, Scene, averaged, scene_of
 from acqd.models.data import Stretch
+from acqd.models.effects import library
+from acqd.models.effects.effect import Variant, effect_rows
+from acqd.models.effects.scene import Lag, Scene, averaged, scene_of
 from acqd.models.greybox.model import GreyBox
 from acqd.robot.arm import Arm
 from acqd.robot.description import Floats
@@ -80,6 +80,8 @@ class Design:
     off: list[Floats]
     """Per stretch [T] W: measured minus predicted by the base model."""
     whitener: Whitener
+    patient: Whitener = field(default_factory=lambda: Whitener(np.ones(1)))
+    """The same noise with a longer memory: what switches every minute shows only there."""
     white: list[NDArray[np.float32]] = field(default_factory=list)
     """Per part [rows, p + 1]."""
     chosen: set[str] = field(default_factory=set)
@@ -95,28 +97,6 @@ class Design:
     def fresh(self) -> Floats:
         """[blocks] 1 for the dataset in question."""
         return np.array([part.fresh for part in self.parts]) * 1.0
-
-
-def effect_rows(effect: Effect, scene: Scene) -> Floats:
-    """[T, k] W at the meter per unit parameter, all shapes side by side."""
-    return _at_meter(effect, scene, effect.columns(scene))
-
-
-def effect_rows_at(effect: Effect, scene: Scene, shape: Shape) -> Floats:
-    """[T, k] W at the meter per unit parameter, of one shape."""
-    memory = dict(scene.memory)
-    columns = effect.at(scene, shape)
-    scene.memory.clear()
-    scene.memory.update(memory)
-    return _at_meter(effect, scene, columns)
-
-
-def _at_meter(effect: Effect, scene: Scene, columns: Floats) -> Floats:
-    if not columns.shape[1]:
-        return np.zeros((scene.rows, 0))
-    if effect.stage == "meter":
-        return columns
-    return averaged(Lag(float(scene.model.group("lag")[0]), scene.step_s).run(columns))
 
 
 def make_design(
@@ -143,7 +123,7 @@ def make_design(
     for effect in effects:
         for variant in effect.variants(scenes[0]):
             candidates.append(Candidate(effect.id, variant.place.where, place + np.array(variant.columns), variant))
-        place += effect.columns(scenes[0]).shape[1]
+        place += effect_rows(effect, scenes[0]).shape[1]
     for rival in rivals(model.axes):
         candidates.append(Candidate("", rival.name, place + np.array(rival.columns), None))
     off = [s.P - scene.metered for s, scene in zip(only, scenes, strict=True)]
@@ -173,7 +153,9 @@ def _parts(stretches: list[tuple[Stretch, bool]]) -> list[Part]:
         for first, last in zip(edges, edges[1:], strict=False):
             first = max(0, int(first) - ORDER)  # rows lost to whitening come from the block before
             if last - first >= _LEAST_ROWS:
-                found.append(Part(stretch.recording, fresh, stretch.start_s + first * 0.04, number, slice(first, int(last))))
+                found.append(
+                    Part(stretch.recording, fresh, stretch.start_s + first * 0.04, number, slice(first, int(last)))
+                )
     return found
 
 
@@ -182,9 +164,7 @@ def whiten(design: Design, whitener: Whitener) -> None:
     design.whitener, design.white = whitener, []
     grams, rows = [], []
     for part in design.parts:
-        both = np.concatenate(
-            [design.raw[part.stretch][part.rows], design.off[part.stretch][part.rows, None]], axis=1
-        )
+        both = np.concatenate([design.raw[part.stretch][part.rows], design.off[part.stretch][part.rows, None]], axis=1)
         white = whitener.apply(both)
         design.white.append(white)
         exact = white.astype(np.float64)

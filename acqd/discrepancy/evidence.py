@@ -40,6 +40,8 @@ class Column:
     """[blocks] 0 or 1."""
     deviation: float = np.inf
     """Of a prior around 0."""
+    wanders: bool = False
+    """A block's own level: part of the noise, not of what is known."""
 
 
 @dataclass(slots=True)

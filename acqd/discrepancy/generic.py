@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import lfilter
 
-from acqd.discrepancy.effect import bins, edges, since
-from acqd.discrepancy.scene import Scene
+from acqd.models.effects.effect import bins, edges, since
+from acqd.models.effects.scene import Scene
 from acqd.robot.description import Floats
 
 _SPEEDS = (0.1, 0.3, 0.5, 0.7, 0.9)  # of the largest speed seen
@@ -73,7 +73,11 @@ def generic_columns(scene: Scene, ranges: Ranges) -> Floats:
     found += list(bins(since(stops, scene, "stop_age"), _AFTER_S).T)
     into = (scene.t - scene.t[0]) / 60.0
     found += [into, np.exp(-into * 6)]
-    found += list(np.cos(np.pi * np.outer((scene.t - ranges.origin_s) / max(ranges.end_s - ranges.origin_s, 1.0), np.arange(1, 5))).T)
+    found += list(
+        np.cos(
+            np.pi * np.outer((scene.t - ranges.origin_s) / max(ranges.end_s - ranges.origin_s, 1.0), np.arange(1, 5))
+        ).T
+    )
     return np.column_stack(found)
 
 

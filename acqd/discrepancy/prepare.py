@@ -8,11 +8,11 @@ import numpy as np
 
 from acqd.discrepancy.base import deviations
 from acqd.discrepancy.design import Design, make_design, whiten
-from acqd.discrepancy.effects import library
 from acqd.discrepancy.evidence import Column, Model
-from acqd.discrepancy.noise import Whitener
+from acqd.discrepancy.noise import ORDER, Whitener
 from acqd.discrepancy.trace import Gate, onset_gates
 from acqd.models.data import Stretch
+from acqd.models.effects import library
 from acqd.models.greybox.model import GreyBox
 from acqd.models.greybox.parameters import prior
 from acqd.robot.arm import Arm
@@ -21,6 +21,7 @@ from acqd.robot.dynamics import inertial_parameters
 
 _FEWEST_FOR_NOISE = 4  # reference recordings
 _RIDGE = 1e-6
+_HELD = 1e-9
 
 
 def prepare(
@@ -40,19 +41,43 @@ def prepare(
     arm = Arm(robot)
     stretches = [(each, False) for each in reference] + [(each, True) for each in fresh]
     design = make_design(model, arm, stretches, chosen, progress)
+    _withhold(design, withheld)
     belief = prior(model.layout, robot, inertial_parameters(arm), 0.0, model.step_s)
     spread = deviations(model, belief.deviation)
     for group in withheld:
-        spread[model.layout.place(group)] = 1e-9
+        spread[model.layout.place(group)] = _HELD
     everywhere = np.ones(len(design.parts))
     base = [Column(k, everywhere, float(spread[k])) for k in range(design.base)]
     whiten(design, Whitener.of(design.off))
     enough = len({each.recording for each in reference}) >= _FEWEST_FOR_NOISE
     quiet = 1 - design.fresh if enough else everywhere
-    whiten(design, Whitener.of(_left_by_everything(design, base, quiet)))
+    left = _left_by_everything(design, base, quiet)
+    whiten(design, Whitener.of(left))
+    design.patient = Whitener.of(left, 3 * ORDER)
     common = _common(design) if reference else []
-    gates = onset_gates(design, design.fresh)
-    return design, Model(design.blocks, [*base, *(Column(k, everywhere) for k in common)]), gates
+    columns = [*base, *(Column(k, everywhere) for k in common), *_wandering(design, quiet)]
+    return design, Model(design.blocks, columns), onset_gates(design, design.fresh)
+
+
+def _withhold(design: Design, withheld: set[str]) -> None:
+    """Take what the model was denied out of the prediction, so that it is there to be found."""
+    layout = design.model.layout
+    for group in withheld:
+        place = layout.place(group)
+        for number, raw in enumerate(design.raw):
+            design.off[number] = design.off[number] + raw[:, place] @ design.model.values[place]
+
+
+def _wandering(design: Design, quiet: Floats) -> list[Column]:
+    """A level of its own for every block, as far as levels are known to wander.
+
+    Standby power wanders over tens of seconds, longer than the noise model remembers; without this, a block's mean
+    would count as some thousand independent witnesses of a constant load.
+    """
+    means = np.array([design.off[p.stretch][p.rows].mean() for p, w in zip(design.parts, quiet, strict=True) if w])
+    deviation = max(1.4826 * float(np.median(np.abs(means - np.median(means)))), 1e-3)
+    standby = design.model.layout.place("standby").start
+    return [Column(standby, np.eye(len(design.parts))[k], deviation, wanders=True) for k in range(len(design.parts))]
 
 
 def _common(design: Design) -> list[int]:

@@ -6,11 +6,11 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from acqd.discrepancy.derive import Derived
-from acqd.discrepancy.design import Candidate, Design, effect_rows_at, extend, replace_columns
-from acqd.discrepancy.effect import Variant
-from acqd.discrepancy.effects import library
+from acqd.discrepancy.design import Candidate, Design, extend, replace_columns
 from acqd.discrepancy.evidence import Model
 from acqd.discrepancy.search import Finding, quick
+from acqd.models.effects import library
+from acqd.models.effects.effect import Variant, effect_rows
 from acqd.robot.description import Floats
 
 _EVALUATIONS = 7
@@ -33,7 +33,7 @@ def refine(
         found = []
         for k, scene in enumerate(design.scenes):
             if k in open_:
-                columns = effect_rows_at(effect, scene, trial)[:, list(place.columns)]
+                columns = effect_rows(effect, scene, trial)[:, list(place.columns)]
                 found.append(columns if place.mix is None else columns @ place.mix)
             else:
                 found.append(np.zeros((scene.rows, len(place.parameters))))
@@ -57,12 +57,21 @@ def refine(
         replace_columns(design, places, rows({name: value}))
         shape = {name: value}
     again = quick(design, model, gate, [own])
-    return (Finding(own, again[0].coefficients, again[0].drop, again[0].evidence, finding.gains, finding.consistency, finding.surprise), shape)
+    return (
+        Finding(
+            own,
+            again[0].coefficients,
+            again[0].drop,
+            again[0].evidence,
+            finding.gains,
+            finding.consistency,
+            finding.surprise,
+        ),
+        shape,
+    )
 
 
-def _between(
-    shapes: tuple[object, ...], name: str, value: float, bounds: tuple[float, float]
-) -> tuple[float, float]:
+def _between(shapes: tuple[object, ...], name: str, value: float, bounds: tuple[float, float]) -> tuple[float, float]:
     values = sorted({float(each[name]) for each in shapes})  # type: ignore[index]
     at = values.index(value)
     low = values[at - 1] if at else bounds[0]

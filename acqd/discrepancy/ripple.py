@@ -8,7 +8,9 @@ import numpy as np
 from scipy.signal import lfilter
 
 from acqd.discrepancy.noise import Whitener
-from acqd.discrepancy.scene import SUB, Lag, Scene, averaged
+from acqd.models.effects import library
+from acqd.models.effects.effect import effect_rows
+from acqd.models.effects.scene import SUB, Lag, Scene
 from acqd.robot.description import Floats
 
 _BINS = 8192  # of a turn and a half to each side
@@ -26,11 +28,10 @@ class Ripple:
     periods: float
     """Per turn."""
 
-    def columns(self, scene: Scene) -> Floats:
-        """[SUB T, 2] W per Nm: sine and cosine."""
-        angle = self.periods * scene.q[:, self.joint]
-        steer = scene.steer[:, self.joint]
-        return np.column_stack([steer * np.sin(angle), steer * np.cos(angle)])
+    @property
+    def shape(self) -> dict[str, float]:
+        """As the effect takes it."""
+        return {"joint": self.joint + 1.0, "periods_per_turn": self.periods}
 
 
 def scan(scenes: list[Scene], residuals: list[Floats], whitener: Whitener) -> list[Ripple]:
@@ -79,8 +80,7 @@ def refined(ripple: Ripple, scenes: list[Scene], residuals: list[Floats], whiten
 def _explained(ripple: Ripple, scenes: list[Scene], residuals: list[Floats], whitener: Whitener) -> float:
     G, b = np.zeros((2, 2)), np.zeros(2)
     for scene, residual in zip(scenes, residuals, strict=True):
-        lag = Lag(float(scene.model.group("lag")[0]), scene.step_s)
-        white = whitener.apply(averaged(lag.run(ripple.columns(scene))))
+        white = whitener.apply(effect_rows(library()["gear_ripple"], scene, ripple.shape))
         G += white.T @ white
         b += white.T @ whitener.apply(residual)
     return float(b @ np.linalg.solve(G + 1e-9 * np.eye(2), b))

@@ -43,7 +43,8 @@ def _columns(candidates: list[Candidate]) -> tuple[np.ndarray, list[np.ndarray]]
     return used, [np.searchsorted(used, candidate.places) for candidate in candidates]
 
 
-def _solve(S: Floats, r: Floats) -> Floats:
+def solve_part(S: Floats, r: Floats) -> Floats:
+    """Coefficients of candidates that compete with each other only."""
     scale = np.sqrt(np.maximum(np.diag(S), 1e-12))
     scaled = S / np.outer(scale, scale)
     scaled[np.diag_indices(len(S))] += 1e-8
@@ -69,7 +70,7 @@ def rank(design: Design, model: Model, gate: Floats, candidates: list[Candidate]
         S, r = _part(found.S, found.r, own, candidate)
         if not S.size or np.diag(S).min() < _NEVER:
             continue  # never acts here, or the model has it already
-        theta = _solve(S, r)
+        theta = solve_part(S, r)
         if not _possible(candidate, theta, S):
             continue
         drop = float(r @ theta)
@@ -88,17 +89,19 @@ def rank(design: Design, model: Model, gate: Floats, candidates: list[Candidate]
     return sorted(findings, key=lambda finding: -finding.evidence)
 
 
-def quick(design: Design, model: Model, gate: Floats, candidates: list[Candidate]) -> list[Finding]:
-    """The same without a look at single recordings."""
+def quick(
+    design: Design, model: Model, gate: Floats, candidates: list[Candidate], weights: Floats | None = None
+) -> list[Finding]:
+    """The same without a look at single recordings; `weights` [blocks] as in Model.compete."""
     used, owns = _columns(candidates)
-    found = model.compete(used, gate)
+    found = model.compete(used, gate, weights)
     rows = float((design.blocks.rows * gate).sum())
     findings = []
     for candidate, own in zip(candidates, owns, strict=True):
         S, r = _part(found.S, found.r, own, candidate)
         if not S.size or np.diag(S).min() < _NEVER:
             continue
-        theta = _solve(S, r)
+        theta = solve_part(S, r)
         if not _possible(candidate, theta, S):
             continue
         drop = float(r @ theta)
@@ -174,7 +177,7 @@ def held_out(
             S, r = _part(found.S, found.r, own, candidate)
             if not S.size or np.diag(S).min() < _NEVER:
                 continue
-            theta = _solve(S, r)
+            theta = solve_part(S, r)
             Qk, sk = _part(Q, s, own, candidate)
             gains[k, number] = 2 * theta @ sk - theta @ Qk @ theta
     return list(gains)

@@ -104,7 +104,9 @@ def _settle(white: list[_White], size: float, dwell: int) -> tuple[float, float,
         for each, path in zip(white, paths, strict=True):
             change = np.diff(path.astype(int), prepend=int(path[0]))
             rises, falls = change > 0, change < 0
-            projected += float((each.residual * each.level)[path].sum() + each.step[rises].sum() - each.step[falls].sum())
+            projected += float(
+                (each.residual * each.level)[path].sum() + each.step[rises].sum() - each.step[falls].sum()
+            )
             energy += float((each.level**2)[path].sum() + each.cost[change != 0].sum() + 2 * each.cross[rises].sum())
         if energy <= 1e-9:
             return None
@@ -186,8 +188,8 @@ def rhythm(on: list[NDArray[np.bool_]], t: list[Floats]) -> tuple[float, float]:
         place = ((times - begin) / grid_s).astype(int)
         known[place], state[place] = 1.0, states - mean
     length = 2 ** int(np.ceil(np.log2(2 * size)))
-    products = np.fft.irfft(np.abs(np.fft.rfft(state, length)) ** 2)[: size]
-    pairs = np.fft.irfft(np.abs(np.fft.rfft(known, length)) ** 2)[: size]
+    products = np.fft.irfft(np.abs(np.fft.rfft(state, length)) ** 2)[:size]
+    pairs = np.fft.irfft(np.abs(np.fft.rfft(known, length)) ** 2)[:size]
     correlation = np.where(pairs > 100, products / np.maximum(pairs, 1), 0.0) / max(mean * (1 - mean), 1e-9)
     lowest = -max(mean, 1 - mean) / max(min(mean, 1 - mean), 1e-9)  # not reached: a square wave has -d / (1 - d)
     floor = 1 / lowest

@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
 
 from acqd.discrepancy.derive import Derived, derive, reference_gain
 from acqd.discrepancy.design import Candidate, Design
-from acqd.discrepancy.effects import library
-from acqd.discrepancy.effects.sensors import slope
 from acqd.discrepancy.evidence import Column, Model
 from acqd.discrepancy.refine import refine
 from acqd.discrepancy.search import Finding, chance, quick, rank
+from acqd.models.effects import library
+from acqd.models.effects.effect import Place
+from acqd.models.effects.sensors import slope
 from acqd.robot.description import Floats
 
 Verdict = Literal["effects_found", "nothing_left", "unknown_structure", "not_identifiable"]
 
-LEAST_EVIDENCE = 30.0
+LEAST_EVIDENCE = 20.0
 """White sum of squares: at tens of thousands of rows significance alone is useless."""
 _DERIVED_EVIDENCE = 250.0
 _DERIVED_WORTH = 1.33  # times the best predictive evidence, before what was found by looking counts more
@@ -51,12 +52,16 @@ class Named:
 
     finding: Finding
     gate: Gate
+    place: Place
+    """In the effect's own columns, for the bundle."""
     shape: dict[str, float]
     derived: Derived | None
     rivals: list[Finding]
     """Best of every other effect, given what had been found before."""
     chance: float
     """Surprise that clean data exceed in 2 % of cases."""
+    model: Model
+    """What it competed beside."""
 
     @property
     def id(self) -> str:
@@ -87,9 +92,7 @@ class Limits:
     seed: int = 1
 
 
-def trace(
-    design: Design, model: Model, gates: list[Gate], limits: Limits, progress: Callable[[str], None]
-) -> Tracing:
+def trace(design: Design, model: Model, gates: list[Gate], limits: Limits, progress: Callable[[str], None]) -> Tracing:
     """`gates`: the first one is the question (all of the dataset), the others are possible onsets."""
     tracing = Tracing("nothing_left", model=model)
     model = _without_small_clock(design, model, gates[0], tracing)
@@ -152,7 +155,9 @@ def _step(design: Design, model: Model, gates: list[Gate], tracing: Tracing, lim
     rivals = _one_each(named, best)
     gate = gates[0] if best.candidate.derived else gate
     finding, shape = refine(design, model, gate.open, best, derived.get(id(best.candidate)))
-    return Named(finding, gate, shape, derived.get(id(best.candidate)), rivals, limit)
+    assert best.candidate.variant is not None
+    place = best.candidate.variant.place
+    return Named(finding, gate, place, shape, derived.get(id(best.candidate)), rivals, limit, model)
 
 
 def _worth(finding: Finding) -> float:
@@ -163,9 +168,7 @@ def _outdone(best: Finding, rival: Finding) -> bool:
     return rival.evidence > best.evidence + _RIVAL_MARGIN + _RIVAL_SHARE * best.evidence
 
 
-def _credible(
-    design: Design, finding: Finding, limit: float, derived: dict[int, Derived], tracing: Tracing
-) -> bool:
+def _credible(design: Design, finding: Finding, limit: float, derived: dict[int, Derived], tracing: Tracing) -> bool:
     least = LEAST_EVIDENCE
     if finding.candidate.derived:
         least = max(_DERIVED_EVIDENCE, reference_gain(design, derived[id(finding.candidate)]))
@@ -244,8 +247,3 @@ def onset_gates(design: Design, fresh: Floats) -> list[Gate]:
         gate = np.array([float(part.recording in later) for part in design.parts]) * fresh
         gates.append(Gate(f"from {order[number]} on", gate, order[number]))
     return gates
-
-
-def shifted(finding: Finding, candidate: Candidate) -> Finding:
-    """The same finding with other columns."""
-    return replace(finding, candidate=candidate)

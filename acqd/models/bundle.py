@@ -17,6 +17,7 @@ from acqd.errors import InputError, UserError
 from acqd.folder import complete_folder
 
 FORMAT = 1
+REFERENCE = "reference.safetensors"
 Arrays: TypeAlias = dict[str, NDArray[Any]]
 
 
@@ -27,6 +28,8 @@ class Bundle:
     about: dict[str, Any]
     """kind, name, robot, axes, step_s, units, architecture, normalisation, envelope, metrics, provenance."""
     arrays: Arrays
+    reference: Arrays | None = None
+    """Recordings to remember (see models.reference); None when read, or to keep none."""
 
 
 def require_free(path: Path) -> None:
@@ -48,6 +51,8 @@ def save_bundle(path: Path, bundle: Bundle) -> None:
             orjson.dumps(about, option=orjson.OPT_INDENT_2 | orjson.OPT_SERIALIZE_NUMPY)
         )
         save_file(contiguous, folder / "weights.safetensors")
+        if bundle.reference is not None:
+            save_file({n: np.ascontiguousarray(a) for n, a in bundle.reference.items()}, folder / REFERENCE)
 
 
 def load_bundle(path: Path) -> Bundle:

@@ -39,14 +39,15 @@ class Metrics:
 
 def signals_of(model: Predictor, stretch: Stretch) -> Floats | None:
     """The logged states that a model uses, or None where one is missing."""
-    if not all(name in stretch.signals for name in model.signals):
+    known = stretch.signals | {"Vrms": stretch.channels["Vrms"]} if "Vrms" in stretch.channels else stretch.signals
+    if not all(name in known for name in model.signals):
         return None
-    return np.column_stack([np.zeros((len(stretch.P), 0)), *(stretch.signals[name] for name in model.signals)])
+    return np.column_stack([np.zeros((len(stretch.P), 0)), *(known[name] for name in model.signals)])
 
 
 def predictions(model: Predictor, stretches: Iterable[Stretch]) -> list[Floats]:
     """[T] W for each stretch."""
-    return [model.sequence(stretch.q, signals_of(model, stretch)) for stretch in stretches]
+    return [model.sequence(stretch.q, signals_of(model, stretch), stretch.start_s) for stretch in stretches]
 
 
 def measure(predicted: list[Floats], stretches: list[Stretch]) -> Metrics:

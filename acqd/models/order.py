@@ -31,6 +31,8 @@ class TrainOrder:
     settings: TrainingSettings = field(default_factory=TrainingSettings)
     robot: str | None = None
     """Description for the physical models; None: the dataset's."""
+    withheld: tuple[str, ...] = ()
+    """Groups of parameters that a grey box is denied: a model of deliberately poor structure, to judge others by."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,8 +22,8 @@ class Predictor(ABC):
     signals: tuple[str, ...] = ()
     """Logged states that are used besides the angles, in this order."""
 
-    def sequence(self, q: Floats, signals: Floats | None = None) -> Floats:
-        """[T] W for angles [T, axes] (rad) and signals [T, len(self.signals)]."""
+    def sequence(self, q: Floats, signals: Floats | None = None, start_s: float | None = None) -> Floats:  # noqa: ARG002
+        """[T] W for angles [T, axes] (rad) and signals [T, len(self.signals)]; `start_s`: UTC of the first (Unix s)."""
         return self.run(padded(q, self.radius), self.known(signals, len(q)))
 
     def known(self, signals: Floats | None, rows: int) -> Floats:

@@ -7,8 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from acqd.errors import InputError, UserError
+from acqd.models.augmented import Augmented, Term
 from acqd.models.bundle import Bundle, load_bundle
 from acqd.models.greybox.make import restore as restore_grey_box
+from acqd.models.greybox.model import GreyBox
 from acqd.models.hybrid.make import restore_hybrid
 from acqd.models.networks.architecture import architecture
 from acqd.models.networks.predictor import NetworkPredictor
@@ -27,7 +29,23 @@ def open_model(path: Path) -> tuple[Bundle, Predictor]:
 
 
 def restore(bundle: Bundle) -> Predictor:
-    """By the kind that bundle.json names."""
+    """By the kind that bundle.json names, with the effects that were added."""
+    base = _base(bundle)
+    terms = [Term.from_json(each) for each in bundle.about.get("effects", [])]
+    return Augmented(base, carrier_of(bundle, base), terms) if terms else base
+
+
+def carrier_of(bundle: Bundle, base: Predictor) -> GreyBox:
+    """The grey box whose torques effects act on: the one beside a network, or the base itself. Raises ValueError."""
+    if "carrier" in bundle.about:
+        own = {name.removeprefix("carrier."): a for name, a in bundle.arrays.items() if name.startswith("carrier.")}
+        return restore_grey_box(bundle.about | bundle.about["carrier"], own)
+    if isinstance(base, GreyBox):
+        return base
+    raise ValueError("effects without a grey box to act on")
+
+
+def _base(bundle: Bundle) -> Predictor:
     about, arrays = bundle.about, bundle.arrays
     if about["kind"] == "grey_box":
         return restore_grey_box(about, arrays)

@@ -16,6 +16,7 @@ from acqd.models.envelope import Envelope
 from acqd.models.metrics import measure, predictions
 from acqd.models.networks.architecture import ARCHITECTURES, architecture
 from acqd.models.order import GREY_BOX, HYBRID, Made, Report, TrainOrder
+from acqd.models.reference import reference_arrays
 
 NAMES = (*ARCHITECTURES, GREY_BOX, HYBRID)
 
@@ -68,7 +69,7 @@ def train_one(order: TrainOrder, progress: Report) -> dict[str, Any]:
             "validation_recordings": sorted({s.recording for s in data.part("validation", order.kinds)}),
         },
     }
-    save_bundle(order.out, Bundle(about, made.arrays))
+    save_bundle(order.out, Bundle(about, made.arrays, reference_arrays(data.stretches)))
     _checkpoint(order).unlink(missing_ok=True)
     return about
 

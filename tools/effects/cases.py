@@ -74,9 +74,7 @@ class World:
             numbers = range(test * count + 1, test * count + 1 + max(1, round(share * count)) * (count > 0))
             chosen += [(kind, 0 if kind == "assembly" else number) for number in numbers]
         order = np.random.default_rng([self.seed, test, 77]).permutation(len(chosen))
-        recordings = tuple(
-            RecordingPlan(test * self.size + k + 1, *chosen[which]) for k, which in enumerate(order)
-        )
+        recordings = tuple(RecordingPlan(test * self.size + k + 1, *chosen[which]) for k, which in enumerate(order))
         start_s = session_begin_s(self.settings([]), test * self.size + 1)
         return SessionPlan(0, test, start_s, recordings)
 
@@ -186,7 +184,9 @@ def _scaled(
     low, high = cls.limits.get(key, (-1e6, 1e6))
     for _ in range(2):
         shape = _together(effect, cls.defaults, shape, value)
-        found = _acting_rms(_run(world, world.settings([_order(effect, shape | {key: value})]), case, "probe", 0.2), base)
+        found = _acting_rms(
+            _run(world, world.settings([_order(effect, shape | {key: value})]), case, "probe", 0.2), base
+        )
         if found < 1e-6:
             break
         value = float(np.clip(value * wanted / found, low, high))

@@ -22,6 +22,7 @@ _ITERATIONS = 25
 _HUBER = 2.0  # standard deviations beyond which a residual counts linearly
 _ALIKE = 10.0  # neighbouring rows that say the same: so much less does each count against the prior
 _LAG_STEP_S = 1e-3
+_HELD = 1e-9
 _MANY_RECORDINGS = 30
 
 
@@ -69,8 +70,12 @@ def fit_grey_box(
     step_s: float,
     seed: int,
     progress: Callable[[float], None],
+    withheld: tuple[str, ...] = (),
 ) -> Fit:
-    """Parameters from training stretches; at most about an hour of them, drawn at random."""
+    """Parameters from training stretches; at most about an hour of them, drawn at random.
+
+    Those of the groups `withheld` stay at nought.
+    """
     signals = tuple(n for n in SIGNALS if all(n in s.signals for s in stretches) and _varies(stretches, n))
     layout = Layout(robot.axes, signals)
     arm = Arm(robot)
@@ -81,6 +86,9 @@ def fit_grey_box(
     usual = np.array([np.median(np.concatenate([s.signals[n] for s in stretches])) for n in signals])
     low, high = layout.lowest(), np.full(layout.size, np.inf)
     high[layout.place("lag")] = 2.0 * step_s
+    for group in withheld:
+        belief.mean[layout.place(group)], belief.deviation[layout.place(group)] = 0.0, _HELD
+        low[layout.place(group)] = 0.0
     values = np.clip(belief.mean, low, high)
     chain = Chain.of(robot)
 

@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 def make_grey_box(order: TrainOrder, data: Data, progress: Report) -> Made:
     """Fit one."""
     fit = fitted(order, data, progress)
-    return Made("grey_box", fit.model, describe(fit), arrays_of(fit.model), "Gauss-Newton")
+    about = describe(fit) | ({"withheld": list(order.withheld)} if order.withheld else {})
+    return Made("grey_box", fit.model, about, arrays_of(fit.model), "Gauss-Newton")
 
 
 def fitted(order: TrainOrder, data: Data, progress: Report) -> Fit:
@@ -34,7 +35,12 @@ def fitted(order: TrainOrder, data: Data, progress: Report) -> Fit:
         raise UserError(f"{order.dataset}: has {data.axes} axes, {robot.name} has {robot.axes}; name its own --robot")
     training = data.part("train", order.kinds)
     return fit_grey_box(
-        robot, training, data.step_s, order.seed, lambda share: progress("fitting the grey box", share, float("nan"))
+        robot,
+        training,
+        data.step_s,
+        order.seed,
+        lambda share: progress("fitting the grey box", share, float("nan")),
+        order.withheld,
     )
 
 

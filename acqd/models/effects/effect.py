@@ -9,7 +9,7 @@ from typing import ClassVar, Literal, TypeAlias
 
 import numpy as np
 
-from acqd.discrepancy.scene import Scene
+from acqd.models.effects.scene import Lag, Scene, averaged
 from acqd.robot.description import Floats
 
 Shape: TypeAlias = Mapping[str, float]
@@ -57,7 +57,7 @@ class Variant:
 
 
 class Effect(ABC):
-    """One physical effect. Adding one is one class in one file of `acqd.discrepancy.effects`."""
+    """One physical effect. Adding one is one class in one file of `acqd.models.effects`."""
 
     id: ClassVar[str]
     about: ClassVar[str]
@@ -111,6 +111,20 @@ class Effect(ABC):
         if scene.temperature is not None:
             have.add("temperature")
         return set(self.needs) <= have
+
+
+def effect_rows(effect: Effect, scene: Scene, shape: Shape | None = None) -> Floats:
+    """[T, k] W at the meter per unit parameter, of one shape, or of all side by side.
+
+    The scene's memory is left as it was: a scan looks at the same rows again and again.
+    """
+    memory = dict(scene.memory)
+    columns = effect.columns(scene) if shape is None else effect.at(scene, shape)
+    scene.memory.clear()
+    scene.memory.update(memory)
+    if effect.stage == "meter" or not columns.shape[1]:
+        return columns[: scene.rows]
+    return averaged(Lag(float(scene.model.group("lag")[0]), scene.step_s).run(columns))
 
 
 def per_joint(

@@ -7,8 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from acqd.discrepancy.effect import Effect, Parameter, Place, Shape, per_joint
-from acqd.discrepancy.scene import Scene
+from acqd.models.effects.effect import Effect, Parameter, Place, Shape, per_joint
+from acqd.models.effects.scene import Scene
 from acqd.robot.description import Floats
 
 

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from acqd.discrepancy.effect import Effect, Parameter, Place, Shape
-from acqd.discrepancy.scene import Scene
+from acqd.models.effects.effect import Effect, Parameter, Place, Shape
+from acqd.models.effects.scene import Scene
 from acqd.robot.description import Floats
 
 
@@ -41,8 +41,10 @@ class Thermostat(Effect):
     structural = False
 
     def at(self, scene: Scene, shape: Shape) -> Floats:
-        """None beforehand: `switching.search` looks for on and off in the residual."""
-        return np.zeros((len(scene.q), 0))
+        """Its mean, once the residual has told how long it is on; when exactly, nobody can foresee."""
+        if not shape:
+            return np.zeros((len(scene.q), 0))
+        return np.full((len(scene.q), 1), shape["share_of_time"])
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """None beforehand."""

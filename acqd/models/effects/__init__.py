@@ -1,4 +1,7 @@
-"""The library: every class derived from `Effect` in a module of this package."""
+"""Physical effects that a model may lack: every class derived from `Effect` in a module of this package.
+
+They live with the models because a bundle can hold them; who looks for them is `acqd.discrepancy`.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,7 @@ import inspect
 import pkgutil
 from functools import cache
 
-from acqd.discrepancy.effect import Effect
+from acqd.models.effects.effect import Effect
 
 
 @cache

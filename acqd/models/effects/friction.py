@@ -7,8 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from acqd.discrepancy.effect import Effect, Place, Shape, per_joint
-from acqd.discrepancy.scene import Scene
+from acqd.models.effects.effect import Effect, Place, Shape, per_joint
+from acqd.models.effects.scene import Scene
 from acqd.models.greybox.model import direction
 from acqd.robot.description import Floats
 
@@ -100,7 +100,7 @@ class ThermalFriction(Effect):
 
     def at(self, scene: Scene, shape: Shape) -> Floats:
         """Per joint, by the time since the first recording: how long the arm worked between is not known."""
-        age_s = scene.t - scene.memory.get("origin_s", float(scene.t[0]))
+        age_s = np.maximum(scene.t - scene.memory.get("origin_s", -np.inf), 0.0)
         return scene.steer * scene.qd * np.exp(-age_s / (60 * shape["minutes"]))[:, None]
 
     def places(self, scene: Scene) -> Iterator[Place]:
@@ -139,8 +139,12 @@ class GearRipple(Effect):
     structural = False
 
     def at(self, scene: Scene, shape: Shape) -> Floats:
-        """None beforehand: `ripple.scan` looks for the number of periods in the residual."""
-        return np.zeros((len(scene.q), 0))
+        """Sine and cosine, once the residual has told the joint (from 1) and the periods a turn."""
+        if not shape:
+            return np.zeros((len(scene.q), 0))
+        joint = int(shape["joint"]) - 1
+        angle, steer = shape["periods_per_turn"] * scene.q[:, joint], scene.steer[:, joint]
+        return np.column_stack([steer * np.sin(angle), steer * np.cos(angle)])
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """None beforehand."""

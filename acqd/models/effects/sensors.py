@@ -7,8 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from acqd.discrepancy.effect import Effect, Parameter, Place, Shape
-from acqd.discrepancy.scene import Lag, Scene, averaged
+from acqd.models.effects.effect import Effect, Parameter, Place, Shape
+from acqd.models.effects.scene import Lag, Scene, averaged
 from acqd.robot.description import Floats
 
 
@@ -67,7 +67,9 @@ class ClockOffset(Effect):
     structural = False
 
     def at(self, scene: Scene, shape: Shape) -> Floats:
-        """W/s."""
+        """W/s for a small offset; the whole difference for one that is known."""
+        if shape:
+            return (later(scene, np.full(scene.rows, shape["seconds"])) - scene.metered)[:, None]
         return -slope(scene)[:, None]
 
     def places(self, scene: Scene) -> Iterator[Place]:
@@ -87,13 +89,24 @@ class ClockDrift(Effect):
     structural = False
 
     def at(self, scene: Scene, shape: Shape) -> Floats:
-        """W per second's share."""
-        hours = (averaged(scene.t) - scene.memory.get("origin_s", float(scene.t[0]))) / 3600
+        """W per s/h for a small drift; the whole difference for one that is known."""
+        if shape:
+            passed = averaged(scene.t) - scene.memory.get("origin_s", float(scene.t[0]))
+            delays = shape["seconds"] + shape["seconds_per_hour"] * passed / 3600
+            return (later(scene, delays) - scene.metered)[:, None]
+        origin_s = scene.memory.get("origin_s", -np.inf)
+        hours = np.where(np.isfinite(origin_s), averaged(scene.t) - origin_s, 0.0) / 3600
         return (-slope(scene) * hours)[:, None]
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """One."""
         yield Place("clocks", (0,), (Parameter("power later by", "s/h"),))
+
+
+def later(scene: Scene, delays: Floats) -> Floats:
+    """[T] W: the predicted power, each row as it was `delays` [T] s before."""
+    t = averaged(scene.t)
+    return np.interp(t - delays, t, scene.metered)
 
 
 def slope(scene: Scene) -> Floats:

@@ -7,8 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from acqd.discrepancy.effect import Effect, Parameter, Place, Shape
-from acqd.discrepancy.scene import Scene
+from acqd.models.effects.effect import Effect, Parameter, Place, Shape
+from acqd.models.effects.scene import Scene
 from acqd.robot.description import Floats
 from acqd.robot.newton_euler import joint_torque
 
@@ -31,6 +31,12 @@ def torque_of(scene: Scene, link: int, parameters: Floats, *, static: bool = Fal
 def power_of(scene: Scene, torque: Floats) -> Floats:
     """[N] W that an additional torque at the motors takes, to first order."""
     return (scene.steer * torque).sum(axis=1)
+
+
+def pressed(scene: Scene) -> Floats:
+    """[N] W per N up on the flange: what holds a weight there, the other way round."""
+    body = point_mass(scene.model.chain.beyond_flange(0.0)) / 9.81
+    return -power_of(scene, torque_of(scene, scene.axes - 1, body, static=True))
 
 
 class Payload(Effect):
@@ -93,8 +99,10 @@ class ContactForce(Effect):
     structural = False
 
     def at(self, scene: Scene, shape: Shape) -> Floats:
-        """Power of 1 N up on the flange; when it acts is searched in the residual."""
-        return np.zeros((len(scene.q), 0))
+        """Mean power of 1 N up on the flange, once the residual has told how long it acts."""
+        if not shape:
+            return np.zeros((len(scene.q), 0))
+        return shape["share_of_time"] * pressed(scene)[:, None]
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """None beforehand."""

@@ -144,6 +144,8 @@ def make_scene(
     )  # fmt: skip
 
 
-def scene_of(model: GreyBox, q: Floats, signals: dict[str, Floats], start_s: float, channels: dict[str, Floats]) -> Scene:
+def scene_of(
+    model: GreyBox, q: Floats, signals: dict[str, Floats], start_s: float, channels: dict[str, Floats]
+) -> Scene:
     """Of a whole recording: angles [T, axes]."""
     return make_scene(model, padded(q, RADIUS), signals, start_s, channels.get("Vrms"), channels.get("temperature"))

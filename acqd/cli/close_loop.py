@@ -1,0 +1,89 @@
+"""`acqd close-loop`: residual, effect, better model."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Annotated, Any
+
+import orjson
+import typer
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+
+from acqd.cli.options import Json
+from acqd.errors import UserError
+
+
+def close_loop(
+    dataset: Annotated[Path, typer.Argument(metavar="DS", help="Folder of a dataset: the recordings in question.")],
+    model: Annotated[Path, typer.Option(help="Bundle that acqd train wrote.")],
+    out: Annotated[Path | None, typer.Option(help="Folder for report and augmented bundle (default DS.loop).")] = None,
+    reference: Annotated[
+        Path | None, typer.Option(help="Dataset to compare with (default: what the bundle remembers).")
+    ] = None,
+    max_effects: Annotated[int, typer.Option(min=1, max=24, help="Stop after so many.")] = 5,
+    only: Annotated[list[str] | None, typer.Option(help="Effect to look for; several times for several.")] = None,
+    exclude: Annotated[list[str] | None, typer.Option(help="Effect not to look for.")] = None,
+    seed: Annotated[int, typer.Option(help="Same seed, same report.")] = 1,
+    robot: Annotated[str | None, typer.Option(help="Description (default the bundle's).")] = None,
+    json: Json = False,
+) -> None:
+    """Find what a model leaves over, name its cause, add it, report the error before and after.
+
+    Example: acqd close-loop ds --model ds0.models/grey-box-everything-s1
+    """
+    missing = [n for n in ("matplotlib", "pyarrow", "scipy", "safetensors", "pinocchio") if find_spec(n) is None]
+    if missing:
+        raise UserError(f"acqd close-loop needs {' and '.join(missing)}: install acqd[model]")
+    from acqd.cli.models.places import default_folder
+    from acqd.discrepancy.close import close_loop as run
+    from acqd.discrepancy.order import CloseOrder
+    from acqd.discrepancy.report import as_json
+    from acqd.discrepancy.write import require_writable, write_all
+
+    folder = out or default_folder(dataset, "loop")
+    order = CloseOrder(
+        dataset, model, folder, reference, max_effects, tuple(only or ()), tuple(exclude or ()), seed, robot
+    )
+    require_writable(folder)
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task("reading", total=1.0)
+        closed = run(order, lambda what, share: bar.update(task, description=what, completed=share))
+        bar.update(task, description="drawing", completed=0.9)
+        write_all(order, closed)
+    result = as_json(order, closed)
+    for note in closed.notes:
+        console.print(f"acqd: {note}", soft_wrap=True, highlight=False)
+    if json:
+        print(orjson.dumps(result | {"out": str(folder)}, option=orjson.OPT_SERIALIZE_NUMPY).decode())
+        return
+    _print(result, folder)
+
+
+def _print(result: dict[str, Any], folder: Path) -> None:
+    console = Console(soft_wrap=True)
+    console.width = max(console.width, 110)
+    before, after = result["before"], result["after"]
+    label = "" if result["measured"] == "mains" else f" ({result['measured']} power)"
+    console.print(
+        f"{result['verdict']}{label}: held-out RMSE {before['rmse']:.2f} -> {after['rmse']:.2f} W", highlight=False
+    )
+    if result["effects"]:
+        table = Table("effect", "where", "parameters", "confidence", "RMSE", "rivals")
+        for effect in result["effects"]:
+            values = [
+                f"{name} {p['value']:.3g} {p['unit']}"
+                + (f" ({p['ci95'][0]:.3g} to {p['ci95'][1]:.3g})" if p["ci95"] else "")
+                for name, p in effect["parameters"].items()
+            ]
+            rivals = ", ".join(f"{r['id']} {r['confidence']:.0%}" for r in effect["rivals"] if r["confidence"] > 0)
+            cells = [effect["id"], effect["where"], "\n".join(values), f"{effect['confidence']:.0%}"]
+            table.add_row(*cells, f"-{effect['delta_rmse']:.2f} W", rivals)
+        console.print(table)
+    console.print(f"left: {result['unexplained']}", highlight=False)
+    for step in result["next"]:
+        console.print(f"next: {step}", highlight=False)
+    console.print(f"report: {folder / 'report.html'}", highlight=False)

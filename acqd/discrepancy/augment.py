@@ -1,0 +1,135 @@
+"""Found effects as terms of a model, and a guard that keeps only those that help on recordings nobody has used."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from acqd.discrepancy.certainty import confidence, intervals, others
+from acqd.discrepancy.delay import Delay
+from acqd.discrepancy.design import Design
+from acqd.discrepancy.trace import Named
+from acqd.models.augmented import Augmented, Term
+from acqd.models.data import Stretch
+from acqd.models.effects import library
+from acqd.models.effects.effect import Parameter, Place
+from acqd.models.metrics import predictions
+from acqd.models.predictor import Predictor
+from acqd.robot.description import Floats
+
+_FOLLOWS_CLOCK = ("thermal_friction", "clock_drift")
+
+
+@dataclass(frozen=True, slots=True)
+class Added:
+    """One effect as the report has it."""
+
+    term: Term
+    evidence: float
+    """White sum of squares."""
+    confidence: float
+    rivals: list[tuple[str, float]]
+    begin: str | None
+    """First recording, when it was not there from the start."""
+    consistency: float
+    recordings: int
+    """In which it acts."""
+
+
+def added(design: Design, model: Any, named: Named, seed: int) -> Added:
+    """Parameters with intervals, confidence and rivals of one found effect."""
+    sure, rivals = confidence(design, named.model, named, seed)
+    values, half = intervals(design, others(design, model, named), named, named.gate)
+    about = _parameters(named, values, half)
+    shape = dict(named.shape)
+    origin = min(part.start_s for part in design.parts if part.fresh)
+    if named.id in _FOLLOWS_CLOCK:
+        shape["origin_s"] = origin
+    if named.gate.begin is not None:
+        shape["begin_s"] = min(part.start_s for part, own in zip(design.parts, named.gate.open, strict=True) if own)
+    term = Term.of(named.id, named.place, shape, values, about)
+    finding = named.finding
+    recordings = len({part.recording for part, own in zip(design.parts, named.gate.open, strict=True) if own})
+    return Added(term, finding.evidence, sure, rivals, named.gate.begin, finding.consistency, recordings)
+
+
+def _parameters(named: Named, values: Floats, half: Floats) -> dict[str, Any]:
+    about: dict[str, Any] = {}
+    for parameter, value, width in zip(named.place.parameters, values, half, strict=True):
+        interval = [float(value - width), float(value + width)]
+        about[parameter.name] = {"value": float(value), "unit": parameter.unit, "ci95": interval}
+    for name, value in named.shape.items():
+        about[name] = {"value": float(value), "unit": _unit(name), "ci95": None}
+    return about
+
+
+def _unit(name: str) -> str:
+    endings = {"_W": "W", "_m": "m", "_rad_s": "rad/s", "_s": "s", "minutes": "min", "_hour": "s/h"}
+    return next((unit for ending, unit in endings.items() if name.endswith(ending)), "-")
+
+
+def clock_term(delay: Delay) -> Added:
+    """What was found before tracing: power and motion apart."""
+    value, error = delay.offset_s, 1.96 * delay.offset_error_s
+    offset = {"value": value, "unit": "s", "ci95": [value - error, value + error]}
+    delays = np.array([each for _, each in delay.single])
+    agree = float((np.sign(delays) == np.sign(np.median(delays))).mean())
+    if delay.drifts:
+        rate, rate_error = 3600 * delay.rate, 1.96 * 3600 * delay.rate_error
+        parameters = {
+            "power later by, at the begin": offset,
+            "and by more each hour": {"value": rate, "unit": "s/h", "ci95": [rate - rate_error, rate + rate_error]},
+        }
+        shape = {"seconds": value, "seconds_per_hour": rate, "origin_s": delay.origin_s}
+        place = Place("clocks", (0,), (Parameter("power later by", "s"),))
+        term = Term.of("clock_drift", place, shape, np.ones(1), parameters)
+        return Added(term, np.inf, 0.99, [("clock_offset", 0.01)], None, agree, len(delays))
+    place = Place("clocks", (0,), (Parameter("power later by", "s"),))
+    term = Term.of("clock_offset", place, {"seconds": value}, np.ones(1), {"power later by": offset})
+    return Added(term, np.inf, 0.99, [("clock_drift", 0.01)], None, agree, len(delays))
+
+
+def scaled(term: Term, factor: float) -> Term:
+    """The same effect, taken by a share."""
+    return replace(term, coefficients=term.coefficients * factor)
+
+
+def guarded(
+    base: Predictor, terms: list[Added], carrier: Any, held_out: list[Stretch]
+) -> tuple[list[Added], list[Added], list[list[Floats]]]:
+    """Terms that help on `held_out` one after the other, those that do not, and the residuals after each kept one."""
+    kept: list[Added] = []
+    refused: list[Added] = []
+    steps = [errors_of(base, held_out)]
+    for each in terms:
+        model = Augmented(base, carrier, [*(other.term for other in kept), each.term])
+        errors = errors_of(model, held_out)
+        if _rms(errors) < _rms(steps[-1]):
+            kept.append(each)
+            steps.append(errors)
+        else:
+            refused.append(each)
+    return kept, refused, steps
+
+
+def errors_of(model: Predictor, stretches: list[Stretch]) -> list[Floats]:
+    """[T] W measured minus predicted, for each stretch."""
+    return [s.P - guess for s, guess in zip(stretches, predictions(model, stretches), strict=True)]
+
+
+def _rms(errors: list[Floats]) -> float:
+    return float(np.sqrt((np.concatenate(errors) ** 2).mean()))
+
+
+def described(each: Added) -> str:
+    """One sentence of evidence for report.json."""
+    effect = library()[each.term.id]
+    since = f", since {each.begin}" if each.begin else ""
+    if np.isinf(each.evidence):
+        return f"{effect.about}: {each.consistency:.0%} of {each.recordings} recordings are shifted the same way"
+    return (
+        f"{effect.about} ({each.term.where}{since}): explains {each.evidence:.0f} units of white squared error beyond "
+        f"chance; {each.consistency:.0%} of {each.recordings} recordings agree"
+    )

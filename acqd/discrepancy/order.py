@@ -1,0 +1,23 @@
+"""What is asked of the loop."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True, slots=True)
+class CloseOrder:
+    """One run of `acqd close-loop`."""
+
+    dataset: Path
+    bundle: Path
+    out: Path
+    reference: Path | None = None
+    """Dataset to compare with, in the place of what the bundle remembers."""
+    max_effects: int = 5
+    only: tuple[str, ...] = ()
+    exclude: tuple[str, ...] = ()
+    seed: int = 1
+    robot: str | None = None
+    """Description; None: the bundle's."""
