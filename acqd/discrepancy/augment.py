@@ -98,20 +98,24 @@ def scaled(term: Term, factor: float) -> Term:
 
 def guarded(
     base: Predictor, terms: list[Added], carrier: Any, held_out: list[Stretch]
-) -> tuple[list[Added], list[Added], list[list[Floats]]]:
-    """Terms that help on `held_out` one after the other, those that do not, and the residuals after each kept one."""
-    kept: list[Added] = []
-    refused: list[Added] = []
-    steps = [errors_of(base, held_out)]
-    for each in terms:
-        model = Augmented(base, carrier, [*(other.term for other in kept), each.term])
-        errors = errors_of(model, held_out)
-        if _rms(errors) < _rms(steps[-1]):
-            kept.append(each)
-            steps.append(errors)
-        else:
-            refused.append(each)
-    return kept, refused, steps
+) -> tuple[list[Added], list[Added], list[Floats], list[float]]:
+    """Terms that help on `held_out`, those that do not, the residuals, and what each kept term is worth (W RMS).
+
+    From all of them together, the one that does most harm goes first: two effects may help only together.
+    """
+    kept = list(terms)
+    while True:
+        errors = _errors_with(base, kept, carrier, held_out)
+        without = [_rms(_errors_with(base, [o for o in kept if o is not each], carrier, held_out)) for each in kept]
+        worth = [rmse - _rms(errors) for rmse in without]
+        if not kept or min(worth) > 0:
+            return kept, [each for each in terms if each not in kept], errors, worth
+        kept.pop(int(np.argmin(worth)))
+
+
+def _errors_with(base: Predictor, terms: list[Added], carrier: Any, held_out: list[Stretch]) -> list[Floats]:
+    model = Augmented(base, carrier, [each.term for each in terms]) if terms else base
+    return errors_of(model, held_out)
 
 
 def errors_of(model: Predictor, stretches: list[Stretch]) -> list[Floats]:

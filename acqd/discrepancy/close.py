@@ -40,9 +40,10 @@ class Closed:
     """The model as it was, or re-fitted beside the effects where the model itself was in question."""
     kept: list[Added]
     refused: list[Added]
+    worth: list[float]
+    """W RMS on held-out recordings that each kept effect alone takes away."""
     before: Quality
-    steps: list[Quality]
-    """After the base was re-fitted, then after every kept effect."""
+    after: Quality
     errors_before: list[Floats]
     errors_after: list[Floats]
     floor_W: float
@@ -52,11 +53,6 @@ class Closed:
     joints: JointLevel | None
     verdict: str
     notes: list[str]
-
-    @property
-    def after(self) -> Quality:
-        """On the same recordings."""
-        return self.steps[-1]
 
     @property
     def model(self) -> Predictor:
@@ -88,18 +84,17 @@ def close_loop(order: CloseOrder, progress: Callable[[str, float], None]) -> Clo
         base, found = refitted(subject, design, tracing, found)
     if not isinstance(getattr(base, "base", base), GreyBox) and subject.question == "structure":
         found = [replace(each, term=scaled(each.term, _share(base, each, subject))) for each in found]
-    kept, refused, errors = guarded(base, found, subject.carrier, held_out)
-    steps = [quality(each) for each in errors]
-    before = quality(errors_before)
-    if steps[-1].rmse >= before.rmse:  # never worse: then the model stays as it was
-        base, refused, kept, steps, errors = subject.model, [*refused, *kept], [], [before], [errors_before]
+    kept, refused, errors, worth = guarded(base, found, subject.carrier, held_out)
+    before, after = quality(errors_before), quality(errors)
+    if after.rmse >= before.rmse:  # never worse: then the model stays as it was
+        base, refused, kept, worth, after, errors = subject.model, found, [], [], before, errors_before
     floor, where = noise_floor([*subject.fit, *held_out], subject.data.step_s)
     reference_rmse = _rms(errors_of(subject.model, subject.reference)) if subject.reference else None
     joints = joint_level(subject)
     verdict = _verdict(tracing, kept, refused)
     notes += [f"{each.term.id} was found but does not help on held-out recordings: not added" for each in refused]
     return Closed(
-        subject, tracing, design, delay, base, kept, refused, before, steps, errors_before, errors[-1], floor, where,
+        subject, tracing, design, delay, base, kept, refused, worth, before, after, errors_before, errors, floor, where,
         reference_rmse, joints, verdict, notes,
     )  # fmt: skip
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -16,6 +18,7 @@ from acqd.models.effects.load import pressed
 from acqd.models.effects.scene import Lag, Scene, averaged
 from acqd.robot.description import Floats
 
+_MOSTLY = 0.6  # of the time
 _REGULAR = 0.33  # of a rhythm
 
 
@@ -25,10 +28,8 @@ class Derived:
 
     candidate: Candidate
     ripple: ripple.Ripple | None = None
-    reference_gain_per_row: float = 0.0
-    """The same search on reference recordings, where there is nothing to find."""
-    rows: int = 0
-    """That were searched."""
+    by_chance: Callable[[], float] = lambda: 0.0
+    """Log-likelihood that the same search wins in as many rows where there is nothing to find."""
     regular: float = 0.0
 
 
@@ -91,10 +92,13 @@ class _Look:
         return [(shape * each)[:, None] for shape, each in zip(self.shapes, on, strict=True)]
 
     def by_chance(self, residuals: list[Floats]) -> float:
-        """Log-likelihood per row that the same look wins where there is nothing to find."""
+        """Log-likelihood that the same look wins where there is nothing to find, in as many rows."""
         closed = sorted(set(range(len(self.design.off))) - set(self.open))
         found = self.among(residuals, closed) if closed else None
-        return max(found.gain, 0.0) / sum(len(residuals[k]) for k in closed) if found else 0.0
+        if found is None:
+            return 0.0
+        rows = [sum(len(residuals[k]) for k in which) for which in (self.open, closed)]
+        return max(found.gain, 0.0) * rows[0] / rows[1]
 
 
 def _described(look: _Look, states: switching.States, kinds: set[str], residuals: list[Floats]) -> Derived | None:
@@ -103,6 +107,8 @@ def _described(look: _Look, states: switching.States, kinds: set[str], residuals
     regular = 0.0
     shape = {"share_of_time": states.share}
     if len(look.signs) > 1:
+        if states.share > _MOSTLY:
+            return None  # what is always there is no contact but a load
         identity, place = "contact_force", Place("flange", (0,), (Parameter("force up", "N"),))
     else:
         period, regular = switching.rhythm(states.on, [averaged(design.scenes[k].t) for k in look.open])
@@ -115,13 +121,12 @@ def _described(look: _Look, states: switching.States, kinds: set[str], residuals
     candidate = Candidate(
         identity, place.where, places, Variant(place, (0,), shape), derived=True, cost=states.switchings
     )
-    rows = sum(len(residuals[k]) for k in look.open)
-    return Derived(candidate, None, look.by_chance(residuals), rows, regular)
+    return Derived(candidate, None, partial(look.by_chance, residuals), regular)
 
 
-def reference_gain(design: Design, derived: Derived) -> float:
+def reference_gain(derived: Derived) -> float:
     """Evidence that the same search found in the reference, scaled to the rows; half as much again is asked for."""
-    return 3 * derived.reference_gain_per_row * derived.rows
+    return 3 * derived.by_chance()
 
 
 def residuals_of(design: Design, model: Model, omit: set[int] | None = None) -> list[Floats]:

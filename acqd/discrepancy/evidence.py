@@ -68,6 +68,7 @@ class Model:
         self.places = np.array([column.place for column in columns])
         self.gates = np.array([column.gate for column in columns])  # [model, blocks]
         self.ridge = np.array([0.0 if np.isinf(c.deviation) else c.deviation**-2.0 for c in columns])
+        self._own: tuple[Floats, Floats] | None = None
 
     def compete(self, candidates: Floats, gate: Floats, weights: Floats | None = None) -> Competition:
         """Candidates (raw places) under `gate` [blocks]; `weights` [blocks] count blocks several times or not."""
@@ -90,13 +91,12 @@ class Model:
     def normal(self, weights: Floats) -> tuple[Floats, Floats, float]:
         """Normal matrix and vector with the priors, and the white sum of squares; blocks weighted."""
         grams, y = self.blocks.grams, self.blocks.y
-        size = len(self.places)
-        A, b = np.zeros((size, size)), np.zeros(size)
-        for i in np.flatnonzero(weights):
-            gate = self.gates[:, i] * 1.0
-            A += weights[i] * gate[:, None] * gate * grams[i][np.ix_(self.places, self.places)]
-            b += weights[i] * gate * grams[i][self.places, y]
-        A[np.diag_indices(size)] += self.ridge + 1e-9 * np.maximum(np.diag(A), 1e-9)
+        if self._own is None:
+            gates = self.gates.T
+            squares = grams[:, self.places[:, None], self.places] * gates[:, :, None] * gates[:, None, :]
+            self._own = squares, grams[:, self.places, y] * gates
+        A, b = np.tensordot(weights, self._own[0], 1), weights @ self._own[1]
+        A[np.diag_indices(len(A))] += self.ridge + 1e-9 * np.maximum(np.diag(A), 1e-9)
         return A, b, float((weights * grams[:, y, y]).sum())
 
     def solve(self) -> tuple[Floats, Floats]:

@@ -12,7 +12,7 @@ from acqd.models.features import motion
 from acqd.robot.description import Floats
 
 _STILL_RAD_S = 0.005
-_SETTLED_ROWS, _LEAST_ROWS = 10, 25
+_SETTLED_ROWS, _REST_ROWS, _LEAST_RESTS = 10, 50, 5
 _LAGS = 25  # a second
 
 
@@ -53,10 +53,9 @@ def noise_floor(stretches: list[Stretch], step_s: float) -> tuple[float, str]:
         speed = np.abs(motion(stretch.q, step_s)[1]).max(axis=1)
         for first, last in _runs(speed < _STILL_RAD_S):
             rest = stretch.P[first + _SETTLED_ROWS : last]
-            if len(rest) >= _LEAST_ROWS:
-                found.append(rest - rest.mean())
-    if sum(len(each) for each in found) >= 4 * _LEAST_ROWS:
-        return float(np.sqrt((np.concatenate(found) ** 2).mean())), "at rest"
+            found += [rest[k : k + _REST_ROWS].std() for k in range(0, len(rest) - _REST_ROWS + 1, _REST_ROWS)]
+    if len(found) >= _LEAST_RESTS:  # the median: brakes and tools switch while the arm rests
+        return float(np.median(found)), "at rest, within two seconds"
     second = np.concatenate([np.diff(stretch.P, 2) for stretch in stretches])
     return float(1.4826 * np.median(np.abs(second)) / np.sqrt(6)), "between neighbouring rows"
 

@@ -65,19 +65,27 @@ def search(
     shapes = shapes or [np.ones(len(each)) for each in residuals]
     white = [_prepared(each, shape, whitener) for each, shape in zip(residuals, shapes, strict=True)]
     unit = whitener.innovation_W / max(float(np.sqrt(np.mean(np.concatenate(shapes) ** 2))), 1e-9)
-    best: tuple[float, float, list[NDArray[np.bool_]]] | None = None
-    for size in _SIZES:
-        for sign in signs:
-            for dwell in _DWELLS:
-                found = _settle(white, sign * size * unit, dwell)
-                if found is not None and found[0] > 0 and (best is None or found[0] > best[0]):
-                    best = found
+    guesses = [sign * size * unit for size in _SIZES for sign in signs]
+    best: _Found | None = None
+    for dwell in _DWELLS:
+        for found in _settle(white, guesses, dwell):
+            if found.won > 0 and (best is None or found.won > best.won):
+                best = found
     if best is None:
         return None
     lost = len(whitener.taps) - 1
-    on = [np.concatenate([np.full(lost, path[0]), path]) for path in best[2]]
-    states = States(on, best[1], best[0])
+    on = [np.concatenate([np.full(lost, path[0]), path]) for path in best.paths]
+    states = States(on, best.size, best.won)
     return states if 0.005 < states.share < 0.995 else None
+
+
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """One local optimum."""
+
+    won: float
+    size: float
+    paths: list[NDArray[np.bool_]]
 
 
 def _prepared(residual: Floats, shape: Floats, whitener: Whitener) -> _White:
@@ -94,29 +102,37 @@ def _prepared(residual: Floats, shape: Floats, whitener: Whitener) -> _White:
     return _White(w, level, c * z, c**2 * float(transient @ transient), c * cross)
 
 
-def _settle(white: list[_White], size: float, dwell: int) -> tuple[float, float, list[NDArray[np.bool_]]] | None:
-    """Path and level in turn: likelihood won, level, states."""
-    won, paths = 0.0, [np.zeros(0, dtype=bool)]
+def _settle(white: list[_White], guesses: list[float], dwell: int) -> list[_Found]:
+    """Paths and levels in turn, from every first guess."""
+    sizes = np.array(guesses)
+    found: list[_Found | None] = [None] * len(guesses)
+    alive = np.arange(len(guesses))
     for _ in range(_ROUNDS):
-        paths = [_lasting(_viterbi(each, size), dwell) for each in white]
-        won = sum(_won(each, path, size) for each, path in zip(white, paths, strict=True))
-        projected = energy = 0.0
-        for each, path in zip(white, paths, strict=True):
-            change = np.diff(path.astype(int), prepend=int(path[0]))
-            rises, falls = change > 0, change < 0
-            projected += float(
-                (each.residual * each.level)[path].sum() + each.step[rises].sum() - each.step[falls].sum()
-            )
-            energy += float((each.level**2)[path].sum() + each.cost[change != 0].sum() + 2 * each.cross[rises].sum())
-        if energy <= 1e-9:
-            return None
-        again = projected / energy
-        if again * size <= 0:
-            return None
-        if abs(again - size) < 1e-3 * abs(size):
+        paths = _viterbi(white, sizes[alive])
+        going = []
+        for k, own in zip(alive, paths, strict=True):
+            lasting = [_lasting(path, dwell) for path in own]
+            won = sum(_won(each, path, sizes[k]) for each, path in zip(white, lasting, strict=True))
+            found[k] = _Found(won, float(sizes[k]), lasting)
+            again = _level(white, lasting)
+            if again * sizes[k] > 0 and abs(again - sizes[k]) > 1e-2 * abs(sizes[k]):
+                sizes[k] = again
+                going.append(k)
+        alive = np.array(going, dtype=int)
+        if not len(alive):
             break
-        size = again
-    return won, size, paths
+    return [each for each in found if each is not None]
+
+
+def _level(white: list[_White], paths: list[NDArray[np.bool_]]) -> float:
+    """The size that fits a path best."""
+    projected = energy = 0.0
+    for each, path in zip(white, paths, strict=True):
+        change = np.diff(path.astype(int), prepend=int(path[0]))
+        rises, falls = change > 0, change < 0
+        projected += float((each.residual * each.level)[path].sum() + each.step[rises].sum() - each.step[falls].sum())
+        energy += float((each.level**2)[path].sum() + each.cost[change != 0].sum() + 2 * each.cross[rises].sum())
+    return projected / energy if energy > 1e-9 else 0.0
 
 
 def _won(white: _White, path: NDArray[np.bool_], size: float) -> float:
@@ -141,34 +157,31 @@ def _lasting(path: NDArray[np.bool_], dwell: int) -> NDArray[np.bool_]:
         path[edges[shortest] : edges[shortest + 1]] ^= True
 
 
-def _viterbi(white: _White, size: float) -> NDArray[np.bool_]:
-    """The best path."""
-    half = size * size / 2
-    stay = (size * white.residual * white.level - half * white.level**2).tolist()
-    rise = (size * white.step - half * white.cost - size * size * white.cross - _PRICE).tolist()
-    fall = (-size * white.step - half * white.cost - _PRICE).tolist()
-    count = len(stay)
-    came_from_on, came_from_off = bytearray(count), bytearray(count)
-    off, on = 0.0, stay[0] - 1.0
-    for k in range(1, count):
+def _viterbi(white: list[_White], sizes: Floats) -> list[list[NDArray[np.bool_]]]:
+    """The best path of every stretch, for every size; all of them step through time together."""
+    longest = max(len(each.residual) for each in white)
+    stay, rise, fall = (np.zeros((longest, len(sizes), len(white))) for _ in range(3))
+    for k, each in enumerate(white):
+        rows = len(each.residual)
+        size, half = sizes[:, None], sizes[:, None] ** 2 / 2
+        stay[:rows, :, k] = (size * each.residual * each.level - half * each.level**2).T
+        rise[:rows, :, k] = (size * each.step - half * each.cost - 2 * half * each.cross - _PRICE).T
+        fall[:rows, :, k] = (-size * each.step - half * each.cost - _PRICE).T
+        rise[rows:, :, k] = fall[rows:, :, k] = -np.inf  # after its end, a stretch stays as it is
+    came_from_on, came_from_off = (np.zeros(stay.shape, dtype=bool) for _ in range(2))
+    off, on = np.zeros(stay.shape[1:]), stay[0] - 1.0
+    for k in range(1, longest):
         switched_off, switched_on = on + fall[k], off + rise[k]
-        if switched_off > off:
-            came_from_on[k] = 1
-        if switched_on > on:
-            came_from_off[k] = 1
-        off, on = (
-            switched_off if switched_off > off else off,
-            (switched_on if switched_on > on else on) + stay[k],
-        )
-    path = np.zeros(count, dtype=bool)
+        np.greater(switched_off, off, out=came_from_on[k])
+        np.greater(switched_on, on, out=came_from_off[k])
+        off = np.maximum(off, switched_off)
+        on = np.maximum(on, switched_on) + stay[k]
+    path = np.zeros(stay.shape, dtype=bool)
     state = on > off
-    for k in range(count - 1, -1, -1):
+    for k in range(longest - 1, -1, -1):
         path[k] = state
-        if state and came_from_off[k]:
-            state = False
-        elif not state and came_from_on[k]:
-            state = True
-    return path
+        state = state ^ np.where(state, came_from_off[k], came_from_on[k])
+    return [[path[: len(each.residual), s, k] for k, each in enumerate(white)] for s in range(len(sizes))]
 
 
 def rhythm(on: list[NDArray[np.bool_]], t: list[Floats]) -> tuple[float, float]:

@@ -170,8 +170,10 @@ def _outdone(best: Finding, rival: Finding) -> bool:
 
 def _credible(design: Design, finding: Finding, limit: float, derived: dict[int, Derived], tracing: Tracing) -> bool:
     least = LEAST_EVIDENCE
-    if finding.candidate.derived:
-        least = max(_DERIVED_EVIDENCE, reference_gain(design, derived[id(finding.candidate)]))
+    if finding.candidate.derived and finding.evidence > _DERIVED_EVIDENCE:
+        least = max(_DERIVED_EVIDENCE, reference_gain(derived[id(finding.candidate)]))
+    elif finding.candidate.derived:
+        return False
     for earlier in tracing.found:
         neighbour = finding.candidate.id in library()[earlier.id].neighbours or finding.candidate.id in ("", earlier.id)
         least = max(least, (_NEIGHBOUR_SHARE if neighbour else _LATER_SHARE) * earlier.finding.evidence)

@@ -76,6 +76,40 @@ def joint_torque(chain: Chain, parameters: Floats, q: Floats, qd: Floats, qdd: F
     return tau
 
 
+@dataclass(frozen=True, slots=True)
+class Frames:
+    """Where every link is, in the base frame."""
+
+    origin: Floats
+    """[T, axes, 3] m."""
+    rotation: Floats
+    """[T, axes, 3, 3]."""
+    axis: Floats
+    """[T, axes, 3]."""
+
+
+def frames(chain: Chain, q: Floats) -> Frames:
+    """Forward kinematics of angles [T, axes]."""
+    rows, axes = q.shape
+    origin, rotation = np.empty((rows, axes, 3)), np.empty((rows, axes, 3, 3))
+    at, turn = np.zeros((rows, 3)), np.tile(np.eye(3), (rows, 1, 1))
+    for k in range(axes):
+        at = at + turn @ chain.xyz[k]
+        turn = turn @ (chain.rotation[k] @ _about(chain.axis[k], q[:, k]))
+        origin[:, k], rotation[:, k] = at, turn
+    return Frames(origin, rotation, np.einsum("tkij,kj->tki", rotation, chain.axis))
+
+
+def weight_torque(where: Frames, link: int, point: Floats) -> Floats:
+    """[T, axes] Nm that hold 1 kg at `point` (m, in the frame of `link`, from 0) against gravity."""
+    place = where.origin[:, link] + where.rotation[:, link] @ point
+    arm = place[:, None, :2] - where.origin[:, : link + 1, :2]
+    axis = where.axis[:, : link + 1]
+    torque = np.zeros(where.axis.shape[:2])
+    torque[:, : link + 1] = _GRAVITY * (axis[..., 0] * arm[..., 1] - axis[..., 1] * arm[..., 0])
+    return torque
+
+
 def _crossing(v: Floats) -> Floats:
     """Matrix M with a @ M = a x v."""
     x, y, z = v

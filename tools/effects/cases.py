@@ -26,8 +26,8 @@ from acqd.lab.work import Folders, run_session
 from acqd.robot.description import Floats
 from tools.effects.outside import OUTSIDE, register
 
-NOT_IN_POWER = ("torque_bias",)
-"""Effects that the meter does not see."""
+NOT_IN_POWER = {"torque_bias": 30.0, "encoder_bias": 1.5}
+"""Effects that the meter does not see, and how large they are at a strength of 1 (Nm, rad)."""
 CLOCKS = ("clock_offset", "clock_drift")
 _CLOCK_OFFSET_S = 1.24
 
@@ -60,7 +60,7 @@ class World:
     def trajectories(self) -> None:
         """Draw them once."""
         folder = self.folder / "trajectories"
-        if (folder / "trajectories.json").exists():
+        if len(list(folder.glob("*.csv"))) >= (self.limited + self.all_space) * (1 + self.tests):
             return
         cell = build_cell(self.settings([]))
         many = 1 + self.tests
@@ -172,7 +172,7 @@ def _scaled(
     power, range_W = base[0], float(np.ptp(np.percentile(base[0], [1, 99])))
     wanted = strength * range_W
     if effect in NOT_IN_POWER:
-        return _order(effect, shape | {key: 20.0 * strength + 1.0})
+        return _order(effect, shape | {key: NOT_IN_POWER[effect] * strength})
     if effect == "meter_saturation":
         return _saturation(world, case, shape, wanted, base)
     if effect in CLOCKS:

@@ -18,6 +18,8 @@ from acqd.cli.models.places import default_models
 from acqd.cli.options import Json
 from acqd.errors import UserError
 
+WITHHOLDABLE = {"rotor", "coulomb", "viscous", "copper", "conduction", "gain"}
+
 
 class Engine(StrEnum):
     """Where several trainings run."""
@@ -64,6 +66,10 @@ def train(
     robot: Annotated[
         str | None, typer.Option(help="Description for grey-box and hybrid (default the dataset's).")
     ] = None,
+    without: Annotated[
+        list[str] | None,
+        typer.Option(help="Terms that a grey box is denied: rotor, coulomb, viscous, copper, conduction or gain."),
+    ] = None,
     compute: Annotated[Compute, typer.Option(help="Fused C (needs a compiler) or torch.")] = Compute.AUTO,
     device: Annotated[str, typer.Option(help="cpu or cuda; of torch.")] = "cpu",
     jobs: Annotated[int | None, typer.Option(min=1, help="Trainings at a time (default one per core).")] = None,
@@ -84,6 +90,8 @@ def train(
         raise UserError(f"acqd train needs {' and '.join(missing)}: install acqd[model]")
     if (network is None) != table_7_1:
         raise UserError("name one --network, or ask for --table-7-1")
+    if without and (network != "grey-box" or not set(without) <= WITHHOLDABLE):
+        raise UserError(f"--without is for --network grey-box and takes {', '.join(sorted(WITHHOLDABLE))}")
     if out is not None and (table_7_1 or len(seed or []) > 1):
         raise UserError("--out is one bundle's folder; several models go into --models")
     from acqd.models.networks.settings import TrainingSettings
@@ -108,7 +116,8 @@ def train(
             wanted += orders(template, folder)
         else:
             path = out or folder / bundle_name(template.network, template.kinds, each)
-            wanted.append(TrainOrder(dataset, template.network, path, template.kinds, each, settings, robot))
+            denied = tuple(without or ())
+            wanted.append(TrainOrder(dataset, template.network, path, template.kinds, each, settings, robot, denied))
     console = Console(stderr=True)
     bar = Progress(
         TextColumn("{task.description}"),

@@ -10,33 +10,49 @@ import numpy as np
 from acqd.models.effects.effect import Effect, Parameter, Place, Shape
 from acqd.models.effects.scene import Scene
 from acqd.robot.description import Floats
-from acqd.robot.newton_euler import joint_torque
-
-
-def point_mass(place: Floats) -> Floats:
-    """[10] inertial parameters of 1 kg at `place` (m) in a link's frame."""
-    x, y, z = place
-    return np.array([1.0, x, y, z, y * y + z * z, -x * y, x * x + z * z, -x * z, -y * z, x * x + y * y])
-
-
-def torque_of(scene: Scene, link: int, parameters: Floats, *, static: bool = False) -> Floats:
-    """[N, axes] Nm of a body with inertial parameters [10] fixed to a link (from 0)."""
-    whole = np.zeros(10 * scene.axes)
-    whole[10 * link : 10 * link + 10] = parameters
-    still = np.zeros_like(scene.qd)
-    motion = (still, still) if static else (scene.qd, scene.qdd)
-    return joint_torque(scene.model.chain, whole, scene.q, *motion)
-
-
-def power_of(scene: Scene, torque: Floats) -> Floats:
-    """[N] W that an additional torque at the motors takes, to first order."""
-    return (scene.steer * torque).sum(axis=1)
+from acqd.robot.newton_euler import Frames, frames, joint_torque, weight_torque
 
 
 def pressed(scene: Scene) -> Floats:
     """[N] W per N up on the flange: what holds a weight there, the other way round."""
-    body = point_mass(scene.model.chain.beyond_flange(0.0)) / 9.81
-    return -power_of(scene, torque_of(scene, scene.axes - 1, body, static=True))
+    return -_power(scene, weight_torque(_frames(scene), scene.axes - 1, scene.model.chain.beyond_flange(0.0))) / 9.81
+
+
+def _frames(scene: Scene) -> Frames:
+    """Computed once a scene."""
+    if "frames" not in scene.computed:
+        scene.computed["frames"] = frames(scene.model.chain, scene.q)
+    found: Frames = scene.computed["frames"]
+    return found
+
+
+def _power(scene: Scene, torque: Floats) -> Floats:
+    """[N] W that an additional torque at the motors takes, to first order."""
+    return (scene.steer * torque).sum(axis=1)
+
+
+def _carried(scene: Scene, reach_m: float) -> Floats:
+    """[N] W of 1 kg so far beyond the flange: its inertial parameters are a polynomial of the reach."""
+    if "carried" not in scene.computed:
+        chain = scene.model.chain
+        samples = [_point_mass(chain.beyond_flange(reach)) for reach in (-1.0, 0.0, 1.0)]
+        powers = [_power(scene, _torque(scene, body)) for body in samples]
+        scene.computed["carried"] = (powers[1], (powers[2] - powers[0]) / 2, (powers[2] + powers[0]) / 2 - powers[1])
+    constant, linear, square = scene.computed["carried"]
+    return np.asarray(constant + reach_m * linear + reach_m**2 * square)
+
+
+def _torque(scene: Scene, body: Floats) -> Floats:
+    """[N, axes] Nm of a body with inertial parameters [10] on the last link."""
+    whole = np.zeros(10 * scene.axes)
+    whole[-10:] = body
+    return joint_torque(scene.model.chain, whole, scene.q, scene.qd, scene.qdd)
+
+
+def _point_mass(place: Floats) -> Floats:
+    """[10] inertial parameters of 1 kg at `place` (m) in a link's frame."""
+    x, y, z = place
+    return np.array([1.0, x, y, z, y * y + z * z, -x * y, x * x + z * z, -x * z, -y * z, x * x + y * y])
 
 
 class Payload(Effect):
@@ -52,8 +68,7 @@ class Payload(Effect):
 
     def at(self, scene: Scene, shape: Shape) -> Floats:
         """Always, and while the tool is on."""
-        body = point_mass(scene.model.chain.beyond_flange(shape["centre_of_mass_m"]))
-        always = power_of(scene, torque_of(scene, scene.axes - 1, body))
+        always = _carried(scene, shape["centre_of_mass_m"])
         return np.column_stack([always, *([always * scene.signals["tool"]] if "tool" in scene.signals else [])])
 
     def places(self, scene: Scene) -> Iterator[Place]:
@@ -79,7 +94,7 @@ class GravityBias(Effect):
         for k in range(1, scene.axes):
             mass = max(float(links[k, 0]), 1e-3)
             centre = np.clip(links[k, 1:4] / mass, -0.5, 0.5)
-            found.append(power_of(scene, torque_of(scene, k, point_mass(centre), static=True)))
+            found.append(_power(scene, weight_torque(_frames(scene), k, centre)))
         return np.column_stack(found)
 
     def places(self, scene: Scene) -> Iterator[Place]:

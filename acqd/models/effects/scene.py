@@ -93,10 +93,10 @@ class Scene:
     """[T] V."""
     temperature: Floats | None
     """[N, axes] degC."""
-    begins: bool = True
-    """Whether this is a recording's first row (and not the continuation of a stream)."""
     memory: dict[str, Any] = field(default_factory=dict)
-    """What effects with a state keep from one piece of a recording to the next."""
+    """What effects with a state keep from one row to the next."""
+    computed: dict[str, Any] = field(default_factory=dict)
+    """What several effects need, computed by the first of them."""
 
     @property
     def rows(self) -> int:
