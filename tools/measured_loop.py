@@ -20,7 +20,7 @@ from rich.table import Table
 
 from tools.measured_robots import ROBOTS, acqd, prepare
 
-WITHHELD = ("", "copper", "gain", "coulomb")
+WITHHELD = ("", "copper_loss", "mechanical_power", "coulomb_friction", "viscous_friction")
 
 
 def main() -> None:

@@ -36,6 +36,8 @@ class Added:
     consistency: float
     recordings: int
     """In which it acts."""
+    restored: bool = False
+    """It came back as parameters of the grey box that had been denied them, not as a term."""
 
 
 def added(design: Design, model: Any, named: Named, seed: int) -> Added:
@@ -106,8 +108,8 @@ def guarded(
     kept = list(terms)
     while True:
         errors = _errors_with(base, kept, carrier, held_out)
-        without = [_rms(_errors_with(base, [o for o in kept if o is not each], carrier, held_out)) for each in kept]
-        worth = [rmse - _rms(errors) for rmse in without]
+        without = [rms(_errors_with(base, [o for o in kept if o is not each], carrier, held_out)) for each in kept]
+        worth = [rmse - rms(errors) for rmse in without]
         if not kept or min(worth) > 0:
             return kept, [each for each in terms if each not in kept], errors, worth
         kept.pop(int(np.argmin(worth)))
@@ -123,7 +125,8 @@ def errors_of(model: Predictor, stretches: list[Stretch]) -> list[Floats]:
     return [s.P - guess for s, guess in zip(stretches, predictions(model, stretches), strict=True)]
 
 
-def _rms(errors: list[Floats]) -> float:
+def rms(errors: list[Floats]) -> float:
+    """W."""
     return float(np.sqrt((np.concatenate(errors) ** 2).mean()))
 
 

@@ -17,12 +17,16 @@ from acqd.robot.dynamics import regressor
 _LAG_STEP_S = 1e-3
 
 
-def base_columns(arm: Arm, scene: Scene) -> Floats:
-    """[T, parameters] in the model's layout, W per unit of each parameter."""
+def base_columns(arm: Arm, scene: Scene, withheld: frozenset[str] = frozenset()) -> Floats:
+    """[T, parameters] in the model's layout, W per unit of each parameter; a torque's power lacks what is withheld."""
     model = scene.model
     layout = model.layout
     fine = np.zeros((len(scene.q), layout.size))
-    pull = scene.steer
+    pull = scene.steer.copy()
+    if "gain" in withheld:
+        pull -= model.group("gain")[0] * scene.qd
+    if "copper" in withheld:
+        pull -= 2 * model.group("copper") * scene.tau
     Y = regressor(arm, scene.q, scene.qd, scene.qdd)
     fine[:, layout.place("inertial")] = np.einsum("tjk,tj->tk", Y, pull, optimize=True)
     fine[:, layout.place("rotor")] = pull * scene.qdd

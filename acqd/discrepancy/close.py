@@ -6,23 +6,17 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-
-from acqd.discrepancy.augment import Added, added, clock_term, errors_of, guarded, scaled
+from acqd.discrepancy.augment import Added, added, clock_term, errors_of, rms
 from acqd.discrepancy.delay import Delay, corrected, find_delay
 from acqd.discrepancy.design import Design
+from acqd.discrepancy.improve import Improved, improve
 from acqd.discrepancy.joint_level import JointLevel, joint_level
 from acqd.discrepancy.order import CloseOrder
 from acqd.discrepancy.prepare import prepare
-from acqd.discrepancy.refit import refitted
 from acqd.discrepancy.residual import Quality, noise_floor, quality
 from acqd.discrepancy.subject import Subject, subject_of
 from acqd.discrepancy.trace import Limits, Tracing, trace
-from acqd.models.augmented import Augmented
 from acqd.models.effects.scene import scene_of
-from acqd.models.greybox.model import GreyBox
-from acqd.models.metrics import predictions
-from acqd.models.predictor import Predictor
 from acqd.robot.description import Floats
 
 _SURE = 0.5  # of the resampled sets: below, two effects cannot be told apart
@@ -35,17 +29,10 @@ class Closed:
     subject: Subject
     tracing: Tracing
     design: Design
-    delay: Delay | None
-    base: Predictor
-    """The model as it was, or re-fitted beside the effects where the model itself was in question."""
-    kept: list[Added]
-    refused: list[Added]
-    worth: list[float]
-    """W RMS on held-out recordings that each kept effect alone takes away."""
+    improved: Improved
     before: Quality
     after: Quality
     errors_before: list[Floats]
-    errors_after: list[Floats]
     floor_W: float
     floor_where: str
     reference_rmse: float | None
@@ -55,10 +42,14 @@ class Closed:
     notes: list[str]
 
     @property
-    def model(self) -> Predictor:
-        """With the effects."""
-        terms = [each.term for each in self.kept]
-        return Augmented(self.base, self.subject.carrier, terms) if terms else self.base
+    def kept(self) -> list[Added]:
+        """Effects that were added."""
+        return self.improved.kept
+
+    @property
+    def errors_after(self) -> list[Floats]:
+        """[T] W on the held-out stretches."""
+        return self.improved.errors
 
 
 def close_loop(order: CloseOrder, progress: Callable[[str, float], None]) -> Closed:
@@ -79,23 +70,15 @@ def close_loop(order: CloseOrder, progress: Callable[[str, float], None]) -> Clo
     for named in tracing.found:
         progress(f"how sure: {named.id}", 0.0)
         found.append(added(design, tracing.model, named, order.seed))
-    base: Predictor = subject.model
-    if subject.question == "structure" and found:
-        base, found = refitted(subject, design, tracing, found)
-    if not isinstance(getattr(base, "base", base), GreyBox) and subject.question == "structure":
-        found = [replace(each, term=scaled(each.term, _share(base, each, subject))) for each in found]
-    kept, refused, errors, worth = guarded(base, found, subject.carrier, held_out)
-    before, after = quality(errors_before), quality(errors)
-    if after.rmse >= before.rmse:  # never worse: then the model stays as it was
-        base, refused, kept, worth, after, errors = subject.model, found, [], [], before, errors_before
+    improved = improve(subject, found, errors_before, order.seed)
     floor, where = noise_floor([*subject.fit, *held_out], subject.data.step_s)
-    reference_rmse = _rms(errors_of(subject.model, subject.reference)) if subject.reference else None
-    joints = joint_level(subject)
-    verdict = _verdict(tracing, kept, refused)
-    notes += [f"{each.term.id} was found but does not help on held-out recordings: not added" for each in refused]
+    reference_rmse = rms(errors_of(subject.model, subject.reference)) if subject.reference else None
+    notes += [
+        f"{each.term.id} was found but does not help on held-out recordings: not added" for each in improved.refused
+    ]
     return Closed(
-        subject, tracing, design, delay, base, kept, refused, worth, before, after, errors_before, errors, floor, where,
-        reference_rmse, joints, verdict, notes,
+        subject, tracing, design, improved, quality(errors_before), quality(improved.errors), errors_before, floor, where,
+        reference_rmse, joint_level(subject), _verdict(tracing, improved), notes,
     )  # fmt: skip
 
 
@@ -110,29 +93,13 @@ def _without_delay(subject: Subject) -> tuple[Delay | None, Subject]:
     return delay, replace(subject, fit=[corrected(s, delay, subject.data.step_s) for s in subject.fit])
 
 
-def _share(base: Predictor, each: Added, subject: Subject) -> float:
-    """How much of an effect a network has not learned by itself already."""
-    alone = Augmented(base, subject.carrier, [each.term])
-    power = np.concatenate(
-        [a - b for a, b in zip(predictions(alone, subject.fit), predictions(base, subject.fit), strict=True)]
-    )
-    error = np.concatenate(errors_of(base, subject.fit))
-    power = power - power.mean()
-    return float(np.clip((power @ error) / max(float(power @ power), 1e-9), 0.0, 1.0))
-
-
-def _verdict(tracing: Tracing, kept: list[Added], refused: list[Added]) -> str:
-    if kept and kept[0].confidence < _SURE:
-        return "not_identifiable"
+def _verdict(tracing: Tracing, improved: Improved) -> str:
+    kept = improved.kept
     if kept:
-        return "effects_found"
+        return "effects_found" if kept[0].confidence >= _SURE else "not_identifiable"
     if tracing.unknown is not None:
         return "unknown_structure"
-    return "not_identifiable" if refused else "nothing_left"
-
-
-def _rms(errors: list[Floats]) -> float:
-    return float(np.sqrt((np.concatenate(errors) ** 2).mean()))
+    return "not_identifiable" if improved.refused else "nothing_left"
 
 
 def provenance(order: CloseOrder, closed: Closed) -> dict[str, Any]:

@@ -69,6 +69,12 @@ def find_delay(scenes: list[Scene], stretches: list[Stretch]) -> Delay | None:
     return None
 
 
+def single_delay(scene: Scene, P: Floats) -> float | None:
+    """s that the power of one recording is later than its motion; None where nothing moves."""
+    delay, _, moving = _best(scene, P)
+    return delay if moving > _LEAST_MOVING_W else None
+
+
 def corrected(stretch: Stretch, delay: Delay, step_s: float) -> Stretch:
     """The stretch with power where the motion is."""
     t = stretch.start_s + step_s * np.arange(len(stretch.P))

@@ -22,6 +22,7 @@ from acqd.robot.description import Floats
 
 _LONGEST_ROWS = 1500  # of a block: a minute
 _LEAST_ROWS = 4 * ORDER
+_OUTLIER = 6.0  # spreads of the white residual
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,9 +85,11 @@ class Design:
     """The same noise with a longer memory: what switches every minute shows only there."""
     white: list[NDArray[np.float32]] = field(default_factory=list)
     """Per part [rows, p + 1]."""
+    trusted: list[NDArray[np.bool_]] = field(default_factory=list)
+    """Per part [rows]: whether a white row is no outlier."""
     chosen: set[str] = field(default_factory=set)
     """Effects that compete."""
-    blocks: Blocks = field(default_factory=lambda: Blocks(np.empty((0, 1, 1)), np.empty(0)))
+    blocks: Blocks = field(default_factory=lambda: Blocks(np.empty((0, 1, 1)), np.empty(0), np.empty((0, 1, 1))))
 
     @property
     def range_W(self) -> float:
@@ -104,6 +107,7 @@ def make_design(
     arm: Arm,
     stretches: list[tuple[Stretch, bool]],
     chosen: set[str],
+    withheld: frozenset[str],
     progress: Callable[[float], None],
 ) -> Design:
     """`stretches` with whether they are in question; `chosen` effects compete, and all rivals."""
@@ -115,7 +119,7 @@ def make_design(
     raw: list[NDArray[np.float32]] = []
     for number, scene in enumerate(scenes):
         lag = Lag(float(model.group("lag")[0]), scene.step_s)
-        columns = [base_columns(arm, scene), *(effect_rows(effect, scene) for effect in effects)]
+        columns = [base_columns(arm, scene, withheld), *(effect_rows(effect, scene) for effect in effects)]
         columns.append(averaged(lag.run(generic_columns(scene, ranges))))
         raw.append(np.concatenate(columns, axis=1).astype(np.float32))
         progress((number + 1) / len(scenes))
@@ -160,27 +164,52 @@ def _parts(stretches: list[tuple[Stretch, bool]]) -> list[Part]:
 
 
 def whiten(design: Design, whitener: Whitener) -> None:
-    """All columns and residuals of all parts by one noise model, and their Gram matrices."""
-    design.whitener, design.white = whitener, []
-    grams, rows = [], []
+    """All columns and residuals of all parts by one noise model, and their Gram matrices; every row is trusted."""
+    design.whitener, design.white, design.trusted = whitener, [], []
     for part in design.parts:
-        both = np.concatenate([design.raw[part.stretch][part.rows], design.off[part.stretch][part.rows, None]], axis=1)
-        white = whitener.apply(both)
-        design.white.append(white)
-        exact = white.astype(np.float64)
-        grams.append(exact.T @ exact)
-        rows.append(len(white))
-    design.blocks = Blocks(np.array(grams), np.array(rows, dtype=float))
+        design.white.append(whitener.apply(_both(design, part)))
+        design.trusted.append(np.ones(len(design.white[-1]), dtype=bool))
+    _sum_up(design)
+
+
+def distrust(design: Design, fits: list[Floats]) -> float:
+    """Leave rows out that stand off even a fit of everything ([p] coefficients per part); the share left out.
+
+    A protective stop or a collision says nothing about any effect, and a few such rows outweigh hours.
+    """
+    off = [white[:, -1] - white[:, :-1] @ beta for white, beta in zip(design.white, fits, strict=True)]
+    spread = 1.4826 * float(np.median(np.abs(np.concatenate(off)))) + 1e-9
+    design.trusted = [np.abs(each) < _OUTLIER * spread for each in off]
+    _sum_up(design)
+    return 1 - float(np.concatenate(design.trusted).mean())
+
+
+def _both(design: Design, part: Part) -> NDArray[np.float32]:
+    """[rows, p + 1] columns and residual of a part, not white."""
+    off = design.off[part.stretch][part.rows, None]
+    return np.concatenate([design.raw[part.stretch][part.rows], off.astype(np.float32)], axis=1)
+
+
+def _sum_up(design: Design) -> None:
+    """Gram matrices of trusted rows."""
+    grams, plain, rows = [], [], []
+    for part, white, trusted in zip(design.parts, design.white, design.trusted, strict=True):
+        for values, sums in ((white, grams), (_both(design, part)[ORDER:], plain)):
+            exact = values[trusted].astype(np.float64)
+            sums.append(exact.T @ exact)
+        rows.append(int(trusted.sum()))
+    design.blocks = Blocks(np.array(grams), np.array(rows, dtype=float), np.array(plain))
 
 
 def extend(design: Design, columns: list[Floats]) -> NDArray[np.int64]:
     """Add columns ([T, k] per stretch); their places."""
     first, count = design.blocks.y, columns[0].shape[1]
     size = design.blocks.grams.shape[1]
-    grams = np.zeros((len(design.parts), size + count, size + count))
     old = np.concatenate([np.arange(first), [first + count]])
-    grams[:, old[:, None], old] = design.blocks.grams
-    design.blocks.grams = grams
+    for name in ("grams", "plain"):
+        grams = np.zeros((len(design.parts), size + count, size + count))
+        grams[:, old[:, None], old] = getattr(design.blocks, name)
+        setattr(design.blocks, name, grams)
     for number, values in enumerate(columns):
         design.raw[number] = np.concatenate([design.raw[number], values.astype(np.float32)], axis=1)
     for number, white in enumerate(design.white):
@@ -197,13 +226,18 @@ def replace_columns(design: Design, places: NDArray[np.int64], columns: list[Flo
         design.raw[number][:, places] = values
     for number, part in enumerate(design.parts):
         values = columns[part.stretch][part.rows]
-        gram = design.blocks.grams[number]
-        gram[places, :] = gram[:, places] = 0.0
+        gram, plain = design.blocks.grams[number], design.blocks.plain[number]
+        gram[places, :] = gram[:, places] = plain[places, :] = plain[:, places] = 0.0
         if not values.any():
             design.white[number][:, places] = 0.0
             continue
         white = design.whitener.apply(values)
         design.white[number][:, places] = white
-        products = design.white[number].T.astype(np.float64) @ white.astype(np.float64)
+        trusted = design.trusted[number]
+        products = design.white[number][trusted].T.astype(np.float64) @ white[trusted].astype(np.float64)
         gram[:, places] = products
         gram[places, :] = products.T
+        everything = _both(design, part)[ORDER:][trusted].astype(np.float64)
+        products = everything.T @ values[ORDER:][trusted]
+        plain[:, places] = products
+        plain[places, :] = products.T

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from acqd.robot.description import Floats
@@ -21,6 +22,8 @@ class Blocks:
     """[blocks, p + 1, p + 1]."""
     rows: Floats
     """[blocks] white rows."""
+    plain: Floats
+    """The same Gram matrices of rows that were not whitened: what an engineer calls the error."""
 
     @property
     def y(self) -> int:
@@ -70,7 +73,7 @@ class Model:
         self.ridge = np.array([0.0 if np.isinf(c.deviation) else c.deviation**-2.0 for c in columns])
         self._own: tuple[Floats, Floats] | None = None
 
-    def compete(self, candidates: Floats, gate: Floats, weights: Floats | None = None) -> Competition:
+    def compete(self, candidates: NDArray[np.int64], gate: Floats, weights: Floats | None = None) -> Competition:
         """Candidates (raw places) under `gate` [blocks]; `weights` [blocks] count blocks several times or not."""
         weights = np.ones(len(self.blocks)) if weights is None else weights
         grams, y = self.blocks.grams, self.blocks.y
@@ -95,7 +98,7 @@ class Model:
             gates = self.gates.T
             squares = grams[:, self.places[:, None], self.places] * gates[:, :, None] * gates[:, None, :]
             self._own = squares, grams[:, self.places, y] * gates
-        A, b = np.tensordot(weights, self._own[0], 1), weights @ self._own[1]
+        A, b = np.tensordot(weights, self._own[0], 1), np.asarray(weights @ self._own[1])
         A[np.diag_indices(len(A))] += self.ridge + 1e-9 * np.maximum(np.diag(A), 1e-9)
         return A, b, float((weights * grams[:, y, y]).sum())
 
@@ -105,7 +108,7 @@ class Model:
         inverse = np.linalg.inv(A)
         return inverse @ b, inverse
 
-    def scores(self, competition: Competition, candidates: Floats, gate: Floats) -> Floats:
+    def scores(self, competition: Competition, candidates: NDArray[np.int64], gate: Floats) -> Floats:
         """[blocks, c] what each block says of candidates that the model does not take over; they add up to r."""
         grams, y = self.blocks.grams, self.blocks.y
         found = np.zeros((len(self.blocks), len(candidates)))
@@ -118,3 +121,23 @@ class Model:
                 left_c = grams[i][candidates, y] - grams[i][np.ix_(candidates, self.places)] @ (own * beta)
                 found[i] += gate[i] * left_c
         return found
+
+    def confront(
+        self, found: Competition, candidates: NDArray[np.int64], gate: Floats, blocks: NDArray[np.int64], grams: Floats
+    ) -> tuple[Floats, Floats]:
+        """Candidates' Gram [c, c] and products with the residual [c] in some blocks, by a fit that has not seen them.
+
+        `grams`: white or plain ones.
+        """
+        y, at = self.blocks.y, self.places
+        Q, s = np.zeros_like(found.S), np.zeros(len(candidates))
+        for i in blocks:
+            g, own = grams[i], self.gates[:, i]
+            square, cross_mc = g[np.ix_(at, at)], g[np.ix_(candidates, at)]
+            left = gate[i] * (g[candidates, y] - cross_mc @ (own * found.beta))
+            left_m = own * (g[at, y] - square @ (own * found.beta))
+            s += left - found.carried.T @ left_m
+            carried = own[:, None] * found.carried
+            cross = gate[i] * cross_mc @ carried
+            Q += gate[i] * g[np.ix_(candidates, candidates)] - cross - cross.T + carried.T @ square @ carried
+        return Q, s

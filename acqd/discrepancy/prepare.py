@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from acqd.discrepancy.base import deviations
-from acqd.discrepancy.design import Design, make_design, whiten
+from acqd.discrepancy.design import Design, distrust, make_design, whiten
 from acqd.discrepancy.evidence import Column, Model
 from acqd.discrepancy.noise import ORDER, Whitener
 from acqd.discrepancy.trace import Gate, onset_gates
@@ -22,6 +22,7 @@ from acqd.robot.dynamics import inertial_parameters
 _FEWEST_FOR_NOISE = 4  # reference recordings
 _RIDGE = 1e-6
 _HELD = 1e-9
+_LAG_SPREAD_S = 0.003
 
 
 def prepare(
@@ -40,10 +41,11 @@ def prepare(
     """
     arm = Arm(robot)
     stretches = [(each, False) for each in reference] + [(each, True) for each in fresh]
-    design = make_design(model, arm, stretches, chosen, progress)
+    design = make_design(model, arm, stretches, chosen, frozenset(withheld), progress)
     _withhold(design, withheld)
     belief = prior(model.layout, robot, inertial_parameters(arm), 0.0, model.step_s)
     spread = deviations(model, belief.deviation)
+    spread[model.layout.place("lag")] = _LAG_SPREAD_S  # else it and the clocks play against each other
     for group in withheld:
         spread[model.layout.place(group)] = _HELD
     everywhere = np.ones(len(design.parts))
@@ -54,6 +56,7 @@ def prepare(
     left = _left_by_everything(design, base, quiet)
     whiten(design, Whitener.of(left))
     design.patient = Whitener.of(left, 3 * ORDER)
+    _distrust_outliers(design, base, bool(reference))
     common = _common(design) if reference else []
     columns = [*base, *(Column(k, everywhere) for k in common), *_wandering(design, quiet)]
     return design, Model(design.blocks, columns), onset_gates(design, design.fresh)
@@ -92,11 +95,26 @@ def _common(design: Design) -> list[int]:
 
 def _left_by_everything(design: Design, base: list[Column], weights: Floats) -> list[Floats]:
     """Residuals of a fit of all columns there are: only noise is left for certain (notes/residual.md, stage 3)."""
+    beta = _everything(design, base, weights)
+    open_ = sorted({part.stretch for part, weight in zip(design.parts, weights, strict=True) if weight})
+    return [design.off[k] - design.raw[k] @ beta for k in open_]
+
+
+def _distrust_outliers(design: Design, base: list[Column], contrast: bool) -> None:
+    """Each side by a fit of everything to itself: an effect that only one of them has is no outlier."""
+    sides = [design.fresh, 1 - design.fresh] if contrast else [design.fresh]
+    fits: list[Floats] = [np.zeros(design.blocks.y)] * len(design.parts)
+    for side in sides:
+        beta = _everything(design, base, side)
+        fits = [beta if own else other for own, other in zip(side, fits, strict=True)]
+    distrust(design, fits)
+
+
+def _everything(design: Design, base: list[Column], weights: Floats) -> Floats:
+    """[p] coefficients of all columns there are, on weighted blocks."""
     everything = [*base, *(Column(k, np.ones(len(design.parts))) for k in range(design.base, design.blocks.y))]
     A, b, _ = Model(design.blocks, everything).normal(weights)
     scale = np.sqrt(np.maximum(np.diag(A), 1e-12))
     scaled = A / np.outer(scale, scale)
     scaled[np.diag_indices(len(A))] += _RIDGE
-    beta = np.linalg.solve(scaled, b / scale) / scale
-    open_ = sorted({part.stretch for part, weight in zip(design.parts, weights, strict=True) if weight})
-    return [design.off[k] - design.raw[k] @ beta for k in open_]
+    return np.asarray(np.linalg.solve(scaled, b / scale) / scale)

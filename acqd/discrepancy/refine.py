@@ -64,6 +64,8 @@ def refine(
             again[0].drop,
             again[0].evidence,
             finding.gains,
+            finding.plain,
+            finding.acting,
             finding.consistency,
             finding.surprise,
         ),

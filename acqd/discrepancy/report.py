@@ -54,7 +54,7 @@ def as_json(order: CloseOrder, closed: Closed) -> dict[str, Any]:
 def _effect(closed: Closed, number: int) -> dict[str, Any]:
     each = closed.kept[number]
     after = closed.after.rmse
-    before = after + closed.worth[number]
+    before = after + closed.improved.worth[number]
     lowest = min(closed.after.rmse, closed.reference_rmse or np.inf)
     explainable = max(closed.before.rmse**2 - lowest**2, 1e-12)
     return {
@@ -169,7 +169,7 @@ def _tell(page: Page, closed: Closed, each: Added, number: int) -> None:
     rivals = ", ".join(f"{name} {share:.0%}" for name, share in each.rivals) or "none"
     page.text(
         f"Confidence {each.confidence:.0%} (share of resampled sets of recordings in which it explains most); rivals: {rivals}. "
-        f"Without it, the held-out RMSE is {closed.worth[number]:.2f} W higher."
+        f"Without it, the held-out RMSE is {closed.improved.worth[number]:.2f} W higher."
     )
     named = next(
         (n for n in closed.tracing.found if n.id == each.term.id and n.finding.candidate.label == each.term.where), None

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from acqd.discrepancy.design import Candidate, Design
-from acqd.discrepancy.evidence import Competition, Model
+from acqd.discrepancy.evidence import Model
 from acqd.robot.description import Floats
 
 _DRAWS = 999
@@ -27,6 +29,10 @@ class Finding:
     """The drop, less what so many free numbers take away by chance: k log n."""
     gains: Floats
     """[recordings] drop on each recording where it acts, by coefficients from the others."""
+    plain: float
+    """The same gains together, of the error as it is, not whitened [W^2 rows]."""
+    acting: int
+    """Recordings in which it acts."""
     consistency: float
     """Share of the recordings, among those where it acts, that say the same as all together."""
     surprise: float
@@ -38,7 +44,10 @@ class Finding:
         return float(self.gains.sum())
 
 
-def _columns(candidates: list[Candidate]) -> tuple[np.ndarray, list[np.ndarray]]:
+Places: TypeAlias = NDArray[np.int64]
+
+
+def _columns(candidates: list[Candidate]) -> tuple[Places, list[Places]]:
     used = np.unique(np.concatenate([candidate.places for candidate in candidates]))
     return used, [np.searchsorted(used, candidate.places) for candidate in candidates]
 
@@ -51,7 +60,7 @@ def solve_part(S: Floats, r: Floats) -> Floats:
     return np.asarray(np.linalg.solve(scaled, r / scale) / scale)
 
 
-def _part(S: Floats, r: Floats, own: np.ndarray, candidate: Candidate) -> tuple[Floats, Floats]:
+def _part(S: Floats, r: Floats, own: Places, candidate: Candidate) -> tuple[Floats, Floats]:
     S, r = S[np.ix_(own, own)], r[own]
     if candidate.mix is not None:
         S, r = candidate.mix.T @ S @ candidate.mix, candidate.mix.T @ r
@@ -63,7 +72,7 @@ def rank(design: Design, model: Model, gate: Floats, candidates: list[Candidate]
     used, owns = _columns(candidates)
     found = model.compete(used, gate)
     scores = model.scores(found, used, gate)
-    gains = held_out(design, model, gate, used, owns, candidates)
+    gains, plain = held_out(design, model, gate, used, owns, candidates)
     rows = float((design.blocks.rows * gate).sum())
     findings = []
     for number, (candidate, own) in enumerate(zip(candidates, owns, strict=True)):
@@ -82,7 +91,8 @@ def rank(design: Design, model: Model, gate: Floats, candidates: list[Candidate]
                 drop,
                 drop - (candidate.size + candidate.cost) * np.log(rows),
                 gains[number],
-                _consistency(design, gate, E @ theta),
+                float(plain[number].sum()),
+                *_consistency(design, gate, E @ theta),
                 _surprise(E, S),
             )
         )
@@ -106,7 +116,7 @@ def quick(
             continue
         drop = float(r @ theta)
         evidence = drop - (candidate.size + candidate.cost) * np.log(rows)
-        findings.append(Finding(candidate, theta, drop, evidence, np.empty(0), 0.0, 0.0))
+        findings.append(Finding(candidate, theta, drop, evidence, np.empty(0), 0.0, 0, 0.0, 0.0))
     return sorted(findings, key=lambda finding: -finding.evidence)
 
 
@@ -119,12 +129,12 @@ def _possible(candidate: Candidate, theta: Floats, S: Floats) -> bool:
     return bool(parameter.low - slack <= theta[0] <= parameter.high + slack)
 
 
-def _consistency(design: Design, gate: Floats, agreement: Floats) -> float:
-    """Share of the recordings that pull in the direction of all together, of those that pull at all."""
+def _consistency(design: Design, gate: Floats, agreement: Floats) -> tuple[int, float]:
+    """How many recordings pull at all, and the share of them that pull in the direction of all together."""
     names = np.array([part.recording for part in design.parts])
     pulls = np.array([agreement[(names == name) & (gate > 0)].sum() for name in np.unique(names[gate > 0])])
     acting = np.abs(pulls) > 1e-3 * np.abs(pulls).max()
-    return float((pulls[acting] > 0).mean())
+    return int(acting.sum()), float((pulls[acting] > 0).mean())
 
 
 def _surprise(E: Floats, S: Floats) -> float:
@@ -153,31 +163,25 @@ def chance(design: Design, model: Model, gate: Floats, candidates: list[Candidat
 
 
 def held_out(
-    design: Design, model: Model, gate: Floats, used: np.ndarray, owns: list[np.ndarray], candidates: list[Candidate]
-) -> list[Floats]:
-    """Per candidate, the drop in each recording under the gate, with coefficients from all others."""
+    design: Design, model: Model, gate: Floats, used: Places, owns: list[Places], candidates: list[Candidate]
+) -> tuple[list[Floats], list[Floats]]:
+    """Per candidate, the drop in each recording under the gate with coefficients from all others: white, and plain."""
     names = [part.recording for part in design.parts]
     recordings = sorted({name for name, open_ in zip(names, gate, strict=True) if open_})
-    gains = np.zeros((len(candidates), len(recordings)))
-    grams, y = design.blocks.grams, design.blocks.y
+    gains = np.zeros((2, len(candidates), len(recordings)))
     for number, recording in enumerate(recordings):
         own_blocks = np.array([name == recording for name in names])
-        found: Competition = model.compete(used, gate, (~own_blocks).astype(float))
-        Q, s = np.zeros_like(found.S), np.zeros(len(used))
-        for i in np.flatnonzero(own_blocks):
-            g, own = grams[i], model.gates[:, i]
-            at = model.places
-            left = g[used, y] * gate[i] - gate[i] * (g[np.ix_(used, at)] @ (own * found.beta))
-            left_m = own * (g[at, y] - g[np.ix_(at, at)] @ (own * found.beta))
-            s += left - found.carried.T @ left_m
-            carried = own[:, None] * found.carried
-            cross = gate[i] * g[np.ix_(used, at)] @ carried
-            Q += gate[i] * g[np.ix_(used, used)] - cross - cross.T + carried.T @ g[np.ix_(at, at)] @ carried
+        found = model.compete(used, gate, (~own_blocks).astype(float))
+        sides = [
+            model.confront(found, used, gate, np.flatnonzero(own_blocks), grams)
+            for grams in (design.blocks.grams, design.blocks.plain)
+        ]
         for k, (candidate, own) in enumerate(zip(candidates, owns, strict=True)):
             S, r = _part(found.S, found.r, own, candidate)
             if not S.size or np.diag(S).min() < _NEVER:
                 continue
             theta = solve_part(S, r)
-            Qk, sk = _part(Q, s, own, candidate)
-            gains[k, number] = 2 * theta @ sk - theta @ Qk @ theta
-    return list(gains)
+            for side, (Q, s) in enumerate(sides):
+                Qk, sk = _part(Q, s, own, candidate)
+                gains[side, k, number] = 2 * theta @ sk - theta @ Qk @ theta
+    return list(gains[0]), list(gains[1])

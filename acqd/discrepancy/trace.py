@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 
+from acqd.discrepancy.delay import single_delay
 from acqd.discrepancy.derive import Derived, derive, reference_gain
 from acqd.discrepancy.design import Candidate, Design
 from acqd.discrepancy.evidence import Column, Model
@@ -29,6 +30,7 @@ _ALPHA = 0.02
 _CONSISTENT = 0.6  # of the recordings
 _LATER_SHARE = 0.03  # of the first effect's evidence: less is its shape's error
 _NEIGHBOUR_SHARE = 0.12  # and of a neighbour's
+_FEW = 5
 _FEWEST = 3  # recordings before and after an onset
 _SMALL_CLOCK_S = 0.006  # what alignments differ by
 _LEAST_SHARE = 0.0025  # of the dynamic range: below, nobody at a plant would act
@@ -152,7 +154,7 @@ def _step(design: Design, model: Model, gates: list[Gate], tracing: Tracing, lim
         return None
     if best is None:
         return None
-    rivals = _one_each(named, best)
+    rivals = _one_each([each for each in named if _serious(design, each)], best)
     gate = gates[0] if best.candidate.derived else gate
     finding, shape = refine(design, model, gate.open, best, derived.get(id(best.candidate)))
     assert best.candidate.variant is not None
@@ -161,7 +163,8 @@ def _step(design: Design, model: Model, gates: list[Gate], tracing: Tracing, lim
 
 
 def _worth(finding: Finding) -> float:
-    return finding.evidence / (_DERIVED_WORTH if finding.candidate.derived else 1.0)
+    """What counts in the ranking: explained beyond chance, here and on recordings that took no part."""
+    return min(finding.evidence, finding.held_out) / (_DERIVED_WORTH if finding.candidate.derived else 1.0)
 
 
 def _outdone(best: Finding, rival: Finding) -> bool:
@@ -182,8 +185,14 @@ def _credible(design: Design, finding: Finding, limit: float, derived: dict[int,
         and relevant(design, finding)
         and (finding.surprise > limit or _unanimous(finding))
         and finding.held_out > 0
+        and finding.plain > 0
         and finding.consistency >= _CONSISTENT
     )
+
+
+def _serious(design: Design, finding: Finding) -> bool:
+    """Whether it is a rival at all."""
+    return finding.held_out > 0 and finding.plain > 0 and relevant(design, finding)
 
 
 def relevant(design: Design, finding: Finding) -> bool:
@@ -195,13 +204,21 @@ def relevant(design: Design, finding: Finding) -> bool:
     acting = power[size > 0.05 * size.max()]
     if candidate.id in CLOCKS:
         seconds = size.max() / max(float(np.abs(np.concatenate([slope(s) for s in design.scenes])).max()), 1e-9)
-        return seconds > _SMALL_CLOCK_S
+        return seconds > _SMALL_CLOCK_S and _seen_directly(design, float(theta[0]))
     return bool(np.sqrt(np.mean(acting**2)) > _LEAST_SHARE * design.range_W)
 
 
+def _seen_directly(design: Design, seconds: float) -> bool:
+    """Whether shifting whole recordings says so too: a slope also stands for motion that is sharper than logged."""
+    fresh = sorted({part.stretch for part in design.parts if part.fresh})
+    delays = [single_delay(design.scenes[k], design.stretches[k].P) for k in fresh]
+    told = [delay for delay in delays if delay is not None]
+    return bool(told) and abs(float(np.median(told)) - seconds) < 0.5 * abs(seconds)
+
+
 def _unanimous(finding: Finding) -> bool:
-    """Nearly every recording says so: where a few are much louder than the rest, their sum says less than that."""
-    return len(finding.gains) >= 8 and finding.consistency >= 0.9 and finding.evidence > _DERIVED_EVIDENCE
+    """Nearly every recording where it acts says so: a few loud ones, or few at all, cannot surprise otherwise."""
+    return finding.acting >= _FEW and finding.consistency >= 0.9 and finding.evidence > _DERIVED_EVIDENCE
 
 
 def _one_each(named: list[Finding], best: Finding) -> list[Finding]:

@@ -14,6 +14,7 @@ from acqd.folder import complete_folder
 from acqd.models.bundle import Bundle, save_bundle
 from acqd.models.greybox.make import arrays_of
 from acqd.models.greybox.model import GreyBox
+from acqd.models.greybox.parameters import DENIABLE
 from acqd.models.reference import reference_arrays
 
 BUNDLE = "model"
@@ -39,10 +40,12 @@ def augmented_bundle(order: CloseOrder, closed: Closed) -> Bundle:
     subject = closed.subject
     about = dict(subject.bundle.about)
     arrays = dict(subject.bundle.arrays)
-    base = closed.base
+    base, improved = closed.improved.base, closed.improved.model(subject)
     if isinstance(base, GreyBox):
         arrays |= arrays_of(base)
-    terms = [each.term for each in closed.kept]
+        restored = {group for each in closed.kept if each.restored for group in DENIABLE[each.term.id]}
+        about["withheld"] = sorted(subject.withheld - restored)
+    terms = [each.term for each in closed.kept if not each.restored]
     if terms and (not isinstance(base, GreyBox) or base is not subject.carrier):
         about["carrier"] = {"signals": list(subject.carrier.signals)}
         arrays |= {f"carrier.{name}": array for name, array in arrays_of(subject.carrier).items()}
@@ -51,13 +54,9 @@ def augmented_bundle(order: CloseOrder, closed: Closed) -> Bundle:
     known = {each["name"] for each in about["inputs"]}
     about["inputs"] = [
         *about["inputs"],
-        *(
-            {"name": name, "unit": "V" if name == "Vrms" else "0/1"}
-            for name in closed.model.signals
-            if name not in known
-        ),
+        *({"name": name, "unit": "V" if name == "Vrms" else "0/1"} for name in improved.signals if name not in known),
     ]
-    about["look_ahead_rows"] = closed.model.radius
+    about["look_ahead_rows"] = improved.radius
     about["provenance"] = about["provenance"] | provenance(order, closed)
     about["loop"] = {"before": closed.before.as_json(), "after": closed.after.as_json(), "verdict": closed.verdict}
     return Bundle(about, arrays, reference_arrays([*subject.held_out, *subject.fit]))

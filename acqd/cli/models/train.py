@@ -18,8 +18,6 @@ from acqd.cli.models.places import default_models
 from acqd.cli.options import Json
 from acqd.errors import UserError
 
-WITHHOLDABLE = {"rotor", "coulomb", "viscous", "copper", "conduction", "gain"}
-
 
 class Engine(StrEnum):
     """Where several trainings run."""
@@ -68,7 +66,9 @@ def train(
     ] = None,
     without: Annotated[
         list[str] | None,
-        typer.Option(help="Terms that a grey box is denied: rotor, coulomb, viscous, copper, conduction or gain."),
+        typer.Option(
+            help="Denied to a grey box for a trial: copper_loss, coulomb_friction, viscous_friction, mechanical_power."
+        ),
     ] = None,
     compute: Annotated[Compute, typer.Option(help="Fused C (needs a compiler) or torch.")] = Compute.AUTO,
     device: Annotated[str, typer.Option(help="cpu or cuda; of torch.")] = "cpu",
@@ -90,8 +90,10 @@ def train(
         raise UserError(f"acqd train needs {' and '.join(missing)}: install acqd[model]")
     if (network is None) != table_7_1:
         raise UserError("name one --network, or ask for --table-7-1")
-    if without and (network != "grey-box" or not set(without) <= WITHHOLDABLE):
-        raise UserError(f"--without is for --network grey-box and takes {', '.join(sorted(WITHHOLDABLE))}")
+    from acqd.models.greybox.parameters import DENIABLE
+
+    if without and (network != "grey-box" or not set(without) <= set(DENIABLE)):
+        raise UserError(f"--without is for --network grey-box and takes {', '.join(DENIABLE)}")
     if out is not None and (table_7_1 or len(seed or []) > 1):
         raise UserError("--out is one bundle's folder; several models go into --models")
     from acqd.models.networks.settings import TrainingSettings
@@ -116,7 +118,7 @@ def train(
             wanted += orders(template, folder)
         else:
             path = out or folder / bundle_name(template.network, template.kinds, each)
-            denied = tuple(without or ())
+            denied = tuple(group for effect in without or () for group in DENIABLE[effect])
             wanted.append(TrainOrder(dataset, template.network, path, template.kinds, each, settings, robot, denied))
     console = Console(stderr=True)
     bar = Progress(

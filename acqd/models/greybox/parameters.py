@@ -18,6 +18,13 @@ _PER_JOINT = {
     "copper": "W/Nm^2",
     "conduction": "W/Nm",
 }
+DENIABLE = {
+    "copper_loss": ("copper", "conduction"),
+    "coulomb_friction": ("coulomb",),
+    "viscous_friction": ("viscous",),
+    "mechanical_power": ("gain",),
+}
+"""Effects that a grey box can be denied for a trial, with their parameters."""
 _MASS_SPREAD = 0.25  # published parameter sets of one robot differ by so much
 _COM_SPREAD_M = 0.03
 _GAIN, _GAIN_SPREAD = 1.05, 0.05  # mains power per power at the joints; with torques logged it is measured
