@@ -14,6 +14,7 @@ from acqd.discrepancy.evidence import Model
 from acqd.robot.description import Floats
 
 _DRAWS = 999
+_ACTING = 0.01  # of the power that it has in the recording where it has most
 _NEVER = 1e-3  # white sum of squares of a column that never acts, or that the model has already
 
 
@@ -92,7 +93,7 @@ def rank(design: Design, model: Model, gate: Floats, candidates: list[Candidate]
                 drop - (candidate.size + candidate.cost) * np.log(rows),
                 gains[number],
                 float(plain[number].sum()),
-                *_consistency(design, gate, E @ theta),
+                *_consistency(design, gate, candidate, E @ theta),
                 _surprise(E, S),
             )
         )
@@ -129,11 +130,14 @@ def _possible(candidate: Candidate, theta: Floats, S: Floats) -> bool:
     return bool(parameter.low - slack <= theta[0] <= parameter.high + slack)
 
 
-def _consistency(design: Design, gate: Floats, agreement: Floats) -> tuple[int, float]:
-    """How many recordings pull at all, and the share of them that pull in the direction of all together."""
+def _consistency(design: Design, gate: Floats, candidate: Candidate, agreement: Floats) -> tuple[int, float]:
+    """In how many recordings it acts, and the share of them that pull in the direction of all together."""
     names = np.array([part.recording for part in design.parts])
-    pulls = np.array([agreement[(names == name) & (gate > 0)].sum() for name in np.unique(names[gate > 0])])
-    acting = np.abs(pulls) > 1e-3 * np.abs(pulls).max()
+    own = design.blocks.plain[:, candidate.places, candidate.places].sum(axis=1)
+    recordings = [(names == name) & (gate > 0) for name in np.unique(names[gate > 0])]
+    power = np.array([own[blocks].sum() for blocks in recordings])
+    pulls = np.array([agreement[blocks].sum() for blocks in recordings])
+    acting = power > _ACTING * power.max()
     return int(acting.sum()), float((pulls[acting] > 0).mean())
 
 

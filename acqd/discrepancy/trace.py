@@ -25,6 +25,7 @@ LEAST_EVIDENCE = 20.0
 """White sum of squares: at tens of thousands of rows significance alone is useless."""
 _DERIVED_EVIDENCE = 250.0
 _DERIVED_WORTH = 1.33  # times the best predictive evidence, before what was found by looking counts more
+_FORESEEN = 0.5
 _RIVAL_MARGIN, _RIVAL_SHARE = 40.0, 0.06
 _ALPHA = 0.02
 _CONSISTENT = 0.6  # of the recordings
@@ -168,6 +169,8 @@ def _worth(finding: Finding) -> float:
 
 
 def _outdone(best: Finding, rival: Finding) -> bool:
+    if best.candidate.derived:  # found by looking: anything that foresees half as much is the better explanation
+        return rival.evidence > _FORESEEN * best.evidence
     return rival.evidence > best.evidence + _RIVAL_MARGIN + _RIVAL_SHARE * best.evidence
 
 
