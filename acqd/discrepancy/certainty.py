@@ -50,12 +50,12 @@ def intervals(design: Design, model: Model, named: Named, gate: Gate) -> tuple[F
     else that was found.
     """
     candidate = named.finding.candidate
-    whole, alone = _fit(design, model, candidate, gate, np.ones(len(design.parts)))
+    whole, alone = _fit(model, candidate, gate, np.ones(len(design.parts)))
     names = sorted({part.recording for part, open_ in zip(design.parts, gate.open, strict=True) if open_})
     left = []
     for name in names:
         weights = np.array([float(part.recording != name) for part in design.parts])
-        left.append(_fit(design, model, candidate, gate, weights)[0])
+        left.append(_fit(model, candidate, gate, weights)[0])
     spread = np.zeros_like(whole)
     if len(left) > 2:
         around = np.array(left) - np.mean(left, axis=0)
@@ -63,7 +63,7 @@ def intervals(design: Design, model: Model, named: Named, gate: Gate) -> tuple[F
     return whole, _WIDTH * np.sqrt(spread + alone)
 
 
-def _fit(design: Design, model: Model, candidate: Candidate, gate: Gate, weights: Floats) -> tuple[Floats, Floats]:
+def _fit(model: Model, candidate: Candidate, gate: Gate, weights: Floats) -> tuple[Floats, Floats]:
     found = model.compete(candidate.places, gate.open, weights)
     theta = solve_part(found.S, found.r)
     return theta, np.diag(np.linalg.pinv(found.S))

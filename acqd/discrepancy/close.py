@@ -76,8 +76,9 @@ def close_loop(order: CloseOrder, progress: Callable[[str, float], None]) -> Clo
     notes += [
         f"{each.term.id} was found but does not help on held-out recordings: not added" for each in improved.refused
     ]
+    before, after = quality(errors_before), quality(improved.errors)
     return Closed(
-        subject, tracing, design, improved, quality(errors_before), quality(improved.errors), errors_before, floor, where,
+        subject, tracing, design, improved, before, after, errors_before, floor, where,
         reference_rmse, joint_level(subject), _verdict(tracing, improved), notes,
     )  # fmt: skip
 

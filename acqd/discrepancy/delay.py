@@ -77,7 +77,7 @@ def single_delay(scene: Scene, P: Floats) -> float | None:
 
 def corrected(stretch: Stretch, delay: Delay, step_s: float) -> Stretch:
     """The stretch with power where the motion is."""
-    t = stretch.start_s + step_s * np.arange(len(stretch.P))
+    t: Floats = stretch.start_s + step_s * np.arange(len(stretch.P), dtype=np.float64)
     return replace(stretch, P=np.interp(t + delay.at(t), t, stretch.P))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -92,8 +93,8 @@ class Design:
     blocks: Blocks = field(default_factory=lambda: Blocks(np.empty((0, 1, 1)), np.empty(0), np.empty((0, 1, 1))))
 
     @property
-    def range_W(self) -> float:
-        """Dynamic range of the measured power: p99 - p1."""
+    def dynamic_range(self) -> float:
+        """Of the measured power: p99 - p1 [W]."""
         return float(np.ptp(np.percentile(np.concatenate([s.P for s in self.stretches]), [1, 99])))
 
     @property
@@ -123,19 +124,20 @@ def make_design(
         columns.append(averaged(lag.run(generic_columns(scene, ranges))))
         raw.append(np.concatenate(columns, axis=1).astype(np.float32))
         progress((number + 1) / len(scenes))
-    candidates, place = [], model.layout.size
+    candidates: list[Candidate] = []
+    place = model.layout.size
     for effect in effects:
-        for variant in effect.variants(scenes[0]):
-            candidates.append(Candidate(effect.id, variant.place.where, place + np.array(variant.columns), variant))
+        candidates += [
+            Candidate(effect.id, variant.place.where, place + np.array(variant.columns), variant)
+            for variant in effect.variants(scenes[0])
+        ]
         place += effect_rows(effect, scenes[0]).shape[1]
-    for rival in rivals(model.axes):
-        candidates.append(Candidate("", rival.name, place + np.array(rival.columns), None))
+    candidates += [Candidate("", r.name, place + np.array(r.columns), None) for r in rivals(model.axes)]
     off = [s.P - scene.metered for s, scene in zip(only, scenes, strict=True)]
-    design = Design(
-        model, model.layout.size, candidates, _parts(stretches), only, scenes, raw, off, Whitener(np.ones(1)),
+    return Design(
+        model, model.layout.size, candidates, _parts(stretches, model.step_s), only, scenes, raw, off, Whitener(np.ones(1)),
         chosen=chosen,
     )  # fmt: skip
-    return design
 
 
 def _tell_time(scenes: list[Scene], fresh: list[bool]) -> None:
@@ -145,20 +147,19 @@ def _tell_time(scenes: list[Scene], fresh: list[bool]) -> None:
         for scene, own in zip(scenes, fresh, strict=True):
             if own == kind:
                 scene.memory["origin_s"] = origin
-                scene.memory["session_s"] = float(scene.t[0]) - origin
 
 
-def _parts(stretches: list[tuple[Stretch, bool]]) -> list[Part]:
+def _parts(stretches: list[tuple[Stretch, bool]], step_s: float) -> list[Part]:
     found = []
     for number, (stretch, fresh) in enumerate(stretches):
         rows = len(stretch.P)
         count = max(1, round(rows / _LONGEST_ROWS))
         edges = np.linspace(0, rows, count + 1).astype(int)
-        for first, last in zip(edges, edges[1:], strict=False):
+        for first, last in itertools.pairwise(edges):
             first = max(0, int(first) - ORDER)  # rows lost to whitening come from the block before
             if last - first >= _LEAST_ROWS:
                 found.append(
-                    Part(stretch.recording, fresh, stretch.start_s + first * 0.04, number, slice(first, int(last)))
+                    Part(stretch.recording, fresh, stretch.start_s + first * step_s, number, slice(first, int(last)))
                 )
     return found
 
@@ -192,7 +193,9 @@ def _both(design: Design, part: Part) -> NDArray[np.float32]:
 
 def _sum_up(design: Design) -> None:
     """Gram matrices of trusted rows."""
-    grams, plain, rows = [], [], []
+    grams: list[Floats] = []
+    plain: list[Floats] = []
+    rows = []
     for part, white, trusted in zip(design.parts, design.white, design.trusted, strict=True):
         for values, sums in ((white, grams), (_both(design, part)[ORDER:], plain)):
             exact = values[trusted].astype(np.float64)

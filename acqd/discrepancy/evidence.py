@@ -98,7 +98,8 @@ class Model:
             gates = self.gates.T
             squares = grams[:, self.places[:, None], self.places] * gates[:, :, None] * gates[:, None, :]
             self._own = squares, grams[:, self.places, y] * gates
-        A, b = np.tensordot(weights, self._own[0], 1), np.asarray(weights @ self._own[1])
+        A: Floats = np.einsum("i,ijk->jk", weights, self._own[0], optimize=True)
+        b: Floats = np.einsum("i,ij->j", weights, self._own[1])
         A[np.diag_indices(len(A))] += self.ridge + 1e-9 * np.maximum(np.diag(A), 1e-9)
         return A, b, float((weights * grams[:, y, y]).sum())
 

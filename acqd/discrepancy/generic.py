@@ -106,7 +106,7 @@ def rivals(axes: int) -> Iterator[Rival]:
 
 
 def _moving(scene: Scene) -> Floats:
-    return (np.abs(scene.qd).max(axis=1) > 0.01) * 1.0
+    return np.asarray((np.abs(scene.qd).max(axis=1) > 0.01) * 1.0)
 
 
 def _remembered(values: Floats, step_s: float, seconds: float) -> Floats:

@@ -6,6 +6,7 @@ Rows 40 ms apart are not independent; every method that takes them to be finds "
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,11 +50,11 @@ class Whitener:
         return cls(np.concatenate([[1.0], -weights]) / np.sqrt(variance))
 
     @property
-    def innovation_W(self) -> float:
-        """Standard deviation of what cannot be foreseen from the rows before."""
+    def innovation(self) -> float:
+        """Standard deviation [W] of what cannot be foreseen from the rows before."""
         return float(1 / self.taps[0])
 
-    def apply(self, values: Floats) -> NDArray[np.float32]:
+    def apply(self, values: NDArray[Any]) -> NDArray[np.float32]:
         """White rows [T - order, ...] of a stretch."""
         return np.asarray(lfilter(self.taps, [1.0], values, axis=0)[len(self.taps) - 1 :], dtype=np.float32)
 
@@ -62,7 +63,8 @@ def autocorrelation(residuals: list[Floats], lags: int) -> Floats:
     """[lags] at rows 1, 2 ... of pooled residuals, each stretch about the common mean."""
     mean = float(np.concatenate(residuals).mean())
     zero = sum(float(((each - mean) ** 2).sum()) for each in residuals)
-    found = []
-    for k in range(1, lags + 1):
-        found.append(sum(float((each[k:] - mean) @ (each[:-k] - mean)) for each in residuals if len(each) > k))
+    found = [
+        sum(float((each[k:] - mean) @ (each[:-k] - mean)) for each in residuals if len(each) > k)
+        for k in range(1, lags + 1)
+    ]
     return np.array(found) / max(zero, 1e-12)

@@ -1,4 +1,4 @@
-"""What convinces: error over time, ranking of hypotheses, each effect against what it explains, where the rest lives."""
+"""What convinces: error over time, ranking of hypotheses, effects against what they explain, where the rest lives."""
 
 from __future__ import annotations
 
@@ -117,7 +117,8 @@ def explained(closed: Closed, named: Named) -> Figure:
         if power > 0:
             share.append(float(effect @ rest) / power)
             names.append(part.start_s)
-    x, y = np.concatenate(contribution), np.concatenate(partial)
+    x: Floats = np.concatenate(contribution).astype(np.float64)
+    y: Floats = np.concatenate(partial).astype(np.float64)
     figure = _figure(9.5, 3.4)
     left, right = figure.subplots(1, 2, width_ratios=[1, 1])
     middle, mean, error = _bins(x, y)

@@ -168,7 +168,8 @@ def _tell(page: Page, closed: Closed, each: Added, number: int) -> None:
     page.table(["parameter", "value", "unit", "95 % interval"], rows)
     rivals = ", ".join(f"{name} {share:.0%}" for name, share in each.rivals) or "none"
     page.text(
-        f"Confidence {each.confidence:.0%} (share of resampled sets of recordings in which it explains most); rivals: {rivals}. "
+        f"Confidence {each.confidence:.0%} (share of resampled sets of recordings in which it explains most); "
+        f"rivals: {rivals}. "
         f"Without it, the held-out RMSE is {closed.improved.worth[number]:.2f} W higher."
     )
     named = next(

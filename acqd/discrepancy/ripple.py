@@ -54,11 +54,11 @@ def scan(scenes: list[Scene], residuals: list[Floats], whitener: Whitener) -> li
     spectrum[:, (periods < _FEWEST) | (periods > _MOST)] = 0.0
     found: list[Ripple] = []
     while len(found) < _SHORTLIST:
-        joint, at = np.unravel_index(int(spectrum.argmax()), spectrum.shape)
+        joint, at = (int(k) for k in np.unravel_index(int(spectrum.argmax()), spectrum.shape))
         around = slice(max(at - 1, 0), at + 2)
         height = spectrum[joint, around]
         periods_at = float((periods[around] * height).sum() / max(height.sum(), 1e-12))
-        found.append(Ripple(int(joint), periods_at))
+        found.append(Ripple(joint, periods_at))
         spectrum[joint, max(0, at - 4) : at + 5] = 0.0
     return found
 

@@ -147,7 +147,7 @@ def _surprise(E: Floats, S: Floats) -> float:
     return float(-chi2.logsf(u @ np.linalg.solve(V, u), len(u)))
 
 
-def chance(design: Design, model: Model, gate: Floats, candidates: list[Candidate], seed: int) -> Floats:
+def chance(model: Model, gate: Floats, candidates: list[Candidate], seed: int) -> Floats:
     """[draws] the largest surprise of any candidate when the signs of whole blocks are random (wild bootstrap)."""
     used, owns = _columns(candidates)
     found = model.compete(used, gate)

@@ -1,8 +1,8 @@
 """Something that is either on or off, searched in the residual: when, and how much.
 
 A path of on and off by Viterbi, in white noise: what a step looks like after whitening is known, so every row says
-how much likelier it is that something switches on or off there. The level may have a shape of its own: 1 for a load in the
-cabinet, the power of 1 N for a contact.
+how much likelier it is that something switches on or off there. The level may have a shape of its own: 1 for a load
+in the cabinet, the power of 1 N for a contact.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def search(
     """The likeliest states of residuals [T] W per stretch; None when there are none worth their switchings."""
     shapes = shapes or [np.ones(len(each)) for each in residuals]
     white = [_prepared(each, shape, whitener) for each, shape in zip(residuals, shapes, strict=True)]
-    unit = whitener.innovation_W / max(float(np.sqrt(np.mean(np.concatenate(shapes) ** 2))), 1e-9)
+    unit = whitener.innovation / max(float(np.sqrt(np.mean(np.concatenate(shapes) ** 2))), 1e-9)
     guesses = [sign * size * unit for size in _SIZES for sign in signs]
     best: _Found | None = None
     for dwell in _DWELLS:

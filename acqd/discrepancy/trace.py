@@ -1,4 +1,4 @@
-"""From a design to a verdict: the effect that explains most, once more with it in the model, until nothing is credible."""
+"""From a design to a verdict: the effect that explains most, again with it in the model, until nothing is credible."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ class Limits:
 def trace(design: Design, model: Model, gates: list[Gate], limits: Limits, progress: Callable[[str], None]) -> Tracing:
     """`gates`: the first one is the question (all of the dataset), the others are possible onsets."""
     tracing = Tracing("nothing_left", model=model)
-    model = _without_small_clock(design, model, gates[0], tracing)
+    model = _without_small_clock(design, model, gates[0])
     while len(tracing.found) < limits.max_effects:
         progress(f"looking for effect {len(tracing.found) + 1}")
         step = _step(design, model, gates, tracing, limits)
@@ -121,7 +121,7 @@ def _columns(candidate: Candidate, gate: Gate, places: np.ndarray) -> list[Colum
     return [Column(int(place), gate.open) for place in places]
 
 
-def _without_small_clock(design: Design, model: Model, gate: Gate, tracing: Tracing) -> Model:
+def _without_small_clock(design: Design, model: Model, gate: Gate) -> Model:
     """Two alignments differ by a millisecond or two; that is no effect, but it must not look like one."""
     clocks = [c for c in design.candidates if c.id == "clock_offset"]
     if not clocks:
@@ -144,7 +144,7 @@ def _step(design: Design, model: Model, gates: list[Gate], tracing: Tracing, lim
     tracing.looked_at = findings
     named = [finding for finding in findings if finding.candidate.id]
     unnamed = [finding for finding in findings if not finding.candidate.id]
-    limit = float(np.quantile(chance(design, model, gate.open, pool, limits.seed), 1 - _ALPHA))
+    limit = float(np.quantile(chance(model, gate.open, pool, limits.seed), 1 - _ALPHA))
     if gate is not gates[0]:
         limit += np.log(len(gates))  # it was the best of so many
     best = next((finding for finding in named if _credible(design, finding, limit, derived, tracing)), None)
@@ -208,7 +208,7 @@ def relevant(design: Design, finding: Finding) -> bool:
     if candidate.id in CLOCKS:
         seconds = size.max() / max(float(np.abs(np.concatenate([slope(s) for s in design.scenes])).max()), 1e-9)
         return seconds > _SMALL_CLOCK_S and _seen_directly(design, float(theta[0]))
-    return bool(np.sqrt(np.mean(acting**2)) > _LEAST_SHARE * design.range_W)
+    return bool(np.sqrt(np.mean(acting**2)) > _LEAST_SHARE * design.dynamic_range)
 
 
 def _seen_directly(design: Design, seconds: float) -> bool:

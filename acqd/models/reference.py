@@ -24,7 +24,8 @@ _SIGNALS = ("brake", "tool")
 def reference_arrays(stretches: list[Stretch]) -> Arrays:
     """Whole recordings as arrays, held-out ones first, up to 40 minutes; every source has its turn."""
     order = sorted(range(len(stretches)), key=lambda k: (stretches[k].split == "train", _turn(stretches, k)))
-    chosen, rows = [], 0
+    chosen: list[Stretch] = []
+    rows = 0
     for k in order:
         if rows + len(stretches[k].P) <= _MOST_ROWS or not chosen:
             chosen.append(stretches[k])

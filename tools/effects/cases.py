@@ -269,7 +269,7 @@ def usable(robot: str) -> bool:
     cell = build_cell(CampaignSettings(robot=robot))
     try:
         Assembly(cell.arm, cell.planner).program(cell.random(0))
-    except Exception:  # noqa: BLE001
+    except Exception:
         return False
     return True
 

@@ -22,6 +22,6 @@ def library() -> dict[str, Effect]:
         found += [
             cls
             for _, cls in inspect.getmembers(module, inspect.isclass)
-            if issubclass(cls, Effect) and cls.__module__ == module.__name__ and not inspect.isabstract(cls)
+            if issubclass(cls, Effect) and cls.__module__ == module.__name__ and hasattr(cls, "id")
         ]
     return {cls.id: cls() for cls in sorted(found, key=lambda cls: cls.id)}

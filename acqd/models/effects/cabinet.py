@@ -30,14 +30,9 @@ class OffsetShift(Effect):
         yield Place("cabinet", (0,), (Parameter("power", "W"),))
 
 
-class Thermostat(Effect):
-    """A load that switches with a period of its own."""
+class _Switching(Effect):
+    """A load that is on or off; only the residual tells when."""
 
-    id = "thermostat"
-    about = "a fan or heater that switches on and off in a rhythm of its own"
-    equation = "P = P_h while on"
-    neighbours = ("offset_shift", "process_load")
-    experiment = "an hour at rest"
     structural = False
 
     def at(self, scene: Scene, shape: Shape) -> Floats:
@@ -47,11 +42,21 @@ class Thermostat(Effect):
         return np.full((len(scene.q), 1), shape["share_of_time"])
 
     def places(self, scene: Scene) -> Iterator[Place]:
-        """None beforehand."""
+        """None beforehand: `switching.search` looks for on and off in the residual."""
         return iter(())
 
 
-class ProcessLoad(Thermostat):
+class Thermostat(_Switching):
+    """A load that switches with a period of its own."""
+
+    id = "thermostat"
+    about = "a fan or heater that switches on and off in a rhythm of its own"
+    equation = "P = P_h while on"
+    neighbours = ("offset_shift", "process_load")
+    experiment = "an hour at rest"
+
+
+class ProcessLoad(_Switching):
     """Equipment that works now and then."""
 
     id = "process_load"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -161,4 +162,5 @@ def edges(switch: Floats, scene: Scene, name: str) -> tuple[Floats, Floats]:
 
 def bins(age: Floats, limits: tuple[float, ...]) -> Floats:
     """[N, len - 1] 1 while the age lies within each interval."""
-    return np.column_stack([(age >= low) & (age < high) for low, high in zip(limits, limits[1:], strict=False)]) * 1.0
+    inside = [(age >= low) & (age < high) for low, high in itertools.pairwise(limits)]
+    return np.column_stack(inside).astype(np.float64)

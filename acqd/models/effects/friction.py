@@ -101,7 +101,7 @@ class ThermalFriction(Effect):
     def at(self, scene: Scene, shape: Shape) -> Floats:
         """Per joint, by the time since the first recording: how long the arm worked between is not known."""
         age_s = np.maximum(scene.t - scene.memory.get("origin_s", -np.inf), 0.0)
-        return scene.steer * scene.qd * np.exp(-age_s / (60 * shape["minutes"]))[:, None]
+        return np.asarray(scene.steer * scene.qd * np.exp(-age_s / (60 * shape["minutes"]))[:, None])
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """Places."""

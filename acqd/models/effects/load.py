@@ -15,7 +15,8 @@ from acqd.robot.newton_euler import Frames, frames, joint_torque, weight_torque
 
 def pressed(scene: Scene) -> Floats:
     """[N] W per N up on the flange: what holds a weight there, the other way round."""
-    return -_power(scene, weight_torque(_frames(scene), scene.axes - 1, scene.model.chain.beyond_flange(0.0))) / 9.81
+    held = weight_torque(_frames(scene), scene.axes - 1, scene.model.chain.beyond_flange(0.0))
+    return -_power(scene, held) / 9.81
 
 
 def _frames(scene: Scene) -> Frames:
@@ -28,7 +29,7 @@ def _frames(scene: Scene) -> Frames:
 
 def _power(scene: Scene, torque: Floats) -> Floats:
     """[N] W that an additional torque at the motors takes, to first order."""
-    return (scene.steer * torque).sum(axis=1)
+    return np.asarray((scene.steer * torque).sum(axis=1))
 
 
 def _carried(scene: Scene, reach_m: float) -> Floats:

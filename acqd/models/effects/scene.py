@@ -41,7 +41,7 @@ def fine_motion(q: Floats, step_s: float) -> tuple[Floats, Floats, Floats]:
     rows = len(q) - 2 * RADIUS
     around = np.stack([q[k : k + rows] for k in range(2 * RADIUS + 1)], axis=1)  # [T, nodes, axes]
     fine = np.einsum("dsn,tna->dtsa", _weights(step_s), around, optimize=True)
-    return tuple(each.reshape(rows * SUB, q.shape[1]) for each in fine)  # type: ignore[return-value]
+    return tuple(each.reshape(rows * SUB, q.shape[1]) for each in fine)
 
 
 def averaged(fine: Floats) -> Floats:
