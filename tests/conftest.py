@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy: many small matrices, two cores
+
 import shutil
 import signal
 import socket

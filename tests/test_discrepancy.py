@@ -41,10 +41,7 @@ from acqd.robot.newton_euler import Chain, frames, weight_torque
 
 STEP = 0.04
 DESIGN_IDS = set(
-    """offset_shift coulomb_friction viscous_friction stribeck_friction load_dependent_friction thermal_friction payload
-    gravity_bias copper_loss mechanical_power regeneration_clipping brake_release brake_holding gear_ripple thermostat
-    tool_actuation line_voltage supply_efficiency contact_force clock_offset clock_drift meter_gain meter_saturation
-    process_load""".split()
+    ["offset_shift", "coulomb_friction", "viscous_friction", "stribeck_friction", "load_dependent_friction", "thermal_friction", "payload", "gravity_bias", "copper_loss", "mechanical_power", "regeneration_clipping", "brake_release", "brake_holding", "gear_ripple", "thermostat", "tool_actuation", "line_voltage", "supply_efficiency", "contact_force", "clock_offset", "clock_drift", "meter_gain", "meter_saturation", "process_load"]
 )
 
 

@@ -131,7 +131,7 @@ def reference_gain(derived: Derived) -> float:
 
 def residuals_of(design: Design, model: Model, omit: set[int] | None = None) -> list[Floats]:
     """[T] W per stretch: what the model leaves, not whitened; levels that wander stay in, and raw columns `omit`."""
-    beta, _ = model.solve()
+    beta = model.solve()
     beta = np.where([c.wanders or c.place in (omit or ()) for c in model.columns], 0.0, beta)
     found = [off.copy() for off in design.off]
     for number, part in enumerate(design.parts):

@@ -101,13 +101,12 @@ class Model:
         A: Floats = np.einsum("i,ijk->jk", weights, self._own[0], optimize=True)
         b: Floats = np.einsum("i,ij->j", weights, self._own[1])
         A[np.diag_indices(len(A))] += self.ridge + 1e-9 * np.maximum(np.diag(A), 1e-9)
-        return A, b, float((weights * grams[:, y, y]).sum())
+        return A, b, float(weights @ grams[:, y, y])
 
-    def solve(self) -> tuple[Floats, Floats]:
-        """Coefficients, and the inverse of their normal matrix."""
+    def solve(self) -> Floats:
+        """Coefficients."""
         A, b, _ = self.normal(np.ones(len(self.blocks)))
-        inverse = np.linalg.inv(A)
-        return inverse @ b, inverse
+        return np.asarray(cho_solve(cho_factor(A), b))
 
     def scores(self, competition: Competition, candidates: NDArray[np.int64], gate: Floats) -> Floats:
         """[blocks, c] what each block says of candidates that the model does not take over; they add up to r."""

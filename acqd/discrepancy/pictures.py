@@ -100,7 +100,7 @@ def explained(closed: Closed, named: Named) -> Figure:
     """Left: what the rest of the model leaves against what the effect says, binned. Right: recording by recording."""
     design, tracing = closed.design, closed.tracing
     assert tracing.model is not None
-    beta, _ = tracing.model.solve()
+    beta = tracing.model.solve()
     own = set(named.finding.candidate.places.tolist())
     mine = np.array([c.place in own for c in tracing.model.columns])
     contribution, partial, share, names = [], [], [], []
