@@ -15,6 +15,7 @@ from acqd.models.augmented import Augmented, Term
 from acqd.models.data import Stretch
 from acqd.models.effects import library
 from acqd.models.effects.effect import Parameter, Place
+from acqd.models.effects.scene import RADIUS
 from acqd.models.metrics import predictions
 from acqd.models.predictor import Predictor
 from acqd.robot.description import Floats
@@ -121,8 +122,15 @@ def _errors_with(base: Predictor, terms: list[Added], carrier: Any, held_out: li
 
 
 def errors_of(model: Predictor, stretches: list[Stretch]) -> list[Floats]:
-    """[T] W measured minus predicted, for each stretch."""
-    return [s.P - guess for s, guess in zip(stretches, predictions(model, stretches), strict=True)]
+    """[T] W measured minus predicted, for each stretch.
+
+    A log that ends in motion does not say how it went on: its outermost rows are not judged, they get their
+    neighbour's residual.
+    """
+    found = [s.P - guess for s, guess in zip(stretches, predictions(model, stretches), strict=True)]
+    for errors in found:
+        errors[:RADIUS], errors[-RADIUS:] = errors[RADIUS], errors[-RADIUS - 1]
+    return found
 
 
 def rms(errors: list[Floats]) -> float:

@@ -16,7 +16,7 @@ from acqd.discrepancy.noise import ORDER, Whitener
 from acqd.models.data import Stretch
 from acqd.models.effects import library
 from acqd.models.effects.effect import Variant, effect_rows
-from acqd.models.effects.scene import Lag, Scene, averaged, scene_of
+from acqd.models.effects.scene import RADIUS, Lag, Scene, averaged, scene_of
 from acqd.models.greybox.model import GreyBox
 from acqd.robot.arm import Arm
 from acqd.robot.description import Floats
@@ -134,10 +134,9 @@ def make_design(
         place += effect_rows(effect, scenes[0]).shape[1]
     candidates += [Candidate("", r.name, place + np.array(r.columns), None) for r in rivals(model.axes)]
     off = [s.P - scene.metered for s, scene in zip(only, scenes, strict=True)]
-    return Design(
-        model, model.layout.size, candidates, _parts(stretches, model.step_s), only, scenes, raw, off, Whitener(np.ones(1)),
-        chosen=chosen,
-    )  # fmt: skip
+    parts = _parts(stretches, model.step_s)
+    none = Whitener(np.ones(1))
+    return Design(model, model.layout.size, candidates, parts, only, scenes, raw, off, none, chosen=chosen)
 
 
 def _tell_time(scenes: list[Scene], fresh: list[bool]) -> None:
@@ -165,11 +164,14 @@ def _parts(stretches: list[tuple[Stretch, bool]], step_s: float) -> list[Part]:
 
 
 def whiten(design: Design, whitener: Whitener) -> None:
-    """All columns and residuals of all parts by one noise model, and their Gram matrices; every row is trusted."""
+    """All columns and residuals of all parts by one noise model, and their Gram matrices.
+
+    All rows of known motion are trusted.
+    """
     design.whitener, design.white, design.trusted = whitener, [], []
     for part in design.parts:
         design.white.append(whitener.apply(_both(design, part)))
-        design.trusted.append(np.ones(len(design.white[-1]), dtype=bool))
+        design.trusted.append(_known_motion(design, part))
     _sum_up(design)
 
 
@@ -180,9 +182,16 @@ def distrust(design: Design, fits: list[Floats]) -> float:
     """
     off = [white[:, -1] - white[:, :-1] @ beta for white, beta in zip(design.white, fits, strict=True)]
     spread = 1.4826 * float(np.median(np.abs(np.concatenate(off)))) + 1e-9
-    design.trusted = [np.abs(each) < _OUTLIER * spread for each in off]
+    near = [np.abs(each) < _OUTLIER * spread for each in off]
+    design.trusted = [near_ & known for near_, known in zip(near, design.trusted, strict=True)]
     _sum_up(design)
     return 1 - float(np.concatenate(design.trusted).mean())
+
+
+def _known_motion(design: Design, part: Part) -> NDArray[np.bool_]:
+    """[rows] of a part: False for the last of a stretch, whose motion goes on where nobody logged it."""
+    last = len(design.off[part.stretch]) - RADIUS
+    return np.arange(part.rows.start + ORDER, part.rows.stop) < last
 
 
 def _both(design: Design, part: Part) -> NDArray[np.float32]:

@@ -12,7 +12,7 @@ from acqd.models.effects.effect import bins, edges, since
 from acqd.models.effects.scene import Scene
 from acqd.robot.description import Floats
 
-_SPEEDS = (0.1, 0.3, 0.5, 0.7, 0.9)  # of the largest speed seen
+_SPEEDS = tuple(0.05 + 0.1 * k for k in range(10))  # of the largest speed seen
 _MEMORIES_S = (3.0, 10.0, 30.0, 90.0)
 _AFTER_S = (0.0, 0.2, 0.5, 1.0, 2.0, 4.0, 8.0)
 _ANGLES = 6
@@ -62,7 +62,7 @@ def generic_columns(scene: Scene, ranges: Ranges) -> Floats:
         found += [np.cos((k + 1) * phase[:, joint]) for k in range(_ANGLES)]
     share = np.abs(scene.qd) / ranges.speed
     for joint in range(scene.axes):
-        found += [np.exp(-(((share[:, joint] - middle) / 0.15) ** 2)) for middle in _SPEEDS]
+        found += [np.exp(-(((share[:, joint] - middle) / 0.08) ** 2)) for middle in _SPEEDS]
     found += list(scene.qdd.T * scene.steer.T)
     load = np.repeat(scene.metered, len(scene.q) // scene.rows)
     found += [np.maximum(load - level, 0.0) for level in ranges.power]

@@ -71,7 +71,8 @@ def subject_of(order: CloseOrder, progress: Callable[[str, float], None]) -> Sub
     if len(recordings) < _FEWEST_RECORDINGS or seconds < _LEAST_S:
         raise UserError(
             f"{order.dataset}: {len(recordings)} recordings of {seconds:.0f} s together are too few to tell an "
-            f"effect from chance; record at least {_FEWEST_RECORDINGS} of a minute each (or cut one long log: dataset build --cut)"
+            f"effect from chance; record at least {_FEWEST_RECORDINGS} of a minute each "
+            "(or cut one long log: dataset build --cut)"
         )
     reference: list[Stretch] = []
     if order.reference is not None:

@@ -118,14 +118,15 @@ class MechanicalPower(Effect):
     experiment = "lift and lower a known payload at two speeds: losses have one sign, mechanical power two"
 
     def at(self, scene: Scene, shape: Shape) -> Floats:
-        """|tau qd| per joint with the copper loss that goes with it, then tau qd per joint."""
+        """|tau qd| per joint as a torque, with the copper loss that goes with it; tau qd; |tau qd| alone."""
         lost = scene.steer * np.abs(scene.tau) * direction(scene.qd)
-        return np.column_stack([lost, scene.tau * scene.qd])
+        return np.column_stack([lost, scene.tau * scene.qd, np.abs(scene.tau * scene.qd)])
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """Places, losses and net power apart."""
         yield from per_joint(scene.axes, "lost share", "-", np.ones(scene.axes))
         yield from per_joint(scene.axes, "share", "-", np.ones(scene.axes), scene.axes)
+        yield from per_joint(scene.axes, "share lost beside the motor", "-", np.ones(scene.axes), 2 * scene.axes)
 
 
 class GearRipple(Effect):
