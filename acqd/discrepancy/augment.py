@@ -16,7 +16,8 @@ from acqd.models.data import Stretch
 from acqd.models.effects import library
 from acqd.models.effects.effect import Parameter, Place
 from acqd.models.effects.scene import RADIUS
-from acqd.models.metrics import predictions
+from acqd.models.features import padded
+from acqd.models.metrics import predictions, signals_of
 from acqd.models.predictor import Predictor
 from acqd.robot.description import Floats
 
@@ -117,8 +118,7 @@ def guarded(
 
 
 def _errors_with(base: Predictor, terms: list[Added], carrier: Any, held_out: list[Stretch]) -> list[Floats]:
-    model = Augmented(base, carrier, [each.term for each in terms]) if terms else base
-    return errors_of(model, held_out)
+    return errors_of(Augmented.of(base, carrier, [each.term for each in terms]), held_out)
 
 
 def errors_of(model: Predictor, stretches: list[Stretch]) -> list[Floats]:
@@ -131,6 +131,17 @@ def errors_of(model: Predictor, stretches: list[Stretch]) -> list[Floats]:
     for errors in found:
         errors[:RADIUS], errors[-RADIUS:] = errors[RADIUS], errors[-RADIUS - 1]
     return found
+
+
+def without_known(model: Predictor, stretches: list[Stretch]) -> list[Stretch]:
+    """Stretches without the power of effects that the model has already."""
+    if not isinstance(model, Augmented):
+        return stretches
+    known = [model.known(signals_of(model, s), len(s.P)) for s in stretches]
+    return [
+        replace(s, P=s.P - model.effects(padded(s.q, RADIUS), signals, s.start_s))
+        for s, signals in zip(stretches, known, strict=True)
+    ]
 
 
 def rms(errors: list[Floats]) -> float:

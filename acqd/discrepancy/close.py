@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from acqd.discrepancy.augment import Added, added, clock_term, errors_of, rms
+from acqd.discrepancy.augment import Added, added, clock_term, errors_of, rms, without_known
 from acqd.discrepancy.delay import Delay, corrected, find_delay
 from acqd.discrepancy.design import Design
 from acqd.discrepancy.improve import Improved, improve
@@ -58,12 +58,17 @@ def close_loop(order: CloseOrder, progress: Callable[[str, float], None]) -> Clo
     notes = list(subject.notes)
     held_out = subject.held_out
     errors_before = errors_of(subject.model, held_out)
-    delay, subject = _without_delay(subject)
+    delay, unexplained = _without_delay(_without_known(subject))
     progress("computing what every effect would do", 0.0)
     design, model, gates = prepare(
-        subject.carrier, subject.robot, subject.fit, subject.reference, set(subject.chosen), set(subject.withheld),
+        subject.carrier,
+        subject.robot,
+        unexplained.fit,
+        unexplained.reference,
+        set(subject.chosen),
+        set(subject.withheld),
         lambda share: progress("computing what every effect would do", share),
-    )  # fmt: skip
+    )
     tracing = trace(design, model, gates, Limits(order.max_effects, order.seed), lambda what: progress(what, 0.0))
     assert tracing.model is not None
     found: list[Added] = [clock_term(delay)] if delay is not None else []
@@ -81,6 +86,12 @@ def close_loop(order: CloseOrder, progress: Callable[[str, float], None]) -> Clo
         subject, tracing, design, improved, before, after, errors_before, floor, where,
         reference_rmse, joint_level(subject), _verdict(tracing, improved), notes,
     )  # fmt: skip
+
+
+def _without_known(subject: Subject) -> Subject:
+    """Effects that the model has already are taken out of the power: only what is left is looked at."""
+    fit, reference = without_known(subject.model, subject.fit), without_known(subject.model, subject.reference)
+    return replace(subject, fit=fit, reference=reference)
 
 
 def _without_delay(subject: Subject) -> tuple[Delay | None, Subject]:

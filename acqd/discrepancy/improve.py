@@ -32,7 +32,7 @@ class Improved:
     def model(self, subject: Subject) -> Predictor:
         """With the effects as terms."""
         terms = [each.term for each in self.kept if not each.restored]
-        return Augmented(self.base, subject.carrier, terms) if terms else self.base
+        return Augmented.of(self.base, subject.carrier, terms)
 
 
 def improve(subject: Subject, found: list[Added], errors_before: list[Floats], seed: int) -> Improved:
@@ -55,7 +55,7 @@ def improve(subject: Subject, found: list[Added], errors_before: list[Floats], s
 
 def _share(base: Predictor, each: Added, subject: Subject) -> float:
     """How much of an effect a network has not learned by itself already."""
-    alone = Augmented(base, subject.carrier, [each.term])
+    alone = Augmented.of(base, subject.carrier, [each.term])
     both = zip(predictions(alone, subject.fit), predictions(base, subject.fit), strict=True)
     power = np.concatenate([with_effect - without for with_effect, without in both])
     error = np.concatenate(errors_of(base, subject.fit))

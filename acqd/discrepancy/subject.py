@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -63,8 +63,8 @@ def subject_of(order: CloseOrder, progress: Callable[[str, float], None]) -> Sub
         raise UserError(f"{order.dataset} has rows of {data.step_s} s, the model of {model.step_s} s; build it anew")
     robot = load_description(order.robot or about["description"])
     notes: list[str] = []
-    trained_on = set(about["provenance"]["fit_recordings"]) | set(about["provenance"]["validation_recordings"])
-    same = data.digest == about["provenance"]["manifest_sha256"]
+    trained_on, digest = _seen(about["provenance"])
+    same = data.digest == digest
     unseen = [s for s in data.stretches if not (same and s.recording in trained_on)]
     recordings = {stretch.recording for stretch in data.stretches}
     seconds = sum(len(stretch.P) for stretch in data.stretches) * data.step_s
@@ -95,6 +95,13 @@ def subject_of(order: CloseOrder, progress: Callable[[str, float], None]) -> Sub
     )  # fmt: skip
 
 
+def _seen(provenance: dict[str, Any]) -> tuple[set[str], str]:
+    """Recordings that the model was last fitted on, and the hash of their dataset's manifest."""
+    if "closed_manifest_sha256" in provenance:
+        return set(provenance["closed_fit_recordings"]), provenance["closed_manifest_sha256"]
+    return set(provenance["fit_recordings"]) | set(provenance["validation_recordings"]), provenance["manifest_sha256"]
+
+
 def _chosen(order: CloseOrder) -> frozenset[str]:
     known = library()
     for name in (*order.only, *order.exclude):
@@ -115,9 +122,16 @@ def _set_aside(
         {s.recording for s in unseen}, key=lambda n: min(s.start_s for s in unseen if s.recording == n)
     )
     every = round(1 / _SPARED) if len(names_in_time) >= _FEWEST_TO_SPARE else 4
-    first = int(np.random.default_rng(seed).integers(every))
+    starts = np.random.default_rng(seed).permutation(every)
+    first = max(starts, key=lambda start: _switching(unseen, set(names_in_time[start::every])))
     names = set(names_in_time[first::every])
     return [s for s in unseen if s.recording not in names], [s for s in unseen if s.recording in names]
+
+
+def _switching(stretches: list[Stretch], names: set[str]) -> float:
+    """How much of what signals switch is in some recordings: an effect that never acts there cannot be judged there."""
+    chosen = [stretch for stretch in stretches if stretch.recording in names]
+    return sum(float(np.abs(np.diff(values)).sum()) for stretch in chosen for values in stretch.signals.values())
 
 
 def _carrier(

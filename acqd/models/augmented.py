@@ -90,6 +90,13 @@ class Augmented(Predictor):
         needed |= {"tool"} if any("tool" in term.where for term in terms) else set()
         self.signals = (*base.signals, *sorted(needed - set(base.signals)))
 
+    @classmethod
+    def of(cls, base: Predictor, carrier: GreyBox, terms: list[Term]) -> Predictor:
+        """`base` with more terms, beside those that it may have already."""
+        if isinstance(base, Augmented):
+            return cls(base.base, base.carrier, [*base.terms, *terms])
+        return cls(base, carrier, terms) if terms else base
+
     def without(self, identity: str) -> Augmented:
         """The same with one effect taken away."""
         return Augmented(self.base, self.carrier, [term for term in self.terms if term.id != identity])

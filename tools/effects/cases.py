@@ -225,6 +225,8 @@ def _acting_rms(with_effect: tuple[Floats, Floats], without: tuple[Floats, Float
     hidden = with_effect[1][:size]
     if np.abs(hidden).max() < 1e-6:
         hidden = with_effect[0][:size] - without[0][:size]
+    if np.abs(hidden).max() < 1e-9:
+        return 0.0
     acting = np.abs(hidden) > 0.05 * np.abs(hidden).max()
     return float(np.sqrt((hidden[acting] ** 2).mean()))
 
