@@ -248,7 +248,11 @@ def contact_power(scene, newton):
 COMMON = {"payload", "coulomb_friction", "offset_shift", "copper_loss", "clock_offset", "brake_holding"}
 
 
-@pytest.mark.parametrize("name", sorted(INDEPENDENT))
+QUICK = {"payload", "coulomb_friction", "copper_loss", "brake_release", "thermostat", "line_voltage", "gear_ripple"}
+slow = pytest.mark.skipif("ACQD_SLOW" not in os.environ, reason="takes minutes: ACQD_SLOW=1 make test")
+
+
+@pytest.mark.parametrize("name", [n if n in QUICK else pytest.param(n, marks=slow) for n in sorted(INDEPENDENT)])
 def test_an_effect_that_was_made_otherwise_is_named_first(name, model, robot):
     count = 14 if name in ("thermostat", "process_load", "mechanical_power") else 7
     only = COMMON | {name, *library()[name].neighbours}
@@ -256,6 +260,7 @@ def test_an_effect_that_was_made_otherwise_is_named_first(name, model, robot):
     assert [named.id for named in tracing.found][:1] == [name], (tracing.verdict, tracing.looked_at[:3])
 
 
+@slow
 def test_parameters_come_back(model, robot):
     _, tracing = traced(model, robot, INDEPENDENT["coulomb_friction"], only=COMMON)
     assert tracing.found[0].finding.candidate.label == "joint 2"
@@ -292,7 +297,7 @@ def test_two_effects_are_both_named(model, robot):
 
 def test_an_onset_within_the_dataset_is_found(model, robot):
     fresh = [recording(model, k, added_payload if k >= 7 else None, seed=2) for k in range(14)]
-    design, competing, gates = prepare(model, robot, fresh, [], set(library()), set(), lambda _: None)
+    design, competing, gates = prepare(model, robot, fresh, [], COMMON, set(), lambda _: None)
     tracing = trace(design, competing, gates, Limits(), lambda _: None)
     assert tracing.found[0].id == "payload"
     assert tracing.found[0].gate.begin == "r_2_07"
@@ -356,6 +361,7 @@ def test_quality_of_white_and_of_foreseeable_residuals():
     assert quality([np.cumsum(random.normal(0, 1, 5000))]).whiteness > 0.8
 
 
+@slow
 def test_derived_candidates_leave_the_residual_of_known_levels(model, robot):
     design, tracing = traced(model, robot, thermostat, count=14, only={"thermostat", "process_load"})
     left = np.concatenate([each for k, each in enumerate(residuals_of(design, tracing.model)) if k >= 14])
@@ -501,6 +507,7 @@ def test_the_same_seed_gives_the_same_report(closed):
     assert {k: v for k, v in second.items() if k != "out"} == {k: v for k, v in report.items() if k != "out"}
 
 
+@slow
 def test_only_and_exclude(closed):
     folder, _ = closed
     common = ("close-loop", folder / "now" / "ds", "--model", folder / "model", "--json", "--out")
