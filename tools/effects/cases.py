@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 
 from acqd.dataset.build import BuildOrder, build
-from acqd.lab.assembly import Assembly
 from acqd.lab.cell import build_cell
 from acqd.lab.effects import EffectOrder, known_effects
 from acqd.lab.generate import draw, write
@@ -264,16 +263,6 @@ def _dataset(world: World, folders: Folders, settings: CampaignSettings, *, test
         lag = _CLOCK_OFFSET_S if clocks else None
         build(BuildOrder(str(rows), folders.out / "logs", out, settings.robot, lag_s=lag), lambda *_: None)
     return out
-
-
-def usable(robot: str) -> bool:
-    """Whether the robot can do the assembly."""
-    cell = build_cell(CampaignSettings(robot=robot))
-    try:
-        Assembly(cell.arm, cell.planner).program(cell.random(0))
-    except Exception:
-        return False
-    return True
 
 
 OUTSIDE_IDS = tuple(cls.id for cls in OUTSIDE)
