@@ -113,7 +113,7 @@ def guarded(
         without = [rms(_errors_with(base, [o for o in kept if o is not each], carrier, held_out)) for each in kept]
         worth = [rmse - rms(errors) for rmse in without]
         if not kept or min(worth) > 0:
-            return kept, [each for each in terms if each not in kept], errors, worth
+            return kept, [each for each in terms if all(each is not other for other in kept)], errors, worth
         kept.pop(int(np.argmin(worth)))
 
 

@@ -84,7 +84,6 @@ class Tracing:
     """Base and everything found."""
     looked_at: list[Finding] = field(default_factory=list)
     """The last ranking, in which nothing was credible."""
-    notes: list[str] = field(default_factory=list)
 
 
 @dataclass(frozen=True, slots=True)

@@ -36,7 +36,7 @@ def write_all(order: CloseOrder, closed: Closed) -> None:
 
 
 def augmented_bundle(order: CloseOrder, closed: Closed) -> Bundle:
-    """The model with its effects; what it remembers are the recordings that it was closed on."""
+    """The model with its effects; if there are any, it remembers the recordings that it was closed on."""
     subject = closed.subject
     about = dict(subject.bundle.about)
     arrays = dict(subject.bundle.arrays)
@@ -57,6 +57,9 @@ def augmented_bundle(order: CloseOrder, closed: Closed) -> Bundle:
         *({"name": name, "unit": "V" if name == "Vrms" else "0/1"} for name in improved.signals if name not in known),
     ]
     about["look_ahead_rows"] = improved.radius
-    about["provenance"] = about["provenance"] | provenance(order, closed)
+    if closed.kept:
+        about["provenance"] = about["provenance"] | provenance(order, closed)
     about["loop"] = {"before": closed.before.as_json(), "after": closed.after.as_json(), "verdict": closed.verdict}
-    return Bundle(about, arrays, reference_arrays([*subject.held_out, *subject.fit]))
+    # what was not explained must stay a change: only a model that has taken it up may forget how things were
+    remembered = [*subject.held_out, *subject.fit] if closed.kept else subject.reference or subject.fit
+    return Bundle(about, arrays, reference_arrays(remembered))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -122,7 +122,11 @@ class Augmented(Predictor):
         if not self.terms:
             return np.zeros(len(signals))
         scene = self._scene(q, signals, start_s)
-        powers = [term.rows(scene) for term in self.terms]
+        powers = []
+        for term in self.terms:
+            if start_s is not None and "origin_s" in term.shape:  # every term has a clock of its own
+                scene.memory["origin_s"] = term.shape["origin_s"]
+            powers.append(term.rows(scene))
         if start_s is not None:  # an effect that began later was not there before
             t = start_s + self.step_s * np.arange(scene.rows)
             powers = [
@@ -134,11 +138,7 @@ class Augmented(Predictor):
     def _scene(self, q: Floats, signals: Floats, start_s: float | None) -> Scene:
         named = dict(zip(self.signals, signals.T, strict=True))
         volts = named.pop("Vrms", None)
-        scene = make_scene(self.carrier, q, named, start_s or 0.0, volts)
-        origins = [term.shape["origin_s"] for term in self.terms if "origin_s" in term.shape]
-        if start_s is not None and origins:
-            scene.memory["origin_s"] = origins[0]
-        return scene
+        return make_scene(self.carrier, q, named, start_s or 0.0, volts)
 
     def _base_rows(self, q: Floats, signals: Floats) -> Floats:
         return self.base.run(q, signals[:, : len(self.base.signals)])
@@ -160,8 +160,3 @@ class Augmented(Predictor):
         told = np.array([row for _, row in state.recent])[len(before) - len(own) :]
         angles = np.concatenate([past, own, window[middle + 1 : middle + 1 + RADIUS]])
         return base + float(self.effects(angles, told, None)[-1])
-
-
-def with_origin(term: Term, origin_s: float) -> Term:
-    """A term that follows the clock, told when its clock began."""
-    return replace(term, shape={**term.shape, "origin_s": origin_s})
