@@ -43,6 +43,9 @@ def augmented_bundle(order: CloseOrder, closed: Closed) -> Bundle:
     base, improved = closed.improved.base, closed.improved.model(subject)
     if isinstance(base, GreyBox):
         arrays |= arrays_of(base)
+        if base is not subject.model and "parameters" in about:  # intervals of the old fit are not those of the new one
+            names = zip(base.layout.names(), base.values, strict=True)
+            about["parameters"] = [{"name": n, "value": float(v), "unit": u, "ci95": None} for (n, u), v in names]
         restored = {group for each in closed.kept if each.restored for group in DENIABLE[each.term.id]}
         about["withheld"] = sorted(subject.withheld - restored)
     terms = [each.term for each in closed.kept if not each.restored]

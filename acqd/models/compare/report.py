@@ -123,7 +123,7 @@ def _parameters(page: Page, entries: list[Entry]) -> None:
             continue
         page.heading(f"Parameters of {entry.label}")
         rows = [
-            [p["name"], p["value"], p["unit"], f"{p['ci95'][0]:.4g} to {p['ci95'][1]:.4g}"]
+            [p["name"], p["value"], p["unit"], f"{p['ci95'][0]:.4g} to {p['ci95'][1]:.4g}" if p["ci95"] else ""]
             for p in entry.about["parameters"]
             if p["name"].split(".")[0] not in ("Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
         ]
