@@ -25,7 +25,10 @@ class Recording:
     time_ns: NDArray[np.int64]
     """[T] UTC of the power clock, at the middle of each window."""
     columns: dict[str, Floats]
-    """P [W], Vrms [V], q1.. [rad] and whatever else was logged; NaN where unknown."""
+    """P [W], Vrms [V], q1.. [rad] and whatever else was logged; NaN where unknown.
+
+    Signals as the share of each row in which they are on: a meter's window sees no more of them.
+    """
     valid: NDArray[np.bool_]
     """[T]."""
 
@@ -55,7 +58,7 @@ def merge(name: str, log: RobotLog, power: PowerStream, lag_s: float, drift_ppm:
             for axis in range(values.shape[1]):
                 columns[f"{quantity}{axis + 1}"] = resampled(grid, clock, values[rows, axis], step_s)
     for signal, values in log.signals.items():
-        columns[signal] = np.round(resampled(grid, clock, values[rows], step_s))
+        columns[signal] = resampled(grid, clock, values[rows], step_s)
     valid = _near(grid, centres[np.isfinite(P)], _POWER_GAP * power.window_ns * 1e-9) & _near(
         grid, clock, _LOG_GAP_S / 2
     )

@@ -1,6 +1,8 @@
-"""The shape of an effect between the scanned values, and its columns as its parameters have them."""
+"""The shape of an effect between the scanned values, and its columns as large as the effect turned out to be."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -10,10 +12,36 @@ from acqd.discrepancy.design import Candidate, Design, extend, replace_columns
 from acqd.discrepancy.evidence import Model
 from acqd.discrepancy.search import Finding, quick
 from acqd.models.effects import library
-from acqd.models.effects.effect import Variant, effect_rows
+from acqd.models.effects.effect import Effect, Place, Shape, Variant, effect_rows, effect_rows_at
+from acqd.models.effects.scene import Scene
 from acqd.robot.description import Floats
 
 _EVALUATIONS = 7
+_PULLS = 3
+
+
+@dataclass(frozen=True, slots=True)
+class _Columns:
+    """Of one effect at one place, where the gate is open."""
+
+    design: Design
+    effect: Effect
+    place: Place
+    open: frozenset[int]
+    """Stretches."""
+
+    def __call__(self, shape: Shape, theta: Floats | None = None) -> list[Floats]:
+        """Per stretch, W per unit of each parameter; for an effect as large as `theta`, or a very small one."""
+        return [
+            self._rows(scene, shape, theta) if k in self.open else np.zeros((scene.rows, len(self.place.parameters)))
+            for k, scene in enumerate(self.design.scenes)
+        ]
+
+    def _rows(self, scene: Scene, shape: Shape, theta: Floats | None) -> Floats:
+        mix = np.eye(len(self.place.columns)) if self.place.mix is None else self.place.mix
+        if theta is None:
+            return np.asarray(effect_rows(self.effect, scene, shape)[:, list(self.place.columns)] @ mix)
+        return np.asarray(effect_rows_at(self.effect, scene, shape, self.place.columns, mix @ theta) @ mix)
 
 
 def refine(
@@ -23,54 +51,45 @@ def refine(
     candidate = finding.candidate
     assert candidate.variant is not None
     shape = dict(candidate.variant.shape)
-    if derived is not None:
+    if derived is not None and derived.ripple is None:
         return finding, shape
-    effect = library()[candidate.id]
-    place = candidate.variant.place
-    open_ = sorted({part.stretch for part, own in zip(design.parts, gate, strict=True) if own})
-
-    def rows(trial: dict[str, float]) -> list[Floats]:
-        found = []
-        for k, scene in enumerate(design.scenes):
-            if k in open_:
-                columns = effect_rows(effect, scene, trial)[:, list(place.columns)]
-                found.append(columns if place.mix is None else columns @ place.mix)
-            else:
-                found.append(np.zeros((scene.rows, len(place.parameters))))
-        return found
-
+    effect, place = library()[candidate.id], candidate.variant.place
+    open_ = frozenset(part.stretch for part, own in zip(design.parts, gate, strict=True) if own)
+    rows = _Columns(design, effect, place, open_)
     places = extend(design, rows(shape))
     own = Candidate(candidate.id, candidate.label, places, Variant(
         type(place)(place.where, tuple(range(len(places))), place.parameters), tuple(range(len(places))), shape
     ))  # fmt: skip
     if shape and effect.bounds:
-        name, value = next(iter(shape.items()))
-        low, high = _between(effect.shapes, name, value, effect.bounds[name])
-
-        def left(trial: float) -> float:
-            replace_columns(design, places, rows({name: trial}))
+        shape = _searched(design, model, gate, own, rows, finding.drop)
+    found = quick(design, model, gate, [own])
+    for _ in range(_PULLS if effect.by_torque else 0):
+        if found:
+            replace_columns(design, places, rows(shape, found[0].coefficients))
             found = quick(design, model, gate, [own])
-            return -found[0].drop if found else 0.0
+    again = found[0] if found else replace(finding, candidate=own)
+    return replace(
+        finding, candidate=own, coefficients=again.coefficients, drop=again.drop, evidence=again.evidence
+    ), shape
 
-        best = minimize_scalar(left, bounds=(low, high), method="bounded", options={"maxiter": _EVALUATIONS})
-        value = float(best.x) if -best.fun > finding.drop else value
-        replace_columns(design, places, rows({name: value}))
-        shape = {name: value}
-    again = quick(design, model, gate, [own])
-    return (
-        Finding(
-            own,
-            again[0].coefficients,
-            again[0].drop,
-            again[0].evidence,
-            finding.gains,
-            finding.plain,
-            finding.acting,
-            finding.consistency,
-            finding.surprise,
-        ),
-        shape,
-    )
+
+def _searched(
+    design: Design, model: Model, gate: Floats, own: Candidate, rows: _Columns, drop: float
+) -> dict[str, float]:
+    """The shape that explains most; the candidate's columns are left as that shape has them."""
+    assert own.variant is not None
+    name, value = next(iter(own.variant.shape.items()))
+    low, high = _between(rows.effect.shapes, name, value, rows.effect.bounds[name])
+
+    def left(trial: float) -> float:
+        replace_columns(design, own.places, rows({name: trial}))
+        found = quick(design, model, gate, [own])
+        return -found[0].drop if found else 0.0
+
+    best = minimize_scalar(left, bounds=(low, high), method="bounded", options={"maxiter": _EVALUATIONS})
+    shape = {name: float(best.x) if -best.fun > drop else value}
+    replace_columns(design, own.places, rows(shape))
+    return shape
 
 
 def _between(shapes: tuple[object, ...], name: str, value: float, bounds: tuple[float, float]) -> tuple[float, float]:

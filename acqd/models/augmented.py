@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from acqd.models.effects import library
-from acqd.models.effects.effect import Place, effect_rows
+from acqd.models.effects.effect import Place, effect_rows_at
 from acqd.models.effects.scene import RADIUS, Scene, make_scene
 from acqd.models.features import padded
 from acqd.models.greybox.model import GreyBox
@@ -41,7 +41,8 @@ class Term:
 
     def rows(self, scene: Scene) -> Floats:
         """[T] W."""
-        return effect_rows(library()[self.id], scene, self.shape)[:, list(self.columns)] @ self.coefficients
+        effect = library()[self.id]
+        return effect_rows_at(effect, scene, self.shape, self.columns, self.coefficients) @ self.coefficients
 
     def as_json(self) -> dict[str, Any]:
         """For bundle.json."""
@@ -88,6 +89,7 @@ class Augmented(Predictor):
         needed = {name for term in terms for name in library()[term.id].needs}
         needed |= {"brake"} if any(term.id == "brake_release" for term in terms) else set()
         needed |= {"tool"} if any("tool" in term.where for term in terms) else set()
+        needed |= set(carrier.signals) if terms else set()
         self.signals = (*base.signals, *sorted(needed - set(base.signals)))
 
     @classmethod
@@ -103,7 +105,8 @@ class Augmented(Predictor):
 
     def usual_signals(self) -> Floats:
         """See Predictor."""
-        usual = dict(zip(self.base.signals, self.base.usual_signals(), strict=True))
+        usual = dict(zip(self.carrier.signals, self.carrier.usual_signals(), strict=True))
+        usual |= dict(zip(self.base.signals, self.base.usual_signals(), strict=True))
         return np.array([usual.get(name, 230.0 if name == "Vrms" else 0.0) for name in self.signals])
 
     def sequence(self, q: Floats, signals: Floats | None = None, start_s: float | None = None) -> Floats:

@@ -72,6 +72,8 @@ class Effect(ABC):
     """Signals or channels without which it cannot be seen."""
     stage: ClassVar[Literal["load", "meter"]] = "load"
     """Whether the supply's lag comes after it (columns [SUB T, k]) or not ([T, k])."""
+    by_torque: ClassVar[bool] = False
+    """Whether it is a torque at the motors, so that its power also has a part that grows with its square."""
     structural: ClassVar[bool] = True
     """Whether it is something that a model may lack from the start, in every recording alike."""
 
@@ -126,6 +128,29 @@ def effect_rows(effect: Effect, scene: Scene, shape: Shape | None = None) -> Flo
     if effect.stage == "meter" or not columns.shape[1]:
         return columns[: scene.rows]
     return averaged(Lag(float(scene.model.group("lag")[0]), scene.step_s).run(columns))
+
+
+def effect_rows_at(
+    effect: Effect, scene: Scene, shape: Shape, columns: tuple[int, ...], coefficients: Floats
+) -> Floats:
+    """[T, k] W per unit parameter of some columns, such that times `coefficients` it is the power exactly there."""
+    chosen = list(columns)
+    if effect.by_torque:
+        scene = scene.pulled(_torque(effect, scene, shape, chosen, coefficients))
+    return effect_rows(effect, scene, shape)[:, chosen]
+
+
+def _torque(effect: Effect, scene: Scene, shape: Shape, columns: list[int], coefficients: Floats) -> Floats:
+    """[N, axes] Nm."""
+    memory = dict(scene.memory)
+    found = []
+    for joint in range(scene.axes):
+        scene.memory.clear()
+        scene.memory.update(memory)
+        found.append(effect.at(scene.alone(joint), shape)[:, columns] @ coefficients)
+    scene.memory.clear()
+    scene.memory.update(memory)
+    return np.column_stack(found)
 
 
 def per_joint(

@@ -17,6 +17,7 @@ class CoulombFriction(Effect):
     """Dry friction."""
 
     id = "coulomb_friction"
+    by_torque = True
     about = "dry friction of a gear or bearing is higher (or lower) than the model has it"
     equation = "tau = F sign(qd)"
     neighbours = ("viscous_friction", "load_dependent_friction", "stribeck_friction")
@@ -35,6 +36,7 @@ class ViscousFriction(Effect):
     """Friction in proportion to speed."""
 
     id = "viscous_friction"
+    by_torque = True
     about = "friction that grows with speed is higher (or lower): another grease, another temperature"
     equation = "tau = D qd"
     neighbours = ("thermal_friction", "coulomb_friction", "copper_loss")
@@ -53,6 +55,7 @@ class StribeckFriction(Effect):
     """More friction near standstill."""
 
     id = "stribeck_friction"
+    by_torque = True
     about = "extra friction near standstill that dies out with speed"
     equation = "tau = F exp(-(qd / v)^2) sign(qd)"
     neighbours = ("coulomb_friction", "clock_offset")
@@ -73,6 +76,7 @@ class LoadDependentFriction(Effect):
     """Friction in proportion to the transmitted torque."""
 
     id = "load_dependent_friction"
+    by_torque = True
     about = "gear friction grows with the torque that the gear transmits"
     equation = "tau = k |tau_load| sign(qd)"
     neighbours = ("mechanical_power", "coulomb_friction", "copper_loss")
@@ -91,6 +95,7 @@ class ThermalFriction(Effect):
     """Viscous friction that goes away as gears warm up."""
 
     id = "thermal_friction"
+    by_torque = True
     about = "friction of cold gears that falls while the arm works"
     equation = "tau = D exp(-t_moving / T) qd"
     neighbours = ("viscous_friction",)
@@ -133,6 +138,7 @@ class GearRipple(Effect):
     """Torque periodic in the gear's angle."""
 
     id = "gear_ripple"
+    by_torque = True
     about = "torque that comes and goes with the angle of one joint: an eccentric wave generator, a worn tooth"
     equation = "tau = A sin(n q) + B cos(n q)"
     neighbours = ("gravity_bias",)

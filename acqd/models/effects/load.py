@@ -21,23 +21,25 @@ def pressed(scene: Scene) -> Floats:
 
 def _frames(scene: Scene) -> Frames:
     """Computed once a scene."""
-    if "frames" not in scene.computed:
-        scene.computed["frames"] = frames(scene.model.chain, scene.q)
-    found: Frames = scene.computed["frames"]
+    if "frames" not in scene.moved:
+        scene.moved["frames"] = frames(scene.model.chain, scene.q)
+    found: Frames = scene.moved["frames"]
     return found
 
 
 def _power(scene: Scene, torque: Floats) -> Floats:
-    """[N] W that an additional torque at the motors takes, to first order."""
+    """[N] W that an additional torque at the motors takes (by the scene's power per torque)."""
     return np.asarray((scene.steer * torque).sum(axis=1))
 
 
 def _carried(scene: Scene, reach_m: float) -> Floats:
     """[N] W of 1 kg so far beyond the flange: its inertial parameters are a polynomial of the reach."""
-    if "carried" not in scene.computed:
+    if "bodies" not in scene.moved:
         chain = scene.model.chain
         samples = [_point_mass(chain.beyond_flange(reach)) for reach in (-1.0, 0.0, 1.0)]
-        powers = [_power(scene, _torque(scene, body)) for body in samples]
+        scene.moved["bodies"] = [_torque(scene, body) for body in samples]
+    if "carried" not in scene.computed:
+        powers = [_power(scene, torque) for torque in scene.moved["bodies"]]
         scene.computed["carried"] = (powers[1], (powers[2] - powers[0]) / 2, (powers[2] + powers[0]) / 2 - powers[1])
     constant, linear, square = scene.computed["carried"]
     return np.asarray(constant + reach_m * linear + reach_m**2 * square)
@@ -60,6 +62,7 @@ class Payload(Effect):
     """A body at the flange."""
 
     id = "payload"
+    by_torque = True
     about = "the arm carries a mass that the model does not know"
     equation = "tau = m Y(q, qd, qdd; centre of mass)"
     neighbours = ("gravity_bias", "copper_loss")
@@ -83,6 +86,7 @@ class GravityBias(Effect):
     """Weight on a link, or a spring: hoses, a dress pack, a counterweight gone missing."""
 
     id = "gravity_bias"
+    by_torque = True
     about = "one link is heavier (or lighter) than the model has it: hoses, a dress pack, a cover gone"
     equation = "tau = m g(q; link)"
     neighbours = ("payload",)

@@ -6,14 +6,14 @@ stops or turns round, and those errors look like brakes and Stribeck friction.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from scipy.signal import lfilter
 
 from acqd.models.features import padded
-from acqd.models.greybox.model import GreyBox, lag_filter
+from acqd.models.greybox.model import SMALL_TORQUE, GreyBox, lag_filter, magnitude
 from acqd.robot.description import Floats
 
 SUB = 4
@@ -97,6 +97,8 @@ class Scene:
     """What effects with a state keep from one row to the next."""
     computed: dict[str, Any] = field(default_factory=dict)
     """What several effects need, computed by the first of them."""
+    moved: dict[str, Any] = field(default_factory=dict)
+    """The same, of motion alone: holds whatever the power per torque."""
 
     @property
     def rows(self) -> int:
@@ -113,6 +115,25 @@ class Scene:
         """Between fine points."""
         return self.step_s / SUB
 
+    def pulled(self, torque: Floats) -> Scene:
+        """The same with the mean power per torque [W/Nm] on the way to `torque` [N, axes] Nm more at the motors.
+
+        Losses grow with the square of torque: what 4 kg take is not twice what 2 kg take.
+        """
+        loss = motor_loss(self.model, self.tau + torque) - motor_loss(self.model, self.tau)
+        small = (np.abs(torque) < 1e-6) | (self.steer == 0.0)  # at nought where the brakes hold the arm
+        secant = self.model.group("gain")[0] * self.qd + loss / np.where(small, 1.0, torque)
+        return replace(self, steer=np.where(small, self.steer, secant), computed={})
+
+    def alone(self, joint: int) -> Scene:
+        """The same with 1 W/Nm at one joint: what an effect that is a torque gives here is that torque."""
+        return replace(self, steer=np.zeros_like(self.steer) + (np.arange(self.axes) == joint), computed={})
+
+
+def motor_loss(model: GreyBox, tau: Floats) -> Floats:
+    """[N, axes] W lost between mains and motor at torques [N, axes] Nm."""
+    return np.asarray(tau**2 * model.group("copper") + magnitude(tau) * model.group("conduction"))
+
 
 def make_scene(
     model: GreyBox,
@@ -127,11 +148,12 @@ def make_scene(
     step_s = model.step_s
     qf, qd, qdd = fine_motion(q, step_s)
     rows = len(q) - 2 * RADIUS
-    rigid, motor = model.motor_torque(qf, qd, qdd)
+    switches = {name: fine_switch(values) for name, values in signals.items()}
+    on = np.reshape(model.drives_on(switches), (-1, 1))
+    rigid, motor = (on * torque for torque in model.motor_torque(qf, qd, qdd))
     gain, copper, conduction = (model.group(name) for name in ("gain", "copper", "conduction"))
-    steer = gain[0] * qd + 2 * copper * motor + conduction * motor / np.hypot(motor, 0.5)
-    drives = gain[0] * (motor * qd).sum(axis=1) + (motor**2) @ copper
-    drives += (np.sqrt(motor**2 + 0.25) - 0.5) @ conduction
+    steer = on * (gain[0] * qd + 2 * copper * motor + conduction * motor / np.hypot(motor, SMALL_TORQUE))
+    drives = gain[0] * (motor * qd).sum(axis=1) + motor_loss(model, motor).sum(axis=1)
     lag = lag or Lag(float(model.group("lag")[0]), step_s)
     metered = averaged(lag.run(drives)) + float(model.group("standby")[0])
     for name, weight in zip(model.signals, model.group("signals"), strict=True):
@@ -139,9 +161,17 @@ def make_scene(
     t = start_s + ((np.arange(rows * SUB) + 0.5) / SUB - 0.5) * step_s
     return Scene(
         step_s, t, qf, qd, qdd, rigid, motor, steer, model, drives, metered,
-        {name: np.repeat(values, SUB) for name, values in signals.items()},
-        volts, None if temperature is None else np.repeat(temperature, SUB, axis=0),
+        switches, volts, None if temperature is None else np.repeat(temperature, SUB, axis=0),
     )  # fmt: skip
+
+
+def fine_switch(share: Floats) -> Floats:
+    """[SUB T] 0/1 from the share [T] of each row in which a signal is on: it switches once within a row."""
+    after, before = np.append(share[1:], share[-1:]), np.append(share[:1], share[:-1])
+    rising = (after > before)[:, None]
+    points = (np.arange(SUB) + 0.5) / SUB
+    on = np.where(rising, points > 1 - share[:, None], points < share[:, None])
+    return np.asarray(on.ravel(), dtype=np.float64)
 
 
 def scene_of(

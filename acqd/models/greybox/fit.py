@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from acqd.models.data import SIGNALS, Stretch
 from acqd.models.features import motion
-from acqd.models.greybox.model import GreyBox, direction, lagged, magnitude
+from acqd.models.greybox.model import SMALL_TORQUE, GreyBox, direction, lagged, magnitude
 from acqd.models.greybox.parameters import Layout, Prior, prior
 from acqd.robot.arm import Arm
 from acqd.robot.description import Floats, RobotDescription
@@ -144,17 +144,18 @@ def _jacobian(model: GreyBox, part: _Part) -> tuple[Floats, Floats]:
     J = np.zeros((len(part.P), layout.size))
     sign = direction(part.qd)
     _, motor = model.motor_torque(part.q, part.qd, part.qdd)
-    steer = 2 * model.group("copper") * motor + model.group("conduction") * motor / np.hypot(motor, 0.5)
-    pull = gain * part.qd + steer  # dP/d(torque): mechanical power and losses
+    on = np.reshape(model.drives_on(dict(zip(layout.signals, part.signals.T, strict=True))), (-1, 1))
+    steer = 2 * model.group("copper") * motor + model.group("conduction") * motor / np.hypot(motor, SMALL_TORQUE)
+    pull = on * (gain * part.qd + steer)  # dP/d(torque): mechanical power and losses
     J[:, layout.place("inertial")] = np.einsum("tjk,tj->tk", part.Y, pull, optimize=True)
     J[:, layout.place("rotor")] = pull * part.qdd
     J[:, layout.place("coulomb")] = pull * sign
     J[:, layout.place("viscous")] = pull * part.qd
-    J[:, layout.place("copper")] = motor * motor
-    J[:, layout.place("conduction")] = magnitude(motor)
-    J[:, layout.place("gain")] = (motor * part.qd).sum(axis=1, keepdims=True)
-    now = gain * J[:, layout.place("gain")][:, 0] + (motor * motor) @ model.group("copper")
-    now += magnitude(motor) @ model.group("conduction")
+    J[:, layout.place("copper")] = on * motor * motor
+    J[:, layout.place("conduction")] = on * magnitude(motor)
+    J[:, layout.place("gain")] = on * (motor * part.qd).sum(axis=1, keepdims=True)
+    now = gain * J[:, layout.place("gain")][:, 0] + J[:, layout.place("copper")] @ model.group("copper")
+    now += J[:, layout.place("conduction")] @ model.group("conduction")
     moved = lagged(J, lag, step_s)
     faster, slower = max(lag - _LAG_STEP_S, 0.0), lag + _LAG_STEP_S
     difference = lagged(now, slower, step_s) - lagged(now, faster, step_s)

@@ -1,13 +1,15 @@
 """Power of an arm as a sum of physical terms, each of them addressable.
 
-    P = standby + signals + lag{ gain (rigid body + rotors + Coulomb + viscous) + copper + conduction }
+    P = standby + signals + lag{ on [gain (rigid body + rotors + Coulomb + viscous) + copper + conduction] }
 
 Motor torque is that of the rigid body, the rotors and friction together; copper loss goes with its square, the
-inverters' conduction loss with its magnitude. The lag is the supply's, first order.
+inverters' conduction loss with its magnitude. The lag is the supply's, first order. `on` is the brake signal, where
+there is one: while the brakes are closed, they hold the arm and the drives carry nothing.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +23,7 @@ from acqd.robot.newton_euler import Chain, joint_torque
 
 SIGN_SPEED = 0.02
 """rad/s within which dry friction turns round."""
-_SMALL_TORQUE = 0.5  # Nm within which the magnitude of a torque is rounded off
+SMALL_TORQUE = 0.5  # Nm within which the magnitude of a torque is rounded off
 TERMS = ("rigid_body", "rotor", "coulomb", "viscous", "copper", "conduction")
 
 
@@ -32,7 +34,7 @@ def direction(qd: Floats) -> Floats:
 
 def magnitude(tau: Floats) -> Floats:
     """|tau|, smooth through zero."""
-    return np.asarray(np.sqrt(tau * tau + _SMALL_TORQUE**2) - _SMALL_TORQUE)
+    return np.asarray(np.sqrt(tau * tau + SMALL_TORQUE**2) - SMALL_TORQUE)
 
 
 def lag_filter(lag_s: float, step_s: float) -> tuple[Floats, Floats]:
@@ -77,7 +79,7 @@ class GreyBox(Predictor):
 
     def terms(self, q: Floats, signals: Floats) -> dict[str, Floats]:
         """[T] W of each term at the mains, for angles [T + 2, axes]; they add up to the prediction."""
-        found = {name: lagged(value, self._lag, self.step_s) for name, value in self._undelayed(q).items()}
+        found = {name: lagged(value, self._lag, self.step_s) for name, value in self._undelayed(q, signals).items()}
         found["signals"] = signals @ self.group("signals")
         found["standby"] = np.full(len(signals), self.group("standby")[0])
         return found
@@ -92,7 +94,7 @@ class GreyBox(Predictor):
 
     def step(self, state: _State, window: Floats, signals: Floats) -> float:
         """See Predictor."""
-        now = float(sum(value[0] for value in self._undelayed(window).values()))
+        now = float(sum(value[0] for value in self._undelayed(window, signals[None]).values()))
         if state.before is None:
             state.lagged = now
         else:
@@ -111,11 +113,16 @@ class GreyBox(Predictor):
         friction = self.group("coulomb") * direction(qd) + self.group("viscous") * qd
         return tau, tau + self.group("rotor") * qdd + friction
 
-    def _undelayed(self, q: Floats) -> dict[str, Floats]:
+    def drives_on(self, signals: Mapping[str, Floats]) -> Floats | float:
+        """[T] share of each row in which the drives carry the arm; 1 for a model that was fitted without brakes."""
+        return signals["brake"] if "brake" in self.signals and "brake" in signals else 1.0
+
+    def _undelayed(self, q: Floats, signals: Floats) -> dict[str, Floats]:
         qd, qdd = derivatives(q, self.step_s)
         tau, motor = self.motor_torque(q[1:-1], qd, qdd)
         gain = self.group("gain")[0]
-        return {
+        on = self.drives_on(dict(zip(self.signals, signals.T, strict=True)))
+        found = {
             "rigid_body": gain * (tau * qd).sum(axis=1),
             "rotor": gain * (qdd * qd) @ self.group("rotor"),
             "coulomb": gain * (direction(qd) * qd) @ self.group("coulomb"),
@@ -123,3 +130,4 @@ class GreyBox(Predictor):
             "copper": (motor * motor) @ self.group("copper"),
             "conduction": magnitude(motor) @ self.group("conduction"),
         }
+        return {name: on * power for name, power in found.items()}
