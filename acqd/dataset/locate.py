@@ -17,6 +17,7 @@ from acqd.dataset.supply import USUAL_LAG_S, Regression, common_regression, supp
 _FURTHER_S = 120.0
 _TIMES_WORSE = 4.0  # unexplained power that contradicts
 _LEAST_REST_W = 0.3
+_CLEARLY = 0.8  # of the power left unexplained, for a recording to stand against the others' clock
 _NONE = Lag(0.0, 0.0, 1.0)
 Method = Literal["clock line", "own", "given", "refused"]
 
@@ -66,6 +67,7 @@ def locate(
     doubtful = [k for k, place in enumerate(located) if place.method != "refused" and not _backed(place)]
     common = common_regression(explained, power, lags) if doubtful else None
     for k in doubtful if common else []:
+        located[k] = _kept_by_others(explained[k], power, located[k], float(middles[k]), line, common)
         located[k] = _contradicted(explained[k], power, located[k], common) or located[k]
     return Alignment(located, line, supply_lag_s)
 
@@ -73,6 +75,22 @@ def locate(
 def _backed(place: Located) -> bool:
     """Whether the recording itself and the others say the same."""
     return place.own.credible and place.method == "clock line"
+
+
+def _kept_by_others(
+    about: Explanation, power: PowerStream, place: Located, middle_s: float, line: ClockLine | None, common: Regression
+) -> Located:
+    """Back on the clock line, unless its own place is clearly better by what motion takes in all other logs.
+
+    One recording alone finds some lag at which its many quantities follow a ripple, say, that no quantity explains.
+    """
+    if line is None or place.method != "own":
+        return place
+    both = overlap(about, power, USUAL_LAG_S, replace(place.own, seconds=place.lag_s))
+    at_line_s = float(line.at(middle_s))
+    if both is None or common.rest(*both.shifted(place.lag_s)) < _CLEARLY * common.rest(*both.shifted(at_line_s)):
+        return place
+    return Located(at_line_s, "clock line", place.own, "its own lag is no better; placed by the other recordings' clock")
 
 
 def _contradicted(about: Explanation, power: PowerStream, place: Located, common: Regression | None) -> Located | None:
