@@ -1,4 +1,4 @@
-"""A folder of results that appears complete or not at all."""
+"""Folders and files of results that appear complete or not at all."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from acqd.errors import OperationError, UserError
@@ -36,6 +36,22 @@ def complete_folder(path: Path) -> Iterator[Path]:
         raise OperationError(f"{path}: {error.strerror}; nothing was left behind") from None
     finally:
         shutil.rmtree(beside, ignore_errors=True)
+
+
+def write_complete(path: Path, content: bytes) -> None:
+    """A file that is the old one or the new one, whatever happens. Raises OperationError."""
+    beside = path.with_name(f".{path.name}.new")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with beside.open("wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        beside.replace(path)
+    except OSError as error:
+        with suppress(OSError):
+            beside.unlink()
+        raise OperationError(f"{path}: {error.strerror}; what was there before is still there") from None
 
 
 def _open_up(folder: Path) -> None:

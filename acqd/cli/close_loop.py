@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any
@@ -14,6 +15,8 @@ from rich.table import Table
 
 from acqd.cli.options import Json
 from acqd.errors import UserError
+
+_TIMES = ["%Y-%m-%dT%H:%M:%S", "%Y-%m-%dT%H:%M:%SZ", "%Y-%m-%d %H:%M:%S", "%Y-%m-%d"]
 
 
 def close_loop(
@@ -28,11 +31,19 @@ def close_loop(
     exclude: Annotated[list[str] | None, typer.Option(help="Effect not to look for.")] = None,
     seed: Annotated[int, typer.Option(help="Same seed, same report.")] = 1,
     robot: Annotated[str | None, typer.Option(help="Description (default the bundle's).")] = None,
+    since: Annotated[
+        datetime | None, typer.Option(help="Leave out recordings that ended before (UTC).", formats=_TIMES)
+    ] = None,
+    watch: Annotated[bool, typer.Option("--watch", help="Stay, and look whenever the dataset has grown.")] = False,
+    every: Annotated[float, typer.Option(min=0.5, help="Seconds between looks (--watch).")] = 5.0,
+    false_alarm: Annotated[
+        float, typer.Option(min=1, help="Recorded hours that one false alarm may come in (--watch).")
+    ] = 200.0,
     json: Json = False,
 ) -> None:
     """Find what a model leaves over, name its cause, add it, report the error before and after.
 
-    Example: acqd close-loop ds --model ds0.models/grey-box-everything-s1
+    Example: acqd close-loop ds --model ds0.models/grey-box-everything-s1 [--watch]
     """
     missing = [n for n in ("matplotlib", "pyarrow", "scipy", "safetensors", "pinocchio") if find_spec(n) is None]
     if missing:
@@ -43,10 +54,16 @@ def close_loop(
     from acqd.discrepancy.report import as_json
     from acqd.discrepancy.write import require_writable, write_all
 
-    folder = out or default_folder(dataset, "loop")
+    folder = out or default_folder(dataset, "watch" if watch else "loop")
+    since_s = None if since is None else since.replace(tzinfo=UTC).timestamp()
     order = CloseOrder(
-        dataset, model, folder, reference, max_effects, tuple(only or ()), tuple(exclude or ()), seed, robot
+        dataset, model, folder, reference, max_effects, tuple(only or ()), tuple(exclude or ()), seed, robot, since_s
     )
+    if watch:
+        from acqd.cli.watch_loop import watch_loop
+
+        watch_loop(order, every, 3600 * false_alarm, json=json)
+        return
     require_writable(folder)
     console = Console(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:

@@ -66,7 +66,9 @@ def locate(
     located = [_decide(lag, float(middle), line) for lag, middle in zip(lags, middles, strict=True)]
     doubtful = [k for k, place in enumerate(located) if place.method != "refused" and not _backed(place)]
     common = common_regression(explained, power, lags) if doubtful else None
-    for k in doubtful if common else []:
+    if common is None:
+        return Alignment(located, line, supply_lag_s)
+    for k in doubtful:
         located[k] = _kept_by_others(explained[k], power, located[k], float(middles[k]), line, common)
         located[k] = _contradicted(explained[k], power, located[k], common) or located[k]
     return Alignment(located, line, supply_lag_s)
@@ -90,7 +92,9 @@ def _kept_by_others(
     at_line_s = float(line.at(middle_s))
     if both is None or common.rest(*both.shifted(place.lag_s)) < _CLEARLY * common.rest(*both.shifted(at_line_s)):
         return place
-    return Located(at_line_s, "clock line", place.own, "its own lag is no better; placed by the other recordings' clock")
+    return Located(
+        at_line_s, "clock line", place.own, "its own lag is no better; placed by the others' clock"
+    )
 
 
 def _contradicted(about: Explanation, power: PowerStream, place: Located, common: Regression | None) -> Located | None:

@@ -21,3 +21,5 @@ class CloseOrder:
     seed: int = 1
     robot: str | None = None
     """Description; None: the bundle's."""
+    since_s: float | None = None
+    """UTC (Unix s); recordings that end before are not looked at."""

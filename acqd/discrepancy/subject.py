@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from typing import Any, Literal
 
 import numpy as np
@@ -21,8 +22,8 @@ from acqd.models.restore import carrier_of, open_model
 from acqd.robot.description import RobotDescription, load_description
 
 Question = Literal["change", "structure"]
-_FEWEST_RECORDINGS = 4
-_LEAST_S = 60.0
+FEWEST_RECORDINGS = 4
+LEAST_S = 60.0
 _FEWEST_TO_SPARE = 12  # recordings before some are set aside
 _SPARED = 0.2
 
@@ -53,7 +54,7 @@ def subject_of(order: CloseOrder, progress: Callable[[str, float], None]) -> Sub
     """Raises UserError, InputError."""
     bundle, model = open_model(order.bundle)
     about = bundle.about
-    data = load_data(order.dataset)
+    data = _since(load_data(order.dataset), order.since_s)
     if data.axes != about["axes"]:
         raise UserError(
             f"{order.dataset} has {data.axes} axes ({data.robot}), the model {about['axes']} ({about['robot']}): "
@@ -63,15 +64,15 @@ def subject_of(order: CloseOrder, progress: Callable[[str, float], None]) -> Sub
         raise UserError(f"{order.dataset} has rows of {data.step_s} s, the model of {model.step_s} s; build it anew")
     robot = load_description(order.robot or about["description"])
     notes: list[str] = []
-    trained_on, digest = _seen(about["provenance"])
+    trained_on, digest = seen_by(about["provenance"])
     same = data.digest == digest
     unseen = [s for s in data.stretches if not (same and s.recording in trained_on)]
     recordings = {stretch.recording for stretch in data.stretches}
     seconds = sum(len(stretch.P) for stretch in data.stretches) * data.step_s
-    if len(recordings) < _FEWEST_RECORDINGS or seconds < _LEAST_S:
+    if len(recordings) < FEWEST_RECORDINGS or seconds < LEAST_S:
         raise UserError(
             f"{order.dataset}: {len(recordings)} recordings of {seconds:.0f} s together are too few to tell an "
-            f"effect from chance; record at least {_FEWEST_RECORDINGS} of a minute each "
+            f"effect from chance; record at least {FEWEST_RECORDINGS} of a minute each "
             "(or cut one long log: dataset build --cut)"
         )
     reference: list[Stretch] = []
@@ -95,7 +96,22 @@ def subject_of(order: CloseOrder, progress: Callable[[str, float], None]) -> Sub
     )  # fmt: skip
 
 
-def _seen(provenance: dict[str, Any]) -> tuple[set[str], str]:
+def _since(data: Data, since_s: float | None) -> Data:
+    """Without recordings that ended before. Raises UserError when none is left."""
+    if since_s is None:
+        return data
+    ends: dict[str, float] = {}
+    for stretch in data.stretches:
+        end = stretch.start_s + len(stretch.P) * data.step_s
+        ends[stretch.recording] = max(ends.get(stretch.recording, end), end)
+    kept = [stretch for stretch in data.stretches if ends[stretch.recording] > since_s]
+    if not kept:
+        last = datetime.fromtimestamp(max(ends.values()), UTC).isoformat(timespec="seconds")
+        raise UserError(f"{data.path}: no recording since then, the last one ends {last}")
+    return replace(data, stretches=kept)
+
+
+def seen_by(provenance: dict[str, Any]) -> tuple[set[str], str]:
     """Recordings that the model was last fitted on, and the hash of their dataset's manifest."""
     if "closed_manifest_sha256" in provenance:
         return set(provenance["closed_fit_recordings"]), provenance["closed_manifest_sha256"]
