@@ -64,13 +64,14 @@ def test_a_change_raises_the_alarm_within_minutes_and_its_onset_is_told(change):
 def test_it_says_so_once_and_goes_on_where_an_earlier_process_stopped():
     random = np.random.default_rng(5)
     base = baseline(random)
-    errors, predicted = recordings(random, 20, level=0.8)
+    calm, changed = recordings(random, 3), recordings(random, 10, level=0.8)
+    errors, predicted = calm[0] + changed[0], calm[1] + changed[1]
     whole, first, second = Monitor(base), Monitor(base), Monitor(base)
     alarm = run(whole, errors, predicted)
     assert alarm is not None
-    assert run(first, errors[:1], predicted[:1]) is None
+    assert run(first, errors[:3], predicted[:3]) is None
     second.restore(json.loads(json.dumps(first.as_json())))
-    assert run(second, errors[1:], predicted[1:], 1e6 + 60) == alarm
+    assert run(second, errors[3:], predicted[3:], 1e6 + 180) == alarm
     assert run(second, errors, predicted) is None  # it stays, and is not raised again
     assert second.alarm == alarm
 
