@@ -92,9 +92,7 @@ def _kept_by_others(
     at_line_s = float(line.at(middle_s))
     if both is None or common.rest(*both.shifted(place.lag_s)) < _CLEARLY * common.rest(*both.shifted(at_line_s)):
         return place
-    return Located(
-        at_line_s, "clock line", place.own, "its own lag is no better; placed by the others' clock"
-    )
+    return Located(at_line_s, "clock line", place.own, "its own lag is no better; placed by the others' clock")
 
 
 def _contradicted(about: Explanation, power: PowerStream, place: Located, common: Regression | None) -> Located | None:

@@ -47,6 +47,11 @@ class Closed:
         return self.improved.kept
 
     @property
+    def named(self) -> list[Added]:
+        """Effects that were found: added, or told of without."""
+        return [*self.improved.kept, *self.improved.told]
+
+    @property
     def errors_after(self) -> list[Floats]:
         """[T] W on the held-out stretches."""
         return self.improved.errors
@@ -81,6 +86,10 @@ def close_loop(order: CloseOrder, progress: Callable[[str, float], None]) -> Clo
     notes += [
         f"{each.term.id} was found but does not help on held-out recordings: not added" for each in improved.refused
     ]
+    notes += [
+        f"{each.term.id} acts at moments that no angle or signal foretells: no model can predict it, none was changed"
+        for each in improved.told
+    ]
     before, after = quality(errors_before), quality(improved.errors)
     return Closed(
         subject, tracing, design, improved, before, after, errors_before, floor, where,
@@ -106,9 +115,9 @@ def _without_delay(subject: Subject) -> tuple[Delay | None, Subject]:
 
 
 def _verdict(tracing: Tracing, improved: Improved) -> str:
-    kept = improved.kept
-    if kept:
-        return "effects_found" if kept[0].confidence >= _SURE else "not_identifiable"
+    named = [*improved.kept, *improved.told]
+    if named:
+        return "effects_found" if named[0].confidence >= _SURE else "not_identifiable"
     if tracing.unknown is not None:
         return "unknown_structure"
     return "not_identifiable" if improved.refused else "nothing_left"

@@ -10,6 +10,7 @@ from acqd.discrepancy.augment import Added, errors_of, guarded, rms, scaled
 from acqd.discrepancy.refit import refitted
 from acqd.discrepancy.subject import Subject
 from acqd.models.augmented import Augmented
+from acqd.models.effects import library
 from acqd.models.greybox.model import GreyBox
 from acqd.models.metrics import predictions
 from acqd.models.predictor import Predictor
@@ -23,6 +24,8 @@ class Improved:
     base: Predictor
     """As it was, or re-fitted."""
     kept: list[Added]
+    told: list[Added]
+    """Found, but at moments that nothing foretells: the report has them, the model has not."""
     refused: list[Added]
     worth: list[float]
     """W RMS on held-out recordings that each kept effect takes away."""
@@ -37,7 +40,7 @@ class Improved:
 
 def improve(subject: Subject, found: list[Added], errors_before: list[Floats], seed: int) -> Improved:
     """Add what was found; keep what helps on the held-out recordings."""
-    unchanged = Improved(subject.model, [], found, [], errors_before)
+    unchanged = Improved(subject.model, [], *_unforeseen(found), [], errors_before)
     if not found:
         return unchanged
     base: Predictor = subject.model
@@ -48,9 +51,17 @@ def improve(subject: Subject, found: list[Added], errors_before: list[Floats], s
     restored, terms = [e for e in found if e.restored], [e for e in found if not e.restored]
     kept, refused, errors, worth = guarded(base, terms, subject.carrier, subject.held_out)
     if rms(errors) >= rms(errors_before) or not restored + kept:
-        return replace(unchanged, refused=found)
+        told, refused = _unforeseen(found)
+        return replace(unchanged, told=told, refused=refused)
     whole = rms(errors_before) - rms(errors)
-    return Improved(base, restored + kept, refused, [whole] * len(restored) + worth, errors)
+    told, refused = _unforeseen(refused)
+    return Improved(base, restored + kept, told, refused, [whole] * len(restored) + worth, errors)
+
+
+def _unforeseen(found: list[Added]) -> tuple[list[Added], list[Added]]:
+    """Effects that no model could predict, and the others."""
+    told = [each for each in found if not library()[each.term.id].foreseen]
+    return told, [each for each in found if library()[each.term.id].foreseen]
 
 
 def _share(base: Predictor, each: Added, subject: Subject) -> float:

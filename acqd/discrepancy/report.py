@@ -37,7 +37,7 @@ def as_json(order: CloseOrder, closed: Closed) -> dict[str, Any]:
         "before": closed.before.as_json(),
         "after": closed.after.as_json(),
         "verdict": closed.verdict,
-        "effects": [_effect(closed, number) for number in range(len(closed.kept))],
+        "effects": [_effect(closed, number) for number in range(len(closed.named))],
         "unexplained": unexplained(closed),
         "question": subject.question,
         "noise_floor_from": closed.floor_where,
@@ -52,9 +52,9 @@ def as_json(order: CloseOrder, closed: Closed) -> dict[str, Any]:
 
 
 def _effect(closed: Closed, number: int) -> dict[str, Any]:
-    each = closed.kept[number]
+    each = closed.named[number]
     after = closed.after.rmse
-    before = after + closed.improved.worth[number]
+    before = after + _worth(closed, number)
     lowest = min(closed.after.rmse, closed.reference_rmse or np.inf)
     explainable = max(closed.before.rmse**2 - lowest**2, 1e-12)
     return {
@@ -67,7 +67,13 @@ def _effect(closed: Closed, number: int) -> dict[str, Any]:
         "rivals": [{"id": name, "confidence": share} for name, share in each.rivals],
         "evidence": described(each),
         "begins": each.begin,
+        "added": number < len(closed.kept),
     }
+
+
+def _worth(closed: Closed, number: int) -> float:
+    """W RMS on held-out recordings; none for what was not added."""
+    return closed.improved.worth[number] if number < len(closed.kept) else 0.0
 
 
 def unexplained(closed: Closed) -> str:
@@ -89,7 +95,7 @@ def unexplained(closed: Closed) -> str:
 def next_steps(closed: Closed) -> list[str]:
     """What to do, most useful first."""
     steps = []
-    for each in closed.kept:
+    for each in closed.named:
         effect = library()[each.term.id]
         near = [name for name, share in each.rivals if share > 0.02] or list(effect.neighbours[:1])
         others = " or ".join(near)
@@ -107,7 +113,7 @@ def write_report(path: Path, order: CloseOrder, closed: Closed) -> None:
     """report.html. Raises UserError."""
     subject = closed.subject
     page = Page(f"What the model leaves over: {order.dataset.name}", simulated=subject.data.measured == "simulated")
-    page.text(VERDICTS[closed.verdict] + (" " + _headline(closed) if closed.kept else ""))
+    page.text(VERDICTS[closed.verdict] + (" " + _headline(closed) if closed.named else ""))
     if subject.data.measured == "derived":
         page.text("The power of this dataset is derived from other measurements, not metered.")
     question = "what has changed since the model was made" if subject.question == "change" else "what the model lacks"
@@ -118,7 +124,7 @@ def write_report(path: Path, order: CloseOrder, closed: Closed) -> None:
     if closed.reference_rmse is not None:
         floor += f"The same model on the recordings that it remembers: {closed.reference_rmse:.2f} W RMS."
     page.text(floor)
-    for number, each in enumerate(closed.kept):
+    for number, each in enumerate(closed.named):
         _tell(page, closed, each, number)
     page.heading("What is left")
     page.text(unexplained(closed))
@@ -147,7 +153,7 @@ def write_report(path: Path, order: CloseOrder, closed: Closed) -> None:
 
 
 def _headline(closed: Closed) -> str:
-    names = "; ".join(f"{each.term.id} ({each.term.where})" for each in closed.kept)
+    names = "; ".join(f"{each.term.id} ({each.term.where})" for each in closed.named)
     return f"{names}. Held-out error {closed.before.rmse:.2f} -> {closed.after.rmse:.2f} W RMS."
 
 
@@ -170,7 +176,11 @@ def _tell(page: Page, closed: Closed, each: Added, number: int) -> None:
     page.text(
         f"Confidence {each.confidence:.0%} (share of resampled sets of recordings in which it explains most); "
         f"rivals: {rivals}. "
-        f"Without it, the held-out RMSE is {closed.improved.worth[number]:.2f} W higher."
+        + (
+            f"Without it, the held-out RMSE is {_worth(closed, number):.2f} W higher."
+            if number < len(closed.kept)
+            else "When it acts cannot be foreseen: it is not part of the model."
+        )
     )
     named = next(
         (n for n in closed.tracing.found if n.id == each.term.id and n.finding.candidate.label == each.term.where), None

@@ -32,6 +32,8 @@ class Finding:
     """[recordings] drop on each recording where it acts, by coefficients from the others."""
     plain: float
     """The same gains together, of the error as it is, not whitened [W^2 rows]."""
+    plain_error: float
+    """Standard error of that, as recordings differ."""
     acting: int
     """Recordings in which it acts."""
     consistency: float
@@ -93,6 +95,7 @@ def rank(design: Design, model: Model, gate: Floats, candidates: list[Candidate]
                 drop - (candidate.size + candidate.cost) * np.log(rows),
                 gains[number],
                 float(plain[number].sum()),
+                float(plain[number].std() * np.sqrt(len(plain[number]))),
                 *_consistency(design, gate, candidate, E @ theta),
                 _surprise(E, S),
             )
@@ -117,7 +120,7 @@ def quick(
             continue
         drop = float(r @ theta)
         evidence = drop - (candidate.size + candidate.cost) * np.log(rows)
-        findings.append(Finding(candidate, theta, drop, evidence, np.empty(0), 0.0, 0, 0.0, 0.0))
+        findings.append(Finding(candidate, theta, drop, evidence, np.empty(0), 0.0, 0.0, 0, 0.0, 0.0))
     return sorted(findings, key=lambda finding: -finding.evidence)
 
 

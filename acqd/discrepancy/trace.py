@@ -29,6 +29,7 @@ _FORESEEN = 0.5
 _RIVAL_MARGIN, _RIVAL_SHARE = 40.0, 0.06
 _ALPHA = 0.02
 _CONSISTENT = 0.6  # of the recordings
+_PLAIN_ERRORS = 2.0  # rare events: their plain gain is lost in the noise of the rows around, but must not be a loss
 _LATER_SHARE = 0.03  # of the first effect's evidence: less is its shape's error
 _NEIGHBOUR_SHARE = 0.12  # and of a neighbour's
 _FEW = 5
@@ -187,7 +188,7 @@ def _credible(design: Design, finding: Finding, limit: float, derived: dict[int,
         and relevant(design, finding)
         and (finding.surprise > limit or _unanimous(finding))
         and finding.held_out > 0
-        and finding.plain > 0
+        and finding.plain > -_PLAIN_ERRORS * finding.plain_error
         and finding.consistency >= _CONSISTENT
     )
 
@@ -220,7 +221,10 @@ def _seen_directly(design: Design, seconds: float) -> bool:
 
 def _unanimous(finding: Finding) -> bool:
     """Nearly every recording where it acts says so: a few loud ones, or few at all, cannot surprise otherwise."""
-    return finding.acting >= _FEW and finding.consistency >= 0.9 and finding.evidence > _DERIVED_EVIDENCE
+    if finding.acting >= _FEW:
+        return finding.consistency >= 0.9 and finding.evidence > _DERIVED_EVIDENCE
+    loud = finding.evidence > 4 * _DERIVED_EVIDENCE and finding.held_out > 0.5 * finding.evidence
+    return finding.acting >= _FEWEST and finding.consistency == 1.0 and loud
 
 
 def _one_each(named: list[Finding], best: Finding) -> list[Finding]:

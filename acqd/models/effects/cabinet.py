@@ -33,6 +33,7 @@ class OffsetShift(Effect):
 class _Switching(Effect):
     """A load that is on or off; only the residual tells when."""
 
+    foreseen = False
     structural = False
 
     def at(self, scene: Scene, shape: Shape) -> Floats:

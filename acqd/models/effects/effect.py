@@ -74,6 +74,8 @@ class Effect(ABC):
     """Whether the supply's lag comes after it (columns [SUB T, k]) or not ([T, k])."""
     by_torque: ClassVar[bool] = False
     """Whether it is a torque at the motors, so that its power also has a part that grows with its square."""
+    foreseen: ClassVar[bool] = True
+    """Whether angles, signals and the clock tell when it acts, so that a model with it predicts better."""
     structural: ClassVar[bool] = True
     """Whether it is something that a model may lack from the start, in every recording alike."""
 

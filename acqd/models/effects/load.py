@@ -116,6 +116,7 @@ class ContactForce(Effect):
     equation = "tau = -J(q)^T F while in contact"
     neighbours = ("process_load", "payload")
     experiment = "log the joint torques, or the times of contact"
+    foreseen = False
     structural = False
 
     def at(self, scene: Scene, shape: Shape) -> Floats:

@@ -42,8 +42,8 @@ class MeterSaturation(Effect):
     experiment = "look at the waveform's peaks, or choose the next current range"
     stage = "meter"
     structural = False
-    shapes = tuple({"ceiling_of_standby": ceiling} for ceiling in (1.1, 1.2, 1.3, 1.4, 1.55, 1.7, 2.0))
-    bounds: ClassVar = {"ceiling_of_standby": (1.0, 4.0)}
+    shapes = tuple({"ceiling_of_standby": ceiling} for ceiling in (1.1, 1.2, 1.3, 1.4, 1.55, 1.7, 2.0, 2.4, 2.9, 3.5))
+    bounds: ClassVar = {"ceiling_of_standby": (1.0, 6.0)}
 
     def at(self, scene: Scene, shape: Shape) -> Floats:
         """Ceilings are in multiples of the standby power."""
