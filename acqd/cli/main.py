@@ -9,7 +9,7 @@ from typing import NoReturn
 
 import typer
 
-from acqd.cli import broker, close_loop, dataset, doctor, jitter, lab, models, replay, run, sink, watch
+from acqd.cli import broker, close_loop, dataset, doctor, export_fmu, jitter, lab, models, replay, run, sink, watch
 from acqd.errors import OperationError, UserError
 
 app = typer.Typer(
@@ -32,6 +32,7 @@ app.command("train")(models.train)
 app.command("compare")(models.compare)
 app.command("predict")(models.predict)
 app.command("close-loop")(close_loop.close_loop)
+app.command("export-fmu")(export_fmu.export_fmu)
 
 _JOURNAL_LEVEL = {logging.DEBUG: 7, logging.INFO: 6, logging.WARNING: 4, logging.ERROR: 3, logging.CRITICAL: 2}
 

@@ -22,7 +22,7 @@ RADIUS = 2
 """Rows to either side that a row's motion is interpolated from."""
 
 
-def _weights(step_s: float) -> Floats:
+def fine_weights(step_s: float) -> Floats:
     """[3, SUB, 2 RADIUS + 1]: value, first and second derivative of the interpolating polynomial."""
     nodes = np.arange(-RADIUS, RADIUS + 1) * 1.0
     points = (np.arange(SUB) + 0.5) / SUB - 0.5
@@ -40,7 +40,7 @@ def fine_motion(q: Floats, step_s: float) -> tuple[Floats, Floats, Floats]:
     """q, qd, qdd [SUB T, axes] from angles [T + 2 RADIUS, axes]."""
     rows = len(q) - 2 * RADIUS
     around = np.stack([q[k : k + rows] for k in range(2 * RADIUS + 1)], axis=1)  # [T, nodes, axes]
-    fine = np.einsum("dsn,tna->dtsa", _weights(step_s), around, optimize=True)
+    fine = np.einsum("dsn,tna->dtsa", fine_weights(step_s), around, optimize=True)
     return tuple(each.reshape(rows * SUB, q.shape[1]) for each in fine)
 
 

@@ -68,6 +68,10 @@ class NetworkPredictor(Predictor):
         hidden = self._advance(state, self._W @ self._features(window)[0] + self._b)
         return float(hidden @ self._out + self._out_bias) * self.normal.P_scale + self.normal.P_offset
 
+    def head(self) -> tuple[Floats, float]:
+        """The folded affine head, in normalised power: [HIDDEN] weights and bias."""
+        return self._out, float(self._out_bias)
+
     def _features(self, q: Floats) -> Floats:
         inputs = network_inputs(self.architecture, self.normal, q, self.step_s)
         if not self.architecture.kernels:

@@ -1,0 +1,59 @@
+"""`acqd export-fmu`: a bundle as an FMU."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Annotated, Literal
+
+import orjson
+import typer
+from rich.console import Console
+
+from acqd.cli.options import Json
+from acqd.errors import UserError
+
+
+def export_fmu(
+    bundle: Annotated[Path, typer.Argument(metavar="BUNDLE", help="Folder that acqd train or close-loop wrote.")],
+    out: Annotated[Path | None, typer.Option(help="File to write (default BUNDLE.fmu).")] = None,
+    fmi: Annotated[Literal["2.0", "3.0"], typer.Option(help="Version of the standard.")] = "2.0",
+    platform: Annotated[
+        str, typer.Option(help="Comma-separated: linux64, win64, darwin64, aarch64-linux, aarch64-darwin.")
+    ] = "",
+    json: Json = False,
+) -> None:
+    """Export a model as an FMU for co-simulation: self-contained C, its sources included.
+
+    Example: acqd export-fmu ds.models/21x1dim-everything-s1 --out power.fmu --platform linux64,win64
+    """
+    missing = [name for name in ("scipy", "safetensors") if find_spec(name) is None]
+    if missing:
+        raise UserError(f"acqd export-fmu needs {' and '.join(missing)}: install acqd[predict]")
+    from acqd.fmu.compiling import here
+    from acqd.fmu.package import export_fmu as run
+
+    console = Console(stderr=True)
+    target = out or bundle.with_name(f"{bundle.resolve().name}.fmu")
+    platforms = [name.strip() for name in platform.split(",") if name.strip()] or [here()]
+    with console.status("reading the bundle") as status:
+        made = run(bundle, target, fmi, platforms, lambda what: status.update(what))
+    result = {
+        "fmu": str(made.path),
+        "fmi": made.version,
+        "bytes": made.bytes,
+        "platforms": made.compilers,
+        "inputs": [v.name for v in made.variables if v.causality == "input"] + ["reset"],
+        "outputs": [v.name for v in made.variables if v.causality == "output"],
+        "parameters": {v.name: v.start for v in made.variables if v.causality == "parameter"},
+        "notes": made.notes,
+    }
+    if json:
+        print(orjson.dumps(result).decode())
+        return
+    plain = Console(soft_wrap=True, highlight=False)
+    plain.print(f"{made.path}: FMI {made.version}, {made.bytes / 1000:.0f} kB, for {', '.join(made.compilers)}")
+    for variable in made.variables:
+        plain.print(f"  {variable.causality:9} {variable.name} [{variable.unit}] {variable.about}", markup=False)
+    for note in made.notes:
+        plain.print(note)

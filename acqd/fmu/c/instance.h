@@ -1,0 +1,39 @@
+/* A model in time: inputs that hold, a clock of STEP_S, power and energy. FMI 2 and FMI 3 are thin coats over this. */
+#ifndef ACQD_INSTANCE_H
+#define ACQD_INSTANCE_H
+
+#include "acqd_model.h"
+
+/* Variables: inputs q (AXES), signals (SIGNALS); outputs power, energy; parameters of the effects. */
+#define FIRST_SIGNAL AXES
+#define POWER (AXES + SIGNALS)
+#define ENERGY (POWER + 1)
+#define FIRST_PARAMETER (ENERGY + 1)
+#define VARIABLES (FIRST_PARAMETER + PARAMETERS)
+
+/* Everything that a step depends on; no pointers, so that its bytes are the serialised state. */
+typedef struct {
+    double value[VARIABLES];
+    double start;      /* s, of the first row */
+    double time;       /* s, where the last step ended */
+    double rows_taken; /* since the start; a double, so that the bytes hold no padding */
+    double since_reset; /* rows */
+    double reset;      /* input: not 0 begins anew with the next row */
+    double started;
+    row_t row[WINDOW];
+    memory_t memory;
+} state_t;
+
+void state_begin(state_t *state);
+void state_start(state_t *state, double start);
+/* What power is likely to be before the first row is through: the arm standing where it is. */
+void state_preview(state_t *state);
+/* Rows that begin within [time, time + seconds) see the inputs as they are now. */
+void state_step(state_t *state, double time, double seconds);
+
+unsigned long state_bytes(void);
+void state_write(const state_t *state, unsigned char *bytes);
+/* 0 when the bytes are of another model or damaged: the state is left as it was. */
+int state_read(state_t *state, const unsigned char *bytes, unsigned long size);
+
+#endif

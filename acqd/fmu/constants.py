@@ -1,0 +1,187 @@
+"""A model's numbers as C: model_size.h and model_data.h, which the sources beside this module include."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from acqd.errors import UserError
+from acqd.fmu.variables import Parameters, exported_terms, parameters_of
+from acqd.models.augmented import Augmented
+from acqd.models.effects.scene import fine_weights
+from acqd.models.greybox.model import GreyBox
+from acqd.models.hybrid.model import Hybrid
+from acqd.models.networks.architecture import HIDDEN
+from acqd.models.networks.predictor import NetworkPredictor
+from acqd.models.normalisation import Normalisation
+from acqd.models.predictor import Predictor
+
+_SHAPES = {
+    "stribeck_friction": ("speed_rad_s",),
+    "gear_ripple": ("joint", "periods_per_turn"),
+    "payload": ("centre_of_mass_m",),
+    "contact_force": ("share_of_time",),
+    "regeneration_clipping": ("above_W",),
+    "supply_efficiency": ("standby_elsewhere",),
+    "thermostat": ("share_of_time",),
+    "process_load": ("share_of_time",),
+    "meter_saturation": ("ceiling_of_standby",),
+}
+"""Parameters that are not linear, in the order of the C term's shape."""
+
+
+@dataclass(slots=True)
+class _Header:
+    lines: list[str] = field(default_factory=list)
+
+    def define(self, name: str, value: float | str) -> None:
+        self.lines.append(f"#define {name} {value}")
+
+    def array(self, name: str, values: Any, kind: str = "double") -> None:
+        values = np.asarray(values, dtype=np.float64)
+        extent = "".join(f"[{size}]" for size in values.shape)
+        self.lines.append(f"static const {kind} {name}{extent} = {literal(values)};")
+
+    def text(self, guard: str) -> str:
+        return "\n".join([f"#ifndef {guard}", f"#define {guard}", *self.lines, "#endif", ""])
+
+
+def literal(values: Any) -> str:
+    """Numbers in braces, none of their digits lost."""
+    values = np.asarray(values)
+    if values.ndim == 0:
+        if not np.isfinite(values):
+            raise UserError("the model holds numbers that are not finite; train it again")
+        return repr(float(values))
+    return "{" + ",".join(literal(each) for each in values) + "}"
+
+
+def sources(model: Predictor) -> dict[str, str]:
+    """File names and contents. Raises UserError for a kind of model that has no C."""
+    base = model.base if isinstance(model, Augmented) else model
+    carrier = model.carrier if isinstance(model, Augmented) else base
+    parameters = [parameters_of(term) for term in exported_terms(model)]
+    grey = base.grey if isinstance(base, Hybrid) else base
+    if not isinstance(base, NetworkPredictor | GreyBox | Hybrid):
+        raise UserError(f"a model of the kind {type(base).__name__} cannot be exported")
+    size = _size(model, base, parameters)
+    data = _Header()
+    if isinstance(base, NetworkPredictor):
+        _network(data, base)
+    if isinstance(base, Hybrid):
+        _perceptron(data, base)
+    body = grey if isinstance(grey, GreyBox) else carrier if parameters else None
+    if isinstance(body, GreyBox):
+        data.array("JOINT_XYZ", body.chain.xyz)
+        data.array("JOINT_ROTATION", body.chain.rotation)
+        data.array("JOINT_AXIS", body.chain.axis)
+    if isinstance(grey, GreyBox):
+        data.lines.append(_grey("BASE", grey, model))
+    if parameters and isinstance(carrier, GreyBox):
+        _effects(data, carrier, model, parameters)
+    data.array("SIGNAL_START", [*model.usual_signals(), 0.0])
+    data.array("PARAMETER_START", [*(value for own in parameters for value in own.start), 0.0])
+    contents = size.text("ACQD_MODEL_SIZE_H") + data.text("ACQD_MODEL_DATA_H")
+    token = hashlib.sha256(contents.encode()).hexdigest()
+    data.lines.append(
+        f'#define MODEL_TOKEN "{{{token[:8]}-{token[8:12]}-{token[12:16]}-{token[16:20]}-{token[20:32]}}}"'
+    )
+    return {"model_size.h": size.text("ACQD_MODEL_SIZE_H"), "model_data.h": data.text("ACQD_MODEL_DATA_H")}
+
+
+def token_of(files: dict[str, str]) -> str:
+    """By which model description and binary know each other."""
+    line = next(line for line in files["model_data.h"].splitlines() if line.startswith("#define MODEL_TOKEN"))
+    return line.split('"')[1]
+
+
+def _size(model: Predictor, base: Predictor, parameters: list[Parameters]) -> _Header:
+    header = _Header()
+    network = isinstance(base, NetworkPredictor)
+    header.define("AXES", model.axes)
+    header.define("SIGNALS", len(model.signals))
+    header.define("RADIUS", model.radius)
+    header.define("STEP_S", repr(model.step_s))
+    header.define("HAS_NETWORK", int(network))
+    header.define("HAS_GREYBOX", int(not network))
+    header.define("HAS_PERCEPTRON", int(isinstance(base, Hybrid)))
+    header.define("HAS_BODY", int(not network or bool(parameters)))
+    header.define("HIDDEN", HIDDEN if network else 0)
+    header.define("TERMS", len(parameters))
+    header.define("PARAMETERS", sum(len(own.names) for own in parameters))
+    header.define("COLUMNS", _columns(model) if parameters else 1)
+    header.define("TERM_PARAMETERS", max([1, *(len(own.names) for own in parameters)]))
+    for name, signal in (("BRAKE", "brake"), ("TOOL", "tool"), ("VOLTS", "Vrms")):
+        header.define(name, model.signals.index(signal) if signal in model.signals else -1)
+    return header
+
+
+def _columns(model: Predictor) -> int:
+    """As many as the C of any term looks at."""
+    return max(3 * model.axes, 8)
+
+
+def _normal(data: _Header, normal: Normalisation) -> None:
+    data.array("Q_OFFSET", normal.offset)
+    data.array("Q_SCALE", normal.scale)
+
+
+def _network(data: _Header, base: NetworkPredictor) -> None:
+    arrays, chosen = base.arrays, base.architecture
+    data.define("WIDTH", chosen.width(base.axes))
+    data.define("KERNELS", chosen.kernels)
+    data.define("KERNEL_LENGTH", chosen.length)
+    data.define("INPUT_ORDERS", 1 if chosen.kernels else chosen.inputs.count(",") + 1)
+    _normal(data, base.normal)
+    if chosen.kernels:
+        data.array("KERNEL", arrays["kernel"])
+        data.array("KERNEL_BIAS", arrays["kernel_bias"])
+    data.array("W_INPUT", arrays["W"].T)
+    data.array("W_HIDDEN", arrays["R"].T)
+    data.array("GATE_BIAS", arrays["b"])
+    weight, bias = base.head()
+    data.array("OUT", weight)
+    data.define("OUT_BIAS", repr(bias))
+    data.define("P_SCALE", repr(base.normal.P_scale))
+    data.define("P_OFFSET", repr(base.normal.P_offset))
+
+
+def _perceptron(data: _Header, base: Hybrid) -> None:
+    _normal(data, base.normal)
+    data.define("PERCEPTRON_HIDDEN", len(base.network.b))
+    data.array("PERCEPTRON_W", base.network.W)
+    data.array("PERCEPTRON_BIAS", base.network.b)
+    data.array("PERCEPTRON_OUT", base.network.out)
+
+
+def _grey(name: str, grey: GreyBox, model: Predictor) -> str:
+    weights = dict(zip(grey.signals, grey.group("signals").tolist(), strict=True))
+    fields = [
+        grey.group("inertial").reshape(-1, 10),
+        *(grey.group(each) for each in ("rotor", "coulomb", "viscous", "copper", "conduction")),
+        *(grey.group(each)[0] for each in ("gain", "lag", "standby")),
+        np.array([*(weights.get(signal, 0.0) for signal in model.signals), 0.0]),
+    ]
+    brake = model.signals.index("brake") if "brake" in grey.signals else -1
+    return f"static const grey_t {name} = {{{','.join(literal(each) for each in fields)},{brake}}};"
+
+
+def _effects(data: _Header, carrier: GreyBox, model: Predictor, parameters: list[Parameters]) -> None:
+    data.lines.append(_grey("CARRIER", carrier, model))
+    links = carrier.group("inertial").reshape(-1, 10)
+    data.array("LINK_CENTRE", np.clip(links[:, 1:4] / np.maximum(links[:, :1], 1e-3), -0.5, 0.5))
+    data.array("TIP", carrier.chain.tip)
+    data.array("FINE", fine_weights(model.step_s))
+    most = max(len(own.names) for own in parameters)
+    terms, first = [], 0
+    for own in parameters:
+        mix = np.zeros((_columns(model), most))
+        mix[list(own.term.columns), : len(own.names)] = own.mix
+        shape = [float(own.term.shape[name]) for name in _SHAPES.get(own.term.id, ())]
+        kind = "SWITCHING_LOAD" if own.term.id in ("thermostat", "process_load") else own.term.id.upper()
+        terms.append(f"{{{kind},{literal(np.array([*shape, 0.0, 0.0][:2]))},{first},{len(own.names)},{literal(mix)}}}")
+        first += len(own.names)
+    data.lines.append(f"static const term_t TERM[TERMS] = {{{','.join(terms)}}};")

@@ -1,0 +1,125 @@
+"""From a bundle to an .fmu file."""
+
+from __future__ import annotations
+
+import tempfile
+import zipfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import orjson
+
+from acqd.errors import OperationError, UserError
+from acqd.fmu.compiling import PLATFORMS, Platform, build
+from acqd.fmu.constants import sources, token_of
+from acqd.fmu.description import IDENTIFIER, Described, Version, build_description, description
+from acqd.fmu.variables import Variable, left_out, variables
+from acqd.models.bundle import Bundle
+from acqd.models.predictor import Predictor
+from acqd.models.restore import open_model
+
+_C = Path(__file__).parent / "c"
+_COMMON = ("model.c", "network.c", "body.c", "greybox.c", "effects.c", "instance.c")
+_HEADERS = ("acqd_model.h", "model_parts.h", "instance.h")
+_OWN: dict[str, tuple[str, str]] = {"2.0": ("fmi2.c", "fmi2_abi.h"), "3.0": ("fmi3.c", "fmi3_abi.h")}
+
+
+@dataclass(frozen=True, slots=True)
+class Exported:
+    """What was made."""
+
+    path: Path
+    version: Version
+    bytes: int
+    variables: list[Variable]
+    compilers: dict[str, str]
+    """By platform."""
+    notes: list[str]
+
+
+def export_fmu(
+    bundle: Path, out: Path, fmi: Version, platforms: Sequence[str], progress: Callable[[str], None]
+) -> Exported:
+    """Write `out`. Raises UserError, InputError, OperationError; nothing is left behind then."""
+    for name in platforms:
+        if name not in PLATFORMS:
+            raise UserError(f"no platform {name!r}; there are {', '.join(PLATFORMS)}")
+    if out.is_dir():
+        raise UserError(f"{out} is a folder; name the file with --out")
+    opened, model = open_model(bundle)
+    files = sources(model)
+    shown = variables(model)
+    with tempfile.TemporaryDirectory() as folder:
+        root = Path(folder)
+        names = _lay_out(root, files, fmi)
+        compilers = {}
+        for name in platforms:
+            progress(f"compiling for {name}")
+            compilers[name] = _binary(root, PLATFORMS[name], names, fmi)
+        made = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+        about = opened.about
+        text = f"mains power of {about['robot']} from its joint angles, by the model {about['name']}"
+        what = Described(
+            str(about["name"]), text, token_of(files), f"acqd {version('acqd')}", made, model.step_s, names
+        )
+        (root / "modelDescription.xml").write_bytes(description(fmi, what, shown))
+        if fmi == "3.0":
+            (root / "sources" / "buildDescription.xml").write_bytes(build_description(names))
+        (root / "resources").mkdir()
+        told = _provenance(opened, model)
+        (root / "resources" / "bundle.json").write_bytes(orjson.dumps(told, option=orjson.OPT_INDENT_2))
+        progress("packing")
+        _pack(root, out)
+    return Exported(out, fmi, out.stat().st_size, shown, compilers, left_out(model))
+
+
+def _lay_out(root: Path, files: dict[str, str], fmi: Version) -> list[str]:
+    """The sources as they are packed; names of those to compile."""
+    folder = root / "sources"
+    folder.mkdir()
+    own, abi = _OWN[fmi]
+    for name in (*_COMMON, *_HEADERS, own, abi):
+        (folder / name).write_bytes((_C / name).read_bytes())
+    for name, text in files.items():
+        (folder / name).write_text(text, encoding="ascii")
+    return [*_COMMON, own]
+
+
+def _binary(root: Path, target: Platform, names: Sequence[str], fmi: Version) -> str:
+    folder = root / "binaries" / target.folders[fmi == "3.0"]
+    folder.mkdir(parents=True)
+    paths = [root / "sources" / name for name in names]
+    compiler = build(target, paths, root / "sources", folder / f"{IDENTIFIER}{target.suffix}")
+    for byproduct in (*folder.glob("*.lib"), *folder.glob("*.pdb")):
+        byproduct.unlink()
+    return compiler
+
+
+def _provenance(opened: Bundle, model: Predictor) -> dict[str, Any]:
+    """What the model was made from, for whoever finds the FMU in five years."""
+    kept = ("name", "kind", "robot", "step_s", "envelope", "metrics", "provenance", "loop")
+    return {name: opened.about[name] for name in kept if name in opened.about} | {
+        "look_ahead_rows": model.radius,
+        "effects": [
+            {key: each[key] for key in ("id", "where", "parameters")} for each in opened.about.get("effects", [])
+        ],
+    }
+
+
+def _pack(root: Path, out: Path) -> None:
+    beside = out.with_name(f".{out.name}.new")
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        with zipfile.ZipFile(beside, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
+            for path in sorted(root.rglob("*")):
+                if path.is_file():
+                    archive.write(path, path.relative_to(root).as_posix())
+        beside.replace(out)
+    except OSError as error:
+        raise OperationError(f"{out}: {error.strerror}; nothing was left behind") from None
+    finally:
+        beside.unlink(missing_ok=True)

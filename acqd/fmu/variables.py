@@ -1,0 +1,96 @@
+"""What an FMU shows of a model: inputs, outputs and the parameters of added effects, in the order of the C arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from acqd.models.augmented import Augmented, Term
+from acqd.models.effects import library
+from acqd.models.predictor import Predictor
+from acqd.robot.description import Floats
+
+LEFT_OUT = {
+    "thermal_friction": "gears are taken to be warm",
+    "clock_offset": "a clock's fault is none of the robot's",
+    "clock_drift": "a clock's fault is none of the robot's",
+}
+"""Effects that a simulation has no use for, and why."""
+_SIGNAL_UNITS = {"Vrms": "V"}
+_SIGNALS = {
+    "brake": "brakes open (1) or closed (0)",
+    "tool": "tool on (1) or off (0)",
+    "Vrms": "RMS mains voltage",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Variable:
+    """One scalar; its value reference is its place in the list."""
+
+    name: str
+    causality: Literal["input", "output", "parameter"]
+    unit: str
+    about: str
+    start: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Parameters:
+    """Of one term: coefficients of its columns are `mix` times these."""
+
+    term: Term
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    start: Floats
+    mix: Floats
+    """[columns, parameters]."""
+
+
+def exported_terms(model: Predictor) -> list[Term]:
+    """Added effects that go into the FMU."""
+    return [term for term in model.terms if term.id not in LEFT_OUT] if isinstance(model, Augmented) else []
+
+
+def left_out(model: Predictor) -> list[str]:
+    """Added effects that do not, with the reason."""
+    terms = model.terms if isinstance(model, Augmented) else []
+    return [f"{term.id} is left out: {LEFT_OUT[term.id]}" for term in terms if term.id in LEFT_OUT]
+
+
+def parameters_of(term: Term) -> Parameters:
+    """As they were fitted; columns in fixed proportions share one parameter."""
+    about = {name: value for name, value in term.about.items() if name not in term.shape}
+    names, units = tuple(about), tuple(str(each["unit"]) for each in about.values())
+    start = np.array([float(each["value"]) for each in about.values()])
+    if len(names) == len(term.coefficients):
+        return Parameters(term, names, units, term.coefficients.copy(), np.eye(len(names)))
+    if len(names) == 1 and start[0] != 0.0:
+        return Parameters(term, names, units, start, (term.coefficients / start[0])[:, None])
+    return Parameters(term, ("share",), ("1",), np.ones(1), term.coefficients[:, None])
+
+
+def variables(model: Predictor) -> list[Variable]:
+    """All of them but `reset`, in the order of the C arrays."""
+    found = [Variable(f"q{k + 1}", "input", "rad", f"angle of joint {k + 1}") for k in range(model.axes)]
+    for name, usual in zip(model.signals, model.usual_signals(), strict=True):
+        unit = _SIGNAL_UNITS.get(name, "1")
+        found.append(Variable(name, "input", unit, _SIGNALS.get(name, "logged signal"), float(usual)))
+    late = f", {1000 * model.radius * model.step_s:.0f} ms late: so far ahead the model looks" if model.radius else ""
+    found.append(Variable("power", "output", "W", f"mains power{late}"))
+    found.append(Variable("energy", "output", "kWh", "energy since the start or the last reset"))
+    return [*found, *_effect_variables(model)]
+
+
+def _effect_variables(model: Predictor) -> Iterator[Variable]:
+    seen: dict[str, int] = {}
+    for term in exported_terms(model):
+        seen[term.id] = seen.get(term.id, 0) + 1
+        prefix = term.id + (f"_{seen[term.id]}" if seen[term.id] > 1 else "")
+        own = parameters_of(term)
+        for name, unit, start in zip(own.names, own.units, own.start, strict=True):
+            about = f"{library()[term.id].about} ({term.where})"
+            yield Variable(f"{prefix}.{name.replace(' ', '_')}", "parameter", unit, about, float(start))
