@@ -100,9 +100,8 @@ def sindy(task: Task) -> str:
     """Ensemble SINDy (pysindy): STLSQ on bags of rows; columns that most models of the ensemble have."""
     import pysindy
 
-    optimizer = pysindy.EnsembleOptimizer(
-        pysindy.STLSQ(threshold=task.least_W, alpha=0.01 * len(task.y)), bagging=True, n_models=20, n_subset=len(task.y) // 2
-    )
+    sparse = pysindy.STLSQ(threshold=task.least_W, alpha=0.01 * len(task.y))
+    optimizer = pysindy.EnsembleOptimizer(sparse, bagging=True, n_models=20, n_subset=len(task.y) // 2)
     optimizer.fit(task.X, task.y[:, None])
     models = np.array([np.ravel(each) for each in optimizer.coef_list])
     wide = (models != 0).mean(axis=0) >= _WIDE
