@@ -9,7 +9,21 @@ from typing import NoReturn
 
 import typer
 
-from acqd.cli import broker, close_loop, dataset, doctor, export_fmu, jitter, lab, models, replay, run, sink, watch
+from acqd.cli import (
+    broker,
+    close_loop,
+    dataset,
+    doctor,
+    export_fmu,
+    jitter,
+    lab,
+    models,
+    replay,
+    run,
+    sidecar,
+    sink,
+    watch,
+)
 from acqd.errors import OperationError, UserError
 
 app = typer.Typer(
@@ -33,6 +47,7 @@ app.command("compare")(models.compare)
 app.command("predict")(models.predict)
 app.command("close-loop")(close_loop.close_loop)
 app.command("export-fmu")(export_fmu.export_fmu)
+app.command("sidecar")(sidecar.sidecar)
 
 _JOURNAL_LEVEL = {logging.DEBUG: 7, logging.INFO: 6, logging.WARNING: 4, logging.ERROR: 3, logging.CRITICAL: 2}
 

@@ -45,6 +45,11 @@ def parse_times(path: Path, name: str, cells: Sequence[object]) -> Nanoseconds:
     return whole.astype(np.int64) * unit + np.rint((values - whole) * unit).astype(np.int64)
 
 
+def filetime(time_ns: int) -> int:
+    """NTFS 100 ns of UTC nanoseconds."""
+    return time_ns // 100 + _FILETIME_1970
+
+
 def _rfc3339(path: Path, text: str) -> int:
     try:
         stamp = datetime.fromisoformat(text)

@@ -17,7 +17,7 @@ import pyarrow.parquet
 import sqlalchemy as sa
 from numpy.typing import NDArray
 
-from acqd.dataset.clock import Nanoseconds, parse_times
+from acqd.dataset.clock import Nanoseconds, filetime, parse_times
 from acqd.errors import InputError, UserError
 from acqd.robot.description import Floats
 from acqd.storage.database import open_database
@@ -65,14 +65,17 @@ class _Rows:
     """Flags that occur."""
 
 
-def open_power(origin: str, device: str | None, channel: str | None) -> PowerStream:
+def open_power(
+    origin: str, device: str | None, channel: str | None, between_ns: tuple[int, int] | None = None
+) -> PowerStream:
     """Rows of `device` and `channel` (None: the only device; total, else L1) from a URL or file. Raises UserError.
 
-    They are spooled into a temporary file that is mapped, so that a stream may be larger than memory.
+    They are spooled into a temporary file that is mapped, so that a stream may be larger than memory. `between_ns`
+    (UTC) asks a database for a part only.
     """
     path = Path(origin)
     if "://" in origin or path.suffix in (".sqlite", ".db", ".sqlite3"):
-        pieces = _from_sql(origin, device, channel)
+        pieces = _from_sql(origin, device, channel, between_ns)
     elif path.suffix == ".parquet":
         pieces = _from_tables(path, lambda: _parquet(_existing(path)), device, channel)
     elif path.suffix in (".jsonl", ".json", ".ndjson"):
@@ -111,7 +114,9 @@ def _spool(origin: str, pieces: Iterator[_Rows]) -> PowerStream:
     return PowerStream(time_ns, mapped["P"], mapped["Vrms"], window_ns, dropped, measured, origin)
 
 
-def _from_sql(origin: str, device: str | None, channel: str | None) -> Iterator[_Rows]:
+def _from_sql(
+    origin: str, device: str | None, channel: str | None, between_ns: tuple[int, int] | None
+) -> Iterator[_Rows]:
     if Path(origin).is_file() and Path(origin).stat().st_size == 0:
         raise InputError(origin, "is empty; expected a database with a table of power rows")
     engine = open_database(origin, create=False)
@@ -120,7 +125,10 @@ def _from_sql(origin: str, device: str | None, channel: str | None) -> Iterator[
         device, channel = _choose(origin, {(row[0], row[1]) for row in found}, device, channel)
         columns = (power.c.filetime, power.c.P, power.c.Vrms, power.c.flags)
         query = sa.select(*columns).where(power.c.device == device, power.c.channel == channel)
-        query = query.order_by(power.c.boot, power.c.seq)  # the key: no sorting in the database
+        if between_ns is None:
+            query = query.order_by(power.c.boot, power.c.seq)  # the key: no sorting in the database
+        else:
+            query = query.where(power.c.filetime.between(filetime(between_ns[0]), filetime(between_ns[1])))
         result = connection.execution_options(stream_results=True).execute(query)
         for rows in result.partitions(_CHUNK):
             stamps, P, Vrms, flags = zip(*rows, strict=True)

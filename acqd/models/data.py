@@ -102,11 +102,15 @@ def _stretches(file: Path, entry: dict[str, object], step_s: float) -> list[Stre
         table = pyarrow.parquet.read_table(file)
     except (OSError, pyarrow.ArrowInvalid) as error:
         raise InputError(file, f"cannot be read ({str(error).splitlines()[0]}); build the dataset again") from None
-    columns = {name: table[name].to_numpy() for name in table.column_names}
+    return stretches_of({name: table[name].to_numpy() for name in table.column_names}, entry, step_s)
+
+
+def stretches_of(columns: dict[str, Floats], entry: dict[str, object], step_s: float) -> list[Stretch]:
+    """From merged columns; `entry` says name, source, kind and split."""
     axes = sum(1 for name in columns if name[0] == "q" and name[1:].isdigit())
     q = np.column_stack([columns[f"q{k + 1}"] for k in range(axes)])
     tau = np.column_stack([columns[f"tau{k + 1}"] for k in range(axes)]) if "tau1" in columns else None
-    good = columns["valid"] & np.isfinite(q).all(axis=1)
+    good = np.asarray(columns["valid"], dtype=bool) & np.isfinite(q).all(axis=1)
     if tau is not None and not np.isfinite(tau[good]).all():
         tau = None
     edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(np.int8), [0]])))

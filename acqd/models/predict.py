@@ -84,7 +84,7 @@ def predict(bundle: Bundle, model: Predictor, log: RobotLog) -> Prediction:
 def _signals(model: Predictor, log: RobotLog, grid: Floats, time: Floats, rows: NDArray[np.int64]) -> Floats | None:
     if not model.signals or not all(name in log.signals for name in model.signals):
         return None
-    columns = [np.round(resampled(grid, time, log.signals[name][rows], model.step_s)) for name in model.signals]
+    columns = [resampled(grid, time, log.signals[name][rows], model.step_s) for name in model.signals]
     return np.where(np.isfinite(columns), columns, model.usual_signals()[:, None]).T
 
 

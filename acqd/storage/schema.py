@@ -58,5 +58,36 @@ def _rollup(name: str) -> sa.Table:
 
 power_1min = _rollup("power_1min")
 power_15min = _rollup("power_15min")
+prediction_log = sa.Table(
+    "prediction_log",
+    metadata,
+    sa.Column("sha256", sa.Text, primary_key=True),
+    sa.Column("name", sa.Text, nullable=False),
+    sa.Column("model", sa.Text, nullable=False),
+    sa.Column("status", sa.Text, nullable=False),
+    sa.Column("message", _JSON, nullable=False),
+    sa.Column("published", sa.Boolean, nullable=False),
+    sa.Column("done", _TIME, nullable=False),
+)
+"""Robot logs that the sidecar has worked through, by the hash of their content; `status` ok, refused or superseded."""
+
+prediction = sa.Table(
+    "prediction",
+    metadata,
+    sa.Column("sha256", sa.Text, nullable=False),
+    sa.Column("filetime", _BIG, nullable=False),
+    *(sa.Column(name, sa.Double) for name in ("P", "P_predicted", "residual")),
+    sa.PrimaryKeyConstraint("sha256", "filetime"),
+)
+"""One row per 40 ms of a log: measured and predicted power, and their difference (W)."""
+
+sidecar_state = sa.Table(
+    "sidecar_state",
+    metadata,
+    sa.Column("key", sa.Text, primary_key=True),
+    sa.Column("value", _JSON, nullable=False),
+)
+"""What the sidecar remembers from log to log: clock lags, the sequential test."""
+
 ROLLUPS = {60: power_1min, 900: power_15min}
 """Table by bucket length [s]. `start` is Unix seconds, W the reading at the end, `flagged` the rows with a flag."""

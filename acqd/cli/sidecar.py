@@ -1,0 +1,69 @@
+"""`acqd sidecar`: predictions beside a running cell."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import signal
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Annotated
+
+import orjson
+import typer
+
+from acqd.cli.options import ConfigFile, Host, Json, Port, configured
+from acqd.daemon.notify import notify
+from acqd.errors import UserError
+from acqd.storage.database import open_database
+
+
+def sidecar(
+    logs: Annotated[Path, typer.Argument(metavar="LOGS", help="Folder where the robot's logs arrive.")],
+    model: Annotated[Path, typer.Option(help="Bundle that acqd train or close-loop wrote.")],
+    config: ConfigFile = None,
+    database: Annotated[str | None, typer.Option(help="SQLite file or URL of the power rows.")] = None,
+    host: Host = None,
+    port: Port = None,
+    device: Annotated[str | None, typer.Option(help="Meter beside this robot (default the config's).")] = None,
+    live: Annotated[bool, typer.Option("--live", help="Also predict from acqd/DEVICE/joints, row by row.")] = False,
+    no_mqtt: Annotated[bool, typer.Option("--no-mqtt", help="Store only, publish nothing.")] = False,
+    patience: Annotated[float, typer.Option(min=0, help="Seconds that the last power rows may be late.")] = 10.0,
+    until_idle: Annotated[
+        bool, typer.Option("--until-idle", help="Stop when every log is done and published.")
+    ] = False,
+    json: Json = False,
+) -> None:
+    """Watch for robot logs, align them with metered power, predict, store, publish, raise the drift alarm.
+
+    Example: acqd sidecar /srv/robot-logs --model ds.models/grey-box-everything-s1 --config /etc/acqd/acqd.toml
+    """
+    missing = [n for n in ("watchfiles", "pyarrow", "scipy", "safetensors", "matplotlib") if find_spec(n) is None]
+    if missing:
+        raise UserError(f"acqd sidecar needs {' and '.join(missing)}: install acqd[sidecar]")
+    from acqd.sidecar.service import Sidecar
+    from acqd.sidecar.store import Store
+    from acqd.sidecar.work import Settings, Worker
+
+    settings = configured(config, host, port)
+    url = database or settings.sink.database
+    name = device or settings.device
+    engine = open_database(url, create=False)
+    worker = Worker(Settings(model, url, device, None, patience))
+    for note in worker.notes:
+        logging.getLogger(__name__).warning("%s", note)
+
+    async def run() -> Sidecar:
+        stop = asyncio.Event()
+        for number in (signal.SIGTERM, signal.SIGINT):
+            asyncio.get_running_loop().add_signal_handler(number, stop.set)
+        broker = None if no_mqtt else settings.mqtt.address()
+        service = Sidecar(logs, worker, Store(engine), broker, name, live=live)
+        notify("READY=1")
+        await service.run(stop, lambda: notify("WATCHDOG=1"), until_idle=until_idle)
+        notify("STOPPING=1")
+        return service
+
+    service = asyncio.run(run())
+    counts = {"done": service.done, "refused": service.refused}
+    print(orjson.dumps(counts).decode() if json else f"{service.done} logs predicted, {service.refused} refused")

@@ -1,0 +1,1 @@
+"""Beside a running cell: robot logs as they arrive, aligned with metered power, predicted, stored and published."""

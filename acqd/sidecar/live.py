@@ -1,0 +1,86 @@
+"""Joint angles from a topic, power to another, row by row."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+import time
+from dataclasses import dataclass, field
+from typing import Any
+
+import orjson
+import paho.mqtt.client as paho
+from paho.mqtt.enums import CallbackAPIVersion
+
+from acqd.models.predictor import Predictor, Stream
+from acqd.telemetry.mqtt import NO_DELAY, BrokerAddress
+
+_GAP_ROWS = 5
+"""Rows that may be missing before the prediction begins anew."""
+
+
+@dataclass(slots=True)
+class Live:
+    """One model behind one topic. A message is {"time": Unix s, "q": [rad], "brake": 0/1, "tool": 0/1}."""
+
+    model: Predictor
+    joints_topic: str
+    power_topic: str
+    refused: int = 0
+    predicted: int = 0
+    _stream: Stream | None = None
+    _last: float = 0.0
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def answer(self, payload: bytes) -> bytes | None:
+        """The prediction that a row makes possible, `late_s` behind it; None for the first rows and for bad ones."""
+        try:
+            row = orjson.loads(payload)
+            stamp, q = float(row["time"]), [float(each) for each in row["q"]]
+            usual = self.model.usual_signals().tolist()
+            signals = [float(row.get(n, u)) for n, u in zip(self.model.signals, usual, strict=True)]
+        except (orjson.JSONDecodeError, KeyError, TypeError, ValueError):
+            self.refused += 1
+            return None
+        if len(q) != self.model.axes:
+            self.refused += 1
+            return None
+        step = self.model.step_s
+        with self._lock:
+            if self._stream is None or not 0.5 * step < stamp - self._last < _GAP_ROWS * step:
+                self._stream = Stream(self.model)
+            self._last = stamp
+            power = self._stream.step(q, signals or None)  # type: ignore[arg-type]
+        if power is None:
+            return None
+        self.predicted += 1
+        late = self.model.radius * step
+        return orjson.dumps({"time": stamp - late, "P_predicted": power, "late_s": late})
+
+    def connect(self, address: BrokerAddress, client_id: str) -> paho.Client:
+        """Subscribe in a thread of paho's; it reconnects by itself."""
+        client = paho.Client(CallbackAPIVersion.VERSION2, client_id)
+        if address.username is not None:
+            client.username_pw_set(address.username, address.password)
+        tls = address.tls_context()
+        if tls is not None:
+            client.tls_set_context(tls)
+        client.on_connect = lambda c, *_: c.subscribe(self.joints_topic, qos=0)
+        client.on_message = self._on_message
+        client.on_socket_open = _no_delay
+        client.reconnect_delay_set(1, 15)
+        client.connect_async(address.host, address.port, keepalive=10)
+        client.loop_start()
+        return client
+
+    def _on_message(self, client: paho.Client, _data: Any, message: Any) -> None:
+        begun = time.monotonic()
+        answer = self.answer(message.payload)
+        if answer is not None:
+            client.publish(self.power_topic, answer[:-1] + b',"step_ms":%.3f}' % (1000 * (time.monotonic() - begun)))
+
+
+def _no_delay(_client: Any, _data: Any, sock: Any) -> None:
+    with contextlib.suppress(OSError):
+        for option in NO_DELAY:
+            sock.setsockopt(*option)
