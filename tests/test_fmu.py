@@ -19,41 +19,18 @@ from acqd.models.effects import library
 from acqd.models.effects.scene import make_scene
 from acqd.models.features import padded
 from acqd.models.greybox.make import arrays_of
-from acqd.models.greybox.model import GreyBox
-from acqd.models.greybox.parameters import Layout, prior
 from acqd.models.hybrid.model import Perceptron
 from acqd.models.networks.architecture import ARCHITECTURES
 from acqd.models.networks.theta import initial
 from acqd.models.normalisation import Normalisation
 from acqd.models.restore import open_model
-from acqd.robot import load_description
-from acqd.robot.arm import Arm
-from acqd.robot.dynamics import inertial_parameters
-from acqd.robot.newton_euler import Chain
+from tests.at_hand import AXES, STEP, about, grey, grey_bundle
 
 fmpy = pytest.importorskip("fmpy")
 from fmpy.fmi2 import FMU2Slave  # noqa: E402
 from fmpy.fmi3 import FMU3Slave  # noqa: E402
 
-STEP = 0.04
-ROBOT = load_description("ur10e")
-AXES = ROBOT.axes
 KINDS = [*ARCHITECTURES, "grey_box", "hybrid", "effects", "network_with_effects"]
-
-
-def about(kind, **more):
-    return {
-        "kind": kind, "name": "trial", "robot": ROBOT.name, "description": "ur10e", "axes": AXES, "step_s": STEP,
-        "inputs": [], "provenance": {"fit_recordings": [], "validation_recordings": [], "manifest_sha256": ""},
-    } | more  # fmt: skip
-
-
-def grey():
-    layout = Layout(AXES, ("brake",))
-    values = prior(layout, ROBOT, inertial_parameters(Arm(ROBOT)), 120.0, STEP).mean.copy()
-    values[layout.place("coulomb")], values[layout.place("viscous")] = 5.0, 6.0
-    values[layout.place("signals")], values[layout.place("lag")] = 4.0, 0.012
-    return GreyBox(Chain.of(ROBOT), layout, values, STEP, np.ones(1))
 
 
 def normal():
@@ -111,7 +88,7 @@ def make(kind, folder):
         bundle.arrays.update({f"carrier.{name}": value for name, value in arrays_of(grey()).items()})
         bundle.about["effects"] = [each.as_json() for each in terms(grey()) if each.id in ("payload", "tool_actuation")]
     else:
-        bundle = Bundle(about("grey_box", signals=["brake"]), arrays_of(grey()))
+        bundle = grey_bundle()
         if kind == "hybrid":
             random = np.random.default_rng(4)
             network = Perceptron(
@@ -362,7 +339,7 @@ def test_the_sources_alone_make_the_same_binary(made, tmp_path):
 def test_bad_input_is_named_and_nothing_is_left(made, tmp_path, monkeypatch):
     made("grey_box")
     bundle = tmp_path / "b"
-    save_bundle(bundle, Bundle(about("grey_box", signals=["brake"]), arrays_of(grey())))
+    save_bundle(bundle, grey_bundle())
     out = tmp_path / "x.fmu"
     with pytest.raises(UserError, match="no platform 'amiga'"):
         export_fmu(bundle, out, "2.0", ["amiga"], lambda _: None)
@@ -378,7 +355,7 @@ def test_bad_input_is_named_and_nothing_is_left(made, tmp_path, monkeypatch):
 
 def test_the_command_as_a_user_has_it(made, tmp_path):
     bundle = tmp_path / "b"
-    save_bundle(bundle, Bundle(about("grey_box", signals=["brake"]), arrays_of(grey())))
+    save_bundle(bundle, grey_bundle())
     acqd = Path(sys.executable).with_name("acqd")
     done = subprocess.run([acqd, "export-fmu", bundle, "--json"], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

@@ -24,6 +24,8 @@ _SLACK = 0.75
 _MOVING_W = 2.0
 """Standard deviation of the predicted power within a block that moves."""
 _FEWEST_BLOCKS = 12
+_STEP = 1.0  # spreads
+_REMEMBERED = 2000  # blocks
 CHARTS = ("level up", "level down", "size up", "slow size up")
 
 
@@ -143,14 +145,29 @@ class Alarm:
         }  # fmt: skip
 
 
+def onset(blocks: list[tuple[float, float]]) -> float:
+    """UTC of the block from which on values lie on a higher level; the first block when they do so all along.
+
+    A sum may have left nought before, for a smaller reason.
+    """
+    values = np.array([value for _, value in blocks])
+    count = np.arange(1, len(values))
+    before, after = np.cumsum(values)[:-1] / count, np.cumsum(values[::-1])[::-1][1:] / (len(values) - count)
+    apart = count * (len(values) - count) / len(values) * (after - before) ** 2  # squared error that a step takes away
+    rising = np.flatnonzero(after - before > _STEP)
+    if not len(rising):
+        return blocks[0][0]
+    return blocks[int(rising[apart[rising].argmax()]) + 1][0]
+
+
 @dataclass(slots=True)
 class Monitor:
     """The charts' sums; give it stretches in the order of time."""
 
     baseline: Baseline
     sums: Floats = field(default_factory=lambda: np.zeros(len(CHARTS)))
-    since_s: list[float] = field(default_factory=lambda: [0.0] * len(CHARTS))
-    """UTC of the first block since each sum was nought."""
+    since: list[list[tuple[float, float]]] = field(default_factory=lambda: [[] for _ in CHARTS])
+    """UTC and value of the blocks since each sum was nought."""
     alarm: Alarm | None = None
     """The first; it stays until somebody has looked."""
 
@@ -165,22 +182,23 @@ class Monitor:
         for block_s, values in zip(blocks.start_s.tolist(), z, strict=True):
             for chart, value in enumerate(values):
                 if self.sums[chart] == 0.0:
-                    self.since_s[chart] = block_s
+                    self.since[chart].clear()
+                self.since[chart] = [*self.since[chart][-_REMEMBERED:], (block_s, float(value))]
                 self.sums[chart] = max(0.0, self.sums[chart] + float(value) - _SLACK)
             highest = int(np.argmax(self.sums / base.bounds))
             height = float(self.sums[highest] / base.bounds[highest])
             if height > 1.0:
-                self.alarm = Alarm(CHARTS[highest], self.since_s[highest], block_s + BLOCK_S, height)
+                self.alarm = Alarm(CHARTS[highest], onset(self.since[highest]), block_s + BLOCK_S, height)
                 return self.alarm
         return None
 
     def as_json(self) -> dict[str, Any]:
         """To go on after a restart."""
         alarm = None if self.alarm is None else self.alarm.as_json()
-        return {"sums": self.sums.tolist(), "since_s": list(self.since_s), "alarm": alarm}
+        return {"sums": self.sums.tolist(), "since": [list(map(list, each)) for each in self.since], "alarm": alarm}
 
     def restore(self, state: dict[str, Any]) -> None:
         """Where `as_json` left it. Raises KeyError, ValueError, TypeError."""
         self.sums = np.array(state["sums"], dtype=float).reshape(len(CHARTS))
-        self.since_s = [float(each) for each in state["since_s"]]
+        self.since = [[(float(t), float(value)) for t, value in each] for each in state["since"]]
         self.alarm = None if state["alarm"] is None else Alarm(**state["alarm"])

@@ -55,7 +55,7 @@ class Live:
             return None
         self.predicted += 1
         late = self.model.radius * step
-        return orjson.dumps({"time": stamp - late, "P_predicted": power, "late_s": late})
+        return orjson.dumps({"time": stamp - late, "P_predicted": float(power), "late_s": late})
 
     def connect(self, address: BrokerAddress, client_id: str) -> paho.Client:
         """Subscribe in a thread of paho's; it reconnects by itself."""

@@ -16,6 +16,7 @@ import orjson
 import sqlalchemy as sa
 
 from acqd.robot.description import Floats
+from acqd.storage.database import transaction
 from acqd.storage.schema import prediction, prediction_log, sidecar_state
 from acqd.telemetry.outbox import Message
 
@@ -63,7 +64,7 @@ class Store:
         now = datetime.now(UTC)
         stamp: Any = now if self.engine.dialect.name == "postgresql" else now.isoformat(timespec="milliseconds")
         rows = zip(done.filetime.tolist(), done.P.tolist(), done.P_predicted.tolist(), strict=True)
-        with self.engine.begin() as connection:
+        with transaction(self.engine) as connection:
             earlier = connection.execute(
                 sa.select(prediction_log.c.sha256).where(
                     prediction_log.c.name == done.name, prediction_log.c.status != "superseded"
@@ -99,7 +100,7 @@ class Store:
 
     def published(self, hashes: Sequence[str]) -> None:
         """A broker has them."""
-        with self.engine.begin() as connection:
+        with transaction(self.engine) as connection:
             connection.execute(
                 sa.update(prediction_log).where(prediction_log.c.sha256.in_(hashes)).values(published=True)
             )

@@ -35,6 +35,7 @@ _MARGIN_S = 5.0
 _REMEMBERED = 30  # logs whose lags make the clock's line
 _LEAST_COVERED = 0.5
 _PAUSE_S = 0.2
+_SURE_LAG = "clock line"
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +116,7 @@ class Worker:
             outside = self._envelope.outside(stretch.q, self.model.step_s)
             about["outside_envelope"] = max(float(outside.mean()), about.get("outside_envelope", 0.0))
         alarm = None
-        if self.monitor is not None:
+        if self.monitor is not None and how == _SURE_LAG:  # a lag off by 10 ms is a change of the residual, too
             for stretch, off, guess in zip(stretches, errors, predicted, strict=True):
                 alarm = self.monitor.update(off, guess, stretch.start_s, self.model.step_s) or alarm
         P, guess = np.concatenate([s.P for s in stretches]), np.concatenate(predicted)
@@ -175,7 +176,7 @@ class Worker:
         times = np.array([*(each[0] for each in self._lags[: len(before)]), middle])
         line = fit_line(times, lags) if len(times) == len(lags) else None
         if line is not None:
-            return float(line.at(middle)), "clock line"
+            return float(line.at(middle)), _SURE_LAG
         if own.credible:
             return own.seconds, "own"
         if before:

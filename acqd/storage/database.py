@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import sqlite3
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +41,15 @@ def open_database(url: str, *, create: bool = True) -> sa.Engine:
     except sa.exc.DatabaseError as error:
         raise UserError(f"database {_shown(engine)}: {_first_line(error)}; is it another program's file?") from None
     return engine
+
+
+@contextmanager
+def transaction(engine: sa.Engine) -> Iterator[sa.Connection]:
+    """All statements or none; SQLite's connections begin nothing by themselves (see _sqlite_settings)."""
+    with engine.begin() as connection:
+        if engine.dialect.name == "sqlite":
+            connection.exec_driver_sql("BEGIN IMMEDIATE")
+        yield connection
 
 
 def migrate(engine: sa.Engine) -> None:

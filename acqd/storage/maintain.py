@@ -9,6 +9,7 @@ from typing import Any
 import sqlalchemy as sa
 from sqlalchemy.dialects import postgresql, sqlite
 
+from acqd.storage.database import transaction
 from acqd.storage.schema import ROLLUPS, power, power_1min, quarantine
 from acqd.telemetry.row import filetime, rfc3339
 
@@ -44,9 +45,7 @@ def maintain(engine: sa.Engine, retention: Retention, now: float | None = None) 
     Everything happens in one transaction: rows leave only with their roll-up made.
     """
     now = time.time() if now is None else now
-    with engine.begin() as connection:
-        if engine.dialect.name == "sqlite":
-            connection.exec_driver_sql("BEGIN IMMEDIATE")
+    with transaction(engine) as connection:
         # Whole quarter hours only: a half-deleted bucket would be rolled up again, wrongly.
         cut = _cut(now, retention.power_days) // 900 * 900
         minutes, quarters = (_roll_up(connection, seconds, now, int(cut)) for seconds in ROLLUPS)

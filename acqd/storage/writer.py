@@ -10,6 +10,7 @@ from typing import Any
 import orjson
 import sqlalchemy as sa
 
+from acqd.storage.database import transaction
 from acqd.storage.schema import power, quarantine
 from acqd.telemetry import topics
 from acqd.telemetry.row import PowerRow, parse_row, rfc3339
@@ -79,9 +80,7 @@ class Writer:
         return Written(first.rows + second.rows, first.quarantined + second.quarantined)
 
     def _store(self, rows: list[PowerRow], refused: list[dict[str, Any]]) -> None:
-        with self._engine.begin() as connection:
-            if self._engine.dialect.name == "sqlite":
-                connection.exec_driver_sql("BEGIN IMMEDIATE")
+        with transaction(self._engine) as connection:
             try:
                 if rows:
                     self._insert(connection, rows)

@@ -1,0 +1,306 @@
+"""The sidecar with a real database and a real broker: logs that arrive, break, repeat; kills; the alarm; live rows."""
+
+import json
+import os
+import random
+import shutil
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import orjson
+import paho.mqtt.client as paho
+import pytest
+from paho.mqtt.enums import CallbackAPIVersion
+from scipy.signal import lfilter
+
+from acqd.models.bundle import save_bundle
+from acqd.models.data import Stretch
+from acqd.models.envelope import Envelope
+from acqd.models.predictor import Stream
+from acqd.models.reference import reference_arrays
+from acqd.sidecar.arrivals import Arrivals
+from acqd.sidecar.live import Live
+from acqd.sidecar.store import Done, Store
+from acqd.storage.database import open_database
+from acqd.storage.writer import Received, Writer
+from acqd.telemetry import topics
+from tests.at_hand import AXES, STEP, grey, grey_bundle
+from tests.conftest import wait_for
+
+ACQD = [sys.executable, "-m", "acqd"]
+BEGIN = 1_700_000_000.0
+CLOCK = 1.3  # s that the robot's clock is ahead
+
+
+def motion(rows, seed):
+    """Rest, smooth motion, rest."""
+    chance = np.random.default_rng(seed)
+    t = np.arange(rows) * STEP
+    q = np.zeros((rows, AXES))
+    for _ in range(3):
+        rate, phase, size = chance.uniform(0.1, 0.4, AXES), chance.uniform(0, 6, AXES), chance.uniform(0.2, 0.5, AXES)
+        q += size * np.sin(2 * np.pi * rate * t[:, None] + phase)
+    k = np.arange(rows)
+    ease = np.clip(np.minimum(k - 50, rows - 50 - k) / 60, 0, 1)[:, None]
+    return q[50] + ease**3 * (10 - 15 * ease + 6 * ease**2) * (q - q[50])
+
+
+def power_of(q, seed, extra=0.0):
+    """What a meter sees."""
+    noise = lfilter([0.3], [1, -0.7], np.random.default_rng(seed).normal(0, 1, len(q)))
+    return grey().sequence(q, np.ones((len(q), 1))) + noise + extra
+
+
+def write_log(path, q, begin_s):
+    """Generic CSV at 25 Hz, the robot's clock."""
+    t = begin_s + CLOCK + STEP * np.arange(len(q))
+    lines = ["time," + ",".join(f"q{k + 1}" for k in range(AXES)) + ",brake"]
+    lines += [f"{stamp:.4f}," + ",".join(f"{v:.6f}" for v in row) + ",1" for stamp, row in zip(t, q, strict=True)]
+    path.write_text("\n".join(lines) + "\n")
+
+
+def store_power(url, P, begin_s, first=0):
+    """Rows as the sink writes them; windows begin half a row before the log's samples."""
+    messages = []
+    for k, value in enumerate(P):
+        ns = round((begin_s + STEP * (k - 0.5)) * 1e9)
+        row = {
+            "device": "cell", "channel": "L1", "boot": "b", "seq": first + k, "time": rfc3339(ns), "schema": 1,
+            "filetime": ns // 100 + 116_444_736_000_000_000, "Vrms": 230.0, "Irms": 1.0, "P": float(value),
+            "S": float(value), "PF": 1.0, "f": 50.0, "W": 0.0, "flags": [],
+        }  # fmt: skip
+        messages.append(Received(topics.power("cell", "L1"), orjson.dumps(row)))
+    written = Writer(open_database(url)).write(messages)
+    assert written.rows == len(P), written
+
+
+def rfc3339(ns):
+    from acqd.telemetry.row import rfc3339 as text
+
+    return text(ns)
+
+
+def cell(folder, url, count, extra=0.0, rows=800, first=0):
+    """`count` logs in `folder`, their power in the database."""
+    for number in range(first, first + count):
+        begin, q = BEGIN + 60.0 * number, motion(rows, number)
+        padded = np.concatenate([np.repeat(q[:1], 100, axis=0), q, np.repeat(q[-1:], 100, axis=0)])
+        store_power(url, power_of(padded, number, extra), begin - 100 * STEP, 10_000 * number)
+        write_log(folder / f"log_{number:03d}.csv", q, begin)
+
+
+@pytest.fixture
+def bundle(tmp_path):
+    """With recordings to compare with."""
+    stretches = []
+    for number in range(900, 912):
+        q = motion(1000, number)
+        P = power_of(q, number)
+        stretches.append(
+            Stretch(
+                f"r{number}", f"r{number}", "r", "test", q, P, None, {"brake": np.ones(1000)}, BEGIN - 1e6 + number * 60
+            )
+        )
+    envelope = Envelope.of(stretches, STEP).as_json()
+    path = tmp_path / "bundle"
+    save_bundle(path, grey_bundle(reference_arrays(stretches), envelope=envelope))
+    return path
+
+
+def sidecar(logs, bundle, url, *more):
+    return [*ACQD, "sidecar", str(logs), "--model", str(bundle), "--database", url, "--device", "cell", *more]
+
+
+def run(command):
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=100)
+
+
+def done_in(url):
+    store = Store(open_database(url))
+    with store.engine.connect() as connection:
+        rows = connection.exec_driver_sql("SELECT name, status, message FROM prediction_log ORDER BY name").all()
+        counts = dict(
+            connection.exec_driver_sql(
+                "SELECT name, count(*) FROM prediction JOIN prediction_log USING (sha256) GROUP BY name"
+            ).all()
+        )
+    return {
+        name: (status, message if isinstance(message, dict) else json.loads(message)) for name, status, message in rows
+    }, counts
+
+
+def test_logs_are_placed_predicted_and_stored(tmp_path, bundle, database):
+    logs = tmp_path / "logs"
+    logs.mkdir()
+    cell(logs, database, 3)
+    result = run(sidecar(logs, bundle, database, "--no-mqtt", "--until-idle", "--json"))
+    assert result.returncode == 0, result.stderr
+    assert json.loads(result.stdout) == {"done": 3, "refused": 0}
+    found, counts = done_in(database)
+    for name, (status, message) in found.items():
+        assert status == "ok"
+        assert message["lag_s"] == pytest.approx(CLOCK, abs=0.02)
+        assert message["rmse_W"] < 4  # 1.2 W of noise, and a lag that angles alone tell to 20 ms
+        assert counts[name] == message["rows"] > 700
+    again = run(sidecar(logs, bundle, database, "--no-mqtt", "--until-idle", "--json"))
+    assert json.loads(again.stdout) == {"done": 0, "refused": 0}  # nothing is done twice
+
+
+def test_what_cannot_be_done_is_named_and_the_rest_goes_on(tmp_path, bundle):
+    url, logs = str(tmp_path / "p.sqlite"), tmp_path / "logs"
+    logs.mkdir()
+    open_database(url)
+    cell(logs, url, 2)
+    (logs / "log_a.csv").write_text("time,q1,q2\n1,2,3\n")  # another robot's
+    write_log(logs / "log_b.csv", motion(800, 77), BEGIN + 9e6)  # no power there
+    text = (logs / "log_001.csv").read_text().splitlines()
+    store_power(url, power_of(motion(300, 50), 50), BEGIN + 3000, 700_000)  # for the first third of log_c only
+    write_log(logs / "log_c.csv", motion(900, 50), BEGIN + 3000)
+    result = run(sidecar(logs, bundle, url, "--no-mqtt", "--until-idle", "--json", "--patience", "0.5"))
+    assert json.loads(result.stdout) == {"done": 2, "refused": 3}, result.stderr
+    assert "Traceback" not in result.stderr
+    found, _ = done_in(url)
+    assert "log_a.csv" in found["log_a.csv"][1]["reason"]
+    assert "power" in found["log_b.csv"][1]["reason"]
+    assert "power" in found["log_c.csv"][1]["reason"]
+    assert len(text) > 1
+
+
+def test_a_log_that_was_written_again_takes_the_place_of_the_old_one(tmp_path, bundle):
+    url, logs = str(tmp_path / "p.sqlite"), tmp_path / "logs"
+    logs.mkdir()
+    open_database(url)
+    cell(logs, url, 1)
+    whole = (logs / "log_000.csv").read_text()
+    half = "\n".join(whole.splitlines()[:500]) + "\n"
+    (logs / "log_000.csv").write_text(half)
+    run(sidecar(logs, bundle, url, "--no-mqtt", "--until-idle"))
+    (logs / "log_000.csv").write_text(whole)
+    run(sidecar(logs, bundle, url, "--no-mqtt", "--until-idle"))
+    with sqlite3.connect(url) as connection:
+        rows = dict(connection.execute("SELECT status, message FROM prediction_log").fetchall())
+        count = connection.execute("SELECT count(*) FROM prediction").fetchone()[0]
+    assert set(rows) == {"ok", "superseded"}
+    assert count == json.loads(rows["ok"])["rows"]
+
+
+def test_half_written_files_are_waited_for(tmp_path):
+    arrivals = Arrivals(tmp_path, settle_s=0.2)
+    path = tmp_path / "a.log"
+    path.write_text("time,q1\n1,2")
+    (tmp_path / ".a.log.part").write_text("x\n")
+    for _ in range(4):
+        time.sleep(0.1)
+        assert list(arrivals.look()) == []  # ends within a line
+    with path.open("a") as file:
+        file.write("\n")
+    assert list(arrivals.look()) == []
+    assert arrivals.waiting()
+    time.sleep(0.3)
+    assert list(arrivals.look()) == [path]
+    assert list(arrivals.look()) == []
+    path.unlink()
+    assert list(arrivals.look()) == [] and not arrivals.waiting()
+
+
+def test_every_log_is_done_exactly_once_whoever_is_killed(tmp_path, bundle, mosquitto):
+    """As tools/sidecar_kills does a hundred times."""
+    url, logs, coming = str(tmp_path / "p.sqlite"), tmp_path / "logs", tmp_path / "coming"
+    logs.mkdir()
+    coming.mkdir()
+    open_database(url)
+    cell(coming, url, 8, rows=500)
+    heard = []
+    listener = paho.Client(CallbackAPIVersion.VERSION2)
+    listener.on_connect = lambda c, *_: c.subscribe("acqd/cell/prediction", qos=1)
+    listener.on_message = lambda _c, _d, message: heard.append(json.loads(message.payload))
+    listener.connect("127.0.0.1", mosquitto.port)
+    listener.loop_start()
+    chance = random.Random(3)
+    names = sorted(coming.iterdir())
+    for number in range(8):
+        process = subprocess.Popen(
+            sidecar(logs, bundle, url, "--port", str(mosquitto.port)),
+            stderr=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+        )
+        shutil.move(names[number], logs / names[number].name)
+        time.sleep(chance.uniform(1.5, 5.0))
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+    last = run(sidecar(logs, bundle, url, "--port", str(mosquitto.port), "--until-idle"))
+    assert last.returncode == 0, last.stderr
+    found, counts = done_in(url)
+    assert sorted(found) == [path.name for path in names]
+    assert all(status == "ok" and counts[name] == message["rows"] for name, (status, message) in found.items())
+    wait_for(lambda: {each["log"] for each in heard} == set(found), "every log was published")
+    listener.loop_stop()
+
+
+def test_a_change_raises_the_alarm_on_the_broker_and_is_kept(tmp_path, bundle, mosquitto):
+    url, logs = str(tmp_path / "p.sqlite"), tmp_path / "logs"
+    logs.mkdir()
+    open_database(url)
+    cell(logs, url, 7)
+    cell(logs, url, 4, extra=6.0, first=7)
+    result = run(sidecar(logs, bundle, url, "--port", str(mosquitto.port), "--until-idle"))
+    assert "the residual has changed" in result.stderr
+    kept = []
+    client = paho.Client(CallbackAPIVersion.VERSION2)
+    client.on_connect = lambda c, *_: c.subscribe("acqd/cell/prediction/alarm", qos=1)
+    client.on_message = lambda _c, _d, message: kept.append(json.loads(message.payload))
+    client.connect("127.0.0.1", mosquitto.port)
+    client.loop_start()
+    wait_for(lambda: kept, "the alarm is retained")
+    client.loop_stop()
+    assert abs(kept[0]["onset_s"] - (BEGIN + 420)) < 70
+    found, _ = done_in(url)
+    assert [message["drift"] for _, message in found.values()][-1] == "alarm"
+    assert sum(message["alarm"] is not None for _, message in found.values()) == 1
+
+
+def test_nothing_of_a_log_stays_when_it_cannot_be_committed_whole(tmp_path):
+    store = Store(open_database(str(tmp_path / "s.sqlite")))
+    stamps = np.array([1, 2, 2])  # the key refuses the third
+    bad = Done("a", "a.log", "m", "ok", {}, stamps, np.zeros(3), np.zeros(3))
+    with pytest.raises(Exception, match="UNIQUE"):
+        store.commit(bad, {"sidecar": {"x": 1}})
+    assert not store.known("a") and store.memory("sidecar") is None
+    store.commit(replace(bad, filetime=np.array([1, 2, 3])), {"sidecar": {"x": 1}})
+    assert store.known("a") and store.memory("sidecar") == {"x": 1}
+
+
+def test_live_rows_are_predicted_as_the_model_says_and_bad_ones_counted():
+    model = grey()
+    live = Live(model, "joints", "power")
+    q = motion(200, 5)
+    stream = Stream(model)
+    for row, angles in enumerate(q):
+        answer = live.answer(orjson.dumps({"time": BEGIN + STEP * row, "q": angles.tolist(), "brake": 1}))
+        wanted = stream.step(angles, np.ones(1))
+        assert (answer is None) == (wanted is None)
+        if answer is not None:
+            assert json.loads(answer)["P_predicted"] == pytest.approx(wanted)
+    for bad in (b"{", b'{"time": 1}', b'{"time": 1, "q": [1, 2]}', b'{"time": 1, "q": "x"}'):
+        assert live.answer(bad) is None
+    assert live.refused == 4
+    after_a_gap = live.answer(orjson.dumps({"time": BEGIN + 1000.0, "q": q[0].tolist()}))
+    assert after_a_gap is None  # begins anew
+
+
+def test_bad_arguments_are_one_line(tmp_path, bundle):
+    for words, told in (
+        ([str(tmp_path / "none"), "--model", str(bundle), "--database", "x.sqlite"], "does not exist"),
+        ([str(tmp_path), "--model", str(tmp_path), "--database", "x.sqlite"], ""),
+    ):
+        result = subprocess.run(
+            [*ACQD, "sidecar", *words], capture_output=True, text=True, check=False, cwd=tmp_path, env=os.environ
+        )
+        assert result.returncode == 2 and told in result.stderr and "Traceback" not in result.stderr
+    assert isinstance(Path(bundle), Path)
