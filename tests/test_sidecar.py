@@ -19,6 +19,7 @@ import pytest
 from paho.mqtt.enums import CallbackAPIVersion
 from scipy.signal import lfilter
 
+from acqd.models import features
 from acqd.models.bundle import save_bundle
 from acqd.models.data import Stretch
 from acqd.models.envelope import Envelope
@@ -60,8 +61,11 @@ def power_of(q, seed, extra=0.0):
 def write_log(path, q, begin_s):
     """Generic CSV at 25 Hz, the robot's clock."""
     t = begin_s + CLOCK + STEP * np.arange(len(q))
-    lines = ["time," + ",".join(f"q{k + 1}" for k in range(AXES)) + ",brake"]
-    lines += [f"{stamp:.4f}," + ",".join(f"{v:.6f}" for v in row) + ",1" for stamp, row in zip(t, q, strict=True)]
+    tau = grey().motor_torque(*features.motion(q, STEP))[0]
+    names = [f"{quantity}{k + 1}" for quantity in ("q", "tau") for k in range(AXES)]
+    lines = [",".join(["time", *names, "brake"])]
+    rows = np.column_stack([q, tau])
+    lines += [f"{stamp:.4f}," + ",".join(f"{v:.6f}" for v in row) + ",1" for stamp, row in zip(t, rows, strict=True)]
     path.write_text("\n".join(lines) + "\n")
 
 
@@ -146,7 +150,7 @@ def test_logs_are_placed_predicted_and_stored(tmp_path, bundle, database):
     for name, (status, message) in found.items():
         assert status == "ok"
         assert message["lag_s"] == pytest.approx(CLOCK, abs=0.02)
-        assert message["rmse_W"] < 4  # 1.2 W of noise, and a lag that angles alone tell to 20 ms
+        assert message["rmse_W"] < 2  # 1.2 W of noise
         assert counts[name] == message["rows"] > 700
     again = run(sidecar(logs, bundle, database, "--no-mqtt", "--until-idle", "--json"))
     assert json.loads(again.stdout) == {"done": 0, "refused": 0}  # nothing is done twice

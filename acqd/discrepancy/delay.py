@@ -11,7 +11,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from acqd.models.data import Stretch
-from acqd.models.effects.scene import Scene, averaged
+from acqd.models.effects.scene import Scene
 from acqd.robot.description import Floats
 
 _REACH_S, _STEP_S = 0.8, 0.02
@@ -95,16 +95,21 @@ def _line(t: Floats, delays: Floats) -> tuple[float, float, float]:
 
 def _best(scene: Scene, P: Floats) -> tuple[float, float, float]:
     """Delay, the share of the residual's variance that it takes away, and how much power moves (W)."""
-    moving = float(scene.metered.std())
-    t = averaged(scene.t) - float(scene.t[0])
-    inside = slice(int(_REACH_S / scene.step_s) + 1, -int(_REACH_S / scene.step_s) - 1)
+    return delay_of(scene.metered, P, scene.step_s)
+
+
+def delay_of(predicted: Floats, P: Floats, step_s: float) -> tuple[float, float, float]:
+    """s that P [T] is later than `predicted` [T], the share of the residual's variance, how much power moves (W)."""
+    moving = float(predicted.std())
+    t = step_s * np.arange(len(P))
+    inside = slice(int(_REACH_S / step_s) + 1, -int(_REACH_S / step_s) - 1)
     if len(t[inside]) < 50 or moving <= _LEAST_MOVING_W:
         return 0.0, 0.0, moving
-    curve = CubicSpline(t, scene.metered)
+    curve = CubicSpline(t, predicted)
     tried = np.arange(-_REACH_S, _REACH_S + _STEP_S / 2, _STEP_S)
     left = np.array([float(np.var(P[inside] - curve(t[inside] - delay))) for delay in tried])
     at = int(left.argmin())
-    gain = 1 - left[at] / max(float(np.var((P - scene.metered)[inside])), 1e-12)
+    gain = 1 - left[at] / max(float(np.var((P - predicted)[inside])), 1e-12)
     if at in (0, len(tried) - 1):
         return 0.0, 0.0, moving
     a, b, _ = np.polyfit(tried[at - 1 : at + 2], left[at - 1 : at + 2], 2)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from acqd.dataset.locate import locate
 from acqd.dataset.merge import Recording, merge
 from acqd.dataset.power import PowerStream, open_power
 from acqd.discrepancy.augment import errors_of, rms
+from acqd.discrepancy.delay import delay_of
 from acqd.discrepancy.sequential import Monitor
 from acqd.discrepancy.watching import baseline_of
 from acqd.errors import InputError, UserError
@@ -36,6 +37,7 @@ _REMEMBERED = 30  # logs whose lags make the clock's line
 _LEAST_COVERED = 0.5
 _PAUSE_S = 0.2
 _SURE_LAG = "clock line"
+_MOST_LATER_S = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,6 +173,7 @@ class Worker:
         before = [Lag(*each[1:]) for each in self._lags]
         own = located.own
         if own.credible:
+            own = replace(own, seconds=own.seconds - self._later(log, power, own.seconds))
             self._lags = [*self._lags, (middle, own.seconds, own.r2, own.ratio)][-_REMEMBERED:]
         lags = [*before, own]
         times = np.array([*(each[0] for each in self._lags[: len(before)]), middle])
@@ -182,6 +185,17 @@ class Worker:
         if before:
             return float(np.median([lag.seconds for lag in before])), "earlier logs"
         raise UserError(f"{log.path.name}: {located.note or 'no lag explains the power'}")
+
+    def _later(self, log: RobotLog, power: PowerStream, lag_s: float) -> float:
+        """s that power is later than the model has it: the model knows this robot better than any regression."""
+        recording = merge(log.path.stem, log, power, lag_s, 0.0, self.model.step_s)
+        stretches = self._stretches(log.path, recording, log)
+        found = [
+            delay_of(guess, stretch.P, self.model.step_s)
+            for guess, stretch in zip(predictions(self.model, stretches), stretches, strict=True)
+        ]
+        told = [delay for delay, gain, _ in found if gain > 0.0 and abs(delay) < _MOST_LATER_S]
+        return float(np.median(told)) if told else 0.0
 
     def _stretches(self, path: Path, recording: Recording, log: RobotLog) -> list[Stretch]:
         entry: dict[str, object] = {"name": path.stem, "source": path.stem, "kind": "other", "split": "test"}
