@@ -36,7 +36,8 @@ def motion(model: Predictor, rows: int = 1500) -> Floats:
     t = STEP_S * np.arange(rows)
     q = np.zeros((rows, model.axes))
     for _ in range(3):
-        rate, phase, size = (random.uniform(*bounds, model.axes) for bounds in ((0.05, 0.4), (0, 6), (0.1, 0.5)))
+        rate, phase = random.uniform(0.05, 0.4, model.axes), random.uniform(0, 6, model.axes)
+        size = random.uniform(0.1, 0.5, model.axes)
         q += size * np.sin(2 * np.pi * rate * t[:, None] + phase)
     signals = {"brake": (t > 1.0) * 1.0, "tool": (t % 6 > 3) * 1.0, "Vrms": 230 + 2 * np.sin(t / 9)}
     return np.column_stack([q, *(signals[name] for name in model.signals)])

@@ -19,6 +19,7 @@ from acqd.discrepancy.trace import Limits, Tracing, trace
 from acqd.models.effects.scene import scene_of
 from acqd.robot.description import Floats
 
+ENOUGH_S = 120.0
 _SURE = 0.5  # of the resampled sets: below, two effects cannot be told apart
 
 
@@ -93,7 +94,7 @@ def close_loop(order: CloseOrder, progress: Callable[[str, float], None]) -> Clo
     before, after = quality(errors_before), quality(improved.errors)
     return Closed(
         subject, tracing, design, improved, before, after, errors_before, floor, where,
-        reference_rmse, joint_level(subject), _verdict(tracing, improved), notes,
+        reference_rmse, joint_level(subject), _verdict(subject, tracing, improved), notes,
     )  # fmt: skip
 
 
@@ -114,13 +115,15 @@ def _without_delay(subject: Subject) -> tuple[Delay | None, Subject]:
     return delay, replace(subject, fit=[corrected(s, delay, subject.data.step_s) for s in subject.fit])
 
 
-def _verdict(tracing: Tracing, improved: Improved) -> str:
+def _verdict(subject: Subject, tracing: Tracing, improved: Improved) -> str:
     named = [*improved.kept, *improved.told]
     if named:
         return "effects_found" if named[0].confidence >= _SURE else "not_identifiable"
     if tracing.unknown is not None:
         return "unknown_structure"
-    return "not_identifiable" if improved.refused else "nothing_left"
+    seconds = sum(len(stretch.P) for stretch in subject.fit) * subject.data.step_s
+    # silence of too few rows is no proof that nothing is there
+    return "not_identifiable" if improved.refused or seconds < ENOUGH_S else "nothing_left"
 
 
 def provenance(order: CloseOrder, closed: Closed) -> dict[str, Any]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from acqd.discrepancy import pictures
 from acqd.discrepancy.augment import Added, described
-from acqd.discrepancy.close import Closed
+from acqd.discrepancy.close import ENOUGH_S, Closed
 from acqd.discrepancy.order import CloseOrder
 from acqd.models.effects import library
 from acqd.report.page import Page
@@ -105,7 +105,9 @@ def next_steps(closed: Closed) -> list[str]:
             "ask what was changed in the cell, and record what may drive it; the pictures show what it follows"
         )
     if closed.verdict == "not_identifiable":
-        steps.append("record a dozen more recordings with other motions")
+        seconds = sum(len(stretch.P) for stretch in closed.subject.fit) * closed.subject.data.step_s
+        few = f"{seconds:.0f} s are too few to tell an effect from noise: " if seconds < ENOUGH_S else ""
+        steps.append(f"{few}record a dozen more recordings of a minute each, with other motions")
     return steps
 
 

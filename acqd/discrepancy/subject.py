@@ -23,7 +23,7 @@ from acqd.robot.description import RobotDescription, load_description
 
 Question = Literal["change", "structure"]
 FEWEST_RECORDINGS = 4
-LEAST_S = 60.0
+LEAST_S = 20.0
 _FEWEST_TO_SPARE = 12  # recordings before some are set aside
 _SPARED = 0.2
 
