@@ -253,13 +253,13 @@ def main() -> None:
         for kind in ("predicted", "simulated")
     ]
     page.text(
-        f"{found['executions']} executions that no model and no effect was fitted on. Predicted: from the angles that the "
-        "robot logged; simulated: from the twin's own motion."
+        f"{found['executions']} executions that no model and no effect was fitted on. "
+        "Predicted: from the angles that the robot logged; simulated: from the twin's own motion."
     )
     page.table(header, rows)
     page.text(
-        f"The flange of the twin is {1000 * found['end_effector_m']:.0f} mm from the measured one in the mean: the twin "
-        "runs at its own pace."
+        f"The flange of the twin is {1000 * found['end_effector_m']:.0f} mm from the measured one in the mean: "
+        "the twin runs at its own pace."
     )
     effects = ", ".join(f"{e['id']} ({e['where']}, confidence {e['confidence']:.0%})" for e in found["loop"]["effects"])
     page.text(f"What the loop found: {effects or found['loop']['verdict']}.")
