@@ -53,7 +53,7 @@ def coarse_search(
 ) -> Lag | None:
     """The best lag within `half_s` around `centre_s` on the grid of the power rows; None without overlap."""
     step = power.window_ns * 1e-9
-    X = _orthonormal(_every(about.as_metered(supply_lag_s, step)[:, : about.essential], step))
+    X = _orthonormal(_every(about.as_metered(supply_lag_s, step)[:, about.searched], step))
     if not X.shape[1]:
         return None  # it stood still
     begin = about.start_s - centre_s - half_s

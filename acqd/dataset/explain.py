@@ -6,6 +6,7 @@ on several such quantities, joint by joint, has a sharper maximum over the lag a
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from typing import Literal
 
@@ -27,6 +28,8 @@ _CUTOFF_HZ = 12.0  # well above BAND_HZ, so that smoothing the angles changes no
 BAND_HZ = 2.5
 """Quantities and power are compared below this: above it, encoders' and recorders' details are all there is."""
 _SIGN_SPEED = 0.02  # rad/s
+_AFTER_S = (0.0, 0.12, 0.3, 0.6)
+"""After the brakes have opened."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +44,14 @@ class Explanation:
     """[T] W: torque times speed, summed over the joints (thesis Eq. 6.1 to 6.3)."""
     essential: int
     """How many of the first columns explain most: a search over hours with all of them would fit chance."""
+    events: int = 0
+    """How many of the last columns follow the brakes: no motion explains the peak when they open."""
+
+    @property
+    def searched(self) -> NDArray[np.int64]:
+        """Columns to search with."""
+        last = np.arange(self.columns.shape[1] - self.events, self.columns.shape[1])
+        return np.concatenate([np.arange(self.essential), last]).astype(np.int64)
 
     @property
     def t(self) -> Floats:
@@ -87,9 +98,21 @@ def explain(log: RobotLog, robot: RobotDescription, torque: TorqueSource | None 
     essential = sum(column.shape[1] for column in columns)
     # the rest of the copper loss, (tau + J qdd + friction)^2: left out, these terms pass for a time shift
     columns += [qdd**2, tau * qdd, qdd * direction]
+    events = 0
     if "brake" in log.signals and np.isfinite(log.signals["brake"]).all():  # last: not every log has it
-        columns.append(np.interp(grid, time, log.signals["brake"][rows])[:, None])
-    return Explanation(float(time[0]), np.column_stack(columns), power, essential)
+        columns.append(_brakes(np.interp(grid, time, log.signals["brake"][rows])))
+        events = columns[-1].shape[1]
+    return Explanation(float(time[0]), np.column_stack(columns), power, essential, events)
+
+
+def _brakes(opened: Floats) -> Floats:
+    """[T, k]: whether they are open, and pulses after they have opened (thesis Figure 6.2: the initial peak)."""
+    rises = np.flatnonzero(np.diff((opened > 0.5).astype(np.int8), prepend=np.int8(opened[0] > 0.5)) > 0)
+    age = np.full(len(opened), np.inf)
+    for row in rises:
+        age[row:] = STEP_S * np.arange(len(opened) - row)
+    pulses = [(age >= low) & (age < high) for low, high in itertools.pairwise(_AFTER_S)]
+    return np.column_stack([opened, *(pulse for pulse in pulses if pulse.any())]).astype(np.float64)
 
 
 def best_torque(log: RobotLog) -> TorqueSource:
