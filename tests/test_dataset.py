@@ -395,3 +395,23 @@ def test_broken_power_files_are_named(tmp_path, name, text, expected):
     with pytest.raises(UserError, match=expected):
         open_power(str(tmp_path / name), None, None)
     assert (tmp_path / name).read_text() == text
+
+
+def test_the_same_assembly_again_and_again_with_the_peak_of_its_brakes_is_placed(tmp_path):
+    """Every execution fits in many places of the stream, and the peak is more than all that motion explains."""
+    settings = CampaignSettings(profile="use-case", assemblies=6, session=6, seed=9, clock={"offset_s": 1.24})
+    out, truth = tmp_path / "c", tmp_path / "t"
+    run_campaign(CampaignOrder(settings, out, truth, f"{out}/power.sqlite", 2), lambda what, share: None)
+    report = make(out, tmp_path / "ds")
+    assert report.refused == []
+    right = true_lags(settings, truth)
+    found = {entry["name"]: entry["lag_s"] for entry in load_manifest(tmp_path / "ds")["recordings"]}
+    assert max(abs(found[name] - lag) for name, lag in right.items()) < 0.015
+    brakes = np.concatenate(
+        [
+            pyarrow.parquet.read_table(tmp_path / "ds" / "recordings" / f"{name}.parquet")["brake"].to_numpy()
+            for name in found
+        ]
+    )
+    assert ((brakes >= 0) & (brakes <= 1)).all()
+    assert ((brakes > 0.01) & (brakes < 0.99)).any()  # the share of a row in which they are open
