@@ -174,7 +174,7 @@ def distance(arm: Arm, twin: Twin, stretch: Stretch) -> Floats:
 
 def flange(arm: Arm, q: Floats) -> Floats:
     """[T, 3] m."""
-    return np.array([forward_kinematics(arm, row)[0] for row in q])
+    return forward_kinematics(arm, q)[0]
 
 
 def motion_picture(arm: Arm, twin: Twin, stretch: Stretch, step_s: float) -> Figure:

@@ -24,6 +24,7 @@ Verdict = Literal["effects_found", "nothing_left", "unknown_structure", "not_ide
 LEAST_EVIDENCE = 20.0
 """White sum of squares: at tens of thousands of rows significance alone is useless."""
 _DERIVED_EVIDENCE = 250.0
+_UNANIMOUS_EVIDENCE = 120.0
 _DERIVED_WORTH = 1.33  # times the best predictive evidence, before what was found by looking counts more
 _FORESEEN = 0.5
 _RIVAL_MARGIN, _RIVAL_SHARE = 40.0, 0.06
@@ -39,7 +40,7 @@ _LEAST_SHARE = 0.0025  # of the dynamic range: below, nobody at a plant would ac
 CLOCKS = ("clock_offset", "clock_drift")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Gate:
     """Which blocks an effect acts in."""
 
@@ -133,11 +134,30 @@ def _without_small_clock(design: Design, model: Model, gate: Gate) -> Model:
 
 
 def _step(design: Design, model: Model, gates: list[Gate], tracing: Tracing, limits: Limits) -> Named | None:
+    """Under the likeliest onset; where nothing is credible under it, under none."""
     taken = {(named.id, named.finding.candidate.label) for named in tracing.found}
     pool = [c for c in design.candidates if (c.id, c.label) not in taken or not c.id]
-    gate = _best_gate(design, model, gates, pool)
+    found = derive(design, model, gates[0].open, {named.id for named in tracing.found})
+    derived = {id(each.candidate): each for each in found}
+    for gate in dict.fromkeys((_best_gate(design, model, gates, pool), gates[0])):
+        step = _under(gate, design, model, gates, pool, derived, tracing, limits)
+        if step is not None:
+            tracing.unknown = tracing.unknown_gate = None
+            return step
+    return None
+
+
+def _under(
+    gate: Gate,
+    design: Design,
+    model: Model,
+    gates: list[Gate],
+    pool: list[Candidate],
+    derived: dict[int, Derived],
+    tracing: Tracing,
+    limits: Limits,
+) -> Named | None:
     findings = rank(design, model, gate.open, pool)
-    derived = {id(d.candidate): d for d in derive(design, model, gates[0].open, {named.id for named in tracing.found})}
     if derived:
         findings += rank(design, model, gates[0].open, [each.candidate for each in derived.values()])
     findings.sort(key=lambda finding: -_worth(finding))
@@ -222,7 +242,7 @@ def _seen_directly(design: Design, seconds: float) -> bool:
 def _unanimous(finding: Finding) -> bool:
     """Nearly every recording where it acts says so: a few loud ones, or few at all, cannot surprise otherwise."""
     if finding.acting >= _FEW:
-        return finding.consistency >= 0.9 and finding.evidence > _DERIVED_EVIDENCE
+        return finding.consistency >= 0.9 and finding.evidence > _UNANIMOUS_EVIDENCE
     loud = finding.evidence > 4 * _DERIVED_EVIDENCE and finding.held_out > 0.5 * finding.evidence
     return finding.acting >= _FEWEST and finding.consistency == 1.0 and loud
 
