@@ -21,6 +21,7 @@ from acqd.robot.dynamics import inertial_parameters
 
 _FEWEST_FOR_NOISE = 4  # reference recordings
 _RIDGE = 1e-6
+_ACTS = 0.01  # of the power that a column has in the recordings in question
 _HELD = 1e-9
 _LAG_SPREAD_S = 0.003
 
@@ -84,13 +85,18 @@ def _wandering(design: Design, quiet: Floats) -> list[Column]:
 
 
 def _common(design: Design) -> list[int]:
-    """Columns of effects that a model may lack from the start: in a contrast they are free for both sides."""
+    """Columns of effects that a model may lack from the start: in a contrast they are free for both sides.
+
+    What never acts in the reference (a tool that was not there) is only a question of the new recordings.
+    """
     effects = library()
     found: set[int] = set()
     for candidate in design.candidates:
         if candidate.id and effects[candidate.id].structural:
             found |= set(candidate.places.tolist())
-    return sorted(found)
+    power = np.einsum("bkk->bk", design.blocks.plain) / np.maximum(design.blocks.rows, 1.0)[:, None]
+    fresh, before = (power[side > 0].mean(axis=0) for side in (design.fresh, 1 - design.fresh))
+    return sorted(k for k in found if before[k] > _ACTS * fresh[k])
 
 
 def _left_by_everything(design: Design, base: list[Column], weights: Floats) -> list[Floats]:

@@ -32,7 +32,6 @@ _ALPHA = 0.02
 _CONSISTENT = 0.6  # of the recordings
 _PLAIN_ERRORS = 2.0  # rare events: their plain gain is lost in the noise of the rows around, but must not be a loss
 _LATER_SHARE = 0.03  # of the first effect's evidence: less is its shape's error
-_LATER_MOST = 500.0  # a huge effect does not hide a large one
 _NEIGHBOUR_SHARE = 0.12  # and of a neighbour's
 _FEW = 5
 _FEWEST = 3  # recordings before and after an onset
@@ -203,8 +202,7 @@ def _credible(design: Design, finding: Finding, limit: float, derived: dict[int,
         return False
     for earlier in tracing.found:
         neighbour = finding.candidate.id in library()[earlier.id].neighbours or finding.candidate.id in ("", earlier.id)
-        share = (_NEIGHBOUR_SHARE if neighbour else _LATER_SHARE) * earlier.finding.evidence
-        least = max(least, share if neighbour else min(share, _LATER_MOST))
+        least = max(least, (_NEIGHBOUR_SHARE if neighbour else _LATER_SHARE) * earlier.finding.evidence)
     return (
         finding.evidence > least
         and relevant(design, finding)
