@@ -73,7 +73,7 @@ def terms(model):
 
 def term(identity, where, shape, columns, weights, count, theta=None):
     values = weights if theta is None else theta
-    parameters = {f"p{k}": {"value": float(values[k]), "unit": "W", "ci95": None} for k in range(count)}
+    parameters = {f"p{k}, as 0-20 ms": {"value": float(values[k]), "unit": "W", "ci95": None} for k in range(count)}
     parameters |= {name: {"value": value, "unit": "-", "ci95": None} for name, value in shape.items()}
     return Term(identity, where, shape, columns, np.asarray(weights, dtype=float), parameters)
 
@@ -294,7 +294,8 @@ def test_parameters_of_effects_can_be_tuned(made, tmp_path):
     q, signals = recording(90)
     unit = Unit(file, tmp_path)
     names = [v.name for v in unit.description.modelVariables if v.causality == "parameter"]
-    assert "payload.p0" in names
+    assert "payload.p0_as_0_20_ms" in names
+    assert all(re.fullmatch(r"[a-z_0-9]+\.[A-Za-z_0-9]+", name) for name in names)
     unit.set(**dict.fromkeys(names, 0.0))
     bare = Augmented(model.base, model.carrier, [])
     late = model.radius

@@ -19,6 +19,7 @@ import pytest
 from paho.mqtt.enums import CallbackAPIVersion
 from scipy.signal import lfilter
 
+from acqd.dataset.align import Lag
 from acqd.models import features
 from acqd.models.bundle import save_bundle
 from acqd.models.data import Stretch
@@ -28,6 +29,7 @@ from acqd.models.reference import reference_arrays
 from acqd.sidecar.arrivals import Arrivals
 from acqd.sidecar.live import Live
 from acqd.sidecar.store import Done, Store
+from acqd.sidecar.work import NoPowerYetError, Settings, Worker
 from acqd.storage.database import open_database
 from acqd.storage.writer import Received, Writer
 from acqd.telemetry import topics
@@ -174,6 +176,65 @@ def test_what_cannot_be_done_is_named_and_the_rest_goes_on(tmp_path, bundle):
     assert "power" in found["log_b.csv"][1]["reason"]
     assert "power" in found["log_c.csv"][1]["reason"]
     assert len(text) > 1
+
+
+def test_odd_logs_do_not_stop_those_behind_them(tmp_path, bundle):
+    url, logs = str(tmp_path / "p.sqlite"), tmp_path / "logs"
+    (logs / "sub").mkdir(parents=True)
+    open_database(url)
+    cell(logs, url, 2)
+    lines = (logs / "log_000.csv").read_text().splitlines()
+    (logs / "a_brake.csv").write_text("\n".join([lines[0], *(line[:-1] for line in lines[1:])]) + "\n")
+    for name, factor in (("a_ms.csv", 1000.0), ("a_far.csv", 1e290)):
+        rows = [line.split(",", 1) for line in lines[1:]]
+        (logs / name).write_text("\n".join([lines[0], *(f"{float(t) * factor:.6g},{rest}" for t, rest in rows)]) + "\n")
+    (logs / os.fsdecode(b"a_pr\xfcf.csv")).write_text("time\n1\n")
+    shutil.copy(logs / "log_001.csv", logs / "sub" / "log_000.csv")  # same name, another folder: the same content
+    result = run(sidecar(logs, bundle, url, "--no-mqtt", "--until-idle", "--json", "--patience", "0.2"))
+    assert result.returncode == 0, result.stderr
+    assert json.loads(result.stdout) == {"done": 2, "refused": 4}
+    found, _ = done_in(url)
+    assert {name for name, (status, _) in found.items() if status == "ok"} == {"log_000.csv", "log_001.csv"}
+
+
+def test_power_that_comes_late_is_waited_for(tmp_path, bundle):
+    url, logs = str(tmp_path / "p.sqlite"), tmp_path / "logs"
+    logs.mkdir()
+    engine = open_database(url)
+    worker = Worker(Settings(bundle, url, None, None, 0.3), engine)
+    q = motion(800, 0)
+    write_log(logs / "a.csv", q, BEGIN)
+    with pytest.raises(NoPowerYetError, match="no power rows up to"):
+        worker.run(logs / "a.csv", "a.csv", "x")
+    cell(logs, url, 1)
+    assert worker.run(logs / "a.csv", "a.csv", "x").status == "ok"
+
+
+def test_the_clocks_line_holds_for_more_logs_than_it_remembers_and_begins_anew_when_it_was_set(tmp_path, bundle):
+    worker = Worker(Settings(bundle, "", None, None), open_database(str(tmp_path / "p.sqlite")))
+    located = []
+    worker._later = lambda *_: 0.0  # the model's refinement is another test's
+    for number in range(45):
+        middle = 3600.0 * number
+        lag = 1.0 + 20e-6 * middle + (2.0 if number >= 38 else 0.0)
+        seconds, how = worker.placed(middle, Lag(lag, 0.9, 3.0))
+        located.append((seconds - lag, how))
+    assert max(abs(off) for off, _ in located) < 1e-3
+    assert located[37][1] == "clock line" and located[38][1] == "own" and located[-1][1] == "clock line"
+
+
+def test_another_model_begins_the_drift_anew(tmp_path, bundle):
+    engine = open_database(str(tmp_path / "p.sqlite"))
+    first = Worker(Settings(bundle, "", None, None), engine)
+    first.monitor.sums[:] = 7.0
+    other = tmp_path / "other"
+    shutil.copytree(bundle, other)
+    (other / "bundle.json").write_text((bundle / "bundle.json").read_text().replace('"trial"', '"trial 2"'))
+    again, changed = (Worker(Settings(path, "", None, None), engine) for path in (bundle, other))
+    again.restore(first.memory())
+    changed.restore(first.memory())
+    assert again.monitor.sums.max() == 7.0 and changed.monitor.sums.max() == 0.0
+    again.restore({"model": first.memory()["model"], "lags": [[1]], "monitor": {}})  # of an earlier version
 
 
 def test_a_log_that_was_written_again_takes_the_place_of_the_old_one(tmp_path, bundle):

@@ -49,7 +49,7 @@ def sidecar(
     url = database or settings.sink.database
     name = device or settings.device
     engine = open_database(url, create=False)
-    worker = Worker(Settings(model, url, device, None, patience))
+    worker = Worker(Settings(model, url, device, None, patience), engine)
     for note in worker.notes:
         logging.getLogger(__name__).warning("%s", note)
 

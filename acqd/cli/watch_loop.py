@@ -41,6 +41,8 @@ def _told(event: Event) -> str:
     if event.kind == "alarm":
         begun = datetime.fromtimestamp(about["onset_s"], UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
         return f"ALARM: the residual has changed since about {begun} ({about['chart']})"
+    if event.kind == "trouble":
+        return f"{about['reason']}; looking again"
     if "reason" in about:
         return f"not yet to be told from {about['recordings']} recordings: {about['reason']}"
     named = ", ".join(f"{effect['id']} ({effect['where']})" for effect in about["effects"])

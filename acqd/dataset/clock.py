@@ -50,6 +50,11 @@ def filetime(time_ns: int) -> int:
     return time_ns // 100 + _FILETIME_1970
 
 
+def unix_s(filetime_100ns: int) -> float:
+    """Unix seconds of NTFS 100 ns."""
+    return (filetime_100ns - _FILETIME_1970) * 1e-7
+
+
 def _rfc3339(path: Path, text: str) -> int:
     try:
         stamp = datetime.fromisoformat(text)

@@ -66,16 +66,20 @@ class _Rows:
 
 
 def open_power(
-    origin: str, device: str | None, channel: str | None, between_ns: tuple[int, int] | None = None
+    origin: str,
+    device: str | None,
+    channel: str | None,
+    between_ns: tuple[int, int] | None = None,
+    engine: sa.Engine | None = None,
 ) -> PowerStream:
     """Rows of `device` and `channel` (None: the only device; total, else L1) from a URL or file. Raises UserError.
 
     They are spooled into a temporary file that is mapped, so that a stream may be larger than memory. `between_ns`
-    (UTC) asks a database for a part only.
+    (UTC) asks a database for a part only; `engine` is that database, if it is open already.
     """
     path = Path(origin)
     if "://" in origin or path.suffix in (".sqlite", ".db", ".sqlite3"):
-        pieces = _from_sql(origin, device, channel, between_ns)
+        pieces = _from_sql(origin, device, channel, between_ns, engine)
     elif path.suffix == ".parquet":
         pieces = _from_tables(path, lambda: _parquet(_existing(path)), device, channel)
     elif path.suffix in (".jsonl", ".json", ".ndjson"):
@@ -115,20 +119,23 @@ def _spool(origin: str, pieces: Iterator[_Rows]) -> PowerStream:
 
 
 def _from_sql(
-    origin: str, device: str | None, channel: str | None, between_ns: tuple[int, int] | None
+    origin: str,
+    device: str | None,
+    channel: str | None,
+    between_ns: tuple[int, int] | None,
+    engine: sa.Engine | None,
 ) -> Iterator[_Rows]:
     if Path(origin).is_file() and Path(origin).stat().st_size == 0:
         raise InputError(origin, "is empty; expected a database with a table of power rows")
-    engine = open_database(origin, create=False)
+    engine = engine or open_database(origin, create=False)
+    span = [] if between_ns is None else [power.c.filetime.between(filetime(between_ns[0]), filetime(between_ns[1]))]
     with engine.connect() as connection:
-        found = connection.execute(sa.select(power.c.device, power.c.channel).distinct()).all()
+        found = connection.execute(sa.select(power.c.device, power.c.channel).where(*span).distinct()).all()
         device, channel = _choose(origin, {(row[0], row[1]) for row in found}, device, channel)
         columns = (power.c.filetime, power.c.P, power.c.Vrms, power.c.flags)
         query = sa.select(*columns).where(power.c.device == device, power.c.channel == channel)
-        if between_ns is None:
-            query = query.order_by(power.c.boot, power.c.seq)  # the key: no sorting in the database
-        else:
-            query = query.where(power.c.filetime.between(filetime(between_ns[0]), filetime(between_ns[1])))
+        # the key: no sorting in the database
+        query = query.order_by(power.c.boot, power.c.seq) if between_ns is None else query.where(*span)
         result = connection.execution_options(stream_results=True).execute(query)
         for rows in result.partitions(_CHUNK):
             stamps, P, Vrms, flags = zip(*rows, strict=True)

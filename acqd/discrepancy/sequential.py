@@ -168,13 +168,16 @@ class Monitor:
     sums: Floats = field(default_factory=lambda: np.zeros(len(CHARTS)))
     since: list[list[tuple[float, float]]] = field(default_factory=lambda: [[] for _ in CHARTS])
     """UTC and value of the blocks since each sum was nought."""
+    judged_s: float = 0.0
+    """UTC up to which rows were judged: a recording that comes again, or late, is not."""
     alarm: Alarm | None = None
     """The first; it stays until somebody has looked."""
 
     def update(self, errors: Floats, predicted: Floats, start_s: float, step_s: float) -> Alarm | None:
         """Take a stretch; the alarm that it raised, None if none or there had been one before."""
-        if self.alarm is not None:
-            return None
+        if self.alarm is not None or start_s < self.judged_s:
+            return None  # told already, or rows that were judged before
+        self.judged_s = start_s + len(errors) * step_s
         base = self.baseline
         blocks = blocks_of(base.whitener, errors, predicted, start_s, step_s)
         kinds = blocks.moving.astype(int)
@@ -195,10 +198,12 @@ class Monitor:
     def as_json(self) -> dict[str, Any]:
         """To go on after a restart."""
         alarm = None if self.alarm is None else self.alarm.as_json()
-        return {"sums": self.sums.tolist(), "since": [list(map(list, each)) for each in self.since], "alarm": alarm}
+        return {"sums": self.sums.tolist(), "since": [list(map(list, each)) for each in self.since],
+                "judged_s": self.judged_s, "alarm": alarm}  # fmt: skip
 
     def restore(self, state: dict[str, Any]) -> None:
         """Where `as_json` left it. Raises KeyError, ValueError, TypeError."""
         self.sums = np.array(state["sums"], dtype=float).reshape(len(CHARTS))
         self.since = [[(float(t), float(value)) for t, value in each] for each in state["since"]]
+        self.judged_s = float(state["judged_s"])
         self.alarm = None if state["alarm"] is None else Alarm(**state["alarm"])

@@ -20,7 +20,7 @@ from acqd.discrepancy.subject import FEWEST_RECORDINGS, LEAST_S, seen_by
 from acqd.discrepancy.write import write_all
 from acqd.errors import InputError, UserError
 from acqd.folder import write_complete
-from acqd.models.bundle import Bundle
+from acqd.models.bundle import Bundle, fingerprint
 from acqd.models.data import Stretch, load_data
 from acqd.models.metrics import predictions
 from acqd.models.predictor import Predictor
@@ -35,7 +35,7 @@ class Event:
     """Something that the watch tells."""
 
     kind: str
-    """recording, alarm or proposal."""
+    """recording, alarm, proposal, or trouble with the dataset."""
     about: dict[str, Any]
 
 
@@ -79,6 +79,7 @@ class Watch:
         self._tried = 0  # affected recordings when tracing was tried last
         self._settled = False
         self._digest = ""
+        self._trouble = ""
         self._state = order.out / STATE
         self._go_on()
 
@@ -90,7 +91,14 @@ class Watch:
             return
         if digest == self._digest:
             return
-        data = load_data(self._order.dataset)
+        try:
+            data = load_data(self._order.dataset)
+        except (UserError, InputError) as error:  # it may be just being built anew: the next look tells
+            if str(error) != self._trouble:
+                yield Event("trouble", {"reason": str(error)})
+            self._trouble = str(error)
+            return
+        self._trouble = ""
         if data.axes != self._model.axes:
             raise UserError(f"{self._order.dataset} has {data.axes} axes, the model {self._model.axes}")
         new = [stretch for stretch in data.stretches if stretch.recording not in self._seen]
@@ -99,7 +107,6 @@ class Watch:
         self._digest = digest
         self._remember()
         yield from self._propose(data.stretches, data.step_s, progress)
-        self._remember()
 
     def _take(self, recording: str, stretches: list[Stretch], step_s: float) -> Iterator[Event]:
         alarm = None
@@ -129,11 +136,13 @@ class Watch:
         try:
             closed = close_loop(order, progress)
         except (UserError, InputError) as error:
+            self._remember()
             yield Event("proposal", {"verdict": "not_identifiable", "reason": str(error), "recordings": count})
             return
         write_all(order, closed)
         report = as_json(order, closed)
         self._settled = closed.verdict == "effects_found"
+        self._remember()
         kept = ("verdict", "effects", "before", "after", "next")
         yield Event("proposal", {key: report[key] for key in kept} | {"out": str(order.out), "recordings": count})
 
@@ -159,7 +168,7 @@ class Watch:
         write_complete(self._state, orjson.dumps(state, option=orjson.OPT_INDENT_2))
 
     def _model_name(self) -> str:
-        return f"{self._bundle.about['name']} {self._bundle.about['provenance'].get('manifest_sha256', '')}"
+        return fingerprint(self._order.bundle)
 
 
 def in_time(stretches: list[Stretch]) -> list[tuple[str, list[Stretch]]]:

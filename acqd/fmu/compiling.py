@@ -44,7 +44,7 @@ PLATFORMS = {
 
 def here() -> str:
     """The platform of this machine."""
-    system = {"linux": "linux", "darwin": "darwin"}.get(sys.platform, sys.platform)
+    system = {"win32": "win"}.get(sys.platform, sys.platform)
     if platform.machine() in ("aarch64", "arm64"):
         return f"aarch64-{system}"
     return f"{system}64"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
@@ -93,4 +94,9 @@ def _effect_variables(model: Predictor) -> Iterator[Variable]:
         own = parameters_of(term)
         for name, unit, start in zip(own.names, own.units, own.start, strict=True):
             about = f"{library()[term.id].about} ({term.where})"
-            yield Variable(f"{prefix}.{name.replace(' ', '_')}", "parameter", unit, about, float(start))
+            yield Variable(f"{prefix}.{_identifier(name)}", "parameter", unit, about, float(start))
+
+
+def _identifier(name: str) -> str:
+    """As a structured name allows it: letters, digits and underscores."""
+    return re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -71,6 +72,14 @@ def load_bundle(path: Path) -> Bundle:
     except (OSError, SafetensorError) as error:
         raise InputError(path / "weights.safetensors", f"cannot be read ({error}); copy the bundle again") from None
     return Bundle(about, arrays)
+
+
+def fingerprint(path: Path) -> str:
+    """SHA-256 of what a bundle predicts with: another fit, or another effect, is another one."""
+    digest = hashlib.sha256()
+    for name in ("bundle.json", "weights.safetensors"):
+        digest.update((path / name).read_bytes())
+    return digest.hexdigest()
 
 
 def is_bundle(path: Path) -> bool:

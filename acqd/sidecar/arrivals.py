@@ -45,6 +45,10 @@ class Arrivals:
             self._given[path] = mark
             yield path
 
+    def forget(self, path: Path) -> None:
+        """Look at a file again that could not be taken."""
+        self._given.pop(path, None)
+
     def waiting(self) -> bool:
         """Whether a file is still being written."""
         return any(self._given.get(path) != mark[:2] for path, mark in self._seen.items() if path.exists())

@@ -8,6 +8,7 @@ import time
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
 import orjson
 import paho.mqtt.client as paho
 from paho.mqtt.enums import CallbackAPIVersion
@@ -15,8 +16,8 @@ from paho.mqtt.enums import CallbackAPIVersion
 from acqd.models.predictor import Predictor, Stream
 from acqd.telemetry.mqtt import NO_DELAY, BrokerAddress
 
-_GAP_ROWS = 5
-"""Rows that may be missing before the prediction begins anew."""
+_EARLY, _LATE = 0.75, 1.75
+"""Steps between rows: sooner ones are left out, after longer ones the prediction begins anew."""
 
 
 @dataclass(slots=True)
@@ -42,13 +43,15 @@ class Live:
         except (orjson.JSONDecodeError, KeyError, TypeError, ValueError):
             self.refused += 1
             return None
-        if len(q) != self.model.axes:
+        if len(q) != self.model.axes or not np.isfinite([stamp, *q, *signals]).all():
             self.refused += 1
             return None
         step = self.model.step_s
         with self._lock:
-            if self._stream is None or not 0.5 * step < stamp - self._last < _GAP_ROWS * step:
-                self._stream = Stream(self.model)
+            if 0 <= stamp - self._last < _EARLY * step:
+                return None  # a faster sender: every row that is due is taken
+            if self._stream is None or not 0 < stamp - self._last < _LATE * step:
+                self._stream = Stream(self.model)  # a missing row would be a jump of the arm
             self._last = stamp
             power = self._stream.step(q, signals or None)  # type: ignore[arg-type]
         if power is None:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
+import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import orjson
@@ -17,7 +19,7 @@ from acqd.errors import UserError
 from acqd.sidecar.arrivals import Arrivals
 from acqd.sidecar.live import Live
 from acqd.sidecar.store import Store, StoredOutbox
-from acqd.sidecar.work import Worker, hash_of
+from acqd.sidecar.work import NoPowerYetError, Worker, hash_of, printable
 from acqd.telemetry.connector import Connector
 from acqd.telemetry.mqtt import BrokerAddress
 
@@ -26,6 +28,25 @@ _MEMORY = "sidecar"
 _TICK_S = 0.1
 _IDLE_S = 2.0
 """Between looks when nothing has been told of: network shares tell of nothing."""
+_ALIVE_S = 5.0
+_RETRY_S, _GIVE_UP_S = 30.0, 12 * 3600.0
+"""Power rows may come late: the sink catches up after an outage."""
+
+
+@dataclass(slots=True)
+class _Late:
+    """A log whose power rows have not arrived."""
+
+    end_s: float
+    """Monotonic: when it is given up."""
+    next_s: float = 0.0
+
+
+async def _tell(alive: Callable[[], None]) -> None:
+    """The loop is alive, however long a log takes."""
+    while True:
+        alive()
+        await asyncio.sleep(_ALIVE_S)
 
 
 class Sidecar:
@@ -42,21 +63,21 @@ class Sidecar:
         self._arrivals = Arrivals(folder)
         self._outbox = StoredOutbox(store, f"acqd/{device}/prediction", f"acqd/{device}/prediction/alarm")
         self._changed = asyncio.Event()
+        self._late: dict[Path, _Late] = {}
         self.done = 0
         self.refused = 0
 
     async def run(self, stop: asyncio.Event, alive: Callable[[], None], *, until_idle: bool = False) -> None:
         """Until `stop`; with `until_idle`, until every log in the folder is done and published."""
         self._worker.restore(await asyncio.to_thread(self._store.memory, _MEMORY))
-        tasks = [asyncio.create_task(self._watch(stop))]
+        tasks = [asyncio.create_task(self._watch(stop)), asyncio.create_task(_tell(alive))]
         connector = self._connector()
         if connector is not None:
             tasks.append(asyncio.create_task(connector.run()))
         client = self._live_client()
         try:
             while not stop.is_set():
-                alive()
-                worked = await self._work()
+                worked = await self._work(stop, until_idle=until_idle)
                 for task in tasks:
                     if task.done() and task.exception() is not None:
                         raise task.exception() or UserError("a task ended")
@@ -75,33 +96,49 @@ class Sidecar:
     def _all_told(self) -> bool:
         return self._broker is None or not len(self._outbox)
 
-    async def _work(self) -> int:
+    async def _work(self, stop: asyncio.Event, *, until_idle: bool) -> int:
         count = 0
-        for path in await asyncio.to_thread(lambda: list(self._arrivals.look())):
-            count += await self._take(path)
+        now = time.monotonic()
+        due = [path for path, late in self._late.items() if now >= late.next_s]
+        for path in [*await asyncio.to_thread(lambda: list(self._arrivals.look())), *due]:
+            if stop.is_set():
+                break
+            try:
+                count += await self._take(path, until_idle=until_idle)
+            except sa.exc.DatabaseError as error:
+                self._arrivals.forget(path)  # looked at again when the database is back
+                _log.error("%s: not stored (%s); trying again", path.name, str(error.orig).strip().splitlines()[0])
+                await asyncio.sleep(_IDLE_S)
+                count += 1
         return count
 
-    async def _take(self, path: Path) -> int:
+    async def _take(self, path: Path, *, until_idle: bool) -> int:
+        """Raises sqlalchemy.exc.DatabaseError; nothing of the log is kept then."""
         try:
             sha256 = await asyncio.to_thread(hash_of, path)
         except OSError as error:
             _log.warning("%s: %s", path, error.strerror)
+            self._arrivals.forget(path)
             return 0
         if await asyncio.to_thread(self._store.known, sha256):
             return 0
         before = self._worker.memory()
-        done = await asyncio.to_thread(self._worker.run, path, sha256)
+        name = printable(path.relative_to(self._folder).as_posix())
+        try:
+            done = await asyncio.to_thread(self._worker.run, path, name, sha256)
+        except NoPowerYetError as error:
+            late = self._late.setdefault(path, _Late(time.monotonic() + _GIVE_UP_S))
+            late.next_s = time.monotonic() + _RETRY_S
+            if not until_idle and time.monotonic() < late.end_s:
+                _log.warning("%s; trying again", error)
+                return 0
+            done = self._worker.refusal(name, sha256, str(error))
+        self._late.pop(path, None)
         try:
             await asyncio.to_thread(self._store.commit, done, {_MEMORY: self._worker.memory()})
-        except sa.exc.IntegrityError:
-            self._worker.restore(before)  # another sidecar was faster
-            return 0
-        except sa.exc.DatabaseError as error:
+        except sa.exc.DatabaseError:
             self._worker.restore(before)
-            self._arrivals = Arrivals(self._folder)  # looked at again when the database is back
-            _log.error("%s: not stored (%s); trying again", path.name, str(error.orig).strip().splitlines()[0])
-            await asyncio.sleep(_IDLE_S)
-            return 0
+            raise
         self._outbox.wake()
         self.done += done.status == "ok"
         self.refused += done.status == "refused"
@@ -114,8 +151,13 @@ class Sidecar:
         return 1
 
     async def _watch(self, stop: asyncio.Event) -> None:
-        async for _ in awatch(self._folder, stop_event=stop, step=20, debounce=50):
-            self._changed.set()
+        while not stop.is_set():
+            try:
+                async for _ in awatch(self._folder, stop_event=stop, step=20, debounce=50):
+                    self._changed.set()
+            except Exception as error:  # a name that is no UTF-8, too many watches: looking now and then does, too
+                _log.warning("%s: nothing is told of new files (%s), looking for them", self._folder, error)
+                await asyncio.sleep(_IDLE_S)
 
     async def _pause(self, stop: asyncio.Event) -> None:
         """Short while a file is being written; else until something changes, or a look is due anyway."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import logging
 import time
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -10,10 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import sqlalchemy as sa
 
 from acqd.dataset.align import Lag
-from acqd.dataset.clock import filetime
-from acqd.dataset.clocks import fit_line
+from acqd.dataset.clock import filetime, unix_s
+from acqd.dataset.clocks import deviates, fit_line
 from acqd.dataset.explain import explain
 from acqd.dataset.locate import locate
 from acqd.dataset.merge import Recording, merge
@@ -23,6 +25,7 @@ from acqd.discrepancy.delay import delay_of
 from acqd.discrepancy.sequential import Monitor
 from acqd.discrepancy.watching import baseline_of
 from acqd.errors import InputError, UserError
+from acqd.models.bundle import fingerprint
 from acqd.models.data import Stretch, stretches_of
 from acqd.models.envelope import Envelope
 from acqd.models.metrics import predictions
@@ -30,14 +33,20 @@ from acqd.models.restore import open_model
 from acqd.robot.description import load_description
 from acqd.robot.log import RobotLog, in_time, read_log
 from acqd.sidecar.store import Done
+from acqd.storage.schema import power
 
-_SEARCH_S = 2.4
+_log = logging.getLogger(__name__)
 _MARGIN_S = 5.0
 _REMEMBERED = 30  # logs whose lags make the clock's line
 _LEAST_COVERED = 0.5
 _PAUSE_S = 0.2
+_LATEST_S, _LONGEST_S = 4e9, 6 * 3600.0
 _SURE_LAG = "clock line"
 _MOST_LATER_S = 0.1
+
+
+class NoPowerYetError(Exception):
+    """The database has no rows of a log's span, or not the last of them: the sink may be late."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,9 +68,9 @@ class Settings:
 class Worker:
     """Takes logs one after the other. What it remembers is handed in and out, for the store to keep."""
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: Settings, engine: sa.Engine) -> None:
         """Raises UserError, InputError."""
-        self.settings = settings
+        self.settings, self._engine = settings, engine
         self.bundle, self.model = open_model(settings.bundle)
         self._robot = load_description(self.bundle.about["description"])
         self._envelope = Envelope.from_json(self.bundle.about["envelope"])
@@ -80,10 +89,14 @@ class Worker:
 
     def restore(self, memory: Any) -> None:
         """Where an earlier sidecar with the same model stopped."""
-        if memory and memory.get("model") == self._identity():
-            self._lags = [tuple(each) for each in memory["lags"]]
+        if not memory or memory.get("model") != self._identity():
+            return
+        try:
+            self._lags = [(float(a), float(b), float(c), float(d)) for a, b, c, d in memory["lags"]]
             if self.monitor is not None and memory["monitor"]:
                 self.monitor.restore(memory["monitor"])
+        except (KeyError, ValueError, TypeError):
+            _log.warning("what an earlier version remembered cannot be read: clock and drift begin anew")
 
     def memory(self) -> dict[str, Any]:
         """For `restore`."""
@@ -91,27 +104,41 @@ class Worker:
         return {"model": self._identity(), "lags": [list(each) for each in self._lags], "monitor": monitor}
 
     def _identity(self) -> str:
-        return f"{self.name} {self.bundle.about['provenance'].get('manifest_sha256', '')}"
+        return fingerprint(self.settings.bundle)
 
-    def run(self, path: Path, sha256: str) -> Done:
-        """Work through one file; what is wrong with it is told in the result, never raised."""
+    def run(self, path: Path, name: str, sha256: str) -> Done:
+        """Work through one file; what is wrong with it is told in the result.
+
+        Raises NoPowerYetError when the rows of its span have not arrived: that is not the log's fault.
+        """
         begun = time.monotonic()
-        about: dict[str, Any] = {"log": path.name, "sha256": sha256, "model": self.name}
+        about: dict[str, Any] = {"log": name, "sha256": sha256, "model": self.name}
         try:
-            done = self._predicted(path, sha256, about)
-        except (InputError, UserError) as error:
-            about |= {"status": "refused", "reason": str(error)}
-            done = Done(sha256, path.name, self.name, "refused", about)
+            done = self._predicted(path, name, sha256, about)
+        except NoPowerYetError:
+            raise
+        except Exception as error:  # whatever is odd about one log must not stop those behind it
+            known = isinstance(error, (InputError, UserError))
+            reason = str(error) if known else f"{name}: cannot be worked through ({type(error).__name__}: {error})"
+            if not known:
+                _log.exception("%s", name)
+            done = self.refusal(name, sha256, reason)
         done.message["seconds"] = round(time.monotonic() - begun, 3)
         return done
 
-    def _predicted(self, path: Path, sha256: str, about: dict[str, Any]) -> Done:
+    def refusal(self, name: str, sha256: str, reason: str) -> Done:
+        """Of a log that nothing can be done with."""
+        about = {"log": name, "sha256": sha256, "model": self.name, "status": "refused", "reason": printable(reason)}
+        return Done(sha256, name, self.name, "refused", about)
+
+    def _predicted(self, path: Path, name: str, sha256: str, about: dict[str, Any]) -> Done:
         log = read_log(path, self._robot)
+        _require_a_day(log)
         if log.q.shape[1] != self.model.axes:
             raise InputError(path, f"has {log.q.shape[1]} axes, the model {self.model.axes}")
-        power = self._power(log)
-        lag_s, how = self._lag(log, power)
-        recording = merge(path.stem, log, power, lag_s, 0.0, self.model.step_s)
+        stream = self._power(log)
+        lag_s, how = self._lag(log, stream)
+        recording = merge(path.stem, log, stream, lag_s, 0.0, self.model.step_s)
         stretches = self._stretches(path, recording, log)
         predicted, errors = predictions(self.model, stretches), errors_of(self.model, stretches)
         for stretch in stretches:
@@ -124,16 +151,16 @@ class Worker:
         P, guess = np.concatenate([s.P for s in stretches]), np.concatenate(predicted)
         hours = self.model.step_s / 3600
         about |= {
-            "status": "ok", "measured": power.measured, "rows": len(P), "lag_s": round(lag_s, 5), "lag_by": how,
-            "begin": _rfc3339(stretches[0].start_s),
-            "end": _rfc3339(stretches[-1].start_s + len(stretches[-1].P) * self.model.step_s),
+            "status": "ok", "measured": stream.measured, "rows": len(P), "lag_s": round(lag_s, 5), "lag_by": how,
+            "begin": rfc3339(stretches[0].start_s),
+            "end": rfc3339(stretches[-1].start_s + len(stretches[-1].P) * self.model.step_s),
             "rmse_W": rms(errors), "mae_W": float(np.abs(np.concatenate(errors)).mean()),
             "energy_kWh": float(P.sum()) * hours / 1000, "energy_predicted_kWh": float(guess.sum()) * hours / 1000,
-            "drift": self._drift(), "alarm": None if alarm is None else alarm.as_json() | {"log": path.name},
+            "drift": self._drift(), "alarm": None if alarm is None else alarm.as_json() | {"log": name},
         }  # fmt: skip
         stamps = [s.start_s + self.model.step_s * np.arange(len(s.P)) for s in stretches]
         times = np.array([filetime(round(t * 1e9)) for t in np.concatenate(stamps).tolist()])
-        return Done(sha256, path.name, self.name, "ok", about, times, P, guess)
+        return Done(sha256, name, self.name, "ok", about, times, P, guess)
 
     def _drift(self) -> str:
         if self.monitor is None:
@@ -141,54 +168,65 @@ class Worker:
         return "alarm" if self.monitor.alarm is not None else "none"
 
     def _power(self, log: RobotLog) -> PowerStream:
-        """The rows of the log's span, waited for if the last ones are still on their way."""
+        """The rows of the log's span, waited for if the last ones are still on their way. Raises NoPowerYetError."""
         stamps, _ = in_time(log)
+        offset = self._lags[-1][1] if self._lags else 0.0
+        patience = time.monotonic() + self.settings.patience_s
+        while (newest := self._newest()) is None or newest < stamps[-1] - offset - _MARGIN_S:
+            if time.monotonic() > patience:
+                shown = "none" if newest is None else rfc3339(newest)
+                raise NoPowerYetError(
+                    f"{log.path.name}: no power rows up to {rfc3339(stamps[-1])} yet, the newest is of {shown}"
+                )
+            time.sleep(_PAUSE_S)
+        while time.monotonic() < patience and newest is not None and newest < stamps[-1] - offset:
+            time.sleep(_PAUSE_S)  # the last moments are still on their way
+            newest = self._newest()
         far = self.settings.clocks_apart_s + _MARGIN_S
         span = (round((stamps[0] - far) * 1e9), round((stamps[-1] + far) * 1e9))
-        patience = time.monotonic() + self.settings.patience_s
-        while True:
-            try:
-                power = open_power(self.settings.database, self.settings.device, self.settings.channel, span)
-            except UserError as error:
-                power, reason = None, str(error)
-            offset = self._lags[-1][1] if self._lags else 0.0
-            if power is not None:
-                last = (int(power.time_ns[-1]) + power.window_ns) * 1e-9
-                if last >= stamps[-1] - offset:
-                    return power
-            if time.monotonic() > patience:
-                break
-            time.sleep(_PAUSE_S)
-        if power is None:
-            raise UserError(
-                f"{log.path.name}: no power rows for {_rfc3339(stamps[0])} to {_rfc3339(stamps[-1])} ({reason})"
-            )
-        return power  # merging tells how much is missing
+        try:
+            return open_power(self.settings.database, self.settings.device, self.settings.channel, span, self._engine)
+        except UserError as error:
+            told = f"{rfc3339(stamps[0])} to {rfc3339(stamps[-1])}"
+            raise UserError(f"{log.path.name}: power rows are missing for {told} ({error})") from None
 
-    def _lag(self, log: RobotLog, power: PowerStream) -> tuple[float, str]:
-        """Controller minus power clock: by the line of the last logs, or by this one alone."""
+    def _newest(self) -> float | None:
+        """UTC of the newest row's begin, of whatever device."""
+        with self._engine.connect() as connection:
+            newest = connection.execute(sa.select(sa.func.max(power.c.filetime))).scalar()
+        return None if newest is None else unix_s(newest)
+
+    def _lag(self, log: RobotLog, stream: PowerStream) -> tuple[float, str]:
+        """Controller minus power clock at the log's middle, and by what it was told. Raises UserError."""
         explanation = explain(log, self._robot)
-        located = locate([explanation], power, self.settings.clocks_apart_s, lambda _: None).located[0]
-        middle = float(explanation.t[len(explanation.t) // 2])
-        before = [Lag(*each[1:]) for each in self._lags]
+        located = locate([explanation], stream, self.settings.clocks_apart_s, lambda _: None).located[0]
         own = located.own
         if own.credible:
-            own = replace(own, seconds=own.seconds - self._later(log, power, own.seconds))
-            self._lags = [*self._lags, (middle, own.seconds, own.r2, own.ratio)][-_REMEMBERED:]
-        lags = [*before, own]
-        times = np.array([*(each[0] for each in self._lags[: len(before)]), middle])
-        line = fit_line(times, lags) if len(times) == len(lags) else None
+            own = replace(own, seconds=own.seconds - self._later(log, stream, own.seconds))
+        placed = self.placed(float(explanation.t[len(explanation.t) // 2]), own)
+        if placed is None:
+            raise UserError(f"{log.path.name}: {located.note or 'no lag explains the power'}")
+        return placed
+
+    def placed(self, middle_s: float, own: Lag) -> tuple[float, str] | None:
+        """By the line of the last logs, or by what a log alone says; None when that is nothing credible."""
+        before = [Lag(*each[1:]) for each in self._lags]
+        times = np.array([*(each[0] for each in self._lags), middle_s])
+        if own.credible:
+            self._lags = [*self._lags, (middle_s, own.seconds, own.r2, own.ratio)][-_REMEMBERED:]
+        line = fit_line(times, [*before, own])
+        if line is not None and own.credible and deviates(line, middle_s, own):
+            self._lags = self._lags[-1:]  # the clock was set: a new line begins with this log
+            return own.seconds, "own"
         if line is not None:
-            return float(line.at(middle)), _SURE_LAG
+            return float(line.at(middle_s)), _SURE_LAG
         if own.credible:
             return own.seconds, "own"
-        if before:
-            return float(np.median([lag.seconds for lag in before])), "earlier logs"
-        raise UserError(f"{log.path.name}: {located.note or 'no lag explains the power'}")
+        return (float(np.median([lag.seconds for lag in before])), "earlier logs") if before else None
 
-    def _later(self, log: RobotLog, power: PowerStream, lag_s: float) -> float:
+    def _later(self, log: RobotLog, stream: PowerStream, lag_s: float) -> float:
         """s that power is later than the model has it: the model knows this robot better than any regression."""
-        recording = merge(log.path.stem, log, power, lag_s, 0.0, self.model.step_s)
+        recording = merge(log.path.stem, log, stream, lag_s, 0.0, self.model.step_s)
         stretches = self._stretches(log.path, recording, log)
         found = [
             delay_of(guess, stretch.P, self.model.step_s)
@@ -210,8 +248,23 @@ class Worker:
         return found
 
 
-def _rfc3339(t: float) -> str:
+def rfc3339(t: float) -> str:
+    """UTC of Unix seconds."""
     return datetime.fromtimestamp(t, UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
+def printable(text: str) -> str:
+    """Without what UTF-8 cannot hold: names of files may be any bytes."""
+    return text.encode("utf-8", "replace").decode()
+
+
+def _require_a_day(log: RobotLog) -> None:
+    """Raises InputError for times that are none, or a log longer than a day."""
+    stamps, _ = in_time(log)
+    if not (stamps[0] >= 0 and stamps[-1] < _LATEST_S):
+        raise InputError(log.path, f"times from {stamps[0]:.4g} to {stamps[-1]:.4g} s are no Unix time")
+    if stamps[-1] - stamps[0] > _LONGEST_S:
+        raise InputError(log.path, f"is {(stamps[-1] - stamps[0]) / 3600:.1f} h long; a log of at most 6 h is expected")
 
 
 def hash_of(path: Path) -> str:

@@ -11,7 +11,6 @@ typedef enum { INSTANTIATED, INITIALIZING, STEPPING, TERMINATED } phase_t;
 
 typedef struct {
     state_t state;
-    double start;
     phase_t phase;
     int has_stop;
     double stop;
@@ -83,7 +82,8 @@ FMI2_EXPORT fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean has_tole
         return complain(slave, "fmi2SetupExperiment: only before initialization");
     if (has_stop && stop < start)
         return complain(slave, "fmi2SetupExperiment: stops before it starts");
-    slave->start = start, slave->has_stop = has_stop, slave->stop = stop;
+    slave->state.start = slave->state.time = start;
+    slave->has_stop = has_stop, slave->stop = stop;
     return fmi2OK;
 }
 
@@ -101,7 +101,7 @@ FMI2_EXPORT fmi2Status fmi2ExitInitializationMode(fmi2Component c)
     slave_t *slave = c;
     if (slave->phase != INITIALIZING)
         return complain(slave, "fmi2ExitInitializationMode: not in initialization mode");
-    state_start(&slave->state, slave->start);
+    state_start(&slave->state);
     slave->phase = STEPPING;
     return fmi2OK;
 }
@@ -120,7 +120,6 @@ FMI2_EXPORT fmi2Status fmi2Reset(fmi2Component c)
     slave_t *slave = c;
     state_begin(&slave->state);
     slave->phase = INSTANTIATED;
-    slave->start = 0.0;
     slave->has_stop = 0;
     return fmi2OK;
 }
@@ -193,6 +192,10 @@ FMI2_EXPORT fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real step,
         return complain(slave, "fmi2DoStep: not initialized, or terminated");
     if (!(step >= 0.0) || !(time - slave->state.time < 1e-5 && slave->state.time - time < 1e-5))
         return complain(slave, "fmi2DoStep: a step goes on where the last one ended, forward");
+    if (!(step < LONGEST_STEP))
+        return complain(slave, "fmi2DoStep: no step that has an end");
+    if (slave->has_stop && time + step > slave->stop + 1e-6)
+        return complain(slave, "fmi2DoStep: beyond the stop time");
     state_step(&slave->state, time, step);
     return fmi2OK;
 }

@@ -13,7 +13,8 @@ typedef enum { INSTANTIATED, INITIALIZING, STEPPING, TERMINATED } phase_t;
 typedef struct {
     state_t state;
     phase_t phase;
-    double start;
+    int has_stop;
+    double stop;
     fmi3LogMessageCallback log;
     fmi3InstanceEnvironment environment;
 } unit_t;
@@ -89,7 +90,8 @@ FMI3_EXPORT fmi3Status fmi3EnterInitializationMode(fmi3Instance c, fmi3Boolean h
         return complain(unit, "fmi3EnterInitializationMode: only once");
     if (has_stop && stop < start)
         return complain(unit, "fmi3EnterInitializationMode: stops before it starts");
-    unit->start = start;
+    unit->state.start = unit->state.time = start;
+    unit->has_stop = has_stop, unit->stop = stop;
     unit->phase = INITIALIZING;
     return fmi3OK;
 }
@@ -99,7 +101,7 @@ FMI3_EXPORT fmi3Status fmi3ExitInitializationMode(fmi3Instance c)
     unit_t *unit = c;
     if (unit->phase != INITIALIZING)
         return complain(unit, "fmi3ExitInitializationMode: not in initialization mode");
-    state_start(&unit->state, unit->start);
+    state_start(&unit->state);
     unit->phase = STEPPING;
     return fmi3OK;
 }
@@ -118,6 +120,7 @@ FMI3_EXPORT fmi3Status fmi3Reset(fmi3Instance c)
     unit_t *unit = c;
     state_begin(&unit->state);
     unit->phase = INSTANTIATED;
+    unit->has_stop = 0;
     return fmi3OK;
 }
 
@@ -187,6 +190,10 @@ FMI3_EXPORT fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 time, fmi3Float64 
         return complain(unit, "fmi3DoStep: not initialized, or terminated");
     if (!(step > 0.0) || !(time - unit->state.time < 1e-5 && unit->state.time - time < 1e-5))
         return complain(unit, "fmi3DoStep: a step goes on where the last one ended, forward");
+    if (!(step < LONGEST_STEP))
+        return complain(unit, "fmi3DoStep: no step that has an end");
+    if (unit->has_stop && time + step > unit->stop + 1e-6)
+        return complain(unit, "fmi3DoStep: beyond the stop time");
     state_step(&unit->state, time, step);
     *event = *terminate = *early = false;
     *last = time + step;

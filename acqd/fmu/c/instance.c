@@ -36,9 +36,9 @@ void state_preview(state_t *state)
     state->value[POWER] = model_power(&memory, parameters(state), still);
 }
 
-void state_start(state_t *state, double start)
+void state_start(state_t *state)
 {
-    state->start = state->time = start;
+    state->time = state->start;
     state->rows_taken = state->since_reset = state->value[ENERGY] = 0.0;
     state->started = 1.0;
     memset(&state->memory, 0, sizeof state->memory);
@@ -48,8 +48,8 @@ void state_start(state_t *state, double start)
 static void take_row(state_t *state)
 {
     const row_t row = inputs(state);
-    if (state->reset != 0.0)
-        state->since_reset = 0.0;
+    if (state->reset != 0.0 || state->was_reset != 0.0)
+        state->since_reset = state->was_reset = 0.0;
     if (state->since_reset == 0.0) {
         memset(&state->memory, 0, sizeof state->memory);
         state->value[ENERGY] = 0.0;
@@ -69,6 +69,8 @@ static void take_row(state_t *state)
 void state_step(state_t *state, double time, double seconds)
 {
     const double end = time + seconds;
+    if (state->reset != 0.0)
+        state->was_reset = 1.0;
     while (state->start + state->rows_taken * STEP_S < end - SLACK) {
         take_row(state);
         state->rows_taken += 1.0;

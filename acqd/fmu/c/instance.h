@@ -9,6 +9,7 @@
 #define POWER (AXES + SIGNALS)
 #define ENERGY (POWER + 1)
 #define FIRST_PARAMETER (ENERGY + 1)
+#define LONGEST_STEP 1e7 /* s */
 #define VARIABLES (FIRST_PARAMETER + PARAMETERS)
 
 /* Everything that a step depends on; no pointers, so that its bytes are the serialised state. */
@@ -19,13 +20,15 @@ typedef struct {
     double rows_taken; /* since the start; a double, so that the bytes hold no padding */
     double since_reset; /* rows */
     double reset;      /* input: not 0 begins anew with the next row */
+    double was_reset;  /* it was so in a step in which no row began */
     double started;
     row_t row[WINDOW];
     memory_t memory;
 } state_t;
 
 void state_begin(state_t *state);
-void state_start(state_t *state, double start);
+/* From the start time that lies in the state. */
+void state_start(state_t *state);
 /* What power is likely to be before the first row is through: the arm standing where it is. */
 void state_preview(state_t *state);
 /* Rows that begin within [time, time + seconds) see the inputs as they are now. */
