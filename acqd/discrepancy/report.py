@@ -121,7 +121,7 @@ def write_report(path: Path, order: CloseOrder, closed: Closed) -> None:
     question = "what has changed since the model was made" if subject.question == "change" else "what the model lacks"
     page.text(f"The question was {question}. Errors are of {len(subject.held_out)} stretches that were kept apart.")
     rows = [["before", *_numbers(closed.before)], ["after", *_numbers(closed.after)]]
-    page.table(["", "MAE [W]", "RMSE [W]", "bias [W]", "whiteness (0: noise)"], rows)
+    page.table(["", "MAE [W]", "RMSE [W]", "bias, prediction minus measurement [W]", "whiteness (0: noise)"], rows)
     floor = f"Noise of the measurement {closed.floor_where}: {closed.floor_W:.2f} W. "
     if closed.reference_rmse is not None:
         floor += f"The same model on the recordings that it remembers: {closed.reference_rmse:.2f} W RMS."
@@ -147,7 +147,7 @@ def write_report(path: Path, order: CloseOrder, closed: Closed) -> None:
     page.heading("Evidence")
     page.figure(pictures.example(closed), "A held-out recording, where the loop changed most.")
     page.figure(pictures.by_recording(closed), "Every held-out stretch.")
-    page.figure(pictures.where(closed), "Where the residual lives: mean and spread before (brown) and after (blue).")
+    page.figure(pictures.where(closed), "Where the residual (W, measured minus predicted) lives: mean and spread before (brown) and after (blue).")
     page.figure(
         pictures.memory(closed, subject.data.step_s), "How much of the residual could be foreseen from the row before."
     )
