@@ -147,7 +147,9 @@ def write_report(path: Path, order: CloseOrder, closed: Closed) -> None:
     page.heading("Evidence")
     page.figure(pictures.example(closed), "A held-out recording, where the loop changed most.")
     page.figure(pictures.by_recording(closed), "Every held-out stretch.")
-    page.figure(pictures.where(closed), "Where the residual (W, measured minus predicted) lives: mean and spread before (brown) and after (blue).")
+    page.figure(
+        pictures.where(closed), "Where the residual lives (W, measured minus predicted): before (brown), after (blue)."
+    )
     page.figure(
         pictures.memory(closed, subject.data.step_s), "How much of the residual could be foreseen from the row before."
     )
