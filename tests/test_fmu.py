@@ -206,8 +206,10 @@ def expected(model, q, signals):
     return model.sequence(q, columns)
 
 
-@pytest.mark.parametrize("version", ["2.0", "3.0"])
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    ("kind", "version"),
+    [*((kind, "2.0") for kind in KINDS), *((kind, "3.0") for kind in ("5conv1x21", "effects", "hybrid"))],
+)
 def test_an_fmu_gives_the_power_of_its_bundle(made, tmp_path, kind, version):
     model, file = made(kind, version)
     q, signals = recording()

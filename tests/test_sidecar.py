@@ -275,12 +275,11 @@ def test_half_written_files_are_waited_for(tmp_path):
 
 
 def test_every_log_is_done_exactly_once_whoever_is_killed(tmp_path, bundle, mosquitto):
-    """As tools/sidecar_kills does a hundred times."""
     url, logs, coming = str(tmp_path / "p.sqlite"), tmp_path / "logs", tmp_path / "coming"
     logs.mkdir()
     coming.mkdir()
     open_database(url)
-    cell(coming, url, 8, rows=500)
+    cell(coming, url, 4, rows=500)
     heard = []
     listener = paho.Client(CallbackAPIVersion.VERSION2)
     listener.on_connect = lambda c, *_: c.subscribe("acqd/cell/prediction", qos=1)
@@ -289,7 +288,7 @@ def test_every_log_is_done_exactly_once_whoever_is_killed(tmp_path, bundle, mosq
     listener.loop_start()
     chance = random.Random(3)
     names = sorted(coming.iterdir())
-    for number in range(8):
+    for number in range(4):
         process = subprocess.Popen(
             sidecar(logs, bundle, url, "--port", str(mosquitto.port)),
             stderr=subprocess.DEVNULL,
