@@ -25,7 +25,6 @@ from acqd.models.augmented import Augmented, Term
 from acqd.models.bundle import Bundle, load_bundle, save_bundle
 from acqd.models.data import Stretch
 from acqd.models.effects import library
-from acqd.models.effects.effect import effect_rows
 from acqd.models.effects.scene import SUB, averaged, fine_motion, scene_of
 from acqd.models.features import padded
 from acqd.models.greybox.make import arrays_of
@@ -561,3 +560,19 @@ def test_effects_without_their_carrier_are_refused(tmp_path, model):
     with pytest.raises(UserError):
         Path(tmp_path, "x").write_text("")
         save_bundle(tmp_path / "x", Bundle({}, {}))
+
+
+def test_a_heavy_payload_takes_what_a_model_with_that_body_takes(model):
+    """Copper loss goes with the square of torque: exact, not to first order, and against the rigid body itself."""
+    kg, reach = 6.0, 0.07
+    x, y, z = model.chain.beyond_flange(reach)
+    body = kg * np.array([1, x, y, z, y * y + z * z, -x * y, x * x + z * z, -x * z, -y * z, x * x + y * y])
+    values = model.values.copy()
+    inertial = model.layout.place("inertial")
+    values[inertial.stop - 10 : inertial.stop] += body
+    loaded = GreyBox(model.chain, model.layout, values, STEP, np.ones(1))
+    stretch = recording(model, 2, seed=9)
+    scene = scene_of(model, stretch.q, stretch.signals, stretch.start_s, stretch.channels)
+    with_body = scene_of(loaded, stretch.q, stretch.signals, stretch.start_s, stretch.channels)
+    payload = term("payload", {"centre_of_mass_m": reach}, kg)
+    np.testing.assert_allclose(payload.rows(scene), with_body.metered - scene.metered, atol=1e-6)
