@@ -59,7 +59,8 @@ def locate(
         if lag.credible:
             lags[number] = refine(about, power, USUAL_LAG_S, lag)
         progress(0.5 + 0.5 * (number + 1) / len(explained))
-    supply_lag_s, shift = supply_lag(explained, power, lags)
+    # one log alone cannot tell the supply's lag from its clock's
+    supply_lag_s, shift = supply_lag(explained, power, lags) if len(explained) > 1 else (USUAL_LAG_S, 0.0)
     lags = [replace(lag, seconds=lag.seconds + shift) if lag.credible else lag for lag in lags]
     middles = np.array([_middle(about) for about in explained])
     line = fit_line(middles, lags)

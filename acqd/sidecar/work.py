@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import sqlalchemy as sa
 
-from acqd.dataset.align import Lag
+from acqd.dataset.align import SEARCH_S, Lag
 from acqd.dataset.clock import filetime, unix_s
 from acqd.dataset.clocks import deviates, fit_line
 from acqd.dataset.explain import explain
@@ -199,7 +199,9 @@ class Worker:
     def _lag(self, log: RobotLog, stream: PowerStream) -> tuple[float, str]:
         """Controller minus power clock at the log's middle, and by what it was told. Raises UserError."""
         explanation = explain(log, self._robot)
-        located = locate([explanation], stream, self.settings.clocks_apart_s, lambda _: None).located[0]
+        known_s = [1.5 * abs(self._lags[-1][1]) + SEARCH_S] if self._lags else []  # searched further if that finds none
+        search_s = min([*known_s, self.settings.clocks_apart_s])
+        located = locate([explanation], stream, search_s, lambda _: None).located[0]
         own = located.own
         if own.credible:
             own = replace(own, seconds=own.seconds - self._later(log, stream, own.seconds))
