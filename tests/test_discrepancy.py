@@ -541,6 +541,20 @@ def test_too_few_recordings_are_refused(model, closed, tmp_path):
     assert done.returncode == 2 and "too few" in done.stderr
 
 
+def test_many_pieces_that_are_too_short_are_refused(model, closed, tmp_path):
+    folder, _ = closed
+    short = write_dataset(tmp_path, [recording(model, k, seed=6, rows=60) for k in range(14)])
+    done = acqd("close-loop", short, "--model", folder / "model")
+    assert done.returncode == 2 and "0 recordings of at least 4.8 s" in done.stderr
+
+
+@pytest.mark.parametrize("words", [("--watch", "--since", "2026-01-01"), ("--every", "2")])
+def test_options_that_would_do_nothing_are_refused(closed, words):
+    folder, _ = closed
+    done = acqd("close-loop", folder / "now" / "ds", "--model", folder / "model", *words)
+    assert done.returncode == 2 and "--watch" in done.stderr and len(done.stderr.strip().splitlines()) == 1
+
+
 def test_a_withheld_term_is_named_and_comes_back(closed):
     folder, _ = closed
     ds = folder / "before" / "ds"

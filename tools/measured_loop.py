@@ -20,6 +20,8 @@ from rich.table import Table
 
 from tools.measured_robots import ROBOTS, acqd, prepare
 
+_CUT_S = 5.0
+"""The loop's noise model remembers more than a second: shorter pieces tell it nothing."""
 WITHHELD = ("", "copper_loss", "mechanical_power", "coulomb_friction", "viscous_friction")
 
 
@@ -40,7 +42,7 @@ def main() -> None:
             prepare(robot, arguments.data, out)
             acqd(
                 "dataset", "build", "--power", f"{out}/power.csv", "--logs", f"{out}/logs", "--robot", robot.name,
-                "--lag", "0", "--cut", str(robot.cut_s), "--out", ds,
+                "--lag", "0", "--cut", str(max(robot.cut_s, _CUT_S)), "--out", ds,
             )  # fmt: skip
         for term in WITHHELD:
             bundle = out / "models" / (f"without-{term}" if term else "all")

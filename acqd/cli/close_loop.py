@@ -35,10 +35,15 @@ def close_loop(
         datetime | None, typer.Option(help="Leave out recordings that ended before (UTC).", formats=_TIMES)
     ] = None,
     watch: Annotated[bool, typer.Option("--watch", help="Stay, and look whenever the dataset has grown.")] = False,
-    every: Annotated[float, typer.Option(min=0.5, help="Seconds between looks (--watch).")] = 5.0,
+    every: Annotated[
+        float | None, typer.Option(min=0.5, help="Seconds between looks (--watch, default 5).", show_default=False)
+    ] = None,
     false_alarm: Annotated[
-        float, typer.Option(min=1, help="Recorded hours that one false alarm may come in (--watch).")
-    ] = 200.0,
+        float | None,
+        typer.Option(
+            min=1, help="Recorded hours that one false alarm may come in (--watch, default 200).", show_default=False
+        ),
+    ] = None,
     json: Json = False,
 ) -> None:
     """Find what a model leaves over, name its cause, add it, report the error before and after.
@@ -48,6 +53,10 @@ def close_loop(
     missing = [n for n in ("matplotlib", "pyarrow", "scipy", "safetensors", "pinocchio") if find_spec(n) is None]
     if missing:
         raise UserError(f"acqd close-loop needs {' and '.join(missing)}: install acqd[model]")
+    if watch and since is not None:
+        raise UserError("--since is for one look; --watch judges every recording that its model has not seen")
+    if not watch and (every is not None or false_alarm is not None):
+        raise UserError("--every and --false-alarm are for --watch")
     from acqd.cli.models.places import default_folder
     from acqd.discrepancy.close import close_loop as run
     from acqd.discrepancy.order import CloseOrder
@@ -62,7 +71,7 @@ def close_loop(
     if watch:
         from acqd.cli.watch_loop import watch_loop
 
-        watch_loop(order, every, 3600 * false_alarm, json=json)
+        watch_loop(order, every or 5.0, 3600 * (false_alarm or 200.0), json=json)
         return
     require_writable(folder)
     console = Console(stderr=True)

@@ -41,6 +41,8 @@ def sidecar(
     missing = [n for n in ("watchfiles", "pyarrow", "scipy", "safetensors", "matplotlib") if find_spec(n) is None]
     if missing:
         raise UserError(f"acqd sidecar needs {' and '.join(missing)}: install acqd[sidecar]")
+    if live and no_mqtt:
+        raise UserError("--live answers over MQTT; leave out --no-mqtt")
     from acqd.sidecar.service import Sidecar
     from acqd.sidecar.store import Store
     from acqd.sidecar.work import Settings, Worker

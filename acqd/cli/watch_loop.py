@@ -14,7 +14,7 @@ from acqd.discrepancy.watching import Event, Watch
 
 
 def watch_loop(order: CloseOrder, every_s: float, between_s: float, *, json: bool) -> None:
-    """Until SIGINT or SIGTERM; tracing that they cut short is done again by the next watch.
+    """Until SIGINT or SIGTERM; a look that is under way is finished first.
 
     Raises UserError, InputError.
     """

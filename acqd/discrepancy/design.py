@@ -22,7 +22,7 @@ from acqd.robot.arm import Arm
 from acqd.robot.description import Floats
 
 _LONGEST_ROWS = 1500  # of a block: a minute
-_LEAST_ROWS = 4 * ORDER
+LEAST_ROWS = 4 * ORDER
 _OUTLIER = 6.0  # spreads of the white residual
 
 
@@ -156,7 +156,7 @@ def _parts(stretches: list[tuple[Stretch, bool]], step_s: float) -> list[Part]:
         edges = np.linspace(0, rows, count + 1).astype(int)
         for first, last in itertools.pairwise(edges):
             first = max(0, int(first) - ORDER)  # rows lost to whitening come from the block before
-            if last - first >= _LEAST_ROWS:
+            if last - first >= LEAST_ROWS:
                 found.append(
                     Part(stretch.recording, fresh, stretch.start_s + first * step_s, number, slice(first, int(last)))
                 )

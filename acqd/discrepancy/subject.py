@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from acqd.discrepancy.design import LEAST_ROWS
 from acqd.discrepancy.order import CloseOrder
 from acqd.errors import UserError
 from acqd.models.bundle import Bundle
@@ -67,12 +68,13 @@ def subject_of(order: CloseOrder, progress: Callable[[str, float], None]) -> Sub
     trained_on, digest = seen_by(about["provenance"])
     same = data.digest == digest
     unseen = [s for s in data.stretches if not (same and s.recording in trained_on)]
-    recordings = {stretch.recording for stretch in data.stretches}
-    seconds = sum(len(stretch.P) for stretch in data.stretches) * data.step_s
+    recordings = {stretch.recording for stretch in data.stretches if len(stretch.P) >= LEAST_ROWS}
+    seconds = sum(len(stretch.P) for stretch in data.stretches if len(stretch.P) >= LEAST_ROWS) * data.step_s
     if len(recordings) < FEWEST_RECORDINGS or seconds < LEAST_S:
         raise UserError(
-            f"{order.dataset}: {len(recordings)} recordings of {seconds:.0f} s together are too few to tell an "
-            f"effect from chance; record at least {FEWEST_RECORDINGS} of a minute each "
+            f"{order.dataset}: {len(recordings)} recordings of at least {LEAST_ROWS * data.step_s:.1f} s, "
+            f"{seconds:.0f} s together, are too few to tell an effect from chance; "
+            f"record at least {FEWEST_RECORDINGS} of a minute each "
             "(or cut one long log: dataset build --cut)"
         )
     reference: list[Stretch] = []

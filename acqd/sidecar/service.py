@@ -119,8 +119,10 @@ class Sidecar:
         except OSError as error:
             _log.warning("%s: %s", path, error.strerror)
             self._arrivals.forget(path)
+            self._late.pop(path, None)  # it was taken away while its power was waited for
             return 0
         if await asyncio.to_thread(self._store.known, sha256):
+            self._late.pop(path, None)
             return 0
         before = self._worker.memory()
         name = printable(path.relative_to(self._folder).as_posix())
