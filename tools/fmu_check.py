@@ -1,8 +1,8 @@
-"""FMUs judged by others: importers, valgrind, step times from a C host, beside pythonfmu where it is installed.
+"""FMUs judged by others: importers, valgrind, step times from a C host; the same network by onnx2fmu and pythonfmu.
 
-    python -m tools.fmu_check BUNDLE... [--steps 20000]
+    python -m tools.fmu_check BUNDLE... [--steps 20000] [--json FILE]
 
-Needs fmpy; ecospy (with tbb), libcosimpy and valgrind are used where they are there.
+Needs acqd[fmu-check]; valgrind and a C compiler are used where they are there. onnx2fmu downloads ONNX Runtime.
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ from __future__ import annotations
 import argparse
 import json
 import shutil
-import subprocess
 import tempfile
+from dataclasses import asdict
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -20,12 +20,16 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from acqd.fmu.description import IDENTIFIER, Version
-from acqd.fmu.package import Exported, export_fmu
+from acqd.fmu.description import Version
+from acqd.fmu.package import export_fmu
 from acqd.models.augmented import Augmented
+from acqd.models.networks.predictor import NetworkPredictor
 from acqd.models.predictor import Predictor
 from acqd.models.restore import open_model
 from tools.fmu.importers import IMPORTERS, STEP_S, Floats, apart
+from tools.fmu.rivals import RIVALS, Plain
+from tools.fmu.timing import VALGRIND, Stage, Timed, compiled, timed
+from tools.fmu.trials import TRIALS, judged
 
 VERSIONS: tuple[Version, ...] = ("2.0", "3.0")
 
@@ -52,32 +56,78 @@ def wanted(model: Predictor, inputs: Floats) -> Floats:
     return model.sequence(inputs[:, : model.axes], inputs[:, model.axes :])
 
 
-def host(folder: Path) -> Path:
-    """The C master."""
-    sources = Path(__file__).parent / "fmu" / "host.c"
-    include = Path(__file__).parents[1] / "acqd" / "fmu" / "c"
-    out = folder / "host"
-    subprocess.run(
-        ["cc", "-O2", "-Wall", "-Wextra", f"-I{include}", str(sources), "-o", str(out), "-ldl", "-lm"], check=True
-    )
-    return out
+def imported(fmu: Path, model: Predictor, folder: Path, rows: Floats) -> dict[str, float | str]:
+    """W apart from the bundle's own prediction by importer, or why it cannot."""
+    np.save(folder / "inputs.npy", rows)
+    right = wanted(model, rows)[: len(rows) - model.radius]
+    names = [f"q{k + 1}" for k in range(model.axes)] + list(model.signals)
+    found: dict[str, float | str] = {}
+    for importer in (name for name in IMPORTERS if find_spec(name) is not None):
+        out = folder / "power.npy"
+        reason = apart(importer, fmu, names, folder / "inputs.npy", out)
+        found[importer] = reason or float(np.abs(np.load(out)[model.radius :] - right).max())
+    return found
 
 
-def timed(master: Path, made: Exported, model: Predictor, folder: Path, steps: int, before: list[str]) -> Any:
-    """What the C host prints, or what went wrong."""
-    import fmpy
+def check(bundle: Path, folder: Path, steps: int, say: Any) -> dict[str, Any]:
+    """Everything about one bundle."""
+    folder.mkdir()
+    _, model = open_model(bundle)
+    master = compiled(folder)
+    found: dict[str, Any] = {"versions": {}, "others": {}}
+    rows = motion(model)
+    for version in VERSIONS:
+        say(f"{bundle.name}, FMI {version}")
+        made = export_fmu(bundle, folder / f"{version}.fmu", version, ["linux64"], lambda _: None)
+        found["versions"][version] = {"bytes": made.bytes, "importers": imported(made.path, model, folder, rows)}
+    fmus = {"acqd": folder / "2.0.fmu"}
+    if isinstance(model, NetworkPredictor):
+        for name, build in RIVALS.items():
+            if find_spec(name) is None:
+                continue
+            say(f"{bundle.name} by {name}")
+            try:
+                fmus[name] = build(Plain.of(model), folder / name)
+            except RuntimeError as error:
+                found["others"][name] = {"failed": str(error)}
+    np.save(folder / "trial.npy", rows[:600])
+    for name, fmu in fmus.items():
+        say(f"{bundle.name}: a C host and trials on the FMU of {name}")
+        stage = Stage.of(fmu, folder / f"{name}.d")
+        cost = timed(master, stage, steps)
+        found["others"][name] = {
+            "bytes": fmu.stat().st_size, "step": asdict(cost) if isinstance(cost, Timed) else cost,
+            "trials": judged(fmu, folder / "trial.npy"),
+        }  # fmt: skip
+        if name == "acqd":
+            clean = timed(master, stage, 300, VALGRIND) if shutil.which("valgrind") else "not installed"
+            found["valgrind"] = "clean" if isinstance(clean, Timed) else clean
+    return found
 
-    unpacked = folder / f"{made.path.stem}.d"
-    if not unpacked.exists():
-        fmpy.extract(str(made.path), str(unpacked))
-    token = fmpy.read_model_description(str(made.path)).guid
-    library = unpacked / "binaries" / "linux64" / f"{IDENTIFIER}.so"
-    power = model.axes + len(model.signals)
-    numbers = [str(each) for each in (model.axes, len(model.signals), power, steps)]
-    done = subprocess.run(
-        [*before, str(master), str(library), token, "", *numbers], capture_output=True, text=True, check=False
-    )
-    return json.loads(done.stdout) if not done.returncode else (done.stderr.strip().splitlines() or ["failed"])[-1]
+
+def show(console: Console, found: dict[str, Any]) -> None:
+    """Two tables."""
+    names = [name for name in IMPORTERS if find_spec(name) is not None]
+    matrix = Table("bundle", "FMI", "kB", *names, "valgrind", title="importers: W apart from the bundle, at most")
+    others = Table("bundle", "FMU of", "kB", "us a step", "p99", *TRIALS, title="C host, FMI 2.0; trials: W off")
+    for bundle, one in found.items():
+        for version, about in one["versions"].items():
+            told = [cell(about["importers"].get(name, "")) for name in names]
+            matrix.add_row(bundle, version, f"{about['bytes'] / 1000:.0f}", *told, one["valgrind"])
+        for name, about in one["others"].items():
+            if "failed" in about:
+                others.add_row(bundle, name, "", about["failed"])
+                continue
+            step = about["step"]
+            cost = [f"{step['median_us']:.2f}", f"{step['p99_us']:.2f}"] if isinstance(step, dict) else [step, ""]
+            others.add_row(bundle, name, f"{about['bytes'] / 1000:.0f}", *cost, *map(cell, about["trials"].values()))
+    console.print(matrix)
+    console.print(others)
+
+
+def cell(value: float | str) -> str:
+    """A number or a reason."""
+    return value if isinstance(value, str) else f"{value:.1e}" if value else "0"
 
 
 def main() -> None:
@@ -85,48 +135,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("bundles", type=Path, nargs="+")
     parser.add_argument("--steps", type=int, default=20_000)
+    parser.add_argument("--json", type=Path, help="also write the figures there")
     arguments = parser.parse_args()
-    console = Console(width=150)
-    importers = [name for name in IMPORTERS if find_spec(name) is not None]
-    matrix = Table("bundle", "FMI", "kB", *(f"{name}: max |dP| W" for name in importers), title="importers")
-    times = Table(
-        "bundle", "median us", "p99 us", "valgrind", title="a step (set inputs, doStep, get) from a C host, FMI 2.0"
-    )
-    with tempfile.TemporaryDirectory() as scratch:
-        folder = Path(scratch)
-        master = host(folder)
-        for bundle in arguments.bundles:
-            _, model = open_model(bundle)
-            inputs = motion(model)
-            np.save(folder / "inputs.npy", inputs)
-            right = wanted(model, inputs)[: len(inputs) - model.radius]
-            names = [f"q{k + 1}" for k in range(model.axes)] + list(model.signals)
-            for version in VERSIONS:
-                made = export_fmu(bundle, folder / f"{bundle.name}-{version}.fmu", version, ["linux64"], lambda _: None)
-                cells = []
-                for importer in importers:
-                    out = folder / "power.npy"
-                    reason = apart(importer, made.path, names, folder / "inputs.npy", out)
-                    off = np.inf if reason else float(np.abs(np.load(out)[model.radius :] - right).max())
-                    cells.append(reason or f"{off:.1e}")
-                matrix.add_row(bundle.name, version, f"{made.bytes / 1000:.0f}", *cells)
-                if version == "2.0":
-                    found = timed(master, made, model, folder, arguments.steps, [])
-                    clean = "not installed"
-                    if shutil.which("valgrind"):
-                        checked = [
-                            "valgrind",
-                            "-q",
-                            "--error-exitcode=9",
-                            "--leak-check=full",
-                            "--errors-for-leak-kinds=definite,indirect,possible",
-                        ]
-                        result = timed(master, made, model, folder, 300, checked)
-                        clean = "clean" if isinstance(result, dict) else str(result)
-                    told = found if isinstance(found, dict) else {"median_us": np.nan, "p99_us": np.nan}
-                    times.add_row(bundle.name, f"{told['median_us']:.2f}", f"{told['p99_us']:.2f}", clean)
-    console.print(matrix)
-    console.print(times)
+    console = Console(stderr=True)
+    with tempfile.TemporaryDirectory() as scratch, console.status("") as status:
+        found = {
+            bundle.name: check(bundle, Path(scratch) / str(k), arguments.steps, status.update)
+            for k, bundle in enumerate(arguments.bundles)
+        }
+    show(Console(width=150), found)
+    if arguments.json:
+        arguments.json.write_text(json.dumps(found, indent=1))
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 /* A master in C: step times without a master's own cost, and a run under valgrind.
 
-   host LIBRARY GUID RESOURCES INPUTS SIGNALS OUTPUT STEPS  -> median and p99 microseconds of set inputs, doStep, get */
+   host LIBRARY GUID RESOURCES FIRST_INPUT INPUTS SIGNALS OUTPUT STEPS  -> median and p99 microseconds of set inputs, doStep, get */
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <math.h>
@@ -41,7 +41,7 @@ static double now(void)
 
 int main(int argc, char **argv)
 {
-    if (argc != 8)
+    if (argc != 9)
         return 2;
     void *library = dlopen(argv[1], RTLD_NOW | RTLD_GLOBAL);
     if (!library) {
@@ -61,8 +61,8 @@ int main(int argc, char **argv)
     LOAD(fmi2FreeFMUstate, fmi2Status, fmi2Component, fmi2FMUstate *);
     LOAD(fmi2Terminate, fmi2Status, fmi2Component);
     LOAD(fmi2FreeInstance, void, fmi2Component);
-    const int inputs = atoi(argv[4]), signals = atoi(argv[5]), steps = atoi(argv[7]);
-    const fmi2ValueReference output = (fmi2ValueReference)atoi(argv[6]);
+    const int first = atoi(argv[4]), inputs = atoi(argv[5]), signals = atoi(argv[6]), steps = atoi(argv[8]);
+    const fmi2ValueReference output = (fmi2ValueReference)atoi(argv[7]);
     const fmi2CallbackFunctions call = {say, calloc, free, NULL, NULL};
     fmi2Component unit = fmi2Instantiate("host", fmi2CoSimulation, argv[2], argv[3], &call, 0, 0);
     if (!unit)
@@ -70,7 +70,7 @@ int main(int argc, char **argv)
     fmi2ValueReference reference[64];
     double value[64], power = 0, sum = 0, *taken = malloc((size_t)steps * sizeof *taken);
     for (int k = 0; k < inputs + signals; k++)
-        reference[k] = (fmi2ValueReference)k;
+        reference[k] = (fmi2ValueReference)(first + k);
     MUST(fmi2SetupExperiment(unit, 0, 0, 0, 0, 0));
     MUST(fmi2EnterInitializationMode(unit));
     MUST(fmi2ExitInitializationMode(unit));
@@ -96,6 +96,7 @@ int main(int argc, char **argv)
     qsort(taken, (size_t)steps, sizeof *taken, compare);
     printf("{\"median_us\": %.3f, \"p99_us\": %.3f, \"mean_W\": %.9g}\n", taken[steps / 2], taken[steps * 99 / 100],
            sum / steps);
+    fflush(stdout); /* whatever becomes of the library's end */
     free(taken);
     dlclose(library);
     return 0;
