@@ -21,6 +21,8 @@ table { border-collapse: collapse; margin: 1rem 0; font-variant-numeric: tabular
 th, td { padding: .25rem .8rem; text-align: right; border-bottom: 1px solid #d8dee5; }
 th:first-child, td:first-child { text-align: left; }
 figure { margin: 1.2rem 0; } img { max-width: 100%; height: auto; } figcaption { color: #52606d; font-size: .9rem; }
+details { margin: 1.2rem 0; border-left: 3px solid #d8dee5; padding-left: 1rem; }
+summary { cursor: pointer; font-weight: 600; }
 .label { display: inline-block; background: #b45309; color: white; border-radius: .3rem; padding: 0 .5rem; }
 """
 
@@ -59,6 +61,15 @@ class Page:
         self._parts.append(
             f'<figure><img alt="{text}" src="data:image/png;base64,{data}"><figcaption>{text}</figcaption></figure>'
         )
+
+    def chapter(self, title: str, page: Path) -> None:
+        """Another report of this kind as a part that is folded away. Raises UserError."""
+        try:
+            text = page.read_text(encoding="utf-8")
+        except OSError as error:
+            raise UserError(f"{page}: cannot be read ({error.strerror})") from None
+        inner = text.partition("<body>")[2].rpartition("</body>")[0]
+        self._parts.append(f"<details><summary>{html.escape(title)}</summary>{inner}</details>")
 
     def write(self, path: Path) -> None:
         """Write the page. Raises UserError."""

@@ -1,0 +1,1 @@
+"""The thesis again, step by step."""
