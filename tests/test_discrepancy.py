@@ -294,6 +294,22 @@ def test_two_effects_are_both_named(model, robot):
     assert {named.id for named in tracing.found} == {"payload", "thermostat"}
 
 
+def surge(scene, random):
+    """A peak of hundreds of watts, of another height each time."""
+    return random.uniform(0.97, 1.03) * lagged_mean(
+        500.0 * (since_release(scene) >= 0) * np.exp(-since_release(scene) / 0.13)
+    )
+
+
+@pytest.mark.parametrize("beside", [None, "payload"])
+def test_what_a_peak_leaves_over_hides_nothing_and_names_nothing(beside, model, robot):
+    def both(scene, random):
+        return surge(scene, random) + (0 if beside is None else 0.05 * added_payload(scene, random))
+
+    _, tracing = traced(model, robot, both, only=COMMON | {"brake_release", "gravity_bias"})
+    assert [named.id for named in tracing.found] == ["brake_release", *([beside] if beside else [])]
+
+
 def test_an_onset_within_the_dataset_is_found(model, robot):
     fresh = [recording(model, k, added_payload if k >= 7 else None, seed=2) for k in range(14)]
     design, competing, gates = prepare(model, robot, fresh, [], COMMON, set(), lambda _: None)

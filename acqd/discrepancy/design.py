@@ -172,7 +172,7 @@ def whiten(design: Design, whitener: Whitener) -> None:
     for part in design.parts:
         design.white.append(whitener.apply(_both(design, part)))
         design.trusted.append(_known_motion(design, part))
-    _sum_up(design)
+    sum_up(design)
 
 
 def distrust(design: Design, fits: list[Floats]) -> float:
@@ -184,7 +184,7 @@ def distrust(design: Design, fits: list[Floats]) -> float:
     spread = 1.4826 * float(np.median(np.abs(np.concatenate(off)))) + 1e-9
     near = [np.abs(each) < _OUTLIER * spread for each in off]
     design.trusted = [near_ & known for near_, known in zip(near, design.trusted, strict=True)]
-    _sum_up(design)
+    sum_up(design)
     return 1 - float(np.concatenate(design.trusted).mean())
 
 
@@ -200,8 +200,8 @@ def _both(design: Design, part: Part) -> NDArray[np.float32]:
     return np.concatenate([design.raw[part.stretch][part.rows], off.astype(np.float32)], axis=1)
 
 
-def _sum_up(design: Design) -> None:
-    """Gram matrices of trusted rows."""
+def sum_up(design: Design) -> None:
+    """Gram matrices of trusted rows, anew."""
     grams: list[Floats] = []
     plain: list[Floats] = []
     rows = []

@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 
+from acqd.discrepancy.apart import confined, elsewhere
 from acqd.discrepancy.delay import single_delay
 from acqd.discrepancy.derive import Derived, derive, reference_gain
 from acqd.discrepancy.design import Candidate, Design
@@ -134,29 +135,70 @@ def _without_small_clock(design: Design, model: Model, gate: Gate) -> Model:
 
 
 def _step(design: Design, model: Model, gates: list[Gate], tracing: Tracing, limits: Limits) -> Named | None:
-    """Under the likeliest onset; where nothing is credible under it, under none."""
+    """Under the likeliest onset; where nothing is credible under it, under none.
+
+    Where nothing is, once more without the rows of effects that act at moments only.
+    """
     taken = {(named.id, named.finding.candidate.label) for named in tracing.found}
     pool = [c for c in design.candidates if (c.id, c.label) not in taken or not c.id]
     found = derive(design, model, gates[0].open, {named.id for named in tracing.found})
     derived = {id(each.candidate): each for each in found}
-    for gate in dict.fromkeys((_best_gate(design, model, gates, pool), gates[0])):
-        step = _under(gate, design, model, gates, pool, derived, tracing, limits)
+    everywhere = _View(design, model, tracing.found)
+    for gate in dict.fromkeys((_best_gate(everywhere, gates, pool), gates[0])):
+        step = _under(gate, everywhere, gates, pool, derived, tracing, limits)
         if step is not None:
-            tracing.unknown = tracing.unknown_gate = None
-            return step
-    return None
+            return _made(design, model, gates, step, derived, tracing)
+    moments = [named for named in tracing.found if confined(design, named.finding, named.gate.open)]
+    if not moments:
+        return None
+    away = elsewhere(design, [named.finding for named in moments])
+    calm = _View(away, Model(away.blocks, model.columns), [n for n in tracing.found if n not in moments])
+    step = _under(_best_gate(calm, gates, pool), calm, gates, pool, {}, tracing, limits)
+    return None if step is None else _made(design, model, gates, step, {}, tracing)
+
+
+@dataclass(frozen=True, slots=True)
+class _View:
+    """Rows that are looked at, and effects whose shape may be wrong in them."""
+
+    design: Design
+    model: Model
+    wary: list[Named]
+
+
+@dataclass(frozen=True, slots=True)
+class _Best:
+    """What won under a gate."""
+
+    finding: Finding
+    gate: Gate
+    rivals: list[Finding]
+    limit: float
+
+
+def _made(
+    design: Design, model: Model, gates: list[Gate], best: _Best, derived: dict[int, Derived], tracing: Tracing
+) -> Named:
+    """With columns of its own, over all rows."""
+    tracing.unknown = tracing.unknown_gate = None
+    candidate = best.finding.candidate
+    gate = gates[0] if candidate.derived else best.gate
+    own = derived.get(id(candidate))
+    finding, shape = refine(design, model, gate.open, best.finding, own)
+    assert candidate.variant is not None
+    return Named(finding, gate, candidate.variant.place, shape, own, best.rivals, best.limit, model)
 
 
 def _under(
     gate: Gate,
-    design: Design,
-    model: Model,
+    view: _View,
     gates: list[Gate],
     pool: list[Candidate],
     derived: dict[int, Derived],
     tracing: Tracing,
     limits: Limits,
-) -> Named | None:
+) -> _Best | None:
+    design, model = view.design, view.model
     findings = rank(design, model, gate.open, pool)
     if derived:
         findings += rank(design, model, gates[0].open, [each.candidate for each in derived.values()])
@@ -167,20 +209,15 @@ def _under(
     limit = float(np.quantile(chance(model, gate.open, pool, limits.seed), 1 - _ALPHA))
     if gate is not gates[0]:
         limit += np.log(len(gates))  # it was the best of so many
-    best = next((finding for finding in named if _credible(design, finding, limit, derived, tracing)), None)
-    rival = next((finding for finding in unnamed if _credible(design, finding, limit, derived, tracing)), None)
+    best = next((finding for finding in named if _credible(view, finding, limit, derived)), None)
+    rival = next((finding for finding in unnamed if _credible(view, finding, limit, derived)), None)
     if rival is not None and (best is None or _outdone(best, rival)):
         if tracing.unknown is None:
             tracing.unknown, tracing.unknown_gate = rival, gate
         return None
     if best is None:
         return None
-    rivals = _one_each([each for each in named if _serious(design, each)], best)
-    gate = gates[0] if best.candidate.derived else gate
-    finding, shape = refine(design, model, gate.open, best, derived.get(id(best.candidate)))
-    assert best.candidate.variant is not None
-    place = best.candidate.variant.place
-    return Named(finding, gate, place, shape, derived.get(id(best.candidate)), rivals, limit, model)
+    return _Best(best, gate, _one_each([each for each in named if _serious(design, each)], best), limit)
 
 
 def _worth(finding: Finding) -> float:
@@ -194,18 +231,18 @@ def _outdone(best: Finding, rival: Finding) -> bool:
     return rival.evidence > best.evidence + _RIVAL_MARGIN + _RIVAL_SHARE * best.evidence
 
 
-def _credible(design: Design, finding: Finding, limit: float, derived: dict[int, Derived], tracing: Tracing) -> bool:
+def _credible(view: _View, finding: Finding, limit: float, derived: dict[int, Derived]) -> bool:
     least = LEAST_EVIDENCE
     if finding.candidate.derived and finding.evidence > _DERIVED_EVIDENCE:
         least = max(_DERIVED_EVIDENCE, reference_gain(derived[id(finding.candidate)]))
     elif finding.candidate.derived:
         return False
-    for earlier in tracing.found:
+    for earlier in view.wary:
         neighbour = finding.candidate.id in library()[earlier.id].neighbours or finding.candidate.id in ("", earlier.id)
         least = max(least, (_NEIGHBOUR_SHARE if neighbour else _LATER_SHARE) * earlier.finding.evidence)
     return (
         finding.evidence > least
-        and relevant(design, finding)
+        and relevant(view.design, finding)
         and (finding.surprise > limit or _unanimous(finding))
         and finding.held_out > 0
         and finding.plain > -_PLAIN_ERRORS * finding.plain_error
@@ -256,9 +293,9 @@ def _one_each(named: list[Finding], best: Finding) -> list[Finding]:
     return rivals
 
 
-def _best_gate(design: Design, model: Model, gates: list[Gate], pool: list[Candidate]) -> Gate:
+def _best_gate(view: _View, gates: list[Gate], pool: list[Candidate]) -> Gate:
     """All of it, unless an onset explains clearly more."""
-    best = [quick(design, model, gate.open, pool)[:1] for gate in gates]
+    best = [quick(view.design, view.model, gate.open, pool)[:1] for gate in gates]
     evidence = np.array([found[0].evidence if found else -np.inf for found in best])
     top = int(evidence.argmax())
     return gates[top] if evidence[top] > 1.05 * evidence[0] + 40.0 else gates[0]
