@@ -132,14 +132,17 @@ def _from_sql(
     with engine.connect() as connection:
         found = connection.execute(sa.select(power.c.device, power.c.channel).where(*span).distinct()).all()
         device, channel = _choose(origin, {(row[0], row[1]) for row in found}, device, channel)
-        columns = (power.c.filetime, power.c.P, power.c.Vrms, power.c.flags)
+        # flags as text: a database of a day holds a handful of different ones, parsed once each
+        columns = (power.c.filetime, power.c.P, power.c.Vrms, sa.cast(power.c.flags, sa.Text))
         query = sa.select(*columns).where(power.c.device == device, power.c.channel == channel)
         # the key: no sorting in the database
         query = query.order_by(power.c.boot, power.c.seq) if between_ns is None else query.where(*span)
         result = connection.execution_options(stream_results=True).execute(query)
         for rows in result.partitions(_CHUNK):
             stamps, P, Vrms, flags = zip(*rows, strict=True)
-            yield _rows(parse_times(Path(origin), "filetime", stamps), P, Vrms, flags)
+            known = {text: orjson.loads(text) for text in set(flags)}
+            named = [known[text] for text in flags]
+            yield _rows(parse_times(Path(origin), "filetime", stamps), P, Vrms, named)
 
 
 def _rows(time_ns: Nanoseconds, P: object, Vrms: object, flags: object) -> _Rows:

@@ -122,12 +122,17 @@ def _errors_with(base: Predictor, terms: list[Added], carrier: Any, held_out: li
 
 
 def errors_of(model: Predictor, stretches: list[Stretch]) -> list[Floats]:
+    """[T] W measured minus predicted, for each stretch; see `residuals`."""
+    return residuals(predictions(model, stretches), stretches)
+
+
+def residuals(predicted: list[Floats], stretches: list[Stretch]) -> list[Floats]:
     """[T] W measured minus predicted, for each stretch.
 
     A log that ends in motion does not say how it went on: its outermost rows are not judged, they get their
     neighbour's residual.
     """
-    found = [s.P - guess for s, guess in zip(stretches, predictions(model, stretches), strict=True)]
+    found = [s.P - guess for s, guess in zip(stretches, predicted, strict=True)]
     for errors in found:
         errors[:RADIUS], errors[-RADIUS:] = errors[RADIUS], errors[-RADIUS - 1]
     return found

@@ -20,7 +20,7 @@ from acqd.dataset.explain import explain
 from acqd.dataset.locate import locate
 from acqd.dataset.merge import Recording, merge
 from acqd.dataset.power import PowerStream, open_power
-from acqd.discrepancy.augment import errors_of, rms
+from acqd.discrepancy.augment import residuals, rms
 from acqd.discrepancy.delay import delay_of
 from acqd.discrepancy.sequential import Monitor
 from acqd.discrepancy.watching import baseline_of
@@ -140,7 +140,8 @@ class Worker:
         lag_s, how = self._lag(log, stream)
         recording = merge(path.stem, log, stream, lag_s, 0.0, self.model.step_s)
         stretches = self._stretches(path, recording, log)
-        predicted, errors = predictions(self.model, stretches), errors_of(self.model, stretches)
+        predicted = predictions(self.model, stretches)
+        errors = residuals(predicted, stretches)
         for stretch in stretches:
             outside = self._envelope.outside(stretch.q, self.model.step_s)
             about["outside_envelope"] = max(float(outside.mean()), about.get("outside_envelope", 0.0))
