@@ -346,6 +346,13 @@ def test_bad_input_is_named_and_nothing_is_left(made, tmp_path, monkeypatch):
     out = tmp_path / "x.fmu"
     with pytest.raises(UserError, match="no platform 'amiga'"):
         export_fmu(bundle, out, "2.0", ["amiga"], lambda _: None)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(UserError, match="nothing was left behind"):
+        export_fmu(bundle, tmp_path / "file" / "x.fmu", "2.0", ["linux64"], lambda _: None)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "file"))
+    with pytest.raises(UserError, match="TMPDIR"):
+        export_fmu(bundle, out, "2.0", ["linux64"], lambda _: None)
+    monkeypatch.undo()
     monkeypatch.setenv("PATH", "")
     monkeypatch.delenv("CC", raising=False)
     monkeypatch.setattr("acqd.fmu.compiling.find_spec", lambda _: None)
@@ -364,6 +371,9 @@ def test_the_command_as_a_user_has_it(made, tmp_path):
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["outputs"] == ["power", "energy"]
     assert (tmp_path / "b.fmu").exists()
-    (bundle / "bundle.json").write_text("{")
-    done = subprocess.run([acqd, "export-fmu", bundle], capture_output=True, text=True, check=False)
-    assert done.returncode == 2 and "bundle.json" in done.stderr and "Traceback" not in done.stderr
+    about = json.loads((bundle / "bundle.json").read_text())
+    for broken in (json.dumps(about | {"kind": "transformer"}), "{"):
+        (bundle / "bundle.json").write_text(broken)
+        done = subprocess.run([acqd, "export-fmu", bundle], capture_output=True, text=True, check=False)
+        told = "'transformer'" if broken != "{" else "bundle.json"
+        assert done.returncode == 2 and told in done.stderr and "Traceback" not in done.stderr

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import tempfile
 import zipfile
 from collections.abc import Callable, Sequence
@@ -13,7 +14,7 @@ from typing import Any
 
 import orjson
 
-from acqd.errors import OperationError, UserError
+from acqd.errors import UserError
 from acqd.fmu.compiling import PLATFORMS, Platform, build
 from acqd.fmu.constants import sources, token_of
 from acqd.fmu.description import IDENTIFIER, Described, Version, build_description, description
@@ -51,6 +52,22 @@ def export_fmu(
     if out.is_dir():
         raise UserError(f"{out} is a folder; name the file with --out")
     opened, model = open_model(bundle)
+    try:
+        return _made(opened, model, out, fmi, platforms, progress)
+    except OSError as error:
+        raise UserError(
+            f"{tempfile.gettempdir()}: {error.strerror}; make room there, or name another folder with TMPDIR"
+        ) from None
+
+
+def _made(
+    opened: Bundle,
+    model: Predictor,
+    out: Path,
+    fmi: Version,
+    platforms: Sequence[str],
+    progress: Callable[[str], None],
+) -> Exported:
     files = sources(model)
     shown = variables(model)
     with tempfile.TemporaryDirectory() as folder:
@@ -120,6 +137,7 @@ def _pack(root: Path, out: Path) -> None:
                     archive.write(path, path.relative_to(root).as_posix())
         beside.replace(out)
     except OSError as error:
-        raise OperationError(f"{out}: {error.strerror}; nothing was left behind") from None
+        raise UserError(f"{out}: {error.strerror}; nothing was left behind") from None
     finally:
-        beside.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            beside.unlink()
