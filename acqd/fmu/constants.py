@@ -18,6 +18,8 @@ from acqd.models.networks.architecture import HIDDEN
 from acqd.models.networks.predictor import NetworkPredictor
 from acqd.models.normalisation import Normalisation
 from acqd.models.predictor import Predictor
+from acqd.robot.description import Floats
+from acqd.robot.newton_euler import Chain
 
 _SHAPES = {
     "stribeck_friction": ("speed_rad_s",),
@@ -40,10 +42,10 @@ class _Header:
     def define(self, name: str, value: float | str) -> None:
         self.lines.append(f"#define {name} {value}")
 
-    def array(self, name: str, values: Any, kind: str = "double") -> None:
+    def array(self, name: str, values: Any) -> None:
         values = np.asarray(values, dtype=np.float64)
         extent = "".join(f"[{size}]" for size in values.shape)
-        self.lines.append(f"static const {kind} {name}{extent} = {literal(values)};")
+        self.lines.append(f"static const double {name}{extent} = {literal(values)};")
 
     def text(self, guard: str) -> str:
         return "\n".join([f"#ifndef {guard}", f"#define {guard}", *self.lines, "#endif", ""])
@@ -76,7 +78,7 @@ def sources(model: Predictor) -> dict[str, str]:
     body = grey if isinstance(grey, GreyBox) else carrier if parameters else None
     if isinstance(body, GreyBox):
         data.array("JOINT_XYZ", body.chain.xyz)
-        data.array("JOINT_ROTATION", body.chain.rotation)
+        data.array("JOINT_TURN", _turns(body.chain))
         data.array("JOINT_AXIS", body.chain.axis)
     if isinstance(grey, GreyBox):
         data.lines.append(_grey("BASE", grey, model))
@@ -167,6 +169,15 @@ def _grey(name: str, grey: GreyBox, model: Predictor) -> str:
     ]
     brake = model.signals.index("brake") if "brake" in grey.signals else -1
     return f"static const grey_t {name} = {{{','.join(literal(each) for each in fields)},{brake}}};"
+
+
+def _turns(chain: Chain) -> Floats:
+    """[axes, 3, 3, 3] R, R K and R K K of each joint: its frame turned by an angle is R + sin R K + (1 - cos) R K K."""
+    found = []
+    for rotation, (x, y, z) in zip(chain.rotation, chain.axis, strict=True):
+        K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        found.append([rotation, rotation @ K, rotation @ K @ K])
+    return np.array(found)
 
 
 def _effects(data: _Header, carrier: GreyBox, model: Predictor, parameters: list[Parameters]) -> None:

@@ -42,8 +42,20 @@ double effects_power(memory_t *memory, const double *parameter, const row_t *mid
 double lagged(lag_t *lag, double value, double seconds, double step_s);
 void central_differences(const row_t *middle, double *qd, double *qdd);
 
-/* Rigid-body torque [AXES] Nm of links with inertial parameters [AXES][10] (Luh, Walker, Paul 1980). */
-void joint_torque(const double (*links)[10], const double *q, const double *qd, const double *qdd, double *tau);
+typedef struct {
+    double at[3][3];
+} frame_t;
+
+/* How the links stand and move, in their own frames: what every torque of a rigid body needs. */
+typedef struct {
+    frame_t R[AXES]; /* to the parent's frame */
+    double w[AXES][3], dw[AXES][3], dv[AXES][3];
+} posture_t;
+
+void posture_of(const double *q, const double *qd, const double *qdd, posture_t *posture);
+/* Rigid-body torque [AXES] Nm of the links from `first` on with inertial parameters [][10], the others without mass
+   (Luh, Walker, Paul 1980). */
+void joint_torque(const posture_t *posture, const double (*links)[10], int first, double *tau);
 /* Torque [AXES] Nm that holds 1 kg at a point of a link against gravity. */
 void weight_torque(const double *q, int link, const double *point, double *tau);
 double direction(double speed);

@@ -9,6 +9,7 @@
 /* One fine point of motion. */
 typedef struct {
     double q[AXES], qd[AXES], qdd[AXES];
+    posture_t posture;
     double rigid[AXES], tau[AXES]; /* Nm of the body, and at the motors */
     double steer[AXES];            /* W per Nm more at the motors */
     double drives;                 /* W of motion, without standby */
@@ -58,7 +59,8 @@ static void look(const row_t *middle, int number, memory_t *memory, point_t *p)
             p->qdd[k] += FINE[2][number][node] * q;
         }
     }
-    joint_torque(grey->inertial, p->q, p->qd, p->qdd, p->rigid);
+    posture_of(p->q, p->qd, p->qdd, &p->posture);
+    joint_torque(&p->posture, grey->inertial, 0, p->rigid);
     p->drives = 0.0;
     for (int k = 0; k < AXES; k++) {
         const double friction = grey->coulomb[k] * direction(p->qd[k]) + grey->viscous[k] * p->qd[k];
@@ -101,15 +103,13 @@ static int torque_of(const term_t *term, const point_t *p, const double *c, doub
         const double angle = term->shape[1] * p->q[joint];
         torque[joint] = c[0] * sin(angle) + c[1] * cos(angle);
     } else if (term->effect == PAYLOAD) { /* shape: centre of mass, m beyond the flange */
-        double links[AXES][10] = {{0}}, *body = links[AXES - 1], at[3];
-        const double kg = c[0] + c[1] * p->tool;
+        double at[3];
         for (int i = 0; i < 3; i++)
             at[i] = TIP[0][i] + shape * TIP[1][i];
-        const double x = at[0], y = at[1], z = at[2];
-        const double one[10] = {1, x, y, z, y * y + z * z, -x * y, x * x + z * z, -x * z, -y * z, x * x + y * y};
-        for (int i = 0; i < 10; i++)
-            body[i] = kg * one[i];
-        joint_torque((const double (*)[10])links, p->q, p->qd, p->qdd, torque);
+        const double m = c[0] + c[1] * p->tool, x = at[0], y = at[1], z = at[2];
+        const double body[1][10] = {{m, m * x, m * y, m * z, m * (y * y + z * z), -m * x * y, m * (x * x + z * z),
+                                     -m * x * z, -m * y * z, m * (x * x + y * y)}};
+        joint_torque(&p->posture, body, AXES - 1, torque);
     } else if (term->effect == GRAVITY_BIAS) { /* columns: links from the second on */
         for (int link = 1; link < AXES; link++) {
             double held[AXES];

@@ -7,22 +7,13 @@
 
 #define RESET_REFERENCE VARIABLES
 
-typedef enum { INSTANTIATED, INITIALIZING, STEPPING, TERMINATED } phase_t;
-
 typedef struct {
     state_t state;
-    phase_t phase;
     int has_stop;
     double stop;
     fmi2CallbackFunctions call;
     char *name;
 } slave_t;
-
-/* A master may ask for any of this back; the phase belongs to it. */
-typedef struct {
-    state_t state;
-    phase_t phase;
-} kept_t;
 
 static fmi2Status complain(const slave_t *slave, const char *what)
 {
@@ -78,7 +69,7 @@ FMI2_EXPORT fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean has_tole
 {
     slave_t *slave = c;
     (void)has_tolerance, (void)tolerance;
-    if (slave->phase != INSTANTIATED)
+    if (slave->state.phase != INSTANTIATED)
         return complain(slave, "fmi2SetupExperiment: only before initialization");
     if (has_stop && stop < start)
         return complain(slave, "fmi2SetupExperiment: stops before it starts");
@@ -90,28 +81,28 @@ FMI2_EXPORT fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean has_tole
 FMI2_EXPORT fmi2Status fmi2EnterInitializationMode(fmi2Component c)
 {
     slave_t *slave = c;
-    if (slave->phase != INSTANTIATED)
+    if (slave->state.phase != INSTANTIATED)
         return complain(slave, "fmi2EnterInitializationMode: only once");
-    slave->phase = INITIALIZING;
+    slave->state.phase = INITIALIZING;
     return fmi2OK;
 }
 
 FMI2_EXPORT fmi2Status fmi2ExitInitializationMode(fmi2Component c)
 {
     slave_t *slave = c;
-    if (slave->phase != INITIALIZING)
+    if (slave->state.phase != INITIALIZING)
         return complain(slave, "fmi2ExitInitializationMode: not in initialization mode");
     state_start(&slave->state);
-    slave->phase = STEPPING;
+    slave->state.phase = STEPPING;
     return fmi2OK;
 }
 
 FMI2_EXPORT fmi2Status fmi2Terminate(fmi2Component c)
 {
     slave_t *slave = c;
-    if (slave->phase != STEPPING)
+    if (slave->state.phase != STEPPING)
         return complain(slave, "fmi2Terminate: only while stepping");
-    slave->phase = TERMINATED;
+    slave->state.phase = TERMINATED;
     return fmi2OK;
 }
 
@@ -119,7 +110,7 @@ FMI2_EXPORT fmi2Status fmi2Reset(fmi2Component c)
 {
     slave_t *slave = c;
     state_begin(&slave->state);
-    slave->phase = INSTANTIATED;
+    slave->state.phase = INSTANTIATED;
     slave->has_stop = 0;
     return fmi2OK;
 }
@@ -127,7 +118,7 @@ FMI2_EXPORT fmi2Status fmi2Reset(fmi2Component c)
 FMI2_EXPORT fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2Real value[])
 {
     slave_t *slave = c;
-    if (slave->phase == INITIALIZING)
+    if (slave->state.phase == INITIALIZING)
         state_preview(&slave->state);
     for (size_t k = 0; k < n; k++) {
         if (vr[k] >= VARIABLES)
@@ -143,7 +134,7 @@ FMI2_EXPORT fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference vr[
     for (size_t k = 0; k < n; k++) {
         if (vr[k] >= VARIABLES || vr[k] == POWER || vr[k] == ENERGY)
             return complain(slave, "fmi2SetReal: neither an input nor a parameter");
-        if (slave->phase == TERMINATED || value[k] != value[k] || value[k] - value[k] != 0.0)
+        if (slave->state.phase == TERMINATED || value[k] != value[k] || value[k] - value[k] != 0.0)
             return complain(slave, "fmi2SetReal: not a finite number, or after termination");
     }
     for (size_t k = 0; k < n; k++)
@@ -166,7 +157,7 @@ FMI2_EXPORT fmi2Status fmi2SetBoolean(fmi2Component c, const fmi2ValueReference 
 {
     slave_t *slave = c;
     for (size_t k = 0; k < n; k++) {
-        if (vr[k] != RESET_REFERENCE || slave->phase == TERMINATED)
+        if (vr[k] != RESET_REFERENCE || slave->state.phase == TERMINATED)
             return complain(slave, "fmi2SetBoolean: no such input, or after termination");
         slave->state.reset = value[k] != 0;
     }
@@ -188,7 +179,7 @@ FMI2_EXPORT fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real step,
 {
     slave_t *slave = c;
     (void)no_return;
-    if (slave->phase != STEPPING)
+    if (slave->state.phase != STEPPING)
         return complain(slave, "fmi2DoStep: not initialized, or terminated");
     if (!(step >= 0.0) || !(time - slave->state.time < 1e-5 && slave->state.time - time < 1e-5))
         return complain(slave, "fmi2DoStep: a step goes on where the last one ended, forward");
@@ -205,23 +196,15 @@ FMI2_EXPORT fmi2Status fmi2CancelStep(fmi2Component c) { return complain(c, "fmi
 FMI2_EXPORT fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *kept)
 {
     const slave_t *slave = c;
-    kept_t *copy = *kept ? *kept : malloc(sizeof *copy);
-    if (!copy)
-        return complain(slave, "fmi2GetFMUstate: no memory");
-    copy->state = slave->state;
-    copy->phase = slave->phase;
-    *kept = copy;
-    return fmi2OK;
+    return state_keep(&slave->state, kept) ? fmi2OK : complain(slave, "fmi2GetFMUstate: no memory");
 }
 
 FMI2_EXPORT fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate kept)
 {
     slave_t *slave = c;
-    const kept_t *copy = kept;
-    if (!copy)
+    if (!kept)
         return complain(slave, "fmi2SetFMUstate: no state");
-    slave->state = copy->state;
-    slave->phase = copy->phase;
+    slave->state = *(const state_t *)kept;
     return fmi2OK;
 }
 
@@ -238,31 +221,23 @@ FMI2_EXPORT fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *kept)
 FMI2_EXPORT fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate kept, size_t *size)
 {
     (void)c, (void)kept;
-    *size = state_bytes() + 1;
+    *size = state_bytes();
     return fmi2OK;
 }
 
 FMI2_EXPORT fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate kept, fmi2Byte bytes[], size_t size)
 {
-    const kept_t *copy = kept;
-    if (!copy || size < state_bytes() + 1)
+    if (!kept || size < state_bytes())
         return complain(c, "fmi2SerializeFMUstate: no state, or too little room");
-    bytes[0] = (fmi2Byte)copy->phase;
-    state_write(&copy->state, (unsigned char *)bytes + 1);
+    state_write(kept, (unsigned char *)bytes);
     return fmi2OK;
 }
 
 FMI2_EXPORT fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size_t size, fmi2FMUstate *kept)
 {
-    kept_t *copy = calloc(1, sizeof *copy);
+    void *copy = state_read((const unsigned char *)bytes, size);
     if (!copy)
-        return complain(c, "fmi2DeSerializeFMUstate: no memory");
-    if (size < 1 || bytes[0] < 0 || bytes[0] > TERMINATED ||
-        !state_read(&copy->state, (const unsigned char *)bytes + 1, size - 1)) {
-        free(copy);
         return complain(c, "fmi2DeSerializeFMUstate: the bytes are damaged, or of another model");
-    }
-    copy->phase = (phase_t)bytes[0];
     *kept = copy;
     return fmi2OK;
 }
@@ -301,7 +276,7 @@ FMI2_EXPORT fmi2Status fmi2GetBooleanStatus(fmi2Component c, fmi2StatusKind kind
 {
     if (kind != fmi2Terminated)
         return fmi2Discard;
-    *value = ((slave_t *)c)->phase == TERMINATED;
+    *value = ((slave_t *)c)->state.phase == TERMINATED;
     return fmi2OK;
 }
 

@@ -8,21 +8,13 @@
 #define RESET_REFERENCE VARIABLES
 #define TIME_REFERENCE (VARIABLES + 1)
 
-typedef enum { INSTANTIATED, INITIALIZING, STEPPING, TERMINATED } phase_t;
-
 typedef struct {
     state_t state;
-    phase_t phase;
     int has_stop;
     double stop;
     fmi3LogMessageCallback log;
     fmi3InstanceEnvironment environment;
 } unit_t;
-
-typedef struct {
-    state_t state;
-    phase_t phase;
-} kept_t;
 
 static fmi3Status complain(const unit_t *unit, const char *what)
 {
@@ -86,32 +78,32 @@ FMI3_EXPORT fmi3Status fmi3EnterInitializationMode(fmi3Instance c, fmi3Boolean h
 {
     unit_t *unit = c;
     (void)has_tolerance, (void)tolerance;
-    if (unit->phase != INSTANTIATED)
+    if (unit->state.phase != INSTANTIATED)
         return complain(unit, "fmi3EnterInitializationMode: only once");
     if (has_stop && stop < start)
         return complain(unit, "fmi3EnterInitializationMode: stops before it starts");
     unit->state.start = unit->state.time = start;
     unit->has_stop = has_stop, unit->stop = stop;
-    unit->phase = INITIALIZING;
+    unit->state.phase = INITIALIZING;
     return fmi3OK;
 }
 
 FMI3_EXPORT fmi3Status fmi3ExitInitializationMode(fmi3Instance c)
 {
     unit_t *unit = c;
-    if (unit->phase != INITIALIZING)
+    if (unit->state.phase != INITIALIZING)
         return complain(unit, "fmi3ExitInitializationMode: not in initialization mode");
     state_start(&unit->state);
-    unit->phase = STEPPING;
+    unit->state.phase = STEPPING;
     return fmi3OK;
 }
 
 FMI3_EXPORT fmi3Status fmi3Terminate(fmi3Instance c)
 {
     unit_t *unit = c;
-    if (unit->phase != STEPPING)
+    if (unit->state.phase != STEPPING)
         return complain(unit, "fmi3Terminate: only while stepping");
-    unit->phase = TERMINATED;
+    unit->state.phase = TERMINATED;
     return fmi3OK;
 }
 
@@ -119,7 +111,7 @@ FMI3_EXPORT fmi3Status fmi3Reset(fmi3Instance c)
 {
     unit_t *unit = c;
     state_begin(&unit->state);
-    unit->phase = INSTANTIATED;
+    unit->state.phase = INSTANTIATED;
     unit->has_stop = 0;
     return fmi3OK;
 }
@@ -130,7 +122,7 @@ FMI3_EXPORT fmi3Status fmi3GetFloat64(fmi3Instance c, const fmi3ValueReference v
     unit_t *unit = c;
     if (n != values)
         return complain(unit, "fmi3GetFloat64: all variables are scalar");
-    if (unit->phase == INITIALIZING)
+    if (unit->state.phase == INITIALIZING)
         state_preview(&unit->state);
     for (size_t k = 0; k < n; k++) {
         if (vr[k] >= VARIABLES && vr[k] != TIME_REFERENCE)
@@ -149,7 +141,7 @@ FMI3_EXPORT fmi3Status fmi3SetFloat64(fmi3Instance c, const fmi3ValueReference v
     for (size_t k = 0; k < n; k++) {
         if (vr[k] >= VARIABLES || vr[k] == POWER || vr[k] == ENERGY)
             return complain(unit, "fmi3SetFloat64: neither an input nor a parameter");
-        if (unit->phase == TERMINATED || value[k] != value[k] || value[k] - value[k] != 0.0)
+        if (unit->state.phase == TERMINATED || value[k] != value[k] || value[k] - value[k] != 0.0)
             return complain(unit, "fmi3SetFloat64: not a finite number, or after termination");
     }
     for (size_t k = 0; k < n; k++)
@@ -174,7 +166,7 @@ FMI3_EXPORT fmi3Status fmi3SetBoolean(fmi3Instance c, const fmi3ValueReference v
 {
     unit_t *unit = c;
     for (size_t k = 0; k < n; k++) {
-        if (vr[k] != RESET_REFERENCE || n != values || unit->phase == TERMINATED)
+        if (vr[k] != RESET_REFERENCE || n != values || unit->state.phase == TERMINATED)
             return complain(unit, "fmi3SetBoolean: no such input, or after termination");
         unit->state.reset = value[k] ? 1.0 : 0.0;
     }
@@ -186,7 +178,7 @@ FMI3_EXPORT fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 time, fmi3Float64 
 {
     unit_t *unit = c;
     (void)no_set_before;
-    if (unit->phase != STEPPING)
+    if (unit->state.phase != STEPPING)
         return complain(unit, "fmi3DoStep: not initialized, or terminated");
     if (!(step > 0.0) || !(time - unit->state.time < 1e-5 && unit->state.time - time < 1e-5))
         return complain(unit, "fmi3DoStep: a step goes on where the last one ended, forward");
@@ -203,23 +195,15 @@ FMI3_EXPORT fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 time, fmi3Float64 
 FMI3_EXPORT fmi3Status fmi3GetFMUState(fmi3Instance c, fmi3FMUState *kept)
 {
     const unit_t *unit = c;
-    kept_t *copy = *kept ? *kept : malloc(sizeof *copy);
-    if (!copy)
-        return complain(unit, "fmi3GetFMUState: no memory");
-    copy->state = unit->state;
-    copy->phase = unit->phase;
-    *kept = copy;
-    return fmi3OK;
+    return state_keep(&unit->state, kept) ? fmi3OK : complain(unit, "fmi3GetFMUState: no memory");
 }
 
 FMI3_EXPORT fmi3Status fmi3SetFMUState(fmi3Instance c, fmi3FMUState kept)
 {
     unit_t *unit = c;
-    const kept_t *copy = kept;
-    if (!copy)
+    if (!kept)
         return complain(unit, "fmi3SetFMUState: no state");
-    unit->state = copy->state;
-    unit->phase = copy->phase;
+    unit->state = *(const state_t *)kept;
     return fmi3OK;
 }
 
@@ -236,30 +220,23 @@ FMI3_EXPORT fmi3Status fmi3FreeFMUState(fmi3Instance c, fmi3FMUState *kept)
 FMI3_EXPORT fmi3Status fmi3SerializedFMUStateSize(fmi3Instance c, fmi3FMUState kept, size_t *size)
 {
     (void)c, (void)kept;
-    *size = state_bytes() + 1;
+    *size = state_bytes();
     return fmi3OK;
 }
 
 FMI3_EXPORT fmi3Status fmi3SerializeFMUState(fmi3Instance c, fmi3FMUState kept, fmi3Byte bytes[], size_t size)
 {
-    const kept_t *copy = kept;
-    if (!copy || size < state_bytes() + 1)
+    if (!kept || size < state_bytes())
         return complain(c, "fmi3SerializeFMUState: no state, or too little room");
-    bytes[0] = (fmi3Byte)copy->phase;
-    state_write(&copy->state, bytes + 1);
+    state_write(kept, bytes);
     return fmi3OK;
 }
 
 FMI3_EXPORT fmi3Status fmi3DeserializeFMUState(fmi3Instance c, const fmi3Byte bytes[], size_t size, fmi3FMUState *kept)
 {
-    kept_t *copy = calloc(1, sizeof *copy);
+    void *copy = state_read(bytes, size);
     if (!copy)
-        return complain(c, "fmi3DeserializeFMUState: no memory");
-    if (size < 1 || bytes[0] > TERMINATED || !state_read(&copy->state, bytes + 1, size - 1)) {
-        free(copy);
         return complain(c, "fmi3DeserializeFMUState: the bytes are damaged, or of another model");
-    }
-    copy->phase = (phase_t)bytes[0];
     *kept = copy;
     return fmi3OK;
 }

@@ -6,9 +6,11 @@ double greybox_power(memory_t *memory, const row_t *middle)
 {
     const grey_t *grey = &BASE;
     double qd[AXES], qdd[AXES], rigid[AXES], now = 0.0;
+    posture_t posture;
     const double on = grey->brake < 0 ? 1.0 : middle->signal[grey->brake];
     central_differences(middle, qd, qdd);
-    joint_torque(grey->inertial, middle->q, qd, qdd, rigid);
+    posture_of(middle->q, qd, qdd, &posture);
+    joint_torque(&posture, grey->inertial, 0, rigid);
     for (int k = 0; k < AXES; k++) {
         const double friction = grey->coulomb[k] * direction(qd[k]) + grey->viscous[k] * qd[k];
         const double motor = rigid[k] + grey->rotor[k] * qdd[k] + friction;

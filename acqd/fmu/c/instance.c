@@ -1,6 +1,7 @@
 #include "instance.h"
 
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #define SLACK 1e-6 /* s: sums of a master's steps are not exact */
@@ -40,7 +41,6 @@ void state_start(state_t *state)
 {
     state->time = state->start;
     state->rows_taken = state->since_reset = state->value[ENERGY] = 0.0;
-    state->started = 1.0;
     memset(&state->memory, 0, sizeof state->memory);
     state_preview(state);
 }
@@ -78,6 +78,15 @@ void state_step(state_t *state, double time, double seconds)
     state->time = end;
 }
 
+int state_keep(const state_t *state, void **kept)
+{
+    if (!*kept)
+        *kept = malloc(sizeof *state);
+    if (*kept)
+        memcpy(*kept, state, sizeof *state);
+    return *kept != 0;
+}
+
 typedef struct {
     char model[sizeof MODEL_TOKEN];
     unsigned int size;
@@ -105,15 +114,15 @@ void state_write(const state_t *state, unsigned char *bytes)
     memcpy(bytes + sizeof seal, state, sizeof *state);
 }
 
-int state_read(state_t *state, const unsigned char *bytes, unsigned long size)
+void *state_read(const unsigned char *bytes, unsigned long size)
 {
     seal_t seal;
     if (size != state_bytes())
         return 0;
     memcpy(&seal, bytes, sizeof seal);
-    if (memcmp(seal.model, MODEL_TOKEN, sizeof seal.model) != 0 || seal.size != sizeof *state ||
-        seal.check != checksum(bytes + sizeof seal, sizeof *state))
+    if (memcmp(seal.model, MODEL_TOKEN, sizeof seal.model) != 0 || seal.size != sizeof(state_t) ||
+        seal.check != checksum(bytes + sizeof seal, sizeof(state_t)))
         return 0;
-    memcpy(state, bytes + sizeof seal, sizeof *state);
-    return 1;
+    void *kept = malloc(sizeof(state_t));
+    return kept ? memcpy(kept, bytes + sizeof seal, sizeof(state_t)) : 0;
 }

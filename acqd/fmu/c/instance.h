@@ -12,6 +12,8 @@
 #define LONGEST_STEP 1e7 /* s */
 #define VARIABLES (FIRST_PARAMETER + PARAMETERS)
 
+typedef enum { INSTANTIATED, INITIALIZING, STEPPING, TERMINATED } phase_t;
+
 /* Everything that a step depends on; no pointers, so that its bytes are the serialised state. */
 typedef struct {
     double value[VARIABLES];
@@ -21,7 +23,7 @@ typedef struct {
     double since_reset; /* rows */
     double reset;      /* input: not 0 begins anew with the next row */
     double was_reset;  /* it was so in a step in which no row began */
-    double started;
+    double phase;      /* a phase_t: a master that asks for a state back asks for this, too */
     row_t row[WINDOW];
     memory_t memory;
 } state_t;
@@ -34,9 +36,12 @@ void state_preview(state_t *state);
 /* Rows that begin within [time, time + seconds) see the inputs as they are now. */
 void state_step(state_t *state, double time, double seconds);
 
+/* A copy for the master, in *kept if that is one already; 0: no memory. */
+int state_keep(const state_t *state, void **kept);
+
 unsigned long state_bytes(void);
 void state_write(const state_t *state, unsigned char *bytes);
-/* 0 when the bytes are of another model or damaged: the state is left as it was. */
-int state_read(state_t *state, const unsigned char *bytes, unsigned long size);
+/* As state_keep; NULL when the bytes are of another model or damaged. */
+void *state_read(const unsigned char *bytes, unsigned long size);
 
 #endif
