@@ -10,8 +10,9 @@ import numpy as np
 import pyarrow.parquet
 import pytest
 
-from acqd.dataset.build import BuildOrder, build, load_manifest
+from acqd.dataset.build import BuildOrder, build
 from acqd.dataset.clock import parse_times
+from acqd.dataset.manifest import load_manifest
 from acqd.dataset.merge import merge
 from acqd.dataset.power import PowerStream, open_power
 from acqd.dataset.split import source_of, split

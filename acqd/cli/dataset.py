@@ -88,7 +88,7 @@ def show(path: Annotated[Path, typer.Argument(metavar="DS", help="Folder of a da
 
     Example: acqd dataset show ds
     """
-    from acqd.dataset.build import load_manifest, valid_share
+    from acqd.dataset.manifest import load_manifest, valid_share
 
     manifest = load_manifest(path)
     if json:

@@ -38,7 +38,7 @@ def sidecar(
 
     Example: acqd sidecar /srv/robot-logs --model ds.models/grey-box-everything-s1 --config /etc/acqd/acqd.toml
     """
-    missing = [n for n in ("watchfiles", "pyarrow", "scipy", "safetensors", "matplotlib") if find_spec(n) is None]
+    missing = [n for n in ("watchfiles", "pyarrow", "scipy", "safetensors", "pinocchio") if find_spec(n) is None]
     if missing:
         raise UserError(f"acqd sidecar needs {' and '.join(missing)}: install acqd[sidecar]")
     if live and no_mqtt:

@@ -144,16 +144,21 @@ def _step(design: Design, model: Model, gates: list[Gate], tracing: Tracing, lim
     found = derive(design, model, gates[0].open, {named.id for named in tracing.found})
     derived = {id(each.candidate): each for each in found}
     everywhere = _View(design, model, tracing.found)
-    for gate in dict.fromkeys((_best_gate(everywhere, gates, pool), gates[0])):
-        step = _under(gate, everywhere, gates, pool, derived, tracing, limits)
-        if step is not None:
-            return _made(design, model, gates, step, derived, tracing)
+    likeliest = _best_gate(everywhere, gates, pool)
+    step = _under(likeliest, everywhere, gates, pool, derived, tracing, limits)
+    doubt = tracing.unknown, tracing.unknown_gate
+    if step is None and likeliest is not gates[0]:
+        step = _under(gates[0], everywhere, gates, pool, derived, tracing, limits)
+        tracing.unknown, tracing.unknown_gate = doubt  # a second look may name, but it raises no doubts
+    if step is not None:
+        return _made(design, model, gates, step, derived, tracing)
     moments = [named for named in tracing.found if confined(design, named.finding, named.gate.open)]
     if not moments:
         return None
     away = elsewhere(design, [named.finding for named in moments])
     calm = _View(away, Model(away.blocks, model.columns), [n for n in tracing.found if n not in moments])
     step = _under(_best_gate(calm, gates, pool), calm, gates, pool, {}, tracing, limits)
+    tracing.unknown, tracing.unknown_gate = doubt
     return None if step is None else _made(design, model, gates, step, {}, tracing)
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet
 
-from acqd.dataset.build import load_manifest
+from acqd.dataset.manifest import load_manifest
 from acqd.dataset.split import Part
 from acqd.errors import InputError, UserError
 from acqd.robot.description import Floats

@@ -1,0 +1,32 @@
+"""What a dataset says of itself."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import orjson
+
+from acqd.errors import UserError
+
+
+def load_manifest(dataset: Path) -> dict[str, Any]:
+    """The manifest of a dataset. Raises UserError."""
+    path = dataset / "manifest.json"
+    try:
+        manifest: dict[str, Any] = orjson.loads(path.read_bytes())
+    except FileNotFoundError:
+        raise UserError(f"{dataset} is no dataset: it has no manifest.json; acqd dataset build makes one") from None
+    except (OSError, orjson.JSONDecodeError) as error:
+        raise UserError(f"{path} is damaged ({error}); build the dataset again") from None
+    needed = {"robot", "description", "step_s", "measured", "recordings", "refused"}
+    if not isinstance(manifest, dict) or not needed <= manifest.keys():
+        raise UserError(f"{path} is of another version of acqd, or damaged; build the dataset again")
+    return manifest
+
+
+def valid_share(manifest: dict[str, Any]) -> float:
+    """Share of rows at which both sides were there."""
+    rows = np.array([[entry["valid_s"], entry["rows"] * manifest["step_s"]] for entry in manifest["recordings"]])
+    return float(rows[:, 0].sum() / rows[:, 1].sum())
