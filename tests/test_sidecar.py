@@ -128,6 +128,13 @@ def run(command):
     return subprocess.run(command, capture_output=True, text=True, check=False, timeout=100)
 
 
+def counts_of(result):
+    """The last line; before it comes one for each log."""
+    *logs, counts = map(json.loads, result.stdout.splitlines())
+    assert len(logs) == counts["done"] + counts["refused"] and all(each["status"] in ("ok", "refused") for each in logs)
+    return counts
+
+
 def done_in(url):
     store = Store(open_database(url))
     with store.engine.connect() as connection:
@@ -148,7 +155,7 @@ def test_logs_are_placed_predicted_and_stored(tmp_path, bundle, database):
     cell(logs, database, 3)
     result = run(sidecar(logs, bundle, database, "--no-mqtt", "--until-idle", "--json"))
     assert result.returncode == 0, result.stderr
-    assert json.loads(result.stdout) == {"done": 3, "refused": 0}
+    assert counts_of(result) == {"done": 3, "refused": 0}
     found, counts = done_in(database)
     for name, (status, message) in found.items():
         assert status == "ok"
@@ -156,7 +163,7 @@ def test_logs_are_placed_predicted_and_stored(tmp_path, bundle, database):
         assert message["rmse_W"] < 2  # 1.2 W of noise
         assert counts[name] == message["rows"] > 700
     again = run(sidecar(logs, bundle, database, "--no-mqtt", "--until-idle", "--json"))
-    assert json.loads(again.stdout) == {"done": 0, "refused": 0}  # nothing is done twice
+    assert counts_of(again) == {"done": 0, "refused": 0}  # nothing is done twice
 
 
 def test_what_cannot_be_done_is_named_and_the_rest_goes_on(tmp_path, bundle):
@@ -169,7 +176,7 @@ def test_what_cannot_be_done_is_named_and_the_rest_goes_on(tmp_path, bundle):
     store_power(url, power_of(motion(300, 50), 50), BEGIN + 3000, 700_000)  # for the first third of log_c only
     write_log(logs / "log_c.csv", motion(900, 50), BEGIN + 3000)
     result = run(sidecar(logs, bundle, url, "--no-mqtt", "--until-idle", "--json", "--patience", "0.5"))
-    assert json.loads(result.stdout) == {"done": 2, "refused": 3}, result.stderr
+    assert counts_of(result) == {"done": 2, "refused": 3}, result.stderr
     assert "Traceback" not in result.stderr
     found, _ = done_in(url)
     assert "log_a.csv" in found["log_a.csv"][1]["reason"]
@@ -191,7 +198,7 @@ def test_odd_logs_do_not_stop_those_behind_them(tmp_path, bundle):
     shutil.copy(logs / "log_001.csv", logs / "sub" / "log_000.csv")  # same name, another folder: the same content
     result = run(sidecar(logs, bundle, url, "--no-mqtt", "--until-idle", "--json", "--patience", "0.2"))
     assert result.returncode == 0, result.stderr
-    assert json.loads(result.stdout) == {"done": 2, "refused": 4}
+    assert counts_of(result) == {"done": 2, "refused": 4}
     found, _ = done_in(url)
     assert {name for name, (status, _) in found.items() if status == "ok"} == {"log_000.csv", "log_001.csv"}
 

@@ -7,7 +7,7 @@ import logging
 import signal
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import orjson
 import typer
@@ -55,12 +55,18 @@ def sidecar(
     for note in worker.notes:
         logging.getLogger(__name__).warning("%s", note)
 
+    logging.getLogger("watchfiles").setLevel(logging.WARNING)  # it counts changes aloud
+
+    def tell(message: dict[str, Any]) -> None:
+        if json:
+            print(orjson.dumps(message).decode(), flush=True)
+
     async def run() -> Sidecar:
         stop = asyncio.Event()
         for number in (signal.SIGTERM, signal.SIGINT):
             asyncio.get_running_loop().add_signal_handler(number, stop.set)
         broker = None if no_mqtt else settings.mqtt.address()
-        service = Sidecar(logs, worker, Store(engine), broker, name, live=live)
+        service = Sidecar(logs, worker, Store(engine), broker, name, live=live, tell=tell)
         notify("READY=1")
         await service.run(stop, lambda: notify("WATCHDOG=1"), until_idle=until_idle)
         notify("STOPPING=1")

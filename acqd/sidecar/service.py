@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import orjson
 import paho.mqtt.client as paho
@@ -53,9 +54,17 @@ class Sidecar:
     """One folder, one model, one database; `broker` None publishes nothing."""
 
     def __init__(
-        self, folder: Path, worker: Worker, store: Store, broker: BrokerAddress | None, device: str, *, live: bool
+        self,
+        folder: Path,
+        worker: Worker,
+        store: Store,
+        broker: BrokerAddress | None,
+        device: str,
+        *,
+        live: bool,
+        tell: Callable[[dict[str, Any]], None] = lambda _: None,
     ) -> None:
-        """Raises UserError when the folder is none."""
+        """`tell` gets what is stored of each log. Raises UserError when the folder is none."""
         if not folder.is_dir():
             raise UserError(f"{folder} is no folder; make it, or name the one where the robot's logs arrive")
         self._folder, self._worker, self._store = folder, worker, store
@@ -64,6 +73,7 @@ class Sidecar:
         self._outbox = StoredOutbox(store, f"acqd/{device}/prediction", f"acqd/{device}/prediction/alarm")
         self._changed = asyncio.Event()
         self._late: dict[Path, _Late] = {}
+        self._tell = tell
         self.done = 0
         self.refused = 0
 
@@ -142,6 +152,7 @@ class Sidecar:
             self._worker.restore(before)
             raise
         self._outbox.wake()
+        self._tell(done.message)
         self.done += done.status == "ok"
         self.refused += done.status == "refused"
         if done.status == "refused":
