@@ -173,15 +173,20 @@ def test_what_cannot_be_done_is_named_and_the_rest_goes_on(tmp_path, bundle):
     cell(logs, url, 2)
     (logs / "log_a.csv").write_text("time,q1,q2\n1,2,3\n")  # another robot's
     write_log(logs / "log_b.csv", motion(800, 77), BEGIN + 9e6)  # no power there
-    store_power(url, power_of(motion(300, 50), 50), BEGIN + 3000, 700_000)  # for the first third of log_c only
+    store_power(url, power_of(motion(900, 50), 50)[:450], BEGIN + 3000, 700_000)  # for half of log_c only
     write_log(logs / "log_c.csv", motion(900, 50), BEGIN + 3000)
+    store_power(url, power_of(motion(900, 51), 51)[:800], BEGIN + 4000, 800_000)  # nearly for all of log_d
+    write_log(logs / "log_d.csv", motion(900, 51), BEGIN + 4000)
+    store_power(url, power_of(motion(300, 52), 52), BEGIN + 5000, 900_000)  # the meter went on
     result = run(sidecar(logs, bundle, url, "--no-mqtt", "--until-idle", "--json", "--patience", "0.5"))
-    assert counts_of(result) == {"done": 2, "refused": 3}, result.stderr
+    assert counts_of(result) == {"done": 3, "refused": 3}, result.stderr
+    assert "log_d.csv: residual" in result.stderr and "could not be compared" in result.stderr
     assert "Traceback" not in result.stderr
     found, _ = done_in(url)
     assert "log_a.csv" in found["log_a.csv"][1]["reason"]
     assert "power" in found["log_b.csv"][1]["reason"]
-    assert "power" in found["log_c.csv"][1]["reason"]
+    assert "power rows are missing for" in found["log_c.csv"][1]["reason"]
+    assert 0.75 < found["log_d.csv"][1]["covered"] < 0.95 and found["log_000.csv"][1]["covered"] > 0.95
 
 
 def test_odd_logs_do_not_stop_those_behind_them(tmp_path, bundle):
@@ -278,6 +283,11 @@ def test_half_written_files_are_waited_for(tmp_path):
     assert list(arrivals.look()) == []
     path.unlink()
     assert list(arrivals.look()) == [] and not arrivals.waiting()
+    empty = tmp_path / "b.log"
+    empty.touch()
+    assert list(arrivals.look()) == [] and arrivals.waiting()  # somebody is about to write it
+    os.utime(empty, (time.time() - 60, time.time() - 60))
+    assert list(arrivals.look()) == [empty]
 
 
 def test_every_log_is_done_exactly_once_whoever_is_killed(tmp_path, bundle, mosquitto):

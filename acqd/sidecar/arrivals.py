@@ -9,7 +9,7 @@ from pathlib import Path
 
 _SUFFIXES = (".log", ".csv", ".txt")
 _UNENDED_S = 30.0
-"""A file that ends within a line is taken when nothing has come for so long."""
+"""A file that ends within a line, or is empty, is taken when nothing has come for so long."""
 
 
 @dataclass(slots=True)
@@ -33,7 +33,7 @@ class Arrivals:
             except OSError:
                 continue  # gone again
             mark = (status.st_size, status.st_mtime_ns)
-            if self._given.get(path) == mark or not status.st_size:
+            if self._given.get(path) == mark:
                 continue
             seen = self._seen.get(path)
             if seen is None or seen[:2] != mark:

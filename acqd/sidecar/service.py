@@ -30,6 +30,7 @@ _TICK_S = 0.1
 _IDLE_S = 2.0
 """Between looks when nothing has been told of: network shares tell of nothing."""
 _ALIVE_S = 5.0
+_NOTEWORTHY = 0.02  # of a log
 _RETRY_S, _GIVE_UP_S = 30.0, 12 * 3600.0
 """Power rows may come late: the sink catches up after an outage."""
 
@@ -158,7 +159,9 @@ class Sidecar:
         if done.status == "refused":
             _log.warning("%s", done.message["reason"])
         else:
-            _log.info("%s: residual %.2f W RMS", done.name, done.message["rmse_W"])
+            missing = 1 - done.message["covered"]
+            aside = f"; {missing:.0%} of it could not be compared" if missing > _NOTEWORTHY else ""
+            _log.info("%s: residual %.2f W RMS%s", done.name, done.message["rmse_W"], aside)
         if done.message.get("alarm"):
             _log.warning("the residual has changed: %s", orjson.dumps(done.message["alarm"]).decode())
         return 1

@@ -38,7 +38,7 @@ from acqd.storage.schema import power
 _log = logging.getLogger(__name__)
 _MARGIN_S = 5.0
 _REMEMBERED = 30  # logs whose lags make the clock's line
-_LEAST_COVERED = 0.5
+_LEAST_COVERED = 0.75  # of a log's time by power rows
 _PAUSE_S = 0.2
 _LATEST_S, _LONGEST_S = 4e9, 6 * 3600.0
 _SURE_LAG = "clock line"
@@ -140,6 +140,7 @@ class Worker:
         lag_s, how = self._lag(log, stream)
         recording = merge(path.stem, log, stream, lag_s, 0.0, self.model.step_s)
         stretches = self._stretches(path, recording, log)
+        about["covered"] = round(self._covered(stretches, log), 4)
         predicted = predictions(self.model, stretches)
         errors = residuals(predicted, stretches)
         for stretch in stretches:
@@ -192,9 +193,10 @@ class Worker:
             raise UserError(f"{log.path.name}: power rows are missing for {told} ({error})") from None
 
     def _newest(self) -> float | None:
-        """UTC of the newest row's begin, of whatever device."""
+        """UTC of the newest row's begin; of whatever device, when none was named."""
+        own = [] if self.settings.device is None else [power.c.device == self.settings.device]
         with self._engine.connect() as connection:
-            newest = connection.execute(sa.select(sa.func.max(power.c.filetime))).scalar()
+            newest = connection.execute(sa.select(sa.func.max(power.c.filetime)).where(*own)).scalar()
         return None if newest is None else unix_s(newest)
 
     def _lag(self, log: RobotLog, stream: PowerStream) -> tuple[float, str]:
@@ -242,13 +244,18 @@ class Worker:
         entry: dict[str, object] = {"name": path.stem, "source": path.stem, "kind": "other", "split": "test"}
         columns = {"time_ns": recording.time_ns, "valid": recording.valid, **recording.columns}
         found = stretches_of(columns, entry, self.model.step_s)  # type: ignore[arg-type]
-        stamps, _ = in_time(log)
-        covered = sum(len(each.P) for each in found) * self.model.step_s / max(stamps[-1] - stamps[0], 1e-9)
+        covered = self._covered(found, log)
         if covered < _LEAST_COVERED:
             raise UserError(
                 f"{path.name}: power rows are missing for {1 - covered:.0%} of the log; was the meter or the sink off?"
             )
         return found
+
+    def _covered(self, stretches: list[Stretch], log: RobotLog) -> float:
+        """Share of the log's time that is compared."""
+        stamps, _ = in_time(log)
+        seconds = sum(len(each.P) for each in stretches) * self.model.step_s
+        return float(seconds / max(stamps[-1] - stamps[0], 1e-9))
 
 
 def rfc3339(t: float) -> str:
