@@ -17,9 +17,10 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
+from acqd.models.networks.predictor import NetworkPredictor, example_inputs
 from acqd.models.restore import open_model
 from acqd.robot.description import load_description
 from acqd.robot.log import read_log
@@ -216,6 +218,36 @@ def live(cell: Cell, log: Path, rows: int) -> dict[str, Any]:
     }  # fmt: skip
 
 
+def runtime(model_path: Path, log: Path) -> dict[str, Any]:
+    """What torch would save and cost: the network of the bundle over a whole log."""
+    _, model = open_model(model_path)
+    if not isinstance(model, NetworkPredictor) or find_spec("torch") is None:
+        return {}
+    import torch
+
+    from acqd.models.networks.torch_engine import Network
+
+    q = read_log(log, load_description("iiwa7_r800")).q
+    torch.set_num_threads(1)
+    network = Network(model.architecture, model.axes)
+    inputs = torch.from_numpy(example_inputs(model.architecture, model.normal, q, model.step_s)[None])
+    with torch.no_grad():
+        found = {"numpy_s": _seconds(lambda: model.sequence(q)), "torch_s": _seconds(lambda: network(inputs))}
+    asked = "import resource, torch; print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000)"
+    done = subprocess.run([sys.executable, "-c", asked], capture_output=True, text=True, check=True)
+    installed = sum(f.stat().st_size for f in Path(torch.__file__).parent.rglob("*") if f.is_file())
+    return found | {"torch_import_MB": float(done.stdout), "torch_installed_MB": installed / 1e6}
+
+
+def _seconds(work: Callable[[], object]) -> float:
+    took = []
+    for _ in range(5):
+        begun = time.perf_counter()
+        work()
+        took.append(time.perf_counter() - begun)
+    return float(np.median(took))
+
+
 def _spread(values: list[float]) -> dict[str, float]:
     return {"median": float(np.median(values)), "p99": float(np.percentile(values, 99)), "max": max(values)}
 
@@ -241,6 +273,7 @@ def main() -> None:
         log, database = long_log(given.campaign, given.out / "long")
         cell = Cell(given.out / "long" / "logs", database, given.model, port)
         found["log of 400 s"] = timed(cell, log, 10)
+        found["runtime"] = runtime(given.model, log)
         found["live"] = live(cell, log, given.live_rows)
         shutil.copy(given.campaign / "power.sqlite", given.out / "power.sqlite")
         sources = sorted((given.campaign / "logs").rglob("*.log"))[: given.logs]
