@@ -16,11 +16,13 @@ from scipy.signal import lfilter
 from acqd.discrepancy.delay import corrected, find_delay
 from acqd.discrepancy.derive import derive, residuals_of
 from acqd.discrepancy.noise import Whitener, autocorrelation
+from acqd.discrepancy.order import CloseOrder
 from acqd.discrepancy.prepare import prepare
 from acqd.discrepancy.residual import noise_floor, quality
 from acqd.discrepancy.switching import rhythm, search
 from acqd.discrepancy.trace import Limits, trace
-from acqd.errors import UserError
+from acqd.discrepancy.watching import Watch
+from acqd.errors import InputError, UserError
 from acqd.models.augmented import Augmented, Term
 from acqd.models.bundle import Bundle, load_bundle, save_bundle
 from acqd.models.data import Stretch
@@ -569,6 +571,39 @@ def test_options_that_would_do_nothing_are_refused(closed, words):
     folder, _ = closed
     done = acqd("close-loop", folder / "now" / "ds", "--model", folder / "model", *words)
     assert done.returncode == 2 and "--watch" in done.stderr and len(done.stderr.strip().splitlines()) == 1
+
+
+@pytest.mark.timeout(300)
+def test_a_watch_raises_the_alarm_proposes_and_goes_on_after_a_restart(closed, tmp_path):
+    folder, _ = closed
+    order = CloseOrder(folder / "now" / "ds", folder / "model", tmp_path / "watch", only=("payload", "offset_shift"))
+    events = list(Watch(order, 200 * 3600.0).look(lambda *_: None))
+    kinds = [event.kind for event in events]
+    assert kinds.count("recording") == 12 and kinds.count("alarm") == 1
+    proposal = events[-1].about
+    assert [effect["id"] for effect in proposal["effects"]] == ["payload"]
+    assert load_bundle(Path(proposal["out"]) / "model").about["effects"]
+    again = Watch(order, 200 * 3600.0)
+    assert again.resumed.about["proposed"] and again.resumed.about["alarm"]["onset_s"] < 1e9 + 9000 + 180
+    assert list(again.look(lambda *_: None)) == []  # nothing twice
+    (order.out / "watch.json").write_text("{")
+    with pytest.raises(InputError, match="delete it to begin anew"):
+        Watch(order, 200 * 3600.0)
+
+
+def test_a_watch_by_command_tells_line_by_line_until_it_is_asked_to_stop(closed, tmp_path):
+    folder, _ = closed
+    command = [
+        *(sys.executable, "-m", "acqd", "close-loop", folder / "before" / "ds", "--model", folder / "model"),
+        *("--out", tmp_path / "watch", "--watch", "--json", "--every", "0.5"),
+    ]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        first = json.loads(process.stdout.readline())
+        assert first["event"] == "recording"
+        process.terminate()
+        rest, errors = process.communicate(timeout=60)
+    assert process.returncode == 0 and not errors
+    assert not [line for line in rest.splitlines() if json.loads(line)["event"] == "alarm"]
 
 
 def test_a_withheld_term_is_named_and_comes_back(closed):

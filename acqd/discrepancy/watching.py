@@ -11,7 +11,7 @@ from typing import Any
 
 import orjson
 
-from acqd.discrepancy.augment import errors_of, rms
+from acqd.discrepancy.augment import errors_of, residuals, rms
 from acqd.discrepancy.close import close_loop
 from acqd.discrepancy.order import CloseOrder
 from acqd.discrepancy.report import as_json
@@ -35,7 +35,7 @@ class Event:
     """Something that the watch tells."""
 
     kind: str
-    """recording, alarm, proposal, or trouble with the dataset."""
+    """resumed, recording, alarm, proposal, or trouble with the dataset."""
     about: dict[str, Any]
 
 
@@ -81,6 +81,8 @@ class Watch:
         self._digest = ""
         self._trouble = ""
         self._state = order.out / STATE
+        self.resumed: Event | None = None
+        """Where an earlier watch stopped."""
         self._go_on()
 
     def look(self, progress: Callable[[str, float], None]) -> Iterator[Event]:
@@ -110,7 +112,8 @@ class Watch:
 
     def _take(self, recording: str, stretches: list[Stretch], step_s: float) -> Iterator[Event]:
         alarm = None
-        errors, predicted = errors_of(self._model, stretches), predictions(self._model, stretches)
+        predicted = predictions(self._model, stretches)
+        errors = residuals(predicted, stretches)
         for stretch, off, guess in zip(stretches, errors, predicted, strict=True):
             alarm = self._monitor.update(off, guess, stretch.start_s, step_s) or alarm
         self._seen.add(recording)
@@ -157,6 +160,12 @@ class Watch:
             self._monitor.restore(state["monitor"])
             self._seen |= set(state["seen"])
             self._tried, self._settled = int(state["tried"]), bool(state["settled"])
+            alarm = self._monitor.alarm
+            self.resumed = Event(
+                "resumed",
+                {"recordings": len(state["seen"]), "proposed": self._settled}
+                | {"alarm": None if alarm is None else alarm.as_json()},
+            )
         except (OSError, orjson.JSONDecodeError, KeyError, ValueError, TypeError) as error:
             raise InputError(self._state, f"is no state of a watch ({error}); delete it to begin anew") from None
 
