@@ -141,6 +141,8 @@ def _consistency(design: Design, gate: Floats, candidate: Candidate, agreement: 
     power = np.array([own[blocks].sum() for blocks in recordings])
     pulls = np.array([agreement[blocks].sum() for blocks in recordings])
     acting = power > _ACTING * power.max()
+    if not acting.any():  # only in rows that are left out
+        return 0, 0.0
     return int(acting.sum()), float((pulls[acting] > 0).mean())
 
 

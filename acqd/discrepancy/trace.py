@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -29,6 +29,7 @@ _UNANIMOUS_EVIDENCE = 120.0
 _DERIVED_WORTH = 1.33  # times the best predictive evidence, before what was found by looking counts more
 _FORESEEN = 0.5
 _RIVAL_MARGIN, _RIVAL_SHARE = 40.0, 0.06
+_COARSE = 1.3  # times the evidence: more than a refined shape can gain
 _ALPHA = 0.02
 _CONSISTENT = 0.6  # of the recordings
 _PLAIN_ERRORS = 2.0  # rare events: their plain gain is lost in the noise of the rows around, but must not be a loss
@@ -143,7 +144,7 @@ def _step(design: Design, model: Model, gates: list[Gate], tracing: Tracing, lim
     pool = [c for c in design.candidates if (c.id, c.label) not in taken or not c.id]
     found = derive(design, model, gates[0].open, {named.id for named in tracing.found})
     derived = {id(each.candidate): each for each in found}
-    everywhere = _View(design, model, tracing.found)
+    everywhere = _View(design, model, tracing.found, whole=True)
     likeliest = _best_gate(everywhere, gates, pool)
     step = _under(likeliest, everywhere, gates, pool, derived, tracing, limits)
     doubt = tracing.unknown, tracing.unknown_gate
@@ -156,7 +157,7 @@ def _step(design: Design, model: Model, gates: list[Gate], tracing: Tracing, lim
     if not moments:
         return None
     away = elsewhere(design, [named.finding for named in moments])
-    calm = _View(away, Model(away.blocks, model.columns), [n for n in tracing.found if n not in moments])
+    calm = _View(away, Model(away.blocks, model.columns), [n for n in tracing.found if n not in moments], whole=False)
     step = _under(_best_gate(calm, gates, pool), calm, gates, pool, {}, tracing, limits)
     tracing.unknown, tracing.unknown_gate = doubt
     return None if step is None else _made(design, model, gates, step, {}, tracing)
@@ -169,6 +170,8 @@ class _View:
     design: Design
     model: Model
     wary: list[Named]
+    whole: bool
+    """All of the design's rows, so that columns can be added."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,7 +219,7 @@ def _under(
         limit += np.log(len(gates))  # it was the best of so many
     best = next((finding for finding in named if _credible(view, finding, limit, derived)), None)
     rival = next((finding for finding in unnamed if _credible(view, finding, limit, derived)), None)
-    if rival is not None and (best is None or _outdone(best, rival)):
+    if rival is not None and (best is None or (_outdone(best, rival) and not _defended(view, gate, best, rival))):
         if tracing.unknown is None:
             tracing.unknown, tracing.unknown_gate = rival, gate
         return None
@@ -234,6 +237,17 @@ def _outdone(best: Finding, rival: Finding) -> bool:
     if best.candidate.derived:  # found by looking: anything that foresees half as much is the better explanation
         return rival.evidence > _FORESEEN * best.evidence
     return rival.evidence > best.evidence + _RIVAL_MARGIN + _RIVAL_SHARE * best.evidence
+
+
+def _defended(view: _View, gate: Gate, best: Finding, rival: Finding) -> bool:
+    """Whether an effect is not outdone once its shape is refined.
+
+    Scanned shapes are coarse, and their columns are those of a small effect.
+    """
+    if not view.whole or best.candidate.derived or rival.evidence > _COARSE * best.evidence:
+        return False
+    refined, _ = refine(view.design, view.model, gate.open, best, None)
+    return not _outdone(replace(best, evidence=refined.evidence), rival)
 
 
 def _credible(view: _View, finding: Finding, limit: float, derived: dict[int, Derived]) -> bool:
