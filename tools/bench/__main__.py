@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from tools.bench import accuracy, lab, live, models, sink, speed
+from tools.bench import accuracy, at_work, lab, live, models, sink, speed
 from tools.bench.report import Figure, table
 
 _SECTIONS: dict[str, list[Callable[[], Iterator[Figure]]]] = {
@@ -22,6 +22,7 @@ _SECTIONS: dict[str, list[Callable[[], Iterator[Figure]]]] = {
     "sink": [sink.sinks],
     "lab": [lab.motions, lab.campaign],
     "models": [models.time_shifts, models.training_step, models.thesis_campaign],
+    "work": [at_work.fmu_and_sidecar],
 }
 
 
