@@ -25,10 +25,15 @@ def sidecar(
     database: Annotated[str | None, typer.Option(help="SQLite file or URL of the power rows.")] = None,
     host: Host = None,
     port: Port = None,
-    device: Annotated[str | None, typer.Option(help="Meter beside this robot (default the config's).")] = None,
+    device: Annotated[
+        str | None, typer.Option(help="Meter beside this robot (default the only one in the database).")
+    ] = None,
     live: Annotated[bool, typer.Option("--live", help="Also predict from acqd/DEVICE/joints, row by row.")] = False,
     no_mqtt: Annotated[bool, typer.Option("--no-mqtt", help="Store only, publish nothing.")] = False,
     patience: Annotated[float, typer.Option(min=0, help="Seconds that the last power rows may be late.")] = 10.0,
+    retry_refused: Annotated[
+        bool, typer.Option("--retry-refused", help="Look once more at logs that were refused.")
+    ] = False,
     until_idle: Annotated[
         bool, typer.Option("--until-idle", help="Stop when every log is done and published.")
     ] = False,
@@ -45,13 +50,13 @@ def sidecar(
         raise UserError("--live answers over MQTT; leave out --no-mqtt")
     from acqd.sidecar.service import Sidecar
     from acqd.sidecar.store import Store
-    from acqd.sidecar.work import Settings, Worker
+    from acqd.sidecar.work import Settings, Worker, device_of
 
     settings = configured(config, host, port)
     url = database or settings.sink.database
-    name = device or settings.device
     engine = open_database(url, create=False)
-    worker = Worker(Settings(model, url, device, None, patience), engine)
+    name = device_of(engine, device, settings.device)
+    worker = Worker(Settings(model, url, name, None, patience), engine)
     for note in worker.notes:
         logging.getLogger(__name__).warning("%s", note)
 
@@ -66,12 +71,15 @@ def sidecar(
         for number in (signal.SIGTERM, signal.SIGINT):
             asyncio.get_running_loop().add_signal_handler(number, stop.set)
         broker = None if no_mqtt else settings.mqtt.address()
-        service = Sidecar(logs, worker, Store(engine), broker, name, live=live, tell=tell)
-        notify("READY=1")
-        await service.run(stop, lambda: notify("WATCHDOG=1"), until_idle=until_idle)
+        store = Store(engine)
+        service = Sidecar(logs, worker, store, broker, name, live=live, again=retry_refused, tell=tell)
+        with store.alone():
+            notify("READY=1")
+            await service.run(stop, lambda: notify("WATCHDOG=1"), until_idle=until_idle)
         notify("STOPPING=1")
         return service
 
     service = asyncio.run(run())
-    counts = {"done": service.done, "refused": service.refused}
-    print(orjson.dumps(counts).decode() if json else f"{service.done} logs predicted, {service.refused} refused")
+    counts = {"done": service.done, "refused": service.refused, "waiting": service.waiting}
+    left = f", {service.waiting} wait for their power rows" if service.waiting else ""
+    print(orjson.dumps(counts).decode() if json else f"{service.done} logs predicted, {service.refused} refused{left}")

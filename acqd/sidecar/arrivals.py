@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import stat
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -32,6 +33,8 @@ class Arrivals:
                 status = path.stat()
             except OSError:
                 continue  # gone again
+            if not stat.S_ISREG(status.st_mode):
+                continue  # a folder that is called so, a pipe that nobody writes to
             mark = (status.st_size, status.st_mtime_ns)
             if self._given.get(path) == mark:
                 continue

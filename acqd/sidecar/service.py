@@ -63,9 +63,13 @@ class Sidecar:
         device: str,
         *,
         live: bool,
+        again: bool = False,
         tell: Callable[[dict[str, Any]], None] = lambda _: None,
     ) -> None:
-        """`tell` gets what is stored of each log. Raises UserError when the folder is none."""
+        """`again`: refused logs are looked at once more; `tell` gets what is stored of each log.
+
+        Raises UserError when the folder is none.
+        """
         if not folder.is_dir():
             raise UserError(f"{folder} is no folder; make it, or name the one where the robot's logs arrive")
         self._folder, self._worker, self._store = folder, worker, store
@@ -74,7 +78,9 @@ class Sidecar:
         self._outbox = StoredOutbox(store, f"acqd/{device}/prediction", f"acqd/{device}/prediction/alarm")
         self._changed = asyncio.Event()
         self._late: dict[Path, _Late] = {}
-        self._tell = tell
+        self._content: dict[Path, str] = {}
+        """SHA-256 of every file that was seen."""
+        self._again, self._tell = again, tell
         self.done = 0
         self.refused = 0
 
@@ -107,15 +113,23 @@ class Sidecar:
     def _all_told(self) -> bool:
         return self._broker is None or not len(self._outbox)
 
+    @property
+    def waiting(self) -> int:
+        """Logs whose power has not arrived: the next start looks at them again."""
+        return len(self._late)
+
     async def _work(self, stop: asyncio.Event, *, until_idle: bool) -> int:
         count = 0
         now = time.monotonic()
-        due = [path for path, late in self._late.items() if now >= late.next_s]
-        for path in [*await asyncio.to_thread(lambda: list(self._arrivals.look())), *due]:
+        due = [path for path, late in self._late.items() if now >= late.next_s and not (until_idle and late.next_s)]
+        arrived = await asyncio.to_thread(lambda: list(self._arrivals.look()))
+        for path in arrived:  # all of them first: a log that was renamed is told from one that was written again
+            await self._read(path)
+        for path in dict.fromkeys([*(path for path in arrived if path in self._content), *due]):
             if stop.is_set():
                 break
             try:
-                count += await self._take(path, until_idle=until_idle)
+                count += await self._take(path)
             except sa.exc.DatabaseError as error:
                 self._arrivals.forget(path)  # looked at again when the database is back
                 _log.error("%s: not stored (%s); trying again", path.name, str(error.orig).strip().splitlines()[0])
@@ -123,32 +137,48 @@ class Sidecar:
                 count += 1
         return count
 
-    async def _take(self, path: Path, *, until_idle: bool) -> int:
-        """Raises sqlalchemy.exc.DatabaseError; nothing of the log is kept then."""
+    async def _read(self, path: Path) -> bool:
         try:
-            sha256 = await asyncio.to_thread(hash_of, path)
+            self._content[path] = await asyncio.to_thread(hash_of, path)
         except OSError as error:
-            _log.warning("%s: %s", path, error.strerror)
+            _log.warning("%s: %s", printable(str(path)), error.strerror)
+            self._content.pop(path, None)
             self._arrivals.forget(path)
             self._late.pop(path, None)  # it was taken away while its power was waited for
+            return False
+        return True
+
+    def _elsewhere(self, path: Path) -> Callable[[str], str | None]:
+        """Name of another file that holds a content."""
+        others = {sha256: other for other, sha256 in self._content.items() if other != path and other.exists()}
+        return lambda sha256: self._name(others[sha256]) if sha256 in others else None
+
+    def _name(self, path: Path) -> str:
+        return printable(path.relative_to(self._folder).as_posix())
+
+    async def _take(self, path: Path) -> int:
+        """Raises sqlalchemy.exc.DatabaseError; nothing of the log is kept then."""
+        if path in self._late and not await self._read(path):
             return 0
-        if await asyncio.to_thread(self._store.known, sha256):
+        sha256 = self._content[path]
+        status = await asyncio.to_thread(self._store.status, sha256)
+        if status == "ok" or (status == "refused" and not self._again):
             self._late.pop(path, None)
             return 0
         before = self._worker.memory()
-        name = printable(path.relative_to(self._folder).as_posix())
+        name = self._name(path)
         try:
             done = await asyncio.to_thread(self._worker.run, path, name, sha256)
         except NoPowerYetError as error:
             late = self._late.setdefault(path, _Late(time.monotonic() + _GIVE_UP_S))
             late.next_s = time.monotonic() + _RETRY_S
-            if not until_idle and time.monotonic() < late.end_s:
+            if time.monotonic() < late.end_s:
                 _log.warning("%s; trying again", error)
                 return 0
             done = self._worker.refusal(name, sha256, str(error))
         self._late.pop(path, None)
         try:
-            await asyncio.to_thread(self._store.commit, done, {_MEMORY: self._worker.memory()})
+            await asyncio.to_thread(self._store.commit, done, {_MEMORY: self._worker.memory()}, self._elsewhere(path))
         except sa.exc.DatabaseError:
             self._worker.restore(before)
             raise
@@ -172,7 +202,8 @@ class Sidecar:
                 async for _ in awatch(self._folder, stop_event=stop, step=20, debounce=50):
                     self._changed.set()
             except Exception as error:  # a name that is no UTF-8, too many watches: looking now and then does, too
-                _log.warning("%s: nothing is told of new files (%s), looking for them", self._folder, error)
+                reason = error.exceptions[0] if isinstance(error, BaseExceptionGroup) else error
+                _log.warning("%s: nothing is told of new files (%s), looking for them", self._folder, reason)
                 await asyncio.sleep(_IDLE_S)
 
     async def _pause(self, stop: asyncio.Event) -> None:

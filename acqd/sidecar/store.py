@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Sequence
+import fcntl
+import os
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any
@@ -16,12 +18,14 @@ import numpy as np
 import orjson
 import sqlalchemy as sa
 
+from acqd.errors import UserError
 from acqd.robot.description import Floats
 from acqd.storage.database import transaction
 from acqd.storage.schema import prediction, prediction_log, sidecar_state
 from acqd.telemetry.outbox import Message
 
 _POLL_S = 1.0
+_LOCK = 4607182418800017409
 
 
 @dataclass(slots=True)
@@ -45,14 +49,41 @@ class Done:
 class Store:
     """One database."""
 
+    @contextlib.contextmanager
+    def alone(self) -> Iterator[None]:
+        """While no other sidecar works on this database: what it remembers is one. Raises UserError."""
+        with contextlib.ExitStack() as stack:
+            if not self._claimed(stack):
+                raise UserError("another sidecar works on this database; stop it, or give this one its own --database")
+            yield
+
+    def _claimed(self, stack: contextlib.ExitStack) -> bool:
+        """Until the stack is left, or the process dies."""
+        if self.engine.dialect.name == "postgresql":
+            connection = stack.enter_context(self.engine.connect())
+            connection.detach()  # the lock ends with the connection, which must not go back to the pool
+            connection = connection.execution_options(isolation_level="AUTOCOMMIT")
+            return bool(connection.execute(sa.select(sa.func.pg_try_advisory_lock(_LOCK))).scalar())
+        path = self.engine.url.database
+        if not path or path == ":memory:":
+            return True
+        file = os.open(f"{path}.sidecar-lock", os.O_CREAT | os.O_RDWR, 0o644)
+        stack.callback(os.close, file)
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return False
+        return True
+
     def __init__(self, engine: sa.Engine) -> None:
         self.engine = engine
 
-    def known(self, sha256: str) -> bool:
-        """Whether a log with this content is done."""
+    def status(self, sha256: str) -> str | None:
+        """Of the log with this content: "ok", "refused", "superseded"; None when it is new."""
         with self.engine.connect() as connection:
-            query = sa.select(prediction_log.c.sha256).where(prediction_log.c.sha256 == sha256)
-            return connection.execute(query).first() is not None
+            query = sa.select(prediction_log.c.status).where(prediction_log.c.sha256 == sha256)
+            row = connection.execute(query).first()
+        return None if row is None else str(row[0])
 
     def memory(self, key: str) -> Any:
         """What was remembered under a key, or None."""
@@ -60,8 +91,13 @@ class Store:
             row = connection.execute(sa.select(sidecar_state.c.value).where(sidecar_state.c.key == key)).first()
         return None if row is None else row[0]
 
-    def commit(self, done: Done, memory: dict[str, Any]) -> None:
-        """All of it or nothing. A log that had the same name before is superseded: its rows go."""
+    def commit(
+        self, done: Done, memory: dict[str, Any], elsewhere: Callable[[str], str | None] = lambda _: None
+    ) -> None:
+        """All of it or nothing. A log that had the same name before is superseded: its rows go.
+
+        Unless a file of another name holds its content (logs are rotated, copied): `elsewhere` says which.
+        """
         now = datetime.now(UTC)
         stamp: Any = now if self.engine.dialect.name == "postgresql" else now.isoformat(timespec="milliseconds")
         rows = zip(done.filetime.tolist(), done.P.tolist(), done.P_predicted.tolist(), strict=True)
@@ -72,10 +108,14 @@ class Store:
                 )
             ).scalars()
             for old in list(earlier):
+                entry = sa.update(prediction_log).where(prediction_log.c.sha256 == old)
+                if (name := elsewhere(old)) is not None:
+                    connection.execute(entry.values(name=name))
+                    continue
                 connection.execute(sa.delete(prediction).where(prediction.c.sha256 == old))
-                connection.execute(
-                    sa.update(prediction_log).where(prediction_log.c.sha256 == old).values(status="superseded")
-                )
+                connection.execute(entry.values(status="superseded"))
+            for table in (prediction, prediction_log):  # superseded or refused once, and looked at again
+                connection.execute(sa.delete(table).where(table.c.sha256 == done.sha256))
             connection.execute(
                 sa.insert(prediction_log).values(
                     sha256=done.sha256, name=done.name, model=done.model, status=done.status, message=done.message,

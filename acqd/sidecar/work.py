@@ -39,6 +39,7 @@ _log = logging.getLogger(__name__)
 _MARGIN_S = 5.0
 _REMEMBERED = 30  # logs whose lags make the clock's line
 _LEAST_COVERED = 0.75  # of a log's time by power rows
+_NOTEWORTHY_GAP = 0.05
 _PAUSE_S = 0.2
 _LATEST_S, _LONGEST_S = 4e9, 6 * 3600.0
 _SURE_LAG = "clock line"
@@ -210,8 +211,18 @@ class Worker:
             own = replace(own, seconds=own.seconds - self._later(log, stream, own.seconds))
         placed = self.placed(float(explanation.t[len(explanation.t) // 2]), own)
         if placed is None:
-            raise UserError(f"{log.path.name}: {located.note or 'no lag explains the power'}")
+            reason = located.note or "no lag explains the power"
+            raise UserError(f"{log.path.name}: {reason}{self._gaps(log, stream)}")
         return placed
+
+    def _gaps(self, log: RobotLog, stream: PowerStream) -> str:
+        """A likely reason why a log cannot be placed."""
+        stamps, _ = in_time(log)
+        offset = self._lags[-1][1] if self._lags else 0.0
+        t = stream.time_ns[np.isfinite(stream.P)] * 1e-9 + offset
+        there = np.count_nonzero((t >= stamps[0]) & (t <= stamps[-1])) * stream.window_ns * 1e-9
+        missing = 1 - there / max(stamps[-1] - stamps[0], 1e-9)
+        return f"; power rows are missing for {missing:.0%} of the log" if missing > _NOTEWORTHY_GAP else ""
 
     def placed(self, middle_s: float, own: Lag) -> tuple[float, str] | None:
         """By the line of the last logs, or by what a log alone says; None when that is nothing credible."""
@@ -255,7 +266,24 @@ class Worker:
         """Share of the log's time that is compared."""
         stamps, _ = in_time(log)
         seconds = sum(len(each.P) for each in stretches) * self.model.step_s
-        return float(seconds / max(stamps[-1] - stamps[0], 1e-9))
+        return min(1.0, float(seconds / max(stamps[-1] - stamps[0], 1e-9)))
+
+
+def device_of(engine: sa.Engine, wanted: str | None, usual: str) -> str:
+    """Whose power rows: the one that was asked for, or the only one there is; `usual` before there is any.
+
+    Raises UserError when there are several.
+    """
+    if wanted is not None:
+        return wanted
+    found: list[str] = []
+    with engine.connect() as connection:  # from name to name along the key: DISTINCT would read a year of rows
+        query = sa.select(sa.func.min(power.c.device))
+        while name := connection.execute(query.where(power.c.device > found[-1]) if found else query).scalar():
+            found.append(name)
+    if len(found) > 1 and usual not in found:
+        raise UserError(f"the database holds rows of several devices; choose one with --device: {', '.join(found)}")
+    return found[0] if len(found) == 1 else usual
 
 
 def rfc3339(t: float) -> str:
@@ -264,8 +292,8 @@ def rfc3339(t: float) -> str:
 
 
 def printable(text: str) -> str:
-    """Without what UTF-8 cannot hold: names of files may be any bytes."""
-    return text.encode("utf-8", "replace").decode()
+    """One line that UTF-8 can hold, unlike texts unlike: names of files may be any bytes."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 def _require_a_day(log: RobotLog) -> None:
