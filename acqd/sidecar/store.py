@@ -60,9 +60,9 @@ class Store:
     def _claimed(self, stack: contextlib.ExitStack) -> bool:
         """Until the stack is left, or the process dies."""
         if self.engine.dialect.name == "postgresql":
-            connection = stack.enter_context(self.engine.connect())
+            engine = self.engine.execution_options(isolation_level="AUTOCOMMIT")
+            connection = stack.enter_context(engine.connect())
             connection.detach()  # the lock ends with the connection, which must not go back to the pool
-            connection = connection.execution_options(isolation_level="AUTOCOMMIT")
             return bool(connection.execute(sa.select(sa.func.pg_try_advisory_lock(_LOCK))).scalar())
         path = self.engine.url.database
         if not path or path == ":memory:":
