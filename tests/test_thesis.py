@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
+from acqd.errors import OperationError
 from acqd.report.page import Page
 from tools.thesis.steps import Step, run, seconds
 
@@ -30,7 +31,7 @@ def test_the_thesis_is_reproduced_and_goes_on_where_it_stood(tmp_path):
     again = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert again.returncode == 0 and again.stderr.count("there already") == 9
     other = subprocess.run([*command, "--seed", "9"], cwd=ROOT, capture_output=True, text=True, check=False)
-    assert other.returncode and "another size or seed" in other.stderr
+    assert other.returncode == 2 and "another size or seed" in other.stderr
 
 
 def test_a_step_that_fails_says_so_and_the_next_run_goes_on(tmp_path):
@@ -39,9 +40,9 @@ def test_a_step_that_fails_says_so_and_the_next_run_goes_on(tmp_path):
     bad = Step("bad", (tmp_path / "other",), (("acqd", "dataset", "show", str(tmp_path / "none")),))
     idle = Step("idle", (tmp_path / "never",), (("timeit", "-n1", "-r1", "pass"),))
     console = Console(quiet=True)
-    with pytest.raises(SystemExit, match="is no dataset"):
+    with pytest.raises(OperationError, match="is no dataset"):
         run([good, bad], tmp_path, console)
-    with pytest.raises(SystemExit, match="never was not made"):
+    with pytest.raises(OperationError, match="never was not made"):
         run([good, idle], tmp_path, console)
     assert product.exists() and list(seconds(tmp_path)) == ["good"]
 

@@ -20,6 +20,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from acqd.cli.main import for_people
 from acqd.fmu.description import Version
 from acqd.fmu.package import export_fmu
 from acqd.models.augmented import Augmented
@@ -149,4 +150,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    for_people(main)

@@ -17,11 +17,13 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
+from acqd.cli.main import for_people
+from acqd.errors import UserError
 from tools.thesis import plan
 from tools.thesis.assembly import GREY_BOX, Case, Places, evaluate
 from tools.thesis.claims import Results, claims
 from tools.thesis.pages import thesis_page, use_case_page
-from tools.thesis.steps import run, seconds
+from tools.thesis.steps import make_folder, run, seconds
 
 
 def main() -> None:
@@ -33,7 +35,7 @@ def main() -> None:
     parser.add_argument("--json", action="store_true", help="the table as JSON on stdout")
     given = parser.parse_args()
     places, size = Places(given.out.resolve()), plan.QUICK if given.quick else plan.FULL
-    places.out.mkdir(parents=True, exist_ok=True)
+    make_folder(places.out)
     _require_same(places.out / "size.json", asdict(size) | {"seed": given.seed})
     steps = [
         *plan.training(places, size, given.seed),
@@ -83,9 +85,9 @@ def chapters(places: Places) -> list[tuple[str, Path]]:
 def _require_same(path: Path, size: dict[str, int]) -> None:
     """One folder, one reproduction."""
     if path.exists() and json.loads(path.read_text()) != size:
-        raise SystemExit(f"{path.parent} holds a reproduction of another size or seed; name another folder")
+        raise UserError(f"{path.parent} holds a reproduction of another size or seed; name another folder")
     path.write_text(json.dumps(size))
 
 
 if __name__ == "__main__":
-    main()
+    for_people(main)

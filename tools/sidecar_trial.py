@@ -32,6 +32,8 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
+from acqd.cli.main import for_people
+from acqd.errors import OperationError, UserError
 from acqd.models.networks.predictor import NetworkPredictor, example_inputs
 from acqd.models.restore import open_model
 from acqd.robot.description import load_description
@@ -66,11 +68,11 @@ class Ear:
         self.client.loop_stop()
 
     def wait(self, count: int, seconds: float) -> None:
-        """Raises SystemExit when so many do not come."""
+        """Raises OperationError when so many do not come."""
         end = time.monotonic() + seconds
         while len(self.heard) < count:
             if time.monotonic() > end:
-                raise SystemExit(f"{self.topic}: {len(self.heard)} of {count} messages within {seconds:.0f} s")
+                raise OperationError(f"{self.topic}: {len(self.heard)} of {count} messages within {seconds:.0f} s")
             time.sleep(0.01)
 
 
@@ -134,7 +136,7 @@ def killed(cell: Cell, sources: list[Path], kills: int, seed: int) -> dict[str, 
         feeder.join()
         last = subprocess.run(cell.command("--until-idle"), capture_output=True, text=True, check=False)
         if last.returncode:
-            raise SystemExit(f"the last start failed: {last.stderr}")
+            raise OperationError(f"the last start failed: {last.stderr}")
         told = [message["sha256"] for _, message in ear.heard]
     with open_database(str(cell.database), create=False).connect() as connection:
         logs = connection.exec_driver_sql("SELECT sha256, name, status, message FROM prediction_log").all()
@@ -179,7 +181,7 @@ def timed(cell: Cell, log: Path, count: int) -> dict[str, Any]:
             ear.wait(number + 1, 60.0)
             seconds.append(ear.heard[-1][0] - begun)
             if ear.heard[-1][1]["status"] != "ok":
-                raise SystemExit(f"refused: {ear.heard[-1][1]['reason']}")
+                raise OperationError(f"refused: {ear.heard[-1][1]['reason']}")
         status = Path(f"/proc/{process.pid}/status").read_text()
         inner = [message["seconds"] for _, message in ear.heard]
     memory = {line.split(":")[0]: int(line.split()[1]) / 1000 for line in status.splitlines() if line.startswith("Vm")}
@@ -265,7 +267,7 @@ def main() -> None:
     parser.add_argument("--json", type=Path)
     given = parser.parse_args()
     if given.out.exists():
-        raise SystemExit(f"{given.out} exists; name another folder")
+        raise UserError(f"{given.out} exists; name another folder")
     (given.out / "logs").mkdir(parents=True)
     (given.out / "long" / "logs").mkdir(parents=True)
     found: dict[str, Any] = {}
@@ -289,4 +291,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    for_people(main)

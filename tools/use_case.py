@@ -15,10 +15,11 @@ from pathlib import Path
 
 from rich.console import Console
 
+from acqd.cli.main import for_people
 from tools.thesis import plan
 from tools.thesis.assembly import GREY_BOX, NETWORK, Case, Places, evaluate
 from tools.thesis.pages import loop_text, table, use_case_page
-from tools.thesis.steps import run
+from tools.thesis.steps import make_folder, run
 
 
 def main() -> None:
@@ -32,7 +33,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     given = parser.parse_args()
     places = Places(given.out.resolve())
-    places.out.mkdir(parents=True, exist_ok=True)
+    make_folder(places.out)
     size = plan.Size(given.limited, given.all, given.assemblies, given.epochs, 0)
     steps = [
         *plan.training(places, size, given.seed),
@@ -51,4 +52,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    for_people(main)

@@ -19,8 +19,9 @@ def export_fmu(
     out: Annotated[Path | None, typer.Option(help="File to write (default BUNDLE.fmu).")] = None,
     fmi: Annotated[Literal["2.0", "3.0"], typer.Option(help="Version of the standard.")] = "2.0",
     platform: Annotated[
-        str, typer.Option(help="Comma-separated: linux64, win64, darwin64, aarch64-linux, aarch64-darwin.")
-    ] = "",
+        str | None,
+        typer.Option(help="Comma-separated: linux64, win64, darwin64, aarch64-linux, aarch64-darwin (default here)."),
+    ] = None,
     json: Json = False,
 ) -> None:
     """Export a model as an FMU for co-simulation: self-contained C, its sources included.
@@ -35,7 +36,7 @@ def export_fmu(
 
     console = Console(stderr=True)
     target = out or bundle.with_name(f"{bundle.resolve().name}.fmu")
-    platforms = [name.strip() for name in platform.split(",") if name.strip()] or [here()]
+    platforms = [here()] if platform is None else [name.strip() for name in platform.split(",")]
     with console.status("reading the bundle") as status:
         made = run(bundle, target, fmi, platforms, lambda what: status.update(what))
     result = {
@@ -55,5 +56,6 @@ def export_fmu(
     plain.print(f"{made.path}: FMI {made.version}, {made.bytes / 1000:.0f} kB, for {', '.join(made.compilers)}")
     for variable in made.variables:
         plain.print(f"  {variable.causality:9} {variable.name} [{variable.unit}] {variable.about}", markup=False)
+    plain.print("  input     reset \\[boolean] while true, the next row is the first one", highlight=False)
     for note in made.notes:
         plain.print(note)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import sys
+from collections.abc import Callable
 from typing import NoReturn
 
 import typer
@@ -69,14 +70,19 @@ def _end_quietly() -> NoReturn:
 
 
 def main() -> None:
-    """Run the command line: 0 ok, 2 bad input or usage, 1 failure."""
+    """Run the command line."""
+    for_people(app)
+
+
+def for_people(work: Callable[[], object]) -> None:
+    """Exit codes and one line instead of a traceback: 0 ok, 2 bad input or usage, 1 failure, 130 interrupted."""
     handler = logging.StreamHandler()
     handler.setFormatter(_Lines())
     logging.basicConfig(level=logging.INFO, handlers=[handler])
     logging.getLogger("alembic").setLevel(logging.WARNING)
     logging.getLogger("mqtt").setLevel(logging.ERROR)
     try:
-        app()
+        work()
     except UserError as error:
         print(f"acqd: {error}", file=sys.stderr)
         sys.exit(2)

@@ -12,7 +12,7 @@ import numpy as np
 import orjson
 from numpy.typing import NDArray
 from safetensors import SafetensorError
-from safetensors.numpy import load_file, save_file
+from safetensors.numpy import load, save, save_file
 
 from acqd.errors import InputError, UserError
 from acqd.folder import complete_folder
@@ -46,12 +46,13 @@ def save_bundle(path: Path, bundle: Bundle) -> None:
     """Write a directory at once; a bundle that is there is replaced. Raises UserError, OperationError."""
     require_free(path)
     contiguous = {name: np.ascontiguousarray(array) for name, array in bundle.arrays.items()}
-    about = {"format": FORMAT, **bundle.about}
+    weights = save(contiguous)
+    about = {"format": FORMAT, **bundle.about, "weights_sha256": hashlib.sha256(weights).hexdigest()}
     with complete_folder(path) as folder:
         (folder / "bundle.json").write_bytes(
             orjson.dumps(about, option=orjson.OPT_INDENT_2 | orjson.OPT_SERIALIZE_NUMPY)
         )
-        save_file(contiguous, folder / "weights.safetensors")
+        (folder / "weights.safetensors").write_bytes(weights)
         if bundle.reference is not None:
             save_file({n: np.ascontiguousarray(a) for n, a in bundle.reference.items()}, folder / REFERENCE)
 
@@ -67,10 +68,14 @@ def load_bundle(path: Path) -> Bundle:
         raise InputError(file, f"is damaged ({error}); train the model again, or copy the bundle again") from None
     if not isinstance(about, dict) or about.get("format") != FORMAT:
         raise InputError(file, f"has another format than {FORMAT}; it was written by another version of acqd")
+    file = path / "weights.safetensors"
     try:
-        arrays = load_file(path / "weights.safetensors")
+        weights = file.read_bytes()
+        arrays = load(weights)
     except (OSError, SafetensorError) as error:
-        raise InputError(path / "weights.safetensors", f"cannot be read ({error}); copy the bundle again") from None
+        raise InputError(file, f"cannot be read ({error}); copy the bundle again") from None
+    if about.get("weights_sha256") not in (None, hashlib.sha256(weights).hexdigest()):  # None: of an earlier version
+        raise InputError(file, "is not what bundle.json was written with; copy the bundle again")
     return Bundle(about, arrays)
 
 

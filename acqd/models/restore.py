@@ -22,10 +22,24 @@ def open_model(path: Path) -> tuple[Bundle, Predictor]:
     """The bundle and its predictor. Raises InputError."""
     bundle = load_bundle(path)
     try:
-        return bundle, restore(bundle)
+        model = restore(bundle)
+        _try_out(model)
+        return bundle, model
     except (KeyError, ValueError, TypeError, IndexError, UserError) as error:
         reason = f"{type(error).__name__}: {error}" if not isinstance(error, UserError) else str(error)
         raise InputError(path, f"does not hold what its kind of model needs ({reason}); train it again") from None
+
+
+def _try_out(model: Predictor) -> None:
+    """Arrays of a wrong shape show when they are used. Raises ValueError, IndexError."""
+    if not 0 < model.step_s < 3600:
+        raise ValueError(f"rows of {model.step_s} s")
+    rows = 2 * model.radius + 3
+    signals = np.tile(model.usual_signals(), (rows, 1))
+    if signals.shape[1] != len(model.signals):
+        raise ValueError(f"{signals.shape[1]} usual values of {len(model.signals)} signals")
+    if not np.isfinite(model.sequence(np.zeros((rows, model.axes)), signals)).all():
+        raise ValueError("numbers that are not finite")
 
 
 def restore(bundle: Bundle) -> Predictor:

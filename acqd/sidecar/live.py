@@ -53,7 +53,12 @@ class Live:
             if self._stream is None or not 0 < stamp - self._last < _LATE * step:
                 self._stream = Stream(self.model)  # a missing row would be a jump of the arm
             self._last = stamp
-            power = self._stream.step(q, signals or None)  # type: ignore[arg-type]
+            with np.errstate(all="ignore"):
+                power = self._stream.step(q, signals or None)  # type: ignore[arg-type]
+            if power is not None and not np.isfinite(power):
+                self._stream = None  # whatever such a row was, the model must not remember it
+                self.refused += 1
+                return None
         if power is None:
             return None
         self.predicted += 1

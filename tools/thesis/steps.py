@@ -12,6 +12,8 @@ from pathlib import Path
 
 from rich.console import Console
 
+from acqd.errors import OperationError, UserError
+
 _JOURNAL = "steps.json"
 
 
@@ -31,7 +33,7 @@ class Step:
 
 
 def run(steps: Sequence[Step], out: Path, console: Console) -> None:
-    """In turn. Raises SystemExit with what a command said when it fails; the next run goes on there."""
+    """In turn. Raises OperationError with what a command said when it fails; the next run goes on there."""
     journal = out / _JOURNAL
     took: dict[str, float] = json.loads(journal.read_text()) if journal.exists() else {}
     for number, step in enumerate(steps, start=1):
@@ -47,9 +49,17 @@ def run(steps: Sequence[Step], out: Path, console: Console) -> None:
                 step.told.write_text(printed)
         if not step.done:
             lost = next(product for product in step.products if not product.exists())
-            raise SystemExit(f"{step.title}: {lost} was not made; see {out / 'steps.log'}")
+            raise OperationError(f"{step.title}: {lost} was not made; see {out / 'steps.log'}")
         took[step.title] = took.get(step.title, 0.0) + time.monotonic() - begun
         journal.write_text(json.dumps(took, indent=1))
+
+
+def make_folder(out: Path) -> None:
+    """For everything that is made. Raises UserError."""
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(f"{out}: {error.strerror}; name another folder") from None
 
 
 def seconds(out: Path) -> dict[str, float]:
@@ -70,5 +80,5 @@ def _run(command: tuple[str, ...], log: Path, console: Console) -> str:
         file.write(done.stdout)
     if done.returncode:
         last = log.read_text().strip().splitlines()[-1]
-        raise SystemExit(f"{' '.join(command)} ended with {done.returncode}: {last} (all of it: {log})")
+        raise OperationError(f"{' '.join(command)} ended with {done.returncode}: {last} (all of it: {log})")
     return done.stdout

@@ -75,4 +75,7 @@ def restore(about: dict[str, Any], arrays: Arrays) -> GreyBox:
         raise ValueError(
             f"{len(values)} parameters and {len(chain.xyz)} joints where {layout.size} and {layout.axes} belong"
         )
+    shapes = [chain.xyz.shape, chain.rotation.shape, chain.axis.shape, chain.tip.shape]
+    if shapes != [(layout.axes, 3), (layout.axes, 3, 3), (layout.axes, 3), (2, 3)]:
+        raise ValueError(f"a chain of shapes {shapes}")
     return GreyBox(chain, layout, values, float(about["step_s"]), arrays["usual_signals"])
