@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acqd.errors import UserError
+from acqd.errors import InputError, UserError
 from acqd.fmu.package import export_fmu
 from acqd.fmu.variables import exported_terms
 from acqd.models.augmented import Augmented, Term
@@ -361,6 +361,30 @@ def test_bad_input_is_named_and_nothing_is_left(made, tmp_path, monkeypatch):
     with pytest.raises(UserError, match="needs zig"):
         export_fmu(bundle, out, "2.0", ["win64"], lambda _: None)
     assert not list(tmp_path.glob("*.fmu")) and not list(tmp_path.glob(".x*"))
+
+
+@pytest.mark.parametrize(
+    "name", ["chain_axis", "chain_rotation", "chain_tip", "chain_xyz", "usual_signals", "parameters"]
+)
+def test_arrays_of_a_wrong_shape_are_told(tmp_path, name):
+    bundle = grey_bundle()
+    bundle.arrays[name] = bundle.arrays[name][..., :-1]
+    save_bundle(tmp_path / "b", bundle)
+    with pytest.raises(InputError, match="does not hold what its kind of model needs"):
+        open_model(tmp_path / "b")
+
+
+def test_weights_and_steps_that_cannot_be_are_told(tmp_path):
+    save_bundle(tmp_path / "b", grey_bundle(step_s=-1.0))
+    with pytest.raises(InputError, match="rows of -1"):
+        open_model(tmp_path / "b")
+    save_bundle(tmp_path / "c", grey_bundle())
+    weights = tmp_path / "c" / "weights.safetensors"
+    damaged = bytearray(weights.read_bytes())
+    damaged[-5] ^= 1  # still numbers
+    weights.write_bytes(damaged)
+    with pytest.raises(InputError, match="written with; copy the bundle again"):
+        open_model(tmp_path / "c")
 
 
 def test_the_command_as_a_user_has_it(made, tmp_path):

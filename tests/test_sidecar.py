@@ -446,6 +446,9 @@ def test_live_rows_are_predicted_as_the_model_says_and_bad_ones_counted():
     for bad in (b"{", b'{"time": 1}', b'{"time": 1, "q": [1, 2]}', b'{"time": 1, "q": "x"}'):
         assert live.answer(bad) is None
     assert live.refused == 4
+    assert live.answer(orjson.dumps({"time": BEGIN + STEP * 200, "q": [1e300] * 6, "brake": 1})) is None
+    assert live.answer(orjson.dumps({"time": BEGIN + STEP * 201, "q": [0.0] * 6, "brake": 1})) is None
+    assert live.refused == 5  # no number came of it, and the model must not remember it
     after_a_gap = live.answer(orjson.dumps({"time": BEGIN + 1000.0, "q": q[0].tolist()}))
     assert after_a_gap is None  # begins anew
 

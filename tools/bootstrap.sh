@@ -96,7 +96,8 @@ test)
     install_servers
     install dev
     lint
-    exec "$venv/bin/python" -m pytest "$@"
+    # two at a time, whole files: many tests wait for processes more than they compute
+    exec "$venv/bin/python" -m pytest -n 2 --dist loadfile "$@"
     ;;
 bench)
     install_servers
