@@ -161,7 +161,11 @@ def long_log(campaign: Path, out: Path) -> tuple[Path, Path]:
     lines = [path.read_text().splitlines() for path in sorted((campaign / "trajectories").glob("all_*.csv"))[:8]]
     trajectory, run = out / "long.csv", out / "run"
     trajectory.write_text("\n".join([lines[0][0], *(line for each in lines for line in each[1:]), ""]))
-    acqd("lab", "execute", str(trajectory), "--out", str(run))
+    settings = out / "lab.toml"
+    settings.write_text(
+        'scene = "free"\n'
+    )  # one trajectory's end and the next one's begin may lie on two sides of a wall
+    acqd("lab", "execute", str(trajectory), "--out", str(run), "--settings", str(settings))
     rows = [Received(topics.power(_DEVICE, "L1"), line) for line in (run / "rows.jsonl").read_bytes().splitlines()]
     database = out / "power.sqlite"
     Writer(open_database(str(database))).write(rows)
