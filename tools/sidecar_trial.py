@@ -199,8 +199,8 @@ def timed(cell: Cell, log: Path, count: int) -> dict[str, Any]:
 
 def live(cell: Cell, log: Path, rows: int) -> dict[str, Any]:
     """Round trip of a row: joints published, prediction heard."""
-    _, model = open_model(cell.model)
-    motion = read_log(log, load_description("iiwa7_r800")).q[:rows]
+    bundle, model = open_model(cell.model)
+    motion = read_log(log, load_description(bundle.about["description"])).q[:rows]
     sent: dict[float, float] = {}
     with Ear(cell.port, f"acqd/{_DEVICE}/prediction/live") as ear, cell.running("--live"):
         sender = paho.Client(CallbackAPIVersion.VERSION2)
@@ -226,14 +226,14 @@ def live(cell: Cell, log: Path, rows: int) -> dict[str, Any]:
 
 def runtime(model_path: Path, log: Path) -> dict[str, Any]:
     """What torch would save and cost: the network of the bundle over a whole log."""
-    _, model = open_model(model_path)
+    bundle, model = open_model(model_path)
     if not isinstance(model, NetworkPredictor) or find_spec("torch") is None:
         return {}
     import torch
 
     from acqd.models.networks.torch_engine import Network
 
-    q = read_log(log, load_description("iiwa7_r800")).q
+    q = read_log(log, load_description(bundle.about["description"])).q
     torch.set_num_threads(1)
     network = Network(model.architecture, model.axes)
     inputs = torch.from_numpy(example_inputs(model.architecture, model.normal, q, model.step_s)[None])

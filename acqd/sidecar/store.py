@@ -49,6 +49,9 @@ class Done:
 class Store:
     """One database."""
 
+    def __init__(self, engine: sa.Engine) -> None:
+        self.engine = engine
+
     @contextlib.contextmanager
     def alone(self) -> Iterator[None]:
         """While no other sidecar works on this database: what it remembers is one. Raises UserError."""
@@ -74,9 +77,6 @@ class Store:
         except BlockingIOError:
             return False
         return True
-
-    def __init__(self, engine: sa.Engine) -> None:
-        self.engine = engine
 
     def status(self, sha256: str) -> str | None:
         """Of the log with this content: "ok", "refused", "superseded"; None when it is new."""

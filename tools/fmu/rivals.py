@@ -127,8 +127,7 @@ def onnx_bytes(network: Plain) -> bytes:
 
     window = network.A.shape[1]
     past = window // network.axes - 1
-    order = np.r_[0:HIDDEN, 3 * HIDDEN : 4 * HIDDEN, HIDDEN : 3 * HIDDEN]  # ONNX: i o f c
-    change = np.concatenate([order[: 2 * HIDDEN], order[2 * HIDDEN :]])
+    change = np.r_[0:HIDDEN, 3 * HIDDEN : 4 * HIDDEN, HIDDEN : 3 * HIDDEN]  # ONNX: i o f c
     constants = {
         "A": network.A.T, "a": network.a, "W": network.W[change][None], "R": network.R[change][None],
         "b": np.concatenate([network.b[change], np.zeros(4 * HIDDEN)])[None],

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from acqd.discrepancy.augment import rms
 from acqd.models.data import Data, Stretch, load_data
 from acqd.models.metrics import predictions
 from acqd.models.predictor import Predictor
@@ -105,6 +106,8 @@ class Case:
 
     data: Data
     held_out: list[Stretch]
+    spared: bool
+    """Whether no effect was fitted on them; with few executions the loop spares none."""
     models: dict[str, Predictor]
     twins: list[Twin]
     arm: Arm
@@ -115,10 +118,11 @@ class Case:
         data = load_data(places.executions)
         opened, closed = open_model(places.loop / "model")
         fitted = set(opened.about["provenance"].get("closed_fit_recordings", ()))
-        held_out = [stretch for stretch in data.stretches if stretch.recording not in fitted] or data.stretches
+        spared = [stretch for stretch in data.stretches if stretch.recording not in fitted]
+        held_out = spared or data.stretches
         models = {name: open_model(places.bundle(name))[1] for name in (NETWORK, GREY_BOX)} | {CLOSED: closed}
         twins = [twin_of(places.assembly, stretch, data.robot, data.step_s) for stretch in held_out]
-        return cls(data, held_out, models, twins, Arm(load_description(data.robot)))
+        return cls(data, held_out, bool(spared), models, twins, Arm(load_description(data.robot)))
 
     def simulated(self, name: str) -> list[Floats]:
         """[rows] W from the twin's motion, by execution."""
@@ -132,7 +136,7 @@ class Case:
 
 def evaluate(case: Case, places: Places) -> dict[str, Any]:
     """MAE and RMSE by model, with and without the peak; the twin; the loop."""
-    found: dict[str, Any] = {"executions": len(case.held_out), "models": {}}
+    found: dict[str, Any] = {"executions": len(case.held_out), "spared": case.spared, "models": {}}
     for name in case.models:
         found["models"][name] = {
             "predicted": errors_of(case.predicted(name), case.held_out, case.data.step_s),
@@ -162,13 +166,9 @@ def errors_of(guesses: list[Floats], stretches: list[Stretch], step_s: float) ->
     calm = np.concatenate([without_peak(stretch, step_s)[: len(guess)] for guess, stretch in pairs])
     e = np.concatenate(errors)
     return {
-        "mae": float(np.abs(e).mean()), "rmse": rms(e),
-        "mae_without_peak": float(np.abs(e[calm]).mean()), "rmse_without_peak": rms(e[calm]),
+        "mae": float(np.abs(e).mean()), "rmse": rms([e]),
+        "mae_without_peak": float(np.abs(e[calm]).mean()), "rmse_without_peak": rms([e[calm]]),
     }  # fmt: skip
-
-
-def rms(e: Floats) -> float:
-    return float(np.sqrt((e**2).mean()))
 
 
 def distance(arm: Arm, twin: Twin, stretch: Stretch) -> Floats:

@@ -33,8 +33,13 @@ def use_case_page(found: dict[str, Any], case: Case, path: Path) -> None:
     """Chapter 9. Raises UserError."""
     page = Page("Use case: an assembly (thesis chapter 9)", simulated=True)
     page.text(
-        f"{found['executions']} executions that no model and no effect was fitted on. "
-        "Predicted: from the angles that the robot logged; simulated: from the twin's own motion."
+        f"{found['executions']} executions that no model was fitted on"
+        + (
+            ", nor any effect. "
+            if found["spared"]
+            else "; the loop's effects WERE fitted on them: too few to spare any. "
+        )
+        + "Predicted: from the angles that the robot logged; simulated: from the twin's own motion."
     )
     page.table(HEADER, table(found))
     page.text(

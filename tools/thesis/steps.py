@@ -13,6 +13,7 @@ from pathlib import Path
 from rich.console import Console
 
 from acqd.errors import OperationError, UserError
+from acqd.folder import write_complete
 
 _JOURNAL = "steps.json"
 
@@ -46,12 +47,12 @@ def run(steps: Sequence[Step], out: Path, console: Console) -> None:
         for command in step.commands:
             printed = _run(command, out / "steps.log", console)
             if step.told is not None and command == step.commands[-1]:
-                step.told.write_text(printed)
+                write_complete(step.told, printed.encode())
         if not step.done:
             lost = next(product for product in step.products if not product.exists())
             raise OperationError(f"{step.title}: {lost} was not made; see {out / 'steps.log'}")
         took[step.title] = took.get(step.title, 0.0) + time.monotonic() - begun
-        journal.write_text(json.dumps(took, indent=1))
+        write_complete(journal, json.dumps(took, indent=1).encode())
 
 
 def make_folder(out: Path) -> None:
