@@ -9,13 +9,14 @@ import numpy as np
 
 from acqd.metering import Meter, SampleBlock, StreamFormat, WindowBatch
 from acqd.metering.block import Codes
-from acqd.plc.fast import PERIOD_NS, FastTask, OverrunPolicy
+from acqd.plc.fast import FastTask, OverrunPolicy
 from acqd.plc.ring import Ring, RingLayout
 from acqd.plc.slow import SlowTask
 from acqd.sources import Source
+from acqd.sources.base import CYCLE_NS
 
 _CYCLES = 500  # of MAIN_FAST at once: half of what the ring holds
-_NEVER_LATE = OverrunPolicy(catch_up_ns=_CYCLES * PERIOD_NS, late_ns=_CYCLES * PERIOD_NS)
+_NEVER_LATE = OverrunPolicy(catch_up_ns=_CYCLES * CYCLE_NS, late_ns=_CYCLES * CYCLE_NS)
 SIMULATED = frozenset({"simulated"})
 
 
@@ -60,7 +61,7 @@ class FullSpeedDaemon:
         self._fast = FastTask(self._source, self._ring, window * form.rate, lambda: None, _NEVER_LATE)
         self._fast.start(start_utc_ns, 0)
         self._slow = SlowTask(self._ring, Meter(form, window=window), self._source.flags)
-        self._samples_per_cycle = round(form.rate * PERIOD_NS * 1e-9)
+        self._samples_per_cycle = round(form.rate * CYCLE_NS * 1e-9)
 
     def feed(self, codes: Codes) -> Iterator[WindowBatch]:
         """Meter whole milliseconds of samples [samples, channels]."""

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-Codes: TypeAlias = NDArray[np.int16]
+Codes: TypeAlias = NDArray[np.int16 | np.int32]
 Floats: TypeAlias = NDArray[np.float64]
+CodeBits = Literal[16, 32]
 
 CODE_MAX = 32767
 """Positive end stop of the 16-bit converter: a sample here is over-range."""
 CODE_MIN = -32768
 """Negative end stop of the 16-bit converter."""
+WIDE_CODE_MAX = 2**26
+"""End stop of 32-bit codes, both ways: sums of 50 000 products of such codes stay inside 64 bits."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +28,7 @@ class SampleBlock:
     """
 
     codes: Codes
-    """int16 [samples, 2 * phases]."""
+    """int16 or int32 [samples, 2 * phases], as the stream's format says."""
     index: int
     """Number of the first sample since the stream started; lost samples count."""
     utc_ns: int
@@ -46,6 +49,8 @@ class StreamFormat:
     """Physical units per code and channel: V for U channels, A for I channels."""
     f_nominal: float = 50.0
     """Declared mains frequency [Hz]."""
+    bits: CodeBits = 16
+    """Width of a code: 16 for converters, 32 for digital values of a wider range (sampled values, auto range)."""
 
     def __post_init__(self) -> None:
         if not 2_000 <= self.rate <= 1_000_000:
@@ -56,12 +61,27 @@ class StreamFormat:
             raise ValueError(f"nominal frequency {self.f_nominal:g} Hz is outside 45 .. 65 Hz")
         for channel, scale in enumerate(self.scale):
             unit, limit = ("A", 1e6) if channel % 2 else ("V", 2e6)
-            full_scale = scale * -CODE_MIN
+            full_scale = scale * -self.code_min
             if not 1e-3 <= full_scale <= limit:
                 raise ValueError(
                     f"channel {self.channel_name(channel)}: full scale {full_scale:g} {unit} "
                     f"is outside 0.001 .. {limit:g} {unit}; check the scale ({scale:g} {unit} per digit)"
                 )
+
+    @property
+    def code_max(self) -> int:
+        """Positive end stop of the codes."""
+        return CODE_MAX if self.bits == 16 else WIDE_CODE_MAX
+
+    @property
+    def code_min(self) -> int:
+        """Negative end stop of the codes."""
+        return CODE_MIN if self.bits == 16 else -WIDE_CODE_MAX
+
+    @property
+    def dtype(self) -> np.dtype[np.int16 | np.int32]:
+        """Type of one code."""
+        return np.dtype(np.int16) if self.bits == 16 else np.dtype(np.int32)
 
     @property
     def phases(self) -> int:

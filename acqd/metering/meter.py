@@ -10,7 +10,7 @@ from typing import Literal
 
 import numpy as np
 
-from acqd.metering.block import CODE_MAX, CODE_MIN, Codes, Floats, SampleBlock, StreamFormat
+from acqd.metering.block import Codes, Floats, SampleBlock, StreamFormat
 from acqd.metering.energy import EnergyRegister
 from acqd.metering.frequency import F_MIN, FrequencyEstimator
 from acqd.metering.interval import interval_sums
@@ -166,9 +166,10 @@ class Meter:
         """Mark over-range samples and dead voltages, phase by phase."""
         for phase, k in zip(*np.nonzero(~live), strict=True):
             flags[phase][k].add("no_mains")
-        if int(codes.max()) < CODE_MAX and int(codes.min()) > CODE_MIN:
+        highest, lowest = self.form.code_max, self.form.code_min
+        if int(codes.max()) < highest and int(codes.min()) > lowest:
             return
-        stopped = (codes == CODE_MAX) | (codes == CODE_MIN)
+        stopped = (codes >= highest) | (codes <= lowest)
         hits = np.logical_or.reduceat(stopped[: bounds[-1]], bounds[:-1], axis=0)
         for k, channel in zip(*np.nonzero(hits), strict=True):
             flags[channel // 2][k].add("overrange")

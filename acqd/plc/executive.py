@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 
 from acqd.errors import OperationError, UserError
 from acqd.metering import Meter, StreamFormat, WindowBatch
-from acqd.plc.fast import PERIOD_NS
 from acqd.plc.realtime import RealtimeSettings
 from acqd.plc.ring import Ring, RingLayout
 from acqd.plc.slow import SlowTask
 from acqd.plc.stats import CycleStats, CycleSummary
+from acqd.sources.base import SourceHealth
 from acqd.sources.spec import Spec
 
 _log = logging.getLogger(__name__)
@@ -38,6 +38,7 @@ class _Fast:
     form: StreamFormat
     live: bool
     flags: frozenset[str]
+    period_ns: int
     refused: list[str] = field(default_factory=list)
 
 
@@ -64,6 +65,8 @@ class Executive:
         self._stopping = False
         self._reached: tuple[int, int, int] | None = None  # next sample's index, its UTC, seen at (monotonic) [ns]
         self.restarts = 0
+        self.health = SourceHealth()
+        """How the source was at the last wake-up."""
         self.meter: Meter | None = None
         self.failure: Exception | None = None
 
@@ -134,12 +137,12 @@ class Executive:
     def cycle_summary(self) -> CycleSummary:
         """Statistics of the current fast process."""
         assert self._fast is not None
-        return CycleStats(self._fast.ring.cycle_slots, PERIOD_NS).summary()
+        return CycleStats(self._fast.ring.cycle_slots, self._fast.period_ns).summary()
 
     def cycle_histogram(self) -> NDArray[np.int64]:
         """Wake-ups of the current fast process per microsecond of latency."""
         assert self._fast is not None
-        return CycleStats(self._fast.ring.cycle_slots, PERIOD_NS).histogram()
+        return CycleStats(self._fast.ring.cycle_slots, self._fast.period_ns).histogram()
 
     def slow_us(self) -> float:
         """Mean duration of MAIN_SLOW per window so far [us]."""
@@ -183,9 +186,10 @@ class Executive:
                 _Fast(
                     process,
                     Ring(RingLayout(**answer["layout"]), ring_fd),
-                    StreamFormat(form["rate"], tuple(form["scale"]), form["f_nominal"]),
+                    StreamFormat(form["rate"], tuple(form["scale"]), form["f_nominal"], form["bits"]),
                     answer["live"],
                     frozenset(answer["flags"]),
+                    answer["period_ns"],
                     answer["refused"],
                 )
             )
@@ -209,9 +213,24 @@ class Executive:
             return
         self._drain()
 
+    def _watch_source(self) -> None:
+        """Log when the device is lost or found; keep the counters for the status."""
+        assert self._fast is not None
+        health = self._fast.ring.health()
+        if health is None:
+            return
+        if self.health.connected and not health.connected:
+            _log.warning("source lost: %s; trying again", health.reason)
+        elif health.connected and not self.health.connected:
+            _log.warning("source is back; the gap is flagged")
+        elif health.connected and health.reason and health.reason != self.health.reason:
+            _log.warning("source: %s", health.reason)
+        self.health = health
+
     def _drain(self) -> None:
         """MAIN_SLOW, and what follows it. A failure here ends the daemon: it is a bug, not an event."""
         assert self._slow is not None and self._fast is not None
+        self._watch_source()
         try:
             batch = self._slow.cycle()
             reached = self._fast.ring.reached()

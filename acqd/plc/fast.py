@@ -1,4 +1,4 @@
-"""MAIN_FAST: every millisecond, take what the source has and put it into the ring. Nothing else."""
+"""MAIN_FAST: every cycle, take what the source has and put it into the ring. Nothing else."""
 
 from __future__ import annotations
 
@@ -9,13 +9,12 @@ from dataclasses import dataclass
 
 from acqd.metering import SampleBlock
 from acqd.plc.clock import StepDetector
-from acqd.plc.ring import ENDED, GAP, LATE, STEP, STOPPED, Ring
+from acqd.plc.ring import ENDED, FLAGS, GAP, LATE, SOURCE_FLAGS, STEP, STOPPED, Ring
 from acqd.plc.stats import CycleStats
 from acqd.plc.timer import PeriodicTimer
-from acqd.sources import Source
+from acqd.sources.base import Source
 
-PERIOD_NS = 1_000_000
-"""Cycle of MAIN_FAST."""
+_ROOM = 0.25  # share of the ring that one cycle may fill: MAIN_SLOW has time to take the rest
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +45,8 @@ class FastTask:
         self._rate = source.form.rate
         self._policy = policy or OverrunPolicy()
         self._per_ns = self._rate * 1e-9
+        self._period_ns = source.period_ns
+        self._room = int(_ROOM * ring.layout.capacity)
         self._per_window = window_samples
         self._wake = wake
         self._steps = StepDetector()
@@ -56,20 +57,56 @@ class FastTask:
         """Windows completed, in numbers of the stream's grid."""
         self._window_end = 0
         self._anchor = (0, 0)
+        self._flags: frozenset[str] = frozenset()  # of the source's last block
+        self._health = source.health()
 
     def start(self, utc_ns: int, index: int) -> None:
         """Open the source; its first sample is number `index`, now."""
         self._source.open(utc_ns, index)
-        first = self._source.read(0)
-        begin = first.utc_ns if first is not None else utc_ns
+        self._ring.report(self._health)
+        if self._source.paced:
+            first = self._source.read(0)
+            self._begin(index, first.utc_ns if first is not None else utc_ns)
+
+    def _begin(self, index: int, utc_ns: int) -> None:
+        """The stream begins: at once for a paced source, with the first block for a device."""
         self._expected = index
         self._count_windows()
-        self._anchor = (index, begin)
-        self._ring.begin(index, begin)
+        self._anchor = (index, utc_ns)
+        self._ring.begin(index, utc_ns)
 
     def cycle(self, expirations: int) -> bool:
         """One wake-up after `expirations` periods. False when the source has ended."""
-        stall_ns = expirations * PERIOD_NS
+        stall_ns = expirations * self._period_ns
+        late = stall_ns - self._period_ns >= self._policy.late_ns
+        self._source.exchange()
+        going = self._take_due(stall_ns, late) if self._source.paced else self._take_all(late)
+        self._report()
+        return going
+
+    def _take_due(self, stall_ns: int, late: bool) -> bool:
+        """From a paced source: the samples that the elapsed time is worth. False when it has ended."""
+        block = self._source.read(self._due(stall_ns))
+        if block is not None:
+            self._write(block, late)
+        return block is not None
+
+    def _take_all(self, late: bool) -> bool:
+        """From a device: block by block what it has, as much as MAIN_SLOW can follow."""
+        room = self._room
+        while room > 0:
+            block = self._source.read(room)
+            if block is None:
+                return False
+            if not len(block.codes):
+                break
+            self._write(block, late)
+            room -= len(block.codes)
+            late = False
+        return True
+
+    def _due(self, stall_ns: int) -> int:
+        """Samples that the elapsed time is worth; those of too long a stall are given up."""
         self._elapsed_ns += stall_ns
         due = int(self._elapsed_ns * self._per_ns) - self._read
         self._read += due
@@ -77,18 +114,30 @@ class FastTask:
             given_up = due - int(self._policy.catch_up_ns * 1e-9 * self._rate)
             self._source.skip(given_up)
             due -= given_up
-        block = self._source.read(due)
-        if block is None:
-            return False
-        if stall_ns > self._policy.late_ns:
-            self._ring.event(LATE)
-        self._write(block)
-        return True
+        return due
 
-    def _write(self, block: SampleBlock) -> None:
+    def _report(self) -> None:
+        """Pass a change of the source's health on; a lost or found device, or a warning, also wakes MAIN_SLOW."""
+        health = self._source.health()
+        if health == self._health:
+            return
+        turned = (health.connected, health.reason) != (self._health.connected, self._health.reason)
+        self._health = health
+        self._ring.report(health)
+        if turned:
+            self._wake()
+
+    def _write(self, block: SampleBlock, late: bool) -> None:
+        if not self._ring.state:
+            self._begin(block.index, block.utc_ns)
+        if late:
+            self._ring.event(LATE)
         gap = block.index - self._expected
         if gap:
             self._ring.event(GAP, gap)
+        if block.flags != self._flags and len(block.codes):
+            self._flags = block.flags
+            self._ring.event(FLAGS, sum(1 << SOURCE_FLAGS.index(name) for name in block.flags))
         self._ring.write(block.codes)
         self._expected = block.index + len(block.codes)
         if self._expected >= self._window_end:
@@ -112,15 +161,24 @@ class FastTask:
 
 
 def run_fast(
-    task: FastTask, ring: Ring, stats: CycleStats, *, utc_ns: int, index: int, stop: Callable[[], bool]
+    task: FastTask,
+    source: Source,
+    ring: Ring,
+    stats: CycleStats,
+    *,
+    utc_ns: int,
+    index: int,
+    stop: Callable[[], bool],
 ) -> None:
     """The cyclic loop, until the source ends or the first whole window after `stop()` turns true.
+
+    A device out of reach completes no window: then `stop()` ends the loop at once.
 
     How late the timer woke it and how long it worked go to `stats`.
     """
     stats.clear()
     task.start(utc_ns, index)
-    timer = PeriodicTimer(PERIOD_NS)
+    timer = PeriodicTimer(source.period_ns)
     monotonic = time.monotonic_ns
     state = STOPPED
     last_window: int | None = None
@@ -133,8 +191,13 @@ def run_fast(
             if not going:
                 state = ENDED
                 break
-            if last_window is None and stop():
-                last_window = task.windows
+            if stop():
+                if not source.health().connected:
+                    break
+                last_window = task.windows if last_window is None else last_window
+            correction = source.correction_ns()
+            if correction:
+                timer.shift(correction)
     finally:
         timer.close()
         ring.finish(state)

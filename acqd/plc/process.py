@@ -15,7 +15,7 @@ from dataclasses import asdict
 from typing import Any
 
 from acqd.errors import UserError
-from acqd.plc.fast import PERIOD_NS, FastTask, OverrunPolicy, run_fast
+from acqd.plc.fast import FastTask, OverrunPolicy, run_fast
 from acqd.plc.realtime import RealtimeSettings, die_with_parent, engage
 from acqd.plc.ring import Ring, RingLayout
 from acqd.plc.stats import CycleStats
@@ -39,19 +39,20 @@ def main() -> int:
     signal.signal(signal.SIGTERM, stop)
     try:
         source = make_source(orders["source"])
+        source.connect()
     except UserError as error:
         _answer({"error": str(error)})
         return 2
     form = source.form
-    layout = RingLayout(form.rate, len(form.scale), int(RING_S * form.rate))
+    layout = RingLayout(form.rate, len(form.scale), int(RING_S * form.rate), form.bits)
     os.ftruncate(orders["ring_fd"], layout.bytes)
     ring = Ring(layout, orders["ring_fd"])
     wake_fd = orders["wake_fd"]
     task = FastTask(source, ring, orders["window"] * form.rate, lambda: os.eventfd_write(wake_fd, 1), OverrunPolicy())
     refused = engage(RealtimeSettings(**orders["realtime"]))
     answer = {"form": asdict(form), "live": source.live, "flags": sorted(source.flags), "layout": asdict(layout)}
-    _answer(answer | {"refused": refused})
-    stats = CycleStats(ring.cycle_slots, PERIOD_NS)
+    _answer(answer | {"refused": refused, "period_ns": source.period_ns})
+    stats = CycleStats(ring.cycle_slots, source.period_ns)
     utc_ns, index = orders["source"].get("start_utc_ns") or time.time_ns(), 0
     if orders["resume"] and source.live:
         # Restarted: the old stream goes on behind a gap as long as the outage. Measured on the monotonic
@@ -60,7 +61,7 @@ def main() -> int:
         outage_ns = time.monotonic_ns() - seen
         index, utc_ns = old_index + round(outage_ns * 1e-9 * form.rate), old_utc + outage_ns
     try:
-        run_fast(task, ring, stats, utc_ns=utc_ns, index=index, stop=lambda: stopping)
+        run_fast(task, source, ring, stats, utc_ns=utc_ns, index=index, stop=lambda: stopping)
     finally:
         source.close()
         os.eventfd_write(wake_fd, 1)

@@ -2,31 +2,36 @@
 
 An anonymous memory file that both processes map: nothing to name, nothing left behind. The writer
 stores samples, then advances the head; the reader copies, then checks that the head has not lapped
-it. Gaps and clock steps travel beside the samples in a small ring of events. Aligned 8-byte stores
+it. Gaps, clock steps and flags travel beside the samples in a small ring of events. Aligned 8-byte stores
 are atomic on the supported machines, and each window is announced through an eventfd, whose system
 calls order memory between the two sides.
 """
 
 from __future__ import annotations
 
+import json
 import mmap
 import os
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from acqd.metering.block import Codes, SampleBlock
+from acqd.metering.block import CodeBits, Codes, SampleBlock
 from acqd.plc.stats import SLOTS
+from acqd.sources.base import SourceHealth
 
 _HEADER = 16  # int64 words
-_HEAD, _EVENT_HEAD, _STATE, _ANCHOR_INDEX, _ANCHOR_UTC = range(5)
+_HEAD, _EVENT_HEAD, _STATE, _ANCHOR_INDEX, _ANCHOR_UTC, _HEALTH_VERSION, _HEALTH_BYTES = range(7)
 _EVENTS = 4096  # several per cycle for as long as the ring lasts
 _EVENT_WORDS = 3  # position, kind, value
 RUNNING, ENDED, STOPPED = 1, 2, 3
 """States of the writer: running; the source has ended; stopped on request."""
-GAP, STEP, LATE = 1, 2, 3
-"""Kinds of event: samples lost; clock step; samples caught up late."""
+GAP, STEP, LATE, FLAGS = 1, 2, 3, 4
+"""Kinds of event: samples lost; clock step; samples caught up late; the source's own flags change."""
 _KIND_FLAGS = {STEP: "clock_step", LATE: "late"}
+SOURCE_FLAGS = ("simulated", "overrange", "sync_error", "invalid", "clock_unlocked", "test")
+"""Row flags that a source may set and clear while it runs; their bits are the value of a FLAGS event."""
+_HEALTH_ROOM = 128  # int64 words for the health of the source, as JSON
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,12 +42,18 @@ class RingLayout:
     channels: int
     capacity: int
     """Samples the ring holds (all channels)."""
+    bits: CodeBits = 16
+    """Width of a code."""
+
+    @property
+    def codes_offset(self) -> int:
+        """Bytes before the first code."""
+        return 8 * (_HEADER + _HEALTH_ROOM + _EVENTS * _EVENT_WORDS + SLOTS)
 
     @property
     def bytes(self) -> int:
         """Size of the memory file."""
-        words = _HEADER + _EVENTS * _EVENT_WORDS + SLOTS
-        return words * 8 + self.capacity * self.channels * 2
+        return self.codes_offset + self.capacity * self.channels * self.bits // 8
 
 
 class Ring:
@@ -51,17 +62,17 @@ class Ring:
     def __init__(self, layout: RingLayout, fd: int) -> None:
         self.layout = layout
         self._map = mmap.mmap(fd, layout.bytes)
-        words = memoryview(self._map)[: layout.bytes - layout.capacity * layout.channels * 2].cast("q")
-        self._header = words[:_HEADER]
-        self._events = words[_HEADER : _HEADER + _EVENTS * _EVENT_WORDS]
-        self.cycle_slots = words[_HEADER + _EVENTS * _EVENT_WORDS :]
-        """Slots of the cycle statistics."""
-        flat = np.frombuffer(self._map, dtype=np.int16, offset=len(words) * 8)
-        self._codes: Codes = flat.reshape(layout.capacity, layout.channels)
+        words = memoryview(self._map)[: layout.codes_offset].cast("q")
+        self._header, words = words[:_HEADER], words[_HEADER:]
+        self._health, words = words[:_HEALTH_ROOM].cast("B"), words[_HEALTH_ROOM:]
+        self._events, self.cycle_slots = words[: _EVENTS * _EVENT_WORDS], words[_EVENTS * _EVENT_WORDS :]
+        dtype = np.dtype(f"i{layout.bits // 8}")
+        self._codes: Codes = np.frombuffer(self._map, dtype, offset=layout.codes_offset).reshape(-1, layout.channels)
         self._position = 0  # reader: samples taken
         self._event_tail = 0
         self._index = 0  # reader: stream index of the next sample
         self._anchor = (0, 0)  # reader: a stream index and its UTC
+        self._flags: frozenset[str] = frozenset()  # reader: the source's flags from here on
 
     @staticmethod
     def create(layout: RingLayout) -> tuple[Ring, int]:
@@ -88,12 +99,23 @@ class Ring:
         self._header[_HEAD] = head + count
 
     def event(self, kind: int, value: int = 0) -> None:
-        """Something that holds from the next sample on: GAP (samples lost), STEP (new UTC), LATE."""
+        """Something that happens at the next sample: GAP (samples lost), STEP (new UTC), LATE, FLAGS (bits)."""
         number = self._header[_EVENT_HEAD]
         slot = number % _EVENTS * _EVENT_WORDS
         for word, content in enumerate((self._header[_HEAD], kind, value)):
             self._events[slot + word] = content
         self._header[_EVENT_HEAD] = number + 1
+
+    def report(self, health: SourceHealth) -> None:
+        """Tell the reader how the source is."""
+        room = len(self._health)
+        text = json.dumps(asdict(health)).encode()
+        if len(text) > room:
+            text = json.dumps(asdict(health) | {"reason": health.reason[: room // 2]}).encode()[:room]
+        self._header[_HEALTH_VERSION] += 1  # odd: being written
+        self._health[: len(text)] = text
+        self._header[_HEALTH_BYTES] = len(text)
+        self._header[_HEALTH_VERSION] += 1
 
     def finish(self, state: int) -> None:
         """No more samples will come."""
@@ -113,6 +135,14 @@ class Ring:
 
     # -- reader --
 
+    def health(self) -> SourceHealth | None:
+        """How the source is; None while nothing has been said, or while it is being written."""
+        version = self._header[_HEALTH_VERSION]
+        text = bytes(self._health[: self._header[_HEALTH_BYTES]])
+        if not version or version % 2 or version != self._header[_HEALTH_VERSION]:
+            return None
+        return SourceHealth(**json.loads(text))
+
     def reached(self) -> tuple[int, int] | None:
         """Index and UTC [ns] of the sample that `read` would give next; None before the first read."""
         if not self._position:
@@ -129,19 +159,21 @@ class Ring:
             self._index = self._header[_ANCHOR_INDEX]
             self._anchor = (self._index, self._header[_ANCHOR_UTC])
         blocks: list[SampleBlock] = []
-        flags: frozenset[str] = frozenset()
+        momentary: frozenset[str] = frozenset()
         lost = self._skip_overwritten()
         for position, kind, value in [*self._new_events(head), (head, 0, 0)]:
             if position > self._position:
-                block = self._take(position, lost, flags)
-                lost, flags = 0, frozenset()
+                block = self._take(position, lost, self._flags | momentary)
+                lost, momentary = 0, frozenset()
                 if len(block.codes):
                     blocks.append(block)
             if kind == GAP:
                 lost += value
                 self._index += value
+            elif kind == FLAGS:
+                self._flags = frozenset(name for bit, name in enumerate(SOURCE_FLAGS) if value >> bit & 1)
             elif kind in _KIND_FLAGS:
-                flags |= {_KIND_FLAGS[kind]}
+                momentary |= {_KIND_FLAGS[kind]}
             if kind == STEP:
                 behind = self._position - position  # more than 0 when the step itself was lapped
                 self._anchor = (self._index - behind, value)
@@ -196,6 +228,7 @@ class Ring:
     def close(self) -> None:
         """Unmap; views given out before stay valid (blocks are copies)."""
         self._header.release()
+        self._health.release()
         self._events.release()
         self.cycle_slots.release()
         del self._codes

@@ -9,6 +9,7 @@ import ctypes
 import os
 import sys
 import time
+from functools import lru_cache
 
 _TFD_CLOEXEC = os.O_CLOEXEC
 _TFD_TIMER_ABSTIME = 1
@@ -29,7 +30,8 @@ class PeriodicTimer:
         self.period_ns = period_ns
         self.due_ns = time.monotonic_ns()
         """CLOCK_MONOTONIC at which the last awaited expiry was due [ns]."""
-        self._fd = _create(self.due_ns + period_ns, period_ns)
+        self._fd = _create()
+        _arm(self._fd, self.due_ns + period_ns, period_ns)
 
     def wait(self) -> int:
         """Sleep until the next expiry; the number of periods that have passed (1: in time)."""
@@ -37,21 +39,35 @@ class PeriodicTimer:
         self.due_ns += expirations * self.period_ns
         return expirations
 
+    def shift(self, offset_ns: int) -> None:
+        """Move all later expiries by `offset_ns`: phase control against another clock."""
+        self.due_ns += offset_ns
+        _arm(self._fd, self.due_ns + self.period_ns, self.period_ns)
+
     def close(self) -> None:
         """Release the timer."""
         os.close(self._fd)
 
 
-def _create(first_ns: int, period_ns: int) -> int:
+def _create() -> int:
     if sys.version_info >= (3, 13):
-        fd = os.timerfd_create(time.CLOCK_MONOTONIC, flags=os.TFD_CLOEXEC)
-        os.timerfd_settime_ns(fd, flags=os.TFD_TIMER_ABSTIME, initial=first_ns, interval=period_ns)
-        return fd
-    libc = ctypes.CDLL(None, use_errno=True)
-    fd = libc.timerfd_create(time.CLOCK_MONOTONIC, _TFD_CLOEXEC)
+        return os.timerfd_create(time.CLOCK_MONOTONIC, flags=os.TFD_CLOEXEC)
+    fd = _libc().timerfd_create(time.CLOCK_MONOTONIC, _TFD_CLOEXEC)
     if fd < 0:
         raise OSError(ctypes.get_errno(), "timerfd_create failed")
-    spec = _Itimerspec(_Timespec(*divmod(period_ns, 10**9)), _Timespec(*divmod(first_ns, 10**9)))
-    if libc.timerfd_settime(fd, _TFD_TIMER_ABSTIME, ctypes.byref(spec), None):
-        raise OSError(ctypes.get_errno(), "timerfd_settime failed")
     return int(fd)
+
+
+def _arm(fd: int, first_ns: int, period_ns: int) -> None:
+    """First expiry at `first_ns` on CLOCK_MONOTONIC, then every `period_ns`."""
+    if sys.version_info >= (3, 13):
+        os.timerfd_settime_ns(fd, flags=os.TFD_TIMER_ABSTIME, initial=first_ns, interval=period_ns)
+        return
+    spec = _Itimerspec(_Timespec(*divmod(period_ns, 10**9)), _Timespec(*divmod(first_ns, 10**9)))
+    if _libc().timerfd_settime(fd, _TFD_TIMER_ABSTIME, ctypes.byref(spec), None):
+        raise OSError(ctypes.get_errno(), "timerfd_settime failed")
+
+
+@lru_cache(maxsize=1)
+def _libc() -> ctypes.CDLL:
+    return ctypes.CDLL(None, use_errno=True)
