@@ -1,0 +1,105 @@
+"""A merging unit's stream as a source: frames in, blocks out, every hole in smpCnt a gap."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acqd.sources.device import Clock, DeviceSource, stream_format
+from acqd.sources.sampled_values.counter import SecondCounter
+from acqd.sources.sampled_values.decode import Decoder, Samples, names
+from acqd.sources.sampled_values.frame import FrameError, parse
+from acqd.sources.sampled_values.settings import SampledValuesSettings
+from acqd.sources.sampled_values.survey import find_stream
+from acqd.sources.sampled_values.wire import PacketSocket
+
+_SILENCE_NS = 500_000_000
+
+
+class SampledValuesSource(DeviceSource):
+    """Subscribes to one stream of sampled values."""
+
+    period_ns = 10_000_000
+
+    def __init__(self, settings: SampledValuesSettings, clock: Clock = time.monotonic_ns) -> None:
+        super().__init__(clock)
+        self._settings = settings
+        self._wire: PacketSocket | None = None
+        self._heard_ns = 0
+
+    def connect(self) -> None:
+        """Listen for the stream and learn its rate. Raises UserError."""
+        settings = self._settings
+        self._wire = PacketSocket(settings.interface)
+        stream, rate = find_stream(self._wire, settings)
+        self._identity = stream.layout.identity
+        self._decoder = Decoder(stream.layout, stream.template, settings.channels)
+        self._declare(stream_format(rate, settings.scale, settings.f_nominal, bits=32))
+        self._counter = SecondCounter(round(rate))
+
+    def open(self, utc_ns: int, index: int = 0) -> None:
+        """Start with the next frame; what was heard before is forgotten."""
+        assert self._wire is not None
+        while len(self._wire.receive()[0]):
+            pass
+        super().open(utc_ns, index)
+        self._heard_ns = self._clock()
+
+    def exchange(self) -> None:
+        """Take the frames that have arrived."""
+        assert self._wire is not None
+        try:
+            rows, lengths = self._wire.receive()
+        except OSError as error:
+            self._lose(f"{self._settings.interface}: {error.strerror}; check cable and interface")
+            return
+        now = self._clock()
+        frames = self._ours(rows, lengths)
+        if len(frames):
+            self._take(self._decoder.decode(frames), now - self._wire.first_age_ns)
+            self._heard_ns = now
+            self._find()
+        elif now - self._heard_ns > _SILENCE_NS and self._health.connected:
+            name, interface = self._identity[0], self._settings.interface
+            self._lose(f"no frames of {name!r} on {interface} for 0.5 s; check merging unit and network")
+
+    def close(self) -> None:
+        """Leave the interface alone."""
+        if self._wire is not None:
+            self._wire.close()
+
+    def _ours(self, rows: NDArray[np.uint8], lengths: NDArray[np.int64]) -> NDArray[np.uint8]:
+        """Frames of our stream; foreign and damaged ones are left out, a changed make-up is noticed."""
+        length = self._decoder.layout.length
+        frames = rows[lengths == length, :length]
+        matching = self._decoder.matching(frames)
+        if matching.all() and len(frames) == len(rows):
+            return frames
+        for row, size in zip(rows, lengths.tolist(), strict=True):
+            self._check_change(bytes(row[:size]))
+        return frames[matching]
+
+    def _check_change(self, frame: bytes) -> None:
+        try:
+            layout = parse(frame)
+        except FrameError:
+            return
+        svid, appid, conf_rev, *_ = self._identity
+        if (layout.svid, layout.appid) == (svid, appid) and layout.identity != self._identity:
+            self._lose(
+                f"the stream {svid!r} has changed (confRev {layout.identity[2]}, was {conf_rev}): its data set may "
+                "mean something else now; check source.channels and restart acqd"
+            )
+
+    def _take(self, samples: Samples, first_ns: int) -> None:
+        """Queue the samples, cut where one is missing or the flags change; a late copy is dropped."""
+        numbers = self._counter.unwrap(samples.counter, first_ns)
+        numbers, order = np.unique(numbers, return_index=True)
+        codes, flags = samples.codes[order], samples.flags[order]
+        cuts = np.flatnonzero((np.diff(numbers) != 1) | (np.diff(flags) != 0)) + 1
+        starts = [0, *cuts.tolist()]
+        for start, stop in zip(starts, [*starts[1:], len(numbers)], strict=True):
+            taken_ns = first_ns + round((numbers[start] - numbers[0]) * 1e9 / self.form.rate)
+            self._place(codes[start:stop], int(numbers[start]), taken_ns, names(int(flags[start])))

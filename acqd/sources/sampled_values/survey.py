@@ -1,0 +1,114 @@
+"""Listening before metering: which streams are on the wire, and at which rate."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+
+from acqd.errors import UserError
+from acqd.sources.sampled_values.frame import FrameError, FrameLayout, parse
+from acqd.sources.sampled_values.settings import SampledValuesSettings
+from acqd.sources.sampled_values.wire import PacketSocket
+
+_LISTEN_S = 1.5
+_RATE_S = 3.5  # at least two wraps of smpCnt lie inside
+_POLL_S = 0.005
+
+
+@dataclass(slots=True)
+class Stream:
+    """One stream that was heard."""
+
+    layout: FrameLayout
+    template: bytes
+    wrapped: list[int] = field(default_factory=list)
+    """smpCnt before each wrap."""
+    last: int | None = None
+
+    def note(self, frame: bytes) -> None:
+        """Follow smpCnt of one more frame."""
+        for asdu in self.layout.asdus:
+            count = int.from_bytes(frame[asdu.smp_cnt : asdu.smp_cnt + 2], "big")
+            if self.last is not None and count < self.last // 2:
+                self.wrapped.append(self.last)
+            self.last = count
+
+
+def find_stream(wire: PacketSocket, settings: SampledValuesSettings) -> tuple[Stream, float]:
+    """The stream that the settings mean, and its rate [samples/s]. Raises UserError."""
+    streams = _listen(wire, _LISTEN_S, {})
+    stream = _chosen(streams, settings, wire.interface)
+    rate = settings.rate or _announced(stream.layout)
+    if rate is None:
+        _listen(wire, _RATE_S - _LISTEN_S, streams)
+        rate = _counted(stream)
+    if max(settings.channels) >= stream.layout.asdus[0].values:
+        raise UserError(
+            f"source.channels: the data set of {stream.layout.svid!r} has {stream.layout.asdus[0].values} values, "
+            f"position {max(settings.channels)} is not among them"
+        )
+    return stream, rate
+
+
+def _listen(
+    wire: PacketSocket, seconds: float, streams: dict[tuple[str, int], Stream]
+) -> dict[tuple[str, int], Stream]:
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        try:
+            rows, lengths = wire.receive()
+        except OSError as error:
+            raise UserError(
+                f"source.interface: {wire.interface}: {error.strerror}; bring it up (ip link set {wire.interface} up)"
+            ) from None
+        for row, length in zip(rows, lengths.tolist(), strict=True):
+            _note(streams, bytes(row[:length]))
+        if not len(rows):
+            time.sleep(_POLL_S)
+    return streams
+
+
+def _note(streams: dict[tuple[str, int], Stream], frame: bytes) -> None:
+    try:
+        layout = parse(frame)
+    except FrameError:
+        return
+    key = (layout.svid, layout.appid)
+    stream = streams.get(key)
+    if stream is None or stream.layout.identity != layout.identity:
+        stream = streams[key] = Stream(layout, frame)
+    stream.note(frame)
+
+
+def _chosen(streams: dict[tuple[str, int], Stream], settings: SampledValuesSettings, interface: str) -> Stream:
+    heard = ", ".join(f"{svid!r} (APPID {appid:#06x})" for svid, appid in sorted(streams)) or "none"
+    meant = [
+        stream
+        for (svid, appid), stream in streams.items()
+        if settings.svid in (None, svid) and settings.appid in (None, appid)
+    ]
+    if len(meant) == 1:
+        return meant[0]
+    if not streams:
+        raise UserError(
+            f"source.interface: no sampled values on {interface} within {_LISTEN_S} s; check cable and merging unit"
+        )
+    if not meant:
+        raise UserError(f"source.svid: {settings.svid!r} is not among the streams on {interface}: {heard}")
+    raise UserError(f"source.svid: {interface} carries several streams, name one of {heard}")
+
+
+def _announced(layout: FrameLayout) -> float | None:
+    """smpRate, where it is in samples/s (small numbers are samples per period: 80, 96, 256)."""
+    rate = layout.asdus[0].smp_rate
+    return float(rate) if rate is not None and rate >= 2_000 else None
+
+
+def _counted(stream: Stream) -> float:
+    """The rate at which smpCnt wraps; two equal wraps are asked for, since a frame may be lost at one."""
+    if len(stream.wrapped) >= 2 and stream.wrapped[-1] == stream.wrapped[-2]:
+        return float(stream.wrapped[-1] + 1)
+    raise UserError(
+        f"source.rate: the sampling rate of {stream.layout.svid!r} cannot be counted "
+        f"(smpCnt wrapped after {stream.wrapped or 'no value'}); give source.rate"
+    )
