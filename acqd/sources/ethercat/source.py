@@ -1,0 +1,132 @@
+"""EL3783 terminals as a source: one exchange a cycle, blocks told apart by their DC time, recovery step by step."""
+
+from __future__ import annotations
+
+import time
+
+from acqd.errors import UserError
+from acqd.sources.backoff import Backoff
+from acqd.sources.device import Clock, DeviceSource, stream_format
+from acqd.sources.ethercat.assemble import Assembler
+from acqd.sources.ethercat.lock import PhaseLock
+from acqd.sources.ethercat.master import Segment, SegmentError
+from acqd.sources.ethercat.settings import EthercatSettings
+
+_POLLS = 4  # of a block, unless the cycle is locked to it: more often is harmless, less often loses blocks
+_LOCKED_NS = 2_000_000  # a block this short is read once, with the wake-up locked to SYNC1
+_PATIENCE_NS = 30_000_000  # of wrong working counters: single lost frames are no outage
+_CHECK_NS = 500_000_000  # between looks at the slaves' states
+_ACKNOWLEDGE_NS = 1_500_000_000  # for slaves to come back to OP before the segment is started afresh
+
+
+class EthercatSource(DeviceSource):
+    """One to three EL3783 behind a coupler."""
+
+    def __init__(self, settings: EthercatSettings, clock: Clock = time.monotonic_ns) -> None:
+        super().__init__(clock)
+        self._settings = settings
+        self._places = settings.places()
+        self._segment: Segment | None = None
+        self._backoff = Backoff()
+        self._good_ns = 0  # last exchange with the right working counter
+        self._checked_ns = 0
+        self._lock: PhaseLock | None = None
+        self._phase: tuple[int, int] | None = None  # DC time of the last exchange and of the SYNC1 before
+
+    def connect(self) -> None:
+        """Bring the terminals to OP. Raises UserError."""
+        try:
+            self._adopt(Segment.start(self._settings))
+        except SegmentError as error:
+            raise UserError(f"EtherCAT on {self._settings.interface}: {error}") from None
+        assert self._segment is not None
+        bits = 32 if self._settings.current_range == "auto" else 16
+        rate = 1e9 / self._settings.sample_ns
+        self._declare(stream_format(rate, self._settings.scale, self._settings.f_nominal, bits=bits))
+        block_ns = self._segment.block_ns
+        if block_ns <= _LOCKED_NS:
+            self.period_ns, self._lock = block_ns, PhaseLock(block_ns)
+        else:
+            self.period_ns = block_ns // _POLLS
+
+    def open(self, utc_ns: int, index: int = 0) -> None:
+        """Start with the next block."""
+        super().open(utc_ns, index)
+        self._good_ns = self._checked_ns = self._clock()
+
+    def exchange(self) -> None:
+        """One cyclic frame, or one step of the recovery."""
+        now = self._clock()
+        if self._segment is None:
+            self._start_again(now)
+            return
+        images = self._segment.exchange()
+        if images is None:
+            self._missed(now)
+            return
+        self._good_ns = now
+        self._take(images, now)
+        if now - self._checked_ns > _CHECK_NS:
+            self._check(now)
+
+    def correction_ns(self) -> int:
+        """Shift that holds the wake-up half a block behind SYNC1; none while polling several times a block."""
+        if self._lock is None or self._phase is None:
+            return 0
+        correction = self._lock.correction_ns(*self._phase)
+        self._phase = None
+        return correction
+
+    def close(self) -> None:
+        """Leave the terminals in INIT."""
+        if self._segment is not None:
+            self._segment.close()
+            self._segment = None
+
+    def _adopt(self, segment: Segment) -> None:
+        self._segment = segment
+        self._assembler = Assembler(self._settings, segment.block_ns)
+
+    def _take(self, images: list[bytes], now: int) -> None:
+        assert self._segment is not None
+        layout, block_ns = self._segment.layout, self._segment.block_ns
+        for period in self._assembler.add([layout.decode(image) for image in images]):
+            counter = round(period.begin_ns / self._settings.sample_ns)
+            self._place(period.codes, counter, now - block_ns, period.flags)
+            self._phase = (self._segment.dc_time_ns, period.begin_ns)
+            self._find(period.warning)
+
+    def _missed(self, now: int) -> None:
+        """A wrong working counter: nothing of this exchange is used; a run of them is an outage."""
+        if now - self._good_ns < _PATIENCE_NS:
+            return
+        self._check(now)
+        if now - self._good_ns > _ACKNOWLEDGE_NS:
+            self._restart()
+
+    def _check(self, now: int) -> None:
+        """Look at the slaves' states; take those that fell out of OP back."""
+        assert self._segment is not None
+        self._checked_ns = now
+        trouble = self._segment.trouble()
+        if trouble is None:
+            return
+        self._lose(trouble)
+        if not self._segment.acknowledge() and now - self._good_ns > _PATIENCE_NS:
+            self._restart()
+
+    def _restart(self) -> None:
+        """Give the segment up; `exchange` starts it again. Its clock is set anew then, so time places the samples."""
+        self.close()
+        self._numbering.restart()
+        self._backoff.reset()
+
+    def _start_again(self, now: int) -> None:
+        if not self._backoff.due(now):
+            return
+        try:
+            self._adopt(Segment.start(self._settings))
+        except (SegmentError, UserError) as error:
+            self._lose(str(error))
+            return
+        self._good_ns = self._checked_ns = self._clock()
