@@ -1,0 +1,111 @@
+"""The way to the PLC: reachability first, then AMS, then the ring's two symbols."""
+
+from __future__ import annotations
+
+import ctypes
+import socket
+from typing import Any
+
+import pyads
+
+from acqd.errors import UserError
+from acqd.sources.ads.ring import HEAD_BYTES, Head, RingError, parse_head
+from acqd.sources.ads.settings import AdsSettings
+
+PORT = 48_898
+"""TCP port of AMS; fixed."""
+_PROBE_S = 1.5
+_TIMEOUT_MS = 1_000
+_ADVICE = {
+    6: "no PLC runtime answers on source.ams_port; is the PLC in RUN?",
+    7: "the AMS net id is not known there; check source.ams_net_id",
+    1793: "the PLC does not offer this service; check source.ams_port",
+    1808: "the PLC has no such symbol; add the function block of docs/twincat, or check source.namespace",
+    1861: "no answer: the TwinCAT PC needs a route to this computer's AMS net id (docs/twincat)",
+}
+
+
+class PlcError(Exception):
+    """The PLC cannot be read now; one line. Worth another try later."""
+
+
+class PlcClient:
+    """One connection. After an error it is closed and another one made: AdsLib's own threads do not always recover."""
+
+    def __init__(self, settings: AdsSettings) -> None:
+        """Connect and find the ring. Raises PlcError, or UserError for a ring that is not ours."""
+        self._settings = settings
+        self._connection: Any = None
+        _probe(settings.host)
+        try:
+            if settings.local_net_id:
+                pyads.open_port()
+                pyads.set_local_address(settings.local_net_id)
+            self._connection = pyads.Connection(settings.ams_net_id, settings.ams_port, settings.host)
+            self._connection.open()
+            self._connection.set_timeout(_TIMEOUT_MS)
+            self._head = self._connection.get_symbol(f"{settings.namespace}.stHead")
+            self._slots = self._connection.get_symbol(f"{settings.namespace}.aSlots")
+        except (pyads.ADSError, RuntimeError, ValueError) as error:
+            self.close()
+            raise _explained(error) from None
+
+    def head(self) -> Head:
+        """The head as it is now. Raises PlcError, or UserError for a head that is not ours."""
+        try:
+            return parse_head(self._read(self._head.index_group, self._head.index_offset, HEAD_BYTES))
+        except RingError as error:
+            raise UserError(f"{self._settings.namespace}.stHead of {self._settings.host}: {error}") from None
+
+    def slots(self, head: Head, first: int, count: int) -> list[bytes]:
+        """The memory of `count` slots from sequence number `first` on; two pieces where the ring wraps."""
+        index = first % head.slots
+        until_end = min(count, head.slots - index)
+        pieces = [self._slot_bytes(head, index, until_end)]
+        if count > until_end:
+            pieces.append(self._slot_bytes(head, 0, count - until_end))
+        return pieces
+
+    def plc_state(self) -> str:
+        """RUN, STOP ... of the runtime. Raises PlcError."""
+        try:
+            state = self._connection.read_state()[0]
+        except pyads.ADSError as error:
+            raise _explained(error) from None
+        return {pyads.ADSSTATE_RUN: "RUN", pyads.ADSSTATE_STOP: "STOP", pyads.ADSSTATE_CONFIG: "CONFIG"}.get(
+            state, f"ADS state {state}"
+        )
+
+    def close(self) -> None:
+        """Drop the connection."""
+        if self._connection is not None:
+            try:
+                self._connection.close()
+            except (pyads.ADSError, RuntimeError):
+                return  # it is gone already
+
+    def _slot_bytes(self, head: Head, index: int, count: int) -> bytes:
+        offset = self._slots.index_offset + index * head.slot_bytes
+        return self._read(self._slots.index_group, offset, count * head.slot_bytes)
+
+    def _read(self, group: int, offset: int, size: int) -> bytes:
+        try:
+            return bytes(self._connection.read(group, offset, ctypes.c_ubyte * size, return_ctypes=True))
+        except (pyads.ADSError, RuntimeError) as error:
+            raise _explained(error) from None
+
+
+def _probe(host: str) -> None:
+    """AdsLib would wait for minutes for a computer that is off."""
+    try:
+        socket.create_connection((host, PORT), timeout=_PROBE_S).close()
+    except OSError as error:
+        raise PlcError(
+            f"{host}:{PORT} does not answer ({error.strerror or error}); is the TwinCAT PC on, and its firewall open?"
+        ) from None
+
+
+def _explained(error: Exception) -> PlcError:
+    code = getattr(error, "err_code", None)
+    advice = _ADVICE.get(code) if isinstance(code, int) else None
+    return PlcError(f"ADS error {code}: {advice}" if advice else f"ADS: {error}")
