@@ -1,0 +1,1 @@
+"""Reference server of the waveform bridge's register map (README.md)."""
