@@ -12,16 +12,17 @@ class Backoff:
         self._first_ns = first_ns
         self._longest_ns = longest_ns
         self._pause_ns = first_ns
-        self._next_ns = 0
+        self.next_ns = 0
+        """When the next try is due."""
 
     def due(self, now_ns: int) -> bool:
         """Whether it is time for the next try; asking after it has come starts a longer pause."""
-        if now_ns < self._next_ns:
+        if now_ns < self.next_ns:
             return False
-        self._next_ns = now_ns + round(self._pause_ns * random.uniform(0.75, 1.0))
+        self.next_ns = now_ns + round(self._pause_ns * random.uniform(0.75, 1.0))
         self._pause_ns = min(2 * self._pause_ns, self._longest_ns)
         return True
 
     def reset(self) -> None:
         """The device is back."""
-        self._pause_ns, self._next_ns = self._first_ns, 0
+        self._pause_ns, self.next_ns = self._first_ns, 0

@@ -1,0 +1,106 @@
+"""All meters of one link, each in turn; a dead one costs the others no more than its time-out."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+
+from acqd.errors import UserError
+from acqd.sources.backoff import Backoff
+from acqd.sources.meters.meter import Meter, MeterSettings
+from acqd.sources.meters.profile import load_profile
+from acqd.sources.meters.reading import Reading
+from acqd.sources.modbus.client import ModbusClient, ModbusError
+from acqd.sources.modbus.settings import ModbusLink
+
+__all__ = ["MeterBus", "MeterSettings"]
+_TURNAROUND_S = 0.005  # of an RS-485 line between two meters
+
+
+class MeterBus:
+    """Polls the meters of one link in a thread of its own."""
+
+    def __init__(self, link: ModbusLink, meters: list[MeterSettings]) -> None:
+        """Raises UserError for an unknown profile or a unit id that two meters share."""
+        self.link = link
+        self.meters = [Meter(settings, load_profile(settings.profile)) for settings in meters]
+        units = [meter.unit for meter in self.meters]
+        for unit in units:
+            if units.count(unit) > 1:
+                raise UserError(f"source.meters: two meters on {link} have the unit id {unit}; give each its own")
+        self._client: ModbusClient | None = None
+        self._backoff = Backoff()
+        self._stopping = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    def check(self) -> list[str]:
+        """Read every meter once; gives what is known of the silent ones.
+
+        Raises UserError when no meter answers, or one makes no sense.
+        """
+        self._client = ModbusClient(self.link)
+        silent = []
+        for meter in self.meters:
+            try:
+                meter.check(self._client)
+            except ModbusError as error:
+                silent.append(f"meter {meter.settings.name!r}: {error}")
+        if len(silent) == len(self.meters):
+            self._close()
+            raise UserError(
+                f"{self.link}: no meter answers ({silent[0]}); check wiring, baud rate, parity and unit ids"
+            )
+        return silent
+
+    def start(self, on_reading: Callable[[Reading], None]) -> None:
+        """Poll until `stop`; `on_reading` is called in the bus's thread."""
+        self._thread = threading.Thread(target=self._poll, args=(on_reading,), name=f"bus {self.link}", daemon=True)
+        self._thread.start()
+
+    @property
+    def polling(self) -> bool:
+        """Whether the bus's thread lives."""
+        return self._thread is not None and self._thread.is_alive()
+
+    def stop(self) -> None:
+        """End the polling; waits for the answer that is under way."""
+        self._stopping.set()
+        if self._thread is not None:
+            self._thread.join(self.link.timeout_s + 2.0)
+        self._close()
+
+    def _poll(self, on_reading: Callable[[Reading], None]) -> None:
+        while not self._stopping.is_set():
+            meter = min(self.meters, key=lambda one: one.next_due_ns)
+            wait_s = (meter.next_due_ns - time.monotonic_ns()) * 1e-9
+            if wait_s > 0 and self._stopping.wait(wait_s):
+                return
+            if not self._connected():
+                continue
+            assert self._client is not None
+            reading = meter.read(self._client, time.monotonic_ns(), time.time_ns)
+            if reading is not None:
+                on_reading(reading)
+            elif all(one.trouble for one in self.meters):
+                self._close()  # silence everywhere is the line's: a fresh connection is worth a try
+            self._stopping.wait(_TURNAROUND_S)
+
+    def _connected(self) -> bool:
+        if self._client is None:
+            if not self._backoff.due(time.monotonic_ns()):
+                self._stopping.wait(0.1)
+                return False
+            try:
+                self._client = ModbusClient(self.link)
+            except UserError as error:
+                for meter in self.meters:
+                    meter.trouble = str(error)
+                return False
+            self._backoff.reset()
+        return True
+
+    def _close(self) -> None:
+        if self._client is not None:
+            self._client.close()
+            self._client = None

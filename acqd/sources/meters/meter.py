@@ -1,0 +1,123 @@
+"""One meter on a bus: identity, plan, plausibility, rounds of readings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from acqd.errors import UserError
+from acqd.sources.backoff import Backoff
+from acqd.sources.meters.access import MeterAccess
+from acqd.sources.meters.plausible import decode, explain, judge
+from acqd.sources.meters.profile import Profile, WordOrder
+from acqd.sources.meters.reading import Reading
+from acqd.sources.modbus.client import ModbusClient, ModbusError
+
+_STALE_NS = 30_000_000_000
+_DEAD = 0.05  # share of the nominal voltage: supply interruption as in EN 50160
+
+
+@dataclass(frozen=True, slots=True)
+class MeterSettings:
+    """One meter of the configuration."""
+
+    name: str
+    """Device name of its rows."""
+    profile: str
+    unit: int | None = None
+    """Modbus unit id; None: the profile's factory setting."""
+    word_order: WordOrder | None = None
+    """Where the meter is set to another order than its factory's."""
+    poll_s: float | None = None
+    """Time between two readings [s]; None: the profile's update time."""
+    nominal_voltage: float = 230.0
+    """V; what the plausibility check expects."""
+
+
+class Meter:
+    """Reads one meter; knows whether it has made sense so far."""
+
+    def __init__(self, settings: MeterSettings, profile: Profile) -> None:
+        if settings.word_order is not None:
+            quantities = {
+                name: replace(register, word_order=settings.word_order) for name, register in profile.quantities.items()
+            }
+            profile = replace(profile, quantities=quantities)
+        self.settings = settings
+        self.unit = profile.unit if settings.unit is None else settings.unit
+        self._access = MeterAccess(self.unit, profile)
+        self.period_ns = round((settings.poll_s or profile.update_s) * 1e9)
+        self._trusted = False
+        self._backoff = Backoff(1_000_000_000, 30_000_000_000)
+        self._values: dict[str, float | None] = {}
+        self._changed_ns = 0
+        self._first_due_ns: int | None = None
+        self._last_seq = -1
+        self.next_due_ns = 0
+        self.trouble = ""
+        """Why there are no readings now; one line."""
+
+    @property
+    def profile(self) -> Profile:
+        """The profile, without the registers that this meter lacks."""
+        return self._access.profile
+
+    def check(self, client: ModbusClient) -> None:
+        """Read once and judge. Raises UserError for registers that make no sense, ModbusError for silence."""
+        answers = self._access.read(client)
+        fault = self._fault(answers)
+        if fault:
+            raise UserError(fault)
+
+    def read(self, client: ModbusClient, now_ns: int, utc: Callable[[], int]) -> Reading | None:
+        """One round, None when it failed: then `trouble` says why, and the meter is asked less often."""
+        if self._first_due_ns is None:
+            self._first_due_ns = now_ns
+        seq = (now_ns - self._first_due_ns + self.period_ns // 2) // self.period_ns
+        self.next_due_ns = self._first_due_ns + (seq + 1) * self.period_ns
+        try:
+            answers = self._access.read(client)
+            fault = "" if self._trusted else self._fault(answers)
+        except ModbusError as error:
+            fault = str(error)
+        if fault:
+            self._fail(fault, now_ns)
+            return None
+        values = decode(self.profile, self._access.plan, answers)
+        self.trouble = ""
+        self._backoff.reset()
+        flags = self._flags(values, now_ns, missed=seq != self._last_seq + 1 and self._last_seq >= 0)
+        self._last_seq = seq
+        return Reading(self.settings.name, self.profile.phases, seq, utc(), values, flags)
+
+    def _fail(self, trouble: str, now_ns: int) -> None:
+        """Ask again after a growing pause, but never sooner than it would have been asked anyway."""
+        self.trouble = trouble
+        self._backoff.due(now_ns)
+        self.next_due_ns = max(self.next_due_ns, self._backoff.next_ns)
+
+    def _fault(self, answers: list[bytes]) -> str:
+        """Why the registers make no sense; empty when they do, or when nothing can be judged without voltage."""
+        values = decode(self.profile, self._access.plan, answers)
+        verdict = judge(self.profile, values, self.settings.nominal_voltage)
+        if not verdict.faults:
+            self._trusted = verdict.judged
+            return ""
+        advice = explain(self.profile, self._access.plan, answers, self.settings.nominal_voltage)
+        return (
+            f"source.meters {self.settings.name!r} (unit {self.unit}, {self.profile.name}): its registers make no "
+            f"sense: {verdict.faults[0]}; {advice or 'is it this model? Try acqd modbus probe'}"
+        )
+
+    def _flags(self, values: dict[str, float | None], now_ns: int, *, missed: bool) -> frozenset[str]:
+        flags = {"rms_meter"}
+        if missed:
+            flags.add("gap")
+        if values != self._values:
+            self._values, self._changed_ns = values, now_ns
+        voltages = [value for name, value in values.items() if name.endswith(".Vrms") and value is not None]
+        if voltages and max(voltages) < _DEAD * self.settings.nominal_voltage:
+            flags.add("no_mains")
+        elif now_ns - self._changed_ns > _STALE_NS:
+            flags.add("stale")
+        return frozenset(flags)

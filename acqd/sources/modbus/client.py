@@ -1,0 +1,161 @@
+"""Registers through pymodbus: several connections at once, answers as bytes, one kind of error."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import serial
+from pymodbus import FramerType
+from pymodbus.client import AsyncModbusSerialClient, AsyncModbusTcpClient
+from pymodbus.exceptions import ModbusException
+from pymodbus.pdu import ModbusPDU
+from pymodbus.pdu.register_message import ReadHoldingRegistersResponse, ReadInputRegistersResponse
+
+from acqd.errors import UserError
+from acqd.sources.modbus.settings import ModbusLink
+
+logging.getLogger("pymodbus").setLevel(logging.CRITICAL)  # each error comes back as an exception and is reported once
+
+_EXCEPTIONS = {
+    1: "the device does not know this function code",
+    2: "the device has no such register",
+    3: "the device refuses that many registers",
+    4: "the device has a fault",
+    6: "the device is busy",
+    10: "the gateway cannot reach the unit",
+    11: "the unit behind the gateway does not answer",
+}
+ILLEGAL_ADDRESS = 2
+Read: TypeAlias = tuple[int, int, int]
+"""Function code, first register, number of registers."""
+
+
+class _RawHolding(ReadHoldingRegistersResponse):
+    """Keeps the registers as bytes: unpacking them one by one would cost more than the rest of the read."""
+
+    payload = b""
+
+    def decode(self, data: bytes) -> None:
+        self.payload = data[1 : 1 + data[0]]
+
+
+class _RawInput(ReadInputRegistersResponse):
+    payload = b""
+
+    def decode(self, data: bytes) -> None:
+        self.payload = data[1 : 1 + data[0]]
+
+
+class ModbusError(Exception):
+    """A device that does not answer as it should; one line. Worth another try later."""
+
+    def __init__(self, message: str, code: int | None = None) -> None:
+        """`code` of the Modbus exception, None for silence or a lost connection."""
+        super().__init__(message)
+        self.code = code
+
+
+class ModbusClient:
+    """Reads registers of one link; its event loop runs only while a read is under way."""
+
+    def __init__(self, link: ModbusLink, connections: int = 1) -> None:
+        """Raises UserError for a serial port that cannot be used."""
+        if link.serial_port is not None:
+            _check_serial(link.serial_port)
+        self._link = link
+        self._loop = asyncio.new_event_loop()
+        self._clients: list[Any] = []
+        self._connections = connections if link.host else 1
+
+    def read(self, unit: int, reads: list[Read]) -> list[bytes]:
+        """The registers of each read, big-endian as on the wire. Raises ModbusError at the first that fails."""
+        return self._loop.run_until_complete(self._read(unit, reads))
+
+    def close(self) -> None:
+        """Drop all connections."""
+        for client in self._clients:
+            client.close()
+        self._clients = []
+        with contextlib.suppress(RuntimeError):
+            self._loop.run_until_complete(asyncio.sleep(0))
+        self._loop.close()
+
+    async def _read(self, unit: int, reads: list[Read]) -> list[bytes]:
+        await self._connect()
+        answers: list[bytes] = [b""] * len(reads)
+        queue = iter(enumerate(reads))
+
+        async def work(client: Any) -> None:
+            for number, (function, address, count) in queue:
+                answers[number] = await _one(client, unit, function, address, count)
+
+        workers = [asyncio.ensure_future(work(client)) for client in self._clients[: len(reads)]]
+        try:
+            await asyncio.gather(*workers)
+        finally:
+            for worker in workers:
+                worker.cancel()
+        return answers
+
+    async def _connect(self) -> None:
+        if self._clients and all(client.connected for client in self._clients):
+            return
+        for client in self._clients:
+            client.close()
+        self._clients = [_make(self._link) for _ in range(self._connections)]
+        if not all(await asyncio.gather(*(client.connect() for client in self._clients))):
+            raise ModbusError(f"{self._link} does not answer; check address, cable and power")
+
+
+async def _one(client: Any, unit: int, function: int, address: int, count: int) -> bytes:
+    method = client.read_holding_registers if function == 3 else client.read_input_registers
+    try:
+        answer: ModbusPDU = await method(address, count=count, device_id=unit)
+    except (TimeoutError, ModbusException, OSError):
+        raise ModbusError(f"unit {unit} does not answer") from None
+    if answer.isError():
+        code = int(getattr(answer, "exception_code", 0))
+        meaning = _EXCEPTIONS.get(code, "the device refuses")
+        raise ModbusError(f"unit {unit}, register {address}: {meaning} (exception {code})", code)
+    payload: bytes = getattr(answer, "payload", b"")
+    if len(payload) != 2 * count:
+        raise ModbusError(f"unit {unit}, register {address}: {len(payload)} bytes, expected {2 * count}")
+    return payload
+
+
+def _make(link: ModbusLink) -> Any:
+    client: Any
+    if link.host:
+        client = AsyncModbusTcpClient(link.host, port=link.port, timeout=link.timeout_s, retries=0, reconnect_delay=0)
+    else:
+        client = AsyncModbusSerialClient(
+            link.serial_port or "",
+            framer=FramerType.RTU,
+            baudrate=link.baudrate,
+            parity=link.parity,
+            stopbits=link.stopbits,
+            timeout=link.timeout_s,
+            retries=0,
+            reconnect_delay=0,
+        )
+    client.register(_RawHolding)
+    client.register(_RawInput)
+    return client
+
+
+def _check_serial(port: str) -> None:
+    """Say what is wrong with a serial port before pymodbus only says that it cannot connect."""
+    if not Path(port).exists():
+        raise UserError(f"source.serial_port: there is no {port}; plug the adapter in, or see ls /dev/tty*")
+    try:
+        serial.Serial(port, exclusive=True).close()
+    except serial.SerialException as error:
+        if "lock" in str(error):
+            raise UserError(f"source.serial_port: {port} is in use by another program; stop that one") from None
+        raise UserError(
+            f"source.serial_port: {port} cannot be opened ({error}); add the service's user to the group dialout"
+        ) from None

@@ -1,0 +1,46 @@
+"""Where a Modbus device is, and what the user says about a waveform bridge."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+
+@dataclass(frozen=True, slots=True)
+class ModbusLink:
+    """One TCP server or one serial line."""
+
+    host: str | None = None
+    """TCP; None: serial."""
+    port: int = 502
+    serial_port: str | None = None
+    """RTU: "/dev/ttyUSB0"."""
+    baudrate: int = 9600
+    parity: Literal["N", "E", "O"] = "N"
+    stopbits: Literal[1, 2] = 1
+    timeout_s: float = 0.3
+    """How long an answer may take [s]."""
+
+    def __str__(self) -> str:
+        return f"{self.host}:{self.port}" if self.host else f"{self.serial_port} at {self.baudrate} Bd"
+
+
+@dataclass(frozen=True, slots=True)
+class BridgeSettings:
+    """One waveform bridge."""
+
+    link: ModbusLink
+    unit: int = 1
+    """Modbus unit id."""
+    address: int = 0
+    """First register of the header."""
+    connections: int = 4
+    """Parallel TCP connections: one answer at a time and connection."""
+    poll_ms: int = 20
+    """How often new blocks are fetched [ms]."""
+    f_nominal: float = 50.0
+    """Declared mains frequency [Hz]."""
+    vt_ratio: float = 1.0
+    """Voltage transformer, primary / secondary."""
+    ct_ratio: float = 1.0
+    """Current transformer, primary / secondary."""
