@@ -13,10 +13,13 @@ from rich.console import Console
 from rich.table import Table
 
 from acqd.cli.options import ConfigFile, Json, configured
-from acqd.daemon.config import Config
+from acqd.daemon.source_sections import MetersSection
+from acqd.errors import UserError
 from acqd.metering import Meter
 from acqd.plc.executive import Executive
+from acqd.plc.realtime import RealtimeSettings
 from acqd.plc.stats import CycleSummary
+from acqd.sources.spec import Spec
 
 
 def jitter(
@@ -24,11 +27,19 @@ def jitter(
     duration: Annotated[float, typer.Option(min=0.5, help="Seconds to measure.")] = 10.0,
     json: Json = False,
 ) -> None:
-    """Run MAIN_FAST and MAIN_SLOW on the simulated source and show the wake-up latencies, like cyclictest.
+    """Run MAIN_FAST and MAIN_SLOW and show the wake-up latencies, like cyclictest.
+
+    The source is the configured one; without --config the simulated one.
 
     Example: acqd jitter --duration 60
     """
-    summary, histogram, refused, slow_us = asyncio.run(_measure(configured(config), duration))
+    source = configured(config).source
+    if isinstance(source, MetersSection):
+        raise UserError(
+            'jitter: source.kind = "meters" reads registers; there is no MAIN_FAST whose cycle could jitter'
+        )
+    realtime = configured(config).realtime.settings()
+    summary, histogram, refused, slow_us = asyncio.run(_measure(source.spec(), realtime, duration))
     if json:
         bins = {str(us): int(histogram[us]) for us in np.flatnonzero(histogram)}
         report = summary.as_dict() | {"histogram_us": bins, "realtime_refused": refused, "main_slow_mean_us": slow_us}
@@ -39,17 +50,20 @@ def jitter(
         console.print(f"[yellow]notice[/]: {sentence}", soft_wrap=True)
     console.print(_histogram(histogram))
     s = summary
+    cycle_ms = s.period_us / 1000
     console.print(
-        f"{s.cycles} cycles of 1 ms, wake-up latency \\[us]: min {s.min_us}  mean {s.mean_us:.1f}  p50 {s.p50_us}  "
-        f"p99 {s.p99_us}  p99.9 {s.p999_us}  max {s.max_us}\n"
-        f"late (> 0.5 ms) {s.late}  missed {s.missed}  exceeded {s.exceeded}  overflow {s.overflow}  "
+        f"{s.cycles} cycles of {cycle_ms:g} ms, wake-up latency \\[us]: min {s.min_us}  mean {s.mean_us:.1f}  "
+        f"p50 {s.p50_us}  p99 {s.p99_us}  p99.9 {s.p999_us}  max {s.max_us}\n"
+        f"late (> {cycle_ms / 2:g} ms) {s.late}  missed {s.missed}  exceeded {s.exceeded}  overflow {s.overflow}  "
         f"MAIN_FAST busy {s.busy:.1%}  MAIN_SLOW {slow_us:.0f} us per window",
         soft_wrap=True,
     )
 
 
-async def _measure(settings: Config, duration: float) -> tuple[CycleSummary, np.ndarray, list[str], float]:
-    executive = Executive(settings.source.spec(), Meter, lambda _batch: None, realtime=settings.realtime.settings())
+async def _measure(
+    source: Spec, realtime: RealtimeSettings, duration: float
+) -> tuple[CycleSummary, np.ndarray, list[str], float]:
+    executive = Executive(source, Meter, lambda _batch: None, realtime=realtime)
     await executive.start()
     running = asyncio.create_task(executive.run())
     await asyncio.wait({running}, timeout=duration)

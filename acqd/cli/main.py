@@ -15,9 +15,11 @@ from acqd.cli import (
     close_loop,
     dataset,
     doctor,
+    ethercat,
     export_fmu,
     jitter,
     lab,
+    modbus,
     models,
     replay,
     run,
@@ -41,6 +43,8 @@ app.command("watch")(watch.watch)
 app.command("doctor")(doctor.doctor)
 app.command("jitter")(jitter.jitter)
 app.command("broker")(broker.broker)
+app.add_typer(ethercat.app, name="ethercat")
+app.add_typer(modbus.app, name="modbus")
 app.add_typer(lab.app, name="lab")
 app.add_typer(dataset.app, name="dataset")
 app.command("train")(models.train)

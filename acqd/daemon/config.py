@@ -7,82 +7,28 @@ import os
 import socket
 import tomllib
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
 
+from acqd.daemon.source_sections import SECTIONS, Port, Positive, Section, SimulatedSection, SourceSection
 from acqd.errors import InputError
 from acqd.plc.realtime import RealtimeSettings
-from acqd.sources import ChannelMap, SimulationSettings
-from acqd.sources.simulated import Sag
-from acqd.sources.spec import Spec, replay_spec, simulated_spec
 from acqd.storage.maintain import Retention
 from acqd.storage.sink import SinkSettings
 from acqd.telemetry.mqtt import BrokerAddress
 from acqd.telemetry.topics import valid_device
 
-_Port = Annotated[int, Field(ge=1, le=65_535, strict=True)]
-_Order = Annotated[int, Field(ge=2, le=100)]
-_Share = Annotated[float, Field(ge=0, le=1)]
-_Positive = Annotated[float, Field(gt=0)]
 
-
-class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
-
-
-class SagSection(_Section):
-    """One voltage dip."""
-
-    at: Annotated[float, Field(ge=0)]
-    duration: _Positive
-    depth: _Share
-
-
-class SourceSection(_Section):
-    """Where samples come from."""
-
-    kind: Literal["simulated", "replay"] = "simulated"
-    # simulated
-    phases: Annotated[int, Field(ge=1, le=3)] = 3
-    seed: int = 1
-    voltage: Annotated[float, Field(gt=0, le=500)] = 230.0
-    frequency: Annotated[float, Field(ge=45, le=65)] = 50.0
-    frequency_drift: Annotated[float, Field(ge=-1, le=1)] = 0.0
-    frequency_wander: Annotated[float, Field(ge=0, le=1)] = 0.02
-    noise: _Share = 0.0005
-    dc: _Share = 0.0
-    power: Annotated[float, Field(ge=0, le=2000)] = 180.0
-    power_factor: Annotated[float, Field(gt=0, le=1)] = 0.9
-    current_range: Literal[1, 5] = 5
-    harmonics: dict[_Order, _Share] = {3: 0.01, 5: 0.02, 7: 0.01}
-    current_harmonics: dict[_Order, _Share] = {3: 0.15, 5: 0.08, 7: 0.04}
-    load_profile: Path | None = None
-    sags: list[SagSection] = []
-    # replay
-    file: Path | None = None
-    loops: Annotated[int, Field(ge=0)] = 1
-
-    def spec(self) -> Spec:
-        """For the fast process."""
-        if self.kind == "replay":
-            assert self.file is not None
-            return replay_spec(self.file, ChannelMap(), self.loops)
-        names = SimulationSettings.__dataclass_fields__.keys() & type(self).model_fields.keys()
-        values = {name: getattr(self, name) for name in names - {"sags"}}
-        sags = tuple(Sag(sag.at, sag.duration, sag.depth) for sag in self.sags)
-        return simulated_spec(SimulationSettings(**values, sags=sags))
-
-
-class MeteringSection(_Section):
+class MeteringSection(Section):
     """How windows become quantities."""
 
     mode: Literal["synchronous", "fixed"] = "synchronous"
     window: Annotated[float, Field(ge=0.04, le=0.05)] | None = None
-    nominal_voltage: _Positive = 230.0
+    nominal_voltage: Positive = 230.0
 
 
-class RealtimeSection(_Section):
+class RealtimeSection(Section):
     """MAIN_FAST's scheduling."""
 
     priority: Annotated[int, Field(ge=0, le=99)] = 80
@@ -94,12 +40,12 @@ class RealtimeSection(_Section):
         return RealtimeSettings(**self.model_dump())
 
 
-class MqttSection(_Section):
+class MqttSection(Section):
     """The broker, for the daemon, the sink and the viewers."""
 
     enabled: bool = True
     host: Annotated[str, Field(min_length=1)] = "127.0.0.1"
-    port: _Port = 1883
+    port: Port = 1883
     username: str | None = None
     password: str | None = None
     password_file: Path | None = None
@@ -121,14 +67,14 @@ class MqttSection(_Section):
         return BrokerAddress(**{name: getattr(self, name) for name in names}, password=password)
 
 
-class BrokerSection(_Section):
+class BrokerSection(Section):
     """The embedded broker."""
 
     embedded: bool = False
     host: str = "127.0.0.1"
 
 
-class SinkSection(_Section):
+class SinkSection(Section):
     """MQTT -> SQL."""
 
     embedded: bool = False
@@ -150,12 +96,12 @@ class SinkSection(_Section):
         return Retention(self.keep_days, self.keep_1min_days, self.keep_quarantine_days)
 
 
-class Config(_Section):
+class Config(Section):
     """The whole file."""
 
     device: str = "acqd"
     state_dir: Path | None = None
-    source: SourceSection = SourceSection()
+    source: SourceSection = SimulatedSection()
     metering: MeteringSection = MeteringSection()
     realtime: RealtimeSection = RealtimeSection()
     mqtt: MqttSection = MqttSection()
@@ -169,12 +115,20 @@ class Config(_Section):
             raise ValueError("expected 1 to 64 letters, digits, dots, dashes or underscores")
         return name
 
+    @model_validator(mode="before")
+    @classmethod
+    def _default_kind(cls, data: Any) -> Any:
+        source = data.get("source") if isinstance(data, dict) else None
+        if isinstance(source, dict) and "kind" not in source:
+            return {**data, "source": {"kind": "simulated", **source}}
+        return data
+
     @property
     def window(self) -> float:
         """Window length [s]: as set, else 40 ms at 50 Hz and 50 ms at 60 Hz."""
         if self.metering.window is not None:
             return self.metering.window
-        return 0.05 if self.source.kind == "simulated" and self.source.frequency > 55 else 0.04
+        return 0.05 if self.source.nominal_frequency > 55 else 0.04
 
     @classmethod
     def demonstration(cls, port: int) -> Config:
@@ -196,8 +150,6 @@ def load_config(path: Path) -> Config:
         config = Config.model_validate(data)
     except ValidationError as error:
         raise InputError(path, "; ".join(_complaint(fault) for fault in error.errors())) from None
-    if config.source.kind == "replay" and config.source.file is None:
-        raise InputError(path, 'source.file is missing: source.kind = "replay" needs the waveform to replay')
     state = os.environ.get("STATE_DIRECTORY")
     if config.state_dir is None and state:
         config.state_dir = Path(state)
@@ -205,20 +157,36 @@ def load_config(path: Path) -> Config:
 
 
 def _complaint(fault: Any) -> str:
-    key = ".".join(str(part) for part in fault["loc"])
+    key = ".".join(str(part) for part in fault["loc"] if part not in _KINDS)
+    if fault["type"] == "missing":
+        kind = next((f' (kind = "{part}")' for part in fault["loc"] if part in _KINDS), "")
+        return f"{key} is missing{kind}"
+    if fault["type"] == "union_tag_invalid":
+        return f"source.kind: {fault['input'].get('kind')!r} is unknown, expected one of {', '.join(_KINDS)}"
     if fault["type"] != "extra_forbidden":
         return f"{key}: {fault['msg'].removeprefix('Value error, ')} (got {fault['input']!r:.60})"
-    known = _known_keys()
+    foreign = [kind for kind, section in _KINDS.items() if key.removeprefix("source.") in section.model_fields]
+    if key.startswith("source.") and foreign:
+        return f"{key} belongs to kind {' or '.join(foreign)}, here kind is {fault['loc'][1]}; delete it"
+    known = known_keys()
     near = difflib.get_close_matches(key, known, n=1, cutoff=0.0)
     same_end = [name for name in known if name.rpartition(".")[2] == key.rpartition(".")[2]]
     return f"unknown key {key}; did you mean {(same_end or near)[0]}?"
 
 
-def _known_keys() -> list[str]:
+_KINDS: dict[str, type[Section]] = {
+    get_args(section.model_fields["kind"].annotation)[0]: section for section in SECTIONS
+}
+
+
+def known_keys() -> list[str]:
+    """Every key of the file, with its section; `source` has the keys of all kinds."""
     keys = []
     for name, info in Config.model_fields.items():
         section = info.annotation
-        if isinstance(section, type) and issubclass(section, BaseModel):
+        if name == "source":
+            keys += sorted({f"source.{key}" for kind in SECTIONS for key in kind.model_fields})
+        elif isinstance(section, type) and issubclass(section, BaseModel):
             keys += [f"{name}.{key}" for key in section.model_fields]
         else:
             keys.append(name)

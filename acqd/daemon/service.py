@@ -1,4 +1,4 @@
-"""One `acqd run`: executive, telemetry and, if asked for, broker and sink, from start to SIGTERM."""
+"""One `acqd run`: feed, telemetry and, if asked for, broker and sink, from start to SIGTERM."""
 
 from __future__ import annotations
 
@@ -17,23 +17,22 @@ import orjson
 
 from acqd import __version__
 from acqd.daemon.config import Config
+from acqd.daemon.feed import Deliver, Feed
+from acqd.daemon.meter_feed import MeterFeed
 from acqd.daemon.notify import notify
-from acqd.daemon.register import RegisterFile
+from acqd.daemon.source_sections import MetersSection
+from acqd.daemon.waveform_feed import WaveformFeed
 from acqd.errors import OperationError, UserError
-from acqd.metering import Meter, StreamFormat, WindowBatch
-from acqd.plc.executive import Executive
 from acqd.telemetry import topics
 from acqd.telemetry.broker import EmbeddedBroker
 from acqd.telemetry.connector import Connector
 from acqd.telemetry.outbox import MemoryOutbox, Message
-from acqd.telemetry.row import rfc3339, rows_of
-from acqd.telemetry.summary import Summariser
+from acqd.telemetry.row import PowerRow, rfc3339
 
 _log = logging.getLogger(__name__)
 _STATUS_S = 10.0
 _SAVE_S = 10.0
 _FLUSH_S = 0.6  # of the 2 s that a stop may take
-_STALE_S = 2.0  # without a row for this long the watchdog is not fed
 
 
 class Service:
@@ -46,17 +45,8 @@ class Service:
         self._boot = uuid.uuid4().hex[:12]
         self._outbox = MemoryOutbox(config.mqtt.queue)
         self._connector: Connector | None = None
-        self._register = RegisterFile(config.state_dir, config.device) if config.state_dir else None
-        self._executive = Executive(
-            config.source.spec(),
-            self._make_meter,
-            self._take,
-            window=config.window,
-            realtime=config.realtime.settings(),
-        )
-        self._summariser = Summariser()
+        self._feed: Feed = _feed(config, self._boot, self._take)
         self._stop = asyncio.Event()
-        self._last_row: float | None = None
         self._started = time.time_ns()
         self.rows = 0
 
@@ -76,10 +66,10 @@ class Service:
                 await broker.start()
             if self.config.sink.embedded:
                 sink = await self._start_sink()
-            await self._executive.start()
-            for sentence in self._executive.refused:
+            await self._feed.start()
+            for sentence in self._feed.refused:
                 _log.warning("real time: %s", sentence)
-            metering = asyncio.create_task(self._executive.run())
+            metering = asyncio.create_task(self._feed.run())
             if self.config.mqtt.enabled:
                 self._connector = Connector(
                     address,
@@ -107,7 +97,7 @@ class Service:
         )
         stopping.cancel()
         if not metering.done():
-            await self._executive.stop()
+            await self._feed.stop()
         await metering
         for task in done & set(background):
             task.result()  # a refusal by the broker, or a bug
@@ -118,8 +108,8 @@ class Service:
         broker: EmbeddedBroker | None,
         sink: asyncio.subprocess.Process | None,
     ) -> None:
-        await self._executive.stop()
-        self._save()
+        await self._feed.stop()
+        self._feed.save()
         if self._connector is not None:
             await self._connector.flush(_FLUSH_S)
             waiting = len(self._outbox)
@@ -136,56 +126,34 @@ class Service:
                 sink.kill()
         if broker is not None:
             await broker.stop()
-        self._executive.close()
+        self._feed.close()
 
-    def _make_meter(self, form: StreamFormat) -> Meter:
-        metering = self.config.metering
-        return Meter(
-            form,
-            window=self.config.window,
-            mode=metering.mode,
-            nominal_voltage=metering.nominal_voltage,
-            energy=self._register.load(form.phases) if self._register else None,
-        )
-
-    def _take(self, batch: WindowBatch) -> None:
-        """Rows and summaries of a batch into the outbox."""
-        device = self.config.device
-        rows = list(rows_of(batch, device, self._boot))
-        summaries = self._summariser.add(batch, rows)
+    def _take(self, rows: list[PowerRow], summaries: list[dict[str, Any]]) -> None:
+        """Rows and summaries into the outbox."""
         if self.config.mqtt.enabled:
             for row in rows:
-                self._outbox.put(Message(topics.power(device, row.channel), row.to_json()))
+                self._outbox.put(Message(topics.power(row.device, row.channel), row.to_json()))
             for summary in summaries:
                 payload = orjson.dumps(summary)
-                self._outbox.put(Message(topics.summary(device, summary["channel"]), payload, retain=True))
+                self._outbox.put(Message(topics.summary(summary["device"], summary["channel"]), payload, retain=True))
         if self._on_second is not None and summaries:
             self._on_second(summaries)
         self.rows += len(rows)
-        self._last_row = time.monotonic()
 
     async def _housekeeping(self) -> None:
         """Watchdog, status, register file."""
         next_status = next_save = 0.0
         while True:
             now = time.monotonic()
-            if self._last_row is not None and now - self._last_row < _STALE_S:
+            if self._feed.alive():
                 notify("WATCHDOG=1")
             if now >= next_status and self._connector is not None:
                 next_status = now + _STATUS_S
                 self._outbox.put(Message(topics.status(self.config.device), self._status(), retain=True))
             if now >= next_save:
                 next_save = now + _SAVE_S
-                self._save()
+                self._feed.save()
             await asyncio.sleep(0.5)
-
-    def _save(self) -> None:
-        if self._register is not None and self._executive.meter is not None:
-            self._register.save(self._readings())
-
-    def _readings(self) -> list[tuple[float, float]]:
-        assert self._executive.meter is not None
-        return self._executive.meter.energy.reading()
 
     def _status(self) -> bytes:
         return orjson.dumps(self.status())
@@ -201,17 +169,15 @@ class Service:
             "time": rfc3339(time.time_ns()),
             "started": rfc3339(self._started),
             "source": self.config.source.kind,
-            "simulated": "simulated" in self._executive.flags,
             "rows": self.rows,
-            "main_fast": self._executive.cycle_summary().as_dict() | {"restarts": self._executive.restarts},
-            "main_slow": {"mean_us": self._executive.slow_us()},
-            "realtime_refused": self._executive.refused,
+            "realtime_refused": self._feed.refused,
             "mqtt": {
                 "waiting": len(self._outbox),
                 "dropped": self._outbox.dropped,
                 "delivered": connector.delivered if connector else 0,
                 "reconnects": max(connector.reconnects, 0) if connector else 0,
             },
+            **self._feed.status(),
         }
 
     async def _start_sink(self) -> asyncio.subprocess.Process:
@@ -231,6 +197,13 @@ class Service:
             raise UserError(message.removeprefix("acqd: ") or "the sink did not start")
         self._sink_log = asyncio.create_task(_relay(process.stderr))
         return process
+
+
+def _feed(config: Config, boot: str, deliver: Deliver) -> Feed:
+    """What makes the rows of this configuration."""
+    if isinstance(config.source, MetersSection):
+        return MeterFeed(config.source, boot, deliver)
+    return WaveformFeed(config, config.source, boot, deliver)
 
 
 async def _watch(sink: asyncio.subprocess.Process) -> None:

@@ -15,6 +15,11 @@ def power_factor(P: Floats, S: Floats) -> Floats:
         return np.asarray(np.where(S > 0, P / S, np.nan))
 
 
+def effective(phases: Floats) -> Floats:
+    """Effective voltage or current of a system, sqrt(mean of squares) over the phases (first axis): IEEE 1459-2010."""
+    return np.asarray(np.sqrt(np.mean(np.square(phases), axis=0)))
+
+
 @dataclass(frozen=True, slots=True)
 class Total:
     """The polyphase total, [windows] each."""
@@ -32,8 +37,8 @@ class Total:
 def total(Vrms: Floats, Irms: Floats, P: Floats) -> Total:
     """Total of phases [phases, windows]."""
     return Total(
-        Vrms=np.sqrt(np.mean(Vrms**2, axis=0)),
-        Irms=np.sqrt(np.mean(Irms**2, axis=0)),
+        Vrms=effective(Vrms),
+        Irms=effective(Irms),
         P=P.sum(axis=0),
         S=(Vrms * Irms).sum(axis=0),
     )

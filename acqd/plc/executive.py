@@ -134,6 +134,12 @@ class Executive:
         """Process id of MAIN_FAST."""
         return self._fast.process.pid if self._fast else None
 
+    @property
+    def period_ns(self) -> int:
+        """Cycle of MAIN_FAST [ns], as its source asks for."""
+        assert self._fast is not None
+        return self._fast.period_ns
+
     def cycle_summary(self) -> CycleSummary:
         """Statistics of the current fast process."""
         assert self._fast is not None

@@ -20,6 +20,7 @@ _CYCLES, _MISSED, _EXCEEDED, _LATE, _SUM, _MIN, _MAX, _BUSY = range(BINS, SLOTS)
 class CycleSummary:
     """Latencies in microseconds."""
 
+    period_us: float
     cycles: int
     min_us: int
     mean_us: float
@@ -89,6 +90,7 @@ class CycleStats:
         p50, p99, p999 = (int(np.searchsorted(rank, share * rank[-1])) for share in (0.5, 0.99, 0.999))
         elapsed = max((cycles + missed) * self._period_ns, 1)
         return CycleSummary(
+            period_us=self._period_ns / 1000,
             cycles=cycles,
             min_us=lowest if cycles else 0,
             mean_us=total / max(cycles, 1),

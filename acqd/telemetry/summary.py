@@ -4,46 +4,66 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from typing import Any
 
 from acqd.metering import WindowBatch
 from acqd.telemetry.row import PowerRow, rfc3339
 
 
+@dataclass(frozen=True, slots=True)
+class TimedRow:
+    """A row with what a summary needs besides it."""
+
+    row: PowerRow
+    utc_ns: int
+    imported: float | None
+    """Energy register at the row's end [kWh], None where there is none."""
+    exported: float | None
+
+
 class Summariser:
-    """Collects rows until the stream's UTC second changes, then gives one summary per channel."""
+    """Collects rows of one device until the stream's UTC second changes, then gives one summary per channel."""
 
     def __init__(self) -> None:
-        self._rows: dict[str, list[PowerRow]] = defaultdict(list)
+        self._rows: dict[str, list[TimedRow]] = defaultdict(list)
         self._second: int | None = None
-        self._registers: list[tuple[float, float]] = []  # each phase's (imported, exported) [kWh] at the last row
 
     def add(self, batch: WindowBatch, rows: Iterable[PowerRow]) -> list[dict[str, Any]]:
         """Take a batch and its rows; the summaries that they complete."""
+        return self.add_rows(_timed(batch, rows))
+
+    def add_rows(self, rows: Iterable[TimedRow]) -> list[dict[str, Any]]:
+        """Take rows; the summaries that they complete."""
         done: list[dict[str, Any]] = []
-        window = {seq: k for k, seq in enumerate(batch.seq.tolist())}
-        for row in rows:
-            k = window[row.seq]
-            second = int(batch.utc_ns[k]) // 1_000_000_000
+        for timed in rows:
+            second = timed.utc_ns // 1_000_000_000
             if self._second is not None and second != self._second:
                 done += self._close()
             self._second = second
-            self._rows[row.channel].append(row)
-            self._registers = list(zip(batch.imported[:, k].tolist(), batch.exported[:, k].tolist(), strict=True))
+            self._rows[timed.row.channel].append(timed)
         return done
 
     def _close(self) -> list[dict[str, Any]]:
         assert self._second is not None
-        readings = {f"L{phase}": pair for phase, pair in enumerate(self._registers, start=1)}
-        readings["total"] = (sum(pair[0] for pair in self._registers), sum(pair[1] for pair in self._registers))
-        summaries = [_summary(rows, self._second, *readings[channel]) for channel, rows in self._rows.items()]
+        summaries = [_summary(rows, self._second) for rows in self._rows.values()]
         self._rows.clear()
         return summaries
 
 
-def _summary(rows: list[PowerRow], second: int, imported: float, exported: float) -> dict[str, Any]:
-    last = rows[-1]
+def _timed(batch: WindowBatch, rows: Iterable[PowerRow]) -> Iterator[TimedRow]:
+    """Rows with the register readings of their window; the total has the phases' sum."""
+    window = {seq: k for k, seq in enumerate(batch.seq.tolist())}
+    utc, imported, exported = batch.utc_ns.tolist(), batch.imported, batch.exported
+    phase = {f"L{number + 1}": slice(number, number + 1) for number in range(len(imported))}
+    for row in rows:
+        k, which = window[row.seq], phase.get(row.channel, slice(None))
+        yield TimedRow(row, utc[k], float(imported[which, k].sum()), float(exported[which, k].sum()))
+
+
+def _summary(timed: list[TimedRow], second: int) -> dict[str, Any]:
+    rows, last = [one.row for one in timed], timed[-1].row
     P, S = _mean([row.P for row in rows]), _mean([row.S for row in rows])
     return {
         "device": last.device,
@@ -61,8 +81,8 @@ def _summary(rows: list[PowerRow], second: int, imported: float, exported: float
         "PF": P / S if P is not None and S else None,
         "f": _mean([row.f for row in rows]),
         "W": last.W,
-        "W_import": imported,
-        "W_export": exported,
+        "W_import": timed[-1].imported,
+        "W_export": timed[-1].exported,
         "flags": sorted({flag for row in rows for flag in row.flags}),
         "schema": last.schema,
     }

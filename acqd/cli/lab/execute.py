@@ -13,7 +13,8 @@ from rich.console import Console
 from acqd.cli.lab.options import Effects, LabFile, Robot, Scene, Seed, settings_from
 from acqd.cli.options import ConfigFile, Json
 from acqd.cli.serve import announce, demonstration_port, serve
-from acqd.daemon.config import Config, SourceSection, load_config
+from acqd.daemon.config import Config, load_config
+from acqd.daemon.source_sections import ReplaySection
 from acqd.errors import UserError
 
 
@@ -57,7 +58,7 @@ def execute(
     with tempfile.TemporaryDirectory(prefix="acqd-live-") as folder:
         path = lab.render(chosen, file, Path(folder))
         daemon = load_config(config) if config else Config.demonstration(demonstration_port())
-        daemon.source = SourceSection(kind="replay", file=path)
+        daemon.source = ReplaySection(kind="replay", file=path)
         daemon.metering.window = chosen.window_s
         if not config:
             daemon.device = f"{chosen.device}-01"

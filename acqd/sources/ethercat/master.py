@@ -40,17 +40,17 @@ class SlaveInfo:
         return objects.product_name(self.vendor, self.product)
 
 
-def open_master(interface: str) -> Any:
-    """A pysoem master on the interface. Raises UserError when that is impossible here."""
+def open_master(interface: str, option: str = "source.interface") -> Any:
+    """A pysoem master on the interface. Raises UserError, which names `option`, when that is impossible here."""
     if not Path(f"/sys/class/net/{interface}").exists():
         there = ", ".join(sorted(path.name for path in Path("/sys/class/net").iterdir()))
-        raise UserError(f"source.interface: there is no network interface {interface!r}; this host has {there}")
+        raise UserError(f"{option}: there is no network interface {interface!r}; this host has {there}")
     master = pysoem.Master()
     try:
         master.open(interface)
     except ConnectionError:
         raise UserError(
-            f"source.interface: this user may not send EtherCAT frames on {interface}; give the service CAP_NET_RAW "
+            f"{option}: this user may not send EtherCAT frames on {interface}; give the service CAP_NET_RAW "
             "and CAP_NET_ADMIN (AmbientCapabilities= in its unit, or setcap cap_net_raw,cap_net_admin+ep on its Python)"
         ) from None
     master.manual_state_change = True
@@ -65,6 +65,20 @@ def scan(master: Any) -> list[SlaveInfo]:
         SlaveInfo(position, slave.man, slave.id, slave.rev, slave.name)
         for position, slave in enumerate(master.slaves, start=1)
     ]
+
+
+def assignments(master: Any) -> dict[int, list[str]]:
+    """The PDOs assigned to the inputs of each EL3783 by position, a line each. Raises SegmentError."""
+    lines: dict[int, list[str]] = {}
+    for position, slave in enumerate(master.slaves, start=1):
+        if (slave.man, slave.id) == (objects.BECKHOFF, objects.EL3783):
+            with _sdo_errors():
+                lines[position] = [
+                    f"{pdo:#06x}: {sum(entry & 0xFF for entry in entries)} bits in {len(entries)} entries"
+                    for pdo in _list(slave, objects.TXPDO_ASSIGN)
+                    for entries in [_list(slave, pdo)]
+                ]
+    return lines
 
 
 class Segment:

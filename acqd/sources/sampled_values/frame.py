@@ -9,7 +9,7 @@ ETHERTYPE = 0x88BA
 _HEADER = 14  # Ethernet addresses and type; the kernel has removed a VLAN tag
 _APDU = _HEADER + 8  # after APPID, length and two reserved words
 _SIMULATE = 0x8000  # of the first reserved word (IEC 61850-9-2 Edition 2)
-_SAV_PDU, _SEQ_ASDU, _ASDU = 0x60, 0xA2, 0x30
+_SAV_PDU, _NO_ASDU, _SEQ_ASDU, _ASDU = 0x60, 0x80, 0xA2, 0x30
 _SVID, _SMP_CNT, _CONF_REV, _REFR_TM, _SMP_SYNCH, _SMP_RATE, _SAMPLES = 0x80, 0x82, 0x83, 0x84, 0x85, 0x86, 0x87
 
 
@@ -79,8 +79,13 @@ def parse(frame: bytes) -> FrameLayout:
         for inner, first, last in _elements(frame, begin, after)
         if inner == _ASDU
     )
-    if not asdus:
-        raise FrameError("the savPdu holds no ASDU")
+    announced = [
+        int.from_bytes(frame[begin:after], "big")
+        for kind, begin, after in _elements(frame, start, stop)
+        if kind == _NO_ASDU
+    ]
+    if not asdus or announced != [len(asdus)]:
+        raise FrameError(f"the savPdu holds {len(asdus)} ASDUs, noASDU says {announced}")
     return FrameLayout(len(frame), appid, asdus)
 
 

@@ -35,7 +35,8 @@ class PacketSocket:
             there = ", ".join(sorted(path.name for path in Path("/sys/class/net").iterdir()))
             raise UserError(f"source.interface: there is no network interface {interface!r}; this host has {there}")
         try:
-            self._socket = socket.socket(socket.AF_PACKET, socket.SOCK_RAW, socket.htons(ETHERTYPE))
+            # Protocol 0 until it is bound: otherwise frames of every interface would be collected meanwhile.
+            self._socket = socket.socket(socket.AF_PACKET, socket.SOCK_RAW, 0)
         except PermissionError:
             raise UserError(
                 f"source.interface: this user may not listen on {interface}; give the service CAP_NET_RAW "

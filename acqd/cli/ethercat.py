@@ -1,0 +1,57 @@
+"""`acqd ethercat`: what is on an EtherCAT segment."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Annotated
+
+import orjson
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from acqd.cli.options import Json
+from acqd.errors import UserError
+from acqd.sources.spec import device_module
+
+app = typer.Typer(help="EtherCAT: EL3783 terminals behind a coupler.", no_args_is_help=True)
+
+
+@app.callback()
+def ethercat() -> None:
+    """EtherCAT: EL3783 terminals behind a coupler."""
+
+
+@app.command()
+def scan(
+    interface: Annotated[str, typer.Argument(help="Network interface the coupler is on.")],
+    pdos: Annotated[bool, typer.Option("--pdos", help="Also read the PDO assignment of each EL3783.")] = False,
+    json: Json = False,
+) -> None:
+    """List the slaves on a network interface; nothing is changed on them.
+
+    Example: acqd ethercat scan eth1
+    """
+    master = device_module("ethercat.master")
+    opened = master.open_master(interface, option="INTERFACE")
+    try:
+        slaves = master.scan(opened)
+        assigned = master.assignments(opened) if pdos else {}
+    except master.SegmentError as error:
+        raise UserError(f"EtherCAT on {interface}: {error}") from None
+    finally:
+        master.close_master(opened)
+    if json:
+        report = [asdict(slave) | {"title": slave.title, "pdos": assigned.get(slave.position)} for slave in slaves]
+        print(orjson.dumps(report).decode())
+        return
+    table = Table("position", "type", "vendor", "product", "revision", "name", title=f"slaves on {interface}")
+    for slave in slaves:
+        identity = (f"{number:#010x}" for number in (slave.vendor, slave.product, slave.revision))
+        table.add_row(str(slave.position), slave.title, *identity, slave.name)
+    console = Console()
+    console.print(table)
+    for position, lines in assigned.items():
+        console.print(f"slave {position}, objects assigned to its inputs:")
+        for line in lines:
+            console.print(f"  {line}", highlight=False)

@@ -1,0 +1,173 @@
+"""Rows from RMS meters: registers as they are, no metering of ours."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from acqd.daemon.feed import Deliver
+from acqd.daemon.source_sections import MetersSection
+from acqd.errors import UserError
+from acqd.metering.power import effective
+from acqd.sources.spec import device_module
+from acqd.telemetry.row import CHANNELS, Channel, PowerRow, filetime, rfc3339
+from acqd.telemetry.summary import Summariser, TimedRow
+from acqd.telemetry.topics import valid_device
+
+if TYPE_CHECKING:  # needs acqd[hw], which a PC without hardware does not have
+    from acqd.sources.meters import MeterBus, Reading
+
+_log = logging.getLogger(__name__)
+_STALE_PERIODS = 5
+
+
+class MeterFeed:
+    """The meters of one link."""
+
+    def __init__(self, source: MetersSection, boot: str, deliver: Deliver) -> None:
+        """Raises UserError for meters that cannot be told apart."""
+        names = [meter.name for meter in source.meters]
+        for name in names:
+            if not valid_device(name) or names.count(name) > 1:
+                raise UserError(
+                    f"source.meters: name {name!r} must differ from the others' and consist of letters, digits, . _ -"
+                )
+        meters, modbus = device_module("meters"), device_module("modbus")
+        settings = [meters.MeterSettings(**meter.model_dump()) for meter in source.meters]
+        self._bus: MeterBus = meters.MeterBus(modbus.ModbusLink(**source.link()), settings)
+        self._boot = boot
+        self._deliver = deliver
+        self._summarisers = {name: Summariser() for name in names}
+        self._stopped = asyncio.Event()
+        self._started = self._last_row = time.monotonic()
+        self._troubles: dict[str, str] = {}
+        self.refused: list[str] = []
+
+    async def start(self) -> None:
+        """Read every meter once. Raises UserError when none answers or one makes no sense."""
+        for sentence in await asyncio.to_thread(self._bus.check):
+            _log.warning("%s; the others are read", sentence)
+        loop = asyncio.get_running_loop()
+
+        def hand_over(reading: Reading) -> None:
+            loop.call_soon_threadsafe(self._take, reading)
+
+        self._bus.start(hand_over)
+
+    async def run(self) -> None:
+        """Until `stop` is called."""
+        while not self._stopped.is_set():
+            self._watch()
+            try:
+                await asyncio.wait_for(self._stopped.wait(), 1.0)
+            except TimeoutError:
+                continue
+
+    async def stop(self) -> None:
+        """Finish the answer that is under way."""
+        if not self._stopped.is_set():
+            self._stopped.set()
+            await asyncio.to_thread(self._bus.stop)
+
+    def close(self) -> None:
+        """Nothing is held beyond `stop`."""
+        return
+
+    def save(self) -> None:
+        """The meters keep their energy themselves."""
+        return
+
+    def alive(self) -> bool:
+        """Rows come; or every meter is known to be away and the bus calls them."""
+        longest_s = max(meter.period_ns for meter in self._bus.meters) * 1e-9
+        if time.monotonic() - self._last_row < _STALE_PERIODS * longest_s + 2.0:
+            return True
+        return self._bus.polling and all(meter.trouble for meter in self._bus.meters)
+
+    def status(self) -> dict[str, Any]:
+        """How each meter is."""
+        return {
+            "simulated": False,
+            "meters": {
+                meter.settings.name: {"profile": meter.profile.name, "unit": meter.unit, "trouble": meter.trouble}
+                for meter in self._bus.meters
+            },
+        }
+
+    def _watch(self) -> None:
+        """Log what changes, not what goes on."""
+        for meter in self._bus.meters:
+            name, trouble = meter.settings.name, meter.trouble
+            before = self._troubles.get(name, "")
+            self._troubles[name] = trouble
+            if trouble and not before:
+                _log.warning("meter %s: %s; trying again", name, trouble)
+            elif before and not trouble:
+                _log.warning("meter %s is back; the gap is flagged", name)
+
+    def _take(self, reading: Reading) -> None:
+        timed = list(_timed_rows(reading, self._boot))
+        summaries = self._summarisers[reading.meter].add_rows(timed)
+        self._deliver([one.row for one in timed], summaries)
+        self._last_row = time.monotonic()
+
+
+def _timed_rows(reading: Reading, boot: str) -> Iterator[TimedRow]:
+    """L1 to L3 as far as the meter has them, and their total where it has more than one phase."""
+    channels: list[Channel] = list(CHANNELS[: reading.phases])
+    if reading.phases > 1:
+        channels.append("total")
+    stamp, ticks = rfc3339(reading.utc_ns), filetime(reading.utc_ns)
+    flags = sorted(reading.flags)
+    for channel in channels:
+        values = _channel(reading, channel)
+        row = PowerRow(
+            reading.meter,
+            channel,
+            boot,
+            reading.seq,
+            stamp,
+            ticks,
+            values["Vrms"],
+            values["Irms"],
+            values["P"],
+            values["S"],
+            values["PF"],
+            reading.values.get("f") or None,  # 0 Hz: the meter does not measure it
+            _net(values["W"], values["W_export"]),
+            flags,
+        )
+        yield TimedRow(row, reading.utc_ns, values["W"], values["W_export"])
+
+
+def _channel(reading: Reading, channel: Channel) -> dict[str, float | None]:
+    """A channel's quantities: registers where the meter has them, else what follows from others of the same round."""
+    names = ("Vrms", "Irms", "P", "S", "PF", "W", "W_export")
+    values = {name: reading.values.get(f"{channel}.{name}") for name in names}
+    if channel == "total":
+        for name in ("Vrms", "Irms"):
+            phases = [reading.values.get(f"L{k + 1}.{name}") for k in range(reading.phases)]
+            values[name] = None if None in phases else float(effective(np.array(phases)))
+    if values["S"] is None:
+        values["S"] = _apparent(reading, channel)
+    if values["PF"] is None and values["P"] is not None and values["S"]:
+        values["PF"] = values["P"] / values["S"]
+    return values
+
+
+def _apparent(reading: Reading, channel: Channel) -> float | None:
+    """Vrms x Irms [VA]; of the total, the phases' sum."""
+    if channel == "total":
+        parts = [_channel(reading, phase)["S"] for phase in CHANNELS[: reading.phases]]
+        return None if None in parts else sum(part for part in parts if part is not None)
+    volts, amperes = reading.values.get(f"{channel}.Vrms"), reading.values.get(f"{channel}.Irms")
+    return None if volts is None or amperes is None else volts * amperes
+
+
+def _net(imported: float | None, exported: float | None) -> float | None:
+    return None if imported is None else imported - (exported or 0.0)

@@ -1,0 +1,93 @@
+"""Rows from samples: the cyclic executive, the meter and its energy registers."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import asdict
+from typing import Any
+
+from acqd.daemon.config import Config
+from acqd.daemon.feed import Deliver
+from acqd.daemon.register import RegisterFile
+from acqd.daemon.source_sections import WaveformSection
+from acqd.metering import Meter, StreamFormat, WindowBatch
+from acqd.plc.executive import Executive
+from acqd.telemetry.row import rows_of
+from acqd.telemetry.summary import Summariser
+
+_STALE_S = 2.0  # rows are missing when none has come for this long
+
+
+class WaveformFeed:
+    """One stream of samples."""
+
+    def __init__(self, config: Config, source: WaveformSection, boot: str, deliver: Deliver) -> None:
+        self._config = config
+        self._boot = boot
+        self._deliver = deliver
+        self._register = RegisterFile(config.state_dir, config.device) if config.state_dir else None
+        self._summariser = Summariser()
+        self._last_row: float | None = None
+        self._cycles = -1
+        self._executive = Executive(
+            source.spec(), self._make_meter, self._take, window=config.window, realtime=config.realtime.settings()
+        )
+
+    @property
+    def refused(self) -> list[str]:
+        """Real-time settings that this host does not permit."""
+        return self._executive.refused
+
+    async def start(self) -> None:
+        """Start MAIN_FAST. Raises UserError when its source cannot be used."""
+        await self._executive.start()
+
+    async def run(self) -> None:
+        """Until the source ends or `stop` is called."""
+        await self._executive.run()
+
+    async def stop(self) -> None:
+        """Let the current window finish."""
+        await self._executive.stop()
+
+    def close(self) -> None:
+        """Release the ring and its descriptors."""
+        self._executive.close()
+
+    def save(self) -> None:
+        """Write the energy registers."""
+        if self._register is not None and self._executive.meter is not None:
+            self._register.save(self._executive.meter.energy.reading())
+
+    def alive(self) -> bool:
+        """Rows come; or the device is away and MAIN_FAST, which calls it, still cycles."""
+        if self._last_row is not None and time.monotonic() - self._last_row < _STALE_S:
+            return True
+        cycles, before = self._executive.cycle_summary().cycles, self._cycles
+        self._cycles = cycles
+        return not self._executive.health.connected and cycles > before
+
+    def status(self) -> dict[str, Any]:
+        """Source, MAIN_FAST and MAIN_SLOW."""
+        executive = self._executive
+        return {
+            "simulated": "simulated" in executive.flags,
+            "source_health": asdict(executive.health),
+            "main_fast": executive.cycle_summary().as_dict() | {"restarts": executive.restarts},
+            "main_slow": {"mean_us": executive.slow_us()},
+        }
+
+    def _make_meter(self, form: StreamFormat) -> Meter:
+        metering = self._config.metering
+        return Meter(
+            form,
+            window=self._config.window,
+            mode=metering.mode,
+            nominal_voltage=metering.nominal_voltage,
+            energy=self._register.load(form.phases) if self._register else None,
+        )
+
+    def _take(self, batch: WindowBatch) -> None:
+        rows = list(rows_of(batch, self._config.device, self._boot))
+        self._deliver(rows, self._summariser.add(batch, rows))
+        self._last_row = time.monotonic()
