@@ -1,6 +1,6 @@
 #!/bin/sh
 # Sets up .venv and runs, tests or measures acqd: what `make run|test|bench` do, for a machine without make.
-#   sh tools/bootstrap.sh run [arguments of acqd run] | test | lint | bench | install EXTRA
+#   sh tools/bootstrap.sh run [arguments of acqd run, or --demo KIND] | test | lint | bench | install EXTRA
 set -eu
 cd "$(dirname "$0")/.."
 venv=${ACQD_VENV:-.venv}
@@ -43,17 +43,20 @@ install() {
 
 have_servers() {
     PATH="$PATH:/usr/sbin:/usr/local/sbin"
-    command -v mosquitto >/dev/null 2>&1 || return 1
+    for program in mosquitto tshark mbpoll ip; do
+        command -v $program >/dev/null 2>&1 || return 1
+    done
     for initdb in /usr/lib/postgresql/*/bin/initdb "$(command -v initdb 2>/dev/null || true)"; do
         [ -x "$initdb" ] && return 0
     done
     return 1
 }
 
-# The tests speak to a real broker and a real database; both run on private ports and folders.
+# The tests speak to a real broker and a real database, on private ports and folders, and have the
+# protocol doubles checked by other people's clients (tshark, mbpoll).
 install_servers() {
     have_servers && return
-    packages="mosquitto postgresql"
+    packages="mosquitto postgresql tshark mbpoll iproute2"
     if ! command -v apt-get >/dev/null 2>&1; then
         say "the tests need $packages; install them with your package manager and try again"
         exit 1
@@ -82,6 +85,11 @@ command=${1:-}
 [ $# -gt 0 ] && shift
 case "$command" in
 run)
+    case " $* " in *" --demo"*)
+        install hw
+        exec "$venv/bin/python" -m tools.demo "$@"
+        ;;
+    esac
     install ""
     exec "$venv/bin/acqd" run "$@"
     ;;

@@ -14,6 +14,7 @@ from acqd.daemon.config import Config, load_config
 def run(
     config: ConfigFile = None,
     duration: Annotated[float | None, typer.Option(min=0.1, help="Stop after so many seconds.")] = None,
+    lines: Annotated[bool, typer.Option("--lines", help="Show a line a second although --config is given.")] = False,
     json: Json = False,
 ) -> None:
     """Meter a source and publish the rows.
@@ -25,4 +26,4 @@ def run(
     settings = load_config(config) if config else Config.demonstration(demonstration_port())
     if not config:
         announce(settings, "simulated source", json=json)
-    serve(settings, duration, json=json, quiet=config is not None, title="acqd run")
+    serve(settings, duration, json=json, quiet=config is not None and not lines, title="acqd run")

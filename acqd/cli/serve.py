@@ -56,7 +56,7 @@ def announce(settings: Config, what: str, *, json: bool) -> None:
 def _line(summary: dict[str, Any]) -> str:
     values = ((name, summary[name]) for name in ("Vrms", "Irms", "P", "PF", "f", "W"))
     text = "  ".join(f"{name} {'-' if value is None else f'{value:.6g}'}" for name, value in values)
-    return f"{summary['time']} {summary['channel']:5} {text}  {' '.join(summary['flags'])}"
+    return f"{summary['time']} {summary['device']} {summary['channel']:5} {text}  {' '.join(summary['flags'])}"
 
 
 def demonstration_port() -> int:

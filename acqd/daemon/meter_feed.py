@@ -41,6 +41,7 @@ class MeterFeed:
         settings = [meters.MeterSettings(**meter.model_dump()) for meter in source.meters]
         self._bus: MeterBus = meters.MeterBus(modbus.ModbusLink(**source.link()), settings)
         self._boot = boot
+        self._simulated = source.simulated
         self._deliver = deliver
         self._summarisers = {name: Summariser() for name in names}
         self._stopped = asyncio.Event()
@@ -92,7 +93,7 @@ class MeterFeed:
     def status(self) -> dict[str, Any]:
         """How each meter is."""
         return {
-            "simulated": False,
+            "simulated": self._simulated,
             "meters": {
                 meter.settings.name: {"profile": meter.profile.name, "unit": meter.unit, "trouble": meter.trouble}
                 for meter in self._bus.meters
@@ -111,19 +112,19 @@ class MeterFeed:
                 _log.warning("meter %s is back; the gap is flagged", name)
 
     def _take(self, reading: Reading) -> None:
-        timed = list(_timed_rows(reading, self._boot))
+        flags = reading.flags | {"simulated"} if self._simulated else reading.flags
+        timed = list(_timed_rows(reading, self._boot, sorted(flags)))
         summaries = self._summarisers[reading.meter].add_rows(timed)
         self._deliver([one.row for one in timed], summaries)
         self._last_row = time.monotonic()
 
 
-def _timed_rows(reading: Reading, boot: str) -> Iterator[TimedRow]:
+def _timed_rows(reading: Reading, boot: str, flags: list[str]) -> Iterator[TimedRow]:
     """L1 to L3 as far as the meter has them, and their total where it has more than one phase."""
     channels: list[Channel] = list(CHANNELS[: reading.phases])
     if reading.phases > 1:
         channels.append("total")
     stamp, ticks = rfc3339(reading.utc_ns), filetime(reading.utc_ns)
-    flags = sorted(reading.flags)
     for channel in channels:
         values = _channel(reading, channel)
         row = PowerRow(

@@ -96,6 +96,7 @@ class _DeviceSection(Section):
     f_nominal: _Nominal = 50.0
     vt_ratio: Positive = 1.0
     ct_ratio: Positive = 1.0
+    simulated: bool = False
 
     @property
     def nominal_frequency(self) -> float:
@@ -206,6 +207,7 @@ class MetersSection(_LinkKeys):
 
     kind: Literal["meters"]
     meters: Annotated[list[MeterSection], Field(min_length=1, max_length=247)]
+    simulated: bool = False
 
     @property
     def nominal_frequency(self) -> float:

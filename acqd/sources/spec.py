@@ -30,15 +30,18 @@ def replay_spec(path: Path, channels: ChannelMap, loops: int) -> Spec:
     return {"kind": "replay", "path": str(path), "channels": asdict(channels), "loops": loops}
 
 
-def spec_of(kind: str, **settings: Any) -> Spec:
-    """The spec of a device: `kind` and the fields of its settings."""
-    return {"kind": kind, "settings": settings}
+def spec_of(kind: str, *, simulated: bool = False, **settings: Any) -> Spec:
+    """The spec of a device: `kind` and the fields of its settings. `simulated` flags every row."""
+    return {"kind": kind, "simulated": simulated, "settings": settings}
 
 
 def make_source(spec: Spec) -> Source:
     """The source a spec describes. Raises UserError for a file, or an installation, that cannot be used."""
     makers = {"simulated": _simulated, "replay": _replay, "modbus": _modbus}
-    return makers.get(spec["kind"], _device)(spec)
+    source = makers.get(spec["kind"], _device)(spec)
+    if spec.get("simulated"):
+        source.flags |= {"simulated"}
+    return source
 
 
 def _replay(spec: Spec) -> Source:
