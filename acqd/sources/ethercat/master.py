@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import pysoem
@@ -14,6 +13,7 @@ from acqd.errors import UserError
 from acqd.sources.ethercat import objects
 from acqd.sources.ethercat.layout import BlockLayout, build_layout
 from acqd.sources.ethercat.settings import OVERSAMPLING, RANGE_CODE, EthercatSettings
+from acqd.sources.interfaces import check_interface
 
 _RECEIVE_US = 2_000
 _STATE_US = 200_000  # for one change of state
@@ -42,9 +42,7 @@ class SlaveInfo:
 
 def open_master(interface: str, option: str = "source.interface") -> Any:
     """A pysoem master on the interface. Raises UserError, which names `option`, when that is impossible here."""
-    if not Path(f"/sys/class/net/{interface}").exists():
-        there = ", ".join(sorted(path.name for path in Path("/sys/class/net").iterdir()))
-        raise UserError(f"{option}: there is no network interface {interface!r}; this host has {there}")
+    check_interface(interface, option)
     master = pysoem.Master()
     try:
         master.open(interface)

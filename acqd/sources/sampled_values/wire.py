@@ -8,12 +8,12 @@ import fcntl
 import socket
 import struct
 import time
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from acqd.errors import UserError
+from acqd.sources.interfaces import check_interface
 from acqd.sources.sampled_values.frame import ETHERTYPE
 
 LONGEST = 1518
@@ -31,9 +31,7 @@ class PacketSocket:
     def __init__(self, interface: str, batch: int = 512) -> None:
         """Raises UserError when the interface is not there or may not be listened on."""
         self.interface = interface
-        if not Path(f"/sys/class/net/{interface}").exists():
-            there = ", ".join(sorted(path.name for path in Path("/sys/class/net").iterdir()))
-            raise UserError(f"source.interface: there is no network interface {interface!r}; this host has {there}")
+        check_interface(interface)
         try:
             # Protocol 0 until it is bound: otherwise frames of every interface would be collected meanwhile.
             self._socket = socket.socket(socket.AF_PACKET, socket.SOCK_RAW, 0)

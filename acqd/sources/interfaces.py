@@ -1,0 +1,15 @@
+"""Network interfaces of this host."""
+
+from __future__ import annotations
+
+import socket
+
+from acqd.errors import UserError
+
+
+def check_interface(interface: str, option: str = "source.interface") -> None:
+    """Raise UserError, which names `option`, unless the interface exists."""
+    # Not /sys/class/net: in a network namespace that shows the interfaces of the host.
+    names = sorted(name for _, name in socket.if_nameindex())
+    if interface not in names:
+        raise UserError(f"{option}: there is no network interface {interface!r}; this host has {', '.join(names)}")
