@@ -118,6 +118,7 @@ class EthercatSection(_DeviceSection):
     oversampling: _OVERSAMPLING = 0
     sample_ns: Annotated[int, Field(ge=50_000, le=500_000)] = 50_000
     current_range: Literal["1A", "5A", "auto"] = "5A"
+    receive_us: Annotated[int, Field(ge=100, le=1_000_000)] = 2_000
     range_object: Annotated[str, Field(pattern=r"^([0-9A-Fa-f]{4}:[0-9A-Fa-f]{2})?$")] = "F800:01"
 
 

@@ -15,7 +15,6 @@ from acqd.sources.ethercat.layout import BlockLayout, build_layout
 from acqd.sources.ethercat.settings import OVERSAMPLING, RANGE_CODE, EthercatSettings
 from acqd.sources.interfaces import check_interface
 
-_RECEIVE_US = 2_000
 _STATE_US = 200_000  # for one change of state
 _OP_TRIES = 60
 
@@ -82,11 +81,12 @@ def assignments(master: Any) -> dict[int, list[str]]:
 class Segment:
     """A configured segment in OP. Made by `Segment.start`."""
 
-    def __init__(self, master: Any, terminals: list[Any], layout: BlockLayout, sample_ns: int) -> None:
+    def __init__(self, master: Any, terminals: list[Any], layout: BlockLayout, settings: EthercatSettings) -> None:
         self._master = master
         self._terminals = terminals
         self.layout = layout
-        self.sample_ns = sample_ns
+        self.sample_ns = settings.sample_ns
+        self._receive_us = settings.receive_us
 
     @classmethod
     def start(cls, settings: EthercatSettings) -> Segment:
@@ -98,7 +98,7 @@ class Segment:
         try:
             terminals = _find_terminals(master, settings)
             layouts = _configure(master, terminals, settings)
-            segment = cls(master, terminals, layouts[0], settings.sample_ns)
+            segment = cls(master, terminals, layouts[0], settings)
             segment._synchronise()
             segment._operate()
         except BaseException:
@@ -114,7 +114,7 @@ class Segment:
     def exchange(self) -> list[bytes] | None:
         """One cyclic frame; each terminal's process image, None when the working counter is wrong."""
         self._master.send_processdata()
-        if self._master.receive_processdata(_RECEIVE_US) != self._master.expected_wkc:
+        if self._master.receive_processdata(self._receive_us) != self._master.expected_wkc:
             return None
         return [terminal.input for terminal in self._terminals]
 
@@ -174,7 +174,7 @@ class Segment:
         self._master.write_state()
         for _ in range(_OP_TRIES):
             self._master.send_processdata()
-            self._master.receive_processdata(_RECEIVE_US)
+            self._master.receive_processdata(self._receive_us)
             if self._master.state_check(state, 10_000) == state:
                 return
         self._master.read_state()

@@ -35,6 +35,8 @@ class EthercatSettings:
     current_range: Range = "5A"
     range_object: str = "F800:01"
     """CoE object (hex index:subindex) of the range, empty: leave the terminal's own setting."""
+    receive_us: int = 2_000
+    """How long the answer to a frame may take [us]; a later one is lost."""
     f_nominal: float = 50.0
     """Declared mains frequency [Hz]."""
     vt_ratio: float = 1.0

@@ -36,11 +36,11 @@ class Stream:
 
 def find_stream(wire: PacketSocket, settings: SampledValuesSettings) -> tuple[Stream, float]:
     """The stream that the settings mean, and its rate [samples/s]. Raises UserError."""
-    streams = _listen(wire, _LISTEN_S, {})
+    streams = _listen(wire, _LISTEN_S, {}, settings.svid)
     stream = _chosen(streams, settings, wire.interface)
     rate = settings.rate or _announced(stream.layout)
     if rate is None:
-        _listen(wire, _RATE_S - _LISTEN_S, streams)
+        _listen(wire, _RATE_S, streams)
         rate = _counted(stream)
     if max(settings.channels) >= stream.layout.asdus[0].values:
         raise UserError(
@@ -51,10 +51,11 @@ def find_stream(wire: PacketSocket, settings: SampledValuesSettings) -> tuple[St
 
 
 def _listen(
-    wire: PacketSocket, seconds: float, streams: dict[tuple[str, int], Stream]
+    wire: PacketSocket, seconds: float, streams: dict[tuple[str, int], Stream], wanted: str | None = None
 ) -> dict[tuple[str, int], Stream]:
+    """Note the streams of some seconds, or until the wanted one was heard."""
     end = time.monotonic() + seconds
-    while time.monotonic() < end:
+    while time.monotonic() < end and wanted not in [svid for svid, _ in streams]:
         try:
             rows, lengths = wire.receive()
         except OSError as error:

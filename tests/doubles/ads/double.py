@@ -67,6 +67,7 @@ class AdsDouble:
         self._started = threading.Event()
         self._failure: OSError | None = None
         self._server: asyncio.Server | None = None
+        self._reopening: asyncio.TimerHandle | None = None
 
     def __enter__(self) -> Self:
         self.start()
@@ -100,11 +101,13 @@ class AdsDouble:
         return future.result(_START_TIMEOUT_S)
 
     def refuse(self, seconds: float) -> None:
-        """Close the listening socket for `seconds`; open connections stay. (Runs in the server's thread.)"""
+        """Close the listening socket for `seconds`, 0 opens it again; open connections stay. (In the server's thread.)"""
         if self._server is not None:
             self._server.close()
             self._server = None
-            self._loop.call_later(seconds, lambda: self._loop.create_task(self._listen()))
+        if self._reopening is not None:
+            self._reopening.cancel()
+        self._reopening = self._loop.call_later(seconds, lambda: self._loop.create_task(self._listen()))
 
     async def _run_command(self, command: JsonObject) -> JsonObject:
         return self._commands.run(command)

@@ -1,0 +1,332 @@
+"""A source and the double of its device, driven by one virtual clock: what the contract test needs of each kind."""
+
+from __future__ import annotations
+
+import threading
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from contextlib import ExitStack
+
+import numpy as np
+import pytest
+
+from acqd.metering import SampleBlock
+from acqd.sources.base import Source
+from acqd.sources.ethercat import EthercatSettings, EthercatSource
+from acqd.sources.modbus import BridgeSettings, BridgeSource, ModbusLink
+from acqd.sources.sampled_values import SampledValuesSettings, SampledValuesSource
+from tests.doubles.ads import AdsDouble, Settings, unused_host
+from tests.doubles.ethercat.control import EtherCatDouble
+from tests.doubles.modbus import ModbusTcpDouble, WaveformBridge
+from tests.doubles.sampled_values import MergingUnitProcess, SvWave
+from tests.doubles.veth import may_create_veth, veth_pair
+from tests.doubles.waveform import WaveTable
+
+START_NS = 10**18
+
+
+class VirtualClock:
+    """Nanoseconds that pass only when told to."""
+
+    def __init__(self) -> None:
+        self.now = 10**12
+
+    def __call__(self) -> int:
+        return self.now
+
+
+class Tape:
+    """Everything a source delivered."""
+
+    def __init__(self) -> None:
+        self.blocks: list[SampleBlock] = []
+
+    def add(self, block: SampleBlock) -> None:
+        if self.blocks:
+            last = self.blocks[-1]
+            assert block.index >= last.index + len(last.codes), "samples repeat or go back"
+        self.blocks.append(block)
+
+    @property
+    def index(self) -> np.ndarray:
+        return np.concatenate([block.index + np.arange(len(block.codes)) for block in self.blocks])
+
+    @property
+    def lost(self) -> int:
+        """Samples missing between the first and the last."""
+        return int(self.index[-1] - self.index[0] + 1 - len(self.index))
+
+    def flagged(self, flag: str) -> int:
+        return sum(len(block.codes) for block in self.blocks if flag in block.flags)
+
+    def offset(self, codes: Callable[[int, int], np.ndarray], most: int) -> int:
+        """Device number of stream sample 0: every sample must be the device's own, at one offset for all."""
+        first = self.blocks[0]
+        length = min(len(first.codes), 200)
+        table = codes(0, most + length)
+        columns = table[:, 0].astype(np.int64)
+        starts = np.flatnonzero(columns[:most] == first.codes[0, 0])
+        found = [k for k in starts if np.array_equal(table[k : k + length], first.codes[:length])]
+        assert len(found) == 1, f"the first block is at {found} of the device's samples"
+        offset = int(found[0]) - first.index
+        for block in self.blocks:
+            np.testing.assert_array_equal(block.codes, codes(block.index + offset, len(block.codes)))
+        return offset
+
+
+class Bench(ABC):
+    """One kind of source at its double."""
+
+    source: Source
+    step_samples: int
+    """What the device samples between two exchanges."""
+    search: int = 60_000
+    """Among how many of the device's samples the first delivered one is."""
+    keeps_count = True
+    """A lost connection leaves the device's sample counter alone."""
+
+    def __init__(self, stack: ExitStack) -> None:
+        self.clock = VirtualClock()
+        self.tape = Tape()
+        self.build(stack)
+        stack.callback(self.source.close)
+
+    @abstractmethod
+    def build(self, stack: ExitStack) -> None: ...
+
+    @abstractmethod
+    def codes(self, first: int, count: int) -> np.ndarray: ...
+
+    def open(self, index: int = 0) -> None:
+        self.source.open(START_NS, index)
+
+    def advance(self) -> None:
+        """Time passes, the device samples."""
+        self.clock.now += round(self.step_samples * 1e9 / self.source.form.rate)
+
+    def step(self, times: int = 1, limit: int = 100_000) -> None:
+        for _ in range(times):
+            self.advance()
+            self.source.exchange()
+            self.drain(limit)
+
+    def drain(self, limit: int = 100_000) -> None:
+        while len((block := self.source.read(limit)).codes):
+            self.tape.add(block)
+
+    def until(self, condition: Callable[[], bool], times: int = 3_000) -> None:
+        for _ in range(times):
+            if condition():
+                return
+            self.step()
+        raise AssertionError(f"not within {times} steps; health: {self.source.health()}")
+
+    @abstractmethod
+    def lose(self) -> int:
+        """The device, or the wire, loses samples; how many."""
+
+    @abstractmethod
+    def over_range(self, on: bool) -> None: ...
+
+    @abstractmethod
+    def disconnect(self) -> None:
+        """The device is out of reach from now on."""
+
+    @abstractmethod
+    def pass_time(self, seconds: float) -> None:
+        """Meanwhile, the device samples on."""
+
+    @abstractmethod
+    def reconnect(self) -> None: ...
+
+    @abstractmethod
+    def restart(self) -> None:
+        """The device loses its supply for a moment: its counters start over."""
+
+
+class EthercatBench(Bench):
+    step_samples = 20
+    keeps_count = False  # the distributed clock is set again
+
+    def build(self, stack: ExitStack) -> None:
+        near, far = stack.enter_context(veth_pair("acqdtst"))
+        self.double = stack.enter_context(EtherCatDouble(far, clock="lockstep"))
+        # A busy machine may keep the double from the CPU for a while; that is not what is tested here.
+        settings = EthercatSettings(near, oversampling=20, receive_us=300_000)
+        self.source = EthercatSource(settings, self.clock)
+        self.wave = WaveTable(seed=1)
+
+    def codes(self, first: int, count: int) -> np.ndarray:
+        return self.wave.codes(first, count)
+
+    def lose(self) -> int:
+        self.double.command(drop_blocks=7)
+        return 7 * 20
+
+    def over_range(self, on: bool) -> None:
+        self.double.command(overrange=0 if on else None)
+
+    def disconnect(self) -> None:
+        self.double.command(cable="out")
+        # What does not come is not waited for as long as what comes late.
+        self.source._segment._receive_us = 2_000
+
+    def pass_time(self, seconds: float) -> None:
+        self.clock.now += round(seconds * 1e9)
+
+    def reconnect(self) -> None:
+        self.double.command(cable="in")
+
+    def restart(self) -> None:
+        self.source._segment._receive_us = 2_000
+        self.double.command(power_cycle=0)
+
+
+class AdsBench(Bench):
+    step_samples = 400
+
+    def build(self, stack: ExitStack) -> None:
+        from acqd.sources.ads import AdsSettings, AdsSource
+
+        host = unused_host()
+        self.double = stack.enter_context(AdsDouble(Settings(host=host, clock="lockstep")))
+        self.source = AdsSource(AdsSettings(host, f"{host}.1.1"), self.clock)
+
+    def codes(self, first: int, count: int) -> np.ndarray:
+        return self.double.wave.codes(first, count)
+
+    def lose(self) -> int:
+        self.double.command(skip_slots=5)
+        return 5 * 20
+
+    def over_range(self, on: bool) -> None:
+        self.double.command(status=2 if on else 0, channel=1)
+
+    def disconnect(self) -> None:
+        self.double.command(refuse_s=60.0, reset=True)
+
+    def pass_time(self, seconds: float) -> None:
+        self.clock.now += round(seconds * 1e9)
+        self.double.command(advance=20 + round(seconds * 1000))
+
+    def reconnect(self) -> None:
+        self.double.command(refuse_s=0.0)
+        self.until(lambda: self.source.health().connected)
+        self.double.command(advance=20)
+
+    def restart(self) -> None:
+        self.double.command(restart=True)
+
+
+class BridgeBench(Bench):
+    step_samples = 400
+
+    def build(self, stack: ExitStack) -> None:
+        self.bridge = WaveformBridge(WaveTable(), clock="lockstep")
+        self.double = stack.enter_context(ModbusTcpDouble({1: self.bridge}))
+        # Two connections: the double's thread shares the interpreter with them.
+        link = ModbusLink("127.0.0.1", self.double.port, timeout_s=5.0)
+        self.source = BridgeSource(BridgeSettings(link, connections=2), self.clock)
+
+    def codes(self, first: int, count: int) -> np.ndarray:
+        return self.bridge.table.codes(first, count)
+
+    def advance(self) -> None:
+        super().advance()
+        if self.source._client is None:  # nobody reads the header, which is what moves the bridge's clock
+            self.bridge._clock._steps += 20
+
+    def lose(self) -> int:
+        self.bridge.skip(5)
+        return 5 * 20
+
+    def over_range(self, on: bool) -> None:
+        if on:
+            self.bridge.mark(1, 60)
+
+    def disconnect(self) -> None:
+        self.double.refuse(60.0)
+        self.double.reset_connections()
+
+    def pass_time(self, seconds: float) -> None:
+        self.clock.now += round(seconds * 1e9)
+        self.bridge._clock._steps += round(seconds * 1000)
+
+    def reconnect(self) -> None:
+        self.double.refuse(0.0)
+
+    def restart(self) -> None:
+        self.bridge.restart()
+
+
+class SampledValuesBench(Bench):
+    step_samples = 48
+    search = 48_000
+
+    def build(self, stack: ExitStack) -> None:
+        near, far = stack.enter_context(veth_pair("acqdtst"))
+        self.double = stack.enter_context(MergingUnitProcess(far, rate=4800, asdus=2, clock="burst", svid="MU0101"))
+        self.source = SampledValuesSource(SampledValuesSettings(near, svid="MU0101", rate=4800.0), self.clock)
+        self.wave = SvWave(4800)
+
+    def connect(self) -> None:
+        done = threading.Event()
+
+        def publish() -> None:
+            while not done.wait(0.02):
+                self.double.burst(1)
+
+        publisher = threading.Thread(target=publish)
+        publisher.start()
+        try:
+            self.source.connect()
+        finally:
+            done.set()
+            publisher.join()
+
+    def codes(self, first: int, count: int) -> np.ndarray:
+        return self.wave.codes(first, count)
+
+    def advance(self) -> None:
+        super().advance()
+        self.double.burst(self.step_samples // 2)
+
+    def lose(self) -> int:
+        self.double.command(drop=6)
+        return 6 * 2
+
+    def over_range(self, on: bool) -> None:
+        self.double.command(quality=8 if on else 0, channel=0)
+
+    def disconnect(self) -> None:
+        return  # by `pass_time`, whose frames do not reach the wire
+
+    def pass_time(self, seconds: float) -> None:
+        self.clock.now += round(seconds * 1e9)
+        self.double.command(pause_s=seconds)
+        self.double.burst(round(seconds * 2400))
+        self.source.exchange()  # nothing has come
+
+    def reconnect(self) -> None:
+        return
+
+    def restart(self) -> None:
+        self.double.command(restart=True)
+
+
+KINDS: dict[str, type[Bench]] = {
+    "ethercat": EthercatBench,
+    "ads": AdsBench,
+    "modbus": BridgeBench,
+    "sampled-values": SampledValuesBench,
+}
+
+
+@pytest.fixture(params=KINDS)
+def bench(request: pytest.FixtureRequest):  # type: ignore[no-untyped-def]
+    if request.param in ("ethercat", "sampled-values") and not may_create_veth():
+        pytest.skip("veth pairs need CAP_NET_ADMIN (root, or a user namespace)")
+    with ExitStack() as stack:
+        made = KINDS[request.param](stack)
+        getattr(made, "connect", made.source.connect)()
+        yield made
