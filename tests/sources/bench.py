@@ -191,6 +191,7 @@ class AdsBench(Bench):
         host = unused_host()
         self.double = stack.enter_context(AdsDouble(Settings(host=host, clock="lockstep")))
         self.source = AdsSource(AdsSettings(host, f"{host}.1.1"), self.clock)
+        self.missed = 0  # slots that the PLC filled while nobody read the head, which is what moves its clock
 
     def codes(self, first: int, count: int) -> np.ndarray:
         return self.double.wave.codes(first, count)
@@ -205,9 +206,18 @@ class AdsBench(Bench):
     def disconnect(self) -> None:
         self.double.command(refuse_s=60.0, reset=True)
 
+    def advance(self) -> None:
+        super().advance()
+        if self.source._client is None:
+            self._miss(20)
+
+    def _miss(self, slots: int) -> None:
+        self.missed += slots
+        self.double.command(advance=20 + self.missed)
+
     def pass_time(self, seconds: float) -> None:
         self.clock.now += round(seconds * 1e9)
-        self.double.command(advance=20 + round(seconds * 1000))
+        self._miss(round(seconds * 1000))
 
     def reconnect(self) -> None:
         self.double.command(refuse_s=0.0)

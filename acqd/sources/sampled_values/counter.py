@@ -32,8 +32,6 @@ class SecondCounter:
     def _first(self, value: int, now_ns: int) -> int:
         if self._last is None:
             return value
-        if (self._last + 1) % self._rate == value:
-            return self._last + 1
         half = self._rate // 2
         elapsed = round((now_ns - self._last_ns) * 1e-9 * self._rate)
         expected = self._last + max(1, elapsed)

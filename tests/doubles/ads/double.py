@@ -101,7 +101,7 @@ class AdsDouble:
         return future.result(_START_TIMEOUT_S)
 
     def refuse(self, seconds: float) -> None:
-        """Close the listening socket for `seconds`, 0 opens it again; open connections stay. (In the server's thread.)"""
+        """Close the listening socket for `seconds`; 0 opens it again. Open connections stay. (Server's thread.)"""
         if self._server is not None:
             self._server.close()
             self._server = None
