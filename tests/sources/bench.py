@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -15,6 +16,7 @@ from acqd.sources.base import Source
 from acqd.sources.ethercat import EthercatSettings, EthercatSource
 from acqd.sources.modbus import BridgeSettings, BridgeSource, ModbusLink
 from acqd.sources.sampled_values import SampledValuesSettings, SampledValuesSource
+from tests.conftest import wait_for
 from tests.doubles.ads import AdsDouble, Settings, unused_host
 from tests.doubles.ethercat.control import EtherCatDouble
 from tests.doubles.modbus import ModbusTcpDouble, WaveformBridge
@@ -33,6 +35,16 @@ class VirtualClock:
 
     def __call__(self) -> int:
         return self.now
+
+
+def wait_until_reachable(host: str, port: int) -> None:
+    """The double listens again in its own time, not in the virtual one."""
+
+    def answers() -> bool:
+        with socket.socket() as probe:
+            return probe.connect_ex((host, port)) == 0
+
+    wait_for(answers, f"{host}:{port} listens")
 
 
 class Tape:
@@ -221,6 +233,7 @@ class AdsBench(Bench):
 
     def reconnect(self) -> None:
         self.double.command(refuse_s=0.0)
+        wait_until_reachable(self.double.settings.host, 48_898)
         self.until(lambda: self.source.health().connected)
         self.double.command(advance=20)
 
@@ -264,6 +277,7 @@ class BridgeBench(Bench):
 
     def reconnect(self) -> None:
         self.double.refuse(0.0)
+        wait_until_reachable("127.0.0.1", self.double.port)
 
     def restart(self) -> None:
         self.bridge.restart()
