@@ -86,30 +86,25 @@ def parse_head(data: bytes) -> Head:
 
 @dataclass(frozen=True, slots=True)
 class Slots:
-    """Whole slots with consecutive sequence numbers."""
+    """Whole slots, in order; sequence numbers may be missing between them."""
 
-    first: int
-    """Sequence number of the first."""
+    seq: NDArray[np.int64]
     codes: NDArray[np.int16]
-    """[slots * frames, channels]."""
+    """[slots, frames, channels]."""
     status: NDArray[np.uint16]
     """[slots, channels] status words of the terminal."""
     fine_range: NDArray[np.uint16]
     """[slots] bit k: current channel k was in the 1 A range."""
 
 
-def read_slots(head: Head, data: bytes, expected: int) -> tuple[Slots, int]:
-    """Slots `expected`, `expected` + 1, ... as far as they are whole, and how many were asked for.
+def read_slots(head: Head, data: bytes, first: int) -> Slots:
+    """The whole ones among the slots of sequence numbers `first`, `first` + 1, ...
 
-    A slot that is being written, or that has been written over, ends the run.
+    A slot that is being written, that has been written over, or that the PLC never filled is left out.
     """
     table = np.frombuffer(data, head.slot_type)
-    numbers = expected + np.arange(len(table), dtype=np.uint64)
-    whole = (table["seq"] == numbers) & (table["seq_end"] == numbers)
-    count = len(table) if whole.all() else int(np.argmin(whole))
-    table = table[:count]
-    codes = table["samples"][:, : head.channels].transpose(0, 2, 1).reshape(-1, head.channels)
-    return (
-        Slots(expected, np.ascontiguousarray(codes), table["status"][:, : head.channels], table["range"]),
-        len(numbers),
-    )
+    seq = first + np.arange(len(table), dtype=np.int64)
+    whole = (table["seq"] == seq.astype(np.uint64)) & (table["seq_end"] == seq.astype(np.uint64))
+    table = table[whole]
+    codes = table["samples"][:, : head.channels].transpose(0, 2, 1)
+    return Slots(seq[whole], np.ascontiguousarray(codes), table["status"][:, : head.channels], table["range"])

@@ -93,20 +93,18 @@ class AdsSource(DeviceSource):
             self._check_silence(client, now)
             return
         first = self._first_to_fetch(head)
-        count = min(head.newest - first + 1, _MOST_SLOTS)
-        for data in client.slots(head, first, count):
-            slots, asked = read_slots(head, data, first)
-            self._take(slots, now - (head.newest - slots.first + 1) * self._slot_ns)
-            whole = len(slots.fine_range)
-            if whole < asked and first + whole < head.newest:
-                whole += 1  # written over while we came: lost, and the counter says so
-            first += whole
-            if whole < asked:
-                break
-        if first > self._next:
+        end = min(head.newest + 1, first + _MOST_SLOTS)
+        delivered = 0
+        for data in client.slots(head, first, end - first):
+            slots = read_slots(head, data, first)
+            self._take(slots, now - head.newest * self._slot_ns)
+            first += len(data) // head.slot_bytes
+            delivered = int(slots.seq[-1]) if len(slots.seq) else delivered
+        # What is not whole is lost; only the newest slot may just have been in the making.
+        self._next = head.newest if end == head.newest + 1 and delivered != head.newest else end
+        if delivered:
             self._advanced_ns = now
             self._backoff.reset()
-        self._next = first
 
     def _first_to_fetch(self, head: Head) -> int:
         """Where the last fetch ended, or the oldest slot that is still safe."""
@@ -114,21 +112,21 @@ class AdsSource(DeviceSource):
             return head.newest
         return max(self._next, head.newest - int(head.slots * (1 - _SAFE)))
 
-    def _take(self, slots: Slots, taken_ns: int) -> None:
-        """Queue the slots, cut where the flags change."""
-        if not len(slots.fine_range):
+    def _take(self, slots: Slots, origin_ns: int) -> None:
+        """Queue runs of consecutive slots with equal flags; slot k ends at `origin_ns` + k slot periods."""
+        if not len(slots.seq):
             return
         status = np.bitwise_or.reduce(slots.status, axis=1).astype(np.int64)
         flags = [el3783.status_flags(word) for word in status.tolist()]
         warning = self._check_range(int(slots.fine_range[-1]))
         if warning:
             flags = [named | {"invalid"} for named in flags]
-        frames = self._head.frames
-        cuts = [0, *(k for k in range(1, len(flags)) if flags[k] != flags[k - 1]), len(flags)]
-        for start, stop in pairwise(cuts):
-            counter = (slots.first + start - 1) * frames
-            codes = slots.codes[start * frames : stop * frames]
-            self._place(codes, counter, taken_ns + start * self._slot_ns, flags[start])
+        seq = slots.seq.tolist()
+        breaks = [k for k in range(1, len(seq)) if seq[k] != seq[k - 1] + 1 or flags[k] != flags[k - 1]]
+        for start, stop in pairwise([0, *breaks, len(seq)]):
+            codes = slots.codes[start:stop].reshape(-1, self._head.channels)
+            before = seq[start] - 1  # slots before this one
+            self._place(codes, before * self._head.frames, origin_ns + before * self._slot_ns, flags[start])
         self._find(warning)
 
     def _check_range(self, fine_range: int) -> str:

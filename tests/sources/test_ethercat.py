@@ -1,0 +1,232 @@
+"""EL3783 terminals: start-up, process image, recovery and range, against the slave segment's double."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from acqd.errors import UserError
+from acqd.sources.ethercat import EthercatSettings, EthercatSource, objects
+from acqd.sources.ethercat.layout import build_layout
+from acqd.sources.ethercat.master import close_master, open_master, scan
+from tests.doubles.ethercat.control import EtherCatDouble
+from tests.doubles.veth import may_create_veth, veth_pair
+from tests.doubles.waveform import WaveTable
+from tests.sources.bench import START_NS, Tape, VirtualClock
+
+pytestmark = pytest.mark.skipif(not may_create_veth(), reason="veth pairs need CAP_NET_ADMIN (root)")
+
+
+class Rig:
+    """A source on a segment, in lockstep."""
+
+    def __init__(self, stack: ExitStack, **double: object) -> None:
+        self.near, far = stack.enter_context(veth_pair("acqdtst"))
+        self.double = stack.enter_context(EtherCatDouble(far, **double))  # type: ignore[arg-type]
+        self.settings = EthercatSettings(self.near, oversampling=20, receive_us=300_000)
+        self.clock, self.tape, self.stack = VirtualClock(), Tape(), stack
+
+    def start(self, **changes: object) -> EthercatSource:
+        self.source = EthercatSource(replace(self.settings, **changes), self.clock)  # type: ignore[arg-type]
+        self.stack.callback(self.source.close)
+        self.source.connect()
+        self.source.open(START_NS)
+        return self.source
+
+    def step(self, times: int = 1, period_ns: int | None = None) -> None:
+        for _ in range(times):
+            self.clock.now += period_ns or self.source.period_ns
+            self.source.exchange()
+            while len((block := self.source.read(10_000)).codes):
+                self.tape.add(block)
+
+    def until(self, condition: Callable[[], bool]) -> None:
+        for _ in range(4_000):
+            if condition():
+                return
+            self.step()
+        raise AssertionError(str(self.source.health()))
+
+
+@pytest.fixture
+def rig(request: pytest.FixtureRequest) -> Iterator[Rig]:
+    with ExitStack() as stack:
+        yield Rig(stack, **getattr(request, "param", {}))
+
+
+@pytest.mark.parametrize(
+    ("rig", "oversampling"), [({"advance_ns": 1_250_000}, 100), ({"advance_ns": 125_000}, 10)], indirect=["rig"]
+)
+def test_a_block_that_is_read_four_times_counts_once(rig: Rig, oversampling):
+    source = rig.start(oversampling=oversampling)
+    assert source.period_ns == (1_250_000 if oversampling == 100 else 500_000)
+    rig.step(1_500, period_ns=1_250_000 if oversampling == 100 else 125_000)
+    assert rig.tape.lost == 0 and source.health().lost == 0 and len(rig.tape.index) > 1_000
+    rig.tape.offset(WaveTable(seed=1).codes, 60_000)
+
+
+@pytest.mark.parametrize("rig", [{"terminals": 3}], indirect=True)
+def test_phases_of_three_terminals_make_one_stream(rig: Rig):
+    rig.start(terminals=3, phases=("1:L1", "2:L2", "3:L3"))
+    rig.step(200)
+    assert rig.tape.lost == 0
+    tables = [WaveTable(seed=1 + terminal) for terminal in range(3)]
+
+    def codes(first: int, count: int) -> np.ndarray:
+        return np.hstack([table.codes(first, count)[:, 2 * k : 2 * k + 2] for k, table in enumerate(tables)])
+
+    rig.tape.offset(codes, 60_000)
+
+
+def test_lost_frames_are_a_gap_of_exactly_their_blocks_and_no_outage(rig: Rig):
+    source = rig.start()
+    rig.step(150)
+    source._segment._receive_us = 2_000
+    rig.double.command(drop_frames=3)
+    rig.step(20)
+    source._segment._receive_us = 300_000
+    rig.step(50)
+    assert rig.tape.lost == 60 and source.health().connected and source.health().reconnects == 0
+    rig.tape.offset(WaveTable(seed=1).codes, 60_000)
+
+
+def test_a_repeated_block_is_passed_over(rig: Rig):
+    rig.start()
+    rig.step(150)
+    rig.double.command(repeat=5)
+    rig.step(50)
+    assert rig.tape.lost == 0
+    rig.tape.offset(WaveTable(seed=1).codes, 60_000)
+
+
+def test_a_terminal_that_falls_out_of_op_is_taken_back(rig: Rig):
+    source = rig.start()
+    rig.step(150)
+    rig.double.command(al_error=0x1A, terminal=0)
+    rig.until(lambda: not source.health().connected or "AL status" in source.health().reason)
+    assert "0x001a" in source.health().reason
+    rig.until(lambda: rig.double.stats()["state"] == 8)
+    rig.step(700)
+    assert source.health().connected
+    rig.tape.offset(WaveTable(seed=1).codes, 60_000)
+
+
+def test_a_lost_slave_is_named_and_the_segment_started_again(rig: Rig):
+    source = rig.start()
+    rig.step(150)
+    source._segment._receive_us = 2_000
+    rig.double.command(lose_slave=0)
+    rig.until(lambda: not source.health().connected)
+    assert "slave" in source.health().reason or "EL3783" in source.health().reason
+    rig.double.command(restore_slave=0)
+    before, rig.tape = rig.tape, Tape()
+    rig.until(lambda: bool(rig.tape.blocks))
+    rig.step(50)
+    assert source.health().connected and source.health().reconnects == 1
+    assert rig.tape.blocks[0].index > before.blocks[-1].index
+    rig.tape.offset(WaveTable(seed=1).codes, 60_000)
+
+
+@pytest.mark.parametrize(("fault", "flag"), [("sync_error", "sync_error"), ("invalid", "invalid")])
+def test_status_bits_become_row_flags_and_a_warning(rig: Rig, fault, flag):
+    source = rig.start()
+    rig.step(150)
+    rig.double.command(**{fault: True})
+    rig.step(5)
+    assert flag in rig.tape.blocks[-1].flags and "terminal 1" in source.health().reason
+    rig.double.command(**{fault: False})
+    rig.step(5)
+    assert not rig.tape.blocks[-1].flags and not source.health().reason
+
+
+def test_automatic_range_keeps_the_current_whichever_range_it_was_taken_in(rig: Rig):
+    source = rig.start(current_range="auto")
+    assert source.form.bits == 32
+    rig.step(150)
+    rig.double.command(range="1A", channel=0)
+    rig.step(50)
+    rig.double.command(range="5A", channel=0)
+    rig.step(50)
+    assert rig.tape.lost == 0
+    wave = WaveTable(seed=1)
+    plain = wave.codes(0, 200_000).astype(np.int64)
+    first = rig.tape.blocks[0].codes
+    # In the 5 A range a digit is five of the 1 A range; in both, code x scale is the same current.
+    offset = next(k for k in range(0, 60_000, 20) if np.array_equal(plain[k : k + 20, 0], first[:, 0]))
+    codes = np.concatenate([block.codes for block in rig.tape.blocks])
+    expected = plain[offset : offset + len(codes)]
+    np.testing.assert_array_equal(codes[:, 3], 5 * expected[:, 3])
+    clipped = np.clip(5 * expected[:, 1], -32768, 32767)
+    coarse, fine = codes[:, 1] == 5 * expected[:, 1], codes[:, 1] == clipped
+    assert (coarse | fine).all() and (~coarse).sum() > 100
+    assert source.form.scale[1] == pytest.approx(1.8415054 / 32768)
+
+
+def test_a_range_other_than_the_configured_one_is_no_silent_factor_of_five(rig: Rig):
+    source = rig.start(current_range="5A")
+    rig.step(150)
+    rig.double.command(range="1A", channel=1)
+    rig.step(5)
+    assert "invalid" in rig.tape.blocks[-1].flags and "1A range" in source.health().reason
+
+
+@pytest.mark.parametrize("rig", [{"product": 0x0EBD3052}], indirect=True)
+def test_another_terminal_in_the_slot_is_named(rig: Rig):
+    with pytest.raises(UserError, match=r"expected 1 EL3783 .*found 0 .*EK1100.*EL3773"):
+        rig.start()
+
+
+def test_scan_lists_the_slaves(rig: Rig):
+    master = open_master(rig.near)
+    slaves = scan(master)
+    close_master(master)
+    assert [(slave.position, slave.title) for slave in slaves] == [(1, "EK1100"), (2, "EL3783")]
+
+
+def test_bad_settings_are_named(rig: Rig):
+    for changes, complaint in (
+        ({"interface": "nowhere0"}, "there is no network interface 'nowhere0'"),
+        ({"terminals": 2}, "expected 2 EL3783"),
+        ({"phases": ("2:L1",)}, "a terminal from 1 to 1"),
+        ({"range_object": "9000:01"}, "refuses object 9000:01"),
+    ):
+        with pytest.raises(UserError, match=complaint):
+            rig.start(**changes)
+
+
+def test_a_cable_out_at_the_start_is_one_clear_line(rig: Rig):
+    rig.double.command(cable="out")
+    with pytest.raises(UserError, match="no EtherCAT slave answers"):
+        rig.start()
+
+
+def mapping(pdo: int, oversampling: int = 20, next_sync1_bits: int = 64) -> list[int]:
+    if pdo == objects.NEXT_SYNC1_PDO:
+        return [0x6060_0100 | next_sync1_bits]
+    if pdo in (objects.SAMPLE_COUNT_PDO, objects.RANGE_PDO):
+        return [0x6061_0110]
+    if pdo & 0x0F == 0:
+        return [0x6000_0110]
+    return [0x6002_0010 | k << 8 for k in range(1, oversampling + 1)]
+
+
+@pytest.mark.parametrize(("bits", "size"), [(64, 264), (32, 260)])
+def test_the_layout_follows_the_mapping_that_the_terminal_reports(bits, size):
+    layout = build_layout(objects.assignment(7), lambda pdo: mapping(pdo, next_sync1_bits=bits))
+    assert layout.size == size and layout.next_sync1 == (252, bits // 8) and layout.oversampling == 20
+    image = bytearray(size)
+    image[layout.samples[5] : layout.samples[5] + 2] = (-2).to_bytes(2, "little", signed=True)
+    image[252:256] = (7).to_bytes(4, "little")
+    block = layout.decode(bytes(image))
+    assert block.samples[5, 0] == -2 and block.next_sync1_ns == 7 and block.samples.shape == (6, 20)
+
+
+def test_a_mapping_that_lacks_a_part_is_refused():
+    for missing in (objects.NEXT_SYNC1_PDO, objects.STATUS_PDO, objects.SAMPLES_PDO + 7):
+        assigned = [pdo for pdo in objects.assignment(7) if pdo != missing]
+        with pytest.raises(UserError, match="EL3783"):
+            build_layout(assigned, mapping)
