@@ -15,6 +15,12 @@ _PF_ERROR = 0.05
 _POWER_SLACK = 0.05  # share of V x I by which |P| may exceed it: registers of one round differ in time
 _SMALL_VA = 20.0  # below this the meters' resolution says more than the load
 _MOST_KWH = 1e9
+_SCALED = {
+    "voltages": ("Vrms",),
+    "currents": ("Irms",),
+    "powers": ("P", "S"),
+    "voltages and powers": ("Vrms", "P", "S"),  # a voltage transformer's ratio
+}
 _SCALES = (1e-3, 1e-2, 1e-1, 1e1, 1e2, 1e3)
 
 
@@ -101,10 +107,10 @@ def explain(profile: Profile, plan: Plan, answers: list[bytes], nominal_voltage:
     swapped = {name: replace(register, word_order=order) for name, register in profile.quantities.items()}
     if _fits(replace(profile, quantities=swapped), plan, answers, nominal_voltage):
         return f'they make sense with the {order} word first: set word_order = "{order}" for this meter'
-    for kind, what in (("Vrms", "voltages"), ("Irms", "currents"), ("P", "powers")):
+    for what, kinds in _SCALED.items():
         for factor in _SCALES:
             scaled = {
-                name: replace(register, scale=register.scale * factor) if name.endswith(f".{kind}") else register
+                name: replace(register, scale=register.scale * factor) if name.rpartition(".")[2] in kinds else register
                 for name, register in profile.quantities.items()
             }
             if _fits(replace(profile, quantities=scaled), plan, answers, nominal_voltage):

@@ -1,0 +1,245 @@
+"""Sampled values: frames of every make-up, damaged ones, several streams, copies and overtaking."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from acqd.errors import UserError
+from acqd.metering import Meter
+from acqd.sources.sampled_values import SampledValuesSettings, SampledValuesSource
+from acqd.sources.sampled_values.counter import SecondCounter
+from acqd.sources.sampled_values.decode import CLOCK_UNLOCKED, INVALID, OVERRANGE, SIMULATED, Decoder, names
+from acqd.sources.sampled_values.frame import FrameError, parse
+from tests.doubles.sampled_values import MergingUnitProcess, SvStream, SvWave
+from tests.doubles.veth import may_create_veth, veth_pair
+from tests.sources.bench import START_NS, Tape, VirtualClock
+
+on_wire = pytest.mark.skipif(not may_create_veth(), reason="veth pairs need CAP_NET_ADMIN (root)")
+CHANNELS = (4, 0, 5, 1, 6, 2)
+
+
+@pytest.mark.parametrize(("rate", "asdus"), [(4000, 1), (4800, 2), (12_800, 8), (14_400, 6)])
+@pytest.mark.parametrize("options", [{}, {"dat_set": "DS1", "refr_tm": True, "smp_rate": True}, {"long_lengths": 2}])
+def test_frames_of_every_make_up_decode_to_the_values_sent(rate, asdus, options):
+    if options.get("smp_rate"):
+        options = options | {"smp_rate": rate}
+    stream = SvStream(rate, asdus, **options)
+    template = stream.frame(0)
+    layout = parse(template)
+    assert layout.svid == "MU0101" and layout.appid == 0x4000 and len(layout.asdus) == asdus
+    numbers = range(rate // asdus - 3, rate // asdus + 3)  # across the wrap of smpCnt
+    frames = np.array([np.frombuffer(stream.frame(k), np.uint8) for k in numbers])
+    decoder = Decoder(layout, template, CHANNELS)
+    assert decoder.matching(frames).all()
+    samples = decoder.decode(frames)
+    first = numbers[0] * asdus
+    np.testing.assert_array_equal(samples.codes, SvWave(rate).codes(first, 6 * asdus))
+    np.testing.assert_array_equal(samples.counter, (first + np.arange(6 * asdus)) % rate)
+    assert not samples.flags.any()
+
+
+@pytest.mark.parametrize(
+    ("change", "flag"),
+    [
+        (lambda stream: stream.set_quality(1, 0), INVALID),
+        (lambda stream: stream.set_quality(2, 0), INVALID),  # the other coding of "invalid"
+        (lambda stream: stream.set_quality(4, 4), OVERRANGE),
+        (lambda stream: setattr(stream, "smp_synch", 0), CLOCK_UNLOCKED),
+        (lambda stream: setattr(stream, "simulate", True), SIMULATED),
+    ],
+)
+def test_quality_synchronisation_and_simulation_become_flags(change, flag):
+    stream = SvStream()
+    template = stream.frame(0)
+    change(stream)
+    frame = np.frombuffer(stream.frame(1), np.uint8)[None]
+    decoder = Decoder(parse(template), template, CHANNELS)
+    assert decoder.matching(frame).all() and set(decoder.decode(frame).flags.tolist()) == {flag}
+    assert names(flag)
+
+
+def test_the_quality_of_an_unused_neutral_does_not_matter():
+    stream = SvStream()
+    template = stream.frame(0)
+    stream.set_quality(1, 3)
+    frame = np.frombuffer(stream.frame(1), np.uint8)[None]
+    assert not Decoder(parse(template), template, CHANNELS).decode(frame).flags.any()
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.data())
+def test_damaged_frames_raise_one_kind_of_error_or_none_never_another(data):
+    frame = bytearray(SvStream(4800, 2, dat_set="DS", long_lengths=1).frame(3))
+    for _ in range(data.draw(st.integers(0, 6))):
+        frame[data.draw(st.integers(12, len(frame) - 1))] = data.draw(st.integers(0, 255))
+    cut = data.draw(st.integers(0, len(frame)))
+    try:
+        layout = parse(bytes(frame[:cut]))
+    except FrameError as error:
+        assert "\n" not in str(error)
+    else:
+        for asdu in layout.asdus:
+            assert asdu.samples + 8 * asdu.values <= cut
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    steps=st.lists(st.tuples(st.integers(1, 100_000), st.integers(1, 40)), min_size=1, max_size=30),
+    late=st.floats(-0.2, 0.2),
+)
+def test_gaps_of_any_length_are_unwrapped_with_the_help_of_the_clock(steps, late):
+    counter, number = SecondCounter(4800), 17
+    counter.unwrap(np.array([number]), 0)
+    base = number
+    for gap, count in steps:
+        number += gap
+        arrival = (number - base) / 4800 + late
+        numbers = counter.unwrap((number + np.arange(count)) % 4800, round(arrival * 1e9))
+        np.testing.assert_array_equal(numbers, number + np.arange(count))
+        number += count - 1
+
+
+class Rig:
+    """A source at a merging unit that sends bursts."""
+
+    def __init__(self, stack: ExitStack, **options: object) -> None:
+        self.near, far = stack.enter_context(veth_pair("acqdtst"))
+        self.unit = stack.enter_context(MergingUnitProcess(far, clock="burst", **options))
+        self.clock, self.tape, self.stack = VirtualClock(), Tape(), stack
+
+    @contextmanager
+    def publishing(self) -> Iterator[None]:
+        done = threading.Event()
+
+        def publish() -> None:
+            while not done.wait(0.005):
+                self.unit.burst(12)
+
+        thread = threading.Thread(target=publish)
+        thread.start()
+        try:
+            yield
+        finally:
+            done.set()
+            thread.join()
+
+    def start(self, **settings_: object) -> SampledValuesSource:
+        self.source = SampledValuesSource(SampledValuesSettings(self.near, **settings_), self.clock)
+        self.stack.callback(self.source.close)
+        with self.publishing():
+            self.source.connect()
+        self.source.open(START_NS)
+        return self.source
+
+    def step(self, times: int = 1, frames: int = 24, samples: int = 48) -> None:
+        for _ in range(times):
+            self.clock.now += round(samples * 1e9 / self.source.form.rate)
+            self.unit.burst(frames)
+            self.source.exchange()
+            while len((block := self.source.read(10_000)).codes):
+                self.tape.add(block)
+
+
+@pytest.fixture
+def rig(request: pytest.FixtureRequest) -> Iterator[Rig]:
+    with ExitStack() as stack:
+        yield Rig(stack, **getattr(request, "param", {"rate": 4800, "asdus": 2}))
+
+
+def codes_of(rate: int) -> Callable[[int, int], np.ndarray]:
+    return SvWave(rate).codes
+
+
+@on_wire
+@pytest.mark.parametrize("rig", [{"rate": 4800, "asdus": 2, "vlan": 5}], indirect=True)
+def test_a_vlan_tag_does_not_matter(rig: Rig):
+    rig.start(svid="MU0101", rate=4800.0)
+    rig.step(50)
+    rig.tape.offset(codes_of(4800), 48_000)
+
+
+@on_wire
+def test_copies_and_overtaking_frames_are_put_right(rig: Rig):
+    rig.start(svid="MU0101", rate=4800.0)
+    rig.step(10)
+    for command in ({"duplicate": 5}, {"reorder": True}, {"duplicate": 1}):
+        rig.unit.command(**command)
+        rig.step(5)
+    assert rig.tape.lost == 0 == rig.source.health().lost
+    rig.tape.offset(codes_of(4800), 48_000)
+
+
+@on_wire
+@pytest.mark.parametrize("kind", ["cut", "count", "length", "tag"])
+def test_a_malformed_frame_is_a_gap_of_its_samples(rig: Rig, kind):
+    rig.start(svid="MU0101", rate=4800.0)
+    rig.step(10)
+    rig.unit.command(malformed=3, kind=kind)
+    rig.step(10)
+    assert rig.tape.lost == 6
+    rig.tape.offset(codes_of(4800), 48_000)
+
+
+@on_wire
+def test_a_changed_data_set_ends_the_stream_with_a_reason(rig: Rig):
+    source = rig.start(svid="MU0101", rate=4800.0)
+    rig.step(10)
+    rig.unit.command(confrev=2)
+    rig.step(10)
+    assert not source.health().connected and "confRev 2, was 1" in source.health().reason
+    rig.unit.command(confrev=1)
+    rig.step(10)
+    assert source.health().connected
+
+
+@on_wire
+@pytest.mark.parametrize("rig", [{"rate": 4800, "asdus": 2, "streams": 2}], indirect=True)
+def test_of_several_streams_one_must_be_named(rig: Rig):
+    with pytest.raises(UserError, match=r"several streams, name one of 'MU0101' .*'MU0101-2'"):
+        rig.start(rate=4800.0)
+    with pytest.raises(UserError, match="'MU9' is not among the streams"):
+        rig.start(svid="MU9", rate=4800.0)
+    rig.start(svid="MU0101-2", rate=4800.0)
+    rig.step(50)
+    rig.tape.offset(SvWave(4800, seed=2).codes, 48_000)
+
+
+@on_wire
+def test_the_rate_is_counted_where_nothing_says_it(rig: Rig):
+    rig.unit.command(stop=True)
+    assert rig.start(svid="MU0101").form.rate == 4800.0
+
+
+@on_wire
+def test_silence_wrong_channels_and_wrong_interfaces_are_named(rig: Rig):
+    quiet = SampledValuesSource(SampledValuesSettings(rig.near))
+    with pytest.raises(UserError, match="no sampled values on"):
+        quiet.connect()
+    quiet.close()
+    with pytest.raises(UserError, match="position 8 is not among them"):
+        rig.start(svid="MU0101", rate=4800.0, channels=(4, 8))
+    with pytest.raises(UserError, match="no network interface 'nowhere0'"):
+        SampledValuesSource(SampledValuesSettings("nowhere0")).connect()
+
+
+@on_wire
+def test_a_recorded_merging_unit_keeps_its_values(waveforms: Path):
+    source = next((waveforms / "merging_unit_3ph" / "source").glob("*"))
+    with ExitStack() as stack:
+        rig = Rig(stack, recording=str(source), rate=4000, asdus=1)
+        rig.start(svid="MU0101", rate=4000.0)
+        rig.step(100, frames=40, samples=40)
+        batch = Meter(rig.source.form, nominal_voltage=400_000.0)
+        rows = [done for block in rig.tape.blocks if (done := batch.feed(block)) is not None]
+        reference = np.genfromtxt(waveforms / "merging_unit_3ph" / "ref_40ms.csv", delimiter=",", names=True)
+        volts = np.concatenate([done.Vrms[0] for done in rows])[2:]
+        expected = reference["U_fix"][reference["phase"] == 1]
+        assert np.median(volts) == pytest.approx(np.median(expected), rel=2e-4)
