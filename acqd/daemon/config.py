@@ -157,17 +157,19 @@ def load_config(path: Path) -> Config:
 
 
 def _complaint(fault: Any) -> str:
-    key = ".".join(str(part) for part in fault["loc"] if part not in _KINDS)
+    place, kind = list(fault["loc"]), ""
+    if place[0] == "source" and len(place) > 1 and place[1] in _KINDS:  # pydantic names the union's member there
+        kind = str(place.pop(1))
+    key = ".".join(str(part) for part in place)
     if fault["type"] == "missing":
-        kind = next((f' (kind = "{part}")' for part in fault["loc"] if part in _KINDS), "")
-        return f"{key} is missing{kind}"
+        return f"{key} is missing" + (f' (kind = "{kind}")' if kind else "")
     if fault["type"] == "union_tag_invalid":
         return f"source.kind: {fault['input'].get('kind')!r} is unknown, expected one of {', '.join(_KINDS)}"
     if fault["type"] != "extra_forbidden":
         return f"{key}: {fault['msg'].removeprefix('Value error, ')} (got {fault['input']!r:.60})"
-    foreign = [kind for kind, section in _KINDS.items() if key.removeprefix("source.") in section.model_fields]
-    if key.startswith("source.") and foreign:
-        return f"{key} belongs to kind {' or '.join(foreign)}, here kind is {fault['loc'][1]}; delete it"
+    foreign = [name for name, section in _KINDS.items() if key.removeprefix("source.") in section.model_fields]
+    if kind and foreign:
+        return f"{key} belongs to kind {' or '.join(foreign)}, here kind is {kind}; delete it"
     known = known_keys()
     near = difflib.get_close_matches(key, known, n=1, cutoff=0.0)
     same_end = [name for name in known if name.rpartition(".")[2] == key.rpartition(".")[2]]

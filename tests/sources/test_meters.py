@@ -84,7 +84,7 @@ def test_a_wrong_word_order_is_refused_and_named(profile):
 
 
 def test_a_wrong_scale_is_refused_and_named():
-    with pytest.raises(UserError, match=r"L1.Vrms = 23\d.* expected 3175 to 9525 V.*voltages and powers times 10"):
+    with pytest.raises(UserError, match=r"L1.Vrms = 63\d.* expected 3175 to 9525 V.*voltages and powers times 10"):
         read_once(frozen("sdm630", Vrms=635.0), "sdm630", nominal_voltage=6350.0)
 
 
