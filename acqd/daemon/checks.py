@@ -9,11 +9,11 @@ import shutil
 import socket
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 from acqd.daemon.config import Config
+from acqd.daemon.finding import Finding
+from acqd.daemon.source_checks import source_checks
 from acqd.errors import UserError
 
 _FREE_BYTES = 2 * 10**9  # a week of three-phase rows
@@ -21,19 +21,17 @@ _CPU_GOVERNOR = Path("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor")
 _CLOCKSOURCE = Path("/sys/devices/system/clocksource/clocksource0/current_clocksource")
 
 
-@dataclass(frozen=True, slots=True)
-class Finding:
-    """One line of the report."""
-
-    check: str
-    state: Literal["ok", "warn", "fail"]
-    finding: str
-    advice: str = ""
-
-
 def all_checks(config: Config) -> list[Finding]:
     """Every check, in reading order."""
-    return [*_host(), *_privileges(config), *_clock(), _broker(config), _database(config), _disk(config)]
+    return [
+        *_host(),
+        *_privileges(config),
+        *_clock(),
+        *source_checks(config.source),
+        _broker(config),
+        _database(config),
+        _disk(config),
+    ]
 
 
 def _host() -> Iterator[Finding]:
