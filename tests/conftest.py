@@ -10,8 +10,7 @@ import shutil
 import signal
 import socket
 import subprocess
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,6 +18,7 @@ import numpy as np
 import pytest
 
 from acqd.telemetry.broker import free_port
+from tests.waiting import wait_for
 
 WAVEFORMS = Path(__file__).parents[1].parent / "shared" / "data" / "waveforms"
 
@@ -34,15 +34,6 @@ def _binary(name: str) -> str:
     found = shutil.which(name, path=f"{os.environ['PATH']}:/usr/sbin:/usr/local/sbin")
     assert found, f"{name} is missing: `make test` installs it"
     return found
-
-
-def wait_for(condition: Callable[[], object], what: str, timeout: float = 15.0) -> None:
-    deadline = time.monotonic() + timeout
-    pause = 0.01
-    while not condition():
-        if time.monotonic() > deadline:
-            raise AssertionError(f"not within {timeout} s: {what}")
-        time.sleep(pause)
 
 
 def _listens(port: int) -> bool:

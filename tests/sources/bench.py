@@ -5,24 +5,25 @@ from __future__ import annotations
 import socket
 import threading
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 
 import numpy as np
 import pytest
 
 from acqd.metering import SampleBlock
-from acqd.sources.base import Source
+from acqd.sources.ads import AdsSettings, AdsSource
+from acqd.sources.device import DeviceSource
 from acqd.sources.ethercat import EthercatSettings, EthercatSource
 from acqd.sources.modbus import BridgeSettings, BridgeSource, ModbusLink
 from acqd.sources.sampled_values import SampledValuesSettings, SampledValuesSource
-from tests.conftest import wait_for
 from tests.doubles.ads import AdsDouble, Settings, unused_host
 from tests.doubles.ethercat.control import EtherCatDouble
 from tests.doubles.modbus import ModbusTcpDouble, WaveformBridge
 from tests.doubles.sampled_values import MergingUnitProcess, SvWave
 from tests.doubles.veth import may_create_veth, veth_pair
 from tests.doubles.waveform import WaveTable
+from tests.waiting import wait_for
 
 START_NS = 10**18
 
@@ -89,7 +90,7 @@ class Tape:
 class Bench(ABC):
     """One kind of source at its double."""
 
-    source: Source
+    source: DeviceSource
     step_samples: int
     """What the device samples between two exchanges."""
     search: int = 60_000
@@ -105,6 +106,9 @@ class Bench(ABC):
 
     @abstractmethod
     def build(self, stack: ExitStack) -> None: ...
+
+    def connect(self) -> None:
+        self.source.connect()
 
     @abstractmethod
     def codes(self, first: int, count: int) -> np.ndarray: ...
@@ -157,14 +161,17 @@ class Bench(ABC):
 
 
 class EthercatBench(Bench):
+    source: EthercatSource
     step_samples = 20
+    oversampling = 20
+    advance_ns: int | None = None
     keeps_count = False  # the distributed clock is set again
 
     def build(self, stack: ExitStack) -> None:
         near, far = stack.enter_context(veth_pair("acqdtst"))
-        self.double = stack.enter_context(EtherCatDouble(far, clock="lockstep"))
+        self.double = stack.enter_context(EtherCatDouble(far, clock="lockstep", advance_ns=self.advance_ns))
         # A busy machine may keep the double from the CPU for a while; that is not what is tested here.
-        settings = EthercatSettings(near, oversampling=20, receive_us=300_000)
+        settings = EthercatSettings(near, oversampling=self.oversampling, receive_us=300_000)
         self.source = EthercatSource(settings, self.clock)
         self.wave = WaveTable(seed=1)
 
@@ -173,15 +180,14 @@ class EthercatBench(Bench):
 
     def lose(self) -> int:
         self.double.command(drop_blocks=7)
-        return 7 * 20
+        return 7 * self.oversampling
 
     def over_range(self, on: bool) -> None:
         self.double.command(overrange=0 if on else None)
 
     def disconnect(self) -> None:
         self.double.command(cable="out")
-        # What does not come is not waited for as long as what comes late.
-        self.source._segment._receive_us = 2_000
+        self._be_impatient()
 
     def pass_time(self, seconds: float) -> None:
         self.clock.now += round(seconds * 1e9)
@@ -190,16 +196,20 @@ class EthercatBench(Bench):
         self.double.command(cable="in")
 
     def restart(self) -> None:
-        self.source._segment._receive_us = 2_000
+        self._be_impatient()
         self.double.command(power_cycle=0)
+
+    def _be_impatient(self) -> None:
+        """What does not come is not waited for as long as what comes late."""
+        assert self.source._segment is not None
+        self.source._segment._receive_us = 2_000
 
 
 class AdsBench(Bench):
+    source: AdsSource
     step_samples = 400
 
     def build(self, stack: ExitStack) -> None:
-        from acqd.sources.ads import AdsSettings, AdsSource
-
         host = unused_host()
         self.double = stack.enter_context(AdsDouble(Settings(host=host, clock="lockstep")))
         self.source = AdsSource(AdsSettings(host, f"{host}.1.1"), self.clock)
@@ -242,6 +252,7 @@ class AdsBench(Bench):
 
 
 class BridgeBench(Bench):
+    source: BridgeSource
     step_samples = 400
 
     def build(self, stack: ExitStack) -> None:
@@ -294,6 +305,7 @@ class SampledValuesBench(Bench):
         self.wave = SvWave(4800)
 
     def connect(self) -> None:
+        """Publish while the source listens."""
         done = threading.Event()
 
         def publish() -> None:
@@ -347,10 +359,10 @@ KINDS: dict[str, type[Bench]] = {
 
 
 @pytest.fixture(params=KINDS)
-def bench(request: pytest.FixtureRequest):  # type: ignore[no-untyped-def]
+def bench(request: pytest.FixtureRequest) -> Iterator[Bench]:
     if request.param in ("ethercat", "sampled-values") and not may_create_veth():
         pytest.skip("veth pairs need CAP_NET_ADMIN (root, or a user namespace)")
     with ExitStack() as stack:
         made = KINDS[request.param](stack)
-        getattr(made, "connect", made.source.connect)()
+        made.connect()
         yield made

@@ -12,13 +12,14 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from tools.bench import accuracy, at_work, lab, live, models, sink, speed
+from tools.bench import accuracy, at_work, lab, live, models, sink, sources, speed
 from tools.bench.report import Figure, table
 
 _SECTIONS: dict[str, list[Callable[[], Iterator[Figure]]]] = {
     "accuracy": [accuracy.synthetic, accuracy.exactness, accuracy.recordings],
     "speed": [speed.beside_pqopen, speed.replay, speed.main_slow],
     "live": [live.daemon, live.jitter],
+    "sources": [sources.sources],
     "sink": [sink.sinks],
     "lab": [lab.motions, lab.campaign],
     "models": [models.time_shifts, models.training_step, models.thesis_campaign],

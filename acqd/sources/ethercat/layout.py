@@ -45,13 +45,17 @@ class BlockLayout:
     fine_range: int | None
     """None where the terminal does not report its range."""
 
+    def stamp(self, image: bytes) -> bytes:
+        """The bytes that differ from block to block whatever the samples are: NextSync1Time."""
+        at, width = self.next_sync1
+        return image[at : at + width]
+
     def decode(self, image: bytes) -> Block:
         """The parts of one process image of `size` bytes."""
-        at, width = self.next_sync1
         samples = [np.frombuffer(image, "<i2", self.oversampling, position) for position in self.samples]
         return Block(
             np.array(samples, dtype=np.int16),
-            int.from_bytes(image[at : at + width], "little"),
+            int.from_bytes(self.stamp(image), "little"),
             int.from_bytes(image[self.count : self.count + 2], "little"),
             np.array([int.from_bytes(image[p : p + 2], "little") for p in self.status], dtype=np.uint16),
             0 if self.fine_range is None else int.from_bytes(image[self.fine_range : self.fine_range + 2], "little"),
