@@ -1,6 +1,6 @@
 /* Waveform bridge: six channels sampled at 20 kHz, handed out through Modbus TCP.
  *
- * Register map: tools/modbus_bridge/README.md (a profile of acqd, no standard).
+ * Register map: docs/modbus-bridge/README.md (a profile of acqd, no standard).
  * For: ESP32 (Arduino core 3.x), AD7606 (six of its eight inputs, +-10 V, simultaneous, 16 bit) on HSPI, W5500 on VSPI.
  *
  * NOT VERIFIED ON HARDWARE. Sampling queue, registers and Modbus code were compiled and run on a PC against stand-ins

@@ -13,12 +13,14 @@ from hypothesis import strategies as st
 
 from acqd.errors import UserError
 from acqd.sources.meters import MeterBus, MeterSettings, Reading, known_profiles, load_profile
+from acqd.sources.meters.access import MeterAccess
 from acqd.sources.meters.decode import number, quantity
 from acqd.sources.meters.plan import make_plan
 from acqd.sources.meters.plausible import judge
 from acqd.sources.meters.probe import probe
 from acqd.sources.meters.profile import FOLDER, NAMES, WIDTH, Register
 from acqd.sources.modbus import ModbusLink
+from acqd.sources.modbus.client import ModbusClient
 from tests.conftest import wait_for
 from tests.doubles.modbus import ModbusRtuDouble, ModbusTcpDouble, RmsMeter
 
@@ -256,6 +258,23 @@ def test_any_bytes_give_a_finite_number_or_nothing(data, kind):
     profile = load_profile("em340")
     value = quantity(profile, Register(0, kind, 3, "low"), data[: 2 * WIDTH[kind]])
     assert value is None or (value == value and abs(value) < 1e309)
+
+
+def test_a_power_factor_that_is_not_available_is_no_32_767():
+    profile = load_profile("em340")
+    assert quantity(profile, profile.quantities["L1.PF"], b"\x7f\xff") is None
+    assert quantity(profile, profile.quantities["L1.PF"], (-900).to_bytes(2, "big", signed=True)) == pytest.approx(-0.9)
+
+
+def test_a_meter_that_asks_for_silence_before_a_request_gets_it():
+    with ModbusTcpDouble({1: frozen("sdm630")}) as double:
+        client = ModbusClient(ModbusLink("127.0.0.1", double.port, timeout_s=2.0))
+        access = MeterAccess(1, load_profile("sdm630"))
+        access.read(client)
+        begun = time.monotonic()
+        access.read(client)
+        assert time.monotonic() - begun >= 0.06 * len(access.plan.reads)
+        client.close()
 
 
 def test_plausible_values_of_small_and_reactive_loads_are_not_refused():

@@ -26,7 +26,7 @@ class MeterAccess:
     def read(self, client: ModbusClient) -> list[bytes]:
         """The answers to the plan's reads. Raises ModbusError."""
         try:
-            return client.read(self.unit, list(self.plan.reads))
+            return client.read(self.unit, list(self.plan.reads), self.profile.pause_s)
         except ModbusError as error:
             if error.code != ILLEGAL_ADDRESS:
                 raise
@@ -43,7 +43,7 @@ class MeterAccess:
         refusals: list[ModbusError] = []
         for name, register in self.profile.quantities.items():
             try:
-                client.read(self.unit, [(register.function, register.address, register.width)])
+                client.read(self.unit, [(register.function, register.address, register.width)], self.profile.pause_s)
                 kept[name] = register
             except ModbusError as error:
                 if error.code != ILLEGAL_ADDRESS:

@@ -28,7 +28,8 @@ def number(register: Register, data: bytes) -> float:
 
 def quantity(profile: Profile, register: Register, data: bytes) -> float | None:
     """The quantity, None where the meter says "not available"."""
-    if register.width > 1 and raw_value(register, data) in profile.unavailable:
+    raw = raw_value(register, data)
+    if raw in register.unavailable or (register.width > 1 and raw in profile.unavailable):
         return None
     value = number(register, data)
     return value if math.isfinite(value) else None

@@ -32,6 +32,8 @@ class Register:
     word_order: WordOrder
     scale: float = 1.0
     """Register value x scale is in V, A, W, VA, 1, Hz or kWh."""
+    unavailable: tuple[int, ...] = ()
+    """Raw values of this register that mean "not available"."""
 
     @property
     def width(self) -> int:
@@ -64,6 +66,8 @@ class Profile:
     """Factory setting of the Modbus unit id."""
     update_s: float = 1.0
     """How often the meter refreshes its registers [s]."""
+    pause_s: float = 0.0
+    """Silence that the meter asks for before each request [s]."""
     serial: dict[str, Any] = field(default_factory=dict)
     """Factory setting of the serial line: baudrate, parity, stopbits."""
     unavailable: tuple[int, ...] = ()
@@ -134,7 +138,8 @@ class _Reader:
 
     def _register(self, name: str, place: dict[str, Any], function: int, order: WordOrder) -> Register:
         try:
-            register = Register(**({"function": function, "word_order": order} | place))
+            unavailable = tuple(place.get("unavailable", ()))
+            register = Register(**({"function": function, "word_order": order} | place | {"unavailable": unavailable}))
         except TypeError as error:
             text = str(error).replace("Register.__init__() got an unexpected keyword argument", "unknown key")
             self._refuse(f"{name}: {text}")

@@ -71,9 +71,12 @@ class ModbusClient:
         self._clients: list[Any] = []
         self._connections = connections if link.host else 1
 
-    def read(self, unit: int, reads: list[Read]) -> list[bytes]:
-        """The registers of each read, big-endian as on the wire. Raises ModbusError at the first that fails."""
-        return self._loop.run_until_complete(self._read(unit, reads))
+    def read(self, unit: int, reads: list[Read], pause_s: float = 0.0) -> list[bytes]:
+        """The registers of each read, big-endian as on the wire; `pause_s` of silence [s] before each request.
+
+        Raises ModbusError at the first that fails.
+        """
+        return self._loop.run_until_complete(self._read(unit, reads, pause_s))
 
     def close(self) -> None:
         """Drop all connections."""
@@ -84,13 +87,15 @@ class ModbusClient:
             self._loop.run_until_complete(asyncio.sleep(0))
         self._loop.close()
 
-    async def _read(self, unit: int, reads: list[Read]) -> list[bytes]:
+    async def _read(self, unit: int, reads: list[Read], pause_s: float) -> list[bytes]:
         await self._connect()
         answers: list[bytes] = [b""] * len(reads)
         queue = iter(enumerate(reads))
 
         async def work(client: Any) -> None:
             for number, (function, address, count) in queue:
+                if pause_s:
+                    await asyncio.sleep(pause_s)
                 answers[number] = await _one(client, unit, function, address, count)
 
         workers = [asyncio.ensure_future(work(client)) for client in self._clients[: len(reads)]]

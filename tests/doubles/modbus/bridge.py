@@ -1,6 +1,6 @@
 """Waveform bridge: a device of a profile of ours that hands out sampled waveforms through Modbus registers.
 
-The register map is in tools/modbus_bridge/README.md. It is no standard and no product's map.
+The register map is in docs/modbus-bridge/README.md. It is no standard and no product's map.
 """
 
 from __future__ import annotations
