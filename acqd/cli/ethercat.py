@@ -32,15 +32,15 @@ def scan(
 
     Example: acqd ethercat scan eth1
     """
-    master = device_module("ethercat.master")
-    opened = master.open_master(interface, option="INTERFACE")
+    bus = device_module("ethercat.bus")
+    master = bus.open_master(interface, option="INTERFACE")
     try:
-        slaves = master.scan(opened)
-        assigned = master.assignments(opened) if pdos else {}
-    except master.SegmentError as error:
+        slaves = bus.scan(master)
+        assigned = bus.assignments(master) if pdos else {}
+    except bus.SegmentError as error:
         raise UserError(f"EtherCAT on {interface}: {error}") from None
     finally:
-        master.close_master(opened)
+        bus.close_master(master)
     if json:
         report = [asdict(slave) | {"title": slave.title, "pdos": assigned.get(slave.position)} for slave in slaves]
         print(orjson.dumps(report).decode())

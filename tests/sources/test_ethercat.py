@@ -11,8 +11,8 @@ import pytest
 
 from acqd.errors import UserError
 from acqd.sources.ethercat import EthercatSettings, EthercatSource, objects
+from acqd.sources.ethercat.bus import close_master, open_master, scan
 from acqd.sources.ethercat.layout import build_layout
-from acqd.sources.ethercat.master import close_master, open_master, scan
 from tests.doubles.ethercat.control import EtherCatDouble
 from tests.doubles.veth import may_create_veth, veth_pair
 from tests.doubles.waveform import WaveTable

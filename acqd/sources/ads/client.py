@@ -11,6 +11,7 @@ import pyads
 from acqd.errors import UserError
 from acqd.sources.ads.ring import HEAD_BYTES, Head, RingError, parse_head
 from acqd.sources.ads.settings import AdsSettings
+from acqd.sources.remote_ring import DeviceError
 
 PORT = 48_898
 """TCP port of AMS; fixed."""
@@ -25,15 +26,11 @@ _ADVICE = {
 }
 
 
-class PlcError(Exception):
-    """The PLC cannot be read now; one line. Worth another try later."""
-
-
 class PlcClient:
     """One connection. After an error it is closed and another one made: AdsLib's own threads do not always recover."""
 
     def __init__(self, settings: AdsSettings) -> None:
-        """Connect and find the ring. Raises PlcError, or UserError for a ring that is not ours."""
+        """Connect and find the ring. Raises DeviceError, or UserError for a ring that is not ours."""
         self._settings = settings
         self._connection: Any = None
         _probe(settings.host)
@@ -51,7 +48,7 @@ class PlcClient:
             raise _explained(error) from None
 
     def head(self) -> Head:
-        """The head as it is now. Raises PlcError, or UserError for a head that is not ours."""
+        """The head as it is now. Raises DeviceError, or UserError for a head that is not ours."""
         try:
             return parse_head(self._read(self._head.index_group, self._head.index_offset, HEAD_BYTES))
         except RingError as error:
@@ -67,7 +64,7 @@ class PlcClient:
         return pieces
 
     def plc_state(self) -> str:
-        """RUN, STOP ... of the runtime. Raises PlcError."""
+        """RUN, STOP ... of the runtime. Raises DeviceError."""
         try:
             state = self._connection.read_state()[0]
         except pyads.ADSError as error:
@@ -100,12 +97,12 @@ def _probe(host: str) -> None:
     try:
         socket.create_connection((host, PORT), timeout=_PROBE_S).close()
     except OSError as error:
-        raise PlcError(
+        raise DeviceError(
             f"{host}:{PORT} does not answer ({error.strerror or error}); is the TwinCAT PC on, and its firewall open?"
         ) from None
 
 
-def _explained(error: Exception) -> PlcError:
+def _explained(error: Exception) -> DeviceError:
     code = getattr(error, "err_code", None)
     advice = _ADVICE.get(code) if isinstance(code, int) else None
-    return PlcError(f"ADS error {code}: {advice}" if advice else f"ADS: {error}")
+    return DeviceError(f"ADS error {code}: {advice}" if advice else f"ADS: {error}")

@@ -9,90 +9,44 @@ import numpy as np
 
 from acqd.errors import UserError
 from acqd.sources import el3783
-from acqd.sources.ads.client import PlcClient, PlcError
-from acqd.sources.ads.ring import Head, Slots, read_slots
+from acqd.sources.ads.client import PlcClient
+from acqd.sources.ads.ring import Slots, read_slots
 from acqd.sources.ads.settings import AdsSettings
-from acqd.sources.backoff import Backoff
-from acqd.sources.device import Clock, DeviceSource, stream_format
+from acqd.sources.device import Clock, stream_format
+from acqd.sources.remote_ring import RemoteRing
 
-_SILENCE_NS = 500_000_000
-_MOST_SLOTS = 200  # in one read: a long outage is fetched in portions
-_SAFE = 0.125  # share of the ring before the newest slot's successor that is about to be written over
+_MOST_SLOTS = 200  # in one exchange: a long outage is fetched in portions
 
 
-class AdsSource(DeviceSource):
+class AdsSource(RemoteRing[PlcClient]):
     """Reads a TwinCAT PLC."""
 
     def __init__(self, settings: AdsSettings, clock: Clock = time.monotonic_ns) -> None:
-        super().__init__(clock)
+        super().__init__(settings.poll_ms, clock)
         self._settings = settings
-        self.period_ns = settings.poll_ms * 1_000_000
-        self._client: PlcClient | None = None
-        self._backoff = Backoff()
-        self._next = 0  # sequence number to fetch next; 0: start with the newest
-        self._advanced_ns = 0
+        self.title = f"PLC {settings.ams_net_id}"
         self._range: int | None = None
 
-    def connect(self) -> None:
-        """Find the ring. Raises UserError."""
-        try:
-            self._client = PlcClient(self._settings)
-            self._head = self._client.head()
-        except PlcError as error:
-            raise UserError(f"PLC {self._settings.ams_net_id}: {error}") from None
-        head, settings = self._head, self._settings
+    def _make_client(self) -> PlcClient:
+        return PlcClient(self._settings)
+
+    def _learn(self, client: PlcClient) -> None:
+        head, settings = client.head(), self._settings
         ratios = (settings.vt_ratio, settings.ct_ratio) * (head.channels // 2)
         scale = tuple(digit * ratio for digit, ratio in zip(head.scale, ratios, strict=True))
         self._declare(stream_format(1e9 / head.sample_ns, scale, settings.f_nominal))
-        self._slot_ns = head.frames * head.sample_ns
-        longest_ns = head.slots * self._slot_ns // 4
-        if self.period_ns > longest_ns:
-            raise UserError(
-                f"source.poll_ms: the PLC's ring holds {head.slots * self._slot_ns / 1e6:.0f} ms; "
-                f"read it at least every {longest_ns / 1e6:.0f} ms"
-            )
-
-    def open(self, utc_ns: int, index: int = 0) -> None:
-        """Start with the next slot."""
-        super().open(utc_ns, index)
-        self._advanced_ns = self._clock()
-
-    def exchange(self) -> None:
-        """Fetch the new slots, or try to connect again."""
-        now = self._clock()
-        try:
-            if self._client is None:
-                if not self._backoff.due(now):
-                    return
-                self._client = PlcClient(self._settings)
-            self._fetch(self._client, now)
-        except (PlcError, UserError) as error:
-            self._disconnect(str(error))
-
-    def close(self) -> None:
-        """Drop the connection."""
-        if self._client is not None:
-            self._client.close()
-            self._client = None
-
-    def _disconnect(self, reason: str) -> None:
-        if self._client is not None:
-            self._backoff.reset()
-        self.close()
-        self._lose(reason)
+        self._head, self._slot_ns = head, head.frames * head.sample_ns
+        self._check_poll(head.slots * self._slot_ns)
 
     def _fetch(self, client: PlcClient, now: int) -> None:
         head = client.head()
         if head.same_ring != self._head.same_ring or head.scale != self._head.scale:
-            raise UserError("the PLC's ring has another shape or scale than at the start; restart acqd")
-        if head.boot != self._head.boot:
-            self._next = 0
-            self._numbering.restart()
-        self._head = head
-        if head.newest < self._next or not head.newest:
+            raise UserError("the ring has another shape or scale than at the start; restart acqd")
+        self._note_boot(head.boot)
+        if not head.newest or (self._next is not None and head.newest < self._next):
             self._check_silence(client, now)
             return
-        first = self._first_to_fetch(head)
+        first = self._first_to_fetch(head.newest, head.slots)
         end = min(head.newest + 1, first + _MOST_SLOTS)
         delivered = 0
         for data in client.slots(head, first, end - first):
@@ -101,16 +55,8 @@ class AdsSource(DeviceSource):
             first += len(data) // head.slot_bytes
             delivered = int(slots.seq[-1]) if len(slots.seq) else delivered
         # What is not whole is lost; only the newest slot may just have been in the making.
-        self._next = head.newest if end == head.newest + 1 and delivered != head.newest else end
-        if delivered:
-            self._advanced_ns = now
-            self._backoff.reset()
-
-    def _first_to_fetch(self, head: Head) -> int:
-        """Where the last fetch ended, or the oldest slot that is still safe."""
-        if not self._next or head.newest - self._next > 2**32:
-            return head.newest
-        return max(self._next, head.newest - int(head.slots * (1 - _SAFE)))
+        torn = end == head.newest + 1 and delivered != head.newest
+        self._advance(head.newest if torn else end, now if delivered else self._advanced_ns)
 
     def _take(self, slots: Slots, origin_ns: int) -> None:
         """Queue runs of consecutive slots with equal flags; slot k ends at `origin_ns` + k slot periods."""
@@ -138,8 +84,7 @@ class AdsSource(DeviceSource):
         return "the terminal has changed its current range: the PLC's fScale is wrong now; set a fixed range"
 
     def _check_silence(self, client: PlcClient, now: int) -> None:
-        if now - self._advanced_ns < _SILENCE_NS:
-            return
-        state = client.plc_state()
-        what = "the PLC's ring stands still" if state == "RUN" else f"the PLC is in {state}"
-        self._lose(f"{what}; check the task that runs PRG_AcqdFast")
+        if self._silent(now):
+            state = client.plc_state()
+            what = "its ring stands still" if state == "RUN" else f"it is in {state}"
+            self._lose(f"{self.title}: {what}; check the task that runs PRG_AcqdFast")

@@ -8,8 +8,9 @@ from acqd.errors import UserError
 from acqd.sources.backoff import Backoff
 from acqd.sources.device import Clock, DeviceSource, stream_format
 from acqd.sources.ethercat.assemble import Assembler
+from acqd.sources.ethercat.bus import SegmentError
 from acqd.sources.ethercat.lock import PhaseLock
-from acqd.sources.ethercat.master import Segment, SegmentError
+from acqd.sources.ethercat.segment import Segment
 from acqd.sources.ethercat.settings import EthercatSettings
 
 _POLLS = 4  # of a block, unless the cycle is locked to it: more often is harmless, less often loses blocks

@@ -17,6 +17,7 @@ from pymodbus.pdu.register_message import ReadHoldingRegistersResponse, ReadInpu
 
 from acqd.errors import UserError
 from acqd.sources.modbus.settings import ModbusLink
+from acqd.sources.remote_ring import DeviceError
 
 logging.getLogger("pymodbus").setLevel(logging.CRITICAL)  # each error comes back as an exception and is reported once
 
@@ -50,8 +51,8 @@ class _RawInput(ReadInputRegistersResponse):
         self.payload = data[1 : 1 + data[0]]
 
 
-class ModbusError(Exception):
-    """A device that does not answer as it should; one line. Worth another try later."""
+class ModbusError(DeviceError):
+    """A device that does not answer as it should; one line."""
 
     def __init__(self, message: str, code: int | None = None) -> None:
         """`code` of the Modbus exception, None for silence or a lost connection."""
