@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import sqlite3
 import subprocess
@@ -165,6 +166,15 @@ def test_config_mistakes_are_exit_2_and_one_line(tmp_path):
         (tmp_path / "c.toml").write_text(text)
         assert complaint in refused(acqd("run", "--config", "c.toml", "--duration", "1", cwd=tmp_path)), text
     assert "no such file" in refused(acqd("run", "--config", "none.toml", cwd=tmp_path))
+
+
+@pytest.mark.skipif(os.geteuid() != 0 or shutil.which("setpriv") is None, reason="drops the rights of root by setpriv")
+@pytest.mark.parametrize("kind", ["ethercat", "sampled-values"])
+def test_a_user_without_the_right_is_told_which_one(kind, tmp_path):
+    (tmp_path / "c.toml").write_text(f"[mqtt]\nenabled = false\n[source]\nkind = '{kind}'\ninterface = 'lo'\n")
+    command = ["setpriv", "--inh-caps=-all", "--bounding-set=-all", *ACQD, "run", "--config", "c.toml"]
+    result = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False)
+    assert "CAP_NET_RAW" in refused(result)
 
 
 def test_environment_mistakes_are_named(tmp_path):

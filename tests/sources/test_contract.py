@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import os
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from acqd.plc.fast import FastTask
 from acqd.plc.ring import Ring, RingLayout
+from acqd.sources import ChannelMap, SimulationSettings, Source
+from acqd.sources.spec import make_source, replay_spec, simulated_spec
+from tests.doubles.waveform import WaveTable
 from tests.sources.bench import START_NS, Bench, Tape
 
 
@@ -140,6 +144,43 @@ def test_main_fast_passes_the_samples_on_with_index_time_flags_and_gaps(bench: B
     rate_error = [block.utc_ns - tape.blocks[0].utc_ns - block.index * 1e9 / form.rate for block in tape.blocks]
     assert max(rate_error) - min(rate_error) < 2
     os.close(descriptor)
+
+
+def paced(kind: str, folder: Path) -> Source:
+    """The sources without a clock of their own, as the fast process makes them."""
+    if kind == "simulated":
+        return make_source(simulated_spec(SimulationSettings(phases=1)))
+    wave = WaveTable(phases=1, seconds=0.4)
+    np.savez(
+        folder / "a.npz", u_code=wave.codes(0, 8_000)[:, 0], i_code=wave.codes(0, 8_000)[:, 1],
+        u_V_per_digit=wave.scale[0], i_A_per_digit=wave.scale[1], fs=20_000,
+    )  # fmt: skip
+    return make_source(replay_spec(folder / "a.npz", ChannelMap(), 0))
+
+
+@pytest.mark.parametrize("kind", ["simulated", "replay"])
+def test_paced_sources_keep_the_same_contract(kind, tmp_path):
+    whole, pieces, later = (paced(kind, tmp_path) for _ in range(3))
+    for source in (whole, pieces, later):
+        source.connect()
+        assert source.paced and source.period_ns == 1_000_000 and source.health().connected
+        assert source.correction_ns() == 0
+    whole.open(START_NS)
+    pieces.open(START_NS)
+    later.open(START_NS, index=777)
+    expected = whole.read(3_000)
+    tape = Tape()
+    for limit in (1, 20, 979, 2_000):
+        pieces.exchange()
+        tape.add(pieces.read(limit))
+    np.testing.assert_array_equal(np.concatenate([block.codes for block in tape.blocks]), expected.codes)
+    assert tape.lost == 0 and tape.blocks[-1].utc_ns == START_NS + 1_000 * 50_000
+    assert later.read(10).index == 777
+    later.skip(500)
+    assert later.read(10).index == 1_287
+    for source in (whole, pieces, later):
+        source.close()
+        source.close()
 
 
 def test_closing_twice_is_allowed(bench: Bench):

@@ -115,6 +115,14 @@ def test_a_terminal_that_falls_out_of_op_is_taken_back(rig: Rig):
     rig.tape.offset(WaveTable(seed=1).codes, 60_000)
 
 
+def test_terminals_that_deliver_no_new_blocks_are_started_again(rig: Rig):
+    source = rig.start()
+    rig.step(150)
+    rig.double.command(repeat=100_000)
+    rig.until(lambda: not source.health().connected)
+    assert "no new blocks" in source.health().reason
+
+
 def test_a_lost_slave_is_named_and_the_segment_started_again(rig: Rig):
     source = rig.start()
     rig.step(150)

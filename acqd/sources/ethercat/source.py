@@ -17,6 +17,8 @@ _POLLS = 4  # of a block, unless the cycle is locked to it: more often is harmle
 _LOCKED_NS = 2_000_000  # a block this short is read once, with the wake-up locked to SYNC1
 _PATIENCE_NS = 30_000_000  # of wrong working counters: single lost frames are no outage
 _CHECK_NS = 500_000_000  # between looks at the slaves' states
+_START_TRIES = 3
+_STANDSTILL_NS = 1_000_000_000  # without a new block, while frames come back: SYNC starts 0.1 s after OP
 _ACKNOWLEDGE_NS = 1_500_000_000  # for slaves to come back to OP before the segment is started afresh
 
 
@@ -31,16 +33,15 @@ class EthercatSource(DeviceSource):
         self._backoff = Backoff()
         self._good_ns = 0  # last exchange with the right working counter
         self._checked_ns = 0
+        self._fresh_ns = 0  # last exchange with a new block
+        self._trouble = ""  # which slave is not in OP although samples come
         self._stamps: list[bytes] = []
         self._lock: PhaseLock | None = None
         self._phase: tuple[int, int] | None = None  # DC time of the last exchange and of the SYNC1 before
 
     def connect(self) -> None:
         """Bring the terminals to OP. Raises UserError."""
-        try:
-            self._adopt(Segment.start(self._settings))
-        except SegmentError as error:
-            raise UserError(f"EtherCAT on {self._settings.interface}: {error}") from None
+        self._start_patiently()
         assert self._segment is not None
         bits = 32 if self._settings.current_range == "auto" else 16
         rate = 1e9 / self._settings.sample_ns
@@ -54,7 +55,7 @@ class EthercatSource(DeviceSource):
     def open(self, utc_ns: int, index: int = 0) -> None:
         """Start with the next block."""
         super().open(utc_ns, index)
-        self._good_ns = self._checked_ns = self._clock()
+        self._good_ns = self._checked_ns = self._fresh_ns = self._clock()
 
     def exchange(self) -> None:
         """One cyclic frame, or one step of the recovery."""
@@ -85,6 +86,17 @@ class EthercatSource(DeviceSource):
             self._segment.close()
             self._segment = None
 
+    def _start_patiently(self) -> None:
+        """One lost frame fails the start-up of a segment: only what fails again and again is an error."""
+        for attempt in range(1, _START_TRIES + 1):
+            try:
+                self._adopt(Segment.start(self._settings))
+            except SegmentError as error:
+                if attempt == _START_TRIES:
+                    raise UserError(f"EtherCAT on {self._settings.interface}: {error}") from None
+            else:
+                return
+
     def _adopt(self, segment: Segment) -> None:
         self._segment = segment
         self._assembler = Assembler(self._settings, segment.block_ns)
@@ -95,35 +107,41 @@ class EthercatSource(DeviceSource):
         stamps = [layout.stamp(image) for image in images]
         if stamps == self._stamps:  # the blocks of the exchange before: most are, when each is read four times
             return
-        self._stamps = stamps
+        self._stamps, self._fresh_ns = stamps, now
         for period in self._assembler.add([layout.decode(image) for image in images]):
             counter = round(period.begin_ns / self._settings.sample_ns)
             self._place(period.codes, counter, now - block_ns, period.flags)
             self._phase = (self._segment.dc_time_ns, period.begin_ns)
-            self._find(period.warning)
+            self._find(self._trouble or period.warning)
 
     def _missed(self, now: int) -> None:
         """A wrong working counter: nothing of this exchange is used; a run of them is an outage."""
-        if now - self._good_ns < _PATIENCE_NS:
+        away_ns = now - self._good_ns
+        if away_ns < _PATIENCE_NS:
             return
         self._check(now)
-        if now - self._good_ns > _ACKNOWLEDGE_NS:
+        if self._segment is None:
+            return
+        self._lose(self._trouble or "frames are lost; check cable and interface")
+        if away_ns > _ACKNOWLEDGE_NS:
             self._restart()
 
     def _check(self, now: int) -> None:
-        """Look at the slaves' states; take those that fell out of OP back."""
+        """Look at the slaves' states: take those that fell out of OP back, give the segment up where that fails."""
         assert self._segment is not None
         self._checked_ns = now
-        trouble = self._segment.trouble()
-        if trouble is None:
-            return
-        self._lose(trouble)
-        if not self._segment.acknowledge() and now - self._good_ns > _PATIENCE_NS:
+        self._trouble = self._segment.trouble() or ""
+        if self._trouble and not self._segment.acknowledge() and now - self._good_ns > _PATIENCE_NS:
+            self._lose(self._trouble)
+            self._restart()
+        elif now - self._fresh_ns > _STANDSTILL_NS:
+            self._lose(self._trouble or "the terminals deliver no new blocks; is their distributed clock running?")
             self._restart()
 
     def _restart(self) -> None:
-        """Give the segment up; `exchange` starts it again. Its clock is set anew then, so time places the samples."""
+        """Give the segment up; `exchange` starts it again. Its clock is set again then, so time places the samples."""
         self.close()
+        self._trouble = ""
         self._numbering.restart()
         self._backoff.reset()
 
@@ -135,4 +153,4 @@ class EthercatSource(DeviceSource):
         except (SegmentError, UserError) as error:
             self._lose(str(error))
             return
-        self._good_ns = self._checked_ns = self._clock()
+        self._good_ns = self._checked_ns = self._fresh_ns = self._clock()
