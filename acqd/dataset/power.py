@@ -27,7 +27,7 @@ Measured = Literal["mains", "derived", "simulated"]
 """What P is: a meter's, computed from other measurements (currents), or a simulation's."""
 _LABELS: tuple[Measured, ...] = ("simulated", "derived")  # flags of rows that say so
 _CHUNK = 100_000
-_BAD_FLAGS = frozenset({"gap", "overrange", "no_mains"})
+_BAD_FLAGS = frozenset({"gap", "overrange", "no_mains", "invalid", "stale", "test"})
 """Rows with these have no P that can be trusted."""
 _ROW = np.dtype([("time", np.int64), ("P", np.float64), ("Vrms", np.float64)])
 
