@@ -12,7 +12,7 @@ import numpy as np
 
 from acqd.daemon.feed import Deliver
 from acqd.daemon.source_sections import MetersSection
-from acqd.errors import UserError
+from acqd.errors import OperationError, UserError
 from acqd.metering.power import effective
 from acqd.sources.spec import device_module
 from acqd.telemetry.row import CHANNELS, Channel, PowerRow, filetime, rfc3339
@@ -64,6 +64,8 @@ class MeterFeed:
         """Until `stop` is called."""
         while not self._stopped.is_set():
             self._watch()
+            if not self._bus.polling:
+                raise OperationError("the meters' bus has ended; the log above says why")
             try:
                 await asyncio.wait_for(self._stopped.wait(), 1.0)
             except TimeoutError:

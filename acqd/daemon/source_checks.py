@@ -84,8 +84,9 @@ def _capabilities(needed: list[int]) -> Finding:
 def _reachable(check: str, host: str, port: int, advice: str) -> Finding:
     try:
         socket.create_connection((host, port), timeout=3).close()
-    except OSError as error:
-        return Finding(check, "fail", f"{host}:{port} does not answer ({error.strerror or error})", advice)
+    except (OSError, UnicodeError) as error:
+        reason = getattr(error, "strerror", None) or error
+        return Finding(check, "fail", f"{host}:{port} does not answer ({reason})", advice)
     return Finding(check, "ok", f"{host}:{port} answers")
 
 

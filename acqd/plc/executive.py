@@ -203,6 +203,8 @@ class Executive:
             os.close(ring_fd)
 
     def _adopt(self, fast: _Fast) -> None:
+        if self.meter is not None and fast.form != self.meter.form:
+            raise OperationError("the source has another format than before (rate, scale or phases); start again")
         previous, self._fast = self._fast, fast
         if self._slow is None:
             self.meter = self._make_meter(fast.form)

@@ -49,6 +49,8 @@ class FastTask:
         self._room = int(_ROOM * ring.layout.capacity)
         self._per_window = window_samples
         self._wake = wake
+        self.patience_ns = round(2e9 * window_samples / self._rate) + source.period_ns
+        """How long a whole window may be waited for [ns]."""
         self._steps = StepDetector()
         self._elapsed_ns = 0
         self._read = 0  # samples asked for so far: elapsed time in samples
@@ -172,7 +174,7 @@ def run_fast(
 ) -> None:
     """The cyclic loop, until the source ends or the first whole window after `stop()` turns true.
 
-    A device out of reach completes no window: then `stop()` ends the loop at once.
+    A device that completes no window in the time of two does not hold the end up.
 
     How late the timer woke it and how long it worked go to `stats`.
     """
@@ -182,8 +184,9 @@ def run_fast(
     monotonic = time.monotonic_ns
     state = STOPPED
     last_window: int | None = None
+    last_ns = 0
     try:
-        while last_window is None or task.windows <= last_window:
+        while last_window is None or (task.windows <= last_window and monotonic() < last_ns):
             expirations = timer.wait()
             woke = monotonic()
             going = task.cycle(expirations)
@@ -191,10 +194,8 @@ def run_fast(
             if not going:
                 state = ENDED
                 break
-            if stop():
-                if not source.health().connected:
-                    break
-                last_window = task.windows if last_window is None else last_window
+            if last_window is None and stop():
+                last_window, last_ns = task.windows, monotonic() + task.patience_ns
             correction = source.correction_ns()
             if correction:
                 timer.shift(correction)

@@ -108,10 +108,10 @@ class Ring:
 
     def report(self, health: SourceHealth) -> None:
         """Tell the reader how the source is."""
-        room = len(self._health)
-        text = json.dumps(asdict(health)).encode()
-        if len(text) > room:
-            text = json.dumps(asdict(health) | {"reason": health.reason[: room // 2]}).encode()[:room]
+        reason, text = health.reason, b""
+        while not text or len(text) > len(self._health):
+            text = json.dumps(asdict(health) | {"reason": reason}, ensure_ascii=False).encode()
+            reason = reason[:-20]
         self._header[_HEALTH_VERSION] += 1  # odd: being written
         self._health[: len(text)] = text
         self._header[_HEALTH_BYTES] = len(text)

@@ -45,12 +45,14 @@ class DeviceSource(Source):
         self._numbering = SampleNumbering(form.rate)
         self._blocks = BlockQueue(form)
 
-    def _place(self, codes: Codes, counter: int, taken_ns: int, flags: frozenset[str] = frozenset()) -> bool:
+    def _place(
+        self, codes: Codes, counter: int, taken_ns: int, flags: frozenset[str] = frozenset(), slack_ns: int = 0
+    ) -> bool:
         """Queue samples whose first has device number `counter` and was taken at `taken_ns` on the clock.
 
-        False for samples that are known already.
+        `slack_ns`: how far from that it may have been. False for samples that are known already.
         """
-        block = self._numbering.place(codes, counter, taken_ns + self._utc_offset, flags)
+        block = self._numbering.place(codes, counter, taken_ns + self._utc_offset, flags, slack_ns)
         if block is None:
             return False
         self._blocks.put(block)

@@ -9,6 +9,8 @@ U_V_PER_DIGIT = 737.2575 / 32768
 CurrentRange = Literal[1, 5]
 I_A_PER_DIGIT: dict[CurrentRange, float] = {5: 9.207527 / 32768, 1: 1.8415054 / 32768}
 """281 uA in the 5 A range, 56.2 uA in the 1 A range."""
+AUTO_GAIN = 5
+"""5 A range / 1 A range."""
 RATE = 20_000.0
 """Samples/s at 50 us conversion time."""
 

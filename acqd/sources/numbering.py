@@ -7,6 +7,7 @@ from acqd.metering.block import Codes
 
 TRUSTED_NS = 500_000_000
 """A counter that disagrees with the elapsed time by more than this [ns] has been restarted or damaged."""
+_UNBROKEN_NS = 20_000_000  # samples this close to their predecessors follow them
 _DRIFT = 500e-6  # share of the elapsed time that two free-running clocks may disagree by besides
 
 
@@ -37,12 +38,14 @@ class SampleNumbering:
         if self._offset is not None:
             self._offset, self._resumed = None, True
 
-    def place(self, codes: Codes, counter: int, utc_ns: int, flags: frozenset[str] = frozenset()) -> SampleBlock | None:
-        """The block whose first sample has device number `counter` and was taken at about `utc_ns`.
+    def place(
+        self, codes: Codes, counter: int, utc_ns: int, flags: frozenset[str] = frozenset(), slack_ns: int = 0
+    ) -> SampleBlock | None:
+        """The block whose first sample has device number `counter` and was taken at `utc_ns`, give or take `slack_ns`.
 
         None for a duplicate. A block that overlaps the one before loses its known part.
         """
-        first = self._locate(counter, utc_ns)
+        first = self._locate(counter, utc_ns, slack_ns)
         known = max(0, self._next - first)
         if known >= len(codes):
             return None
@@ -54,13 +57,15 @@ class SampleNumbering:
         self._next_utc_ns = utc_ns + round(len(codes) * 1e9 / self._rate)
         return SampleBlock(codes, first, utc_ns, lost, flags)
 
-    def _locate(self, counter: int, utc_ns: int) -> int:
+    def _locate(self, counter: int, utc_ns: int, slack_ns: int) -> int:
         """Stream number of the sample that the device calls `counter`."""
         elapsed_ns = utc_ns - self._next_utc_ns
+        if self._next and abs(elapsed_ns) < _UNBROKEN_NS:
+            elapsed_ns = 0  # a counter that starts over in an unbroken stream of samples costs none of them
         elapsed = round(elapsed_ns * 1e-9 * self._rate)
         if self._offset is not None:
             first = counter + self._offset
-            trusted_ns = TRUSTED_NS + _DRIFT * abs(elapsed_ns)
+            trusted_ns = TRUSTED_NS + slack_ns + _DRIFT * abs(elapsed_ns)
             if abs(first - self._next - elapsed) <= trusted_ns * 1e-9 * self._rate:
                 return first
             self._resumed = True

@@ -7,6 +7,7 @@ from abc import abstractmethod
 from typing import Generic, Protocol, TypeVar
 
 from acqd.errors import UserError
+from acqd.metering.block import Codes
 from acqd.sources.backoff import Backoff
 from acqd.sources.device import Clock, DeviceSource
 
@@ -42,7 +43,8 @@ class RemoteRing(DeviceSource, Generic[ClientT]):
         self._backoff = Backoff()
         self._next: int | None = None  # number of the block to fetch next; None: start with the newest
         self._boot: int | None = None
-        self._advanced_ns = 0
+        self._placed_ns = 0  # when samples came last
+        self._slack_ns = 0  # of the last look at the ring: how long the answer took
 
     def connect(self) -> None:
         """Find the ring. Raises UserError."""
@@ -56,7 +58,7 @@ class RemoteRing(DeviceSource, Generic[ClientT]):
     def open(self, utc_ns: int, index: int = 0) -> None:
         """Start with the newest block."""
         super().open(utc_ns, index)
-        self._advanced_ns = self._clock()
+        self._placed_ns = self._clock()
 
     def exchange(self) -> None:
         """Fetch the new blocks, or try to connect again."""
@@ -67,10 +69,11 @@ class RemoteRing(DeviceSource, Generic[ClientT]):
                     return
                 self._client = self._make_client()
                 self._recognise(self._client)
-            self._fetch(self._client, now)
+                self._placed_ns = self._clock()
+            self._fetch(self._client)
+            if self._health.connected and self._clock() - self._placed_ns > _SILENCE_NS:
+                raise DeviceError(f"no whole samples for 0.5 s: {self._why_silent(self._client)}")
         except (DeviceError, UserError) as error:
-            if self._health.connected:
-                self._backoff.reset()
             self.close()
             self._lose(f"{self.title}: {error}")
 
@@ -92,8 +95,24 @@ class RemoteRing(DeviceSource, Generic[ClientT]):
         """Raise UserError unless this is the ring that was learned."""
 
     @abstractmethod
-    def _fetch(self, client: ClientT, now: int) -> None:
+    def _fetch(self, client: ClientT) -> None:
         """Queue the blocks that are new. Raises like `_make_client`."""
+
+    @abstractmethod
+    def _why_silent(self, client: ClientT) -> str:
+        """What to check when samples stay away although the device answers. Raises like `_make_client`."""
+
+    def _timed(self, begun: int) -> int:
+        """Now, after an answer that was asked for at `begun`: the device looked at its ring in between."""
+        now = self._clock()
+        self._slack_ns = now - begun
+        return now
+
+    def _deliver(self, codes: Codes, counter: int, taken_ns: int, flags: frozenset[str]) -> None:
+        """Queue samples; the ring lives."""
+        self._place(codes, counter, taken_ns, flags, self._slack_ns)
+        self._placed_ns = self._clock()
+        self._backoff.reset()
 
     def _check_poll(self, ring_ns: int) -> None:
         """Refuse to read a ring so rarely that a hiccup would cost samples."""
@@ -115,12 +134,3 @@ class RemoteRing(DeviceSource, Generic[ClientT]):
         if self._next is None:
             return newest
         return max(self._next, newest - int(slots * (1 - _SAFE)))
-
-    def _advance(self, following: int, now: int) -> None:
-        """Blocks before `following` are done with."""
-        self._next, self._advanced_ns = following, now
-        self._backoff.reset()
-
-    def _silent(self, now: int) -> bool:
-        """Whether the ring has stood still for too long."""
-        return now - self._advanced_ns > _SILENCE_NS

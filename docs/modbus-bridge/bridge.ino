@@ -25,7 +25,8 @@ struct Block { uint64_t first; uint8_t status, samples[SAMPLE_BYTES]; };
 static Block queue[QUEUE];                      // from the sampling task (core 0) to loop() (core 1)
 static std::atomic<uint32_t> filled{0}, taken{0}, overruns{0};
 static uint8_t slots[SLOTS][2 * STRIDE], header[2 * HEADER];
-static uint32_t newest = 0xFFFFFFFF;
+static const uint32_t WRAP = 0xFFFFFFFF / SLOTS * SLOTS;  // block numbers start over here
+static uint64_t blocks = 0;                              // newest block + 1, without the wrap
 static uint16_t boot;
 static SPIClass adc(HSPI);
 static TaskHandle_t sampler;
@@ -89,9 +90,10 @@ void sampling_task(void *) {
 void take_blocks() {
   for (; taken != filled; taken++) {
     const Block &block = queue[taken % QUEUE];
-    newest = block.first / FRAMES;
-    uint8_t *at = slots[newest % SLOTS];
-    at = put(at, newest & 0xFFFF, 2);
+    uint64_t number = block.first / FRAMES;
+    blocks = number + 1;
+    uint8_t *at = slots[number % SLOTS];
+    at = put(at, number % WRAP & 0xFFFF, 2);
     at = put(at, block.status, 2);
     at = put(at, block.first, 6);
     memcpy(at, block.samples, SAMPLE_BYTES);
@@ -99,15 +101,14 @@ void take_blocks() {
 }
 
 void write_header() {
-  bool none = newest == 0xFFFFFFFF;
   uint8_t *at = put(header, 0x41435144, 4);
   for (uint32_t value : {1u, CHANNELS, FRAMES}) at = put(at, value, 2);
   at = put(at, RATE_MHZ, 4);
   for (uint32_t value : {SLOTS, STRIDE, SLOT0}) at = put(at, value, 2);
   for (uint32_t k = 0; k < 6; k++) at = put_float(at, k >= CHANNELS ? 0 : k % 2 ? A_PER_DIGIT : V_PER_DIGIT);
   at = put(at, overruns, 4);
-  at = put(at, none || newest < SLOTS ? 0 : newest - SLOTS + 1, 4);
-  at = put(at, newest, 4);
+  at = put(at, blocks <= SLOTS ? 0 : (blocks - SLOTS) % WRAP, 4);
+  at = put(at, blocks ? (blocks - 1) % WRAP : 0xFFFFFFFF, 4);
   at = put(at, 0, 8);  // no UTC
   put(at, boot, 2);
 }

@@ -87,6 +87,24 @@ def test_a_changed_range_makes_the_samples_invalid(rig: Rig):
     assert "invalid" in rig.tape.blocks[-1].flags and "range" in rig.source.health().reason
 
 
+def test_the_1_a_range_has_a_fifth_of_the_scale(rig: Rig):
+    rig.double.command(range=0b001)
+    rig.start()
+    volts, *_ = rig.source.form.scale
+    assert rig.source.form.scale[1] == pytest.approx(rig.source.form.scale[3] / 5)
+    rig.step(5)
+    assert volts == pytest.approx(737.2575 / 32768) and not rig.tape.blocks[-1].flags
+
+
+def test_slots_that_are_never_whole_are_no_silent_success(rig: Rig):
+    rig.start()
+    rig.step(5)
+    for _ in range(40):
+        rig.double.command(skip_slots=40)
+        rig.step()
+    assert not rig.source.health().connected and "no whole samples" in rig.source.health().reason
+
+
 def test_a_silent_plc_costs_one_time_out_and_is_called_again(rig: Rig):
     rig.start()
     rig.step(5)

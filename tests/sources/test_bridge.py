@@ -57,6 +57,40 @@ def test_a_damaged_answer_loses_nothing_that_is_still_in_the_ring(damage):
         rig.source.close()
 
 
+def test_block_numbers_start_over_after_2_to_the_32():
+    bridge = WaveformBridge(WaveTable(), clock="lockstep")
+    layout_wrap = 0xFFFF_FFFF // bridge.slots * bridge.slots
+    bridge._clock._steps = layout_wrap - 500
+    with ModbusTcpDouble({1: bridge}) as double:
+        rig = Rig(ModbusLink("127.0.0.1", double.port, timeout_s=5.0))
+        rig.step(100)
+        assert rig.source.health().connected and rig.tape.lost == 0
+        assert len(rig.tape.index) > 90 * 400
+        rig.source.close()
+
+
+def test_a_slow_look_at_the_ring_invents_no_gap():
+    bridge = WaveformBridge(WaveTable(), clock="lockstep", slots=500)
+    with ModbusTcpDouble({1: bridge}) as double:
+        rig = Rig(ModbusLink("127.0.0.1", double.port, timeout_s=5.0))
+        rig.step(20)
+        read = rig.source._client.read
+
+        def late(unit, reads):
+            if reads[0][1] == 22:  # the look at the header takes 0.4 s more than usual
+                rig.clock.now += 400_000_000
+                bridge._clock._steps += 400
+            return read(unit, reads)
+
+        rig.source._client.read = late
+        rig.step(1)
+        rig.source._client.read = read
+        rig.step(20)
+        assert rig.tape.lost == 0
+        rig.tape.offset(bridge.table.codes, 60_000)
+        rig.source.close()
+
+
 def test_status_bits_become_row_flags():
     bridge = WaveformBridge(WaveTable(), clock="lockstep")
     with ModbusTcpDouble({1: bridge}) as double:

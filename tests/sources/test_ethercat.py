@@ -229,8 +229,12 @@ def test_the_layout_follows_the_mapping_that_the_terminal_reports(bits, size):
     image = bytearray(size)
     image[layout.samples[5] : layout.samples[5] + 2] = (-2).to_bytes(2, "little", signed=True)
     image[252:256] = (7).to_bytes(4, "little")
-    block = layout.decode(bytes(image))
+    block = layout.decode(bytes(image), 3)
     assert block.samples[5, 0] == -2 and block.next_sync1_ns == 7 and block.samples.shape == (6, 20)
+    if bits == 32:  # the low half of a time that has left 32 bits long ago
+        image[252:256] = (5).to_bytes(4, "little")
+        assert layout.decode(bytes(image), (9 << 32) - 100).next_sync1_ns == (9 << 32) + 5
+        assert layout.decode(bytes(image), (9 << 32) + 100).next_sync1_ns == (9 << 32) + 5
 
 
 def test_a_mapping_that_lacks_a_part_is_refused():

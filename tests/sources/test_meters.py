@@ -90,6 +90,11 @@ def test_a_wrong_scale_is_refused_and_named():
         read_once(frozen("sdm630", Vrms=635.0), "sdm630", nominal_voltage=6350.0)
 
 
+def test_a_meter_that_names_itself_as_another_model_is_refused():
+    with pytest.raises(UserError, match=r"identification register holds 341, a em24_din has one of"):
+        read_once(frozen("em340"), "em24_din")
+
+
 def test_another_model_is_refused():
     with pytest.raises(UserError, match=r"make no sense|no such register|function code"):
         read_once(frozen("em340"), "sdm630")
@@ -224,7 +229,9 @@ BROKEN = {
     'function = 4\nword_order = "low"\n[quantities]\n"L1.Q" = { address = 0, type = "u16" }': "L1.Q",
     'function = 4\nword_order = "low"\n[quantities]\n"L1.P" = { address = 0, type = "u17" }': "type is 'u17'",
     'function = 4\nword_order = "low"\n[quantities]\n"L1.P" = { address = 65535, type = "u32" }': "outside",
-    'function = 4\nword_order = "low"\n[quantities]\n"L1.P" = { adress = 1, type = "u32" }': "unknown key",
+    'function = 4\nword_order = "low"\n[quantities]\n"L1.P" = { adress = 1, type = "u32" }': "address = NUMBER",
+    'function = 4\nword_order = "low"\n[quantities]\n"L1.P" = { address = 1, typ = "u32" }': "unknown key",
+    'function = 4\nword_order = "low"\n[quantities]\n"L1.P" = 12': "address = NUMBER",
     "[": "no readable profile",
 }
 
@@ -258,6 +265,39 @@ def test_any_bytes_give_a_finite_number_or_nothing(data, kind):
     profile = load_profile("em340")
     value = quantity(profile, Register(0, kind, 3, "low"), data[: 2 * WIDTH[kind]])
     assert value is None or (value == value and abs(value) < 1e309)
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"total.S": 364.0, "total.P": -100.0, "L1.P": -2300.0},  # one phase feeds in: vector sums
+        {"L2.Vrms": 40.0, "L2.Irms": 0.0, "L2.P": 0.0, "total.P": 4600.0, "total.S": 4600.0},  # an open phase
+        {"L1.P": 1430.0, "L1.PF": 0.97},  # a rectifier: PF is cos(phi), the current is distorted
+        {"L2.P": -2300.0},  # a reversed current transformer
+    ],
+)
+def test_legitimate_installations_are_not_refused(changed):
+    values: dict[str, float | None] = {"f": 50.0, "total.P": 6900.0, "total.S": 6900.0}
+    for phase in (1, 2, 3):
+        values |= {f"L{phase}.Vrms": 230.0, f"L{phase}.Irms": 10.0, f"L{phase}.P": 2300.0, f"L{phase}.PF": 1.0}
+    assert judge(load_profile("em340"), values | changed, 230.0).faults == ()
+
+
+def test_a_slow_line_has_the_time_that_its_characters_take():
+    with ModbusRtuDouble({1: frozen("sdm120")}, baudrate=2400) as double:
+        client = ModbusClient(ModbusLink(serial_port=double.path, baudrate=2400))
+        assert MeterAccess(1, load_profile("sdm120")).read(client)
+        client.close()
+
+
+def test_stopping_does_not_wait_for_a_round_of_slow_answers():
+    with ModbusTcpDouble({1: frozen("em340")}) as double:
+        bus = MeterBus(ModbusLink("127.0.0.1", double.port, timeout_s=0.9), [MeterSettings("m", "em340")])
+        bus.check()
+        bus.start(lambda _reading: None)
+        double.set_latency(0.6)
+        bus.stop()
+        wait_for(lambda: not bus.polling, "the thread ends by itself")
 
 
 def test_a_power_factor_that_is_not_available_is_no_32_767():

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -21,6 +23,7 @@ from acqd.sources.sampled_values.frame import FrameError, parse
 from tests.doubles.sampled_values import MergingUnitProcess, SvStream, SvWave
 from tests.doubles.veth import may_create_veth, veth_pair
 from tests.sources.bench import START_NS, Tape, VirtualClock
+from tests.waiting import wait_for
 
 on_wire = pytest.mark.skipif(not may_create_veth(), reason="veth pairs need CAP_NET_ADMIN (root)")
 CHANNELS = (4, 0, 5, 1, 6, 2)
@@ -196,8 +199,61 @@ def test_a_changed_data_set_ends_the_stream_with_a_reason(rig: Rig):
     rig.step(10)
     assert not source.health().connected and "confRev 2, was 1" in source.health().reason
     rig.unit.command(confrev=1)
+    rig.step(1_500)
+    assert source.health().connected and source.health().reconnects == 1
+    rig.tape.offset(codes_of(4800), 48_000)
+
+
+@on_wire
+@pytest.mark.parametrize("before", [100, 111])
+def test_a_merging_unit_that_finds_its_time_pulse_costs_no_sample(rig: Rig, before):
+    rig.start(svid="MU0101", rate=4800.0)
+    rig.step(before)
+    rig.unit.burst(7)
+    rig.unit.command(restart=True)  # in the middle of what the next exchange takes
+    rig.step(20)
+    assert rig.tape.lost == 0 == rig.source.health().lost
+    assert rig.tape.flagged("sync_error") and "sync_error" not in rig.tape.blocks[-1].flags
+    # The double's samples go on whatever it calls them.
+    rig.tape.offset(codes_of(4800), 48_000)
+
+
+@pytest.mark.parametrize("offset", [-1920, 1920])
+def test_a_counter_that_was_set_is_recognised_by_the_arrival_times(offset):
+    counter, at = SecondCounter(4800), 0
+    counter.unwrap(np.arange(2000, 2048), 0)
+    at = round(48e9 / 4800)
+    assert not counter.was_set
+    counter.unwrap(np.arange(2048 + offset, 2096 + offset) % 4800, at)
+    assert counter.was_set
+    counter.unwrap(np.arange(2096 + offset, 2144 + offset) % 4800, 2 * at)
+    assert not counter.was_set
+
+
+@on_wire
+def test_a_host_clock_that_is_set_forward_invents_no_gap(rig: Rig, monkeypatch):
+    rig.start(svid="MU0101", rate=4800.0)
     rig.step(10)
-    assert source.health().connected
+    real = time.time_ns
+    monkeypatch.setattr("time.time_ns", lambda: real() + 60 * 10**9)
+    rig.step(10)
+    assert rig.tape.lost == 0 == rig.source.health().lost
+    rig.tape.offset(codes_of(4800), 48_000)
+
+
+@on_wire
+def test_a_card_that_goes_and_comes_back_is_heard_again():
+    with ExitStack() as stack:
+        rig = Rig(stack, rate=4800, asdus=2)
+        source = rig.start(svid="MU0101", rate=4800.0)
+        rig.step(10)
+        subprocess.run(["ip", "link", "set", rig.near, "down"], check=True)
+        for _ in range(80):
+            rig.clock.now += 10_000_000
+            source.exchange()
+        assert not source.health().connected
+        subprocess.run(["ip", "link", "set", rig.near, "up"], check=True)
+        wait_for(lambda: (rig.step(20), source.health().connected)[1], "the card is heard again")
 
 
 @on_wire

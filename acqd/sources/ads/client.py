@@ -96,9 +96,10 @@ def _probe(host: str) -> None:
     """AdsLib would wait for minutes for a computer that is off."""
     try:
         socket.create_connection((host, PORT), timeout=_PROBE_S).close()
-    except OSError as error:
+    except (OSError, UnicodeError) as error:
+        reason = getattr(error, "strerror", None) or error
         raise DeviceError(
-            f"{host}:{PORT} does not answer ({error.strerror or error}); is the TwinCAT PC on, and its firewall open?"
+            f"{host}:{PORT} does not answer ({reason}); is the TwinCAT PC on, and its firewall open?"
         ) from None
 
 

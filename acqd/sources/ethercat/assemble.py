@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from acqd.metering.block import Codes
 from acqd.sources import el3783
 from acqd.sources.ethercat.layout import Block
-from acqd.sources.ethercat.settings import AUTO_GAIN, EthercatSettings
+from acqd.sources.ethercat.settings import EthercatSettings
 
 _KEPT = 4  # blocks of each terminal that wait for those of the others
 _COUNTS = 1 << 16
@@ -75,7 +75,7 @@ class Assembler:
         """Codes of one current; with automatic range in digits of the 1 A range, whichever range they were taken in."""
         codes: NDArray[np.int16 | np.int32] = block.samples[2 * phase + 1]
         if self._settings.current_range == "auto":
-            gain = np.int32(1 if block.fine_range >> phase & 1 else AUTO_GAIN)
+            gain = np.int32(1 if block.fine_range >> phase & 1 else el3783.AUTO_GAIN)
             codes = np.multiply(codes, gain, dtype=np.int32)
         return codes
 

@@ -11,7 +11,7 @@ import pysoem
 
 from acqd.errors import UserError
 from acqd.sources.ethercat import objects
-from acqd.sources.interfaces import check_interface
+from acqd.sources.interfaces import DROP_IN, check_interface
 
 
 class SegmentError(Exception):
@@ -43,7 +43,7 @@ def open_master(interface: str, option: str = "source.interface") -> Any:
     except ConnectionError:
         raise UserError(
             f"{option}: this user may not send EtherCAT frames on {interface}; give the service CAP_NET_RAW "
-            "and CAP_NET_ADMIN (AmbientCapabilities= in its unit, or setcap cap_net_raw,cap_net_admin+ep on its Python)"
+            f"and CAP_NET_ADMIN ({DROP_IN}, or setcap cap_net_raw,cap_net_admin+ep on its Python)"
         ) from None
     master.manual_state_change = True
     return master

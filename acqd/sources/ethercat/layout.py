@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from acqd.errors import UserError
 from acqd.sources.ethercat import objects
 
+_HALF = 1 << 31
 ReadMapping = Callable[[int], list[int]]
 """Entries of a PDO mapping object: index << 16 | subindex << 8 | bits each."""
 
@@ -50,16 +51,23 @@ class BlockLayout:
         at, width = self.next_sync1
         return image[at : at + width]
 
-    def decode(self, image: bytes) -> Block:
-        """The parts of one process image of `size` bytes."""
+    def decode(self, image: bytes, dc_time_ns: int) -> Block:
+        """The parts of one process image of `size` bytes that arrived at DC time `dc_time_ns`."""
         samples = [np.frombuffer(image, "<i2", self.oversampling, position) for position in self.samples]
         return Block(
             np.array(samples, dtype=np.int16),
-            int.from_bytes(self.stamp(image), "little"),
+            self._next_sync1(image, dc_time_ns),
             int.from_bytes(image[self.count : self.count + 2], "little"),
             np.array([int.from_bytes(image[p : p + 2], "little") for p in self.status], dtype=np.uint16),
             0 if self.fine_range is None else int.from_bytes(image[self.fine_range : self.fine_range + 2], "little"),
         )
+
+    def _next_sync1(self, image: bytes, dc_time_ns: int) -> int:
+        """NextSync1Time in 64 bits: a terminal that sends the low half means the value nearest to now."""
+        value = int.from_bytes(self.stamp(image), "little")
+        if self.next_sync1[1] == 8 or not value:
+            return value
+        return dc_time_ns + (value - dc_time_ns + _HALF) % (2 * _HALF) - _HALF
 
 
 def build_layout(assigned: list[int], read_mapping: ReadMapping) -> BlockLayout:

@@ -12,11 +12,11 @@ from acqd.sources import el3783
 
 OVERSAMPLING = (1, 2, 4, 5, 8, 10, 16, 20, 25, 32, 40, 50, 64, 80, 100)
 """Oversampling factors of the EL3783; the factor's position chooses its samples PDO."""
+SHORTEST_NS = 500_000
+"""A block shorter than this cannot be read once a cycle from Python [ns]."""
 Range = Literal["1A", "5A", "auto"]
 RANGE_CODE: dict[Range, int] = {"5A": 0, "1A": 1, "auto": 2}
 """Values of the range object (assumed, not verified on hardware)."""
-AUTO_GAIN = 5
-"""5 A range / 1 A range: full scales are 9.207527 A and 1.8415054 A."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,8 +58,14 @@ class EthercatSettings:
         return int(terminal) - 1, int(phase[1]) - 1
 
     def samples(self) -> int:
-        """Samples a block: as set, or what suits this host."""
-        return self.oversampling or (20 if real_time_host() else 100)
+        """Samples a block: as set, or what suits this host. Raises UserError for a block too short to be read."""
+        samples = self.oversampling or (20 if real_time_host() else 100)
+        if samples * self.sample_ns < SHORTEST_NS:
+            raise UserError(
+                f"source.oversampling: {samples} samples of {self.sample_ns} ns make blocks of "
+                f"{samples * self.sample_ns / 1e6:g} ms; expected at least {SHORTEST_NS / 1e6:g} ms"
+            )
+        return samples
 
     @property
     def scale(self) -> tuple[float, ...]:

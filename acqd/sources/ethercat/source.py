@@ -107,11 +107,13 @@ class EthercatSource(DeviceSource):
         stamps = [layout.stamp(image) for image in images]
         if stamps == self._stamps:  # the blocks of the exchange before: most are, when each is read four times
             return
-        self._stamps, self._fresh_ns = stamps, now
-        for period in self._assembler.add([layout.decode(image) for image in images]):
+        self._stamps = stamps
+        dc_time_ns = self._segment.dc_time_ns
+        for period in self._assembler.add([layout.decode(image, dc_time_ns) for image in images]):
+            self._fresh_ns = now
             counter = round(period.begin_ns / self._settings.sample_ns)
             self._place(period.codes, counter, now - block_ns, period.flags)
-            self._phase = (self._segment.dc_time_ns, period.begin_ns)
+            self._phase = (dc_time_ns, period.begin_ns)
             self._find(self._trouble or period.warning)
 
     def _missed(self, now: int) -> None:

@@ -15,6 +15,7 @@ from acqd.sources.modbus.client import ModbusClient, ModbusError
 from acqd.sources.modbus.settings import ModbusLink
 
 __all__ = ["MeterBus", "MeterSettings"]
+_STOP_S = 3.0
 _TURNAROUND_S = 0.005  # of an RS-485 line between two meters
 
 
@@ -64,13 +65,21 @@ class MeterBus:
         return self._thread is not None and self._thread.is_alive()
 
     def stop(self) -> None:
-        """End the polling; waits for the answer that is under way."""
+        """End the polling; waits for the round that is under way, not for ever."""
         self._stopping.set()
-        if self._thread is not None:
-            self._thread.join(self.link.timeout_s + 2.0)
-        self._close()
+        if self._thread is None:
+            self._close()
+        else:
+            self._thread.join(_STOP_S)
 
     def _poll(self, on_reading: Callable[[Reading], None]) -> None:
+        """The thread: it alone uses the connection once it runs."""
+        try:
+            self._poll_in_turn(on_reading)
+        finally:
+            self._close()
+
+    def _poll_in_turn(self, on_reading: Callable[[Reading], None]) -> None:
         while not self._stopping.is_set():
             meter = min(self.meters, key=lambda one: one.next_due_ns)
             wait_s = (meter.next_due_ns - time.monotonic_ns()) * 1e-9

@@ -8,11 +8,13 @@ from dataclasses import dataclass, replace
 from acqd.errors import UserError
 from acqd.sources.backoff import Backoff
 from acqd.sources.meters.access import MeterAccess
+from acqd.sources.meters.decode import raw_value
 from acqd.sources.meters.plausible import decode, explain, judge
 from acqd.sources.meters.profile import Profile, WordOrder
 from acqd.sources.meters.reading import Reading
 from acqd.sources.modbus.client import ModbusClient, ModbusError
 
+_ROUNDS = 3
 _STALE_NS = 30_000_000_000
 _DEAD = 0.05  # share of the nominal voltage: supply interruption as in EN 50160
 
@@ -63,11 +65,40 @@ class Meter:
         return self._access.profile
 
     def check(self, client: ModbusClient) -> None:
-        """Read once and judge. Raises UserError for registers that make no sense, ModbusError for silence."""
-        answers = self._access.read(client)
-        fault = self._fault(answers)
+        """Read and judge. Raises UserError for another model or senseless registers, ModbusError for silence."""
+        self._check_identity(client)
+        fault = self._persistent_fault(client)
         if fault:
             raise UserError(fault)
+
+    def _check_identity(self, client: ModbusClient) -> None:
+        """Refuse a meter that names itself as another model; one that does not know the registers may pass."""
+        identity, profile = self.profile.identity, self.profile
+        if identity is None:
+            return
+        read = (identity.register.function, identity.register.address, identity.register.width)
+        try:
+            [data] = client.read(self.unit, [read], profile.pause_s)
+        except ModbusError as error:
+            if error.code is None:
+                raise
+            return
+        code = raw_value(identity.register, data)
+        if code not in identity.values:
+            raise UserError(
+                f"source.meters {self.settings.name!r} (unit {self.unit}): its identification register holds {code}, "
+                f"a {profile.name} has one of {', '.join(map(str, identity.values))}; try acqd modbus probe, or use "
+                "a copy of the profile without [identify]"
+            )
+
+    def _persistent_fault(self, client: ModbusClient) -> str:
+        """A fault of every one of some rounds: a load may change between two reads of one round."""
+        fault = ""
+        for _ in range(_ROUNDS):
+            fault = self._fault(self._access.read(client))
+            if not fault:
+                break
+        return fault
 
     def read(self, client: ModbusClient, now_ns: int, utc: Callable[[], int]) -> Reading | None:
         """One round, None when it failed: then `trouble` says why, and the meter is asked less often."""
@@ -76,8 +107,8 @@ class Meter:
         seq = (now_ns - self._first_due_ns + self.period_ns // 2) // self.period_ns
         self.next_due_ns = self._first_due_ns + (seq + 1) * self.period_ns
         try:
-            answers = self._access.read(client)
-            fault = "" if self._trusted else self._fault(answers)
+            fault = "" if self._trusted else self._persistent_fault(client)
+            answers = self._access.read(client) if not fault else []
         except ModbusError as error:
             fault = str(error)
         if fault:

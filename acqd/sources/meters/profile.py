@@ -124,6 +124,8 @@ class _Reader:
         except TypeError as error:
             self._refuse(str(error).replace("Profile.__init__() got an unexpected keyword argument", "unknown key"))
         self._one_of("phases", profile.phases, (1, 2, 3))
+        if not isinstance(profile.update_s, int | float) or not 0.05 <= profile.update_s <= 3600:
+            self._refuse(f"update_s is {profile.update_s!r}, expected 0.05 to 3600 s")
         if not 1 <= profile.most_registers <= 125:
             self._refuse(f"most_registers is {profile.most_registers}, expected 1 to 125")
         return profile
@@ -137,6 +139,8 @@ class _Reader:
         return Identity(self._register("identify", place, function, order), values)
 
     def _register(self, name: str, place: dict[str, Any], function: int, order: WordOrder) -> Register:
+        if not isinstance(place, dict) or not isinstance(place.get("address"), int):
+            self._refuse(f"{name}: expected {{ address = NUMBER, type = ... }}")
         try:
             unavailable = tuple(place.get("unavailable", ()))
             register = Register(**({"function": function, "word_order": order} | place | {"unavailable": unavailable}))

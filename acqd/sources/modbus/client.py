@@ -31,6 +31,8 @@ _EXCEPTIONS = {
     11: "the unit behind the gateway does not answer",
 }
 ILLEGAL_ADDRESS = 2
+_LONGEST_ANSWER = 5 + 2 * 125  # bytes
+_BITS = 11  # of a character on a serial line
 Read: TypeAlias = tuple[int, int, int]
 """Function code, first register, number of registers."""
 
@@ -113,7 +115,11 @@ class ModbusClient:
         for client in self._clients:
             client.close()
         self._clients = [_make(self._link) for _ in range(self._connections)]
-        if not all(await asyncio.gather(*(client.connect() for client in self._clients))):
+        try:
+            connected = all(await asyncio.gather(*(client.connect() for client in self._clients)))
+        except (OSError, UnicodeError):
+            connected = False
+        if not connected:
             raise ModbusError(f"{self._link} does not answer; check address, cable and power")
 
 
@@ -144,7 +150,8 @@ def _make(link: ModbusLink) -> Any:
             baudrate=link.baudrate,
             parity=link.parity,
             stopbits=link.stopbits,
-            timeout=link.timeout_s,
+            # the longest question and answer take their time on the line
+            timeout=link.timeout_s + (8 + _LONGEST_ANSWER) * _BITS / link.baudrate,
             retries=0,
             reconnect_delay=0,
         )

@@ -53,6 +53,11 @@ class Layout:
         """Duration of a block [ns]."""
         return round(self.frames * 1e9 / self.rate)
 
+    @property
+    def wrap(self) -> int:
+        """Block numbers run from 0 to this - 1 and start over: a multiple of the slots, below NO_BLOCK."""
+        return NO_BLOCK // self.slots * self.slots
+
     def address(self, block: int) -> int:
         """First register of a block's slot."""
         return self.slot0 + block % self.slots * self.stride
@@ -118,7 +123,7 @@ def decode_blocks(layout: Layout, first: int, data: bytes) -> Blocks:
     """Blocks `first`, `first` + 1, ... from the registers of their slots, `block_registers` each."""
     table = np.frombuffer(data, ">u2").reshape(-1, layout.block_registers)
     wide = table[:, :_SLOT_HEADER].astype(np.int64)
-    expected = (first + np.arange(len(table))) & 0xFFFF
+    expected = (first + np.arange(len(table))) % layout.wrap & 0xFFFF
     samples = table[:, _SLOT_HEADER:].astype(np.uint16).view(np.int16)
     return Blocks(
         wide[:, 0] == expected,

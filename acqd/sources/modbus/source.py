@@ -60,20 +60,34 @@ class BridgeSource(RemoteRing[ModbusClient]):
         except MapError as error:
             raise UserError(str(error)) from None
 
-    def _fetch(self, client: ModbusClient, now: int) -> None:
+    def _fetch(self, client: ModbusClient) -> None:
         settings, layout = self._settings, self._layout
+        begun = self._clock()
         [data] = client.read(settings.unit, [(_FUNCTION, settings.address + MOVING, MOVING_REGISTERS)])
+        now = self._timed(begun)
         progress = parse_progress(data)
         self._note_boot(progress.boot)
-        if progress.newest < 0 or (self._next is not None and progress.newest < self._next):
-            if self._silent(now):
-                self._lose(f"{self.title}: its ring stands still; check its sampling clock")
+        if progress.newest < 0:
             return
-        first = max(self._first_to_fetch(progress.newest, layout.slots), progress.oldest)
-        end = min(progress.newest + 1, first + _MOST_BLOCKS)
+        newest = self._unwrapped(progress.newest)
+        if self._next is not None and newest < self._next:
+            return
+        oldest = newest - (progress.newest - progress.oldest) % layout.wrap
+        first = max(self._first_to_fetch(newest, layout.slots), oldest)
+        end = min(newest + 1, first + _MOST_BLOCKS)
         data = b"".join(client.read(settings.unit, self._reads(first, end - first)))
-        self._take(decode_blocks(layout, first, data), now - (progress.newest - first + 1) * layout.block_ns)
-        self._advance(end, now)
+        self._take(decode_blocks(layout, first, data), now - (newest - first + 1) * layout.block_ns)
+        self._next = end
+
+    def _unwrapped(self, newest: int) -> int:
+        """The newest block's number without its wrap: the nearest to the block that is expected next."""
+        if self._next is None:
+            return newest
+        half = self._layout.wrap // 2
+        return self._next + (newest - self._next + half) % self._layout.wrap - half
+
+    def _why_silent(self, client: ModbusClient) -> str:  # noqa: ARG002 - the registers say no more
+        return "its ring stands still, or is written over before it is read; check its sampling clock and the network"
 
     def _reads(self, first: int, count: int) -> list[Read]:
         """One read a slot, or several neighbours in one where they fit."""
@@ -98,7 +112,7 @@ class BridgeSource(RemoteRing[ModbusClient]):
         cuts = np.flatnonzero(jump | (np.diff(blocks.status[kept]) != 0)) + 1
         for run in np.split(kept, cuts):
             start = int(run[0])
-            self._place(
+            self._deliver(
                 np.ascontiguousarray(blocks.codes[run].reshape(-1, layout.channels)),
                 int(blocks.counter[start]),
                 taken_ns + start * layout.block_ns,

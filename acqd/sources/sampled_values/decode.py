@@ -35,6 +35,8 @@ class Decoder:
     def __init__(self, layout: FrameLayout, template: bytes, channels: tuple[int, ...]) -> None:
         """`channels`: which values of the data set are U1, I1, U2, I2, ..."""
         self.layout = layout
+        self.appid = np.frombuffer(template, dtype=np.uint8)[14:16]
+        """Its two bytes in the frame."""
         self._channels = list(channels)
         constant = np.ones(layout.length, dtype=bool)
         constant[:14] = False  # addresses: redundant networks repeat a frame from another port

@@ -7,6 +7,8 @@ import time
 import numpy as np
 from numpy.typing import NDArray
 
+from acqd.errors import UserError
+from acqd.sources.backoff import Backoff
 from acqd.sources.device import Clock, DeviceSource, stream_format
 from acqd.sources.sampled_values.counter import SecondCounter
 from acqd.sources.sampled_values.decode import Decoder, Samples, names
@@ -28,6 +30,8 @@ class SampledValuesSource(DeviceSource):
         self._settings = settings
         self._wire: PacketSocket | None = None
         self._heard_ns = 0
+        self._changed = ""  # why frames of our stream are not ours any more
+        self._backoff = Backoff()
 
     def connect(self) -> None:
         """Listen for the stream and learn its rate. Raises UserError."""
@@ -49,26 +53,47 @@ class SampledValuesSource(DeviceSource):
 
     def exchange(self) -> None:
         """Take the frames that have arrived."""
-        assert self._wire is not None
+        now = self._clock()
+        if self._wire is None:
+            self._open_again(now)
+            return
         try:
             rows, lengths = self._wire.receive()
         except OSError as error:
-            self._lose(f"{self._settings.interface}: {error.strerror}; check cable and interface")
+            self._give_up(f"{self._settings.interface}: {error.strerror}; check cable and interface")
             return
-        now = self._clock()
         frames = self._ours(rows, lengths)
         if len(frames):
-            self._take(self._decoder.decode(frames), now - self._wire.first_age_ns)
+            self._take_all(self._decoder.decode(frames), now - self._wire.first_age_ns, self._wire.first_age_ns)
             self._heard_ns = now
             self._find()
-        elif now - self._heard_ns > _SILENCE_NS and self._health.connected:
+            self._backoff.reset()
+        elif self._changed or now - self._heard_ns > _SILENCE_NS:
             name, interface = self._identity[0], self._settings.interface
-            self._lose(f"no frames of {name!r} on {interface} for 0.5 s; check merging unit and network")
+            self._give_up(
+                self._changed or f"no frames of {name!r} on {interface} for 0.5 s; check merging unit and network"
+            )
 
     def close(self) -> None:
         """Leave the interface alone."""
         if self._wire is not None:
             self._wire.close()
+            self._wire = None
+
+    def _give_up(self, reason: str) -> None:
+        """Close the socket as well: one of a card that has gone hears nothing when the card is back."""
+        self.close()
+        self._lose(reason)
+
+    def _open_again(self, now: int) -> None:
+        if not self._backoff.due(now):
+            return
+        try:
+            self._wire = PacketSocket(self._settings.interface)
+        except UserError as error:
+            self._lose(str(error))
+            return
+        self._heard_ns, self._changed = now, ""
 
     def _ours(self, rows: NDArray[np.uint8], lengths: NDArray[np.int64]) -> NDArray[np.uint8]:
         """Frames of our stream; foreign and damaged ones are left out, a changed make-up is noticed."""
@@ -77,29 +102,47 @@ class SampledValuesSource(DeviceSource):
         matching = self._decoder.matching(frames)
         if matching.all() and len(frames) == len(rows):
             return frames
-        for row, size in zip(rows, lengths.tolist(), strict=True):
-            self._check_change(bytes(row[:size]))
+        # Only what carries our APPID is worth a look: foreign streams may be many.
+        ours = (rows[:, 14:16] == self._decoder.appid).all(axis=1)
+        if ours.sum() > matching.sum():
+            for row, size in zip(rows[ours], lengths[ours].tolist(), strict=True):
+                self._check_change(bytes(row[:size]))
         return frames[matching]
 
     def _check_change(self, frame: bytes) -> None:
+        """A frame that is not like the others: another layout of the same data, or another data set."""
         try:
             layout = parse(frame)
         except FrameError:
             return
         svid, appid, conf_rev, *_ = self._identity
-        if (layout.svid, layout.appid) == (svid, appid) and layout.identity != self._identity:
-            self._lose(
+        if layout.identity == self._identity:
+            if layout != self._decoder.layout:  # an optional field has come or gone
+                self._decoder = Decoder(layout, frame, self._settings.channels)
+        elif (layout.svid, layout.appid) == (svid, appid):
+            self._changed = (
                 f"the stream {svid!r} has changed (confRev {layout.identity[2]}, was {conf_rev}): its data set may "
                 "mean something else now; check source.channels and restart acqd"
             )
 
+    def _take_all(self, samples: Samples, first_ns: int, span_ns: int) -> None:
+        """Samples that arrived within `span_ns` from `first_ns` on; where smpCnt was set, a new part begins."""
+        cuts = self._counter.settings_in(samples.counter, span_ns)
+        starts = [0, *cuts]
+        for start, stop in zip(starts, [*cuts, len(samples.counter)], strict=True):
+            part = Samples(samples.counter[start:stop], samples.codes[start:stop], samples.flags[start:stop])
+            self._take(part, first_ns + round(start * 1e9 / self.form.rate))
+
     def _take(self, samples: Samples, first_ns: int) -> None:
         """Queue the samples, cut where one is missing or the flags change; a late copy is dropped."""
         numbers = self._counter.unwrap(samples.counter, first_ns)
+        if self._counter.was_set:
+            self._numbering.restart()  # time places what follows: no sample is lost, none is invented
         numbers, order = np.unique(numbers, return_index=True)
         codes, flags = samples.codes[order], samples.flags[order]
         cuts = np.flatnonzero((np.diff(numbers) != 1) | (np.diff(flags) != 0)) + 1
         starts = [0, *cuts.tolist()]
         for start, stop in zip(starts, [*starts[1:], len(numbers)], strict=True):
             taken_ns = first_ns + round((numbers[start] - numbers[0]) * 1e9 / self.form.rate)
-            self._place(codes[start:stop], int(numbers[start]), taken_ns, names(int(flags[start])))
+            named = names(int(flags[start])) | ({"sync_error"} if self._counter.was_set else set())
+            self._place(codes[start:stop], int(numbers[start]), taken_ns, named)

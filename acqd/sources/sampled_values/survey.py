@@ -36,7 +36,7 @@ class Stream:
 
 def find_stream(wire: PacketSocket, settings: SampledValuesSettings) -> tuple[Stream, float]:
     """The stream that the settings mean, and its rate [samples/s]. Raises UserError."""
-    streams = _listen(wire, _LISTEN_S, {}, settings.svid)
+    streams = _listen(wire, _LISTEN_S, {}, settings)
     stream = _chosen(streams, settings, wire.interface)
     rate = settings.rate or _announced(stream.layout)
     if rate is None:
@@ -51,11 +51,16 @@ def find_stream(wire: PacketSocket, settings: SampledValuesSettings) -> tuple[St
 
 
 def _listen(
-    wire: PacketSocket, seconds: float, streams: dict[tuple[str, int], Stream], wanted: str | None = None
+    wire: PacketSocket,
+    seconds: float,
+    streams: dict[tuple[str, int], Stream],
+    wanted: SampledValuesSettings | None = None,
 ) -> dict[tuple[str, int], Stream]:
-    """Note the streams of some seconds, or until the wanted one was heard."""
+    """Note the streams of some seconds, or until the one that svID and APPID name was heard."""
     end = time.monotonic() + seconds
-    while time.monotonic() < end and wanted not in [svid for svid, _ in streams]:
+    while time.monotonic() < end:
+        if wanted is not None and (wanted.svid, wanted.appid) in streams:
+            break
         try:
             rows, lengths = wire.receive()
         except OSError as error:

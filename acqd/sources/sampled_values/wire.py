@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acqd.errors import UserError
-from acqd.sources.interfaces import check_interface
+from acqd.sources.interfaces import DROP_IN, check_interface
 from acqd.sources.sampled_values.frame import ETHERTYPE
 
 LONGEST = 1518
@@ -35,10 +35,10 @@ class PacketSocket:
         try:
             # Protocol 0 until it is bound: otherwise frames of every interface would be collected meanwhile.
             self._socket = socket.socket(socket.AF_PACKET, socket.SOCK_RAW, 0)
-        except PermissionError:
+        except OSError as error:  # not permitted, or not among the unit's address families
             raise UserError(
-                f"source.interface: this user may not listen on {interface}; give the service CAP_NET_RAW "
-                "(AmbientCapabilities=CAP_NET_RAW in its unit, or setcap cap_net_raw+ep on its Python)"
+                f"source.interface: this user may not listen on {interface} ({error.strerror}); give the service "
+                f"CAP_NET_RAW ({DROP_IN}, or setcap cap_net_raw+ep on its Python)"
             ) from None
         self._socket.setblocking(False)
         for option in (_SO_RCVBUFFORCE, socket.SO_RCVBUF):  # beyond the host's limit where that is permitted
@@ -53,6 +53,7 @@ class PacketSocket:
         self._rows: NDArray[np.uint8] = np.zeros((batch, LONGEST), dtype=np.uint8)
         self._views = [memoryview(row) for row in self._rows]
         self._lengths: NDArray[np.int64] = np.zeros(batch, dtype=np.int64)
+        self._empty_ns = time.monotonic_ns()  # when nothing was waiting
         self.first_age_ns = 0
         """Time since the first frame of the last batch arrived [ns]."""
 
@@ -67,16 +68,20 @@ class PacketSocket:
                     self.first_age_ns = self._age_ns()
                 count += 1
         except BlockingIOError:
-            pass
+            self._empty_ns = time.monotonic_ns()
         except OSError as error:
             if error.errno != errno.ENETDOWN or not count:
                 raise
         return self._rows[:count], self._lengths[:count]
 
     def _age_ns(self) -> int:
-        """Time since the kernel received the last frame [ns]."""
+        """Time since the kernel received the last frame [ns]; never longer than since nothing was waiting.
+
+        The kernel's stamp is UTC: where that clock was set meanwhile, the monotonic one keeps the age sensible.
+        """
         seconds, nanoseconds = struct.unpack("ll", fcntl.ioctl(self._socket, _SIOCGSTAMPNS, bytes(16)))
-        return int(max(0, time.time_ns() - seconds * 1_000_000_000 - nanoseconds))
+        age_ns = time.time_ns() - seconds * 1_000_000_000 - nanoseconds
+        return int(min(max(0, age_ns), time.monotonic_ns() - self._empty_ns))
 
     def close(self) -> None:
         """Stop listening."""

@@ -84,6 +84,8 @@ class WaveformBridge:
         self.stride = stride or self.frames * self.channels + SLOT_HEADER
         self.slots = slots or min(MOST_SLOTS, (REGISTERS - slot0) // self.stride)
         self._check()
+        self.wrap = NONE_YET // self.slots * self.slots
+        """Block numbers start over here."""
         self.utc = utc
         self.boot = 1
         self._frame_s = 1 / (table.rate * (1 + drift_ppm * 1e-6))
@@ -185,7 +187,7 @@ class WaveformBridge:
         first = block * self.frames
         codes = self.table.codes(first, self.frames).astype(">i2").tobytes()
         at = 2 * slot * self.stride
-        head = _SLOT.pack(block & 0xFFFF, self._status(block), first >> 32, first & 0xFFFFFFFF)
+        head = _SLOT.pack(block % self.wrap & 0xFFFF, self._status(block), first >> 32, first & 0xFFFFFFFF)
         self._memory[at : at + len(head) + len(codes)] = head + codes
         self._held[slot] = block
 
@@ -209,8 +211,8 @@ class WaveformBridge:
             self.slot0,
             *lsb,
             self._overruns(newest),
-            0 if newest < 0 else self._oldest(newest),
-            NONE_YET if newest < 0 else newest,
+            0 if newest < 0 else self._oldest(newest) % self.wrap,
+            NONE_YET if newest < 0 else newest % self.wrap,
             self._utc_ns(newest),
             self.boot,
         )
