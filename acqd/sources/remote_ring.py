@@ -71,7 +71,7 @@ class RemoteRing(DeviceSource, Generic[ClientT]):
                 self._recognise(self._client)
                 self._placed_ns = self._clock()
             self._fetch(self._client)
-            if self._health.connected and self._clock() - self._placed_ns > _SILENCE_NS:
+            if self._clock() - self._placed_ns > _SILENCE_NS:
                 raise DeviceError(f"no whole samples for 0.5 s: {self._why_silent(self._client)}")
         except (DeviceError, UserError) as error:
             self.close()

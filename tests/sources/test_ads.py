@@ -67,7 +67,7 @@ def test_a_stopped_plc_is_named_and_waited_for(rig: Rig):
     rig.step(40)
     assert not rig.source.health().connected and "STOP" in rig.source.health().reason
     rig.double.command(state=5)
-    rig.step(10)
+    rig.step(500)
     assert rig.source.health().connected and rig.source.health().reconnects == 1
 
 
