@@ -1,4 +1,4 @@
-"""What all sources with a sampling clock of their own have in common: numbering, queue, health."""
+"""What all sources with their own sampling clock have in common: numbering, queue, health."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every source with a clock of its own promises, on the wire of its device's double."""
+"""What every source with its own sampling clock promises, on the wire of its device's double."""
 
 from __future__ import annotations
 
@@ -147,7 +147,7 @@ def test_main_fast_passes_the_samples_on_with_index_time_flags_and_gaps(bench: B
 
 
 def paced(kind: str, folder: Path) -> Source:
-    """The sources without a clock of their own, as the fast process makes them."""
+    """The sources without their own sampling clock, as the fast process makes them."""
     if kind == "simulated":
         return make_source(simulated_spec(SimulationSettings(phases=1)))
     wave = WaveTable(phases=1, seconds=0.4)

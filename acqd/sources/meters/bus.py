@@ -20,7 +20,7 @@ _TURNAROUND_S = 0.005  # of an RS-485 line between two meters
 
 
 class MeterBus:
-    """Polls the meters of one link in a thread of its own."""
+    """Polls the meters of one link in a separate thread."""
 
     def __init__(self, link: ModbusLink, meters: list[MeterSettings]) -> None:
         """Raises UserError for an unknown profile or a unit id that two meters share."""
