@@ -155,7 +155,7 @@ def test_config_mistakes_are_exit_2_and_one_line(tmp_path):
         "[metering]\nmod = 'fixed'\n": "did you mean metering.mode",
         "[mqtt]\npassword_file = '/nowhere'\n": "password file",
         "[source]\nkind = 'replay'\nfile = 'none.npz'\n": "no such file",
-        "[source]\nkind = 'replay'\nfile = 'none.npz'\nmap = 'x'\n": "--map",
+        "[source]\nkind = 'replay'\nfile = 'none.npz'\nmap = 'x'\n": "source.map",
         "[source]\nkind = 'ethercat'\ninterface = 'nowhere0'\n": "no network interface 'nowhere0'",
         "[source]\nkind = 'sampled-values'\ninterface = 'nowhere0'\n": "no network interface 'nowhere0'",
         "[source]\nkind = 'ads'\nhost = '127.0.0.99'\nams_net_id = '1.2.3.4.1.1'\n": "is the TwinCAT PC on",

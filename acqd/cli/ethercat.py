@@ -25,10 +25,12 @@ def ethercat() -> None:
 @app.command()
 def scan(
     interface: Annotated[str, typer.Argument(help="Network interface the coupler is on.")],
-    pdos: Annotated[bool, typer.Option("--pdos", help="Also read the PDO assignment of each EL3783.")] = False,
+    pdos: Annotated[
+        bool, typer.Option("--pdos", help="Also read the PDO assignment of each EL3783 (takes them to PRE-OP).")
+    ] = False,
     json: Json = False,
 ) -> None:
-    """List the slaves on a network interface; nothing is changed on them.
+    """List the slaves on a network interface; no setting of theirs is changed.
 
     Example: acqd ethercat scan eth1
     """

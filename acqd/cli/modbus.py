@@ -35,6 +35,7 @@ def probe(
     units: Annotated[str, typer.Option(help="Unit ids: 1, 1-10 or 1,5,7.")] = "1",
     nominal_voltage: Annotated[float, typer.Option(min=1.0, help="Expected line-to-neutral voltage in V.")] = 230.0,
     timeout: Annotated[float, typer.Option(min=0.02, help="Seconds an answer may take.")] = 0.3,
+    every: Annotated[bool, typer.Option("--all", help="Also show the profiles that do not fit, and why.")] = False,
     json: Json = False,
 ) -> None:
     """Find the profile whose registers make sense. Only reads; writes nothing to any meter.
@@ -57,9 +58,12 @@ def probe(
     if json:
         print(orjson.dumps([asdict(one) | {"rank": one.rank} for one in found]).decode())
     elif found:
-        _print(found)
+        _print(found, every)
     if not found:
-        raise UserError(f"{link}: no unit of {units} answers; check wiring, baud rate, parity and unit ids")
+        what = "the unit ids" if host else "wiring, baud rate, parity and unit ids"
+        raise UserError(f"{link}: nobody answers to --units {units}; check {what}")
+    if not any(one.rank[0] for one in found):
+        raise typer.Exit(1)
 
 
 def _units(text: str) -> list[int]:
@@ -75,25 +79,44 @@ def _units(text: str) -> list[int]:
     return numbers
 
 
-def _print(found: list[Any]) -> None:
-    table = Table("unit", "profile", "", "identified", "relations", "reads as", "remark", title="Modbus probe")
-    for one in found:
-        shown = [
-            f"{name} {one.values[name]:.5g}" for name in ("L1.Vrms", "L1.P", "f") if one.values.get(name) is not None
-        ]
+def _print(found: list[Any], every: bool) -> None:
+    """A table of what fits (or of all), then a sentence for each unit."""
+    shown = [one for one in found if every or one.rank[0]]
+    if shown:
+        Console().print(_table(shown))
+    for unit in dict.fromkeys(one.unit for one in found):
+        print(f"unit {unit}: {_verdict([one for one in found if one.unit == unit])}")
+    if not every:
+        print(f"{len(found) - len(shown)} profiles that do not fit are not shown; --all shows them and why")
+
+
+def _table(candidates: list[Any]) -> Table:
+    table = Table(
+        "unit", "profile", "fits", "identified", "relations that hold", "reads as", "remark", title="Modbus probe"
+    )
+    for one in candidates:
+        values = ((name, one.values.get(name)) for name in ("L1.Vrms", "L1.P", "f"))
         table.add_row(
             str(one.unit),
             one.profile,
-            "[green]fits[/]" if one.fits else "[red]no[/]",
+            "[green]yes[/]" if one.fits else "[red]no[/]",
             {True: "yes", False: "another model", None: "-"}[one.identified],
             str(one.checks),
-            ", ".join(shown),
+            ", ".join(f"{name} {value:.5g}" for name, value in values if value is not None) if one.fits else "",
             escape(one.remark),
         )
-    Console().print(table)
-    best = [one for one in found if one.rank[0]]
-    for unit in dict.fromkeys(one.unit for one in found):
-        names = [one.profile for one in best if one.unit == unit]
-        verdict = f"profile {names[0]} fits best" if names else "no profile fits"
-        others = f"; {', '.join(names[1:])} cannot be told apart from it by the registers alone" if names[1:] else ""
-        print(f"unit {unit}: {verdict}{others}")
+    return table
+
+
+def _verdict(candidates: list[Any]) -> str:
+    """What is known of one unit, best first."""
+    best = [one for one in candidates if one.rank[0]]
+    if best:
+        others = [one.profile for one in best[1:] if not (best[0].identified and not one.identified)]
+        doubt = f"; {', '.join(others)} cannot be told apart from it by the registers alone" if others else ""
+        return f"profile {best[0].profile} fits best{doubt}"
+    close = [one for one in candidates if "make sense" in one.remark]
+    close.sort(key=lambda one: one.identified is not True)
+    if close:
+        return f"no profile fits as it is; {close[0].profile}: {close[0].remark}"
+    return "no profile fits"

@@ -19,6 +19,7 @@ from acqd.errors import UserError
 from acqd.telemetry.broker import check_port, free_port
 
 _DEFAULT_PORT = 1883
+_UNITS = {"Vrms": "V", "Irms": "A", "P": "W", "PF": "", "f": "Hz", "W": "kWh"}
 
 
 def serve(settings: Config, duration: float | None, *, json: bool, quiet: bool, title: str) -> None:
@@ -54,8 +55,10 @@ def announce(settings: Config, what: str, *, json: bool) -> None:
 
 
 def _line(summary: dict[str, Any]) -> str:
-    values = ((name, summary[name]) for name in ("Vrms", "Irms", "P", "PF", "f", "W"))
-    text = "  ".join(f"{name} {'-' if value is None else f'{value:.6g}'}" for name, value in values)
+    shown = (
+        f"{name} {'-' if summary[name] is None else f'{summary[name]:.6g}'} {unit}" for name, unit in _UNITS.items()
+    )
+    text = "  ".join(part.rstrip() for part in shown)
     return f"{summary['time']} {summary['device']} {summary['channel']:5} {text}  {' '.join(summary['flags'])}"
 
 

@@ -166,7 +166,9 @@ def _complaint(fault: Any) -> str:
     if fault["type"] == "union_tag_invalid":
         return f"source.kind: {fault['input'].get('kind')!r} is unknown, expected one of {', '.join(_KINDS)}"
     if fault["type"] != "extra_forbidden":
-        return f"{key}: {fault['msg'].removeprefix('Value error, ')} (got {fault['input']!r:.60})"
+        expected = _EXPECTED.get(key) or fault["msg"].removeprefix("Value error, ")
+        got = "" if isinstance(fault["input"], dict) else f" (got {fault['input']!r:.60})"
+        return f"{key}: {expected}{got}"
     foreign = [name for name, section in _KINDS.items() if key.removeprefix("source.") in section.model_fields]
     if kind and foreign:
         return f"{key} belongs to kind {' or '.join(foreign)}, here kind is {kind}; delete it"
@@ -178,6 +180,14 @@ def _complaint(fault: Any) -> str:
 
 _KINDS: dict[str, type[Section]] = {
     get_args(section.model_fields["kind"].annotation)[0]: section for section in SECTIONS
+}
+
+
+_NET_ID = "expected six numbers like 5.12.34.56.1.1"
+_EXPECTED = {
+    "source.ams_net_id": _NET_ID,
+    "source.local_net_id": _NET_ID,
+    "source.range_object": "expected index:subindex in hexadecimal like F800:01, or nothing",
 }
 
 

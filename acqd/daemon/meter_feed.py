@@ -33,10 +33,10 @@ class MeterFeed:
         """Raises UserError for meters that cannot be told apart."""
         names = [meter.name for meter in source.meters]
         for name in names:
-            if not valid_device(name) or names.count(name) > 1:
-                raise UserError(
-                    f"source.meters: name {name!r} must differ from the others' and consist of letters, digits, . _ -"
-                )
+            if names.count(name) > 1:
+                raise UserError(f"source.meters: two meters have the name {name!r}; it is the device of their rows")
+            if not valid_device(name):
+                raise UserError(f"source.meters: name {name!r}: expected letters, digits, dots, dashes, underscores")
         meters, modbus = device_module("meters"), device_module("modbus")
         settings = [meters.MeterSettings(**meter.model_dump()) for meter in source.meters]
         self._bus: MeterBus = meters.MeterBus(modbus.ModbusLink(**source.link()), settings)
@@ -51,8 +51,7 @@ class MeterFeed:
 
     async def start(self) -> None:
         """Read every meter once. Raises UserError when none answers or one makes no sense."""
-        for sentence in await asyncio.to_thread(self._bus.check):
-            _log.warning("%s; the others are read", sentence)
+        await asyncio.to_thread(self._bus.check)
         loop = asyncio.get_running_loop()
 
         def hand_over(reading: Reading) -> None:

@@ -84,7 +84,7 @@ class ReplaySection(Section):
 
     def spec(self) -> Spec:
         """For the fast process. Raises UserError for a map that cannot be read."""
-        columns = ChannelMap.parse(self.map) if self.map else None
+        columns = ChannelMap.parse(self.map, "source.map") if self.map else None
         return replay_spec(
             self.file, ChannelMap(columns, self.u_scale, self.i_scale, self.rate, self.f_nominal), self.loops
         )

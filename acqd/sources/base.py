@@ -37,8 +37,8 @@ class Source(ABC):
     live: bool = True
     """Samples are taken now: their time follows this computer's UTC. False: a recording's own time."""
     paced: bool = True
-    """MAIN_FAST asks for the samples that the elapsed time is worth. False: a device with a sampling
-    clock of its own, which gives whatever it has."""
+    """MAIN_FAST asks for the samples that the elapsed time is worth. False: a device with its own
+    sampling clock, which gives whatever it has."""
     period_ns: int = CYCLE_NS
     """How often `exchange` must be called [ns]; known after `connect`."""
     flags: frozenset[str] = frozenset()

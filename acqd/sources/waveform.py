@@ -33,14 +33,14 @@ class ChannelMap:
     """Declared mains frequency [Hz]; None: the file's, or 50 Hz."""
 
     @staticmethod
-    def parse(text: str) -> dict[str, str]:
-        """`u1=Va,i1=Ia` -> {"u1": "Va", "i1": "Ia"}. Raises UserError."""
+    def parse(text: str, option: str = "--map") -> dict[str, str]:
+        """`u1=Va,i1=Ia` -> {"u1": "Va", "i1": "Ia"}. Raises UserError, which names `option`."""
         columns: dict[str, str] = {}
         for item in text.split(","):
             key, equals, column = item.partition("=")
             key = key.strip().lower()
             if not equals or key not in _NAMES or not column.strip():
-                raise UserError(f"--map: {item!r} is not like u1=COLUMN (keys {', '.join(_NAMES)})")
+                raise UserError(f"{option}: {item!r} is not like u1=COLUMN (keys {', '.join(_NAMES)})")
             columns[key] = column.strip()
         return columns
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import replace
@@ -193,6 +196,15 @@ def test_scan_lists_the_slaves(rig: Rig):
     slaves = scan(master)
     close_master(master)
     assert [(slave.position, slave.title) for slave in slaves] == [(1, "EK1100"), (2, "EL3783")]
+
+
+def test_the_command_scan_reads_the_assignment_of_terminals_that_were_in_init(rig: Rig):
+    command = [sys.executable, "-m", "acqd", "ethercat", "scan", rig.near, "--pdos", "--json"]
+    result = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    assert result.returncode == 0, result.stderr
+    coupler, terminal = json.loads(result.stdout)
+    assert coupler["title"] == "EK1100" and coupler["pdos"] is None
+    assert terminal["title"] == "EL3783" and terminal["pdos"][0].startswith("0x1a00: 16 bits")
 
 
 def test_bad_settings_are_named(rig: Rig):

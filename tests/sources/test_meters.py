@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import signal
 import struct
+import subprocess
+import sys
 import threading
 import time
 from pathlib import Path
@@ -91,7 +94,7 @@ def test_a_wrong_scale_is_refused_and_named():
 
 
 def test_a_meter_that_names_itself_as_another_model_is_refused():
-    with pytest.raises(UserError, match=r"identification register holds 341, a em24_din has one of"):
+    with pytest.raises(UserError, match=r"identification register holds 341, profile em24_din expects one of"):
         read_once(frozen("em340"), "em24_din")
 
 
@@ -135,7 +138,8 @@ def test_twenty_meters_are_read_in_turn_and_a_dead_one_costs_its_time_out_only()
     banks = {unit: frozen("em340", Irms=1.0 + unit / 10) for unit in units}
     with ModbusRtuDouble(dict(banks)) as double:
         line = Bus(double.path, units, timeout_s=0.2)
-        assert not line.bus.check()
+        line.bus.check()
+        assert not any(meter.trouble for meter in line.bus.meters)
         line.bus.start(line.take)
         wait_for(lambda: len(line.rounds()) >= 60, "three rounds")
         order = line.rounds()[:20]
@@ -206,6 +210,35 @@ def test_the_probe_names_the_word_order():
         found = list(probe(ModbusLink("127.0.0.1", double.port, timeout_s=2.0), [1], 230.0, lambda _unit: None))
     assert not any(one.fits for one in found)
     assert any("low word first" in one.remark for one in found if one.profile == "sdm120")
+
+
+def command(*words: object) -> subprocess.CompletedProcess[str]:
+    arguments = [sys.executable, "-m", "acqd", "modbus", "probe", *map(str, words)]
+    return subprocess.run(arguments, capture_output=True, text=True, check=False, timeout=60)
+
+
+def test_the_command_probe_says_in_one_sentence_what_fits():
+    with ModbusTcpDouble({1: frozen("em340"), 2: frozen("em340", swap_words=True)}) as double:
+        result = command("--host", "127.0.0.1", "--port", double.port, "--units", "1-2", "--timeout", "2")
+        alone = command("--host", "127.0.0.1", "--port", double.port, "--units", "2", "--timeout", "2")
+    lines = result.stdout.splitlines()
+    assert result.returncode == 0 and "unit 1: profile em340 fits best" in lines
+    [second] = [line for line in lines if line.startswith("unit 2")]
+    assert "no profile fits as it is; em340:" in second and 'set word_order = "high"' in second
+    assert alone.returncode == 1
+    gone = command("--host", "127.0.0.1", "--port", double.port)
+    assert gone.returncode == 2 and "no connection (Connection refused)" in gone.stderr
+
+
+def test_breaking_a_probe_off_leaves_no_traceback():
+    with ModbusTcpDouble({1: frozen("em340")}) as double:
+        double.set_silent(True)
+        arguments = ["modbus", "probe", "--host", "127.0.0.1", "--port", str(double.port), "--units", "1-60"]
+        process = subprocess.Popen([sys.executable, "-m", "acqd", *arguments], stderr=subprocess.PIPE, text=True)
+        wait_for(lambda: double.requests[1] or double.requests[2], "the probe asks")
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=20)
+    assert process.returncode == 130 and "Traceback" not in err and "pending" not in err and "RuntimeError" not in err
 
 
 @pytest.mark.parametrize("name", known_profiles())

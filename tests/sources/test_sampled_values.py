@@ -275,6 +275,19 @@ def test_the_rate_is_counted_where_nothing_says_it(rig: Rig):
 
 
 @on_wire
+@pytest.mark.parametrize(
+    ("rig", "rate"), [({"rate": 4800, "asdus": 2}, 4000.0), ({"rate": 4000, "asdus": 1}, 4800.0)], indirect=["rig"]
+)
+def test_a_rate_that_the_frames_contradict_ends_the_stream_with_a_reason(rig: Rig, rate):
+    source = rig.start(svid="MU0101", rate=rate)
+    for _ in range(300):
+        rig.step(1, frames=40, samples=48)
+        if not source.health().connected:
+            break
+    assert "correct source.rate" in source.health().reason
+
+
+@on_wire
 def test_silence_wrong_channels_and_wrong_interfaces_are_named(rig: Rig):
     quiet = SampledValuesSource(SampledValuesSettings(rig.near))
     with pytest.raises(UserError, match="no sampled values on"):

@@ -38,7 +38,11 @@ def demo(
         config = Path(folder) / "acqd.toml"
         config.write_text(_config(kind, source), encoding="utf-8")
         say = sys.stderr if json else sys.stdout
-        print(f"a double of the device and acqd run --config {config}; stop with Ctrl-C", file=say, flush=True)
+        print(
+            f"a double of the device and acqd run with this configuration; stop with Ctrl-C\n{source}",
+            file=say,
+            flush=True,
+        )
         command = [sys.executable, "-m", "acqd", "run", "--config", str(config)]
         command += ["--duration", str(duration)] if duration else []
         command += ["--json"] if json else ["--lines"]

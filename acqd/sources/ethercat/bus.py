@@ -13,6 +13,8 @@ from acqd.errors import UserError
 from acqd.sources.ethercat import objects
 from acqd.sources.interfaces import DROP_IN, check_interface
 
+_STATE_US = 2_000_000  # for a change of state
+
 
 class SegmentError(Exception):
     """The segment does not do what it should; one line. Worth another try later."""
@@ -68,8 +70,17 @@ def scan(master: Any) -> list[SlaveInfo]:
     ]
 
 
+def enter_preop(master: Any) -> None:
+    """Take the slaves to PRE-OP, where their mailboxes answer. Raises SegmentError."""
+    master.state = pysoem.PREOP_STATE
+    master.write_state()
+    if master.state_check(pysoem.PREOP_STATE, _STATE_US) != pysoem.PREOP_STATE:
+        raise SegmentError("the segment does not reach PRE-OP; power it off and on")
+
+
 def assignments(master: Any) -> dict[int, list[str]]:
     """The PDOs assigned to the inputs of each EL3783 by position, a line each. Raises SegmentError."""
+    enter_preop(master)
     lines: dict[int, list[str]] = {}
     for position, slave in enumerate(master.slaves, start=1):
         if (slave.man, slave.id) == (objects.BECKHOFF, objects.EL3783):

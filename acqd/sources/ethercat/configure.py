@@ -8,11 +8,9 @@ import pysoem
 
 from acqd.errors import UserError
 from acqd.sources.ethercat import objects
-from acqd.sources.ethercat.bus import SegmentError, read_list, scan, sdo_errors
+from acqd.sources.ethercat.bus import SegmentError, enter_preop, read_list, scan, sdo_errors
 from acqd.sources.ethercat.layout import BlockLayout, build_layout
 from acqd.sources.ethercat.settings import OVERSAMPLING, RANGE_CODE, EthercatSettings
-
-_STATE_US = 200_000  # for one change of state
 
 
 def find_terminals(master: Any, settings: EthercatSettings) -> list[Any]:
@@ -35,11 +33,7 @@ def find_terminals(master: Any, settings: EthercatSettings) -> list[Any]:
 def configure(master: Any, terminals: list[Any], settings: EthercatSettings) -> list[BlockLayout]:
     """PRE-OP: range, PDO assignment, layout as read back, and the mapping of the process image."""
     samples_pdo = OVERSAMPLING.index(settings.samples())
-    if master.state_check(pysoem.PREOP_STATE, _STATE_US) != pysoem.PREOP_STATE:
-        master.state = pysoem.PREOP_STATE
-        master.write_state()
-        if master.state_check(pysoem.PREOP_STATE, 10 * _STATE_US) != pysoem.PREOP_STATE:
-            raise SegmentError("the segment does not reach PRE-OP; power it off and on")
+    enter_preop(master)
     with sdo_errors():
         layouts = [_prepare(terminal, samples_pdo, settings) for terminal in terminals]
     try:

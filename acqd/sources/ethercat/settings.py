@@ -52,7 +52,7 @@ class EthercatSettings:
         terminal, _, phase = text.partition(":")
         if not terminal.isdigit() or phase not in ("L1", "L2", "L3") or not 1 <= int(terminal) <= self.terminals:
             raise UserError(
-                f"source.terminal_phases: {text!r} is not like 1:L1, with a terminal from 1 to {self.terminals} "
+                f"source.phases: {text!r} is not like 1:L1, with a terminal from 1 to {self.terminals} "
                 "and a phase L1, L2 or L3"
             )
         return int(terminal) - 1, int(phase[1]) - 1

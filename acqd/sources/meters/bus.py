@@ -35,8 +35,8 @@ class MeterBus:
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
 
-    def check(self) -> list[str]:
-        """Read every meter once; gives what is known of the silent ones.
+    def check(self) -> None:
+        """Read every meter once; a silent one has its `trouble`.
 
         Raises UserError when no meter answers, or one makes no sense.
         """
@@ -46,13 +46,13 @@ class MeterBus:
             try:
                 meter.check(self._client)
             except ModbusError as error:
+                meter.trouble = str(error)
                 silent.append(f"meter {meter.settings.name!r}: {error}")
         if len(silent) == len(self.meters):
             self._close()
             raise UserError(
                 f"{self.link}: no meter answers ({silent[0]}); check wiring, baud rate, parity and unit ids"
             )
-        return silent
 
     def start(self, on_reading: Callable[[Reading], None]) -> None:
         """Poll until `stop`; `on_reading` is called in the bus's thread."""

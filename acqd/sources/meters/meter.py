@@ -87,8 +87,8 @@ class Meter:
         if code not in identity.values:
             raise UserError(
                 f"source.meters {self.settings.name!r} (unit {self.unit}): its identification register holds {code}, "
-                f"a {profile.name} has one of {', '.join(map(str, identity.values))}; try acqd modbus probe, or use "
-                "a copy of the profile without [identify]"
+                f"profile {profile.name} expects one of {', '.join(map(str, identity.values))}; "
+                "try acqd modbus probe, or use a copy of the profile without [identify]"
             )
 
     def _persistent_fault(self, client: ModbusClient) -> str:

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
+from acqd.errors import UserError
 from acqd.sources.meters.access import MeterAccess
 from acqd.sources.meters.decode import raw_value
 from acqd.sources.meters.plausible import decode, explain, judge
 from acqd.sources.meters.profile import Profile, known_profiles, load_profile
-from acqd.sources.modbus.client import ModbusClient, ModbusError
+from acqd.sources.modbus.client import ModbusClient, ModbusError, NoConnectionError
 from acqd.sources.modbus.registers import HEADER_REGISTERS, MapError, parse_layout
 from acqd.sources.modbus.settings import ModbusLink
 
@@ -59,6 +60,8 @@ def _answers(client: ModbusClient, unit: int) -> bool:
     """Any answer counts, an exception too: somebody is there."""
     try:
         client.read(unit, [(3, 0, 1)])
+    except NoConnectionError as error:
+        raise UserError(f"{client.link}: {error}") from None
     except ModbusError as error:
         return error.code is not None and error.code < 10
     return True

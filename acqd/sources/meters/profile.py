@@ -92,7 +92,9 @@ def load_profile(name: str) -> Profile:
         )
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except OSError as error:
+        raise InputError(path, f"the profile cannot be read ({error.strerror})") from None
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise InputError(path, f"is no readable profile ({error})") from None
     return _Reader(path, data).profile()
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import logging
+import socket
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -62,6 +62,22 @@ class ModbusError(DeviceError):
         self.code = code
 
 
+class NoConnectionError(ModbusError):
+    """Nobody listens at the link's address, or its port cannot be opened."""
+
+
+def _why_not(link: ModbusLink) -> str:
+    """What the operating system says of a connection that pymodbus could not make."""
+    try:
+        if link.host:
+            socket.create_connection((link.host, link.port), timeout=link.timeout_s).close()
+        else:
+            serial.Serial(link.serial_port).close()
+    except (OSError, UnicodeError) as error:
+        return str(getattr(error, "strerror", None) or error)
+    return "it was refused a moment ago"
+
+
 class ModbusClient:
     """Reads registers of one link; its event loop runs only while a read is under way."""
 
@@ -69,7 +85,7 @@ class ModbusClient:
         """Raises UserError for a serial port that cannot be used."""
         if link.serial_port is not None:
             _check_serial(link.serial_port)
-        self._link = link
+        self.link = link
         self._loop = asyncio.new_event_loop()
         self._clients: list[Any] = []
         self._connections = connections if link.host else 1
@@ -86,8 +102,10 @@ class ModbusClient:
         for client in self._clients:
             client.close()
         self._clients = []
-        with contextlib.suppress(RuntimeError):
-            self._loop.run_until_complete(asyncio.sleep(0))
+        left = asyncio.all_tasks(self._loop)  # of a read that Ctrl-C has broken off
+        for task in left:
+            task.cancel()
+        self._loop.run_until_complete(_ended(left))
         self._loop.close()
 
     async def _read(self, unit: int, reads: list[Read], pause_s: float) -> list[bytes]:
@@ -114,13 +132,18 @@ class ModbusClient:
             return
         for client in self._clients:
             client.close()
-        self._clients = [_make(self._link) for _ in range(self._connections)]
+        self._clients = [_make(self.link) for _ in range(self._connections)]
         try:
             connected = all(await asyncio.gather(*(client.connect() for client in self._clients)))
         except (OSError, UnicodeError):
             connected = False
         if not connected:
-            raise ModbusError(f"{self._link} does not answer; check address, cable and power")
+            raise NoConnectionError(f"no connection ({_why_not(self.link)}); check address, cable and power")
+
+
+async def _ended(tasks: set[asyncio.Task[Any]]) -> None:
+    """Let cancelled tasks and closed transports come to their end."""
+    await asyncio.gather(*tasks, asyncio.sleep(0), return_exceptions=True)
 
 
 async def _one(client: Any, unit: int, function: int, address: int, count: int) -> bytes:

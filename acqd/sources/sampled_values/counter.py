@@ -59,3 +59,25 @@ class SecondCounter:
         if self._last is None or -_DISAGREEMENT_S * self._rate < first - self._last <= 1:
             return False  # the next sample, a copy, or one that was overtaken
         return abs(first - self._expected(now_ns)) > _DISAGREEMENT_S * self._rate
+
+
+class RateCheck:
+    """Whether smpCnt counts as many samples a second as the rate says."""
+
+    def __init__(self, rate: int) -> None:
+        self._rate = rate
+        self._last: int | None = None
+        self._wraps: list[int] = []
+
+    def contradiction(self, wrapped: NDArray[np.int64]) -> str:
+        """What contradicts the rate; empty: nothing so far. One odd wrap may be a lost frame, two equal ones not."""
+        highest = int(wrapped.max())
+        if highest >= self._rate:
+            return f"smpCnt reaches {highest}, source.rate says {self._rate} samples/s; correct source.rate"
+        values = wrapped if self._last is None else np.concatenate(([self._last], wrapped))
+        self._last = int(wrapped[-1])
+        self._wraps += (values[:-1][np.diff(values) < -self._rate // 2] + 1).tolist()
+        self._wraps = self._wraps[-2:]
+        if len(self._wraps) == 2 and self._wraps[0] == self._wraps[1] != self._rate:
+            return f"smpCnt wraps at {self._wraps[0]}, source.rate says {self._rate} samples/s; correct source.rate"
+        return ""

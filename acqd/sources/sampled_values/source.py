@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from acqd.errors import UserError
 from acqd.sources.backoff import Backoff
 from acqd.sources.device import Clock, DeviceSource, stream_format
-from acqd.sources.sampled_values.counter import SecondCounter
+from acqd.sources.sampled_values.counter import RateCheck, SecondCounter
 from acqd.sources.sampled_values.decode import Decoder, Samples, names
 from acqd.sources.sampled_values.frame import FrameError, parse
 from acqd.sources.sampled_values.settings import SampledValuesSettings
@@ -41,7 +41,7 @@ class SampledValuesSource(DeviceSource):
         self._identity = stream.layout.identity
         self._decoder = Decoder(stream.layout, stream.template, settings.channels)
         self._declare(stream_format(rate, settings.scale, settings.f_nominal, bits=32))
-        self._counter = SecondCounter(round(rate))
+        self._counter, self._rates = SecondCounter(round(rate)), RateCheck(round(rate))
 
     def open(self, utc_ns: int, index: int = 0) -> None:
         """Start with the next frame; what was heard before is forgotten."""
@@ -66,9 +66,11 @@ class SampledValuesSource(DeviceSource):
         if len(frames):
             self._take_all(self._decoder.decode(frames), now - self._wire.first_age_ns, self._wire.first_age_ns)
             self._heard_ns = now
-            self._find()
-            self._backoff.reset()
-        elif self._changed or now - self._heard_ns > _SILENCE_NS:
+            if not self._changed:
+                self._find()
+                self._backoff.reset()
+                return
+        if self._changed or now - self._heard_ns > _SILENCE_NS:
             name, interface = self._identity[0], self._settings.interface
             self._give_up(
                 self._changed or f"no frames of {name!r} on {interface} for 0.5 s; check merging unit and network"
@@ -94,6 +96,7 @@ class SampledValuesSource(DeviceSource):
             self._lose(str(error))
             return
         self._heard_ns, self._changed = now, ""
+        self._rates = RateCheck(round(self.form.rate))
 
     def _ours(self, rows: NDArray[np.uint8], lengths: NDArray[np.int64]) -> NDArray[np.uint8]:
         """Frames of our stream; foreign and damaged ones are left out, a changed make-up is noticed."""
@@ -127,6 +130,10 @@ class SampledValuesSource(DeviceSource):
 
     def _take_all(self, samples: Samples, first_ns: int, span_ns: int) -> None:
         """Samples that arrived within `span_ns` from `first_ns` on; where smpCnt was set, a new part begins."""
+        wrong = self._rates.contradiction(samples.counter)
+        if wrong:
+            self._changed = wrong
+            return
         cuts = self._counter.settings_in(samples.counter, span_ns)
         starts = [0, *cuts]
         for start, stop in zip(starts, [*cuts, len(samples.counter)], strict=True):
