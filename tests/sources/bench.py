@@ -259,7 +259,7 @@ class BridgeBench(Bench):
         self.bridge = WaveformBridge(WaveTable(), clock="lockstep")
         self.double = stack.enter_context(ModbusTcpDouble({1: self.bridge}))
         # Two connections: the double's thread shares the interpreter with them.
-        link = ModbusLink("127.0.0.1", self.double.port, timeout_s=5.0)
+        link = ModbusLink("127.0.0.1", self.double.port, timeout_s=2.0)
         self.source = BridgeSource(BridgeSettings(link, connections=2), self.clock)
 
     def codes(self, first: int, count: int) -> np.ndarray:

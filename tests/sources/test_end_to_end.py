@@ -47,10 +47,10 @@ def test_the_daemon_meters_every_wire_into_sql(kind, tmp_path):
     if kind in ON_ETHERNET and not may_create_veth():
         pytest.skip("veth pairs need CAP_NET_ADMIN (root)")
     with DEVICES[kind]() as source:
-        result = run(tmp_path, source, 5.0)
+        result = run(tmp_path, source, 3.5)
     assert result.returncode == 0 and "Traceback" not in result.stderr, result.stderr
     rows = rows_of(tmp_path / "box.sqlite", "box", "total")
-    assert len(rows) > 20
+    assert len(rows) > 10
     assert all("simulated" in json.loads(row["flags"]) for row in rows)
     # A busy machine may lose samples of a real-time stream: those windows say so, the others are right.
     whole = [row for row in rows if set(json.loads(row["flags"])) <= {"simulated", "late"} and row["P"] is not None]

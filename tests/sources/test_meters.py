@@ -340,8 +340,8 @@ def test_a_power_factor_that_is_not_available_is_no_32_767():
 
 
 def test_a_meter_that_asks_for_silence_before_a_request_gets_it():
-    with ModbusTcpDouble({1: frozen("sdm630")}) as double:
-        client = ModbusClient(ModbusLink("127.0.0.1", double.port, timeout_s=2.0))
+    with ModbusRtuDouble({1: frozen("sdm630")}) as double:
+        client = ModbusClient(ModbusLink(serial_port=double.path, timeout_s=2.0))
         access = MeterAccess(1, load_profile("sdm630"))
         access.read(client)
         begun = time.monotonic()

@@ -37,7 +37,7 @@ def modbus() -> Iterator[str]:
 def sampled_values() -> Iterator[str]:
     """A merging unit in medium voltage: 10 kV and 40 A."""
     with veth_pair("acqdemo") as (near, far), MergingUnitProcess(far, rate=4800, asdus=2, autostart=True):
-        yield f'kind = "sampled-values"\ninterface = "{near}"\nsvid = "MU0101"\n'
+        yield f'kind = "sampled-values"\ninterface = "{near}"\nsvid = "MU0101"\nrate = 4800\n'
 
 
 @contextmanager

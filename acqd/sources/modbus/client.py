@@ -91,7 +91,8 @@ class ModbusClient:
         self._connections = connections if link.host else 1
 
     def read(self, unit: int, reads: list[Read], pause_s: float = 0.0) -> list[bytes]:
-        """The registers of each read, big-endian as on the wire; `pause_s` of silence [s] before each request.
+        """The registers of each read, big-endian as on the wire; `pause_s` of silence [s] before each request on
+        a serial line.
 
         Raises ModbusError at the first that fails.
         """
@@ -115,7 +116,7 @@ class ModbusClient:
 
         async def work(client: Any) -> None:
             for number, (function, address, count) in queue:
-                if pause_s:
+                if pause_s and not self.link.host:  # a gateway keeps the silence of its serial line itself
                     await asyncio.sleep(pause_s)
                 answers[number] = await _one(client, unit, function, address, count)
 
