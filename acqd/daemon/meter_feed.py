@@ -45,7 +45,7 @@ class MeterFeed:
         self._deliver = deliver
         self._summarisers = {name: Summariser() for name in names}
         self._stopped = asyncio.Event()
-        self._started = self._last_row = time.monotonic()
+        self._last_row = time.monotonic()
         self._troubles: dict[str, str] = {}
         self.refused: list[str] = []
 

@@ -17,7 +17,7 @@ CODE_MAX = 32767
 CODE_MIN = -32768
 """Negative end stop of the 16-bit converter."""
 WIDE_CODE_MAX = 2**26
-"""End stop of 32-bit codes, both ways: sums of 50 000 products of such codes stay inside 64 bits."""
+"""End stop of 32-bit codes, both ways: 2000 products of such codes, a window's worth, sum up inside 64 bits."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -47,16 +47,14 @@ class DeviceSource(Source):
 
     def _place(
         self, codes: Codes, counter: int, taken_ns: int, flags: frozenset[str] = frozenset(), slack_ns: int = 0
-    ) -> bool:
+    ) -> None:
         """Queue samples whose first has device number `counter` and was taken at `taken_ns` on the clock.
 
-        `slack_ns`: how far from that it may have been. False for samples that are known already.
+        `slack_ns`: how far from that it may have been. Samples that are known already are passed over.
         """
         block = self._numbering.place(codes, counter, taken_ns + self._utc_offset, flags, slack_ns)
-        if block is None:
-            return False
-        self._blocks.put(block)
-        return True
+        if block is not None:
+            self._blocks.put(block)
 
     def _lose(self, reason: str) -> None:
         """The device is out of reach."""

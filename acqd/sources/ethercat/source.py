@@ -28,7 +28,7 @@ class EthercatSource(DeviceSource):
     def __init__(self, settings: EthercatSettings, clock: Clock = time.monotonic_ns) -> None:
         super().__init__(clock)
         self._settings = settings
-        self._places = settings.places()
+        settings.places()  # refuses phases that are not there before the segment is touched
         self._segment: Segment | None = None
         self._backoff = Backoff()
         self._good_ns = 0  # last exchange with the right working counter

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 ETHERTYPE = 0x88BA
 _HEADER = 14  # Ethernet addresses and type; the kernel has removed a VLAN tag
 _APDU = _HEADER + 8  # after APPID, length and two reserved words
-_SIMULATE = 0x8000  # of the first reserved word (IEC 61850-9-2 Edition 2)
 _SAV_PDU, _NO_ASDU, _SEQ_ASDU, _ASDU = 0x60, 0x80, 0xA2, 0x30
 _SVID, _SMP_CNT, _CONF_REV, _REFR_TM, _SMP_SYNCH, _SMP_RATE, _SAMPLES = 0x80, 0x82, 0x83, 0x84, 0x85, 0x86, 0x87
 
@@ -54,11 +53,6 @@ class FrameLayout:
         """svID, APPID, confRev, ASDUs a frame and values an ASDU: what must not change while metering."""
         first = self.asdus[0]
         return first.svid, self.appid, first.conf_rev, len(self.asdus), first.values
-
-
-def simulated(frame: memoryview | bytes) -> bool:
-    """Whether the frame carries the simulate bit."""
-    return bool(int.from_bytes(frame[_HEADER + 4 : _HEADER + 6], "big") & _SIMULATE)
 
 
 def parse(frame: bytes) -> FrameLayout:
