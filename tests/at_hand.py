@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from acqd.models.bundle import Bundle
-from acqd.models.greybox.make import arrays_of
+from acqd.models.bundle.bundle import Bundle
+from acqd.models.greybox.bundle_io import arrays_of
 from acqd.models.greybox.model import GreyBox
 from acqd.models.greybox.parameters import Layout, prior
 from acqd.robot import load_description

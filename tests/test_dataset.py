@@ -11,16 +11,16 @@ import pyarrow.parquet
 import pytest
 
 from acqd.dataset.build import BuildOrder, build
-from acqd.dataset.clock import parse_times
 from acqd.dataset.manifest import load_manifest
 from acqd.dataset.merge import merge
 from acqd.dataset.power import PowerStream, open_power
 from acqd.dataset.split import source_of, split
 from acqd.errors import InputError, UserError
-from acqd.lab.campaign import CampaignOrder, run_campaign
+from acqd.lab.campaign.run import CampaignOrder, run_campaign
 from acqd.lab.settings import CampaignSettings
 from acqd.robot import load_description
 from acqd.robot.log import RobotLog, read_log
+from acqd.timestamps import parse_times
 
 CASES = {
     "iiwa7_r800": {"clock": {"offset_s": 30.0, "drift_ppm": 50.0}, "seed": 11},

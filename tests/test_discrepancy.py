@@ -13,28 +13,28 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from acqd.discrepancy.delay import corrected, find_delay
-from acqd.discrepancy.derive import derive, residuals_of
-from acqd.discrepancy.noise import Whitener, autocorrelation
-from acqd.discrepancy.order import CloseOrder
-from acqd.discrepancy.prepare import prepare
-from acqd.discrepancy.residual import noise_floor, quality
-from acqd.discrepancy.switching import rhythm, search
-from acqd.discrepancy.trace import Limits, trace
-from acqd.discrepancy.watching import Watch
+from acqd.discrepancy.config import CloseOrder
+from acqd.discrepancy.monitor.watch import Watch
+from acqd.discrepancy.regression.setup import prepare
+from acqd.discrepancy.residual.delay import corrected, find_delay
+from acqd.discrepancy.residual.quality import noise_floor, quality
+from acqd.discrepancy.residual.whitening import Whitener, autocorrelation
+from acqd.discrepancy.selection.detectors.candidates import derive, residuals_of
+from acqd.discrepancy.selection.detectors.switching import rhythm, search
+from acqd.discrepancy.selection.stepwise import Limits, trace
 from acqd.errors import InputError, UserError
 from acqd.models.augmented import Augmented, Term
-from acqd.models.bundle import Bundle, load_bundle, save_bundle
-from acqd.models.data import Stretch
+from acqd.models.bundle.bundle import Bundle, load_bundle, save_bundle
+from acqd.models.bundle.reference import load_reference, reference_arrays
+from acqd.models.bundle.restore import open_model
 from acqd.models.effects import library
 from acqd.models.effects.scene import SUB, averaged, fine_motion, scene_of
 from acqd.models.features import padded
-from acqd.models.greybox.make import arrays_of
+from acqd.models.greybox.bundle_io import arrays_of
 from acqd.models.greybox.model import GreyBox
 from acqd.models.greybox.parameters import Layout, prior
 from acqd.models.predictor import Stream
-from acqd.models.reference import load_reference, reference_arrays
-from acqd.models.restore import open_model
+from acqd.models.segments import Stretch
 from acqd.robot import load_description
 from acqd.robot.arm import Arm, Payload
 from acqd.robot.dynamics import gravity_torque, inertial_parameters, inverse_dynamics

@@ -14,16 +14,16 @@ from acqd.errors import InputError, UserError
 from acqd.fmu.package import export_fmu
 from acqd.fmu.variables import exported_terms
 from acqd.models.augmented import Augmented, Term
-from acqd.models.bundle import Bundle, save_bundle
+from acqd.models.bundle.bundle import Bundle, save_bundle
+from acqd.models.bundle.restore import open_model
 from acqd.models.effects import library
 from acqd.models.effects.scene import make_scene
 from acqd.models.features import padded
-from acqd.models.greybox.make import arrays_of
+from acqd.models.greybox.bundle_io import arrays_of
 from acqd.models.hybrid.model import Perceptron
 from acqd.models.networks.architecture import ARCHITECTURES
-from acqd.models.networks.theta import initial
+from acqd.models.networks.flat_parameters import initial
 from acqd.models.normalisation import Normalisation
-from acqd.models.restore import open_model
 from tests.at_hand import AXES, STEP, about, grey, grey_bundle
 
 fmpy = pytest.importorskip("fmpy")
@@ -355,7 +355,7 @@ def test_bad_input_is_named_and_nothing_is_left(made, tmp_path, monkeypatch):
     monkeypatch.undo()
     monkeypatch.setenv("PATH", "")
     monkeypatch.delenv("CC", raising=False)
-    monkeypatch.setattr("acqd.fmu.compiling.find_spec", lambda _: None)
+    monkeypatch.setattr("acqd.fmu.platforms.find_spec", lambda _: None)
     with pytest.raises(UserError, match="no C compiler found"):
         export_fmu(bundle, out, "2.0", ["linux64"], lambda _: None)
     with pytest.raises(UserError, match="needs zig"):

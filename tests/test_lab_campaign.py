@@ -19,11 +19,11 @@ import pytest
 
 from acqd.cli.lab.options import settings_from
 from acqd.errors import InputError, UserError
-from acqd.lab.campaign import CampaignOrder, run_campaign
+from acqd.lab.campaign.run import CampaignOrder, run_campaign
+from acqd.lab.campaign.run_session import steady_error
 from acqd.lab.effects import parse_effect
-from acqd.lab.plan import plan_sessions
+from acqd.lab.schedule import plan_sessions
 from acqd.lab.settings import CampaignSettings, LabSettings
-from acqd.lab.work import steady_error
 from acqd.robot import load_description
 from acqd.robot.arm import Arm
 from acqd.robot.description import read_toml_table

@@ -6,20 +6,20 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from acqd.errors import InputError, UserError
-from acqd.lab.assembly import Assembly
 from acqd.lab.cell import build_cell
-from acqd.lab.controller import RATE, Controller, Phase, SwitchTool, Wait
-from acqd.lab.excitation import Cube, Excitation, planned_path
-from acqd.lab.execution import Planner
-from acqd.lab.motion import Move, fastest_profile, plan_chain
+from acqd.lab.motion.controller import RATE, Controller, Phase, SwitchTool, Wait
+from acqd.lab.motion.excitation import Cube, Excitation, planned_path
+from acqd.lab.motion.profile import Move, fastest_profile, plan_chain
+from acqd.lab.motion.program import Planner
+from acqd.lab.motion.trajectory import Trajectory, read_trajectory, write_trajectory
+from acqd.lab.motion.use_case import Assembly
 from acqd.lab.settings import LabSettings
-from acqd.lab.trajectory import Trajectory, read_trajectory, write_trajectory
 from acqd.robot import load_description
 from acqd.robot.arm import Arm
 from acqd.robot.collision import CollisionChecker, dense_path
 from acqd.robot.kinematics import forward_kinematics
 from acqd.robot.scene import Box, Scene
-from tools import mujoco_oracle
+from tools.common import mujoco_oracle
 
 IIWA = load_description("iiwa7_r800")
 positive = st.floats(0.05, 5.0)

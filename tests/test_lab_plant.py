@@ -7,13 +7,13 @@ import pytest
 
 from acqd.errors import InputError, UserError
 from acqd.lab.cell import build_cell
-from acqd.lab.controller import Controller, Move, Phase, SwitchTool, Wait
 from acqd.lab.effects import known_effects, make_effects, parse_effect
-from acqd.lab.mains import Mains, MainsSettings, Metered
+from acqd.lab.instruments.data_recorder import ControllerClock
+from acqd.lab.instruments.mains import Mains, MainsSettings, Metered
+from acqd.lab.motion.controller import Controller, Move, Phase, SwitchTool, Wait
 from acqd.lab.plant import Plant, Stretch
 from acqd.lab.plant.electrics import DcStorage
 from acqd.lab.plant.parameters import DcLink, load_plant
-from acqd.lab.recorder import ControllerClock
 from acqd.lab.settings import LabSettings
 from acqd.metering import Meter, SampleBlock, WindowBatch
 from acqd.robot import load_description, shipped_descriptions

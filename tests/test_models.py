@@ -11,29 +11,29 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from acqd.errors import InputError, UserError
-from acqd.models.bundle import Bundle, load_bundle, save_bundle
+from acqd.models.bundle.bundle import Bundle, load_bundle, save_bundle
+from acqd.models.bundle.envelope import Envelope
+from acqd.models.bundle.restore import open_model, restore
 from acqd.models.compare.baselines import noise_floor
 from acqd.models.compare.kernels import difference_of_gaussian, laplacian_of_gaussian, likeness, response
 from acqd.models.compare.stability import unstable_share
-from acqd.models.data import Data, Stretch
-from acqd.models.envelope import Envelope
 from acqd.models.features import motion
+from acqd.models.greybox.bundle_io import arrays_of, describe
 from acqd.models.greybox.fit import fit_grey_box
-from acqd.models.greybox.make import arrays_of, describe
 from acqd.models.hybrid.model import Hybrid, Perceptron
 from acqd.models.metrics import measure, predictions
 from acqd.models.networks.architecture import ARCHITECTURES, architecture
 from acqd.models.networks.batches import Batch, Example, batches
+from acqd.models.networks.flat_parameters import initial
 from acqd.models.networks.fused.compiled import INSTRUCTION_SETS, best_instruction_set
 from acqd.models.networks.fused.engine import FusedEngine
 from acqd.models.networks.predictor import NetworkPredictor
 from acqd.models.networks.settings import TrainingSettings
-from acqd.models.networks.theta import initial
 from acqd.models.networks.torch_engine import TorchEngine
 from acqd.models.networks.train import train
 from acqd.models.normalisation import Normalisation
 from acqd.models.predictor import Stream
-from acqd.models.restore import open_model, restore
+from acqd.models.segments import Data, Stretch
 from acqd.robot import load_description
 from acqd.robot.arm import Arm
 from acqd.robot.dynamics import inertial_parameters, inverse_dynamics

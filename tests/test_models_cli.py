@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from acqd.dataset.build import BuildOrder, build
-from acqd.lab.campaign import CampaignOrder, run_campaign
+from acqd.lab.campaign.run import CampaignOrder, run_campaign
 from acqd.lab.settings import CampaignSettings
 
 DATA = Path(__file__).parents[2] / "shared" / "data" / "robots"
@@ -175,7 +175,7 @@ def test_table_7_1_is_fourteen_trainings_and_done_ones_are_kept(campaign, tmp_pa
 
 @pytest.mark.skipif(not DATA.is_dir(), reason="../shared/data is not there")
 def test_a_measured_ur3e_is_explained_from_its_motion_alone(tmp_path):
-    path = Path(__file__).parents[1] / "tools" / "measured_robots.py"
+    path = Path(__file__).parents[1] / "tools" / "studies" / "measured_robots" / "__main__.py"
     spec = importlib.util.spec_from_file_location("measured_robots", path)
     tool = importlib.util.module_from_spec(spec)
     sys.modules["measured_robots"] = tool

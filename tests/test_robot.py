@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from acqd.errors import InputError, UserError
-from acqd.lab.excitation import TOOL_DOWN
+from acqd.lab.motion.excitation import TOOL_DOWN
 from acqd.robot import load_description, shipped_descriptions
 from acqd.robot.arm import Arm, Payload
 from acqd.robot.collision import CollisionChecker, dense_path, require_free
@@ -19,7 +19,7 @@ from acqd.robot.dynamics import (
 )
 from acqd.robot.kinematics import Pose, flange_jacobian, forward_kinematics, inverse_kinematics, joint_origins, unwound
 from acqd.robot.scene import load_scene
-from tools import mujoco_oracle
+from tools.common import mujoco_oracle
 
 ROBOTS = shipped_descriptions()
 PAYLOAD = Payload(1.3, (0.02, 0.01, 0.05), (0.02, 0.02, 0.03, 0.001, 0.002, 0.003))

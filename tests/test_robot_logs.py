@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from acqd.errors import InputError
-from acqd.lab.recorder import ControllerClock, Recorded, RecorderSettings, record
+from acqd.lab.instruments.data_recorder import ControllerClock, Recorded, RecorderSettings, record
 from acqd.robot import load_description
 from acqd.robot.log import read_log, require_rising
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from acqd.discrepancy.sequential import BLOCK_S, Baseline, Monitor
+from acqd.discrepancy.monitor.cusum import BLOCK_S, Baseline, Monitor
 
 STEP = 0.04
 

@@ -21,11 +21,11 @@ from scipy.signal import lfilter
 
 from acqd.dataset.align import Lag
 from acqd.models import features
-from acqd.models.bundle import save_bundle
-from acqd.models.data import Stretch
-from acqd.models.envelope import Envelope
+from acqd.models.bundle.bundle import save_bundle
+from acqd.models.bundle.envelope import Envelope
+from acqd.models.bundle.reference import reference_arrays
 from acqd.models.predictor import Stream
-from acqd.models.reference import reference_arrays
+from acqd.models.segments import Stretch
 from acqd.sidecar.arrivals import Arrivals
 from acqd.sidecar.live import Live
 from acqd.sidecar.service import Sidecar

@@ -21,7 +21,8 @@ from acqd.storage.schema import metadata, power, power_1min, power_15min, quaran
 from acqd.storage.sink import Sink, SinkSettings
 from acqd.storage.writer import Received, Writer
 from acqd.telemetry.mqtt import BrokerAddress
-from acqd.telemetry.row import PowerRow, filetime, rfc3339
+from acqd.telemetry.row import PowerRow
+from acqd.timestamps import filetime, rfc3339
 
 from .conftest import wait_for
 

@@ -20,9 +20,10 @@ from acqd.telemetry.broker import EmbeddedBroker, check_port, free_port
 from acqd.telemetry.connector import Connector
 from acqd.telemetry.mqtt import BrokerAddress
 from acqd.telemetry.outbox import MemoryOutbox, Message
-from acqd.telemetry.row import CHANNELS, PowerRow, filetime, parse_row, rfc3339, rows_of
+from acqd.telemetry.row import CHANNELS, PowerRow, parse_row, rows_of
 from acqd.telemetry.summary import Summariser
 from acqd.telemetry.topics import valid_device
+from acqd.timestamps import filetime, rfc3339
 
 from .conftest import make_mains
 

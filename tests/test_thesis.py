@@ -10,14 +10,14 @@ from rich.console import Console
 
 from acqd.errors import OperationError
 from acqd.report.page import Page
-from tools.thesis.steps import Step, run, seconds
+from tools.studies.thesis.steps import Step, run, seconds
 
 ROOT = Path(__file__).parents[1]
 
 
 @pytest.mark.timeout(900)
 def test_the_thesis_is_reproduced_and_goes_on_where_it_stood(tmp_path):
-    command = [sys.executable, "-m", "tools.reproduce_thesis", str(tmp_path / "out"), "--quick", "--json"]
+    command = [sys.executable, "-m", "tools.studies.thesis", str(tmp_path / "out"), "--quick", "--json"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)

@@ -58,10 +58,10 @@ def close_loop(
     if not watch and (every is not None or false_alarm is not None):
         raise UserError("--every and --false-alarm are for --watch")
     from acqd.cli.models.places import default_folder
-    from acqd.discrepancy.close import close_loop as run
-    from acqd.discrepancy.order import CloseOrder
-    from acqd.discrepancy.report import as_json
-    from acqd.discrepancy.write import require_writable, write_all
+    from acqd.discrepancy.config import CloseOrder
+    from acqd.discrepancy.loop import close_loop as run
+    from acqd.discrepancy.report.page import as_json
+    from acqd.discrepancy.report.write import require_writable, write_all
 
     folder = out or default_folder(dataset, "watch" if watch else "loop")
     since_s = None if since is None else since.replace(tzinfo=UTC).timestamp()

@@ -57,7 +57,7 @@ def build(
     """
     from acqd.dataset.build import BuildOrder, BuildReport
     from acqd.dataset.build import build as run
-    from acqd.dataset.explain import TorqueSource
+    from acqd.dataset.regressors import TorqueSource
 
     source: TorqueSource | None = torque.value if torque is not None else None
     order = BuildOrder(power, logs, out, robot, device, channel, source, search, step, seed, lag, cut)

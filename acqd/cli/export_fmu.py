@@ -31,8 +31,8 @@ def export_fmu(
     missing = [name for name in ("scipy", "safetensors") if find_spec(name) is None]
     if missing:
         raise UserError(f"acqd export-fmu needs {' and '.join(missing)}: install acqd[predict]")
-    from acqd.fmu.compiling import here
     from acqd.fmu.package import export_fmu as run
+    from acqd.fmu.platforms import here
 
     console = Console(stderr=True)
     target = out or bundle.with_name(f"{bundle.resolve().name}.fmu")

@@ -9,8 +9,8 @@ from datetime import UTC, datetime
 import orjson
 from rich.console import Console
 
-from acqd.discrepancy.order import CloseOrder
-from acqd.discrepancy.watching import Event, Watch
+from acqd.discrepancy.config import CloseOrder
+from acqd.discrepancy.monitor.watch import Event, Watch
 
 
 def watch_loop(order: CloseOrder, every_s: float, between_s: float, *, json: bool) -> None:

@@ -15,9 +15,10 @@ from acqd.daemon.source_sections import MetersSection
 from acqd.errors import OperationError, UserError
 from acqd.metering.power import effective
 from acqd.sources.spec import device_module
-from acqd.telemetry.row import CHANNELS, Channel, PowerRow, filetime, rfc3339
+from acqd.telemetry.row import CHANNELS, Channel, PowerRow
 from acqd.telemetry.summary import Summariser, TimedRow
 from acqd.telemetry.topics import valid_device
+from acqd.timestamps import filetime, rfc3339
 
 if TYPE_CHECKING:  # needs acqd[hw], which a PC without hardware does not have
     from acqd.sources.meters import MeterBus, Reading

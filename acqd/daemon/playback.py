@@ -26,7 +26,8 @@ from acqd.plc.executive import Executive
 from acqd.sources import ChannelMap, ReplaySource, Waveform, load_waveform
 from acqd.sources.spec import replay_spec
 from acqd.telemetry.mqtt import BrokerAddress
-from acqd.telemetry.row import CHANNELS, rfc3339, rows_of
+from acqd.telemetry.row import CHANNELS, rows_of
+from acqd.timestamps import rfc3339
 
 _CHUNK_S = 10.0  # of waveform per step at full speed
 

@@ -27,7 +27,8 @@ from acqd.telemetry import topics
 from acqd.telemetry.broker import EmbeddedBroker
 from acqd.telemetry.connector import Connector
 from acqd.telemetry.outbox import MemoryOutbox, Message
-from acqd.telemetry.row import PowerRow, rfc3339
+from acqd.telemetry.row import PowerRow
+from acqd.timestamps import rfc3339
 
 _log = logging.getLogger(__name__)
 _STATUS_S = 10.0

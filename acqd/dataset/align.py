@@ -15,9 +15,10 @@ from scipy.linalg import qr
 from scipy.optimize import minimize_scalar
 from scipy.signal import correlate
 
-from acqd.dataset.explain import STEP_S, Explanation, band_limited
+from acqd.arrays import Floats
 from acqd.dataset.power import PowerStream
-from acqd.robot.description import Floats
+from acqd.dataset.regressors import STEP_S, Explanation, band_limited
+from acqd.numerics import ridge_regression
 
 Bools: TypeAlias = NDArray[np.bool_]
 
@@ -124,11 +125,8 @@ def refine(about: Explanation, power: PowerStream, supply_lag_s: float, coarse: 
 
 def unexplained(X: Floats, y: Floats) -> float:
     """Share of the variance of `y` that its regression on `X` leaves, both centred."""
-    X = X / np.maximum(np.sqrt((X * X).mean(axis=0)), 1e-12)
-    gram = X.T @ X
-    gram[np.diag_indices_from(gram)] += 1e-7 * len(y)  # columns may say the same
-    solution = np.linalg.solve(gram, X.T @ y)
-    return float((y - X @ solution).var() / max(y.var(), 1e-12))
+    weights = ridge_regression(X, y, 1e-7)  # the ridge: columns may be collinear
+    return float((y - X @ weights).var() / max(y.var(), 1e-12))
 
 
 def _every(columns: Floats, step: float) -> Floats:

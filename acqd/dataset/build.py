@@ -13,16 +13,16 @@ import orjson
 import pyarrow.parquet
 
 from acqd import __version__
+from acqd.atomic import complete_folder
+from acqd.dataset.column_check import check_columns
 from acqd.dataset.cut import cut
-from acqd.dataset.explain import Explanation, TorqueSource, explain
-from acqd.dataset.locate import Alignment, Located, given, locate
 from acqd.dataset.merge import Recording, merge
 from acqd.dataset.pictures import write_report
-from acqd.dataset.plausible import check_columns
+from acqd.dataset.placement import Alignment, Located, given, locate
 from acqd.dataset.power import Measured, PowerStream, open_power
+from acqd.dataset.regressors import Explanation, TorqueSource, explain
 from acqd.dataset.split import kinds_of, sources_of, split
 from acqd.errors import InputError, UserError
-from acqd.folder import complete_folder
 from acqd.robot.description import RobotDescription, load_description
 from acqd.robot.log import RobotLog, read_log
 

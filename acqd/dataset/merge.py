@@ -8,9 +8,9 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from acqd.arrays import Floats
 from acqd.dataset.power import PowerStream
 from acqd.dataset.resample import resampled
-from acqd.robot.description import Floats
 from acqd.robot.log import RobotLog, in_time
 
 _POWER_GAP = 2.1  # windows to the nearest known one: up to three missing in a row are bridged

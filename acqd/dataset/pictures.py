@@ -8,14 +8,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from acqd.arrays import Floats
 from acqd.dataset.align import SEARCH_S
-from acqd.dataset.clocks import ClockLine
-from acqd.dataset.explain import STEP_S, Explanation
-from acqd.dataset.locate import Located
+from acqd.dataset.clock_line import ClockLine
 from acqd.dataset.merge import Recording
+from acqd.dataset.placement import Located
 from acqd.dataset.power import PowerStream
+from acqd.dataset.regressors import STEP_S, Explanation
 from acqd.report import Page
-from acqd.robot.description import Floats
 from acqd.robot.log import RobotLog
 
 _EXTRACT_S = 0.6

@@ -17,11 +17,11 @@ import pyarrow.parquet
 import sqlalchemy as sa
 from numpy.typing import NDArray
 
-from acqd.dataset.clock import Nanoseconds, filetime, parse_times
+from acqd.arrays import Floats
 from acqd.errors import InputError, UserError
-from acqd.robot.description import Floats
 from acqd.storage.database import open_database
 from acqd.storage.schema import power
+from acqd.timestamps import Nanoseconds, filetime, parse_times
 
 Measured = Literal["mains", "derived", "simulated"]
 """What P is: a meter's, computed from other measurements (currents), or a simulation's."""

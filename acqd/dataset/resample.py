@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from acqd.robot.description import Floats
+from acqd.arrays import Floats
 
 
 def resampled(grid: Floats, t: Floats, values: Floats, step_s: float) -> Floats:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from acqd.arrays import Floats
 from acqd.errors import UserError
 from acqd.fmu.variables import Parameters, exported_terms, parameters_of
 from acqd.models.augmented import Augmented
@@ -18,7 +19,6 @@ from acqd.models.networks.architecture import HIDDEN
 from acqd.models.networks.predictor import NetworkPredictor
 from acqd.models.normalisation import Normalisation
 from acqd.models.predictor import Predictor
-from acqd.robot.description import Floats
 from acqd.robot.newton_euler import Chain
 
 _SHAPES = {

@@ -15,13 +15,13 @@ from typing import Any
 import orjson
 
 from acqd.errors import UserError
-from acqd.fmu.compiling import PLATFORMS, Platform, build
 from acqd.fmu.constants import sources, token_of
 from acqd.fmu.description import IDENTIFIER, Described, Version, build_description, description
+from acqd.fmu.platforms import PLATFORMS, Platform, build
 from acqd.fmu.variables import Variable, left_out, variables
-from acqd.models.bundle import Bundle
+from acqd.models.bundle.bundle import Bundle
+from acqd.models.bundle.restore import open_model
 from acqd.models.predictor import Predictor
-from acqd.models.restore import open_model
 
 _C = Path(__file__).parent / "c"
 _COMMON = ("model.c", "network.c", "body.c", "greybox.c", "effects.c", "instance.c")

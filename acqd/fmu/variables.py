@@ -9,10 +9,10 @@ from typing import Literal
 
 import numpy as np
 
+from acqd.arrays import Floats
 from acqd.models.augmented import Augmented, Term
 from acqd.models.effects import library
 from acqd.models.predictor import Predictor
-from acqd.robot.description import Floats
 
 LEFT_OUT = {
     "thermal_friction": "gears are taken to be warm",

@@ -8,8 +8,8 @@ import numpy as np
 
 from acqd.errors import UserError
 from acqd.lab.effects import check_axes
-from acqd.lab.excitation import Cube, Excitation
-from acqd.lab.execution import Planner
+from acqd.lab.motion.excitation import Cube, Excitation
+from acqd.lab.motion.program import Planner
 from acqd.lab.plant.parameters import PlantParameters, load_plant, true_robot
 from acqd.lab.settings import LabSettings
 from acqd.robot.arm import Arm

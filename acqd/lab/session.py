@@ -10,18 +10,18 @@ from typing import Any
 
 import numpy as np
 
+from acqd.arrays import Floats
 from acqd.errors import UserError
 from acqd.lab.cell import CLOCK, EFFECTS, MAINS, RECORDER, STANDBY, Cell
-from acqd.lab.controller import RATE, Controller, Motion, Step, Wait
 from acqd.lab.effects import make_effects
-from acqd.lab.mains import Mains, Metered
-from acqd.lab.metering import FullSpeedDaemon
-from acqd.lab.plan import session_begin_s
+from acqd.lab.instruments.data_recorder import ControllerClock, Recorded, record
+from acqd.lab.instruments.full_speed_plc import FullSpeedDaemon
+from acqd.lab.instruments.mains import Mains, Metered
+from acqd.lab.motion.controller import RATE, Controller, Motion, Step, Wait
 from acqd.lab.plant import Effect, Plant, Situation, Stretch
-from acqd.lab.recorder import ControllerClock, Recorded, record
+from acqd.lab.schedule import session_begin_s
 from acqd.metering import WindowBatch
 from acqd.metering.block import Codes
-from acqd.robot.description import Floats
 
 _CHUNK_MS = 10_000  # of waveform at once
 

@@ -10,10 +10,10 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from acqd.lab.effects import EffectOrder
-from acqd.lab.excitation import Cube
-from acqd.lab.execution import MotionParameters
-from acqd.lab.mains import MainsSettings
-from acqd.lab.recorder import ControllerClock, RecorderSettings
+from acqd.lab.instruments.data_recorder import ControllerClock, RecorderSettings
+from acqd.lab.instruments.mains import MainsSettings
+from acqd.lab.motion.excitation import Cube
+from acqd.lab.motion.program import MotionParameters
 from acqd.robot.description import Section
 
 _Share = Annotated[float, Field(ge=0, le=1)]

@@ -11,7 +11,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from acqd.metering.block import Codes, Floats, SampleBlock, StreamFormat
+from acqd.arrays import Floats
+from acqd.metering.block import Codes, SampleBlock, StreamFormat
 from acqd.metering.interval import interval_sums
 from acqd.metering.window import WindowBatch
 

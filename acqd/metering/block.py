@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 Codes: TypeAlias = NDArray[np.int16 | np.int32]
-Floats: TypeAlias = NDArray[np.float64]
 CodeBits = Literal[16, 32]
 
 CODE_MAX = 32767

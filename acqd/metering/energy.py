@@ -12,7 +12,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from acqd.metering.block import Floats
+from acqd.arrays import Floats
 
 _WS_PER_KWH = 3_600_000
 

@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from acqd.metering.block import Floats
+from acqd.arrays import Floats
 
 F_MIN, F_MAX = 45.0, 65.0
 """Mains frequencies metered [Hz]."""

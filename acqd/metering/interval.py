@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from acqd.metering.block import Floats
+from acqd.arrays import Floats
 
 
 def interval_sums(x: Floats, start: Floats, stop: Floats) -> Floats:

@@ -10,7 +10,8 @@ from typing import Literal
 
 import numpy as np
 
-from acqd.metering.block import Codes, Floats, SampleBlock, StreamFormat
+from acqd.arrays import Floats
+from acqd.metering.block import Codes, SampleBlock, StreamFormat
 from acqd.metering.energy import EnergyRegister
 from acqd.metering.frequency import F_MIN, FrequencyEstimator
 from acqd.metering.interval import interval_sums

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acqd.metering.block import Floats
+from acqd.arrays import Floats
 
 
 def power_factor(P: Floats, S: Floats) -> Floats:

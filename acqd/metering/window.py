@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from acqd.metering.block import Floats
+from acqd.arrays import Floats
 
 
 @dataclass(frozen=True, slots=True)

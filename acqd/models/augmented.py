@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from acqd.arrays import Floats
 from acqd.models.effects import library
 from acqd.models.effects.effect import Place, effect_rows_at
 from acqd.models.effects.scene import RADIUS, Scene, make_scene
 from acqd.models.features import padded
 from acqd.models.greybox.model import GreyBox
 from acqd.models.predictor import Predictor
-from acqd.robot.description import Floats
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from acqd.robot.description import Floats
+from acqd.arrays import Floats
 
 
 def padded(q: Floats, radius: int) -> Floats:

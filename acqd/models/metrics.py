@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from acqd.arrays import Floats
 from acqd.models.predictor import Predictor
-from acqd.robot.description import Floats
 
 if TYPE_CHECKING:
-    from acqd.models.data import Stretch
+    from acqd.models.segments import Stretch
 
 
 @dataclass(frozen=True, slots=True)

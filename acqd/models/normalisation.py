@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from acqd.arrays import Floats
 from acqd.models.features import motion
-from acqd.robot.description import Floats
 
 if TYPE_CHECKING:
-    from acqd.models.data import Stretch
+    from acqd.models.segments import Stretch
 
 _LEAST_SCALE = 1e-3  # of an axis that hardly moves: its noise is not blown up
 

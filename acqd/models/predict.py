@@ -8,12 +8,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from acqd.arrays import Floats
 from acqd.dataset.resample import resampled
 from acqd.errors import InputError, UserError
-from acqd.models.bundle import Bundle
-from acqd.models.envelope import Envelope
+from acqd.models.bundle.bundle import Bundle
+from acqd.models.bundle.envelope import Envelope
 from acqd.models.predictor import Predictor
-from acqd.robot.description import Floats, load_description
+from acqd.robot.description import load_description
 from acqd.robot.log import RobotLog, in_time, read_log
 
 _GAP_S = 0.25

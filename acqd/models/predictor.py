@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from acqd.arrays import Floats
 from acqd.models.features import padded
-from acqd.robot.description import Floats
 
 
 class Predictor(ABC):

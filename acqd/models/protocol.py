@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from acqd.errors import UserError
-from acqd.models.bundle import is_bundle, load_bundle
-from acqd.models.data import load_data
+from acqd.models.bundle.bundle import is_bundle, load_bundle
+from acqd.models.config import TrainOrder
 from acqd.models.networks.architecture import ARCHITECTURES
-from acqd.models.order import TrainOrder
+from acqd.models.segments import load_data
 from acqd.models.training import bundle_name, train_one
 
 _MANUAL = ("7x1dim", "14x1dim", "21x1dim")

@@ -10,13 +10,13 @@ import numpy as np
 
 from acqd import __version__
 from acqd.errors import UserError
-from acqd.models.bundle import Bundle, require_free, save_bundle
-from acqd.models.data import Data, load_data
-from acqd.models.envelope import Envelope
+from acqd.models.bundle.bundle import Bundle, require_free, save_bundle
+from acqd.models.bundle.envelope import Envelope
+from acqd.models.bundle.reference import reference_arrays
+from acqd.models.config import GREY_BOX, HYBRID, Made, Report, TrainOrder
 from acqd.models.metrics import measure, predictions
 from acqd.models.networks.architecture import ARCHITECTURES, architecture
-from acqd.models.order import GREY_BOX, HYBRID, Made, Report, TrainOrder
-from acqd.models.reference import reference_arrays
+from acqd.models.segments import Data, load_data
 
 NAMES = (*ARCHITECTURES, GREY_BOX, HYBRID)
 
@@ -80,11 +80,11 @@ def _checkpoint(order: TrainOrder) -> Path:
 
 def _make(order: TrainOrder, data: Data, progress: Report) -> Made:
     if order.network == GREY_BOX:
-        from acqd.models.greybox.make import make_grey_box
+        from acqd.models.greybox.bundle_io import make_grey_box
 
         return make_grey_box(order, data, progress)
     if order.network == HYBRID:
-        from acqd.models.hybrid.make import make_hybrid
+        from acqd.models.hybrid.bundle_io import make_hybrid
 
         return make_hybrid(order, data, progress)
     from acqd.models.networks.train import Progress, train

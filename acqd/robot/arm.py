@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from acqd.robot.description import Floats, Link, RobotDescription
+from acqd.arrays import Floats
+from acqd.robot.description import Link, RobotDescription
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,9 +10,10 @@ import coal
 import numpy as np
 import pinocchio as pin
 
+from acqd.arrays import Floats
 from acqd.errors import UserError
 from acqd.robot.arm import Arm
-from acqd.robot.description import Capsule, Floats
+from acqd.robot.description import Capsule
 from acqd.robot.scene import Scene
 
 

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import tomllib
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeAlias, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
+from acqd.arrays import Floats
 from acqd.errors import InputError, UserError
 
-Floats: TypeAlias = NDArray[np.float64]
 _FOLDER = Path(__file__).parent / "descriptions"
 _Vector = tuple[float, float, float]
 _Positive = Annotated[float, Field(gt=0)]

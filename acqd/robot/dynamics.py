@@ -8,8 +8,9 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
+from acqd.arrays import Floats
 from acqd.robot.arm import Arm, Payload
-from acqd.robot.description import Floats, RobotDescription
+from acqd.robot.description import RobotDescription
 
 
 def inverse_dynamics(arm: Arm, q: Floats, qd: Floats, qdd: Floats) -> Floats:

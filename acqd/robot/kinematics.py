@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
+from acqd.arrays import Floats
 from acqd.robot.arm import Arm
-from acqd.robot.description import Floats
 
 _DAMPING = 1e-8
 _MAX_STEP = 0.4  # rad a joint may move per iteration: larger steps leave the region where the Jacobian holds

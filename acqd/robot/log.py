@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from acqd.arrays import Floats
 from acqd.errors import InputError
-from acqd.robot.description import Floats, LogColumns, RobotDescription
+from acqd.robot.description import LogColumns, RobotDescription
 from acqd.robot.table import Table, read_table
 
 _DAY_S = 86_400.0

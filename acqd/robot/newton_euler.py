@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from acqd.robot.description import Floats, RobotDescription
+from acqd.arrays import Floats
+from acqd.robot.description import RobotDescription
 
 _GRAVITY = 9.81
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from acqd.arrays import Floats
 from acqd.errors import InputError
-from acqd.robot.description import Floats
 
 
 @dataclass(frozen=True, slots=True)

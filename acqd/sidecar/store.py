@@ -18,8 +18,8 @@ import numpy as np
 import orjson
 import sqlalchemy as sa
 
+from acqd.arrays import Floats
 from acqd.errors import UserError
-from acqd.robot.description import Floats
 from acqd.storage.database import transaction
 from acqd.storage.schema import prediction, prediction_log, sidecar_state
 from acqd.telemetry.outbox import Message

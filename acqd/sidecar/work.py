@@ -14,26 +14,26 @@ import numpy as np
 import sqlalchemy as sa
 
 from acqd.dataset.align import SEARCH_S, Lag
-from acqd.dataset.clock import filetime, unix_s
-from acqd.dataset.clocks import deviates, fit_line
-from acqd.dataset.explain import explain
-from acqd.dataset.locate import locate
+from acqd.dataset.clock_line import deviates, fit_line
 from acqd.dataset.merge import Recording, merge
+from acqd.dataset.placement import locate
 from acqd.dataset.power import PowerStream, open_power
-from acqd.discrepancy.augment import residuals, rms
-from acqd.discrepancy.delay import delay_of
-from acqd.discrepancy.sequential import Monitor
-from acqd.discrepancy.watching import baseline_of
+from acqd.dataset.regressors import explain
+from acqd.discrepancy.monitor.cusum import Monitor
+from acqd.discrepancy.monitor.watch import baseline_of
+from acqd.discrepancy.repair.terms import residuals, rms
+from acqd.discrepancy.residual.delay import delay_of
 from acqd.errors import InputError, UserError
-from acqd.models.bundle import fingerprint
-from acqd.models.data import Stretch, stretches_of
-from acqd.models.envelope import Envelope
+from acqd.models.bundle.bundle import fingerprint
+from acqd.models.bundle.envelope import Envelope
+from acqd.models.bundle.restore import open_model
 from acqd.models.metrics import predictions
-from acqd.models.restore import open_model
+from acqd.models.segments import Stretch, stretches_of
 from acqd.robot.description import load_description
 from acqd.robot.log import RobotLog, in_time, read_log
 from acqd.sidecar.store import Done
 from acqd.storage.schema import power
+from acqd.timestamps import filetime, unix_s
 
 _log = logging.getLogger(__name__)
 _MARGIN_S = 5.0

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from acqd.arrays import Floats
 from acqd.errors import InputError
-from acqd.metering.block import Floats
 from acqd.sources.waveform import ChannelMap, Waveform, quantise
 
 _TIME = ("time", "t", "t_s", "time_s", "seconds")

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+from acqd.arrays import Floats
 from acqd.errors import InputError
 from acqd.metering import SampleBlock, StreamFormat
-from acqd.metering.block import CODE_MAX, CODE_MIN, Codes, Floats
+from acqd.metering.block import CODE_MAX, CODE_MIN, Codes
 from acqd.sources import el3783
 from acqd.sources.base import Source
 

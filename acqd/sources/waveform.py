@@ -7,9 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
+from acqd.arrays import Floats
 from acqd.errors import InputError, UserError
 from acqd.metering import StreamFormat
-from acqd.metering.block import Codes, Floats
+from acqd.metering.block import Codes
 
 LATEST_NS = 7_258_118_400_000_000_000
 """2200-01-01 in UTC ns: a later start time is a mistake."""

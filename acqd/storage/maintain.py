@@ -11,7 +11,7 @@ from sqlalchemy.dialects import postgresql, sqlite
 
 from acqd.storage.database import transaction
 from acqd.storage.schema import ROLLUPS, power, power_1min, quarantine
-from acqd.telemetry.row import filetime, rfc3339
+from acqd.timestamps import filetime, rfc3339
 
 _TICKS = 10_000_000  # FILETIME ticks per second
 _DAY = 86_400

@@ -13,7 +13,8 @@ import sqlalchemy as sa
 from acqd.storage.database import transaction
 from acqd.storage.schema import power, quarantine
 from acqd.telemetry import topics
-from acqd.telemetry.row import PowerRow, parse_row, rfc3339
+from acqd.telemetry.row import PowerRow, parse_row
+from acqd.timestamps import rfc3339
 
 _COLUMNS = [column.name for column in power.columns]
 _QUOTED = ", ".join(f'"{name}"' for name in _COLUMNS)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import datetime
 from typing import Annotated, Any, Literal
 
 import msgspec
@@ -14,11 +14,11 @@ from msgspec import Meta
 
 from acqd.metering import WindowBatch
 from acqd.metering.power import power_factor, total
+from acqd.timestamps import filetime, rfc3339
 
 SCHEMA = 1
 Channel = Literal["L1", "L2", "L3", "total"]
 CHANNELS: tuple[Channel, ...] = ("L1", "L2", "L3", "total")
-_FILETIME_1970 = 116_444_736_000_000_000  # 100 ns from 1601-01-01 to 1970-01-01
 _INT64 = 2**63 - 1
 _Quantity = Annotated[float, Meta(ge=-1e15, le=1e15)] | None
 _Quantities = tuple[_Quantity, _Quantity, _Quantity, _Quantity, _Quantity, _Quantity, _Quantity]  # Vrms .. W
@@ -79,18 +79,6 @@ def parse_row(payload: bytes) -> PowerRow:
     if not zoned:
         raise ValueError(f"time {row.time!r:.40} is not RFC 3339 with a time zone")
     return row
-
-
-def rfc3339(utc_ns: int) -> str:
-    """UTC with microseconds: 2021-07-13T10:15:30.123456Z."""
-    seconds, ns = divmod(utc_ns, 1_000_000_000)
-    stamp = datetime.fromtimestamp(seconds, UTC)
-    return f"{stamp:%Y-%m-%dT%H:%M:%S}.{ns // 1000:06d}Z"
-
-
-def filetime(utc_ns: int) -> int:
-    """NTFS FILETIME of a UTC time."""
-    return utc_ns // 100 + _FILETIME_1970
 
 
 def rows_of(batch: WindowBatch, device: str, boot: str) -> Iterator[PowerRow]:

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from acqd.metering import WindowBatch
-from acqd.telemetry.row import PowerRow, rfc3339
+from acqd.telemetry.row import PowerRow
+from acqd.timestamps import rfc3339
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,10 +7,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from tools.bench.report import Figure
-from tools.bench.servers import mosquitto
-from tools.fmu_check import check
-from tools.measured_robots import acqd
-from tools.sidecar_trial import Cell, live, long_log, timed
+from tools.common.servers import mosquitto
+from tools.studies.fmu.__main__ import check
+from tools.studies.measured_robots.__main__ import acqd
+from tools.studies.sidecar.__main__ import Cell, live, long_log, timed
 
 _OTHERS = ("onnx2fmu", "pythonfmu")
 

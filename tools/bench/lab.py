@@ -12,12 +12,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from acqd.lab.campaign.trajectory_set import draw
 from acqd.lab.cell import MOTION, build_cell
-from acqd.lab.controller import RATE, Controller
-from acqd.lab.generate import draw
+from acqd.lab.motion.controller import RATE, Controller
 from acqd.lab.settings import LabSettings
-from tools import mujoco_oracle
 from tools.bench.report import Figure
+from tools.common import mujoco_oracle
 
 _SECTION = "virtual laboratory (simulated)"
 

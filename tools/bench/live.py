@@ -19,7 +19,7 @@ import numpy as np
 import psutil
 
 from tools.bench.report import Figure
-from tools.bench.servers import mosquitto
+from tools.common.servers import mosquitto
 
 _SECONDS = 30.0
 _WARM_UP_S = 3.0

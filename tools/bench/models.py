@@ -14,14 +14,14 @@ from typing import Any
 
 import numpy as np
 
+from acqd.arrays import Floats
+from acqd.models.bundle.restore import open_model
 from acqd.models.networks.architecture import ARCHITECTURES, architecture
 from acqd.models.networks.batches import Batch
+from acqd.models.networks.flat_parameters import initial
 from acqd.models.networks.fused.engine import FusedEngine
-from acqd.models.networks.theta import initial
 from acqd.models.networks.torch_engine import TorchEngine
 from acqd.models.predictor import Stream
-from acqd.models.restore import open_model
-from acqd.robot.description import Floats
 from tools.bench.report import Figure
 
 _HARD = """[recorder]

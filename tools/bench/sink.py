@@ -18,9 +18,10 @@ from acqd.storage.database import open_database
 from acqd.storage.sink import Sink, SinkSettings
 from acqd.storage.writer import Received, Writer
 from acqd.telemetry.mqtt import BrokerAddress
-from acqd.telemetry.row import CHANNELS, PowerRow, filetime, rfc3339
+from acqd.telemetry.row import CHANNELS, PowerRow
+from acqd.timestamps import filetime, rfc3339
 from tools.bench.report import Figure
-from tools.bench.servers import mosquitto, postgres
+from tools.common.servers import mosquitto, postgres
 
 _ROWS, _BATCH, _ROUNDS = 40_000, 2_000, 3
 _COLUMNS = '"device","channel","boot","seq","time","filetime","Vrms","Irms","P","S","PF","f","W","flags","schema"'

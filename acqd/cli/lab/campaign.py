@@ -61,7 +61,7 @@ def campaign(
 
     acqd lab campaign --out hidden --limited 20 --all 20 --undeclared payload:mass_kg=1.2,from=21
     """
-    from acqd.lab.campaign import CampaignOrder, run_campaign
+    from acqd.lab.campaign.run import CampaignOrder, run_campaign
     from acqd.lab.effects import parse_effect
     from acqd.lab.settings import CampaignSettings
 

@@ -37,7 +37,7 @@ def execute(
 
     acqd lab execute trajectories/all_01.csv --live
     """
-    from acqd.lab import execute as lab
+    from acqd.lab import single_run as lab
     from acqd.lab.effects import parse_effect
     from acqd.lab.settings import LabSettings
 

@@ -46,9 +46,9 @@ def trajectories(
 
     Example: acqd lab trajectories --out trajectories --seed 7
     """
+    from acqd.lab.campaign.trajectory_set import draw, write
     from acqd.lab.cell import build_cell
-    from acqd.lab.generate import draw, write
-    from acqd.lab.pictures.reports import trajectories_report
+    from acqd.lab.report.pages import trajectories_report
     from acqd.lab.settings import LabSettings
 
     given = {"robot": robot, "scene": scene, "seed": seed}

@@ -32,7 +32,7 @@ def compare(
         raise UserError(f"acqd compare needs {' and '.join(missing)}: install acqd[model]")
     from acqd.models.compare.evaluate import compare as run
     from acqd.models.compare.report import as_json, write_report
-    from acqd.models.data import load_data
+    from acqd.models.segments import load_data
 
     folder = models or default_models(dataset)
     console = Console(stderr=True)

@@ -31,8 +31,8 @@ def predict(
     missing = [name for name in ("safetensors", "scipy") if find_spec(name) is None]
     if missing:
         raise UserError(f"acqd predict needs {' and '.join(missing)}: install acqd[predict]")
+    from acqd.models.bundle.restore import open_model
     from acqd.models.predict import predict_log
-    from acqd.models.restore import open_model
 
     opened, model = open_model(bundle)
     made = predict_log(opened, model, log, robot)

@@ -96,8 +96,8 @@ def train(
         raise UserError(f"--without is for --network grey-box and takes {', '.join(DENIABLE)}")
     if out is not None and (table_7_1 or len(seed or []) > 1):
         raise UserError("--out is one bundle's folder; several models go into --models")
+    from acqd.models.config import TrainOrder
     from acqd.models.networks.settings import TrainingSettings
-    from acqd.models.order import TrainOrder
     from acqd.models.protocol import orders
     from acqd.models.training import bundle_name
 

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from acqd.lab.controller import RATE
+from acqd.arrays import Floats
+from acqd.lab.motion.controller import RATE
 from acqd.lab.plant.situation import Effect, Situation
-from acqd.robot.description import Floats
 
 
 class BrakeRelease(Effect):

@@ -6,10 +6,10 @@ from typing import ClassVar
 
 import numpy as np
 
+from acqd.arrays import Floats
 from acqd.lab.effects.brakes import seconds_since
 from acqd.lab.effects.load import Bursts
 from acqd.lab.plant.situation import Effect, Situation
-from acqd.robot.description import Floats
 
 
 class OffsetShift(Effect):

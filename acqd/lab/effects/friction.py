@@ -7,11 +7,11 @@ from typing import ClassVar
 import numpy as np
 from scipy.signal import lfilter
 
-from acqd.lab.controller import RATE
+from acqd.arrays import Floats
+from acqd.lab.motion.controller import RATE
 from acqd.lab.plant.mechanics import direction
 from acqd.lab.plant.parameters import per_axis
 from acqd.lab.plant.situation import Effect, Situation
-from acqd.robot.description import Floats
 
 
 def only_axis(axis: float, axes: int) -> Floats:

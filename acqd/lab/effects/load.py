@@ -6,11 +6,11 @@ from typing import ClassVar
 
 import numpy as np
 
+from acqd.arrays import Floats
 from acqd.errors import UserError
-from acqd.lab.controller import RATE
+from acqd.lab.motion.controller import RATE
 from acqd.lab.plant.situation import Effect, Situation
 from acqd.robot.arm import Arm
-from acqd.robot.description import Floats
 from acqd.robot.dynamics import gravity_torque
 from acqd.robot.kinematics import flange_jacobian
 

@@ -8,10 +8,10 @@ from typing import ClassVar
 
 import numpy as np
 
+from acqd.arrays import Floats
 from acqd.lab.effects.friction import only_axis
+from acqd.lab.instruments.data_recorder import ControllerClock, Recorded
 from acqd.lab.plant.situation import Effect, Situation
-from acqd.lab.recorder import ControllerClock, Recorded
-from acqd.robot.description import Floats
 
 
 class MeterGain(Effect):

@@ -6,8 +6,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from acqd.arrays import Floats
 from acqd.lab.plant.situation import Effect, Situation
-from acqd.robot.description import Floats
 
 
 class CopperLoss(Effect):

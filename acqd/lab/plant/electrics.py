@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.signal import lfilter
 
-from acqd.lab.controller import RATE
+from acqd.arrays import Floats
+from acqd.lab.motion.controller import RATE
 from acqd.lab.plant.parameters import ControllerLoad, DcLink, DriveLosses, Supply
-from acqd.robot.description import Drive, Floats
+from acqd.robot.description import Drive
 
 _DT = 1.0 / RATE
 

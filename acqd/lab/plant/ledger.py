@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from acqd.lab.controller import RATE
-from acqd.robot.description import Floats
+from acqd.arrays import Floats
+from acqd.lab.motion.controller import RATE
 
 
 class Ledger:

@@ -6,10 +6,10 @@ import itertools
 
 import numpy as np
 
-from acqd.lab.controller import RATE, Motion
+from acqd.arrays import Floats
+from acqd.lab.motion.controller import RATE, Motion
 from acqd.lab.plant.parameters import PlantParameters, per_axis
 from acqd.robot.arm import Arm, Payload
-from acqd.robot.description import Floats
 from acqd.robot.dynamics import inverse_dynamics, mechanical_energy
 
 _REFERENCE_DEGC = 30.0

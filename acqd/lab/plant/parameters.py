@@ -8,8 +8,9 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
+from acqd.arrays import Floats
 from acqd.errors import InputError, UserError
-from acqd.robot.description import Floats, Joint, RobotDescription, Section, read_toml
+from acqd.robot.description import Joint, RobotDescription, Section, read_toml
 
 _FOLDER = Path(__file__).parent.parent / "plants"
 _Positive = Annotated[float, Field(gt=0)]

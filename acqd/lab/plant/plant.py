@@ -7,15 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acqd.lab.controller import Motion
+from acqd.arrays import Floats
+from acqd.lab.instruments.data_recorder import Recorded
+from acqd.lab.motion.controller import Motion
 from acqd.lab.plant.electrics import DcStorage, Motors, PowerSupply, Standby
 from acqd.lab.plant.ledger import Ledger, row_sum
 from acqd.lab.plant.mechanics import GearFriction, RigidBody
 from acqd.lab.plant.parameters import PlantParameters
 from acqd.lab.plant.situation import Effect, Situation, Stretch
-from acqd.lab.recorder import Recorded
 from acqd.robot.arm import Arm
-from acqd.robot.description import Floats
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,11 +9,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from acqd.lab.controller import RATE, Motion
+from acqd.arrays import Floats
+from acqd.lab.instruments.data_recorder import ControllerClock, Recorded
+from acqd.lab.motion.controller import RATE, Motion
 from acqd.lab.plant.parameters import PlantParameters
-from acqd.lab.recorder import ControllerClock, Recorded
 from acqd.robot.arm import Arm
-from acqd.robot.description import Floats
 
 
 @dataclass(frozen=True, slots=True)

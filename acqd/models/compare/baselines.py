@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from acqd.models.data import Data, Stretch
+from acqd.arrays import Floats
 from acqd.models.features import motion
-from acqd.robot.description import Floats
+from acqd.models.segments import Data, Stretch
+from acqd.numerics import mad_sigma, ridge_regression, runs_of_true
 
 _RIDGE = 1e-6
 _STILL_RAD_S = 2e-3
@@ -25,10 +27,7 @@ def linear_physics(training: list[Stretch], stretches: list[Stretch], step_s: fl
     """Least squares on |qd|, qd^2, qd qdd, qdd^2, and sines and cosines of the angles: no robot description."""
     X = np.concatenate([_regressors(stretch, step_s) for stretch in training])
     y = np.concatenate([stretch.P for stretch in training])
-    scale = np.maximum(np.sqrt((X * X).mean(axis=0)), 1e-12)
-    gram = (X / scale).T @ (X / scale)
-    gram[np.diag_indices_from(gram)] += _RIDGE * len(y)
-    weights = np.linalg.solve(gram, (X / scale).T @ y) / scale
+    weights = ridge_regression(X, y, _RIDGE)
     return [np.asarray(_regressors(stretch, step_s) @ weights) for stretch in stretches]
 
 
@@ -46,13 +45,12 @@ def noise_floor(data: Data) -> float | None:
     apart = []
     for stretch in data.stretches:
         _, qd, _ = motion(stretch.q, data.step_s)
-        still = (np.abs(qd) < _STILL_RAD_S).all(axis=1)
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(np.int8), [0]])))
-        for first, last in zip(edges[::2], edges[1::2], strict=True):
+        still: NDArray[np.bool_] = np.all(np.abs(qd) < _STILL_RAD_S, axis=1)
+        for first, last in runs_of_true(still):
             inner = stretch.P[first + _SETTLING : last - 2]
             if len(inner) >= _LEAST_ROWS:
                 apart.append(inner - np.median(inner))
     if sum(map(len, apart)) < _LEAST_TOTAL:
         return None
-    deviation = 1.4826 * float(np.median(np.abs(np.concatenate(apart))))  # robust: brakes open at standstill, too
+    deviation = mad_sigma(np.concatenate(apart), 0.0)  # robust: brakes open at standstill, too
     return deviation * float(np.sqrt(2 / np.pi))

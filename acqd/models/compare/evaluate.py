@@ -10,15 +10,15 @@ from typing import Any, TypeAlias
 import numpy as np
 import orjson
 
+from acqd.arrays import Floats
 from acqd.errors import UserError
-from acqd.models.bundle import is_bundle
+from acqd.models.bundle.bundle import is_bundle
+from acqd.models.bundle.restore import open_model
 from acqd.models.compare.baselines import constant, linear_physics, noise_floor
 from acqd.models.compare.stability import unstable_share
-from acqd.models.data import Data, Stretch
 from acqd.models.metrics import Metrics, measure, predictions
 from acqd.models.predictor import Predictor
-from acqd.models.restore import open_model
-from acqd.robot.description import Floats
+from acqd.models.segments import Data, Stretch
 
 _RESAMPLES = 500
 _AVERAGED = ("mae", "rmse", "bias", "r2", "energy_p95")

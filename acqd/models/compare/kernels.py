@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acqd.robot.description import Floats
+from acqd.arrays import Floats
 
 _FREQUENCIES = 256
 

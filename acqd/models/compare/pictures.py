@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
+from acqd.arrays import Floats
 from acqd.models.compare.evaluate import Comparison, Entry
 from acqd.models.compare.kernels import difference_of_gaussian, laplacian_of_gaussian, response
-from acqd.models.data import Stretch
-from acqd.robot.description import Floats
+from acqd.models.segments import Stretch
 
 _MOST_POINTS = 4000
 

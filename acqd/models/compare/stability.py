@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from acqd.models.data import Stretch
-from acqd.robot.description import Floats
+from acqd.arrays import Floats
+from acqd.models.segments import Stretch
 
 _WINDOW = 25  # rows
 _TIMES = 4.0  # as restless as the measurement

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from acqd.arrays import Floats
 from acqd.models.effects.effect import Effect, Parameter, Place, Shape
 from acqd.models.effects.scene import Scene
-from acqd.robot.description import Floats
 
 
 class OffsetShift(Effect):

@@ -10,8 +10,8 @@ from typing import ClassVar, Literal, TypeAlias
 
 import numpy as np
 
+from acqd.arrays import Floats
 from acqd.models.effects.scene import Lag, Scene, averaged
-from acqd.robot.description import Floats
 
 Shape: TypeAlias = Mapping[str, float]
 

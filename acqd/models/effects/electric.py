@@ -7,9 +7,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from acqd.arrays import Floats
 from acqd.models.effects.effect import Effect, Parameter, Place, Shape, per_joint
 from acqd.models.effects.scene import Scene
-from acqd.robot.description import Floats
 
 
 class CopperLoss(Effect):

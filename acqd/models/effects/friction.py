@@ -7,10 +7,10 @@ from typing import ClassVar
 
 import numpy as np
 
+from acqd.arrays import Floats
 from acqd.models.effects.effect import Effect, Place, Shape, per_joint
 from acqd.models.effects.scene import Scene
 from acqd.models.greybox.model import direction
-from acqd.robot.description import Floats
 
 
 class CoulombFriction(Effect):

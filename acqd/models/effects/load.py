@@ -7,9 +7,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from acqd.arrays import Floats
 from acqd.models.effects.effect import Effect, Parameter, Place, Shape
 from acqd.models.effects.scene import Scene
-from acqd.robot.description import Floats
 from acqd.robot.newton_euler import Frames, frames, joint_torque, weight_torque
 
 

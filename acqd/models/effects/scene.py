@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from scipy.signal import lfilter
 
+from acqd.arrays import Floats
 from acqd.models.features import padded
 from acqd.models.greybox.model import SMALL_TORQUE, GreyBox, lag_filter, magnitude
-from acqd.robot.description import Floats
 
 SUB = 4
 """Points a row."""

@@ -8,12 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from acqd.models.data import SIGNALS, Stretch
+from acqd.arrays import Floats
 from acqd.models.features import motion
 from acqd.models.greybox.model import SMALL_TORQUE, GreyBox, direction, lagged, magnitude
 from acqd.models.greybox.parameters import Layout, Prior, prior
+from acqd.models.segments import SIGNALS, Stretch
+from acqd.numerics import mad_sigma
 from acqd.robot.arm import Arm
-from acqd.robot.description import Floats, RobotDescription
+from acqd.robot.description import RobotDescription
 from acqd.robot.dynamics import inertial_parameters, regressor
 from acqd.robot.newton_euler import Chain
 
@@ -213,7 +215,7 @@ def _huber(z: Floats) -> tuple[Floats, float]:
 
 
 def _spread(values: Floats) -> float:
-    return max(1.4826 * float(np.median(np.abs(values - np.median(values)))), 1e-3)
+    return max(mad_sigma(values), 1e-3)
 
 
 def _free_step(hessian: Floats, gradient: Floats, values: Floats, low: Floats) -> Floats:

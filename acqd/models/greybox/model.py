@@ -15,10 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import lfilter
 
+from acqd.arrays import Floats
 from acqd.models.features import derivatives
 from acqd.models.greybox.parameters import Layout
 from acqd.models.predictor import Predictor
-from acqd.robot.description import Floats
 from acqd.robot.newton_euler import Chain, joint_torque
 
 SIGN_SPEED = 0.02

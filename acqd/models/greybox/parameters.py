@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from acqd.robot.description import Floats, RobotDescription
+from acqd.arrays import Floats
+from acqd.robot.description import RobotDescription
 
 INERTIAL = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 _INERTIAL_UNITS = ("kg", *("kg m",) * 3, *("kg m^2",) * 6)

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from acqd.arrays import Floats
 from acqd.models.features import derivatives
 from acqd.models.greybox.model import GreyBox
 from acqd.models.normalisation import Normalisation
 from acqd.models.predictor import Predictor
-from acqd.robot.description import Floats
 
 
 @dataclass(frozen=True, slots=True)

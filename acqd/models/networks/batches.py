@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acqd.models.networks.theta import Singles
+from acqd.models.networks.flat_parameters import Singles
 
 
 @dataclass(frozen=True, slots=True)

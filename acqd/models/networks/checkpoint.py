@@ -11,7 +11,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 
 from acqd.models.networks.adam import Adam
-from acqd.models.networks.theta import Singles
+from acqd.models.networks.flat_parameters import Singles
 
 
 @dataclass(slots=True)

@@ -7,7 +7,7 @@ from typing import Any
 
 from acqd.models.networks.architecture import Architecture
 from acqd.models.networks.batches import Batch
-from acqd.models.networks.theta import Singles
+from acqd.models.networks.flat_parameters import Singles
 
 
 class Engine(ABC):

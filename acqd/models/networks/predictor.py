@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from acqd.arrays import Floats
 from acqd.models.features import derivatives, padded
 from acqd.models.networks.architecture import HIDDEN, Architecture
-from acqd.models.networks.theta import Head, Singles, views
+from acqd.models.networks.flat_parameters import Head, Singles, views
 from acqd.models.normalisation import Normalisation
 from acqd.models.predictor import Predictor
-from acqd.robot.description import Floats
 
 
 def network_inputs(architecture: Architecture, normal: Normalisation, q: Floats, step_s: float) -> Floats:

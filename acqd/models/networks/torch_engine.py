@@ -12,7 +12,7 @@ from acqd.errors import UserError
 from acqd.models.networks.architecture import HEAD, HIDDEN, Architecture
 from acqd.models.networks.batches import Batch
 from acqd.models.networks.engine import Engine
-from acqd.models.networks.theta import Singles
+from acqd.models.networks.flat_parameters import Singles
 
 
 class Network(torch.nn.Module):

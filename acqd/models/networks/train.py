@@ -12,18 +12,18 @@ from pathlib import Path
 import numpy as np
 import orjson
 
+from acqd.compiling import system_compiler
 from acqd.errors import OperationError, UserError
-from acqd.models.data import Data, Stretch
 from acqd.models.networks.adam import Adam
 from acqd.models.networks.architecture import Architecture
 from acqd.models.networks.batches import Example, batches
 from acqd.models.networks.checkpoint import Run, load_run, save_run
 from acqd.models.networks.engine import Engine
-from acqd.models.networks.fused.compiled import compiler
+from acqd.models.networks.flat_parameters import Singles, initial, views
 from acqd.models.networks.predictor import NetworkPredictor, example_inputs
 from acqd.models.networks.settings import TrainingSettings
-from acqd.models.networks.theta import Singles, initial, views
 from acqd.models.normalisation import Normalisation
+from acqd.models.segments import Data, Stretch
 
 _SAVE_EVERY_S = 20.0
 
@@ -84,7 +84,7 @@ def train(
 
 def _engine(architecture: Architecture, axes: int, settings: TrainingSettings) -> Engine:
     fused = settings.compute == "fused" or (
-        settings.compute == "auto" and settings.device == "cpu" and compiler() is not None
+        settings.compute == "auto" and settings.device == "cpu" and system_compiler() is not None
     )
     if settings.device != "cpu" and settings.compute == "fused":
         raise UserError(f"--compute fused is for the CPU, not for {settings.device}")

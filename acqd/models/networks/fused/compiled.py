@@ -4,14 +4,10 @@ from __future__ import annotations
 
 import ctypes
 import functools
-import hashlib
-import os
-import shutil
-import subprocess
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
+from acqd.compiling import cached_library
 from acqd.errors import OperationError
 
 _SOURCE = Path(__file__).with_name("lstm.c")
@@ -47,49 +43,16 @@ def best_instruction_set() -> InstructionSet:
     return next(each for each in INSTRUCTION_SETS if flags.issuperset(each.needs))
 
 
-def compiler() -> str | None:
-    """The system's C compiler."""
-    names = [os.environ.get("CC"), "cc", "gcc", "clang"]
-    return next((found for name in names if name and (found := shutil.which(name))), None)
-
-
 @functools.cache
 def library(instructions: InstructionSet | None = None) -> ctypes.CDLL:
     """The compiled function, from the cache or built now. Raises OperationError."""
     chosen = instructions or best_instruction_set()
-    path = _cached(chosen)
-    if not path.exists():
-        _build(chosen, path)
+    flags = [*_FLAGS, *chosen.options, f"-DV={chosen.lanes}"]
+    try:
+        path = cached_library(f"lstm-{chosen.name}", _SOURCE, flags)
+    except OperationError as error:
+        raise OperationError(f"{error}; or train with --compute torch") from None
     loaded = ctypes.CDLL(str(path))
     loaded.acqd_lstm.restype = ctypes.c_double
     loaded.acqd_scratch.restype = ctypes.c_long
     return loaded
-
-
-def _cached(chosen: InstructionSet) -> Path:
-    """In the user's cache, named by what it was made from: another processor or version makes its own."""
-    digest = hashlib.sha256(_SOURCE.read_bytes() + " ".join(_FLAGS + chosen.options).encode()).hexdigest()[:16]
-    root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    return root / "acqd" / f"lstm-{chosen.name}-{digest}.so"
-
-
-def _build(chosen: InstructionSet, path: Path) -> None:
-    command = compiler()
-    if command is None:
-        raise OperationError("no C compiler found (cc, gcc, clang): install one, or train with --compute torch")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, suffix=".so")
-        os.close(handle)
-    except OSError as error:
-        raise OperationError(f"{path.parent}: {error.strerror}; set XDG_CACHE_HOME to a folder to write in") from None
-    beside = Path(name)
-    try:
-        arguments = [command, *_FLAGS, *chosen.options, f"-DV={chosen.lanes}", str(_SOURCE), "-o", name]
-        done = subprocess.run(arguments, capture_output=True, text=True, check=False)
-        if done.returncode:
-            reason = (done.stderr.strip().splitlines() or ["no message"])[0]
-            raise OperationError(f"{command} cannot compile {_SOURCE.name} ({reason}); train with --compute torch")
-        beside.replace(path)
-    finally:
-        beside.unlink(missing_ok=True)

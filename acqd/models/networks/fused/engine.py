@@ -10,8 +10,8 @@ import numpy as np
 from acqd.models.networks.architecture import HIDDEN, Architecture
 from acqd.models.networks.batches import Batch
 from acqd.models.networks.engine import Engine
+from acqd.models.networks.flat_parameters import Head, Singles, views
 from acqd.models.networks.fused.compiled import InstructionSet, best_instruction_set, library
-from acqd.models.networks.theta import Head, Singles, views
 
 _HEAD = HIDDEN + 1
 

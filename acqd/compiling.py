@@ -1,0 +1,65 @@
+"""Shared libraries from C sources: which compiler, where results are kept, and what a failure says."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+from acqd.errors import OperationError
+
+NO_COMPILER = "no C compiler found (cc, gcc, clang): install one (apt-get install gcc)"
+
+
+def system_compiler() -> str | None:
+    """Path of the C compiler of this machine: $CC, cc, gcc or clang."""
+    names = [os.environ.get("CC"), "cc", "gcc", "clang"]
+    return next((path for name in names if name and (path := shutil.which(name))), None)
+
+
+def cache_folder() -> Path:
+    """Where compiled code is kept: $XDG_CACHE_HOME/acqd, or ~/.cache/acqd."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "acqd"
+
+
+def compile_shared(
+    command: Sequence[str], arguments: Sequence[str], out: Path, environment: dict[str, str] | None = None
+) -> None:
+    """Run `command arguments -o out`. Raises OperationError with the compiler's first complaint."""
+    call = [*command, *arguments, "-o", str(out), "-lm"]
+    done = subprocess.run(call, capture_output=True, text=True, check=False, env=environment)
+    if done.returncode or not out.exists():
+        lines = [line for line in done.stderr.splitlines() if "error" in line] or done.stderr.splitlines()
+        raise OperationError(f"{command[0]} cannot compile {out.name}: {lines[0] if lines else 'no message'}")
+
+
+def cached_library(name: str, source: Path, flags: Sequence[str]) -> Path:
+    """`source` compiled with `flags` by the system's compiler, at first use; later calls take it from the cache.
+
+    The name of the file holds a hash of source and flags: another version has another file.
+    Raises OperationError without a compiler, for a cache that is not writable, and for C that does not compile.
+    """
+    digest = hashlib.sha256(source.read_bytes() + " ".join(flags).encode()).hexdigest()[:16]
+    path = cache_folder() / f"{name}-{digest}.so"
+    if path.exists():
+        return path
+    command = system_compiler()
+    if command is None:
+        raise OperationError(NO_COMPILER)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, temporary_name = tempfile.mkstemp(dir=path.parent, suffix=".so")
+        os.close(handle)
+    except OSError as error:
+        raise OperationError(f"{path.parent}: {error.strerror}; set XDG_CACHE_HOME to a folder to write in") from None
+    temporary = Path(temporary_name)
+    try:
+        compile_shared([command], [*flags, str(source)], temporary)
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+    return path

@@ -1,0 +1,172 @@
+"""What a robot's log says about its power: physical quantities that a power meter must have seen too.
+
+The thesis correlates mechanical with electrical power (Eq. 6.1 to 6.4). A regression of the metered power
+on several such quantities, joint by joint, has a sharper maximum over the lag and needs no tuning.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import gaussian_filter1d
+from scipy.signal import butter, lfilter, sosfiltfilt
+
+from acqd.arrays import Floats
+from acqd.errors import InputError, UserError
+from acqd.robot.description import RobotDescription
+from acqd.robot.log import RobotLog, in_time
+
+TorqueSource = Literal["measured", "model", "current"]
+"""Joint torques from sensors, from inverse dynamics of the description, or motor currents in their place."""
+STEP_S = 0.01
+"""Grid of the quantities."""
+_CUTOFF_HZ = 12.0  # well above BAND_HZ, so that smoothing the angles changes nothing there
+BAND_HZ = 2.5
+"""Quantities and power are compared below this: above it, encoders' and recorders' details are all there is."""
+_SIGN_SPEED = 0.02  # rad/s
+_AFTER_S = (0.0, 0.12, 0.3, 0.6)
+"""After the brakes have opened."""
+
+
+@dataclass(frozen=True, slots=True)
+class Explanation:
+    """Quantities on an even grid of the controller's clock."""
+
+    start_s: float
+    """First grid point, controller time as in the log."""
+    columns: Floats
+    """[T, k], not yet delayed or averaged."""
+    mechanical_power: Floats
+    """[T] W: torque times speed, summed over the joints (thesis Eq. 6.1 to 6.3)."""
+    essential: int
+    """How many of the first columns explain most: a search over hours with all of them would fit chance."""
+    events: int = 0
+    """How many of the last columns follow the brakes: no motion explains the peak when they open."""
+
+    @property
+    def searched(self) -> NDArray[np.int64]:
+        """Columns to search with."""
+        last = np.arange(self.columns.shape[1] - self.events, self.columns.shape[1])
+        return np.concatenate([np.arange(self.essential), last]).astype(np.int64)
+
+    @property
+    def t(self) -> Floats:
+        """[T] s, controller time."""
+        return np.asarray(self.start_s + STEP_S * np.arange(len(self.columns)))
+
+    def as_metered(self, lag_s: float, window_s: float) -> Floats:
+        """[T, k]: behind a first-order lag of the supply and averaged over a meter's window around each point.
+
+        The lag is by the trapezoidal rule, which delays slow signals by `lag_s` exactly, at any step.
+        """
+        columns = self.columns
+        if lag_s > 0:
+            c = 2 * lag_s / STEP_S
+            b, a = np.array([1.0, 1.0]) / (1 + c), np.array([1.0, (1 - c) / (1 + c)])
+            columns, _ = lfilter(b, a, columns, axis=0, zi=columns[:1] * (1 - b[0]))
+        return _averaged(columns, window_s)
+
+
+def band_limited(values: Floats, step_s: float) -> Floats:
+    """Without what lies well above BAND_HZ and without delay, along the first axis.
+
+    A Gaussian acts the same at every sampling rate; a digital Butterworth of the power's rate is steeper than
+    one of the quantities' rate, and the difference passes for a lag of the supply.
+    """
+    deviation = np.sqrt(np.log(2) / 2) / (2 * np.pi * BAND_HZ) * np.sqrt(2)  # half the power at BAND_HZ
+    return np.asarray(gaussian_filter1d(values, deviation / step_s, axis=0, mode="nearest"))
+
+
+def explain(log: RobotLog, robot: RobotDescription, torque: TorqueSource | None = None) -> Explanation:
+    """Quantities of one log; `torque` None takes the best there is. Raises InputError, UserError."""
+    time, rows = in_time(log)
+    if len(time) < 50 or time[-1] - time[0] < 2.0:
+        raise InputError(log.path, f"{len(time)} rows over {time[-1] - time[0]:.1f} s are too few to be aligned")
+    grid = np.arange(time[0], time[-1], STEP_S)
+    q = _smooth(grid, time, log.q[rows])
+    qd = np.gradient(q, STEP_S, axis=0)
+    qdd = np.gradient(qd, STEP_S, axis=0)
+    source = torque or best_torque(log)
+    tau = _torque(source, log, robot, (grid, time, rows), (q, qd, qdd))
+    direction = np.tanh(qd / _SIGN_SPEED)
+    power = (tau * qd).sum(axis=1)
+    columns = [np.abs(qd), qd**2, qd * qdd, tau * qd, tau**2, tau * direction, np.abs(power)[:, None]]
+    essential = sum(column.shape[1] for column in columns)
+    # the rest of the copper loss, (tau + J qdd + friction)^2: left out, these terms pass for a time shift
+    columns += [qdd**2, tau * qdd, qdd * direction]
+    events = 0
+    if "brake" in log.signals and np.isfinite(log.signals["brake"]).all():  # last: not every log has it
+        columns.append(_brakes(np.interp(grid, time, log.signals["brake"][rows])))
+        events = columns[-1].shape[1]
+    return Explanation(float(time[0]), np.column_stack(columns), power, essential, events)
+
+
+def _brakes(opened: Floats) -> Floats:
+    """[T, k]: whether they are open, and pulses after they have opened (thesis Figure 6.2: the initial peak)."""
+    rises = np.flatnonzero(np.diff((opened > 0.5).astype(np.int8), prepend=np.int8(opened[0] > 0.5)) > 0)
+    age = np.full(len(opened), np.inf)
+    for row in rises:
+        age[row:] = STEP_S * np.arange(len(opened) - row)
+    pulses = [(age >= low) & (age < high) for low, high in itertools.pairwise(_AFTER_S)]
+    return np.column_stack([opened, *(pulse for pulse in pulses if pulse.any())]).astype(np.float64)
+
+
+def best_torque(log: RobotLog) -> TorqueSource:
+    """Sensors, else the description's inverse dynamics."""
+    if log.tau is not None and np.isfinite(log.tau).all() and np.abs(log.tau).max() > 0:
+        return "measured"
+    return "model"
+
+
+def _torque(
+    source: TorqueSource,
+    log: RobotLog,
+    robot: RobotDescription,
+    sampling: tuple[Floats, Floats, NDArray[np.int64]],
+    motion: tuple[Floats, Floats, Floats],
+) -> Floats:
+    grid, time, rows = sampling
+    if source == "model":
+        try:
+            from acqd.robot.arm import Arm
+            from acqd.robot.dynamics import inverse_dynamics
+        except ModuleNotFoundError:
+            raise UserError("torques from the description need Pinocchio: install acqd[lab]") from None
+        return inverse_dynamics(Arm(robot), *motion)
+    measured = log.tau if source == "measured" else log.current
+    if measured is None:
+        raise InputError(log.path, f"has no {'tau' if source == 'measured' else 'current'} columns")
+    if not np.isfinite(measured).all():
+        row = int(np.argmin(np.isfinite(measured).all(axis=1))) + 1
+        raise InputError(
+            log.path,
+            f"data row {row}: a {'torque' if source == 'measured' else 'current'} is missing; use --torque model",
+        )
+    return _smooth(grid, time, measured[rows])
+
+
+def _smooth(grid: Floats, time: Floats, values: Floats) -> Floats:
+    even = CubicSpline(time, values)(grid)  # straight lines between 40 ms samples would blur as a supply does
+    filtered = butter(2, _CUTOFF_HZ, fs=1 / STEP_S, output="sos")
+    return np.asarray(sosfiltfilt(filtered, even, axis=0))
+
+
+def _averaged(columns: Floats, window_s: float) -> Floats:
+    """Mean over `window_s` around every point, by the integral of the straight lines between points."""
+    half = window_s / STEP_S / 2
+    ends = int(np.ceil(half)) + 1
+    padded = np.pad(columns, ((ends, ends), (0, 0)), mode="edge")
+    integral = np.concatenate([np.zeros((1, padded.shape[1])), np.cumsum((padded[1:] + padded[:-1]) / 2, axis=0)])
+    whole, share = int(half), half - int(half)
+    middle = np.arange(ends, ends + len(columns))
+
+    def at(place: NDArray[np.int64], share: float) -> Floats:
+        inner = padded[place] * share + (padded[place + 1] - padded[place]) * share**2 / 2
+        return np.asarray(integral[place] + inner)
+
+    return np.asarray((at(middle + whole, share) - at(middle - whole - 1, 1 - share)) / (2 * half))

@@ -1,0 +1,114 @@
+"""Rivals without a name: smooth functions of whatever was recorded. Where one of them wins, the cause is unknown."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import lfilter
+
+from acqd.arrays import Floats
+from acqd.models.effects.effect import bins, edges, since
+from acqd.models.effects.scene import Scene
+
+_SPEEDS = tuple(0.05 + 0.1 * k for k in range(10))  # of the largest speed seen
+_MEMORIES_S = (3.0, 10.0, 30.0, 90.0)
+_AFTER_S = (0.0, 0.2, 0.5, 1.0, 2.0, 4.0, 8.0)
+_ANGLES = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Rival:
+    """One group."""
+
+    name: str
+    """What it depends on."""
+    columns: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Ranges:
+    """What the recordings cover."""
+
+    low: Floats
+    """[axes] rad."""
+    high: Floats
+    speed: Floats
+    """[axes] rad/s, the largest."""
+    power: Floats
+    """[4] W: quantiles of the predicted power."""
+    origin_s: float
+    end_s: float
+
+    @classmethod
+    def of(cls, scenes: list[Scene]) -> Ranges:
+        """Of all recordings."""
+        q = np.concatenate([scene.q[::4] for scene in scenes])
+        speed = np.concatenate([np.abs(scene.qd[::4]) for scene in scenes])
+        power = np.concatenate([scene.metered for scene in scenes])
+        return cls(
+            q.min(axis=0), q.max(axis=0), np.maximum(np.percentile(speed, 99.5, axis=0), 1e-3),
+            np.percentile(power, [50, 75, 90, 97]),
+            min(float(scene.t[0]) for scene in scenes), max(float(scene.t[-1]) for scene in scenes),
+        )  # fmt: skip
+
+
+def generic_columns(scene: Scene, ranges: Ranges) -> Floats:
+    """[SUB T, k] or rows repeated, in the order of `rivals`."""
+    found = [np.ones(len(scene.q)) * _moving(scene)]
+    phase = np.pi * (scene.q - ranges.low) / np.maximum(ranges.high - ranges.low, 1e-6)
+    for joint in range(scene.axes):
+        found += [np.cos((k + 1) * phase[:, joint]) for k in range(_ANGLES)]
+    share = np.abs(scene.qd) / ranges.speed
+    for joint in range(scene.axes):
+        found += [np.exp(-(((share[:, joint] - middle) / 0.08) ** 2)) for middle in _SPEEDS]
+    found += list(scene.qdd.T * scene.steer.T)
+    load = np.repeat(scene.metered, len(scene.q) // scene.rows)
+    found += [np.maximum(load - level, 0.0) for level in ranges.power]
+    found += [_remembered(np.abs(scene.drives), scene.fine_s, seconds) for seconds in _MEMORIES_S]
+    moving = _moving(scene)
+    starts, stops = edges(moving, scene, "moving")
+    found += list(bins(since(starts, scene, "start_age"), _AFTER_S).T)
+    found += list(bins(since(stops, scene, "stop_age"), _AFTER_S).T)
+    into = (scene.t - scene.t[0]) / 60.0
+    found += [into, np.exp(-into * 6)]
+    found += list(
+        np.cos(
+            np.pi * np.outer((scene.t - ranges.origin_s) / max(ranges.end_s - ranges.origin_s, 1.0), np.arange(1, 5))
+        ).T
+    )
+    return np.column_stack(found)
+
+
+def rivals(axes: int) -> Iterator[Rival]:
+    """Groups, in the order of the columns."""
+    place = 0
+
+    def take(name: str, count: int) -> Rival:
+        nonlocal place
+        place += count
+        return Rival(name, tuple(range(place - count, place)))
+
+    yield take("whether the arm moves", 1)
+    for joint in range(axes):
+        yield take(f"the angle of joint {joint + 1}", _ANGLES)
+    for joint in range(axes):
+        yield take(f"the speed of joint {joint + 1}", len(_SPEEDS))
+    yield take("accelerations", axes)
+    yield take("the power itself", 4)
+    for seconds in _MEMORIES_S:
+        yield take(f"the drives' power of the last {seconds:g} s", 1)
+    yield take("the time since the motion began", len(_AFTER_S) - 1)
+    yield take("the time since the motion stopped", len(_AFTER_S) - 1)
+    yield take("the time within the recording", 2)
+    yield take("the time of day", 4)
+
+
+def _moving(scene: Scene) -> Floats:
+    return np.asarray((np.abs(scene.qd).max(axis=1) > 0.01) * 1.0)
+
+
+def _remembered(values: Floats, step_s: float, seconds: float) -> Floats:
+    keep = float(np.exp(-step_s / seconds))
+    return np.asarray(lfilter([1 - keep], [1, -keep], values))

@@ -1,0 +1,1 @@
+"""What the loop found: report.json, report.html with figures, and the augmented bundle."""

@@ -1,0 +1,190 @@
+"""What convinces: error over time, ranking of hypotheses, effects against what they explain, where the rest lives."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from acqd.arrays import Floats
+from acqd.discrepancy.loop import Closed
+from acqd.discrepancy.residual.quality import Aspect, aspects
+from acqd.discrepancy.residual.whitening import autocorrelation
+from acqd.discrepancy.selection.ranking import Finding
+from acqd.discrepancy.selection.stepwise import Named
+from acqd.models.metrics import predictions
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_BEFORE, _AFTER, _QUIET = "#b45309", "#1d6fa5", "#9aa5b1"
+_SHOWN_S = 40.0
+
+
+def _figure(width: float, height: float) -> Figure:
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def example(closed: Closed) -> Figure:
+    """Measured power and the model before and after, where the loop has helped most."""
+    held_out, step_s = closed.subject.held_out, closed.subject.data.step_s
+    gains = [
+        float((b**2).mean() - (a**2).mean()) for b, a in zip(closed.errors_before, closed.errors_after, strict=True)
+    ]
+    k = int(np.argmax(gains))
+    stretch = held_out[k]
+    before, after = stretch.P - closed.errors_before[k], stretch.P - closed.errors_after[k]
+    width = min(len(before), int(_SHOWN_S / step_s))
+    better = np.convolve(closed.errors_before[k] ** 2 - closed.errors_after[k] ** 2, np.ones(width), "valid")
+    first = int(better.argmax())
+    rows = slice(first, first + width)
+    t = step_s * np.arange(len(before))[rows]
+    figure = _figure(9.5, 5.2)
+    top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=[2, 1])
+    top.plot(t, stretch.P[rows], color="black", lw=1.0, label="measured")
+    top.plot(t, before[rows], color=_BEFORE, lw=1.0, label="model before")
+    top.plot(t, after[rows], color=_AFTER, lw=1.0, label="model after")
+    top.set_ylabel("P [W]")
+    top.legend(ncols=3, frameon=False)
+    bottom.plot(t, closed.errors_before[k][rows], color=_BEFORE, lw=0.8)
+    bottom.plot(t, closed.errors_after[k][rows], color=_AFTER, lw=0.8)
+    bottom.axhline(0, color="black", lw=0.5)
+    bottom.set_ylabel("left over [W]")
+    bottom.set_xlabel(f"time in {stretch.recording} [s]")
+    return figure
+
+
+def by_recording(closed: Closed) -> Figure:
+    """RMS error of every held-out recording in the order of time."""
+    held_out = closed.subject.held_out
+    order = np.argsort([stretch.start_s for stretch in held_out])
+    figure = _figure(9.5, 2.8)
+    axes = figure.subplots()
+    x = np.arange(len(order))
+    for errors, colour, label, shift in (
+        (closed.errors_before, _BEFORE, "before", -0.2),
+        (closed.errors_after, _AFTER, "after", 0.2),
+    ):
+        heights = [float(np.sqrt((errors[k] ** 2).mean())) for k in order]
+        axes.bar(x + shift, heights, 0.4, color=colour, label=label)
+    if closed.reference_rmse is not None:
+        axes.axhline(closed.reference_rmse, color="black", lw=1, ls="--", label="when the model was made")
+    axes.set_xticks(x, [held_out[k].recording for k in order], rotation=60, ha="right", fontsize=7)
+    axes.set_ylabel("RMS left over [W]")
+    axes.legend(frameon=False, ncols=3)
+    return figure
+
+
+def ranking(findings: list[Finding], chosen: str | None) -> Figure:
+    """How much every hypothesis explains beyond chance; one bar an effect or rival."""
+    best: dict[str, Finding] = {}
+    for finding in findings:
+        name = finding.candidate.id or f"unnamed: {finding.candidate.label}"
+        best.setdefault(name, finding)
+    shown = [(name, finding) for name, finding in best.items() if finding.evidence > 0][:12][::-1]
+    figure = _figure(9.5, 0.6 + 0.3 * max(len(shown), 1))
+    axes = figure.subplots()
+    colours = [_AFTER if name == chosen else (_QUIET if name.startswith("unnamed") else _BEFORE) for name, _ in shown]
+    axes.barh(range(len(shown)), [finding.evidence for _, finding in shown], color=colours)
+    axes.set_yticks(
+        range(len(shown)), [f"{n} ({f.candidate.label})" if f.candidate.id else n for n, f in shown], fontsize=8
+    )
+    axes.set_xscale("symlog", linthresh=10)
+    axes.set_xlabel("white squared error explained beyond chance")
+    return figure
+
+
+def explained(closed: Closed, named: Named) -> Figure:
+    """Left: what the rest of the model leaves against what the effect says, binned. Right: recording by recording."""
+    design, tracing = closed.design, closed.tracing
+    assert tracing.model is not None
+    beta = tracing.model.solve()
+    own = set(named.finding.candidate.places.tolist())
+    mine = np.array([c.place in own for c in tracing.model.columns])
+    contribution, partial, share, names = [], [], [], []
+    for number, part in enumerate(design.parts):
+        if not named.gate.open[number]:
+            continue
+        raw = design.raw[part.stretch][part.rows][:, tracing.model.places]
+        weights = beta * tracing.model.gates[:, number]
+        effect = raw @ np.where(mine, weights, 0.0)
+        rest = design.off[part.stretch][part.rows] - raw @ np.where(mine, 0.0, weights)
+        contribution.append(effect)
+        partial.append(rest)
+        power = float(effect @ effect)
+        if power > 0:
+            share.append(float(effect @ rest) / power)
+            names.append(part.start_s)
+    x: Floats = np.concatenate(contribution).astype(np.float64)
+    y: Floats = np.concatenate(partial).astype(np.float64)
+    figure = _figure(9.5, 3.4)
+    left, right = figure.subplots(1, 2, width_ratios=[1, 1])
+    middle, mean, error = _bins(x, y)
+    left.errorbar(middle, mean, 2 * error, fmt="o", ms=4, color=_AFTER, label="measured, mean of bins")
+    limits = np.array([x.min(), x.max()])
+    left.plot(limits, limits, color="black", lw=0.8, label="if the effect is all of it")
+    left.set_xlabel(f"{named.id} as fitted [W]")
+    left.set_ylabel("left over without it [W]")
+    left.legend(frameon=False, fontsize=8)
+    order = np.argsort(names)
+    right.axhline(1, color="black", lw=0.8)
+    right.axhline(0, color=_QUIET, lw=0.8)
+    right.plot(np.array(share)[order], "o", ms=4, color=_AFTER)
+    right.set_ylim(*np.clip([min(np.min(share), -0.2), max(np.max(share), 1.4)], -3, 5))
+    right.set_xlabel("minute-long pieces of the recordings, in time")
+    right.set_ylabel("strength there (1: as fitted)")
+    return figure
+
+
+def _bins(x: Floats, y: Floats, count: int = 15) -> tuple[Floats, Floats, Floats]:
+    edges = np.unique(np.quantile(x, np.linspace(0, 1, count + 1)))
+    if len(edges) < 2:
+        return np.array([x.mean()]), np.array([y.mean()]), np.array([y.std() / np.sqrt(len(y))])
+    which = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, len(edges) - 2)
+    size = np.maximum(np.bincount(which, minlength=len(edges) - 1), 1)
+    mean = np.bincount(which, y, len(edges) - 1) / size
+    spread = np.sqrt(np.maximum(np.bincount(which, y**2, len(edges) - 1) / size - mean**2, 0))
+    return np.bincount(which, x, len(edges) - 1) / size, mean, spread / np.sqrt(size)
+
+
+def where(closed: Closed) -> Figure:
+    """The residual along everything that was recorded, before and after."""
+    held_out, step_s = closed.subject.held_out, closed.subject.data.step_s
+    predicted = predictions(closed.subject.model, held_out)
+    before = aspects(held_out, closed.errors_before, predicted, step_s)
+    after = aspects(held_out, closed.errors_after, predicted, step_s)
+    columns = 4
+    rows = -(-len(before) // columns)
+    figure = _figure(11, 1.9 * rows)
+    panels = figure.subplots(rows, columns, squeeze=False, sharey=True).ravel()
+    for axes, one, other in zip(panels, before, after, strict=False):
+        _along(axes, one, _BEFORE)
+        _along(axes, other, _AFTER)
+        axes.axhline(0, color="black", lw=0.5)
+        axes.set_title(f"{one.name} [{one.unit}]", fontsize=8)
+        axes.tick_params(labelsize=7)
+    for axes in panels[len(before) :]:
+        axes.set_visible(False)
+    return figure
+
+
+def _along(axes: object, aspect: Aspect, colour: str) -> None:
+    axes.fill_between(aspect.middle, aspect.mean - aspect.rms, aspect.mean + aspect.rms, color=colour, alpha=0.15)  # type: ignore[attr-defined]
+    axes.plot(aspect.middle, aspect.mean, color=colour, lw=1.2)  # type: ignore[attr-defined]
+
+
+def memory(closed: Closed, step_s: float) -> Figure:
+    """Autocorrelation of what is left over."""
+    lags = 50
+    figure = _figure(9.5, 2.5)
+    axes = figure.subplots()
+    t = step_s * np.arange(1, lags + 1)
+    axes.plot(t, autocorrelation(closed.errors_before, lags), color=_BEFORE, label="before")
+    axes.plot(t, autocorrelation(closed.errors_after, lags), color=_AFTER, label="after")
+    axes.axhline(0, color="black", lw=0.5)
+    axes.set_xlabel("lag [s]")
+    axes.set_ylabel("autocorrelation")
+    axes.legend(frameon=False)
+    return figure

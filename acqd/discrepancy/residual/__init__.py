@@ -1,0 +1,1 @@
+"""The residual, measured minus predicted power: noise model, figures of merit, clock delay."""

@@ -1,0 +1,1 @@
+"""Candidates whose columns come from the residual itself: ripple, switching loads, contact."""

@@ -1,0 +1,215 @@
+"""Something that is either on or off, searched in the residual: when, and how much.
+
+A path of on and off by Viterbi, in white noise: what a step looks like after whitening is known, so every row says
+how much likelier it is that something switches on or off there. The level may have a shape of its own: 1 for a load
+in the cabinet, the power of 1 N for a contact.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acqd.arrays import Floats
+from acqd.discrepancy.residual.whitening import Whitener
+
+_PRICE = 7.0  # log-likelihood that a switching must earn
+_SIZES = (1.0, 2.0, 4.0, 8.0, 16.0)  # first guesses of the level, in standard deviations of the innovation
+_ROUNDS = 4
+_DWELLS = (10, 100)  # rows that a state lasts at least: equipment that is used, and what heats or cools
+
+
+@dataclass(frozen=True, slots=True)
+class States:
+    """On and off in every stretch."""
+
+    on: list[NDArray[np.bool_]]
+    """[T] each."""
+    size: float
+    """W (or units of the shape) between off and on."""
+    gain: float
+    """Log-likelihood won, switchings paid."""
+
+    @property
+    def switchings(self) -> int:
+        """In all stretches."""
+        return sum(int(np.abs(np.diff(on.astype(int))).sum()) for on in self.on)
+
+    @property
+    def share(self) -> float:
+        """Of the rows that are on."""
+        return float(np.concatenate(self.on).mean())
+
+
+@dataclass(frozen=True, slots=True)
+class _White:
+    """One stretch after whitening; row k is the stretch's row k + order."""
+
+    residual: Floats
+    level: Floats
+    """The shape, white: what a row is worth while on."""
+    step: Floats
+    """The residual's product with a step's transient that begins in the row, times the shape there."""
+    cost: Floats
+    """That transient's square."""
+    cross: Floats
+    """And its product with `level`."""
+
+
+def search(
+    residuals: list[Floats], whitener: Whitener, shapes: list[Floats] | None = None, signs: tuple[int, ...] = (1,)
+) -> States | None:
+    """The likeliest states of residuals [T] W per stretch; None when there are none worth their switchings."""
+    shapes = shapes or [np.ones(len(each)) for each in residuals]
+    white = [_prepared(each, shape, whitener) for each, shape in zip(residuals, shapes, strict=True)]
+    unit = whitener.innovation / max(float(np.sqrt(np.mean(np.concatenate(shapes) ** 2))), 1e-9)
+    guesses = [sign * size * unit for size in _SIZES for sign in signs]
+    best: _Found | None = None
+    for dwell in _DWELLS:
+        for found in _settle(white, guesses, dwell):
+            if found.won > 0 and (best is None or found.won > best.won):
+                best = found
+    if best is None:
+        return None
+    lost = len(whitener.taps) - 1
+    on = [np.concatenate([np.full(lost, path[0]), path]) for path in best.paths]
+    states = States(on, best.size, best.won)
+    return states if 0.005 < states.share < 0.995 else None
+
+
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """One local optimum."""
+
+    won: float
+    size: float
+    paths: list[NDArray[np.bool_]]
+
+
+def _prepared(residual: Floats, shape: Floats, whitener: Whitener) -> _White:
+    lost = len(whitener.taps) - 1
+    w = whitener.apply(residual).astype(np.float64)
+    level = whitener.apply(shape).astype(np.float64)
+    response = np.cumsum(whitener.taps)
+    transient = (response - response[-1])[:-1]
+    ahead = np.concatenate([w, np.zeros(lost)])
+    level_ahead = np.concatenate([level, np.zeros(lost)])
+    z = np.correlate(ahead, transient, "valid")[: len(w)]
+    cross = np.correlate(level_ahead, transient, "valid")[: len(w)]
+    c = shape[lost:]
+    return _White(w, level, c * z, c**2 * float(transient @ transient), c * cross)
+
+
+def _settle(white: list[_White], guesses: list[float], dwell: int) -> list[_Found]:
+    """Paths and levels in turn, from every first guess."""
+    sizes = np.array(guesses)
+    found: list[_Found | None] = [None] * len(guesses)
+    alive = np.arange(len(guesses))
+    for _ in range(_ROUNDS):
+        paths = _viterbi(white, sizes[alive])
+        going = []
+        for k, own in zip(alive, paths, strict=True):
+            lasting = [_lasting(path, dwell) for path in own]
+            won = sum(_won(each, path, sizes[k]) for each, path in zip(white, lasting, strict=True))
+            found[k] = _Found(won, float(sizes[k]), lasting)
+            again = _level(white, lasting)
+            if again * sizes[k] > 0 and abs(again - sizes[k]) > 1e-2 * abs(sizes[k]):
+                sizes[k] = again
+                going.append(k)
+        alive = np.array(going, dtype=int)
+        if not len(alive):
+            break
+    return [each for each in found if each is not None]
+
+
+def _level(white: list[_White], paths: list[NDArray[np.bool_]]) -> float:
+    """The size that fits a path best."""
+    projected = energy = 0.0
+    for each, path in zip(white, paths, strict=True):
+        change = np.diff(path.astype(int), prepend=int(path[0]))
+        rises, falls = change > 0, change < 0
+        projected += float((each.residual * each.level)[path].sum() + each.step[rises].sum() - each.step[falls].sum())
+        energy += float((each.level**2)[path].sum() + each.cost[change != 0].sum() + 2 * each.cross[rises].sum())
+    return projected / energy if energy > 1e-9 else 0.0
+
+
+def _won(white: _White, path: NDArray[np.bool_], size: float) -> float:
+    """Log-likelihood that a path wins over always off, switchings paid."""
+    half = size * size / 2
+    change = np.diff(path.astype(int), prepend=int(path[0]))
+    rises, switched = change > 0, change != 0
+    won = size * (white.residual * white.level)[path].sum() - half * (white.level**2)[path].sum()
+    won += size * (white.step[rises].sum() - white.step[change < 0].sum()) - half * white.cost[switched].sum()
+    return float(won - size * size * white.cross[rises].sum() - _PRICE * switched.sum())
+
+
+def _lasting(path: NDArray[np.bool_], dwell: int) -> NDArray[np.bool_]:
+    """Without states shorter than `dwell` rows, the shortest first; those at the ends may have begun before."""
+    path = path.copy()
+    while True:
+        edges = np.flatnonzero(np.diff(path.astype(int))) + 1
+        lengths = np.diff(edges)
+        if not len(lengths) or lengths.min() >= dwell:
+            return path
+        shortest = int(lengths.argmin())
+        path[edges[shortest] : edges[shortest + 1]] ^= True
+
+
+def _viterbi(white: list[_White], sizes: Floats) -> list[list[NDArray[np.bool_]]]:
+    """The best path of every stretch, for every size; all of them step through time together."""
+    longest = max(len(each.residual) for each in white)
+    stay, rise, fall = (np.zeros((longest, len(sizes), len(white))) for _ in range(3))
+    for k, each in enumerate(white):
+        rows = len(each.residual)
+        size, half = sizes[:, None], sizes[:, None] ** 2 / 2
+        stay[:rows, :, k] = (size * each.residual * each.level - half * each.level**2).T
+        rise[:rows, :, k] = (size * each.step - half * each.cost - 2 * half * each.cross - _PRICE).T
+        fall[:rows, :, k] = (-size * each.step - half * each.cost - _PRICE).T
+        rise[rows:, :, k] = fall[rows:, :, k] = -np.inf  # after its end, a stretch stays as it is
+    came_from_on, came_from_off = (np.zeros(stay.shape, dtype=bool) for _ in range(2))
+    off, on = np.zeros(stay.shape[1:]), stay[0] - 1.0
+    for k in range(1, longest):
+        switched_off, switched_on = on + fall[k], off + rise[k]
+        np.greater(switched_off, off, out=came_from_on[k])
+        np.greater(switched_on, on, out=came_from_off[k])
+        off = np.maximum(off, switched_off)
+        on = np.maximum(on, switched_on) + stay[k]
+    path = np.zeros(stay.shape, dtype=bool)
+    state = on > off
+    for k in range(longest - 1, -1, -1):
+        path[k] = state
+        state = state ^ np.where(state, came_from_off[k], came_from_on[k])
+    return [[path[: len(each.residual), s, k] for k, each in enumerate(white)] for s in range(len(sizes))]
+
+
+def rhythm(on: list[NDArray[np.bool_]], t: list[Floats]) -> tuple[float, float]:
+    """(period [s], how regular 0..1) of the states: a thermostat has a rhythm, equipment that is used has none.
+
+    The correlation of states half a period apart must be as negative as that of states a period apart is
+    positive; time between recordings is unknown and left out.
+    """
+    begin = min(float(each[0]) for each in t)
+    grid_s = 0.5
+    size = int((max(float(each[-1]) for each in t) - begin) / grid_s) + 1
+    if size > 2_000_000:  # days between recordings: no phase lasts so long
+        return 0.0, 0.0
+    known, state = np.zeros(size), np.zeros(size)
+    mean = float(np.concatenate(on).mean())
+    for states, times in zip(on, t, strict=True):
+        place = ((times - begin) / grid_s).astype(int)
+        known[place], state[place] = 1.0, states - mean
+    length = 2 ** int(np.ceil(np.log2(2 * size)))
+    products = np.fft.irfft(np.abs(np.fft.rfft(state, length)) ** 2)[:size]
+    pairs = np.fft.irfft(np.abs(np.fft.rfft(known, length)) ** 2)[:size]
+    correlation = np.where(pairs > 100, products / np.maximum(pairs, 1), 0.0) / max(mean * (1 - mean), 1e-9)
+    lowest = -max(mean, 1 - mean) / max(min(mean, 1 - mean), 1e-9)  # not reached: a square wave has -d / (1 - d)
+    floor = 1 / lowest
+    found: list[tuple[float, float]] = []
+    for period in np.geomspace(10.0, min(900.0, size * grid_s / 2), 400):
+        whole, half = round(period / grid_s), round(period / grid_s / 2)
+        if whole < size:
+            found.append((float(period), float(min(correlation[whole], correlation[half] / floor))))
+    most = max((regular for _, regular in found), default=0.0)
+    return next(((period, regular) for period, regular in found if regular >= 0.85 * most), (0.0, 0.0))

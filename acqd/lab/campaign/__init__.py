@@ -1,0 +1,1 @@
+"""Campaigns: many sessions with logs, rows in SQL, manifest and truth."""

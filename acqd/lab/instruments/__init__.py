@@ -1,0 +1,1 @@
+"""Instruments of the virtual cell: mains and meter, the PLC at full speed, data recorder, row file."""

@@ -1,0 +1,1 @@
+"""Motion of the virtual robot: trajectories, programs, path planning, controller."""

@@ -1,0 +1,160 @@
+"""Excitation trajectories: limited-space random (Algorithm 1) and all-space random (Algorithm 2 of the thesis)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from acqd.arrays import Floats
+from acqd.errors import UserError
+from acqd.lab.motion.profile import Move, plan_chain
+from acqd.lab.motion.trajectory import Trajectory
+from acqd.robot.arm import Arm
+from acqd.robot.collision import CollisionChecker, dense_path, require_free
+from acqd.robot.kinematics import Pose, inverse_kinematics, unwound
+
+TOOL_DOWN = np.array([[-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]])
+"""End-effector orientation of Algorithm 1."""
+CHECK_STEP = np.radians(2.0)
+"""Largest axis step between two collision checks."""
+_PATIENCE = 600  # draws in a row that may fail before a space is called impossible
+_FIRST_PATIENCE = 60  # the same while nothing has been reached yet: an unreachable point takes long to give up on
+
+
+@dataclass(frozen=True, slots=True)
+class Cube:
+    """The volume of Algorithm 1."""
+
+    centre: tuple[float, float, float] = (0.6, 0.0, 0.34)
+    """m."""
+    edge: float = 0.3
+    """m."""
+    points: tuple[int, int] = (40, 60)
+
+
+@dataclass(slots=True)
+class Tally:
+    """How often a draw was thrown away, and why."""
+
+    points: int = 0
+    unreachable: int = 0
+    colliding: int = 0
+    outside_limits: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Excitation:
+    """Draws trajectories for one arm in one scene; the tally runs over all of them."""
+
+    arm: Arm
+    checker: CollisionChecker
+    scene: str
+    thesis: bool = False
+    """Check Algorithm 2's paths at 10 evenly spaced points only, as the thesis did."""
+    tally: Tally = field(default_factory=Tally)
+
+    def limited_space(self, name: str, cube: Cube, random: np.random.Generator) -> Trajectory:
+        """Algorithm 1: 40 to 60 points in the cube, tool down. Raises UserError for a cube out of reach."""
+        count = int(random.integers(cube.points[0], cube.points[1] + 1))
+        centre, half = np.array(cube.centre), cube.edge / 2
+        seed = self._comfortable(centre, random)
+        waypoints: list[Floats] = []
+        failures = 0
+        while len(waypoints) < count:
+            if failures >= (_PATIENCE if waypoints else _FIRST_PATIENCE):
+                raise UserError(
+                    f"cube at {_metres(centre)} with edge {cube.edge:g} m: {failures} points in a row could not be "
+                    f"reached by {self.arm.description.name} with the tool down and without collision; "
+                    "move it or make it smaller"
+                )
+            failures += 1
+            pose = Pose(centre + random.uniform(-half, half, 3), TOOL_DOWN)
+            q = inverse_kinematics(self.arm, pose, waypoints[-1] if waypoints else seed, random)
+            if q is None:
+                self.tally.unreachable += 1
+            elif self._free(waypoints, q):
+                waypoints.append(q)
+                failures = 0
+        self.tally.points += count
+        return Trajectory(name, np.array(waypoints))
+
+    def all_space(self, name: str, random: np.random.Generator) -> Trajectory:
+        """Algorithm 2: 10 to 20 random configurations after the start at zero. Raises UserError."""
+        robot = self.arm.description
+        start = np.zeros(robot.axes)
+        require_free(self.checker, start, "the start position (all axes 0)", self.scene)
+        lower, upper = np.maximum(robot.lower, -np.pi), np.minimum(robot.upper, np.pi)
+        count = int(random.integers(10, 21))
+        waypoints = [start]
+        failures = 0
+        while len(waypoints) <= count:
+            if failures > _PATIENCE:
+                raise UserError(
+                    f"scene {self.scene}: {failures} random positions in a row of {robot.name} collide; "
+                    "the boxes leave no room to move"
+                )
+            failures += 1
+            q = random.uniform(lower, upper)
+            if self._free(waypoints, q):
+                waypoints.append(q)
+                failures = 0
+        self.tally.points += count
+        return Trajectory(name, np.array(waypoints))
+
+    def _comfortable(self, centre: Floats, random: np.random.Generator) -> Floats:
+        """A configuration at the cube's centre, the one of several that is farthest from the axis limits."""
+        robot = self.arm.description
+        middle, width = (robot.upper + robot.lower) / 2, (robot.upper - robot.lower) / 2
+        best, found = np.inf, middle
+        for _ in range(12):
+            start = random.uniform(np.maximum(robot.lower, -np.pi), np.minimum(robot.upper, np.pi)) * 0.6
+            q = inverse_kinematics(self.arm, Pose(centre, TOOL_DOWN), start, random, restarts=10)
+            if q is not None:  # a turn more would have to be made by every way there
+                q = unwound(q, middle, robot.lower, robot.upper)
+            if q is not None and not self.checker.collides(q):
+                strain = float(np.max(np.abs(q - middle) / width))
+                if strain < best:
+                    best, found = strain, q
+        return found
+
+    def _free(self, before: list[Floats], q: Floats) -> bool:
+        """Whether `q` and the way to it, blended or not, are free; counts why not."""
+        if not before:
+            collides = self.checker.collides(q)
+        elif self.thesis:
+            collides = any(
+                self.checker.collides(p) for p in before[-1] + np.linspace(0, 1, 10)[:, None] * (q - before[-1])
+            )
+        else:
+            corner = np.array([*before[-2:], q])
+            collides = self.checker.path_collides(dense_path(corner[-2:], CHECK_STEP)) or self._corner_collides(corner)
+        if collides:
+            self.tally.colliding += 1
+        return not collides
+
+    def _corner_collides(self, corner: Floats) -> bool:
+        """The widest blend that an execution may choose cuts the corner furthest; lesser ones lie between."""
+        if len(corner) < 3:
+            return False
+        robot = self.arm.description
+        moves = [Move(q, 0.5, 0.2, blend_after=0.5) for q in corner[1:]]
+        first, second = plan_chain(corner[0], moves, robot.speed, robot.acceleration).legs
+        t = np.arange(second.start, first.end, 1e-2)
+        s_old, s_new = first.profile.at(t - first.start)[0], second.profile.at(t - second.start)[0]
+        cut = corner[0] + s_old[:, None] * first.distance + s_new[:, None] * second.distance
+        return self.checker.path_collides(planned_path(cut))
+
+
+def planned_path(q: Floats) -> Floats:
+    """Every so-manieth row of a sampled path [T, axes], no axis moving more than CHECK_STEP between rows."""
+    if len(q) < 2:
+        return q
+    travelled = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(q, axis=0)).max(axis=1))])
+    steps = np.arange(0.0, travelled[-1] + CHECK_STEP, CHECK_STEP * 0.95)
+    chosen = np.unique(np.concatenate([np.searchsorted(travelled, steps).clip(max=len(q) - 1), [len(q) - 1]]))
+    return np.asarray(q[chosen])
+
+
+def _metres(point: Floats) -> str:
+    return " ".join(f"{value:g}" for value in point) + " m"

@@ -1,0 +1,1 @@
+"""HTML reports of the laboratory and their figures."""

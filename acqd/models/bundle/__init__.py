@@ -1,0 +1,1 @@
+"""Trained models on disk: format, restoring, remembered recordings, envelope."""

@@ -1,0 +1,92 @@
+"""A trained model as a directory: bundle.json says everything about it, weights.safetensors holds its arrays."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+import orjson
+from numpy.typing import NDArray
+from safetensors import SafetensorError
+from safetensors.numpy import load, save, save_file
+
+from acqd.atomic import complete_folder
+from acqd.errors import InputError, UserError
+
+FORMAT = 1
+REFERENCE = "reference.safetensors"
+Arrays: TypeAlias = dict[str, NDArray[Any]]
+
+
+@dataclass(frozen=True, slots=True)
+class Bundle:
+    """What was read from disk, or is to be written."""
+
+    about: dict[str, Any]
+    """kind, name, robot, axes, step_s, units, architecture, normalisation, envelope, metrics, provenance."""
+    arrays: Arrays
+    reference: Arrays | None = None
+    """Recordings to remember (see models.reference); None when read, or to keep none."""
+
+
+def require_free(path: Path) -> None:
+    """A place where a bundle may be written: nothing, an empty folder or a bundle. Raises UserError."""
+    if path.exists() and not is_bundle(path) and not (path.is_dir() and not any(path.iterdir())):
+        raise UserError(f"{path} exists and is no bundle: it would be lost; choose another --out")
+    parent = next(each for each in path.absolute().parents if each.exists())
+    if not parent.is_dir() or not os.access(parent, os.W_OK):
+        raise UserError(f"{path}: {parent} is no folder that can be written to; choose another --out")
+
+
+def save_bundle(path: Path, bundle: Bundle) -> None:
+    """Write a directory at once; a bundle that is there is replaced. Raises UserError, OperationError."""
+    require_free(path)
+    contiguous = {name: np.ascontiguousarray(array) for name, array in bundle.arrays.items()}
+    weights = save(contiguous)
+    about = {"format": FORMAT, **bundle.about, "weights_sha256": hashlib.sha256(weights).hexdigest()}
+    with complete_folder(path) as folder:
+        (folder / "bundle.json").write_bytes(
+            orjson.dumps(about, option=orjson.OPT_INDENT_2 | orjson.OPT_SERIALIZE_NUMPY)
+        )
+        (folder / "weights.safetensors").write_bytes(weights)
+        if bundle.reference is not None:
+            save_file({n: np.ascontiguousarray(a) for n, a in bundle.reference.items()}, folder / REFERENCE)
+
+
+def load_bundle(path: Path) -> Bundle:
+    """Read a directory. Raises InputError."""
+    file = path / "bundle.json"
+    try:
+        about = orjson.loads(file.read_bytes())
+    except FileNotFoundError:
+        raise InputError(path, "is no bundle: it has no bundle.json; acqd train makes one") from None
+    except (OSError, orjson.JSONDecodeError) as error:
+        raise InputError(file, f"is damaged ({error}); train the model again, or copy the bundle again") from None
+    if not isinstance(about, dict) or about.get("format") != FORMAT:
+        raise InputError(file, f"has another format than {FORMAT}; it was written by another version of acqd")
+    file = path / "weights.safetensors"
+    try:
+        weights = file.read_bytes()
+        arrays = load(weights)
+    except (OSError, SafetensorError) as error:
+        raise InputError(file, f"cannot be read ({error}); copy the bundle again") from None
+    if about.get("weights_sha256") not in (None, hashlib.sha256(weights).hexdigest()):  # None: of an earlier version
+        raise InputError(file, "is not what bundle.json was written with; copy the bundle again")
+    return Bundle(about, arrays)
+
+
+def fingerprint(path: Path) -> str:
+    """SHA-256 of what a bundle predicts with: another fit, or another effect, is another one."""
+    digest = hashlib.sha256()
+    for name in ("bundle.json", "weights.safetensors"):
+        digest.update((path / name).read_bytes())
+    return digest.hexdigest()
+
+
+def is_bundle(path: Path) -> bool:
+    """Whether a path looks like one."""
+    return (path / "bundle.json").is_file()

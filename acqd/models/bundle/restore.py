@@ -1,0 +1,76 @@
+"""A bundle as something that predicts."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from acqd.errors import InputError, UserError
+from acqd.models.augmented import Augmented, Term
+from acqd.models.bundle.bundle import Bundle, load_bundle
+from acqd.models.greybox.bundle_io import restore as restore_grey_box
+from acqd.models.greybox.model import GreyBox
+from acqd.models.hybrid.bundle_io import restore_hybrid
+from acqd.models.networks.architecture import architecture
+from acqd.models.networks.predictor import NetworkPredictor
+from acqd.models.normalisation import Normalisation
+from acqd.models.predictor import Predictor
+
+
+def open_model(path: Path) -> tuple[Bundle, Predictor]:
+    """The bundle and its predictor. Raises InputError."""
+    bundle = load_bundle(path)
+    try:
+        model = restore(bundle)
+        _try_out(model)
+        return bundle, model
+    except (KeyError, ValueError, TypeError, IndexError, UserError) as error:
+        reason = f"{type(error).__name__}: {error}" if not isinstance(error, UserError) else str(error)
+        raise InputError(path, f"does not hold what its kind of model needs ({reason}); train it again") from None
+
+
+def _try_out(model: Predictor) -> None:
+    """Arrays of a wrong shape show when they are used. Raises ValueError, IndexError."""
+    if not 0 < model.step_s < 3600:
+        raise ValueError(f"rows of {model.step_s} s")
+    rows = 2 * model.radius + 3
+    signals = np.tile(model.usual_signals(), (rows, 1))
+    if signals.shape[1] != len(model.signals):
+        raise ValueError(f"{signals.shape[1]} usual values of {len(model.signals)} signals")
+    if not np.isfinite(model.sequence(np.zeros((rows, model.axes)), signals)).all():
+        raise ValueError("numbers that are not finite")
+
+
+def restore(bundle: Bundle) -> Predictor:
+    """By the kind that bundle.json names, with the effects that were added."""
+    base = _base(bundle)
+    terms = [Term.from_json(each) for each in bundle.about.get("effects", [])]
+    return Augmented(base, carrier_of(bundle, base), terms) if terms else base
+
+
+def carrier_of(bundle: Bundle, base: Predictor) -> GreyBox:
+    """The grey box whose torques effects act on: the one beside a network, or the base itself. Raises ValueError."""
+    if "carrier" in bundle.about:
+        own = {name.removeprefix("carrier."): a for name, a in bundle.arrays.items() if name.startswith("carrier.")}
+        return restore_grey_box(bundle.about | bundle.about["carrier"], own)
+    if isinstance(base, GreyBox):
+        return base
+    raise ValueError("effects without a grey box to act on")
+
+
+def _base(bundle: Bundle) -> Predictor:
+    about, arrays = bundle.about, bundle.arrays
+    if about["kind"] == "grey_box":
+        return restore_grey_box(about, arrays)
+    if about["kind"] == "hybrid":
+        return restore_hybrid(about, arrays)
+    if about["kind"] != "network":
+        raise UserError(f"unknown kind of model {about['kind']!r}")
+    chosen = architecture(about["architecture"]["name"])
+    theta = np.asarray(arrays["theta"], dtype=np.float32)
+    if len(theta) != chosen.learnables(about["axes"]):
+        raise UserError(f"{len(theta)} learnables where {chosen.name} has {chosen.learnables(about['axes'])}")
+    return NetworkPredictor(
+        chosen, int(about["axes"]), float(about["step_s"]), theta, Normalisation.from_json(about["normalisation"])
+    )

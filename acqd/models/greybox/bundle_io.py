@@ -1,0 +1,81 @@
+"""Grey boxes in and out of bundles."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from acqd.errors import UserError
+from acqd.models.bundle.bundle import Arrays
+from acqd.models.config import Made, Report, TrainOrder
+from acqd.models.greybox.model import TERMS, GreyBox
+from acqd.models.greybox.parameters import Layout, table
+from acqd.robot.description import load_description
+from acqd.robot.newton_euler import Chain
+
+if TYPE_CHECKING:
+    from acqd.models.greybox.fit import Fit
+    from acqd.models.segments import Data
+
+
+def make_grey_box(order: TrainOrder, data: Data, progress: Report) -> Made:
+    """Fit one."""
+    fit = fitted(order, data, progress)
+    about = describe(fit) | ({"withheld": list(order.withheld)} if order.withheld else {})
+    return Made("grey_box", fit.model, about, arrays_of(fit.model), "Gauss-Newton")
+
+
+def fitted(order: TrainOrder, data: Data, progress: Report) -> Fit:
+    """The fit alone."""
+    from acqd.models.greybox.fit import fit_grey_box  # needs a robot library; predicting does not
+
+    robot = load_description(order.robot or data.description)
+    if robot.axes != data.axes:
+        raise UserError(f"{order.dataset}: has {data.axes} axes, {robot.name} has {robot.axes}; name its own --robot")
+    training = data.part("train", order.kinds)
+    return fit_grey_box(
+        robot,
+        training,
+        data.step_s,
+        order.seed,
+        lambda share: progress("fitting the grey box", share, float("nan")),
+        order.withheld,
+    )
+
+
+def describe(fit: Fit) -> dict[str, Any]:
+    """What bundle.json says of the parameters."""
+    return {
+        "terms": [*TERMS, "signals", "standby"],
+        "signals": list(fit.model.signals),
+        "sigma_W": fit.sigma_W,
+        "parameters": table(fit.model.layout, fit.model.values, fit.covariance),
+    }
+
+
+def arrays_of(model: GreyBox) -> Arrays:
+    """For weights.safetensors."""
+    return {
+        "parameters": model.values,
+        "chain_xyz": model.chain.xyz,
+        "chain_rotation": model.chain.rotation,
+        "chain_axis": model.chain.axis,
+        "chain_tip": model.chain.tip,
+        "usual_signals": model.usual_signals(),
+    }
+
+
+def restore(about: dict[str, Any], arrays: Arrays) -> GreyBox:
+    """Back from a bundle."""
+    chain = Chain(arrays["chain_xyz"], arrays["chain_rotation"], arrays["chain_axis"], arrays["chain_tip"])
+    layout = Layout(int(about["axes"]), tuple(about["signals"]))
+    values = np.asarray(arrays["parameters"], dtype=np.float64)
+    if len(values) != layout.size or len(chain.xyz) != layout.axes:
+        raise ValueError(
+            f"{len(values)} parameters and {len(chain.xyz)} joints where {layout.size} and {layout.axes} belong"
+        )
+    shapes = [chain.xyz.shape, chain.rotation.shape, chain.axis.shape, chain.tip.shape]
+    if shapes != [(layout.axes, 3), (layout.axes, 3, 3), (layout.axes, 3), (2, 3)]:
+        raise ValueError(f"a chain of shapes {shapes}")
+    return GreyBox(chain, layout, values, float(about["step_s"]), arrays["usual_signals"])

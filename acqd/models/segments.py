@@ -1,0 +1,148 @@
+"""A dataset as models see it: stretches of valid rows with their split."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet
+
+from acqd.arrays import Floats
+from acqd.dataset.manifest import load_manifest
+from acqd.dataset.split import Part
+from acqd.errors import InputError, UserError
+from acqd.numerics import runs_of_true
+
+_LEAST_S = 2.0
+SIGNALS = ("brake", "tool")
+"""Logged states that a model may use."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """Rows of one recording without a gap."""
+
+    recording: str
+    source: str
+    kind: str
+    """Of trajectory: "limited", "all", or "other"."""
+    split: Part
+    q: Floats
+    """[T, axes] rad."""
+    P: Floats
+    """[T] W."""
+    tau: Floats | None
+    """[T, axes] Nm, where sensors logged them."""
+    signals: dict[str, Floats]
+    """[T] each."""
+    start_s: float = 0.0
+    """UTC of the first row (Unix s)."""
+    channels: dict[str, Floats] = field(default_factory=dict)
+    """What else was measured: "Vrms" [T] V; "current" A, "temperature" degC, [T, axes]; NaN where unknown."""
+
+
+@dataclass(frozen=True, slots=True)
+class Data:
+    """All stretches of a dataset."""
+
+    path: Path
+    digest: str
+    """SHA-256 of the manifest, which holds those of the inputs."""
+    robot: str
+    description: str
+    """Name or path of the robot's description."""
+    step_s: float
+    measured: str
+    """mains, derived or simulated."""
+    stretches: list[Stretch]
+
+    @property
+    def axes(self) -> int:
+        """Joints."""
+        return int(self.stretches[0].q.shape[1])
+
+    @property
+    def kinds(self) -> list[str]:
+        """Kinds of trajectories, sorted."""
+        return sorted({stretch.kind for stretch in self.stretches})
+
+    def part(self, split: Part, kinds: tuple[str, ...] = ()) -> list[Stretch]:
+        """Stretches of a split, of some kinds or all. Raises UserError when there are none."""
+        for kind in kinds:
+            if kind not in self.kinds:
+                raise UserError(f"{self.path}: has no trajectories {kind!r}; it has {', '.join(self.kinds)}")
+        chosen = [s for s in self.stretches if s.split == split and (not kinds or s.kind in kinds)]
+        if not chosen:
+            raise UserError(
+                f"{self.path}: no {split} recordings{' of ' + ', '.join(kinds) if kinds else ''}; record at least "
+                "three different trajectories, they are split by source"
+            )
+        return chosen
+
+
+def load_data(path: Path) -> Data:
+    """Read a dataset. Raises UserError, InputError."""
+    manifest = load_manifest(path)
+    stretches: list[Stretch] = []
+    for entry in manifest["recordings"]:
+        stretches += _stretches(path / entry["file"], entry, manifest["step_s"])
+    if not stretches:
+        raise UserError(f"{path}: no recording has {_LEAST_S} s of valid rows")
+    if len({stretch.q.shape[1] for stretch in stretches}) > 1:
+        raise UserError(f"{path}: recordings differ in their number of axes; build one dataset per robot")
+    digest = hashlib.sha256((path / "manifest.json").read_bytes()).hexdigest()
+    return Data(
+        path, digest, manifest["robot"], manifest["description"], manifest["step_s"], manifest["measured"], stretches
+    )
+
+
+def _stretches(file: Path, entry: dict[str, object], step_s: float) -> list[Stretch]:
+    try:
+        table = pyarrow.parquet.read_table(file)
+    except (OSError, pyarrow.ArrowInvalid) as error:
+        raise InputError(file, f"cannot be read ({str(error).splitlines()[0]}); build the dataset again") from None
+    return stretches_of({name: table[name].to_numpy() for name in table.column_names}, entry, step_s)
+
+
+def stretches_of(columns: dict[str, Floats], entry: dict[str, object], step_s: float) -> list[Stretch]:
+    """From merged columns; `entry` says name, source, kind and split."""
+    axes = sum(1 for name in columns if name[0] == "q" and name[1:].isdigit())
+    q = np.column_stack([columns[f"q{k + 1}"] for k in range(axes)])
+    tau = np.column_stack([columns[f"tau{k + 1}"] for k in range(axes)]) if "tau1" in columns else None
+    good = np.asarray(columns["valid"], dtype=bool) & np.isfinite(q).all(axis=1)
+    if tau is not None and not np.isfinite(tau[good]).all():
+        tau = None
+    found = []
+    for first, last in runs_of_true(good):
+        if (last - first) * step_s < _LEAST_S:
+            continue
+        rows = slice(first, last)
+        signals = {name: columns[name][rows] for name in SIGNALS if name in columns}
+        part: Part = entry["split"]  # type: ignore[assignment]
+        found.append(
+            Stretch(
+                str(entry["name"]),
+                str(entry["source"]),
+                str(entry["kind"]),
+                part,
+                q[rows],
+                columns["P"][rows],
+                None if tau is None else tau[rows],
+                signals,
+                float(columns["time_ns"][first]) * 1e-9,
+                {name: values[rows] for name, values in _channels(columns, axes).items()},
+            )
+        )
+    return found
+
+
+def _channels(columns: dict[str, Floats], axes: int) -> dict[str, Floats]:
+    found = {}
+    if "Vrms" in columns and np.isfinite(columns["Vrms"]).any():
+        found["Vrms"] = columns["Vrms"]
+    for name in ("current", "temperature"):
+        if f"{name}1" in columns:
+            found[name] = np.column_stack([columns[f"{name}{k + 1}"] for k in range(axes)])
+    return found

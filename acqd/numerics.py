@@ -1,0 +1,52 @@
+"""Small numerical methods that several rooms need: robust spread, robust slope, runs of True, scaled ridge solve."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acqd.arrays import Floats
+
+_NORMAL = 1.4826
+"""Standard deviation of a normal distribution over its median absolute deviation: 1 / Phi^-1(3/4)."""
+
+
+def mad_sigma(values: Floats, centre: float | None = None) -> float:
+    """Standard deviation by the median absolute deviation about `centre` (None: the median), for normal values.
+
+    Robust: half of the values may be outliers (Hampel 1974).
+    """
+    if centre is None:
+        centre = float(np.median(values))
+    return float(_NORMAL * np.median(np.abs(values - centre)))
+
+
+def theil_sen_slope(t: Floats, values: Floats, least_apart: float) -> float:
+    """Median slope of all pairs more than `least_apart` apart in `t` (Theil 1950, Sen 1968); 0 without such a pair."""
+    one, other = np.triu_indices(len(t), 1)
+    apart = t[other] - t[one]
+    chosen = np.abs(apart) > least_apart
+    return float(np.median((values[other] - values[one])[chosen] / apart[chosen])) if chosen.any() else 0.0
+
+
+def runs_of_true(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First row, and the row after the last, of every unbroken run of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
+def solve_scaled_ridge(A: Floats, b: Floats, ridge: float) -> Floats:
+    """x of A x = b for a normal matrix A whose columns are scaled to a unit diagonal first, `ridge` added to it."""
+    scale = np.sqrt(np.maximum(np.diag(A), 1e-12))
+    scaled = A / np.outer(scale, scale)
+    scaled[np.diag_indices(len(A))] += ridge
+    return np.asarray(np.linalg.solve(scaled, b / scale) / scale)
+
+
+def ridge_regression(X: Floats, y: Floats, ridge: float) -> Floats:
+    """Weights [k] of y [n] on columns X [n, k] scaled to a unit RMS, by least squares with a ridge of `ridge` n."""
+    scale = np.maximum(np.sqrt((X * X).mean(axis=0)), 1e-12)
+    scaled = X / scale
+    gram = scaled.T @ scaled
+    gram[np.diag_indices_from(gram)] += ridge * len(y)
+    return np.asarray(np.linalg.solve(gram, scaled.T @ y) / scale)

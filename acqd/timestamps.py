@@ -1,0 +1,80 @@
+"""Times as people and machines write them: RFC 3339, Unix time, NTFS FILETIME; nanoseconds UTC inside acqd."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acqd.errors import InputError
+
+Nanoseconds: TypeAlias = NDArray[np.int64]
+_FILETIME_1970 = 116_444_736_000_000_000  # 100 ns from 1601-01-01 to 1970-01-01
+_UNITS = ((1e11, 1_000_000_000), (1e14, 1_000_000), (1e17, 1_000), (1e20, 1))  # Unix s, ms, us, ns below each bound
+
+
+def parse_times(path: Path, name: str, cells: Sequence[object]) -> Nanoseconds:
+    """A column `name` of RFC 3339 texts, Unix s/ms/us/ns, or (named filetime) NTFS 100 ns. Raises InputError."""
+    empty = next((row for row, cell in enumerate(cells, start=1) if cell is None or cell == ""), None)
+    if empty is not None:
+        raise InputError(path, f"column {name}: data row {empty} has no time")
+    if name == "filetime":
+        try:
+            return (np.array([int(str(cell)) for cell in cells]) - _FILETIME_1970) * 100
+        except ValueError as error:
+            raise InputError(path, f"column {name}: {error}; expected a whole number of 100 ns") from None
+    if isinstance(cells[0], str) and not _is_number(cells[0]):
+        return np.array([_parse_rfc3339(path, str(cell)) for cell in cells])
+    try:
+        values = np.array(cells, dtype=np.float64)
+    except (ValueError, TypeError) as error:
+        raise InputError(path, f"column {name}: {error}; times must be all numbers or all RFC 3339") from None
+    if not np.isfinite(values).all():
+        raise InputError(path, f"column {name}: row {int(np.argmin(np.isfinite(values))) + 1} has no time")
+    largest = float(np.abs(values).max())
+    unit = next((unit for bound, unit in _UNITS if largest < bound), None)
+    if unit is None:
+        raise InputError(path, f"column {name}: {largest:g} is no Unix time in s, ms, us or ns")
+    if all(isinstance(cell, int) for cell in cells[:1]):
+        return np.array(cells, dtype=np.int64) * unit
+    whole = np.floor(values)
+    return whole.astype(np.int64) * unit + np.rint((values - whole) * unit).astype(np.int64)
+
+
+def rfc3339(utc_ns: int) -> str:
+    """UTC nanoseconds as text with microseconds: 2021-07-13T10:15:30.123456Z (RFC 3339, section 5.6)."""
+    seconds, ns = divmod(utc_ns, 1_000_000_000)
+    stamp = datetime.fromtimestamp(seconds, UTC)
+    return f"{stamp:%Y-%m-%dT%H:%M:%S}.{ns // 1000:06d}Z"
+
+
+def filetime(utc_ns: int) -> int:
+    """UTC nanoseconds as NTFS FILETIME: 100 ns since 1601-01-01 UTC (MS-DTYP 2.3.3)."""
+    return utc_ns // 100 + _FILETIME_1970
+
+
+def unix_s(filetime_100ns: int) -> float:
+    """NTFS FILETIME as Unix seconds."""
+    return (filetime_100ns - _FILETIME_1970) * 1e-7
+
+
+def _parse_rfc3339(path: Path, text: str) -> int:
+    try:
+        stamp = datetime.fromisoformat(text)
+    except ValueError:
+        raise InputError(path, f"time {text!r:.40} is neither RFC 3339 nor a number") from None
+    if stamp.tzinfo is None:
+        stamp = stamp.replace(tzinfo=UTC)
+    return round((stamp - datetime(1970, 1, 1, tzinfo=UTC)).total_seconds() * 1e6) * 1000
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

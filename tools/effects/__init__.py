@@ -1,1 +1,0 @@
-"""The blind benchmark of `acqd close-loop`: cases from the virtual laboratory, verdicts, and what others say."""

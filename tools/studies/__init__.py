@@ -1,0 +1,1 @@
+"""Studies: long campaigns that judge acqd on data it has not seen."""

@@ -1,0 +1,94 @@
+"""How soon `acqd close-loop --watch` raises its alarm, and how often it cries wolf (simulated data).
+
+    python -m tools.studies.alarms OUT [--base grey-box] [--hours 200]
+
+OUT is a folder that `tools.studies.effects` has filled: datasets with an effect from their first row
+on, and clean ones.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from acqd.discrepancy.monitor.cusum import Alarm, Baseline, Monitor
+from acqd.discrepancy.monitor.watch import baseline_of
+from acqd.discrepancy.repair.terms import errors_of
+from acqd.models.bundle.restore import open_model
+from acqd.models.metrics import predictions
+from acqd.models.predictor import Predictor
+from acqd.models.segments import Stretch, load_data
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--base", default="grey-box")
+    parser.add_argument("--hours", type=float, default=200.0, help="recorded time that one false alarm may come in")
+    arguments = parser.parse_args()
+    bundle = arguments.out / "models" / arguments.base
+    _, model = open_model(bundle)
+    baseline = baseline_of(bundle, model, 3600 * arguments.hours)
+    clean: list[Stretch] = []
+    found: dict[str, list[tuple[str, Alarm | None, float, float]]] = {}
+    for truth in sorted((arguments.out / "truth").glob("*.json")):
+        case = json.loads(truth.read_text())
+        stretches = sorted(load_data(Path(case["dataset"])).stretches, key=lambda each: each.start_s)
+        if not case["effects"]:
+            clean += stretches
+            continue
+        strength = "pair" if len(case["effects"]) > 1 else f"{case['effects'][0]['strength']:g}"
+        alarm, minutes = first_alarm(model, baseline, stretches)
+        off = 0.0 if alarm is None else (alarm.onset_s - stretches[0].start_s) / 60
+        found.setdefault(strength, []).append((truth.stem, alarm, minutes, off))
+    wolf = false_alarms(model, baseline, sorted(clean, key=lambda each: each.start_s))
+    hours = sum(len(each.P) for each in clean) * model.step_s / 3600
+    title = f"sequential test (simulated); clean: {wolf} false alarms in {hours:.1f} h"
+    table = Table("strength", "cases", "alarm", "within 5 min", "recorded minutes to it (median, 90 %)",
+                  "onset told late by, min (median)", title=title)  # fmt: skip
+    for strength, cases in sorted(found.items()):
+        taken = [each[2] for each in cases if each[1] is not None]
+        late = [each[3] for each in cases if each[1] is not None]
+        table.add_row(
+            strength, str(len(cases)), str(len(taken)), str(sum(m <= 5 for m in taken)),
+            f"{np.median(taken):.1f}, {np.percentile(taken, 90):.1f}" if taken else "-",
+            f"{np.median(late):.1f}" if late else "-",
+        )  # fmt: skip
+    console = Console(width=140)
+    console.print(table)
+    silent = [f"{each[0]}" for cases in found.values() for each in cases if each[1] is None]
+    console.print(f"no alarm within the dataset: {', '.join(silent)}")
+
+
+def first_alarm(model: Predictor, baseline: Baseline, stretches: list[Stretch]) -> tuple[Alarm | None, float]:
+    """And the recorded minutes before it."""
+    monitor, minutes = Monitor(baseline), 0.0
+    for stretch, errors, guess in zip(
+        stretches, errors_of(model, stretches), predictions(model, stretches), strict=True
+    ):
+        alarm = monitor.update(errors, guess, stretch.start_s, model.step_s)
+        if alarm is not None:
+            return alarm, minutes + (alarm.raised_s - stretch.start_s) / 60
+        minutes += len(stretch.P) * model.step_s / 60
+    return None, minutes
+
+
+def false_alarms(model: Predictor, baseline: Baseline, stretches: list[Stretch]) -> int:
+    """In recordings without an effect; after each the sums begin anew."""
+    monitor, count = Monitor(baseline), 0
+    for stretch, errors, guess in zip(
+        stretches, errors_of(model, stretches), predictions(model, stretches), strict=True
+    ):
+        if monitor.update(errors, guess, stretch.start_s, model.step_s) is not None:
+            monitor, count = Monitor(baseline), count + 1
+    return count
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,182 @@
+"""The assembly of thesis chapter 9: predicted from measured angles, simulated from the twin's; what the loop adds."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from acqd.discrepancy.repair.terms import rms
+from acqd.models.bundle.restore import open_model
+from acqd.models.metrics import predictions
+from acqd.models.predictor import Predictor
+from acqd.models.segments import Data, Stretch, load_data
+from acqd.robot.arm import Arm
+from acqd.robot.description import load_description
+from acqd.robot.kinematics import forward_kinematics
+from acqd.robot.log import read_log
+
+Floats = NDArray[np.float64]
+_PEAK_S = 0.6
+"""After the brakes have opened: the initial peak (thesis Figures 6.2 and 9.4)."""
+_MOVING = 0.02  # rad/s
+NETWORK, GREY_BOX, CLOSED = "21x1dim", "grey-box", "grey-box, loop closed"
+
+
+@dataclass(frozen=True, slots=True)
+class Places:
+    """Where everything of one reproduction lies."""
+
+    out: Path
+
+    @property
+    def training(self) -> Path:
+        """Dataset of random motions."""
+        return self.out / "ds0"
+
+    @property
+    def models(self) -> Path:
+        return self.out / "models"
+
+    @property
+    def assembly(self) -> Path:
+        """Campaign."""
+        return self.out / "assembly"
+
+    @property
+    def executions(self) -> Path:
+        """Dataset of assemblies."""
+        return self.out / "ds1"
+
+    @property
+    def loop(self) -> Path:
+        return self.out / "loop"
+
+    def bundle(self, network: str) -> Path:
+        """As `acqd train` names it."""
+        return self.models / f"{network}-everything-s1"
+
+
+@dataclass(frozen=True, slots=True)
+class Twin:
+    """The twin's motion of one execution, at the rows of the measured one."""
+
+    q: Floats
+    """[T, axes] rad."""
+    pace: float
+    """The twin's time over the cell's: it was played so much faster."""
+
+
+def twin_of(assembly: Path, stretch: Stretch, robot: str, step_s: float) -> Twin:
+    """Both begin and end to move at the same rows: the twin's time is scaled to the cell's pace."""
+    path = next((assembly / "twin").rglob(f"{stretch.recording}.csv"))
+    log = read_log(path, load_description(robot))
+    grid = np.arange(log.time[0], log.time[-1], step_s)
+    q = np.column_stack([np.interp(grid, log.time, column) for column in log.q.T])
+    (begin, end), (start, stop) = span_of(stretch.q, step_s), span_of(q, step_s)
+    pace = (stop - start) / (end - begin)
+    at = np.clip(start + (np.arange(len(stretch.P)) - begin) * pace, 0, len(q) - 1)
+    angles = CubicSpline(np.arange(len(q)), q)(at)
+    return Twin(np.asarray(angles), pace)
+
+
+def span_of(q: Floats, step_s: float) -> tuple[int, int]:
+    """First and last row that move."""
+    moving = np.flatnonzero(np.abs(np.gradient(q, step_s, axis=0)).max(axis=1) > _MOVING)
+    return int(moving[0]), int(moving[-1])
+
+
+def without_peak(stretch: Stretch, step_s: float) -> NDArray[np.bool_]:
+    """Rows outside of the time after the brakes opened."""
+    rises = np.flatnonzero(np.diff(stretch.signals["brake"], prepend=0.0) > 0)
+    rows = np.ones(len(stretch.P), dtype=bool)
+    for row in rises:
+        rows[max(row - 1, 0) : row + round(_PEAK_S / step_s)] = False
+    return rows
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """Held-out executions and what each model says of them."""
+
+    data: Data
+    held_out: list[Stretch]
+    spared: bool
+    """Whether no effect was fitted on them; with few executions the loop spares none."""
+    models: dict[str, Predictor]
+    twins: list[Twin]
+    arm: Arm
+
+    @classmethod
+    def of(cls, places: Places) -> Case:
+        """Executions that no effect was fitted on; the models have seen none of them."""
+        data = load_data(places.executions)
+        opened, closed = open_model(places.loop / "model")
+        fitted = set(opened.about["provenance"].get("closed_fit_recordings", ()))
+        spared = [stretch for stretch in data.stretches if stretch.recording not in fitted]
+        held_out = spared or data.stretches
+        models = {name: open_model(places.bundle(name))[1] for name in (NETWORK, GREY_BOX)} | {CLOSED: closed}
+        twins = [twin_of(places.assembly, stretch, data.robot, data.step_s) for stretch in held_out]
+        return cls(data, held_out, bool(spared), models, twins, Arm(load_description(data.robot)))
+
+    def simulated(self, name: str) -> list[Floats]:
+        """[rows] W from the twin's motion, by execution."""
+        pairs = zip(self.twins, self.held_out, strict=True)
+        return [of_twin(self.models[name], twin, stretch) for twin, stretch in pairs]
+
+    def predicted(self, name: str) -> list[Floats]:
+        """[rows] W from measured angles, by execution."""
+        return predictions(self.models[name], self.held_out)
+
+
+def evaluate(case: Case, places: Places) -> dict[str, Any]:
+    """MAE and RMSE by model, with and without the peak; the twin; the loop."""
+    found: dict[str, Any] = {"executions": len(case.held_out), "spared": case.spared, "models": {}}
+    for name in case.models:
+        found["models"][name] = {
+            "predicted": errors_of(case.predicted(name), case.held_out, case.data.step_s),
+            "simulated": errors_of(case.simulated(name), case.held_out, case.data.step_s),
+        }
+    report = json.loads((places.loop / "report.json").read_text())
+    found["loop"] = {key: report[key] for key in ("verdict", "effects", "before", "after", "reference_rmse")}
+    pairs = list(zip(case.twins, case.held_out, strict=True))
+    found["pace"] = float(np.median([twin.pace for twin in case.twins]))
+    found["end_effector_m"] = float(np.median([distance(case.arm, t, s).mean() for t, s in pairs]))
+    apart = np.median([np.abs(t.q - s.q).mean(axis=0) for t, s in pairs], axis=0)
+    found["axes_deg"] = np.degrees(apart).tolist()
+    return found
+
+
+def of_twin(model: Predictor, twin: Twin, stretch: Stretch) -> Floats:
+    """[rows] W; signals are those of the cell: the twin knows when it opens brakes and grips."""
+    known = stretch.signals | {"Vrms": np.full(len(stretch.P), 230.0)}
+    signals = np.column_stack([np.zeros((len(stretch.P), 0)), *(known[name] for name in model.signals)])
+    return model.sequence(twin.q, signals, stretch.start_s)
+
+
+def errors_of(guesses: list[Floats], stretches: list[Stretch], step_s: float) -> dict[str, float]:
+    """MAE and RMSE with and without the peak [W] (thesis Eq. 8.2, 8.3)."""
+    pairs = list(zip(guesses, stretches, strict=True))
+    errors = [guess - stretch.P[: len(guess)] for guess, stretch in pairs]
+    calm = np.concatenate([without_peak(stretch, step_s)[: len(guess)] for guess, stretch in pairs])
+    e = np.concatenate(errors)
+    return {
+        "mae": float(np.abs(e).mean()), "rmse": rms([e]),
+        "mae_without_peak": float(np.abs(e[calm]).mean()), "rmse_without_peak": rms([e[calm]]),
+    }  # fmt: skip
+
+
+def distance(arm: Arm, twin: Twin, stretch: Stretch) -> Floats:
+    """[rows] m between measured and simulated flange."""
+    one, other = (flange(arm, q) for q in (stretch.q, twin.q))
+    return np.asarray(np.linalg.norm(one - other, axis=1))
+
+
+def flange(arm: Arm, q: Floats) -> Floats:
+    """[T, 3] m."""
+    return forward_kinematics(arm, q)[0]

@@ -1,1 +1,0 @@
-"""The thesis again, step by step."""
