@@ -10,13 +10,13 @@ import numpy as np
 import pyarrow.parquet
 import pytest
 
-from acqd.dataset.build import BuildOrder, build
+from acqd.dataset.build import BuildConfig, build
 from acqd.dataset.manifest import load_manifest
 from acqd.dataset.merge import merge
 from acqd.dataset.power import PowerStream, open_power
 from acqd.dataset.split import source_of, split
 from acqd.errors import InputError, UserError
-from acqd.lab.campaign.run import CampaignOrder, run_campaign
+from acqd.lab.campaign.run import CampaignConfig, run_campaign
 from acqd.lab.settings import CampaignSettings
 from acqd.robot import load_description
 from acqd.robot.log import RobotLog, read_log
@@ -36,7 +36,7 @@ def campaign(request, tmp_path_factory):
         robot=request.param, limited=4, all_space=4, session=4, recorder={"missing": 0.05}, **CASES[request.param]
     )
     out = folder / "c"
-    run_campaign(CampaignOrder(settings, out, folder / "t", f"{out}/power.sqlite", 2), lambda what, share: None)
+    run_campaign(CampaignConfig(settings, out, folder / "t", f"{out}/power.sqlite", 2), lambda what, share: None)
     return settings, out, folder / "t"
 
 
@@ -54,7 +54,7 @@ def true_lags(settings, truth):
 
 def make(out, folder, **options):
     settings = {"robot": "iiwa7_r800", **options}
-    return build(BuildOrder(str(out / "power.sqlite"), out / "logs", folder, **settings), lambda what, share: None)
+    return build(BuildConfig(str(out / "power.sqlite"), out / "logs", folder, **settings), lambda what, share: None)
 
 
 def test_lags_are_found_to_milliseconds_with_torques_and_without(campaign, tmp_path):
@@ -98,7 +98,7 @@ def test_a_log_of_another_day_is_refused_not_placed(campaign, tmp_path):
     header = ",".join(["time", *(f"q{k + 1}" for k in range(robot.axes))])
     rows = [f"{stamp:.6f}," + ",".join(f"{x:.6f}" for x in row) for stamp, row in zip(t, wander, strict=True)]
     (logs / "stranger.csv").write_text("\n".join([header, *rows, ""]))
-    order = BuildOrder(str(out / "power.sqlite"), logs / "stranger.csv", tmp_path / "alone", settings.robot)
+    order = BuildConfig(str(out / "power.sqlite"), logs / "stranger.csv", tmp_path / "alone", settings.robot)
     with pytest.raises(UserError, match="none of 1 logs can be placed"):
         build(order, lambda what, share: None)
     assert not (tmp_path / "alone").exists()
@@ -120,7 +120,7 @@ def test_one_clock_that_was_set_in_between_is_announced(campaign, tmp_path):
         ms = int(seconds) * 1000 + int(ns) // 1_000_000 + 200
         shifted.append(f"{ms // 1000} {ms % 1000 * 1_000_000} {rest}")
     (logs / paths[2].name).write_text("\n".join([*shifted, ""]))
-    order = BuildOrder(str(out / "power.sqlite"), logs, tmp_path / "ds", settings.robot)
+    order = BuildConfig(str(out / "power.sqlite"), logs, tmp_path / "ds", settings.robot)
     report = build(order, lambda what, share: None)
     assert len(report.notes) == 1 and paths[2].name in report.notes[0] and "was it set?" in report.notes[0]
     entry = next(e for e in load_manifest(tmp_path / "ds")["recordings"] if e["name"] == paths[2].stem)
@@ -278,7 +278,7 @@ def cell(tmp_path_factory):
     folder = tmp_path_factory.mktemp("cell")
     settings = CampaignSettings(limited=4, all_space=4, session=8, seed=31)
     out = folder / "c"
-    run_campaign(CampaignOrder(settings, out, folder / "t", f"{out}/power.sqlite", 2), lambda what, share: None)
+    run_campaign(CampaignConfig(settings, out, folder / "t", f"{out}/power.sqlite", 2), lambda what, share: None)
     stream = open_power(f"{out}/power.sqlite", None, None)
     return settings, out, true_lags(settings, folder / "t"), np.array(stream.time_ns), np.array(stream.P)
 
@@ -297,7 +297,7 @@ def test_windows_of_any_length_are_aligned(cell, tmp_path, step_ms):
     grid = np.arange(int(t[-1] / step)) * step
     mean = np.diff(np.interp(np.append(grid, grid[-1] + step), np.append(t, t[-1] + 0.04), energy)) / step
     power = write_power(tmp_path / "p.csv", time_ns[0] + np.rint(grid * 1e9), mean)
-    build(BuildOrder(power, out / "logs", tmp_path / "ds", "iiwa7_r800"), lambda what, share: None)
+    build(BuildConfig(power, out / "logs", tmp_path / "ds", "iiwa7_r800"), lambda what, share: None)
     for entry in load_manifest(tmp_path / "ds")["recordings"]:
         assert entry["lag_s"] == pytest.approx(true[entry["name"]], abs=0.008)
 
@@ -308,7 +308,7 @@ def test_missing_power_rows_are_bridged_and_long_gaps_are_not(cell, tmp_path):
     middle = time_ns[0] + (time_ns[-1] - time_ns[0]) // 2
     kept &= (time_ns < middle) | (time_ns > middle + 2_000_000_000)
     build(
-        BuildOrder(
+        BuildConfig(
             write_power(tmp_path / "p.csv", time_ns[kept], P[kept]), out / "logs", tmp_path / "ds", "iiwa7_r800"
         ),
         lambda what, share: None,
@@ -325,7 +325,7 @@ def test_logs_without_power_and_a_stuck_meter_are_refused(cell, tmp_path):
     paths = sorted((out / "logs").rglob("*.log"))
     half = time_ns < time_ns[0] + (time_ns[-1] - time_ns[0]) // 2
     power = write_power(tmp_path / "half.csv", time_ns[half], P[half])
-    report = build(BuildOrder(power, out / "logs", tmp_path / "ds", "iiwa7_r800"), lambda what, share: None)
+    report = build(BuildConfig(power, out / "logs", tmp_path / "ds", "iiwa7_r800"), lambda what, share: None)
     assert 2 <= len(report.refused) == 8 - report.recordings  # of the last, what has power may stay
     assert all(abs(e["lag_s"] - true[e["name"]]) < 0.01 for e in load_manifest(tmp_path / "ds")["recordings"])
     robot = load_description("iiwa7_r800")
@@ -335,7 +335,7 @@ def test_logs_without_power_and_a_stuck_meter_are_refused(cell, tmp_path):
         155.0 + 5 * np.sin(np.arange(len(P)))[(time_ns * 1e-9 > clock[0] - 1) & (time_ns * 1e-9 < clock[-1] + 1)]
     )
     power = write_power(tmp_path / "stuck.csv", time_ns, stuck)
-    report = build(BuildOrder(power, out / "logs", tmp_path / "d2", "iiwa7_r800"), lambda what, share: None)
+    report = build(BuildConfig(power, out / "logs", tmp_path / "d2", "iiwa7_r800"), lambda what, share: None)
     assert len(report.refused) == 1 and paths[3].name in report.refused[0]
 
 
@@ -356,7 +356,7 @@ def test_mixed_up_columns_are_named(cell, tmp_path):
             swapped.append(" ".join(cells))
         (folder / path.name).write_text("\n".join([*swapped, ""]))
     with pytest.raises(InputError, match="columns in the order"):
-        build(BuildOrder(f"{out}/power.sqlite", folder, tmp_path / "ds", "iiwa7_r800"), lambda what, share: None)
+        build(BuildConfig(f"{out}/power.sqlite", folder, tmp_path / "ds", "iiwa7_r800"), lambda what, share: None)
     assert not (tmp_path / "ds").exists()
 
 
@@ -402,7 +402,7 @@ def test_the_same_assembly_again_and_again_with_the_peak_of_its_brakes_is_placed
     """Every execution fits in many places of the stream, and the peak is more than all that motion explains."""
     settings = CampaignSettings(profile="use-case", assemblies=6, session=6, seed=9, clock={"offset_s": 1.24})
     out, truth = tmp_path / "c", tmp_path / "t"
-    run_campaign(CampaignOrder(settings, out, truth, f"{out}/power.sqlite", 2), lambda what, share: None)
+    run_campaign(CampaignConfig(settings, out, truth, f"{out}/power.sqlite", 2), lambda what, share: None)
     report = make(out, tmp_path / "ds")
     assert report.refused == []
     right = true_lags(settings, truth)

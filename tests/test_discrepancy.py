@@ -13,13 +13,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from acqd.discrepancy.config import CloseOrder
+from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.monitor.watch import Watch
 from acqd.discrepancy.regression.setup import prepare
 from acqd.discrepancy.residual.delay import corrected, find_delay
 from acqd.discrepancy.residual.quality import noise_floor, quality
 from acqd.discrepancy.residual.whitening import Whitener, autocorrelation
-from acqd.discrepancy.selection.detectors.candidates import derive, residuals_of
+from acqd.discrepancy.selection.detectors.candidates import detect, residuals_of
 from acqd.discrepancy.selection.detectors.switching import rhythm, search
 from acqd.discrepancy.selection.stepwise import Limits, trace
 from acqd.errors import InputError, UserError
@@ -28,13 +28,13 @@ from acqd.models.bundle.bundle import Bundle, load_bundle, save_bundle
 from acqd.models.bundle.reference import load_reference, reference_arrays
 from acqd.models.bundle.restore import open_model
 from acqd.models.effects import library
-from acqd.models.effects.scene import SUB, averaged, fine_motion, scene_of
+from acqd.models.effects.scene import SUBSTEPS, averaged, scene_of, substep_motion
 from acqd.models.features import padded
 from acqd.models.greybox.bundle_io import arrays_of
 from acqd.models.greybox.model import GreyBox
 from acqd.models.greybox.parameters import Layout, prior
 from acqd.models.predictor import Stream
-from acqd.models.segments import Stretch
+from acqd.models.segments import Segment
 from acqd.robot import load_description
 from acqd.robot.arm import Arm, Payload
 from acqd.robot.dynamics import gravity_torque, inertial_parameters, inverse_dynamics
@@ -110,25 +110,25 @@ def recording(model, number, add=None, *, rows=700, seed=0, start_s=1e9):
     begin = start_s + 60.0 * number
     scene = scene_of(model, q, signals, begin, {"Vrms": volts})
     noise = lfilter([0.25], [1, -0.7], random.normal(0, 1, rows)) + random.normal(0, 0.2)
-    P = scene.metered + noise
+    P = scene.predicted + noise
     if add is not None:
         P = P + add(scene, random)
     name = f"r_{seed}_{number:02d}"
-    return Stretch(name, name, "r", "train", q, P, None, signals, begin, {"Vrms": volts})
+    return Segment(name, name, "r", "train", q, P, None, signals, begin, {"Vrms": volts})
 
 
 def traced(model, robot, add, *, count=7, withheld=frozenset(), contrast=True, only=None):
     """The loop's heart on recordings with an effect, beside recordings without."""
     reference = [recording(model, k, seed=1) for k in range(count)] if contrast else []
-    fresh = [recording(model, k, add, seed=2, start_s=1e9 + 5000) for k in range(count)]
+    in_question = [recording(model, k, add, seed=2, start_s=1e9 + 5000) for k in range(count)]
     chosen = set(only or library())
-    design, competing, gates = prepare(model, robot, fresh, reference, chosen, set(withheld), lambda _: None)
+    design, competing, gates = prepare(model, robot, in_question, reference, chosen, set(withheld), lambda _: None)
     return design, trace(design, competing, gates, Limits(), lambda _: None)
 
 
 def lagged_mean(fine_power, lag_s=0.012, steps=40):
     """[T] rows of power [SUB T] by another way: 40 steps a row, first-order lag by exact exponentials."""
-    finer = np.repeat(fine_power, steps // SUB)
+    finer = np.repeat(fine_power, steps // SUBSTEPS)
     keep = np.exp(-STEP / steps / lag_s)
     out, _ = lfilter([1 - keep], [1, -keep], finer, zi=[keep * finer[0]])
     return out.reshape(-1, steps).mean(axis=1)
@@ -137,14 +137,14 @@ def lagged_mean(fine_power, lag_s=0.012, steps=40):
 def test_the_library_has_every_id_of_the_design():
     assert set(library()) == DESIGN_IDS
     for effect in library().values():
-        assert effect.about and effect.equation and effect.experiment
+        assert effect.summary and effect.equation and effect.experiment
         assert set(effect.neighbours) <= DESIGN_IDS - {effect.id}
 
 
 def test_fine_motion_is_that_of_a_smooth_curve():
     t = np.arange(-2, 52) * STEP
-    fine_t = (np.arange(50 * SUB) + 0.5) / SUB * STEP - STEP / 2
-    q, qd, qdd = fine_motion(np.sin(2 * t)[:, None], STEP)
+    fine_t = (np.arange(50 * SUBSTEPS) + 0.5) / SUBSTEPS * STEP - STEP / 2
+    q, qd, qdd = substep_motion(np.sin(2 * t)[:, None], STEP)
     assert np.abs(q[:, 0] - np.sin(2 * fine_t)).max() < 1e-6
     assert np.abs(qd[:, 0] - 2 * np.cos(2 * fine_t)).max() < 1e-4
     assert np.abs(qdd[:, 0] + 4 * np.sin(2 * fine_t)).max() < 1e-3
@@ -196,7 +196,7 @@ def added_payload(scene, random):
 
 def since_release(scene):
     rise = int(np.flatnonzero(np.diff(scene.signals["brake"]) > 0)[0]) + 1
-    age = (np.arange(len(scene.q)) - rise) * STEP / SUB
+    age = (np.arange(len(scene.q)) - rise) * STEP / SUBSTEPS
     return np.where(age >= 0, age, -0.001)
 
 
@@ -222,11 +222,11 @@ INDEPENDENT = {
     "gear_ripple": lambda s, r: extra_power(s, column(s, 1, 4.0 * np.sin(17.3 * s.q[:, 1] + 0.4))),
     "thermostat": thermostat,
     "tool_actuation": lambda s, r: lagged_mean(4.0 * s.signals["tool"]),
-    "line_voltage": lambda s, r: s.metered * ((s.volts / 230.0) ** 2.5 - 1),
-    "supply_efficiency": lambda s, r: 6.0 * (s.metered / 100.0) ** 2,
+    "line_voltage": lambda s, r: s.predicted * ((s.volts / 230.0) ** 2.5 - 1),
+    "supply_efficiency": lambda s, r: 6.0 * (s.predicted / 100.0) ** 2,
     "contact_force": lambda s, r: pulses(s, r, 1.5, 4, 8) * lagged_mean(contact_power(s, 40.0)),
-    "meter_gain": lambda s, r: 0.03 * s.metered,
-    "meter_saturation": lambda s, r: -0.9 * np.maximum(s.metered - 1.45 * 124.0, 0),
+    "meter_gain": lambda s, r: 0.03 * s.predicted,
+    "meter_saturation": lambda s, r: -0.9 * np.maximum(s.predicted - 1.45 * 124.0, 0),
     "process_load": lambda s, r: 7.0 * pulses(s, r, 2, 6, 9),
     "offset_shift": lambda s, r: np.full(s.rows, 4.0),
 }  # fmt: skip
@@ -243,7 +243,7 @@ def gravity_torque_of_link(q, link, kg):
 def contact_power(scene, newton):
     arm = load_description("ur10e")
     weight = gravity_torque(Arm(arm, Payload(1.0)), scene.q) - gravity_torque(Arm(arm), scene.q)
-    return -(scene.steer * weight / 9.81 * newton).sum(axis=1)
+    return -(scene.power_per_torque * weight / 9.81 * newton).sum(axis=1)
 
 
 COMMON = {"payload", "coulomb_friction", "offset_shift", "copper_loss", "clock_offset", "brake_holding"}
@@ -313,23 +313,23 @@ def test_what_a_peak_leaves_over_hides_nothing_and_names_nothing(beside, model, 
 
 
 def test_an_onset_within_the_dataset_is_found(model, robot):
-    fresh = [recording(model, k, added_payload if k >= 7 else None, seed=2) for k in range(14)]
-    design, competing, gates = prepare(model, robot, fresh, [], COMMON, set(), lambda _: None)
+    in_question = [recording(model, k, added_payload if k >= 7 else None, seed=2) for k in range(14)]
+    design, competing, gates = prepare(model, robot, in_question, [], COMMON, set(), lambda _: None)
     tracing = trace(design, competing, gates, Limits(), lambda _: None)
     assert tracing.found[0].id == "payload"
     assert tracing.found[0].gate.begin == "r_2_07"
 
 
 def test_a_delay_is_seen_before_anything_else(model):
-    stretches = [recording(model, k, seed=3) for k in range(6)]
-    late = [replace(s, P=np.interp(np.arange(len(s.P)) - 2.5, np.arange(len(s.P)), s.P)) for s in stretches]
-    scenes = [scene_of(model, s.q, s.signals, s.start_s, s.channels) for s in stretches]
-    assert find_delay(scenes, stretches) is None
+    segments = [recording(model, k, seed=3) for k in range(6)]
+    late = [replace(s, P=np.interp(np.arange(len(s.P)) - 2.5, np.arange(len(s.P)), s.P)) for s in segments]
+    scenes = [scene_of(model, s.q, s.signals, s.start_s, s.channels) for s in segments]
+    assert find_delay(scenes, segments) is None
     delay = find_delay(scenes, late)
     assert delay is not None and not delay.drifts
     assert delay.offset_s == pytest.approx(0.1, abs=0.01)
     back = corrected(late[0], delay, STEP).P
-    assert np.abs(back - stretches[0].P)[20:-20].mean() < 0.5 * np.abs(late[0].P - stretches[0].P)[20:-20].mean()
+    assert np.abs(back - segments[0].P)[20:-20].mean() < 0.5 * np.abs(late[0].P - segments[0].P)[20:-20].mean()
 
 
 @settings(max_examples=15, deadline=None)
@@ -383,7 +383,7 @@ def test_derived_candidates_leave_the_residual_of_known_levels(model, robot):
     design, tracing = traced(model, robot, thermostat, count=14, only={"thermostat", "process_load"})
     left = np.concatenate([each for k, each in enumerate(residuals_of(design, tracing.model)) if k >= 14])
     assert left.std() < 1.2
-    assert derive(design, tracing.model, design.fresh, set(DESIGN_IDS)) == []
+    assert detect(design, tracing.model, design.in_question, set(DESIGN_IDS)) == []
 
 
 def term(name, shape=None, coefficient=2.0):
@@ -398,12 +398,12 @@ def test_augmented_models_come_back_from_disk_and_forget_on_request(model, tmp_p
     save_bundle(tmp_path / "b", bundle)
     _, opened = open_model(tmp_path / "b")
     assert isinstance(opened, Augmented) and opened.signals == ("brake", "Vrms")
-    stretch = recording(model, 1, seed=5)
-    signals = np.column_stack([stretch.signals["brake"], stretch.channels["Vrms"]])
-    scene = scene_of(model, stretch.q, stretch.signals, stretch.start_s, stretch.channels)
+    segment = recording(model, 1, seed=5)
+    signals = np.column_stack([segment.signals["brake"], segment.channels["Vrms"]])
+    scene = scene_of(model, segment.q, segment.signals, segment.start_s, segment.channels)
     expected = sum(t.rows(scene) for t in terms)
-    base = model.sequence(stretch.q, signals[:, :1])
-    assert np.abs(opened.sequence(stretch.q, signals) - base - expected).max() < 1e-9
+    base = model.sequence(segment.q, signals[:, :1])
+    assert np.abs(opened.sequence(segment.q, signals) - base - expected).max() < 1e-9
     rest = opened.without("payload")
     assert [each.id for each in rest.terms] == ["brake_holding", "line_voltage"]
     remembered = load_reference(tmp_path / "b")
@@ -415,21 +415,21 @@ def test_augmented_models_come_back_from_disk_and_forget_on_request(model, tmp_p
 def test_row_by_row_is_the_whole_recording(model):
     terms = [term("coulomb_friction"), term("tool_actuation"), term("payload", {"centre_of_mass_m": 0.1})]
     augmented = Augmented(model, model, terms)
-    stretch = recording(model, 0, rows=300)
-    signals = np.column_stack([stretch.signals[name] for name in augmented.signals])
-    whole = augmented.sequence(stretch.q, signals)
+    segment = recording(model, 0, rows=300)
+    signals = np.column_stack([segment.signals[name] for name in augmented.signals])
+    whole = augmented.sequence(segment.q, signals)
     stream = Stream(augmented)
-    rows = [stream.step(q, s) for q, s in zip(stretch.q, signals, strict=True)]
+    rows = [stream.step(q, s) for q, s in zip(segment.q, signals, strict=True)]
     rows = [row for row in rows if row is not None] + stream.finish()
     assert np.abs(np.array(rows) - whole).max() < 1e-6
 
 
 def test_an_effect_that_began_later_does_not_act_before(model):
     later = term("brake_holding", {"begin_s": 1e9 + 20.0})
-    stretch = recording(model, 0, rows=1000)
+    segment = recording(model, 0, rows=1000)
     signals = np.ones((1000, 1))
-    with_effect = Augmented(model, model, [later]).sequence(stretch.q, signals, 1e9)
-    change = with_effect - model.sequence(stretch.q, signals)
+    with_effect = Augmented(model, model, [later]).sequence(segment.q, signals, 1e9)
+    change = with_effect - model.sequence(segment.q, signals)
     assert np.abs(change[:499]).max() < 1e-9 and np.abs(change[510:] - 2.0).max() < 1e-6
 
 
@@ -447,21 +447,21 @@ def acqd(*arguments):
     return done
 
 
-def write_dataset(folder, stretches):
+def write_dataset(folder, segments):
     """Power rows and logs as anybody could have them, and acqd's own merge."""
     logs = folder / "logs"
     logs.mkdir(parents=True)
     rows = ["time,P,Vrms,flags"]
-    for stretch in stretches:
-        t = stretch.start_s + STEP * np.arange(len(stretch.P))
-        volts = stretch.channels["Vrms"]
-        rows += [f"{a - STEP / 2:.6f},{b:.6f},{c:.4f},simulated" for a, b, c in zip(t, stretch.P, volts, strict=True)]
-        header = ",".join(["time", *(f"q{k + 1}" for k in range(stretch.q.shape[1])), "brake"])
+    for segment in segments:
+        t = segment.start_s + STEP * np.arange(len(segment.P))
+        volts = segment.channels["Vrms"]
+        rows += [f"{a - STEP / 2:.6f},{b:.6f},{c:.4f},simulated" for a, b, c in zip(t, segment.P, volts, strict=True)]
+        header = ",".join(["time", *(f"q{k + 1}" for k in range(segment.q.shape[1])), "brake"])
         lines = [
             f"{when:.6f}," + ",".join(f"{x:.8f}" for x in q) + f",{int(b)}"
-            for when, q, b in zip(t, stretch.q, stretch.signals["brake"], strict=True)
+            for when, q, b in zip(t, segment.q, segment.signals["brake"], strict=True)
         ]
-        (logs / f"{stretch.recording}.csv").write_text("\n".join([header, *lines, ""]))
+        (logs / f"{segment.recording}.csv").write_text("\n".join([header, *lines, ""]))
     (folder / "power.csv").write_text("\n".join([*rows, ""]))
     merge = ("dataset", "build", "--power", folder / "power.csv", "--logs", logs, "--robot", "ur10e", "--lag", 0)
     done = acqd(*merge, "--out", folder / "ds")
@@ -473,8 +473,8 @@ def write_dataset(folder, stretches):
 def closed(model, tmp_path_factory):
     folder = tmp_path_factory.mktemp("loop")
     reference = write_dataset(folder / "before", [recording(model, k, seed=1, rows=900) for k in range(9)])
-    fresh = [recording(model, k, added_payload, seed=2, rows=900, start_s=1e9 + 9000) for k in range(12)]
-    now = write_dataset(folder / "now", fresh)
+    in_question = [recording(model, k, added_payload, seed=2, rows=900, start_s=1e9 + 9000) for k in range(12)]
+    now = write_dataset(folder / "now", in_question)
     done = acqd("train", reference, "--network", "grey-box", "--out", folder / "model")
     assert done.returncode == 0, done.stderr
     done = acqd("close-loop", now, "--model", folder / "model", "--json")
@@ -506,7 +506,7 @@ def test_close_loop_names_the_payload_and_writes_what_the_design_says(closed):
 def test_the_augmented_bundle_predicts_and_can_be_closed_on_again(closed):
     folder, report = closed
     augmented = folder / "now" / "ds.loop" / "model"
-    assert [each["id"] for each in load_bundle(augmented).about["effects"]] == [e["id"] for e in report["effects"]]
+    assert [each["id"] for each in load_bundle(augmented).metadata["effects"]] == [e["id"] for e in report["effects"]]
     log = next((folder / "now" / "logs").iterdir())
     before, after = (json.loads(acqd("predict", b, log, "--json").stdout) for b in (folder / "model", augmented))
     assert after["mean_W"] != pytest.approx(before["mean_W"], abs=0.05)
@@ -576,15 +576,15 @@ def test_options_that_would_do_nothing_are_refused(closed, words):
 @pytest.mark.timeout(300)
 def test_a_watch_raises_the_alarm_proposes_and_goes_on_after_a_restart(closed, tmp_path):
     folder, _ = closed
-    order = CloseOrder(folder / "now" / "ds", folder / "model", tmp_path / "watch", only=("payload", "offset_shift"))
+    order = CloseConfig(folder / "now" / "ds", folder / "model", tmp_path / "watch", only=("payload", "offset_shift"))
     events = list(Watch(order, 200 * 3600.0).look(lambda *_: None))
     kinds = [event.kind for event in events]
     assert kinds.count("recording") == 12 and kinds.count("alarm") == 1
-    proposal = events[-1].about
+    proposal = events[-1].details
     assert [effect["id"] for effect in proposal["effects"]] == ["payload"]
-    assert load_bundle(Path(proposal["out"]) / "model").about["effects"]
+    assert load_bundle(Path(proposal["out"]) / "model").metadata["effects"]
     again = Watch(order, 200 * 3600.0)
-    assert again.resumed.about["proposed"] and again.resumed.about["alarm"]["onset_s"] < 1e9 + 9000 + 180
+    assert again.resumed.details["proposed"] and again.resumed.details["alarm"]["onset_s"] < 1e9 + 9000 + 180
     assert list(again.look(lambda *_: None)) == []  # nothing twice
     (order.out / "watch.json").write_text("{")
     with pytest.raises(InputError, match="delete it to begin anew"):
@@ -615,7 +615,7 @@ def test_a_withheld_term_is_named_and_comes_back(closed):
     report = json.loads(acqd("close-loop", ds, "--model", poor, "--out", folder / "poor.loop", "--json").stdout)
     assert [each["id"] for each in report["effects"]][:1] == ["coulomb_friction"]
     assert report["after"]["rmse"] < 0.9 * report["before"]["rmse"]
-    assert load_bundle(folder / "poor.loop" / "model").about["withheld"] == []
+    assert load_bundle(folder / "poor.loop" / "model").metadata["withheld"] == []
 
 
 def test_effects_without_their_carrier_are_refused(tmp_path, model):
@@ -636,8 +636,8 @@ def test_a_heavy_payload_takes_what_a_model_with_that_body_takes(model):
     inertial = model.layout.place("inertial")
     values[inertial.stop - 10 : inertial.stop] += body
     loaded = GreyBox(model.chain, model.layout, values, STEP, np.ones(1))
-    stretch = recording(model, 2, seed=9)
-    scene = scene_of(model, stretch.q, stretch.signals, stretch.start_s, stretch.channels)
-    with_body = scene_of(loaded, stretch.q, stretch.signals, stretch.start_s, stretch.channels)
+    segment = recording(model, 2, seed=9)
+    scene = scene_of(model, segment.q, segment.signals, segment.start_s, segment.channels)
+    with_body = scene_of(loaded, segment.q, segment.signals, segment.start_s, segment.channels)
     payload = term("payload", {"centre_of_mass_m": reach}, kg)
-    np.testing.assert_allclose(payload.rows(scene), with_body.metered - scene.metered, atol=1e-6)
+    np.testing.assert_allclose(payload.rows(scene), with_body.predicted - scene.predicted, atol=1e-6)

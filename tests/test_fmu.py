@@ -49,7 +49,7 @@ def terms(model):
     """One term of every effect that the library can foresee or average, in every place that differs."""
     q = np.zeros((60, AXES)) + 0.1 * np.arange(60)[:, None] / 60
     scene = make_scene(model, padded(q, 2), {"brake": np.ones(60), "tool": np.ones(60)}, 0.0, np.full(60, 231.0))
-    derived = {
+    detected = {
         "gear_ripple": {"joint": 2.0, "periods_per_turn": 17.5},
         "thermostat": {"share_of_time": 0.4, "period_s": 100.0},
         "process_load": {"share_of_time": 0.2},
@@ -58,9 +58,9 @@ def terms(model):
     random = np.random.default_rng(8)
     found = []
     for identity, effect in library().items():
-        shape = derived.get(identity) or dict(effect.shapes[0])
+        shape = detected.get(identity) or dict(effect.shapes[0])
         width = effect.at(scene, shape).shape[1]
-        if identity in derived:
+        if identity in detected:
             found.append(term(identity, "somewhere", shape, tuple(range(width)), random.normal(0, 2, width), width))
             continue
         for place in effect.places(scene):
@@ -84,9 +84,11 @@ def make(kind, folder):
         bundle = network_bundle(kind)
     elif kind == "network_with_effects":
         bundle = network_bundle("21x1dim")
-        bundle.about["carrier"] = {"signals": ["brake"]}
+        bundle.metadata["carrier"] = {"signals": ["brake"]}
         bundle.arrays.update({f"carrier.{name}": value for name, value in arrays_of(grey()).items()})
-        bundle.about["effects"] = [each.as_json() for each in terms(grey()) if each.id in ("payload", "tool_actuation")]
+        bundle.metadata["effects"] = [
+            each.as_json() for each in terms(grey()) if each.id in ("payload", "tool_actuation")
+        ]
     else:
         bundle = grey_bundle()
         if kind == "hybrid":
@@ -99,7 +101,7 @@ def make(kind, folder):
                 about("hybrid", signals=["brake"], normalisation=normal().as_json()), arrays_of(grey()) | rest
             )
         if kind == "effects":
-            bundle.about["effects"] = [each.as_json() for each in terms(grey())]
+            bundle.metadata["effects"] = [each.as_json() for each in terms(grey())]
     save_bundle(path, bundle)
     return path
 

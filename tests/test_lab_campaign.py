@@ -19,7 +19,7 @@ import pytest
 
 from acqd.cli.lab.options import settings_from
 from acqd.errors import InputError, UserError
-from acqd.lab.campaign.run import CampaignOrder, run_campaign
+from acqd.lab.campaign.run import CampaignConfig, run_campaign
 from acqd.lab.campaign.run_session import steady_error
 from acqd.lab.effects import parse_effect
 from acqd.lab.schedule import plan_sessions
@@ -37,7 +37,7 @@ SMALL = {"limited": 3, "all_space": 2, "session": 2, "limited_sources": 2, "all_
 def order(folder: Path, jobs=1, **settings):
     out = folder / "campaign"
     database = f"sqlite:///{out}/power.sqlite"
-    return CampaignOrder(CampaignSettings(**{**SMALL, **settings}), out, folder / "truth", database, jobs)
+    return CampaignConfig(CampaignSettings(**{**SMALL, **settings}), out, folder / "truth", database, jobs)
 
 
 def quiet(what, share):
@@ -170,7 +170,7 @@ def test_campaigns_share_a_database_without_mixing(tmp_path):
     total = 0
     for seed in (1, 2):
         settings = CampaignSettings(limited=1, all_space=0, seed=seed)
-        one = CampaignOrder(settings, tmp_path / f"c{seed}", tmp_path / f"t{seed}", database, 1)
+        one = CampaignConfig(settings, tmp_path / f"c{seed}", tmp_path / f"t{seed}", database, 1)
         total += run_campaign(one, quiet).rows
     assert len(rows_of(tmp_path / "both.sqlite")) == total
 

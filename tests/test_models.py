@@ -33,7 +33,7 @@ from acqd.models.networks.torch_engine import TorchEngine
 from acqd.models.networks.train import train
 from acqd.models.normalisation import Normalisation
 from acqd.models.predictor import Stream
-from acqd.models.segments import Data, Stretch
+from acqd.models.segments import Dataset, Segment
 from acqd.robot import load_description
 from acqd.robot.arm import Arm
 from acqd.robot.dynamics import inertial_parameters, inverse_dynamics
@@ -54,8 +54,8 @@ def angles(rows, axes, seed):
     return q
 
 
-def stretch(number, split, q, P, **more):
-    return Stretch(f"a_{number:02d}", f"a_{number:02d}", "a", split, q, P, more.get("tau"), more.get("signals", {}))
+def segment(number, split, q, P, **more):
+    return Segment(f"a_{number:02d}", f"a_{number:02d}", "a", split, q, P, more.get("tau"), more.get("signals", {}))
 
 
 def dataset(make_power, count=16, rows=600, axes=7, **more):
@@ -63,8 +63,8 @@ def dataset(make_power, count=16, rows=600, axes=7, **more):
     made = []
     for k, part in enumerate(parts):
         q = angles(rows + 13 * k, axes, k)
-        made.append(stretch(k, part, q, make_power(q, k), **{name: make(q) for name, make in more.items()}))
-    return Data(Path("nowhere"), "0" * 64, "iiwa7_r800", "iiwa7_r800", STEP, "simulated", made)
+        made.append(segment(k, part, q, make_power(q, k), **{name: make(q) for name, make in more.items()}))
+    return Dataset(Path("nowhere"), "0" * 64, "iiwa7_r800", "iiwa7_r800", STEP, "simulated", made)
 
 
 def test_learnables_are_those_of_appendix_b():
@@ -205,7 +205,7 @@ def test_the_grey_box_recovers_what_made_the_data(grey):
 
 def test_the_terms_of_a_grey_box_add_up_and_stream(grey):
     data, fit = grey
-    q = data.stretches[0].q
+    q = data.segments[0].q
     from acqd.models.features import padded
 
     none = np.zeros((len(q), 0))
@@ -213,7 +213,7 @@ def test_the_terms_of_a_grey_box_add_up_and_stream(grey):
     assert np.allclose(sum(terms.values()), fit.model.sequence(q), atol=1e-9)
     assert np.abs(streamed(fit.model, q) - fit.model.sequence(q)).max() < 1e-6
     network = Perceptron(*(np.random.default_rng(1).normal(size=shape) for shape in ((12, 21), (12,), (12,))))
-    hybrid = Hybrid(fit.model, network, Normalisation.fitted(data.stretches, STEP))
+    hybrid = Hybrid(fit.model, network, Normalisation.fitted(data.segments, STEP))
     assert np.abs(streamed(hybrid, q) - hybrid.sequence(q)).max() < 1e-6
 
 
@@ -240,7 +240,7 @@ def test_training_learns_and_goes_on_after_it_was_stopped(tmp_path, monkeypatch)
     chosen = TrainingSettings(epochs=200)
     learnt = train(
         architecture("14x1dim"),
-        replace(data, stretches=[*seen, *(replace(s, split="validation") for s in seen)]),
+        replace(data, segments=[*seen, *(replace(s, split="validation") for s in seen)]),
         (),
         5,
         chosen,
@@ -289,12 +289,12 @@ def test_a_bundle_brings_back_the_model_and_says_what_is_wrong_with_it(grey, tmp
     about = {"kind": "grey_box", "axes": 7, "step_s": STEP, **describe(fit)}
     save_bundle(tmp_path / "b", Bundle(about, arrays_of(fit.model)))
     _, again = open_model(tmp_path / "b")
-    q = data.stretches[0].q
+    q = data.segments[0].q
     assert np.array_equal(again.sequence(q), fit.model.sequence(q))
     assert sorted(path.name for path in tmp_path.iterdir()) == ["b"]
     assert {path.name for path in (tmp_path / "b").iterdir()} == {"bundle.json", "weights.safetensors"}
     save_bundle(tmp_path / "b", Bundle(about | {"name": "newer"}, arrays_of(fit.model)))
-    assert load_bundle(tmp_path / "b").about["name"] == "newer"
+    assert load_bundle(tmp_path / "b").metadata["name"] == "newer"
     with pytest.raises(InputError, match="no bundle"):
         load_bundle(tmp_path)
     file = tmp_path / "b" / "bundle.json"
@@ -330,9 +330,9 @@ def test_a_network_with_other_learnables_is_refused():
 
 def test_motion_beyond_training_is_flagged():
     data = dataset(lambda q, k: np.full(len(q), 100.0), count=8, rows=100)
-    envelope = Envelope.from_json(Envelope.of(data.stretches, STEP).as_json())
-    assert not any(envelope.outside(s.q, STEP).any() for s in data.stretches)
-    far = data.stretches[0].q.copy()
+    envelope = Envelope.from_json(Envelope.of(data.segments, STEP).as_json())
+    assert not any(envelope.outside(s.q, STEP).any() for s in data.segments)
+    far = data.segments[0].q.copy()
     far[50] += 3.0
     assert envelope.outside(far, STEP)[50] and not envelope.outside(far, STEP)[:45].any()
 
@@ -353,20 +353,20 @@ def test_known_kernels_are_recognised():
 def test_oscillation_and_noise_are_told_apart():
     q = angles(600, 7, 1)
     P = iiwa_power(q, seed=2)
-    one = stretch(1, "test", q, P)
+    one = segment(1, "test", q, P)
     assert unstable_share([P + 0.5], [one]) == 0.0
     wild = P.copy()
     wild[300:400] += 15 * (-1.0) ** np.arange(100)
     assert unstable_share([wild], [one]) == pytest.approx(100 / 600, abs=0.03)
     still = replace(one, q=np.zeros_like(q), P=200 + np.random.default_rng(1).normal(0, 2.0, 600))
-    data = Data(Path("x"), "", "iiwa7_r800", "iiwa7_r800", STEP, "mains", [still])
+    data = Dataset(Path("x"), "", "iiwa7_r800", "iiwa7_r800", STEP, "mains", [still])
     assert noise_floor(data) == pytest.approx(2.0 * np.sqrt(2 / np.pi), rel=0.1)
     assert json.loads(json.dumps(measure([P], [one]).as_json()))["mae"] == 0.0
 
 
 def test_a_stream_copies_what_it_is_given(grey):
     data, fit = grey
-    q = data.stretches[0].q[:50]
+    q = data.segments[0].q[:50]
     stream, buffer, each = Stream(fit.model), np.empty(7), []
     for row in q:
         buffer[:] = row
@@ -387,5 +387,5 @@ def test_nothing_that_is_no_bundle_is_replaced(tmp_path):
 
 def test_bias_counts_against_r2():
     P = np.random.default_rng(1).normal(100, 5, 400)
-    one = stretch(1, "test", np.zeros((400, 7)), P)
+    one = segment(1, "test", np.zeros((400, 7)), P)
     assert measure([P], [one]).r2 == 1.0 and measure([P + 30], [one]).r2 < -20

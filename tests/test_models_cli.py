@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acqd.dataset.build import BuildOrder, build
-from acqd.lab.campaign.run import CampaignOrder, run_campaign
+from acqd.dataset.build import BuildConfig, build
+from acqd.lab.campaign.run import CampaignConfig, run_campaign
 from acqd.lab.settings import CampaignSettings
 
 DATA = Path(__file__).parents[2] / "shared" / "data" / "robots"
@@ -33,10 +33,10 @@ def campaign(tmp_path_factory):
     folder = tmp_path_factory.mktemp("models")
     settings = CampaignSettings(limited=6, all_space=6, limited_sources=3, all_space_sources=3, session=6, seed=21)
     run_campaign(
-        CampaignOrder(settings, folder / "c", folder / "t", f"{folder}/c/power.sqlite", 2), lambda what, share: None
+        CampaignConfig(settings, folder / "c", folder / "t", f"{folder}/c/power.sqlite", 2), lambda what, share: None
     )
     build(
-        BuildOrder(f"{folder}/c/power.sqlite", folder / "c" / "logs", folder / "ds", "iiwa7_r800"),
+        BuildConfig(f"{folder}/c/power.sqlite", folder / "c" / "logs", folder / "ds", "iiwa7_r800"),
         lambda what, share: None,
     )
     return folder

@@ -25,7 +25,7 @@ from acqd.models.bundle.bundle import save_bundle
 from acqd.models.bundle.envelope import Envelope
 from acqd.models.bundle.reference import reference_arrays
 from acqd.models.predictor import Stream
-from acqd.models.segments import Stretch
+from acqd.models.segments import Segment
 from acqd.sidecar.arrivals import Arrivals
 from acqd.sidecar.live import Live
 from acqd.sidecar.service import Sidecar
@@ -105,18 +105,18 @@ def cell(folder, url, count, extra=0.0, rows=800, first=0):
 @pytest.fixture
 def bundle(tmp_path):
     """With recordings to compare with."""
-    stretches = []
+    segments = []
     for number in range(900, 912):
         q = motion(1000, number)
         P = power_of(q, number)
-        stretches.append(
-            Stretch(
+        segments.append(
+            Segment(
                 f"r{number}", f"r{number}", "r", "test", q, P, None, {"brake": np.ones(1000)}, BEGIN - 1e6 + number * 60
             )
         )
-    envelope = Envelope.of(stretches, STEP).as_json()
+    envelope = Envelope.of(segments, STEP).as_json()
     path = tmp_path / "bundle"
-    save_bundle(path, grey_bundle(reference_arrays(stretches), envelope=envelope))
+    save_bundle(path, grey_bundle(reference_arrays(segments), envelope=envelope))
     return path
 
 
@@ -240,7 +240,7 @@ def test_one_sidecar_a_database_and_one_device(tmp_path, bundle, database):
     logs.mkdir()
     cell(logs, database, 1)
     command = sidecar(logs, bundle, database, "--no-mqtt", "--until-idle")
-    with Store(open_database(database)).alone():
+    with Store(open_database(database)).unit_torque():
         second = run(command)
     assert second.returncode == 2 and "another sidecar works on this database" in second.stderr
     assert run(command).returncode == 0

@@ -58,14 +58,14 @@ def close_loop(
     if not watch and (every is not None or false_alarm is not None):
         raise UserError("--every and --false-alarm are for --watch")
     from acqd.cli.models.places import default_folder
-    from acqd.discrepancy.config import CloseOrder
+    from acqd.discrepancy.config import CloseConfig
     from acqd.discrepancy.loop import close_loop as run
     from acqd.discrepancy.report.page import as_json
     from acqd.discrepancy.report.write import require_writable, write_all
 
     folder = out or default_folder(dataset, "watch" if watch else "loop")
     since_s = None if since is None else since.replace(tzinfo=UTC).timestamp()
-    order = CloseOrder(
+    order = CloseConfig(
         dataset, model, folder, reference, max_effects, tuple(only or ()), tuple(exclude or ()), seed, robot, since_s
     )
     if watch:

@@ -55,12 +55,12 @@ def build(
 
     Example: acqd dataset build --power campaign/power.sqlite --logs campaign/logs --out ds
     """
-    from acqd.dataset.build import BuildOrder, BuildReport
+    from acqd.dataset.build import BuildConfig, BuildReport
     from acqd.dataset.build import build as run
     from acqd.dataset.regressors import TorqueSource
 
     source: TorqueSource | None = torque.value if torque is not None else None
-    order = BuildOrder(power, logs, out, robot, device, channel, source, search, step, seed, lag, cut)
+    order = BuildConfig(power, logs, out, robot, device, channel, source, search, step, seed, lag, cut)
     console = Console(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
         bar = progress.add_task("reading", total=1.0)

@@ -55,7 +55,7 @@ def export_fmu(
     plain = Console(soft_wrap=True, highlight=False)
     plain.print(f"{made.path}: FMI {made.version}, {made.bytes / 1000:.0f} kB, for {', '.join(made.compilers)}")
     for variable in made.variables:
-        plain.print(f"  {variable.causality:9} {variable.name} [{variable.unit}] {variable.about}", markup=False)
+        plain.print(f"  {variable.causality:9} {variable.name} [{variable.unit}] {variable.description}", markup=False)
     plain.print("  input     reset \\[boolean] while true, the next row is the first one", highlight=False)
     for note in made.notes:
         plain.print(note)

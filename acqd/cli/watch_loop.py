@@ -9,11 +9,11 @@ from datetime import UTC, datetime
 import orjson
 from rich.console import Console
 
-from acqd.discrepancy.config import CloseOrder
+from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.monitor.watch import Event, Watch
 
 
-def watch_loop(order: CloseOrder, every_s: float, between_s: float, *, json: bool) -> None:
+def watch_loop(order: CloseConfig, every_s: float, between_s: float, *, json: bool) -> None:
     """Until SIGINT or SIGTERM; a look that is under way is finished first.
 
     Raises UserError, InputError.
@@ -36,32 +36,32 @@ def watch_loop(order: CloseOrder, every_s: float, between_s: float, *, json: boo
 
 
 def _print(event: Event, *, json: bool) -> None:
-    line = orjson.dumps({"event": event.kind, **event.about}, option=orjson.OPT_SERIALIZE_NUMPY).decode()
+    line = orjson.dumps({"event": event.kind, **event.details}, option=orjson.OPT_SERIALIZE_NUMPY).decode()
     print(line if json else _told(event), flush=True)
 
 
 def _told(event: Event) -> str:
-    about = event.about
+    details = event.details
     if event.kind == "resumed":
-        alarm = about["alarm"]
+        alarm = details["alarm"]
         since = "no alarm" if alarm is None else f"alarm since {_when(alarm['onset_s'])}"
-        done = ", a proposal is written" if about["proposed"] else ""
-        return f"going on: {about['recordings']} recordings are known, {since}{done}"
+        done = ", a proposal is written" if details["proposed"] else ""
+        return f"going on: {details['recordings']} recordings are known, {since}{done}"
     if event.kind == "recording":
-        return f"{about['recording']}: residual {about['rmse']:.2f} W RMS"
+        return f"{details['recording']}: residual {details['rmse']:.2f} W RMS"
     if event.kind == "alarm":
-        return f"ALARM: the residual has changed since about {_when(about['onset_s'])} ({about['chart']})"
+        return f"ALARM: the residual has changed since about {_when(details['onset_s'])} ({details['chart']})"
     if event.kind == "trouble":
-        return f"{about['reason']}; looking again"
-    if "reason" in about:
-        return f"not yet to be told from {about['recordings']} recordings: {about['reason']}"
-    named = ", ".join(f"{effect['id']} ({effect['where']})" for effect in about["effects"])
-    if about["verdict"] != "effects_found":
+        return f"{details['reason']}; looking again"
+    if "reason" in details:
+        return f"not yet to be told from {details['recordings']} recordings: {details['reason']}"
+    named = ", ".join(f"{effect['id']} ({effect['where']})" for effect in details["effects"])
+    if details["verdict"] != "effects_found":
         perhaps = f", perhaps {named}" if named else ""
-        return f"{about['verdict']} from {about['recordings']} recordings{perhaps}: {about['out']}/report.html"
+        return f"{details['verdict']} from {details['recordings']} recordings{perhaps}: {details['out']}/report.html"
     return (
-        f"PROPOSAL from {about['recordings']} recordings: {named}; RMSE {about['before']['rmse']:.2f} -> "
-        f"{about['after']['rmse']:.2f} W; look at {about['out']}/report.html, then use {about['out']}/model"
+        f"PROPOSAL from {details['recordings']} recordings: {named}; RMSE {details['before']['rmse']:.2f} -> "
+        f"{details['after']['rmse']:.2f} W; look at {details['out']}/report.html, then use {details['out']}/model"
     )
 
 

@@ -36,7 +36,7 @@ _Merged: TypeAlias = tuple[RobotLog, Located, Recording | None, str]
 
 
 @dataclass(frozen=True, slots=True)
-class BuildOrder:
+class BuildConfig:
     """What to merge, and how."""
 
     power: str
@@ -74,7 +74,7 @@ class BuildReport:
     measured: Measured = "mains"
 
 
-def build(order: BuildOrder, progress: Callable[[str, float], None]) -> BuildReport:
+def build(order: BuildConfig, progress: Callable[[str, float], None]) -> BuildReport:
     """Align, merge and write; nothing appears under `out` unless all of it does. Raises UserError."""
     if order.out.exists():
         raise UserError(f"{order.out} exists; choose another --out, or remove it")
@@ -143,7 +143,7 @@ def _log_files(folder: Path) -> list[Path]:
     return paths
 
 
-def _merge_all(order: BuildOrder, logs: list[RobotLog], power: PowerStream, alignment: Alignment) -> list[_Merged]:
+def _merge_all(order: BuildConfig, logs: list[RobotLog], power: PowerStream, alignment: Alignment) -> list[_Merged]:
     drift = alignment.line.drift_ppm if alignment.line else 0.0
     results: list[_Merged] = []
     for log, located in zip(logs, alignment.located, strict=True):
@@ -163,7 +163,7 @@ def _merge_all(order: BuildOrder, logs: list[RobotLog], power: PowerStream, alig
 
 
 def _write(
-    order: BuildOrder,
+    order: BuildConfig,
     robot: RobotDescription,
     power: PowerStream,
     alignment: Alignment,
@@ -211,7 +211,7 @@ def _write(
     return report
 
 
-def _entry(order: BuildOrder, log: RobotLog, located: Located, recording: Recording) -> dict[str, Any]:
+def _entry(order: BuildConfig, log: RobotLog, located: Located, recording: Recording) -> dict[str, Any]:
     return {
         "name": recording.name,
         "file": f"recordings/{recording.name}.parquet",
@@ -230,7 +230,7 @@ def _file(log: RobotLog) -> Path:
     return log.path if log.path.is_file() else log.path.parent
 
 
-def _power_provenance(order: BuildOrder, power: PowerStream) -> dict[str, Any]:
+def _power_provenance(order: BuildConfig, power: PowerStream) -> dict[str, Any]:
     path = Path(order.power)
     return {
         "origin": order.power,
@@ -249,7 +249,7 @@ def _digest(path: Path) -> str:
 
 
 def _report(
-    order: BuildOrder,
+    order: BuildConfig,
     robot: RobotDescription,
     power: PowerStream,
     alignment: Alignment,

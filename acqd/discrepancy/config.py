@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 @dataclass(frozen=True, slots=True)
-class CloseOrder:
+class CloseConfig:
     """One run of `acqd close-loop`."""
 
     dataset: Path

@@ -10,7 +10,7 @@ from acqd.arrays import Floats
 from acqd.discrepancy.recordings import Subject
 from acqd.models.features import motion
 from acqd.models.greybox.model import GreyBox
-from acqd.models.segments import Stretch
+from acqd.models.segments import Segment
 
 _CHANGED = 6.0  # standard errors over recordings
 _LEAST_NM = 0.3
@@ -37,10 +37,10 @@ class JointLevel:
 
 def joint_level(subject: Subject) -> JointLevel | None:
     """None where no torques were logged."""
-    fresh, before = _means(subject.carrier, subject.fit), _means(subject.carrier, subject.reference)
-    if fresh is None:
+    in_question, before = _means(subject.carrier, subject.fit), _means(subject.carrier, subject.reference)
+    if in_question is None:
         return None
-    mean, rms = fresh
+    mean, rms = in_question
     offset = mean.mean(axis=0)
     changed: list[int] = []
     if before is not None and len(before[0]) > 2 and len(mean) > 2:
@@ -51,14 +51,14 @@ def joint_level(subject: Subject) -> JointLevel | None:
     return JointLevel(np.sqrt((rms**2).mean(axis=0)), offset, changed)
 
 
-def _means(model: GreyBox, stretches: list[Stretch]) -> tuple[Floats, Floats] | None:
+def _means(model: GreyBox, segments: list[Segment]) -> tuple[Floats, Floats] | None:
     """[recordings, axes] mean and RMS."""
     found = []
-    for stretch in stretches:
-        if stretch.tau is None:
+    for segment in segments:
+        if segment.tau is None:
             continue
-        q, qd, qdd = motion(stretch.q, model.step_s)
-        off = stretch.tau - model.motor_torque(q, qd, qdd)[0]
+        q, qd, qdd = motion(segment.q, model.step_s)
+        off = segment.tau - model.motor_torque(q, qd, qdd)[0]
         found.append((off.mean(axis=0), np.sqrt((off**2).mean(axis=0))))
     if not found:
         return None

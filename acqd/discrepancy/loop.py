@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from acqd.arrays import Floats
-from acqd.discrepancy.config import CloseOrder
+from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.joint_torque import JointLevel, joint_level
 from acqd.discrepancy.recordings import Subject, subject_of
 from acqd.discrepancy.regression.design_matrix import Design
@@ -50,7 +50,7 @@ class Closed:
     @property
     def named(self) -> list[Added]:
         """Effects that were found: added, or told of without."""
-        return [*self.improved.kept, *self.improved.told]
+        return [*self.improved.kept, *self.improved.reported_only]
 
     @property
     def errors_after(self) -> list[Floats]:
@@ -58,7 +58,7 @@ class Closed:
         return self.improved.errors
 
 
-def close_loop(order: CloseOrder, progress: Callable[[str, float], None]) -> Closed:
+def close_loop(order: CloseConfig, progress: Callable[[str, float], None]) -> Closed:
     """Find, add, measure. Raises UserError, InputError."""
     subject = subject_of(order, progress)
     notes = list(subject.notes)
@@ -89,7 +89,7 @@ def close_loop(order: CloseOrder, progress: Callable[[str, float], None]) -> Clo
     ]
     notes += [
         f"{each.term.id} acts at moments that no angle or signal foretells: no model can predict it, none was changed"
-        for each in improved.told
+        for each in improved.reported_only
     ]
     before, after = quality(errors_before), quality(improved.errors)
     return Closed(
@@ -116,20 +116,20 @@ def _without_delay(subject: Subject) -> tuple[Delay | None, Subject]:
 
 
 def _verdict(subject: Subject, tracing: Tracing, improved: Improved) -> str:
-    named = [*improved.kept, *improved.told]
+    named = [*improved.kept, *improved.reported_only]
     if named:
         return "effects_found" if named[0].confidence >= _SURE else "not_identifiable"
     if tracing.unknown is not None:
         return "unknown_structure"
-    seconds = sum(len(stretch.P) for stretch in subject.fit) * subject.data.step_s
+    seconds = sum(len(segment.P) for segment in subject.fit) * subject.data.step_s
     # silence of too few rows is no proof that nothing is there
     return "not_identifiable" if improved.refused or seconds < ENOUGH_S else "nothing_left"
 
 
-def provenance(order: CloseOrder, closed: Closed) -> dict[str, Any]:
+def provenance(order: CloseConfig, closed: Closed) -> dict[str, Any]:
     """For the augmented bundle."""
     return {
         "closed_on": str(order.dataset),
         "closed_manifest_sha256": closed.subject.data.digest,
-        "closed_fit_recordings": sorted({stretch.recording for stretch in closed.subject.fit}),
+        "closed_fit_recordings": sorted({segment.recording for segment in closed.subject.fit}),
     }

@@ -12,7 +12,7 @@ from acqd.arrays import Floats
 from acqd.errors import UserError
 from acqd.fmu.variables import Parameters, exported_terms, parameters_of
 from acqd.models.augmented import Augmented
-from acqd.models.effects.scene import fine_weights
+from acqd.models.effects.scene import substep_weights
 from acqd.models.greybox.model import GreyBox
 from acqd.models.hybrid.model import Hybrid
 from acqd.models.networks.architecture import HIDDEN
@@ -185,7 +185,7 @@ def _effects(data: _Header, carrier: GreyBox, model: Predictor, parameters: list
     links = carrier.group("inertial").reshape(-1, 10)
     data.array("LINK_CENTRE", np.clip(links[:, 1:4] / np.maximum(links[:, :1], 1e-3), -0.5, 0.5))
     data.array("TIP", carrier.chain.tip)
-    data.array("FINE", fine_weights(model.step_s))
+    data.array("FINE", substep_weights(model.step_s))
     most = max(len(own.names) for own in parameters)
     terms, first = [], 0
     for own in parameters:

@@ -32,7 +32,7 @@ class Described:
     """What the description says beside variables."""
 
     name: str
-    about: str
+    description: str
     token: str
     tool: str
     made: str
@@ -52,7 +52,7 @@ def _root(version: Version, what: Described, token: str) -> ET.Element:
     return ET.Element(
         "fmiModelDescription",
         {
-            "fmiVersion": version, "modelName": what.name, token: what.token, "description": what.about,
+            "fmiVersion": version, "modelName": what.name, token: what.token, "description": what.description,
             "generationTool": what.tool, "generationDateAndTime": what.made, "variableNamingConvention": "structured",
         },
     )  # fmt: skip
@@ -91,7 +91,8 @@ def _two(what: Described, variables: Sequence[Variable]) -> ET.Element:
     for reference, variable in enumerate(variables):
         scalar = ET.SubElement(
             listed, "ScalarVariable",
-            {"name": variable.name, "valueReference": str(reference), "description": variable.about} | _roles(variable),
+            {"name": variable.name, "valueReference": str(reference), "description": variable.description}
+            | _roles(variable),
         )  # fmt: skip
         real = {"unit": unit_of(variable)}
         if variable.causality != "output":
@@ -130,7 +131,7 @@ def _three(what: Described, variables: Sequence[Variable]) -> ET.Element:
         description="simulation time [s]",
     )  # fmt: skip
     for reference, variable in enumerate(variables):
-        attributes = {"name": variable.name, "valueReference": str(reference), "description": variable.about}
+        attributes = {"name": variable.name, "valueReference": str(reference), "description": variable.description}
         attributes |= _roles(variable) | {"unit": unit_of(variable)}
         if variable.causality != "output":
             attributes["start"] = repr(variable.start)

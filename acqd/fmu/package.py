@@ -53,14 +53,14 @@ def export_fmu(
         raise UserError(f"{out} is a folder; name the file with --out")
     opened, model = open_model(bundle)
     try:
-        return _made(opened, model, out, fmi, platforms, progress)
+        return _accept(opened, model, out, fmi, platforms, progress)
     except OSError as error:
         raise UserError(
             f"{tempfile.gettempdir()}: {error.strerror}; make room there, or name another folder with TMPDIR"
         ) from None
 
 
-def _made(
+def _accept(
     opened: Bundle,
     model: Predictor,
     out: Path,
@@ -78,10 +78,10 @@ def _made(
             progress(f"compiling for {name}")
             compilers[name] = _binary(root, PLATFORMS[name], names, fmi)
         made = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
-        about = opened.about
-        text = f"mains power of {about['robot']} from its joint angles, by the model {about['name']}"
+        metadata = opened.metadata
+        text = f"mains power of {metadata['robot']} from its joint angles, by the model {metadata['name']}"
         what = Described(
-            str(about["name"]), text, token_of(files), f"acqd {version('acqd')}", made, model.step_s, names
+            str(metadata["name"]), text, token_of(files), f"acqd {version('acqd')}", made, model.step_s, names
         )
         (root / "modelDescription.xml").write_bytes(description(fmi, what, shown))
         if fmi == "3.0":
@@ -119,10 +119,10 @@ def _binary(root: Path, target: Platform, names: Sequence[str], fmi: Version) ->
 def _provenance(opened: Bundle, model: Predictor) -> dict[str, Any]:
     """What the model was made from, for whoever finds the FMU in five years."""
     kept = ("name", "kind", "robot", "step_s", "envelope", "metrics", "provenance", "loop")
-    return {name: opened.about[name] for name in kept if name in opened.about} | {
+    return {name: opened.metadata[name] for name in kept if name in opened.metadata} | {
         "look_ahead_rows": model.radius,
         "effects": [
-            {key: each[key] for key in ("id", "where", "parameters")} for each in opened.about.get("effects", [])
+            {key: each[key] for key in ("id", "where", "parameters")} for each in opened.metadata.get("effects", [])
         ],
     }
 

@@ -35,7 +35,7 @@ class Variable:
     name: str
     causality: Literal["input", "output", "parameter"]
     unit: str
-    about: str
+    description: str
     start: float = 0.0
 
 
@@ -64,9 +64,9 @@ def left_out(model: Predictor) -> list[str]:
 
 def parameters_of(term: Term) -> Parameters:
     """As they were fitted; columns in fixed proportions share one parameter."""
-    about = {name: value for name, value in term.about.items() if name not in term.shape}
-    names, units = tuple(about), tuple(str(each["unit"]) for each in about.values())
-    start = np.array([float(each["value"]) for each in about.values()])
+    fitted = {name: value for name, value in term.parameters.items() if name not in term.shape}
+    names, units = tuple(fitted), tuple(str(each["unit"]) for each in fitted.values())
+    start = np.array([float(each["value"]) for each in fitted.values()])
     if len(names) == len(term.coefficients):
         return Parameters(term, names, units, term.coefficients.copy(), np.eye(len(names)))
     if len(names) == 1 and start[0] != 0.0:
@@ -93,8 +93,8 @@ def _effect_variables(model: Predictor) -> Iterator[Variable]:
         prefix = term.id + (f"_{seen[term.id]}" if seen[term.id] > 1 else "")
         own = parameters_of(term)
         for name, unit, start in zip(own.names, own.units, own.start, strict=True):
-            about = f"{library()[term.id].about} ({term.where})"
-            yield Variable(f"{prefix}.{_identifier(name)}", "parameter", unit, about, float(start))
+            description = f"{library()[term.id].summary} ({term.where})"
+            yield Variable(f"{prefix}.{_identifier(name)}", "parameter", unit, description, float(start))
 
 
 def _identifier(name: str) -> str:

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
-from acqd.lab.effects import EffectOrder
+from acqd.lab.effects import EffectSpec
 from acqd.lab.instruments.data_recorder import ControllerClock, RecorderSettings
 from acqd.lab.instruments.mains import MainsSettings
 from acqd.lab.motion.excitation import Cube
@@ -109,7 +109,7 @@ class LabSettings(Section):
     mains: MainsSettings = MainsSettings()
     recorder: RecorderSection = RecorderSection()
     clock: ClockSection = ClockSection()
-    effects: list[EffectOrder] = Field(default=[])
+    effects: list[EffectSpec] = Field(default=[])
 
     @field_validator("start")
     @classmethod
@@ -168,8 +168,8 @@ class CampaignSettings(LabSettings):
         """The thesis' models could replicate neither the brakes' peak nor a gripped part (chapters 9, 10)."""
         if isinstance(data, dict) and data.get("profile") == "use-case" and "effects" not in data:
             hidden = [
-                EffectOrder(id="brake_release", declared=False),
-                EffectOrder(id="payload", values={"mass_kg": 0.6, "with_tool": 1.0}, declared=False),
+                EffectSpec(id="brake_release", declared=False),
+                EffectSpec(id="payload", values={"mass_kg": 0.6, "with_tool": 1.0}, declared=False),
             ]
             return data | {"effects": hidden}
         return data

@@ -28,16 +28,16 @@ class Term:
     """Of what `Effect.at` gives."""
     coefficients: Floats
     """W per unit of each of those columns, times its parameter."""
-    about: dict[str, Any]
+    parameters: dict[str, Any]
     """Parameters with units and intervals, as the closing report has them."""
 
     @classmethod
     def of(
-        cls, identity: str, place: Place, shape: dict[str, float], parameters: Floats, about: dict[str, Any]
+        cls, identity: str, place: Place, shape: dict[str, float], values: Floats, parameters: dict[str, Any]
     ) -> Term:
-        """From parameters as they were fitted."""
-        weights = parameters if place.mix is None else place.mix @ parameters
-        return cls(identity, place.where, shape, place.columns, np.asarray(weights), about)
+        """From fitted values and what the closing report says of each parameter."""
+        weights = values if place.mix is None else place.mix @ values
+        return cls(identity, place.where, shape, place.columns, np.asarray(weights), parameters)
 
     def rows(self, scene: Scene) -> Floats:
         """[T] W."""
@@ -52,7 +52,7 @@ class Term:
             "shape": dict(self.shape),
             "columns": list(self.columns),
             "coefficients": self.coefficients.tolist(),
-            "parameters": self.about,
+            "parameters": self.parameters,
         }
 
     @classmethod

@@ -13,12 +13,12 @@ from acqd.models.predictor import Predictor
 
 GREY_BOX = "grey-box"
 HYBRID = "hybrid"
-Report: TypeAlias = Callable[[str, float, float], None]
+Progress: TypeAlias = Callable[[str, float, float], None]
 """Gets what is done, its share, and the seconds left (NaN: unknown)."""
 
 
 @dataclass(frozen=True, slots=True)
-class TrainOrder:
+class TrainConfig:
     """One model on one dataset."""
 
     dataset: Path
@@ -41,6 +41,6 @@ class Made:
 
     kind: str
     predictor: Predictor
-    about: dict[str, Any]
+    metadata: dict[str, Any]
     arrays: Arrays
     engine: str

@@ -12,7 +12,7 @@ from acqd.arrays import Floats
 from acqd.models.predictor import Predictor
 
 if TYPE_CHECKING:
-    from acqd.models.segments import Stretch
+    from acqd.models.segments import Segment
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,28 +37,28 @@ class Metrics:
         return asdict(self)
 
 
-def signals_of(model: Predictor, stretch: Stretch) -> Floats | None:
+def signals_of(model: Predictor, segment: Segment) -> Floats | None:
     """The logged states that a model uses, or None where one is missing."""
-    known = stretch.signals | {"Vrms": stretch.channels["Vrms"]} if "Vrms" in stretch.channels else stretch.signals
+    known = segment.signals | {"Vrms": segment.channels["Vrms"]} if "Vrms" in segment.channels else segment.signals
     if not all(name in known for name in model.signals):
         return None
-    return np.column_stack([np.zeros((len(stretch.P), 0)), *(known[name] for name in model.signals)])
+    return np.column_stack([np.zeros((len(segment.P), 0)), *(known[name] for name in model.signals)])
 
 
-def predictions(model: Predictor, stretches: Iterable[Stretch]) -> list[Floats]:
+def predictions(model: Predictor, segments: Iterable[Segment]) -> list[Floats]:
     """[T] W for each stretch."""
-    return [model.sequence(stretch.q, signals_of(model, stretch), stretch.start_s) for stretch in stretches]
+    return [model.sequence(segment.q, signals_of(model, segment), segment.start_s) for segment in segments]
 
 
-def measure(predicted: list[Floats], stretches: list[Stretch]) -> Metrics:
+def measure(predicted: list[Floats], segments: list[Segment]) -> Metrics:
     """Of predictions beside what was measured."""
-    error = np.concatenate([guess - stretch.P for guess, stretch in zip(predicted, stretches, strict=True)])
-    P = np.concatenate([stretch.P for stretch in stretches])
+    error = np.concatenate([guess - segment.P for guess, segment in zip(predicted, segments, strict=True)])
+    P = np.concatenate([segment.P for segment in segments])
     energy: dict[str, list[float]] = {}
-    for guess, stretch in zip(predicted, stretches, strict=True):
-        sums = energy.setdefault(stretch.recording, [0.0, 0.0])
+    for guess, segment in zip(predicted, segments, strict=True):
+        sums = energy.setdefault(segment.recording, [0.0, 0.0])
         sums[0] += float(guess.sum())
-        sums[1] += float(stretch.P.sum())
+        sums[1] += float(segment.P.sum())
     off = [abs(guess - true) / max(abs(true), 1e-9) for guess, true in energy.values()]
     return Metrics(
         float(np.abs(error).mean()),

@@ -11,7 +11,7 @@ from acqd.arrays import Floats
 from acqd.models.features import motion
 
 if TYPE_CHECKING:
-    from acqd.models.segments import Stretch
+    from acqd.models.segments import Segment
 
 _LEAST_SCALE = 1e-3  # of an axis that hardly moves: its noise is not blown up
 
@@ -34,10 +34,10 @@ class Normalisation:
         return cls(np.zeros((3, axes)), scale, 155.0, 166.0)
 
     @classmethod
-    def fitted(cls, stretches: list[Stretch], step_s: float) -> Normalisation:
+    def fitted(cls, segments: list[Segment], step_s: float) -> Normalisation:
         """Mean and standard deviation of training data."""
-        moments = [np.concatenate(parts) for parts in zip(*(motion(s.q, step_s) for s in stretches), strict=True)]
-        P = np.concatenate([s.P for s in stretches])
+        moments = [np.concatenate(parts) for parts in zip(*(motion(s.q, step_s) for s in segments), strict=True)]
+        P = np.concatenate([s.P for s in segments])
         offset = np.array([values.mean(axis=0) for values in moments])
         scale = np.array([np.maximum(values.std(axis=0), _LEAST_SCALE) for values in moments])
         return cls(offset, scale, float(P.mean()), float(P.std()))

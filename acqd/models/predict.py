@@ -55,9 +55,11 @@ class Prediction:
 
 def predict_log(bundle: Bundle, model: Predictor, path: Path, robot: str | None = None) -> Prediction:
     """Read a log of the bundle's robot and predict. Raises InputError, UserError."""
-    log = read_log(path, load_description(robot or bundle.about["description"]))
+    log = read_log(path, load_description(robot or bundle.metadata["description"]))
     if log.q.shape[1] != model.axes:
-        raise InputError(path, f"has {log.q.shape[1]} axes, the model {model.axes}: is it of {bundle.about['robot']}?")
+        raise InputError(
+            path, f"has {log.q.shape[1]} axes, the model {model.axes}: is it of {bundle.metadata['robot']}?"
+        )
     return predict(bundle, model, log)
 
 
@@ -76,7 +78,7 @@ def predict(bundle: Bundle, model: Predictor, log: RobotLog) -> Prediction:
         P[begin:end] = model.sequence(q[begin:end], None if signals is None else signals[begin:end])
     if not np.isfinite(P).any():
         raise InputError(log.path, f"has no {_LEAST_ROWS} rows without a gap of {_GAP_S} s: nothing to predict")
-    outside = Envelope.from_json(bundle.about["envelope"]).outside(q, step)
+    outside = Envelope.from_json(bundle.metadata["envelope"]).outside(q, step)
     if outside.mean() > 0.5 and np.abs(q).max() > 2 * np.pi:
         raise UserError(f"{log.path}: angles reach {np.abs(q).max():.0f}: are they degrees? Expected radians")
     return Prediction(stamps[0] + grid, P, outside, step)

@@ -21,7 +21,7 @@ SIGNALS = ("brake", "tool")
 
 
 @dataclass(frozen=True, slots=True)
-class Stretch:
+class Segment:
     """Rows of one recording without a gap."""
 
     recording: str
@@ -44,7 +44,7 @@ class Stretch:
 
 
 @dataclass(frozen=True, slots=True)
-class Data:
+class Dataset:
     """All stretches of a dataset."""
 
     path: Path
@@ -56,24 +56,24 @@ class Data:
     step_s: float
     measured: str
     """mains, derived or simulated."""
-    stretches: list[Stretch]
+    segments: list[Segment]
 
     @property
     def axes(self) -> int:
         """Joints."""
-        return int(self.stretches[0].q.shape[1])
+        return int(self.segments[0].q.shape[1])
 
     @property
     def kinds(self) -> list[str]:
         """Kinds of trajectories, sorted."""
-        return sorted({stretch.kind for stretch in self.stretches})
+        return sorted({segment.kind for segment in self.segments})
 
-    def part(self, split: Part, kinds: tuple[str, ...] = ()) -> list[Stretch]:
+    def part(self, split: Part, kinds: tuple[str, ...] = ()) -> list[Segment]:
         """Stretches of a split, of some kinds or all. Raises UserError when there are none."""
         for kind in kinds:
             if kind not in self.kinds:
                 raise UserError(f"{self.path}: has no trajectories {kind!r}; it has {', '.join(self.kinds)}")
-        chosen = [s for s in self.stretches if s.split == split and (not kinds or s.kind in kinds)]
+        chosen = [s for s in self.segments if s.split == split and (not kinds or s.kind in kinds)]
         if not chosen:
             raise UserError(
                 f"{self.path}: no {split} recordings{' of ' + ', '.join(kinds) if kinds else ''}; record at least "
@@ -82,31 +82,31 @@ class Data:
         return chosen
 
 
-def load_data(path: Path) -> Data:
+def load_dataset(path: Path) -> Dataset:
     """Read a dataset. Raises UserError, InputError."""
     manifest = load_manifest(path)
-    stretches: list[Stretch] = []
+    segments: list[Segment] = []
     for entry in manifest["recordings"]:
-        stretches += _stretches(path / entry["file"], entry, manifest["step_s"])
-    if not stretches:
+        segments += _segments(path / entry["file"], entry, manifest["step_s"])
+    if not segments:
         raise UserError(f"{path}: no recording has {_LEAST_S} s of valid rows")
-    if len({stretch.q.shape[1] for stretch in stretches}) > 1:
+    if len({segment.q.shape[1] for segment in segments}) > 1:
         raise UserError(f"{path}: recordings differ in their number of axes; build one dataset per robot")
     digest = hashlib.sha256((path / "manifest.json").read_bytes()).hexdigest()
-    return Data(
-        path, digest, manifest["robot"], manifest["description"], manifest["step_s"], manifest["measured"], stretches
+    return Dataset(
+        path, digest, manifest["robot"], manifest["description"], manifest["step_s"], manifest["measured"], segments
     )
 
 
-def _stretches(file: Path, entry: dict[str, object], step_s: float) -> list[Stretch]:
+def _segments(file: Path, entry: dict[str, object], step_s: float) -> list[Segment]:
     try:
         table = pyarrow.parquet.read_table(file)
     except (OSError, pyarrow.ArrowInvalid) as error:
         raise InputError(file, f"cannot be read ({str(error).splitlines()[0]}); build the dataset again") from None
-    return stretches_of({name: table[name].to_numpy() for name in table.column_names}, entry, step_s)
+    return segments_of({name: table[name].to_numpy() for name in table.column_names}, entry, step_s)
 
 
-def stretches_of(columns: dict[str, Floats], entry: dict[str, object], step_s: float) -> list[Stretch]:
+def segments_of(columns: dict[str, Floats], entry: dict[str, object], step_s: float) -> list[Segment]:
     """From merged columns; `entry` says name, source, kind and split."""
     axes = sum(1 for name in columns if name[0] == "q" and name[1:].isdigit())
     q = np.column_stack([columns[f"q{k + 1}"] for k in range(axes)])
@@ -122,7 +122,7 @@ def stretches_of(columns: dict[str, Floats], entry: dict[str, object], step_s: f
         signals = {name: columns[name][rows] for name in SIGNALS if name in columns}
         part: Part = entry["split"]  # type: ignore[assignment]
         found.append(
-            Stretch(
+            Segment(
                 str(entry["name"]),
                 str(entry["source"]),
                 str(entry["kind"]),

@@ -28,7 +28,7 @@ from acqd.models.bundle.bundle import fingerprint
 from acqd.models.bundle.envelope import Envelope
 from acqd.models.bundle.restore import open_model
 from acqd.models.metrics import predictions
-from acqd.models.segments import Stretch, stretches_of
+from acqd.models.segments import Segment, segments_of
 from acqd.robot.description import load_description
 from acqd.robot.log import RobotLog, in_time, read_log
 from acqd.sidecar.store import Done
@@ -73,8 +73,8 @@ class Worker:
         """Raises UserError, InputError."""
         self.settings, self._engine = settings, engine
         self.bundle, self.model = open_model(settings.bundle)
-        self._robot = load_description(self.bundle.about["description"])
-        self._envelope = Envelope.from_json(self.bundle.about["envelope"])
+        self._robot = load_description(self.bundle.metadata["description"])
+        self._envelope = Envelope.from_json(self.bundle.metadata["envelope"])
         self.monitor: Monitor | None = None
         self.notes: list[str] = []
         try:
@@ -86,7 +86,7 @@ class Worker:
     @property
     def name(self) -> str:
         """Of the model."""
-        return str(self.bundle.about["name"])
+        return str(self.bundle.metadata["name"])
 
     def restore(self, memory: Any) -> None:
         """Where an earlier sidecar with the same model stopped."""
@@ -140,28 +140,28 @@ class Worker:
         stream = self._power(log)
         lag_s, how = self._lag(log, stream)
         recording = merge(path.stem, log, stream, lag_s, 0.0, self.model.step_s)
-        stretches = self._stretches(path, recording, log)
-        about["covered"] = round(self._covered(stretches, log), 4)
-        predicted = predictions(self.model, stretches)
-        errors = residuals(predicted, stretches)
-        for stretch in stretches:
-            outside = self._envelope.outside(stretch.q, self.model.step_s)
+        segments = self._segments(path, recording, log)
+        about["covered"] = round(self._covered(segments, log), 4)
+        predicted = predictions(self.model, segments)
+        errors = residuals(predicted, segments)
+        for segment in segments:
+            outside = self._envelope.outside(segment.q, self.model.step_s)
             about["outside_envelope"] = max(float(outside.mean()), about.get("outside_envelope", 0.0))
         alarm = None
         if self.monitor is not None and how == _SURE_LAG:  # a lag off by 10 ms is a change of the residual, too
-            for stretch, off, guess in zip(stretches, errors, predicted, strict=True):
-                alarm = self.monitor.update(off, guess, stretch.start_s, self.model.step_s) or alarm
-        P, guess = np.concatenate([s.P for s in stretches]), np.concatenate(predicted)
+            for segment, off, guess in zip(segments, errors, predicted, strict=True):
+                alarm = self.monitor.update(off, guess, segment.start_s, self.model.step_s) or alarm
+        P, guess = np.concatenate([s.P for s in segments]), np.concatenate(predicted)
         hours = self.model.step_s / 3600
         about |= {
             "status": "ok", "measured": stream.measured, "rows": len(P), "lag_s": round(lag_s, 5), "lag_by": how,
-            "begin": rfc3339(stretches[0].start_s),
-            "end": rfc3339(stretches[-1].start_s + len(stretches[-1].P) * self.model.step_s),
+            "begin": rfc3339(segments[0].start_s),
+            "end": rfc3339(segments[-1].start_s + len(segments[-1].P) * self.model.step_s),
             "rmse_W": rms(errors), "mae_W": float(np.abs(np.concatenate(errors)).mean()),
             "energy_kWh": float(P.sum()) * hours / 1000, "energy_predicted_kWh": float(guess.sum()) * hours / 1000,
             "drift": self._drift(), "alarm": None if alarm is None else alarm.as_json() | {"log": name},
         }  # fmt: skip
-        stamps = [s.start_s + self.model.step_s * np.arange(len(s.P)) for s in stretches]
+        stamps = [s.start_s + self.model.step_s * np.arange(len(s.P)) for s in segments]
         times = np.array([filetime(round(t * 1e9)) for t in np.concatenate(stamps).tolist()])
         return Done(sha256, name, self.name, "ok", about, times, P, guess)
 
@@ -243,18 +243,18 @@ class Worker:
     def _later(self, log: RobotLog, stream: PowerStream, lag_s: float) -> float:
         """s that power is later than the model has it: the model knows this robot better than any regression."""
         recording = merge(log.path.stem, log, stream, lag_s, 0.0, self.model.step_s)
-        stretches = self._stretches(log.path, recording, log)
+        segments = self._segments(log.path, recording, log)
         found = [
-            delay_of(guess, stretch.P, self.model.step_s)
-            for guess, stretch in zip(predictions(self.model, stretches), stretches, strict=True)
+            delay_of(guess, segment.P, self.model.step_s)
+            for guess, segment in zip(predictions(self.model, segments), segments, strict=True)
         ]
         told = [delay for delay, gain, _ in found if gain > 0.0 and abs(delay) < _MOST_LATER_S]
         return float(np.median(told)) if told else 0.0
 
-    def _stretches(self, path: Path, recording: Recording, log: RobotLog) -> list[Stretch]:
+    def _segments(self, path: Path, recording: Recording, log: RobotLog) -> list[Segment]:
         entry: dict[str, object] = {"name": path.stem, "source": path.stem, "kind": "other", "split": "test"}
         columns = {"time_ns": recording.time_ns, "valid": recording.valid, **recording.columns}
-        found = stretches_of(columns, entry, self.model.step_s)  # type: ignore[arg-type]
+        found = segments_of(columns, entry, self.model.step_s)  # type: ignore[arg-type]
         covered = self._covered(found, log)
         if covered < _LEAST_COVERED:
             raise UserError(
@@ -262,10 +262,10 @@ class Worker:
             )
         return found
 
-    def _covered(self, stretches: list[Stretch], log: RobotLog) -> float:
+    def _covered(self, segments: list[Segment], log: RobotLog) -> float:
         """Share of the log's time that is compared."""
         stamps, _ = in_time(log)
-        seconds = sum(len(each.P) for each in stretches) * self.model.step_s
+        seconds = sum(len(each.P) for each in segments) * self.model.step_s
         return min(1.0, float(seconds / max(stamps[-1] - stamps[0], 1e-9)))
 
 

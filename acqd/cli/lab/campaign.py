@@ -61,7 +61,7 @@ def campaign(
 
     acqd lab campaign --out hidden --limited 20 --all 20 --undeclared payload:mass_kg=1.2,from=21
     """
-    from acqd.lab.campaign.run import CampaignOrder, run_campaign
+    from acqd.lab.campaign.run import CampaignConfig, run_campaign
     from acqd.lab.effects import parse_effect
     from acqd.lab.settings import CampaignSettings
 
@@ -80,7 +80,7 @@ def campaign(
         "scene": scene,
         "seed": seed,
     }
-    order = CampaignOrder(
+    order = CampaignConfig(
         settings_from(CampaignSettings, settings, given, orders),
         out.absolute(),
         (truth or out.with_name(out.name + ".truth")).absolute(),

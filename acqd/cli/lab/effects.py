@@ -19,7 +19,7 @@ def effects(json: Json = False) -> None:
     known = known_effects()
     if json:
         listed = [
-            {"id": cls.id, "about": cls.about, "strength": cls.strength[0], "unit": cls.strength[1]}
+            {"id": cls.id, "about": cls.summary, "strength": cls.strength[0], "unit": cls.strength[1]}
             | {"parameters": dict(cls.defaults)}
             for cls in known.values()
         ]
@@ -28,7 +28,7 @@ def effects(json: Json = False) -> None:
     table = Table("effect", "what it does", "parameters (strength first)", "strength in")
     for cls in known.values():
         parameters = ",".join(f"{name}={value:g}" for name, value in cls.defaults.items())
-        table.add_row(cls.id, cls.about, parameters, cls.strength[1])
+        table.add_row(cls.id, cls.summary, parameters, cls.strength[1])
     console = Console()
     console.width = max(console.width, 170)  # parameter names must be readable to be used
     console.print(table)

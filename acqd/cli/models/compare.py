@@ -32,13 +32,15 @@ def compare(
         raise UserError(f"acqd compare needs {' and '.join(missing)}: install acqd[model]")
     from acqd.models.compare.evaluate import compare as run
     from acqd.models.compare.report import as_json, write_report
-    from acqd.models.segments import load_data
+    from acqd.models.segments import load_dataset
 
     folder = models or default_models(dataset)
     console = Console(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("predicting", total=1.0)
-        found = run(load_data(dataset), folder, lambda what, share: bar.update(task, description=what, completed=share))
+        found = run(
+            load_dataset(dataset), folder, lambda what, share: bar.update(task, description=what, completed=share)
+        )
     path = out or folder / "report.html"
     write_report(found, path)
     for note in found.notes:

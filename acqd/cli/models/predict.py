@@ -45,9 +45,9 @@ def predict(
         )
     known = np.isfinite(made.P)
     summary = {
-        "model": opened.about["name"],
-        "robot": opened.about["robot"],
-        "trained_on_power": opened.about["measured"],
+        "model": opened.metadata["name"],
+        "robot": opened.metadata["robot"],
+        "trained_on_power": opened.metadata["measured"],
         "rows": len(made.P),
         "gaps": int((~known).sum()),
         "mean_W": float(made.P[known].mean()),

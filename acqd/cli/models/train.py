@@ -96,7 +96,7 @@ def train(
         raise UserError(f"--without is for --network grey-box and takes {', '.join(DENIABLE)}")
     if out is not None and (table_7_1 or len(seed or []) > 1):
         raise UserError("--out is one bundle's folder; several models go into --models")
-    from acqd.models.config import TrainOrder
+    from acqd.models.config import TrainConfig
     from acqd.models.networks.settings import TrainingSettings
     from acqd.models.protocol import orders
     from acqd.models.training import bundle_name
@@ -111,15 +111,15 @@ def train(
         device=device,
     )
     folder = models or default_models(dataset)
-    wanted: list[TrainOrder] = []
+    wanted: list[TrainConfig] = []
     for each in seed or [1]:
-        template = TrainOrder(dataset, network or "", Path(), tuple(on or ()), each, settings, robot)
+        template = TrainConfig(dataset, network or "", Path(), tuple(on or ()), each, settings, robot)
         if table_7_1:
             wanted += orders(template, folder)
         else:
             path = out or folder / bundle_name(template.network, template.kinds, each)
             denied = tuple(group for effect in without or () for group in DENIABLE[effect])
-            wanted.append(TrainOrder(dataset, template.network, path, template.kinds, each, settings, robot, denied))
+            wanted.append(TrainConfig(dataset, template.network, path, template.kinds, each, settings, robot, denied))
     console = Console(stderr=True)
     bar = Progress(
         TextColumn("{task.description}"),

@@ -12,7 +12,7 @@ from typing import Any
 import orjson
 
 from acqd.atomic import write_complete
-from acqd.discrepancy.config import CloseOrder
+from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.loop import close_loop
 from acqd.discrepancy.monitor.cusum import Baseline, Monitor
 from acqd.discrepancy.recordings import FEWEST_RECORDINGS, LEAST_S, seen_by
@@ -25,7 +25,7 @@ from acqd.models.bundle.reference import load_reference
 from acqd.models.bundle.restore import open_model
 from acqd.models.metrics import predictions
 from acqd.models.predictor import Predictor
-from acqd.models.segments import Stretch, load_data
+from acqd.models.segments import Segment, load_dataset
 
 STATE = "watch.json"
 
@@ -36,7 +36,7 @@ class Event:
 
     kind: str
     """resumed, recording, alarm, proposal, or trouble with the dataset."""
-    about: dict[str, Any]
+    details: dict[str, Any]
 
 
 def baseline_of(bundle: Path, model: Predictor, between_s: float) -> Baseline:
@@ -46,13 +46,13 @@ def baseline_of(bundle: Path, model: Predictor, between_s: float) -> Baseline:
     """
     remembered = load_reference(bundle)
     errors = errors_of(model, remembered) if remembered else []
-    fitted = [stretch.split == "train" for stretch in remembered]
+    fitted = [segment.split == "train" for segment in remembered]
     unseen = [off for off, own in zip(errors, fitted, strict=True) if not own]
     seen = [off for off, own in zip(errors, fitted, strict=True) if own]
     more = max(1.0, rms(unseen) / max(rms(seen), 1e-9)) if seen and unseen else 1.0
     errors = [off * (more if own else 1.0) for off, own in zip(errors, fitted, strict=True)]
     if errors:
-        starts = [stretch.start_s for stretch in remembered]
+        starts = [segment.start_s for segment in remembered]
         found = Baseline.of(errors, predictions(model, remembered), starts, model.step_s, between_s)
         if found is not None:
             return found
@@ -68,13 +68,13 @@ class Watch:
     What was seen, the sums and the alarm outlive the process (`watch.json`).
     """
 
-    def __init__(self, order: CloseOrder, between_s: float) -> None:
+    def __init__(self, order: CloseConfig, between_s: float) -> None:
         """Raises UserError, InputError."""
         self._order = order
         self._bundle: Bundle
         self._bundle, self._model = open_model(order.bundle)
         self._monitor = Monitor(baseline_of(order.bundle, self._model, between_s))
-        fitted, _ = seen_by(self._bundle.about["provenance"])
+        fitted, _ = seen_by(self._bundle.metadata["provenance"])
         self._seen: set[str] = set(fitted)
         self._tried = 0  # affected recordings when tracing was tried last
         self._settled = False
@@ -94,7 +94,7 @@ class Watch:
         if digest == self._digest:
             return
         try:
-            data = load_data(self._order.dataset)
+            data = load_dataset(self._order.dataset)
         except (UserError, InputError) as error:  # it may be just being built anew: the next look tells
             if str(error) != self._trouble:
                 yield Event("trouble", {"reason": str(error)})
@@ -103,34 +103,34 @@ class Watch:
         self._trouble = ""
         if data.axes != self._model.axes:
             raise UserError(f"{self._order.dataset} has {data.axes} axes, the model {self._model.axes}")
-        new = [stretch for stretch in data.stretches if stretch.recording not in self._seen]
-        for recording, stretches in in_time(new):
-            yield from self._take(recording, stretches, data.step_s)
+        new = [segment for segment in data.segments if segment.recording not in self._seen]
+        for recording, segments in in_time(new):
+            yield from self._take(recording, segments, data.step_s)
         self._digest = digest
         self._remember()
-        yield from self._propose(data.stretches, data.step_s, progress)
+        yield from self._propose(data.segments, data.step_s, progress)
 
-    def _take(self, recording: str, stretches: list[Stretch], step_s: float) -> Iterator[Event]:
+    def _take(self, recording: str, segments: list[Segment], step_s: float) -> Iterator[Event]:
         alarm = None
-        predicted = predictions(self._model, stretches)
-        errors = residuals(predicted, stretches)
-        for stretch, off, guess in zip(stretches, errors, predicted, strict=True):
-            alarm = self._monitor.update(off, guess, stretch.start_s, step_s) or alarm
+        predicted = predictions(self._model, segments)
+        errors = residuals(predicted, segments)
+        for segment, off, guess in zip(segments, errors, predicted, strict=True):
+            alarm = self._monitor.update(off, guess, segment.start_s, step_s) or alarm
         self._seen.add(recording)
         yield Event("recording", {"recording": recording, "rmse": rms(errors)})
         if alarm is not None:
             yield Event("alarm", alarm.as_json() | {"recording": recording})
 
     def _propose(
-        self, stretches: list[Stretch], step_s: float, progress: Callable[[str, float], None]
+        self, segments: list[Segment], step_s: float, progress: Callable[[str, float], None]
     ) -> Iterator[Event]:
         """Trace on what came since the onset: with the first few recordings, and whenever there are twice as many."""
         alarm = self._monitor.alarm
         if alarm is None or self._settled:
             return
-        affected = [s for s in stretches if s.start_s + len(s.P) * step_s > alarm.onset_s]
-        count = len({stretch.recording for stretch in affected})
-        seconds = sum(len(stretch.P) for stretch in affected) * step_s
+        affected = [s for s in segments if s.start_s + len(s.P) * step_s > alarm.onset_s]
+        count = len({segment.recording for segment in affected})
+        seconds = sum(len(segment.P) for segment in affected) * step_s
         if count < max(FEWEST_RECORDINGS, 2 * self._tried) or seconds < LEAST_S:
             return
         name = datetime.fromtimestamp(alarm.onset_s, UTC).strftime("proposal-%Y%m%dT%H%M%SZ")
@@ -180,9 +180,9 @@ class Watch:
         return fingerprint(self._order.bundle)
 
 
-def in_time(stretches: list[Stretch]) -> list[tuple[str, list[Stretch]]]:
+def in_time(segments: list[Segment]) -> list[tuple[str, list[Segment]]]:
     """By recording, the earliest first."""
-    found: dict[str, list[Stretch]] = {}
-    for stretch in sorted(stretches, key=lambda each: each.start_s):
-        found.setdefault(stretch.recording, []).append(stretch)
+    found: dict[str, list[Segment]] = {}
+    for segment in sorted(segments, key=lambda each: each.start_s):
+        found.setdefault(segment.recording, []).append(segment)
     return list(found.items())

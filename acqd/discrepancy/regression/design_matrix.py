@@ -18,7 +18,7 @@ from acqd.models.effects import library
 from acqd.models.effects.effect import Variant, effect_rows
 from acqd.models.effects.scene import RADIUS, Lag, Scene, averaged, scene_of
 from acqd.models.greybox.model import GreyBox
-from acqd.models.segments import Stretch
+from acqd.models.segments import Segment
 from acqd.numerics import mad_sigma
 from acqd.robot.arm import Arm
 
@@ -38,7 +38,7 @@ class Candidate:
     places: NDArray[np.int64]
     """Raw columns."""
     variant: Variant | None
-    derived: bool = False
+    detected: bool = False
     """Whether its columns were found by looking at the residual."""
     cost: float = 0.0
     """Parameters spent on that search."""
@@ -59,10 +59,10 @@ class Part:
     """One block of rows."""
 
     recording: str
-    fresh: bool
+    in_question: bool
     """Of the dataset in question (else of the reference)."""
     start_s: float
-    stretch: int
+    segment: int
     rows: slice
     """Of its stretch; the first ORDER are lost to whitening."""
 
@@ -76,11 +76,11 @@ class Design:
     """Columns of the base model, the first."""
     candidates: list[Candidate]
     parts: list[Part]
-    stretches: list[Stretch]
+    segments: list[Segment]
     scenes: list[Scene]
     raw: list[NDArray[np.float32]]
     """Per stretch [T, p]."""
-    off: list[Floats]
+    residual: list[Floats]
     """Per stretch [T] W: measured minus predicted by the base model."""
     whitener: Whitener
     patient: Whitener = field(default_factory=lambda: Whitener(np.ones(1)))
@@ -96,26 +96,26 @@ class Design:
     @property
     def dynamic_range(self) -> float:
         """Of the measured power: p99 - p1 [W]."""
-        return float(np.ptp(np.percentile(np.concatenate([s.P for s in self.stretches]), [1, 99])))
+        return float(np.ptp(np.percentile(np.concatenate([s.P for s in self.segments]), [1, 99])))
 
     @property
-    def fresh(self) -> Floats:
+    def in_question(self) -> Floats:
         """[blocks] 1 for the dataset in question."""
-        return np.array([part.fresh for part in self.parts]) * 1.0
+        return np.array([part.in_question for part in self.parts]) * 1.0
 
 
 def make_design(
     model: GreyBox,
     arm: Arm,
-    stretches: list[tuple[Stretch, bool]],
+    segments: list[tuple[Segment, bool]],
     chosen: set[str],
     withheld: frozenset[str],
     progress: Callable[[float], None],
 ) -> Design:
     """`stretches` with whether they are in question; `chosen` effects compete, and all rivals."""
-    only = [stretch for stretch, _ in stretches]
+    only = [segment for segment, _ in segments]
     scenes = [scene_of(model, s.q, s.signals, s.start_s, s.channels) for s in only]
-    _tell_time(scenes, [fresh for _, fresh in stretches])
+    _tell_time(scenes, [in_question for _, in_question in segments])
     ranges = Ranges.of(scenes)
     effects = [e for name, e in library().items() if name in chosen and all(e.possible(scene) for scene in scenes)]
     raw: list[NDArray[np.float32]] = []
@@ -134,32 +134,38 @@ def make_design(
         ]
         place += effect_rows(effect, scenes[0]).shape[1]
     candidates += [Candidate("", r.name, place + np.array(r.columns), None) for r in rivals(model.axes)]
-    off = [s.P - scene.metered for s, scene in zip(only, scenes, strict=True)]
-    parts = _parts(stretches, model.step_s)
+    off = [s.P - scene.predicted for s, scene in zip(only, scenes, strict=True)]
+    parts = _parts(segments, model.step_s)
     none = Whitener(np.ones(1))
     return Design(model, model.layout.size, candidates, parts, only, scenes, raw, off, none, chosen=chosen)
 
 
-def _tell_time(scenes: list[Scene], fresh: list[bool]) -> None:
+def _tell_time(scenes: list[Scene], in_question: list[bool]) -> None:
     """Effects that remember when the session began are told."""
     for kind in (True, False):
-        origin = min((float(s.t[0]) for s, f in zip(scenes, fresh, strict=True) if f == kind), default=0.0)
-        for scene, own in zip(scenes, fresh, strict=True):
+        origin = min((float(s.t[0]) for s, f in zip(scenes, in_question, strict=True) if f == kind), default=0.0)
+        for scene, own in zip(scenes, in_question, strict=True):
             if own == kind:
                 scene.memory["origin_s"] = origin
 
 
-def _parts(stretches: list[tuple[Stretch, bool]], step_s: float) -> list[Part]:
+def _parts(segments: list[tuple[Segment, bool]], step_s: float) -> list[Part]:
     found = []
-    for number, (stretch, fresh) in enumerate(stretches):
-        rows = len(stretch.P)
+    for number, (segment, in_question) in enumerate(segments):
+        rows = len(segment.P)
         count = max(1, round(rows / _LONGEST_ROWS))
         edges = np.linspace(0, rows, count + 1).astype(int)
         for first, last in itertools.pairwise(edges):
             first = max(0, int(first) - ORDER)  # rows lost to whitening come from the block before
             if last - first >= LEAST_ROWS:
                 found.append(
-                    Part(stretch.recording, fresh, stretch.start_s + first * step_s, number, slice(first, int(last)))
+                    Part(
+                        segment.recording,
+                        in_question,
+                        segment.start_s + first * step_s,
+                        number,
+                        slice(first, int(last)),
+                    )
                 )
     return found
 
@@ -191,14 +197,14 @@ def distrust(design: Design, fits: list[Floats]) -> float:
 
 def _known_motion(design: Design, part: Part) -> NDArray[np.bool_]:
     """[rows] of a part: False for the last of a stretch, whose motion goes on where nobody logged it."""
-    last = len(design.off[part.stretch]) - RADIUS
+    last = len(design.residual[part.segment]) - RADIUS
     return np.arange(part.rows.start + ORDER, part.rows.stop) < last
 
 
 def _both(design: Design, part: Part) -> NDArray[np.float32]:
     """[rows, p + 1] columns and residual of a part, not white."""
-    off = design.off[part.stretch][part.rows, None]
-    return np.concatenate([design.raw[part.stretch][part.rows], off.astype(np.float32)], axis=1)
+    off = design.residual[part.segment][part.rows, None]
+    return np.concatenate([design.raw[part.segment][part.rows], off.astype(np.float32)], axis=1)
 
 
 def sum_up(design: Design) -> None:
@@ -238,7 +244,7 @@ def replace_columns(design: Design, places: NDArray[np.int64], columns: list[Flo
     for number, values in enumerate(columns):
         design.raw[number][:, places] = values
     for number, part in enumerate(design.parts):
-        values = columns[part.stretch][part.rows]
+        values = columns[part.segment][part.rows]
         gram, plain = design.blocks.grams[number], design.blocks.plain[number]
         gram[places, :] = gram[:, places] = plain[places, :] = plain[:, places] = 0.0
         if not values.any():

@@ -43,7 +43,7 @@ class Column:
     """[blocks] 0 or 1."""
     deviation: float = np.inf
     """Of a prior around 0."""
-    wanders: bool = False
+    block_intercept: bool = False
     """A block's own level: part of the noise, not of what is known."""
 
 
@@ -57,7 +57,7 @@ class Competition:
     """[c] and of their products with the residual."""
     rest: float
     """White sum of squares that the model leaves."""
-    carried: Floats
+    projection: Floats
     """[model, c] how much of each candidate the model takes over."""
     beta: Floats
     """[model] coefficients without candidates."""
@@ -86,10 +86,10 @@ class Model:
         for i in open_:
             Gmc += weighted[i] * self.gates[:, i, None] * grams[i][np.ix_(self.places, candidates)]
         factor = cho_factor(A)
-        carried = cho_solve(factor, Gmc)
+        projection = cho_solve(factor, Gmc)
         beta = cho_solve(factor, b)
-        S = Gcc - Gmc.T @ carried
-        return Competition(S, Gcy - Gmc.T @ beta, float(total - b @ beta), carried, beta)
+        S = Gcc - Gmc.T @ projection
+        return Competition(S, Gcy - Gmc.T @ beta, float(total - b @ beta), projection, beta)
 
     def normal(self, weights: Floats) -> tuple[Floats, Floats, float]:
         """Normal matrix and vector with the priors, and the white sum of squares; blocks weighted."""
@@ -112,17 +112,17 @@ class Model:
         """[blocks, c] what each block says of candidates that the model does not take over; they add up to r."""
         grams, y = self.blocks.grams, self.blocks.y
         found = np.zeros((len(self.blocks), len(candidates)))
-        beta, carried = competition.beta, competition.carried
+        beta, projection = competition.beta, competition.projection
         for i in range(len(self.blocks)):
             own = self.gates[:, i]
             left_m = own * (grams[i][self.places, y] - grams[i][np.ix_(self.places, self.places)] @ (own * beta))
-            found[i] = -carried.T @ left_m
+            found[i] = -projection.T @ left_m
             if gate[i]:
                 left_c = grams[i][candidates, y] - grams[i][np.ix_(candidates, self.places)] @ (own * beta)
                 found[i] += gate[i] * left_c
         return found
 
-    def confront(
+    def held_out_products(
         self, found: Competition, candidates: NDArray[np.int64], gate: Floats, blocks: NDArray[np.int64], grams: Floats
     ) -> tuple[Floats, Floats]:
         """Candidates' Gram [c, c] and products with the residual [c] in some blocks, by a fit that has not seen them.
@@ -136,8 +136,8 @@ class Model:
             square, cross_mc = g[np.ix_(at, at)], g[np.ix_(candidates, at)]
             left = gate[i] * (g[candidates, y] - cross_mc @ (own * found.beta))
             left_m = own * (g[at, y] - square @ (own * found.beta))
-            s += left - found.carried.T @ left_m
-            carried = own[:, None] * found.carried
-            cross = gate[i] * cross_mc @ carried
-            Q += gate[i] * g[np.ix_(candidates, candidates)] - cross - cross.T + carried.T @ square @ carried
+            s += left - found.projection.T @ left_m
+            projection = own[:, None] * found.projection
+            cross = gate[i] * cross_mc @ projection
+            Q += gate[i] * g[np.ix_(candidates, candidates)] - cross - cross.T + projection.T @ square @ projection
         return Q, s

@@ -22,7 +22,7 @@ def base_columns(arm: Arm, scene: Scene, withheld: frozenset[str] = frozenset())
     model = scene.model
     layout = model.layout
     fine = np.zeros((len(scene.q), layout.size))
-    pull = scene.steer.copy()
+    pull = scene.power_per_torque.copy()
     if "gain" in withheld:
         pull -= model.group("gain")[0] * scene.qd
     if "copper" in withheld:

@@ -15,7 +15,7 @@ from acqd.discrepancy.selection.stepwise import Gate, onset_gates
 from acqd.models.effects import library
 from acqd.models.greybox.model import GreyBox
 from acqd.models.greybox.parameters import prior
-from acqd.models.segments import Stretch
+from acqd.models.segments import Segment
 from acqd.numerics import mad_sigma, solve_scaled_ridge
 from acqd.robot.arm import Arm
 from acqd.robot.description import RobotDescription
@@ -31,8 +31,8 @@ _LAG_SPREAD_S = 0.003
 def prepare(
     model: GreyBox,
     robot: RobotDescription,
-    fresh: list[Stretch],
-    reference: list[Stretch],
+    in_question: list[Segment],
+    reference: list[Segment],
     chosen: set[str],
     withheld: set[str],
     progress: Callable[[float], None],
@@ -43,8 +43,8 @@ def prepare(
     held at nought.
     """
     arm = Arm(robot)
-    stretches = [(each, False) for each in reference] + [(each, True) for each in fresh]
-    design = make_design(model, arm, stretches, chosen, frozenset(withheld), progress)
+    segments = [(each, False) for each in reference] + [(each, True) for each in in_question]
+    design = make_design(model, arm, segments, chosen, frozenset(withheld), progress)
     _withhold(design, withheld)
     belief = prior(model.layout, robot, inertial_parameters(arm), 0.0, model.step_s)
     spread = deviations(model, belief.deviation)
@@ -53,16 +53,16 @@ def prepare(
         spread[model.layout.place(group)] = _HELD
     everywhere = np.ones(len(design.parts))
     base = [Column(k, everywhere, float(spread[k])) for k in range(design.base)]
-    whiten(design, Whitener.of(design.off))
+    whiten(design, Whitener.of(design.residual))
     enough = len({each.recording for each in reference}) >= _FEWEST_FOR_NOISE
-    quiet = 1 - design.fresh if enough else everywhere
-    left = _left_by_everything(design, base, quiet)
+    noise_weights = 1 - design.in_question if enough else everywhere
+    left = _left_by_everything(design, base, noise_weights)
     whiten(design, Whitener.of(left))
     design.patient = Whitener.of(left, 3 * ORDER)
     _distrust_outliers(design, base, bool(reference))
     common = _common(design) if reference else []
-    columns = [*base, *(Column(k, everywhere) for k in common), *_wandering(design, quiet)]
-    return design, Model(design.blocks, columns), onset_gates(design, design.fresh)
+    columns = [*base, *(Column(k, everywhere) for k in common), *block_intercepts(design, noise_weights)]
+    return design, Model(design.blocks, columns), onset_gates(design, design.in_question)
 
 
 def _withhold(design: Design, withheld: set[str]) -> None:
@@ -71,19 +71,23 @@ def _withhold(design: Design, withheld: set[str]) -> None:
     for group in withheld:
         place = layout.place(group)
         for number, raw in enumerate(design.raw):
-            design.off[number] = design.off[number] + raw[:, place] @ design.model.values[place]
+            design.residual[number] = design.residual[number] + raw[:, place] @ design.model.values[place]
 
 
-def _wandering(design: Design, quiet: Floats) -> list[Column]:
+def block_intercepts(design: Design, noise_weights: Floats) -> list[Column]:
     """A level of its own for every block, as far as levels are known to wander.
 
     Standby power wanders over tens of seconds, longer than the noise model remembers; without this, a block's mean
     would count as some thousand independent witnesses of a constant load.
     """
-    means = np.array([design.off[p.stretch][p.rows].mean() for p, w in zip(design.parts, quiet, strict=True) if w])
+    means = np.array(
+        [design.residual[p.segment][p.rows].mean() for p, w in zip(design.parts, noise_weights, strict=True) if w]
+    )
     deviation = max(mad_sigma(means), 1e-3)
     standby = design.model.layout.place("standby").start
-    return [Column(standby, np.eye(len(design.parts))[k], deviation, wanders=True) for k in range(len(design.parts))]
+    return [
+        Column(standby, np.eye(len(design.parts))[k], deviation, block_intercept=True) for k in range(len(design.parts))
+    ]
 
 
 def _common(design: Design) -> list[int]:
@@ -97,20 +101,20 @@ def _common(design: Design) -> list[int]:
         if candidate.id and effects[candidate.id].structural:
             found |= set(candidate.places.tolist())
     power = np.einsum("bkk->bk", design.blocks.plain) / np.maximum(design.blocks.rows, 1.0)[:, None]
-    fresh, before = (power[side > 0].mean(axis=0) for side in (design.fresh, 1 - design.fresh))
-    return sorted(k for k in found if before[k] > _ACTS * fresh[k])
+    in_question, before = (power[side > 0].mean(axis=0) for side in (design.in_question, 1 - design.in_question))
+    return sorted(k for k in found if before[k] > _ACTS * in_question[k])
 
 
 def _left_by_everything(design: Design, base: list[Column], weights: Floats) -> list[Floats]:
     """Residuals of a fit of all columns there are: only noise is left for certain (notes/residual.md, stage 3)."""
     beta = _everything(design, base, weights)
-    open_ = sorted({part.stretch for part, weight in zip(design.parts, weights, strict=True) if weight})
-    return [design.off[k] - design.raw[k] @ beta for k in open_]
+    open_ = sorted({part.segment for part, weight in zip(design.parts, weights, strict=True) if weight})
+    return [design.residual[k] - design.raw[k] @ beta for k in open_]
 
 
 def _distrust_outliers(design: Design, base: list[Column], contrast: bool) -> None:
     """Each side by a fit of everything to itself: an effect that only one of them has is no outlier."""
-    sides = [design.fresh, 1 - design.fresh] if contrast else [design.fresh]
+    sides = [design.in_question, 1 - design.in_question] if contrast else [design.in_question]
     fits: list[Floats] = [np.zeros(design.blocks.y)] * len(design.parts)
     for side in sides:
         beta = _everything(design, base, side)

@@ -46,7 +46,7 @@ class Ranges:
         """Of all recordings."""
         q = np.concatenate([scene.q[::4] for scene in scenes])
         speed = np.concatenate([np.abs(scene.qd[::4]) for scene in scenes])
-        power = np.concatenate([scene.metered for scene in scenes])
+        power = np.concatenate([scene.predicted for scene in scenes])
         return cls(
             q.min(axis=0), q.max(axis=0), np.maximum(np.percentile(speed, 99.5, axis=0), 1e-3),
             np.percentile(power, [50, 75, 90, 97]),
@@ -63,10 +63,10 @@ def generic_columns(scene: Scene, ranges: Ranges) -> Floats:
     share = np.abs(scene.qd) / ranges.speed
     for joint in range(scene.axes):
         found += [np.exp(-(((share[:, joint] - middle) / 0.08) ** 2)) for middle in _SPEEDS]
-    found += list(scene.qdd.T * scene.steer.T)
-    load = np.repeat(scene.metered, len(scene.q) // scene.rows)
+    found += list(scene.qdd.T * scene.power_per_torque.T)
+    load = np.repeat(scene.predicted, len(scene.q) // scene.rows)
     found += [np.maximum(load - level, 0.0) for level in ranges.power]
-    found += [_remembered(np.abs(scene.drives), scene.fine_s, seconds) for seconds in _MEMORIES_S]
+    found += [_remembered(np.abs(scene.drives), scene.substep_s, seconds) for seconds in _MEMORIES_S]
     moving = _moving(scene)
     starts, stops = edges(moving, scene, "moving")
     found += list(bins(since(starts, scene, "start_age"), _AFTER_S).T)

@@ -24,7 +24,7 @@ class Improved:
     base: Predictor
     """As it was, or re-fitted."""
     kept: list[Added]
-    told: list[Added]
+    reported_only: list[Added]
     """Found, but at moments that nothing foretells: the report has them, the model has not."""
     refused: list[Added]
     worth: list[float]
@@ -40,7 +40,7 @@ class Improved:
 
 def improve(subject: Subject, found: list[Added], errors_before: list[Floats], seed: int) -> Improved:
     """Add what was found; keep what helps on the held-out recordings."""
-    unchanged = Improved(subject.model, [], *_unforeseen(found), [], errors_before)
+    unchanged = Improved(subject.model, [], *_split_predictable(found), [], errors_before)
     if not found:
         return unchanged
     base: Predictor = subject.model
@@ -51,23 +51,23 @@ def improve(subject: Subject, found: list[Added], errors_before: list[Floats], s
     restored, terms = [e for e in found if e.restored], [e for e in found if not e.restored]
     kept, refused, errors, worth = guarded(base, terms, subject.carrier, subject.held_out)
     if rms(errors) >= rms(errors_before) or not restored + kept:
-        told, refused = _unforeseen(found)
-        return replace(unchanged, told=told, refused=refused)
+        reported_only, refused = _split_predictable(found)
+        return replace(unchanged, reported_only=reported_only, refused=refused)
     whole = rms(errors_before) - rms(errors)
-    told, refused = _unforeseen(refused)
-    return Improved(base, restored + kept, told, refused, [whole] * len(restored) + worth, errors)
+    reported_only, refused = _split_predictable(refused)
+    return Improved(base, restored + kept, reported_only, refused, [whole] * len(restored) + worth, errors)
 
 
-def _unforeseen(found: list[Added]) -> tuple[list[Added], list[Added]]:
+def _split_predictable(found: list[Added]) -> tuple[list[Added], list[Added]]:
     """Effects that no model could predict, and the others."""
-    told = [each for each in found if not library()[each.term.id].foreseen]
-    return told, [each for each in found if library()[each.term.id].foreseen]
+    reported_only = [each for each in found if not library()[each.term.id].predictable]
+    return reported_only, [each for each in found if library()[each.term.id].predictable]
 
 
 def _share(base: Predictor, each: Added, subject: Subject) -> float:
     """How much of an effect a network has not learned by itself already."""
-    alone = Augmented.of(base, subject.carrier, [each.term])
-    both = zip(predictions(alone, subject.fit), predictions(base, subject.fit), strict=True)
+    unit_torque = Augmented.of(base, subject.carrier, [each.term])
+    both = zip(predictions(unit_torque, subject.fit), predictions(base, subject.fit), strict=True)
     power = np.concatenate([with_effect - without for with_effect, without in both])
     error = np.concatenate(errors_of(base, subject.fit))
     power = power - power.mean()

@@ -27,10 +27,10 @@ def refitted(subject: Subject, found: list[Added], seed: int) -> tuple[Predictor
     found = [replace(e, restored=bool(restored & set(DENIABLE.get(e.term.id, ())))) for e in found]
     beside = Augmented(subject.carrier, subject.carrier, [each.term for each in found if not each.restored])
     left = []
-    for stretch in subject.fit:
-        known = beside.known(signals_of(beside, stretch), len(stretch.P))
-        effects = beside.effects(padded(stretch.q, RADIUS), known, stretch.start_s)
-        left.append(replace(stretch, P=stretch.P - effects))
+    for segment in subject.fit:
+        known = beside.known(signals_of(beside, segment), len(segment.P))
+        effects = beside.effects(padded(segment.q, RADIUS), known, segment.start_s)
+        left.append(replace(segment, P=segment.P - effects))
     denied = tuple(sorted(subject.withheld - restored))
     fit = fit_grey_box(subject.robot, left, subject.data.step_s, seed, lambda _: None, denied)
     return fit.model, found

@@ -19,7 +19,7 @@ from acqd.models.effects.scene import RADIUS
 from acqd.models.features import padded
 from acqd.models.metrics import predictions, signals_of
 from acqd.models.predictor import Predictor
-from acqd.models.segments import Stretch
+from acqd.models.segments import Segment
 
 _FOLLOWS_CLOCK = ("thermal_friction", "clock_drift")
 
@@ -48,7 +48,7 @@ def added(design: Design, model: Any, named: Named, seed: int) -> Added:
     values, half = intervals(design, others(design, model, named), named, named.gate)
     about = _parameters(named, values, half)
     shape = dict(named.shape)
-    origin = min(part.start_s for part in design.parts if part.fresh)
+    origin = min(part.start_s for part in design.parts if part.in_question)
     if named.id in _FOLLOWS_CLOCK:
         shape["origin_s"] = origin
     if named.gate.begin is not None:
@@ -101,7 +101,7 @@ def scaled(term: Term, factor: float) -> Term:
 
 
 def guarded(
-    base: Predictor, terms: list[Added], carrier: Any, held_out: list[Stretch]
+    base: Predictor, terms: list[Added], carrier: Any, held_out: list[Segment]
 ) -> tuple[list[Added], list[Added], list[Floats], list[float]]:
     """Terms that help on `held_out`, those that do not, the residuals, and what each kept term is worth (W RMS).
 
@@ -117,35 +117,35 @@ def guarded(
         kept.pop(int(np.argmin(worth)))
 
 
-def _errors_with(base: Predictor, terms: list[Added], carrier: Any, held_out: list[Stretch]) -> list[Floats]:
+def _errors_with(base: Predictor, terms: list[Added], carrier: Any, held_out: list[Segment]) -> list[Floats]:
     return errors_of(Augmented.of(base, carrier, [each.term for each in terms]), held_out)
 
 
-def errors_of(model: Predictor, stretches: list[Stretch]) -> list[Floats]:
+def errors_of(model: Predictor, segments: list[Segment]) -> list[Floats]:
     """[T] W measured minus predicted, for each stretch; see `residuals`."""
-    return residuals(predictions(model, stretches), stretches)
+    return residuals(predictions(model, segments), segments)
 
 
-def residuals(predicted: list[Floats], stretches: list[Stretch]) -> list[Floats]:
+def residuals(predicted: list[Floats], segments: list[Segment]) -> list[Floats]:
     """[T] W measured minus predicted, for each stretch.
 
     A log that ends in motion does not say how it went on: its outermost rows are not judged, they get their
     neighbour's residual.
     """
-    found = [s.P - guess for s, guess in zip(stretches, predicted, strict=True)]
+    found = [s.P - guess for s, guess in zip(segments, predicted, strict=True)]
     for errors in found:
         errors[:RADIUS], errors[-RADIUS:] = errors[RADIUS], errors[-RADIUS - 1]
     return found
 
 
-def without_known(model: Predictor, stretches: list[Stretch]) -> list[Stretch]:
+def without_known(model: Predictor, segments: list[Segment]) -> list[Segment]:
     """Stretches without the power of effects that the model has already."""
     if not isinstance(model, Augmented):
-        return stretches
-    known = [model.known(signals_of(model, s), len(s.P)) for s in stretches]
+        return segments
+    known = [model.known(signals_of(model, s), len(s.P)) for s in segments]
     return [
         replace(s, P=s.P - model.effects(padded(s.q, RADIUS), signals, s.start_s))
-        for s, signals in zip(stretches, known, strict=True)
+        for s, signals in zip(segments, known, strict=True)
     ]
 
 
@@ -159,8 +159,8 @@ def described(each: Added) -> str:
     effect = library()[each.term.id]
     since = f", since {each.begin}" if each.begin else ""
     if np.isinf(each.evidence):
-        return f"{effect.about}: {each.consistency:.0%} of {each.recordings} recordings are shifted the same way"
+        return f"{effect.summary}: {each.consistency:.0%} of {each.recordings} recordings are shifted the same way"
     return (
-        f"{effect.about} ({each.term.where}{since}): explains {each.evidence:.0f} units of white squared error beyond "
-        f"chance; {each.consistency:.0%} of {each.recordings} recordings agree"
+        f"{effect.summary} ({each.term.where}{since}): explains {each.evidence:.0f} units of white squared error "
+        f"beyond chance; {each.consistency:.0%} of {each.recordings} recordings agree"
     )

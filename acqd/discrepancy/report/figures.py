@@ -34,8 +34,8 @@ def example(closed: Closed) -> Figure:
         float((b**2).mean() - (a**2).mean()) for b, a in zip(closed.errors_before, closed.errors_after, strict=True)
     ]
     k = int(np.argmax(gains))
-    stretch = held_out[k]
-    before, after = stretch.P - closed.errors_before[k], stretch.P - closed.errors_after[k]
+    segment = held_out[k]
+    before, after = segment.P - closed.errors_before[k], segment.P - closed.errors_after[k]
     width = min(len(before), int(_SHOWN_S / step_s))
     better = np.convolve(closed.errors_before[k] ** 2 - closed.errors_after[k] ** 2, np.ones(width), "valid")
     first = int(better.argmax())
@@ -43,7 +43,7 @@ def example(closed: Closed) -> Figure:
     t = step_s * np.arange(len(before))[rows]
     figure = _figure(9.5, 5.2)
     top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=[2, 1])
-    top.plot(t, stretch.P[rows], color="black", lw=1.0, label="measured")
+    top.plot(t, segment.P[rows], color="black", lw=1.0, label="measured")
     top.plot(t, before[rows], color=_BEFORE, lw=1.0, label="model before")
     top.plot(t, after[rows], color=_AFTER, lw=1.0, label="model after")
     top.set_ylabel("P [W]")
@@ -52,14 +52,14 @@ def example(closed: Closed) -> Figure:
     bottom.plot(t, closed.errors_after[k][rows], color=_AFTER, lw=0.8)
     bottom.axhline(0, color="black", lw=0.5)
     bottom.set_ylabel("left over [W]")
-    bottom.set_xlabel(f"time in {stretch.recording} [s]")
+    bottom.set_xlabel(f"time in {segment.recording} [s]")
     return figure
 
 
 def by_recording(closed: Closed) -> Figure:
     """RMS error of every held-out recording in the order of time."""
     held_out = closed.subject.held_out
-    order = np.argsort([stretch.start_s for stretch in held_out])
+    order = np.argsort([segment.start_s for segment in held_out])
     figure = _figure(9.5, 2.8)
     axes = figure.subplots()
     x = np.arange(len(order))
@@ -107,10 +107,10 @@ def explained(closed: Closed, named: Named) -> Figure:
     for number, part in enumerate(design.parts):
         if not named.gate.open[number]:
             continue
-        raw = design.raw[part.stretch][part.rows][:, tracing.model.places]
+        raw = design.raw[part.segment][part.rows][:, tracing.model.places]
         weights = beta * tracing.model.gates[:, number]
         effect = raw @ np.where(mine, weights, 0.0)
-        rest = design.off[part.stretch][part.rows] - raw @ np.where(mine, 0.0, weights)
+        rest = design.residual[part.segment][part.rows] - raw @ np.where(mine, 0.0, weights)
         contribution.append(effect)
         partial.append(rest)
         power = float(effect @ effect)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from acqd.discrepancy.config import CloseOrder
+from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.loop import ENOUGH_S, Closed
 from acqd.discrepancy.repair.terms import Added, described
 from acqd.discrepancy.report import figures
@@ -22,7 +22,7 @@ VERDICTS = {
 }
 
 
-def as_json(order: CloseOrder, closed: Closed) -> dict[str, Any]:
+def as_json(order: CloseConfig, closed: Closed) -> dict[str, Any]:
     """The fixed keys, and what else is worth knowing."""
     subject = closed.subject
     return {
@@ -30,8 +30,8 @@ def as_json(order: CloseOrder, closed: Closed) -> dict[str, Any]:
         "unit": "W",
         "measured": subject.data.measured,
         "recordings": {
-            "fit": len({stretch.recording for stretch in subject.fit}),
-            "held_out": len({stretch.recording for stretch in subject.held_out}),
+            "fit": len({segment.recording for segment in subject.fit}),
+            "held_out": len({segment.recording for segment in subject.held_out}),
         },
         "noise_floor": closed.floor_W,
         "before": closed.before.as_json(),
@@ -45,7 +45,7 @@ def as_json(order: CloseOrder, closed: Closed) -> dict[str, Any]:
         "joint_level": None if closed.joints is None else closed.joints.as_text(),
         "next": next_steps(closed),
         "notes": closed.notes,
-        "model": {"name": subject.bundle.about["name"], "bundle": str(order.bundle)},
+        "model": {"name": subject.bundle.metadata["name"], "bundle": str(order.bundle)},
         "dataset": str(order.dataset),
         "seed": order.seed,
     }
@@ -60,7 +60,7 @@ def _effect(closed: Closed, number: int) -> dict[str, Any]:
     return {
         "id": each.term.id,
         "where": each.term.where,
-        "parameters": each.term.about,
+        "parameters": each.term.parameters,
         "delta_rmse": before - after,
         "share_of_explainable": float(np.clip((before**2 - after**2) / explainable, 0.0, 1.0)),
         "confidence": each.confidence,
@@ -105,13 +105,13 @@ def next_steps(closed: Closed) -> list[str]:
             "ask what was changed in the cell, and record what may drive it; the pictures show what it follows"
         )
     if closed.verdict == "not_identifiable":
-        seconds = sum(len(stretch.P) for stretch in closed.subject.fit) * closed.subject.data.step_s
+        seconds = sum(len(segment.P) for segment in closed.subject.fit) * closed.subject.data.step_s
         few = f"{seconds:.0f} s are too few to tell an effect from noise: " if seconds < ENOUGH_S else ""
         steps.append(f"{few}record a dozen more recordings of a minute each, with other motions")
     return steps
 
 
-def write_report(path: Path, order: CloseOrder, closed: Closed) -> None:
+def write_report(path: Path, order: CloseConfig, closed: Closed) -> None:
     """report.html. Raises UserError."""
     subject = closed.subject
     page = Page(f"What the model leaves over: {order.dataset.name}", simulated=subject.data.measured == "simulated")
@@ -168,10 +168,10 @@ def _numbers(quality: Any) -> list[float]:
 def _tell(page: Page, closed: Closed, each: Added, number: int) -> None:
     effect = library()[each.term.id]
     page.heading(f"{number + 1}. {each.term.id} - {each.term.where}")
-    page.text(effect.about[0].upper() + effect.about[1:] + f". Equation: {effect.equation}.")
+    page.text(effect.summary[0].upper() + effect.summary[1:] + f". Equation: {effect.equation}.")
     page.text(described(each))
     rows = []
-    for name, parameter in each.term.about.items():
+    for name, parameter in each.term.parameters.items():
         interval = parameter["ci95"]
         shown = f"{interval[0]:.4g} to {interval[1]:.4g}" if interval else "as found in the search"
         rows.append([name, float(parameter["value"]), parameter["unit"], shown])

@@ -7,7 +7,7 @@ from pathlib import Path
 import orjson
 
 from acqd.atomic import complete_folder
-from acqd.discrepancy.config import CloseOrder
+from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.loop import Closed, provenance
 from acqd.discrepancy.report.page import as_json, write_report
 from acqd.errors import UserError
@@ -26,7 +26,7 @@ def require_writable(folder: Path) -> None:
         raise UserError(f"{folder} exists and is no earlier report: it would be lost; choose another --out")
 
 
-def write_all(order: CloseOrder, closed: Closed) -> None:
+def write_all(order: CloseConfig, closed: Closed) -> None:
     """Fill `order.out`. Raises UserError, OperationError."""
     with complete_folder(order.out) as folder:
         write_report(folder / "report.html", order, closed)
@@ -35,34 +35,36 @@ def write_all(order: CloseOrder, closed: Closed) -> None:
         save_bundle(folder / BUNDLE, augmented_bundle(order, closed))
 
 
-def augmented_bundle(order: CloseOrder, closed: Closed) -> Bundle:
+def augmented_bundle(order: CloseConfig, closed: Closed) -> Bundle:
     """The model with its effects; if there are any, it remembers the recordings that it was closed on."""
     subject = closed.subject
-    about = dict(subject.bundle.about)
+    metadata = dict(subject.bundle.metadata)
     arrays = dict(subject.bundle.arrays)
     base, improved = closed.improved.base, closed.improved.model(subject)
     if isinstance(base, GreyBox):
         arrays |= arrays_of(base)
-        if base is not subject.model and "parameters" in about:  # intervals of the old fit are not those of the new one
+        if (
+            base is not subject.model and "parameters" in metadata
+        ):  # intervals of the old fit are not those of the new one
             names = zip(base.layout.names(), base.values, strict=True)
-            about["parameters"] = [{"name": n, "value": float(v), "unit": u, "ci95": None} for (n, u), v in names]
+            metadata["parameters"] = [{"name": n, "value": float(v), "unit": u, "ci95": None} for (n, u), v in names]
         restored = {group for each in closed.kept if each.restored for group in DENIABLE[each.term.id]}
-        about["withheld"] = sorted(subject.withheld - restored)
+        metadata["withheld"] = sorted(subject.withheld - restored)
     terms = [each.term for each in closed.kept if not each.restored]
     if terms and (not isinstance(base, GreyBox) or base is not subject.carrier):
-        about["carrier"] = {"signals": list(subject.carrier.signals)}
+        metadata["carrier"] = {"signals": list(subject.carrier.signals)}
         arrays |= {f"carrier.{name}": array for name, array in arrays_of(subject.carrier).items()}
-    earlier = list(about.get("effects", []))
-    about["effects"] = [*earlier, *(term.as_json() for term in terms)]
-    known = {each["name"] for each in about["inputs"]}
-    about["inputs"] = [
-        *about["inputs"],
+    earlier = list(metadata.get("effects", []))
+    metadata["effects"] = [*earlier, *(term.as_json() for term in terms)]
+    known = {each["name"] for each in metadata["inputs"]}
+    metadata["inputs"] = [
+        *metadata["inputs"],
         *({"name": name, "unit": "V" if name == "Vrms" else "0/1"} for name in improved.signals if name not in known),
     ]
-    about["look_ahead_rows"] = improved.radius
+    metadata["look_ahead_rows"] = improved.radius
     if closed.kept:
-        about["provenance"] = about["provenance"] | provenance(order, closed)
-    about["loop"] = {"before": closed.before.as_json(), "after": closed.after.as_json(), "verdict": closed.verdict}
+        metadata["provenance"] = metadata["provenance"] | provenance(order, closed)
+    metadata["loop"] = {"before": closed.before.as_json(), "after": closed.after.as_json(), "verdict": closed.verdict}
     # what was not explained must stay a change: only a model that has taken it up may forget how things were
     remembered = [*subject.held_out, *subject.fit] if closed.kept else subject.reference or subject.fit
-    return Bundle(about, arrays, reference_arrays(remembered))
+    return Bundle(metadata, arrays, reference_arrays(remembered))

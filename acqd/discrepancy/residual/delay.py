@@ -12,7 +12,7 @@ from scipy.interpolate import CubicSpline
 
 from acqd.arrays import Floats
 from acqd.models.effects.scene import Scene
-from acqd.models.segments import Stretch
+from acqd.models.segments import Segment
 from acqd.numerics import mad_sigma, theil_sen_slope
 
 _REACH_S, _STEP_S = 0.8, 0.02
@@ -46,9 +46,9 @@ class Delay:
         return self.rate != 0.0
 
 
-def find_delay(scenes: list[Scene], stretches: list[Stretch]) -> Delay | None:
+def find_delay(scenes: list[Scene], segments: list[Segment]) -> Delay | None:
     """None where power and motion are together."""
-    found = [(scene, *_best(scene, stretch.P)) for scene, stretch in zip(scenes, stretches, strict=True)]
+    found = [(scene, *_best(scene, segment.P)) for scene, segment in zip(scenes, segments, strict=True)]
     usable = [(float(scene.t.mean()), delay, gain) for scene, delay, gain, moving in found if moving > _LEAST_MOVING_W]
     if len(usable) < 3:
         return None
@@ -76,10 +76,10 @@ def single_delay(scene: Scene, P: Floats) -> float | None:
     return delay if moving > _LEAST_MOVING_W else None
 
 
-def corrected(stretch: Stretch, delay: Delay, step_s: float) -> Stretch:
+def corrected(segment: Segment, delay: Delay, step_s: float) -> Segment:
     """The stretch with power where the motion is."""
-    t: Floats = stretch.start_s + step_s * np.arange(len(stretch.P), dtype=np.float64)
-    return replace(stretch, P=np.interp(t + delay.at(t), t, stretch.P))
+    t: Floats = segment.start_s + step_s * np.arange(len(segment.P), dtype=np.float64)
+    return replace(segment, P=np.interp(t + delay.at(t), t, segment.P))
 
 
 def _line(t: Floats, delays: Floats) -> tuple[float, float, float]:
@@ -93,7 +93,7 @@ def _line(t: Floats, delays: Floats) -> tuple[float, float, float]:
 
 def _best(scene: Scene, P: Floats) -> tuple[float, float, float]:
     """Delay, the share of the residual's variance that it takes away, and how much power moves (W)."""
-    return delay_of(scene.metered, P, scene.step_s)
+    return delay_of(scene.predicted, P, scene.step_s)
 
 
 def delay_of(predicted: Floats, P: Floats, step_s: float) -> tuple[float, float, float]:

@@ -9,7 +9,7 @@ import numpy as np
 from acqd.arrays import Floats
 from acqd.discrepancy.residual.whitening import autocorrelation
 from acqd.models.features import motion
-from acqd.models.segments import Stretch
+from acqd.models.segments import Segment
 from acqd.numerics import mad_sigma, runs_of_true
 
 _STILL_RAD_S = 0.005
@@ -47,17 +47,17 @@ def quality(errors: list[Floats]) -> Quality:
     )
 
 
-def noise_floor(stretches: list[Stretch], step_s: float) -> tuple[float, str]:
+def noise_floor(segments: list[Segment], step_s: float) -> tuple[float, str]:
     """W RMS that no model of motion can explain, and where it was seen: at rest, else between neighbouring rows."""
     found = []
-    for stretch in stretches:
-        speed = np.abs(motion(stretch.q, step_s)[1]).max(axis=1)
+    for segment in segments:
+        speed = np.abs(motion(segment.q, step_s)[1]).max(axis=1)
         for first, last in runs_of_true(speed < _STILL_RAD_S):
-            rest = stretch.P[first + _SETTLED_ROWS : last]
+            rest = segment.P[first + _SETTLED_ROWS : last]
             found += [rest[k : k + _REST_ROWS].std() for k in range(0, len(rest) - _REST_ROWS + 1, _REST_ROWS)]
     if len(found) >= _LEAST_RESTS:  # the median: brakes and tools switch while the arm rests
         return float(np.median(found)), "at rest, within two seconds"
-    second = np.concatenate([np.diff(stretch.P, 2) for stretch in stretches])
+    second = np.concatenate([np.diff(segment.P, 2) for segment in segments])
     return mad_sigma(second, 0.0) / np.sqrt(6), "between neighbouring rows"
 
 
@@ -74,31 +74,31 @@ class Aspect:
     """W."""
 
 
-def aspects(stretches: list[Stretch], errors: list[Floats], predicted: list[Floats], step_s: float) -> list[Aspect]:
+def aspects(segments: list[Segment], errors: list[Floats], predicted: list[Floats], step_s: float) -> list[Aspect]:
     """Where it lives: speed and angle of every joint, load, mains voltage, time, temperature, events."""
     e = np.concatenate(errors)
-    moved = [motion(stretch.q, step_s) for stretch in stretches]
+    moved = [motion(segment.q, step_s) for segment in segments]
     q, qd = (np.concatenate([each[k] for each in moved]) for k in (0, 1))
-    t = np.concatenate([s.start_s + step_s * np.arange(len(s.P)) for s in stretches])
+    t = np.concatenate([s.start_s + step_s * np.arange(len(s.P)) for s in segments])
     found = [_binned(f"speed of joint {k + 1}", "rad/s", qd[:, k], e) for k in range(q.shape[1])]
     found += [_binned(f"angle of joint {k + 1}", "rad", q[:, k], e) for k in range(q.shape[1])]
     found.append(_binned("predicted power", "W", np.concatenate(predicted), e))
     found.append(_binned("time", "min", (t - t.min()) / 60, e))
     found.append(
-        _binned("time in the recording", "s", np.concatenate([step_s * np.arange(len(s.P)) for s in stretches]), e)
+        _binned("time in the recording", "s", np.concatenate([step_s * np.arange(len(s.P)) for s in segments]), e)
     )
-    if all("Vrms" in stretch.channels for stretch in stretches):
-        found.append(_binned("mains voltage", "V", np.concatenate([s.channels["Vrms"] for s in stretches]), e))
-    if all("temperature" in stretch.channels for stretch in stretches):
-        warmest = np.concatenate([np.nanmax(s.channels["temperature"], axis=1) for s in stretches])
+    if all("Vrms" in segment.channels for segment in segments):
+        found.append(_binned("mains voltage", "V", np.concatenate([s.channels["Vrms"] for s in segments]), e))
+    if all("temperature" in segment.channels for segment in segments):
+        warmest = np.concatenate([np.nanmax(s.channels["temperature"], axis=1) for s in segments])
         found.append(_binned("temperature of the warmest joint", "degC", warmest, e))
     for name in ("brake", "tool"):
-        if all(name in stretch.signals for stretch in stretches):
+        if all(name in segment.signals for segment in segments):
             found.append(
                 _binned(
                     f"time since {name} came on",
                     "s",
-                    np.concatenate([_age(s.signals[name], step_s) for s in stretches]),
+                    np.concatenate([_age(s.signals[name], step_s) for s in segments]),
                     e,
                 )
             )

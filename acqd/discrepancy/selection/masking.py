@@ -25,7 +25,7 @@ def confined(design: Design, finding: Finding, gate: NDArray[np.float64]) -> boo
     acting = _acting(design, finding)
     if acting is None:
         return False
-    own = [acting[part.stretch][part.rows] for part, open_ in zip(design.parts, gate, strict=True) if open_]
+    own = [acting[part.segment][part.rows] for part, open_ in zip(design.parts, gate, strict=True) if open_]
     return bool(np.concatenate(own).mean() < _MOST)
 
 
@@ -40,7 +40,7 @@ def elsewhere(design: Design, findings: list[Finding]) -> Design:
             continue
         for number, part in enumerate(design.parts):
             # rows before the part count too: its first white rows remember them
-            touched = binary_dilation(acting[part.stretch], reach)[part.rows][ORDER:]
+            touched = binary_dilation(acting[part.segment], reach)[part.rows][ORDER:]
             trusted[number] &= ~touched
     other = replace(design, trusted=trusted)
     sum_up(other)

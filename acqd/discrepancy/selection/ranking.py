@@ -15,8 +15,8 @@ from acqd.discrepancy.regression.gram import Model
 from acqd.numerics import solve_scaled_ridge
 
 _DRAWS = 999
-_ACTING = 0.01  # of the power that it has in the recording where it has most
-_NEVER = 1e-3  # white sum of squares of a column that never acts, or that the model has already
+_ACTIVE_SHARE = 0.01  # of the power that it has in the recording where it has most
+_MIN_COLUMN_POWER = 1e-3  # white sum of squares of a column that never acts, or that the model has already
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +78,7 @@ def rank(design: Design, model: Model, gate: Floats, candidates: list[Candidate]
     findings = []
     for number, (candidate, own) in enumerate(zip(candidates, owns, strict=True)):
         S, r = _part(found.S, found.r, own, candidate)
-        if not S.size or np.diag(S).min() < _NEVER:
+        if not S.size or np.diag(S).min() < _MIN_COLUMN_POWER:
             continue  # never acts here, or the model has it already
         theta = solve_part(S, r)
         if not _possible(candidate, theta, S):
@@ -101,7 +101,7 @@ def rank(design: Design, model: Model, gate: Floats, candidates: list[Candidate]
     return sorted(findings, key=lambda finding: -finding.evidence)
 
 
-def quick(
+def rank_pooled(
     design: Design, model: Model, gate: Floats, candidates: list[Candidate], weights: Floats | None = None
 ) -> list[Finding]:
     """The same without a look at single recordings; `weights` [blocks] as in Model.compete."""
@@ -111,7 +111,7 @@ def quick(
     findings = []
     for candidate, own in zip(candidates, owns, strict=True):
         S, r = _part(found.S, found.r, own, candidate)
-        if not S.size or np.diag(S).min() < _NEVER:
+        if not S.size or np.diag(S).min() < _MIN_COLUMN_POWER:
             continue
         theta = solve_part(S, r)
         if not _possible(candidate, theta, S):
@@ -138,7 +138,7 @@ def _consistency(design: Design, gate: Floats, candidate: Candidate, agreement: 
     recordings = [(names == name) & (gate > 0) for name in np.unique(names[gate > 0])]
     power = np.array([own[blocks].sum() for blocks in recordings])
     pulls = np.array([agreement[blocks].sum() for blocks in recordings])
-    acting = power > _ACTING * power.max()
+    acting = power > _ACTIVE_SHARE * power.max()
     if not acting.any():  # only in rows that are left out
         return 0, 0.0
     return int(acting.sum()), float((pulls[acting] > 0).mean())
@@ -159,7 +159,7 @@ def chance(model: Model, gate: Floats, candidates: list[Candidate], seed: int) -
     largest = np.zeros(_DRAWS)
     for candidate, own in zip(candidates, owns, strict=True):
         S, _ = _part(found.S, found.r, own, candidate)
-        if not S.size or np.diag(S).min() < _NEVER:
+        if not S.size or np.diag(S).min() < _MIN_COLUMN_POWER:
             continue
         E = scores[:, own] if candidate.mix is None else scores[:, own] @ candidate.mix
         V = E.T @ E + 1e-3 * S
@@ -180,12 +180,12 @@ def held_out(
         own_blocks = np.array([name == recording for name in names])
         found = model.compete(used, gate, (~own_blocks).astype(float))
         sides = [
-            model.confront(found, used, gate, np.flatnonzero(own_blocks), grams)
+            model.held_out_products(found, used, gate, np.flatnonzero(own_blocks), grams)
             for grams in (design.blocks.grams, design.blocks.plain)
         ]
         for k, (candidate, own) in enumerate(zip(candidates, owns, strict=True)):
             S, r = _part(found.S, found.r, own, candidate)
-            if not S.size or np.diag(S).min() < _NEVER:
+            if not S.size or np.diag(S).min() < _MIN_COLUMN_POWER:
                 continue
             theta = solve_part(S, r)
             for side, (Q, s) in enumerate(sides):

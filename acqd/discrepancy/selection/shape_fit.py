@@ -10,14 +10,14 @@ from scipy.optimize import minimize_scalar
 from acqd.arrays import Floats
 from acqd.discrepancy.regression.design_matrix import Candidate, Design, extend, replace_columns
 from acqd.discrepancy.regression.gram import Model
-from acqd.discrepancy.selection.detectors.candidates import Derived
-from acqd.discrepancy.selection.ranking import Finding, quick
+from acqd.discrepancy.selection.detectors.candidates import Detected
+from acqd.discrepancy.selection.ranking import Finding, rank_pooled
 from acqd.models.effects import library
 from acqd.models.effects.effect import Effect, Place, Shape, Variant, effect_rows, effect_rows_at
 from acqd.models.effects.scene import Scene
 
 _EVALUATIONS = 7
-_PULLS = 3
+_SECANT_ITERATIONS = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,16 +45,16 @@ class _Columns:
 
 
 def refine(
-    design: Design, model: Model, gate: Floats, finding: Finding, derived: Derived | None
+    design: Design, model: Model, gate: Floats, finding: Finding, detected: Detected | None
 ) -> tuple[Finding, dict[str, float]]:
     """The finding with columns of its own (one per parameter), its shape searched between neighbours."""
     candidate = finding.candidate
     assert candidate.variant is not None
     shape = dict(candidate.variant.shape)
-    if derived is not None and derived.ripple is None:
+    if detected is not None and detected.ripple is None:
         return finding, shape
     effect, place = library()[candidate.id], candidate.variant.place
-    open_ = frozenset(part.stretch for part, own in zip(design.parts, gate, strict=True) if own)
+    open_ = frozenset(part.segment for part, own in zip(design.parts, gate, strict=True) if own)
     rows = _Columns(design, effect, place, open_)
     places = extend(design, rows(shape))
     own = Candidate(candidate.id, candidate.label, places, Variant(
@@ -62,11 +62,11 @@ def refine(
     ))  # fmt: skip
     if shape and effect.bounds:
         shape = _searched(design, model, gate, own, rows, finding.drop)
-    found = quick(design, model, gate, [own])
-    for _ in range(_PULLS if effect.by_torque else 0):
+    found = rank_pooled(design, model, gate, [own])
+    for _ in range(_SECANT_ITERATIONS if effect.by_torque else 0):
         if found:
             replace_columns(design, places, rows(shape, found[0].coefficients))
-            found = quick(design, model, gate, [own])
+            found = rank_pooled(design, model, gate, [own])
     again = found[0] if found else replace(finding, candidate=own)
     return replace(
         finding, candidate=own, coefficients=again.coefficients, drop=again.drop, evidence=again.evidence
@@ -83,7 +83,7 @@ def _searched(
 
     def left(trial: float) -> float:
         replace_columns(design, own.places, rows({name: trial}))
-        found = quick(design, model, gate, [own])
+        found = rank_pooled(design, model, gate, [own])
         return -found[0].drop if found else 0.0
 
     best = minimize_scalar(left, bounds=(low, high), method="bounded", options={"maxiter": _EVALUATIONS})

@@ -12,9 +12,9 @@ from acqd.arrays import Floats
 from acqd.discrepancy.regression.design_matrix import Candidate, Design
 from acqd.discrepancy.regression.gram import Column, Model
 from acqd.discrepancy.residual.delay import single_delay
-from acqd.discrepancy.selection.detectors.candidates import Derived, derive, reference_gain
+from acqd.discrepancy.selection.detectors.candidates import Detected, detect, reference_gain
 from acqd.discrepancy.selection.masking import confined, elsewhere
-from acqd.discrepancy.selection.ranking import Finding, chance, quick, rank
+from acqd.discrepancy.selection.ranking import Finding, chance, rank, rank_pooled
 from acqd.discrepancy.selection.shape_fit import refine
 from acqd.models.effects import library
 from acqd.models.effects.effect import Place
@@ -24,10 +24,10 @@ Verdict = Literal["effects_found", "nothing_left", "unknown_structure", "not_ide
 
 LEAST_EVIDENCE = 20.0
 """White sum of squares: at tens of thousands of rows significance alone is useless."""
-_DERIVED_EVIDENCE = 250.0
+_DETECTED_EVIDENCE = 250.0
 _UNANIMOUS_EVIDENCE = 120.0
-_DERIVED_WORTH = 1.33  # times the best predictive evidence, before what was found by looking counts more
-_FORESEEN = 0.5
+_DETECTED_WORTH = 1.33  # times the best predictive evidence, before what was found by looking counts more
+_PREDICTIVE_SHARE = 0.5
 _RIVAL_MARGIN, _RIVAL_SHARE = 40.0, 0.06
 _COARSE = 1.3  # times the evidence: more than a refined shape can gain
 _ALPHA = 0.02
@@ -62,7 +62,7 @@ class Named:
     place: Place
     """In the effect's own columns, for the bundle."""
     shape: dict[str, float]
-    derived: Derived | None
+    detected: Detected | None
     rivals: list[Finding]
     """Best of every other effect, given what had been found before."""
     chance: float
@@ -129,7 +129,7 @@ def _without_small_clock(design: Design, model: Model, gate: Gate) -> Model:
     clocks = [c for c in design.candidates if c.id == "clock_offset"]
     if not clocks:
         return model
-    found = quick(design, model, gate.open, clocks)
+    found = rank_pooled(design, model, gate.open, clocks)
     if not found or abs(float(found[0].coefficients[0])) > _SMALL_CLOCK_S:
         return model
     return Model(design.blocks, [*model.columns, Column(int(clocks[0].places[0]), gate.open)])
@@ -142,25 +142,25 @@ def _step(design: Design, model: Model, gates: list[Gate], tracing: Tracing, lim
     """
     taken = {(named.id, named.finding.candidate.label) for named in tracing.found}
     pool = [c for c in design.candidates if (c.id, c.label) not in taken or not c.id]
-    found = derive(design, model, gates[0].open, {named.id for named in tracing.found})
-    derived = {id(each.candidate): each for each in found}
+    found = detect(design, model, gates[0].open, {named.id for named in tracing.found})
+    detected = {id(each.candidate): each for each in found}
     everywhere = _View(design, model, tracing.found, whole=True)
     likeliest = _best_gate(everywhere, gates, pool)
-    step = _under(likeliest, everywhere, gates, pool, derived, tracing, limits)
+    step = _best_under_gate(likeliest, everywhere, gates, pool, detected, tracing, limits)
     doubt = tracing.unknown, tracing.unknown_gate
     if step is None and likeliest is not gates[0]:
-        step = _under(gates[0], everywhere, gates, pool, derived, tracing, limits)
+        step = _best_under_gate(gates[0], everywhere, gates, pool, detected, tracing, limits)
         tracing.unknown, tracing.unknown_gate = doubt  # a second look may name, but it raises no doubts
     if step is not None:
-        return _made(design, model, gates, step, derived, tracing)
+        return _accept(design, model, gates, step, detected, tracing)
     moments = [named for named in tracing.found if confined(design, named.finding, named.gate.open)]
     if not moments:
         return None
     away = elsewhere(design, [named.finding for named in moments])
     calm = _View(away, Model(away.blocks, model.columns), [n for n in tracing.found if n not in moments], whole=False)
-    step = _under(_best_gate(calm, gates, pool), calm, gates, pool, {}, tracing, limits)
+    step = _best_under_gate(_best_gate(calm, gates, pool), calm, gates, pool, {}, tracing, limits)
     tracing.unknown, tracing.unknown_gate = doubt
-    return None if step is None else _made(design, model, gates, step, {}, tracing)
+    return None if step is None else _accept(design, model, gates, step, {}, tracing)
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,13 +169,13 @@ class _View:
 
     design: Design
     model: Model
-    wary: list[Named]
+    prior_findings: list[Named]
     whole: bool
     """All of the design's rows, so that columns can be added."""
 
 
 @dataclass(frozen=True, slots=True)
-class _Best:
+class _Winner:
     """What won under a gate."""
 
     finding: Finding
@@ -184,32 +184,32 @@ class _Best:
     limit: float
 
 
-def _made(
-    design: Design, model: Model, gates: list[Gate], best: _Best, derived: dict[int, Derived], tracing: Tracing
+def _accept(
+    design: Design, model: Model, gates: list[Gate], best: _Winner, detected: dict[int, Detected], tracing: Tracing
 ) -> Named:
     """With columns of its own, over all rows."""
     tracing.unknown = tracing.unknown_gate = None
     candidate = best.finding.candidate
-    gate = gates[0] if candidate.derived else best.gate
-    own = derived.get(id(candidate))
+    gate = gates[0] if candidate.detected else best.gate
+    own = detected.get(id(candidate))
     finding, shape = refine(design, model, gate.open, best.finding, own)
     assert candidate.variant is not None
     return Named(finding, gate, candidate.variant.place, shape, own, best.rivals, best.limit, model)
 
 
-def _under(
+def _best_under_gate(
     gate: Gate,
     view: _View,
     gates: list[Gate],
     pool: list[Candidate],
-    derived: dict[int, Derived],
+    detected: dict[int, Detected],
     tracing: Tracing,
     limits: Limits,
-) -> _Best | None:
+) -> _Winner | None:
     design, model = view.design, view.model
     findings = rank(design, model, gate.open, pool)
-    if derived:
-        findings += rank(design, model, gates[0].open, [each.candidate for each in derived.values()])
+    if detected:
+        findings += rank(design, model, gates[0].open, [each.candidate for each in detected.values()])
     findings.sort(key=lambda finding: -_worth(finding))
     tracing.looked_at = findings
     named = [finding for finding in findings if finding.candidate.id]
@@ -217,25 +217,25 @@ def _under(
     limit = float(np.quantile(chance(model, gate.open, pool, limits.seed), 1 - _ALPHA))
     if gate is not gates[0]:
         limit += np.log(len(gates))  # it was the best of so many
-    best = next((finding for finding in named if _credible(view, finding, limit, derived)), None)
-    rival = next((finding for finding in unnamed if _credible(view, finding, limit, derived)), None)
+    best = next((finding for finding in named if _credible(view, finding, limit, detected)), None)
+    rival = next((finding for finding in unnamed if _credible(view, finding, limit, detected)), None)
     if rival is not None and (best is None or (_outdone(best, rival) and not _defended(view, gate, best, rival))):
         if tracing.unknown is None:
             tracing.unknown, tracing.unknown_gate = rival, gate
         return None
     if best is None:
         return None
-    return _Best(best, gate, _one_each([each for each in named if _serious(design, each)], best), limit)
+    return _Winner(best, gate, _one_each([each for each in named if _serious(design, each)], best), limit)
 
 
 def _worth(finding: Finding) -> float:
     """What counts in the ranking: explained beyond chance, here and on recordings that took no part."""
-    return min(finding.evidence, finding.held_out) / (_DERIVED_WORTH if finding.candidate.derived else 1.0)
+    return min(finding.evidence, finding.held_out) / (_DETECTED_WORTH if finding.candidate.detected else 1.0)
 
 
 def _outdone(best: Finding, rival: Finding) -> bool:
-    if best.candidate.derived:  # found by looking: anything that foresees half as much is the better explanation
-        return rival.evidence > _FORESEEN * best.evidence
+    if best.candidate.detected:  # found by looking: anything that foresees half as much is the better explanation
+        return rival.evidence > _PREDICTIVE_SHARE * best.evidence
     return rival.evidence > best.evidence + _RIVAL_MARGIN + _RIVAL_SHARE * best.evidence
 
 
@@ -244,19 +244,19 @@ def _defended(view: _View, gate: Gate, best: Finding, rival: Finding) -> bool:
 
     Scanned shapes are coarse, and their columns are those of a small effect.
     """
-    if not view.whole or best.candidate.derived or rival.evidence > _COARSE * best.evidence:
+    if not view.whole or best.candidate.detected or rival.evidence > _COARSE * best.evidence:
         return False
     refined, _ = refine(view.design, view.model, gate.open, best, None)
     return not _outdone(replace(best, evidence=refined.evidence), rival)
 
 
-def _credible(view: _View, finding: Finding, limit: float, derived: dict[int, Derived]) -> bool:
+def _credible(view: _View, finding: Finding, limit: float, detected: dict[int, Detected]) -> bool:
     least = LEAST_EVIDENCE
-    if finding.candidate.derived and finding.evidence > _DERIVED_EVIDENCE:
-        least = max(_DERIVED_EVIDENCE, reference_gain(derived[id(finding.candidate)]))
-    elif finding.candidate.derived:
+    if finding.candidate.detected and finding.evidence > _DETECTED_EVIDENCE:
+        least = max(_DETECTED_EVIDENCE, reference_gain(detected[id(finding.candidate)]))
+    elif finding.candidate.detected:
         return False
-    for earlier in view.wary:
+    for earlier in view.prior_findings:
         neighbour = finding.candidate.id in library()[earlier.id].neighbours or finding.candidate.id in ("", earlier.id)
         least = max(least, (_NEIGHBOUR_SHARE if neighbour else _LATER_SHARE) * earlier.finding.evidence)
     return (
@@ -289,17 +289,17 @@ def relevant(design: Design, finding: Finding) -> bool:
 
 def _seen_directly(design: Design, seconds: float) -> bool:
     """Whether shifting whole recordings says so too: a slope also stands for motion that is sharper than logged."""
-    fresh = sorted({part.stretch for part in design.parts if part.fresh})
-    delays = [single_delay(design.scenes[k], design.stretches[k].P) for k in fresh]
-    told = [delay for delay in delays if delay is not None]
-    return bool(told) and abs(float(np.median(told)) - seconds) < 0.5 * abs(seconds)
+    in_question = sorted({part.segment for part in design.parts if part.in_question})
+    delays = [single_delay(design.scenes[k], design.segments[k].P) for k in in_question]
+    reported_only = [delay for delay in delays if delay is not None]
+    return bool(reported_only) and abs(float(np.median(reported_only)) - seconds) < 0.5 * abs(seconds)
 
 
 def _unanimous(finding: Finding) -> bool:
     """Nearly every recording where it acts says so: a few loud ones, or few at all, cannot surprise otherwise."""
     if finding.acting >= _FEW:
         return finding.consistency >= 0.9 and finding.evidence > _UNANIMOUS_EVIDENCE
-    loud = finding.evidence > 4 * _DERIVED_EVIDENCE and finding.held_out > 0.5 * finding.evidence
+    loud = finding.evidence > 4 * _DETECTED_EVIDENCE and finding.held_out > 0.5 * finding.evidence
     return finding.acting >= _FEWEST and finding.consistency == 1.0 and loud
 
 
@@ -314,7 +314,7 @@ def _one_each(named: list[Finding], best: Finding) -> list[Finding]:
 
 def _best_gate(view: _View, gates: list[Gate], pool: list[Candidate]) -> Gate:
     """All of it, unless an onset explains clearly more."""
-    best = [quick(view.design, view.model, gate.open, pool)[:1] for gate in gates]
+    best = [rank_pooled(view.design, view.model, gate.open, pool)[:1] for gate in gates]
     evidence = np.array([found[0].evidence if found else -np.inf for found in best])
     top = int(evidence.argmax())
     return gates[top] if evidence[top] > 1.05 * evidence[0] + 40.0 else gates[0]
@@ -329,22 +329,22 @@ def _prune(design: Design, tracing: Tracing) -> None:
         own = set(named.finding.candidate.places.tolist())
         others = [c for c in tracing.model.columns if not (c.place in own and c.gate is named.gate.open)]
         without = Model(design.blocks, others)
-        again = quick(design, without, named.gate.open, [named.finding.candidate])
+        again = rank_pooled(design, without, named.gate.open, [named.finding.candidate])
         if not again or again[0].evidence < LEAST_EVIDENCE:
             tracing.found.remove(named)
             tracing.model = without
 
 
-def onset_gates(design: Design, fresh: Floats) -> list[Gate]:
+def onset_gates(design: Design, in_question: Floats) -> list[Gate]:
     """All of the dataset, and from each of its recordings on (in the order of time)."""
     times: dict[str, float] = {}
-    for part, own in zip(design.parts, fresh, strict=True):
+    for part, own in zip(design.parts, in_question, strict=True):
         if own:
             times[part.recording] = min(times.get(part.recording, np.inf), part.start_s)
     order = sorted(times, key=lambda name: times[name])
-    gates = [Gate("all of it", fresh)]
+    gates = [Gate("all of it", in_question)]
     for number in range(_FEWEST, len(order) - _FEWEST + 1):
         later = set(order[number:])
-        gate = np.array([float(part.recording in later) for part in design.parts]) * fresh
+        gate = np.array([float(part.recording in later) for part in design.parts]) * in_question
         gates.append(Gate(f"from {order[number]} on", gate, order[number]))
     return gates

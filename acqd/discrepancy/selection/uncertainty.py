@@ -7,7 +7,7 @@ import numpy as np
 from acqd.arrays import Floats
 from acqd.discrepancy.regression.design_matrix import Candidate, Design
 from acqd.discrepancy.regression.gram import Column, Model
-from acqd.discrepancy.selection.ranking import quick, solve_part
+from acqd.discrepancy.selection.ranking import rank_pooled, solve_part
 from acqd.discrepancy.selection.stepwise import Gate, Named
 
 _DRAWS = 40
@@ -23,7 +23,7 @@ def confidence(design: Design, model: Model, named: Named, seed: int) -> tuple[f
     random = np.random.default_rng(seed)
     for _ in range(_DRAWS):
         weights = _resampled(design, random)
-        found = quick(design, model, named.gate.open, candidates, weights)
+        found = rank_pooled(design, model, named.gate.open, candidates, weights)
         if found:
             first[found[0].candidate.id] += 1
     total = max(sum(first.values()), 1)
@@ -34,12 +34,12 @@ def confidence(design: Design, model: Model, named: Named, seed: int) -> tuple[f
 def _resampled(design: Design, random: np.random.Generator) -> Floats:
     """How often each block counts when recordings are drawn with replacement, both sides on their own."""
     weights = np.zeros(len(design.parts))
-    for fresh in (True, False):
-        names = sorted({part.recording for part in design.parts if part.fresh == fresh})
+    for in_question in (True, False):
+        names = sorted({part.recording for part in design.parts if part.in_question == in_question})
         if names:
             counts = np.bincount(random.integers(0, len(names), len(names)), minlength=len(names))
             times = dict(zip(names, counts, strict=True))
-            weights += [times[part.recording] if part.fresh == fresh else 0 for part in design.parts]
+            weights += [times[part.recording] if part.in_question == in_question else 0 for part in design.parts]
     return weights
 
 
@@ -50,7 +50,7 @@ def intervals(design: Design, model: Model, named: Named, gate: Gate) -> tuple[F
     else that was found.
     """
     candidate = named.finding.candidate
-    whole, alone = _fit(model, candidate, gate, np.ones(len(design.parts)))
+    whole, unit_torque = _fit(model, candidate, gate, np.ones(len(design.parts)))
     names = sorted({part.recording for part, open_ in zip(design.parts, gate.open, strict=True) if open_})
     left = []
     for name in names:
@@ -60,7 +60,7 @@ def intervals(design: Design, model: Model, named: Named, gate: Gate) -> tuple[F
     if len(left) > 2:
         around = np.array(left) - np.mean(left, axis=0)
         spread = (len(left) - 1) / len(left) * (around**2).sum(axis=0)
-    return whole, _WIDTH * np.sqrt(spread + alone)
+    return whole, _WIDTH * np.sqrt(spread + unit_torque)
 
 
 def _fit(model: Model, candidate: Candidate, gate: Gate, weights: Floats) -> tuple[Floats, Floats]:

@@ -35,7 +35,7 @@ Engine = Literal["process", "ray"]
 
 
 @dataclass(frozen=True, slots=True)
-class CampaignOrder:
+class CampaignConfig:
     """What to do, and how."""
 
     settings: CampaignSettings
@@ -71,7 +71,7 @@ class CampaignReport:
     simulated: bool = True
 
 
-def run_campaign(order: CampaignOrder, progress: Callable[[str, float], None]) -> CampaignReport:
+def run_campaign(order: CampaignConfig, progress: Callable[[str, float], None]) -> CampaignReport:
     """Run what has not been run yet. `progress` gets a sentence and the share done. Raises UserError."""
     settings = order.settings
     folders = Folders(order.out, order.truth)
@@ -93,7 +93,7 @@ def run_campaign(order: CampaignOrder, progress: Callable[[str, float], None]) -
 
 
 def _run(
-    order: CampaignOrder,
+    order: CampaignConfig,
     folders: Folders,
     plans: list[SessionPlan],
     prepared: Generated | None,
@@ -137,7 +137,7 @@ def _prepare(settings: CampaignSettings, folders: Folders) -> Generated | None:
 
 
 def _execute(
-    order: CampaignOrder,
+    order: CampaignConfig,
     folders: Folders,
     plans: list[SessionPlan],
     left: list[SessionPlan],
@@ -295,7 +295,7 @@ def _write_truth(folders: Folders, settings: CampaignSettings, reports: list[dic
 
 def _described(identity: str, order: dict[str, Any]) -> dict[str, Any]:
     effect = known_effects()[identity]
-    return order | {"about": effect.about, "values": {**effect.defaults, **order["values"]}}
+    return order | {"about": effect.summary, "values": {**effect.defaults, **order["values"]}}
 
 
 def _write_json(path: Path, content: dict[str, Any]) -> None:
@@ -320,7 +320,7 @@ def metered_powers(truth: Path, reports: list[dict[str, Any]]) -> dict[str, Floa
     return powers
 
 
-def _summarise(order: CampaignOrder, reports: list[dict[str, Any]], powers: dict[str, Floats]) -> CampaignReport:
+def _summarise(order: CampaignConfig, reports: list[dict[str, Any]], powers: dict[str, Floats]) -> CampaignReport:
     summary = CampaignReport(str(order.out), str(order.truth), order.database)
     recordings = [
         recording | {"log": f"{report['device']}/{recording['name']}"}

@@ -5,6 +5,6 @@ Every class derived from `Effect` in a module of this package is one; so is ever
 `at=` the second in it where the effect begins.
 """
 
-from acqd.lab.effects.registry import EffectOrder, check_axes, known_effects, make_effects, parse_effect
+from acqd.lab.effects.registry import EffectSpec, check_axes, known_effects, make_effects, parse_effect
 
-__all__ = ["EffectOrder", "check_axes", "known_effects", "make_effects", "parse_effect"]
+__all__ = ["EffectSpec", "check_axes", "known_effects", "make_effects", "parse_effect"]

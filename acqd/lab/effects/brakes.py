@@ -17,7 +17,7 @@ class BrakeRelease(Effect):
     """Pull-in current of the brakes and inrush of the motors, the initial peak of thesis Figures 6.2 and 9.4."""
 
     id = "brake_release"
-    about = "peak when the brakes open: a surge that decays within tau_s, on top of a pull-in of pull_W for pull_s"
+    summary = "peak when the brakes open: a surge that decays within tau_s, on top of a pull-in of pull_W for pull_s"
     strength = ("peak_W", "W")
     defaults: ClassVar = {"peak_W": 220.0, "tau_s": 0.12, "pull_W": 60.0, "pull_s": 0.2}
     limits: ClassVar = {"tau_s": (0.001, 10), "pull_s": (0, 60)}
@@ -46,7 +46,7 @@ class BrakeHolding(Effect):
     """Current that keeps the brakes open."""
 
     id = "brake_holding"
-    about = "power of the brake coils while they are open"
+    summary = "power of the brake coils while they are open"
     strength = ("power_W", "W")
     defaults: ClassVar = {"power_W": 10.0}
 

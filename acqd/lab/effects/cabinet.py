@@ -16,7 +16,7 @@ class OffsetShift(Effect):
     """Something else was plugged in: standby rises for good."""
 
     id = "offset_shift"
-    about = "a constant load more (or less)"
+    summary = "a constant load more (or less)"
     strength = ("power_W", "W")
     defaults: ClassVar = {"power_W": 8.0}
     limits: ClassVar = {"power_W": (-50, 1e5)}
@@ -30,7 +30,7 @@ class Thermostat(Effect):
     """A fan or cabinet heater that switches by temperature, hence with its own period."""
 
     id = "thermostat"
-    about = "a load that switches on and off with a period of its own (period_s, duty)"
+    summary = "a load that switches on and off with a period of its own (period_s, duty)"
     strength = ("power_W", "W")
     defaults: ClassVar = {"power_W": 14.0, "period_s": 130.0, "duty": 0.45}
     limits: ClassVar = {"period_s": (1, 1e5), "duty": (0.02, 0.98)}
@@ -54,7 +54,7 @@ class ToolActuation(Effect):
     """An electric gripper: a pulse when it closes or opens, holding power while closed."""
 
     id = "tool_actuation"
-    about = "gripper: holding power while the tool is on, a pulse of pulse_W for pulse_s when it switches"
+    summary = "gripper: holding power while the tool is on, a pulse of pulse_W for pulse_s when it switches"
     strength = ("power_W", "W")
     defaults: ClassVar = {"power_W": 12.0, "pulse_W": 40.0, "pulse_s": 0.3}
     limits: ClassVar = {"pulse_s": (0.001, 60)}
@@ -79,7 +79,7 @@ class ProcessLoad(Effect):
     """A screwdriver, dispenser or welder on the same supply."""
 
     id = "process_load"
-    about = "equipment that works in phases named process or screw, else in bursts of a few seconds"
+    summary = "equipment that works in phases named process or screw, else in bursts of a few seconds"
     strength = ("power_W", "W")
     defaults: ClassVar = {"power_W": 18.0}
 

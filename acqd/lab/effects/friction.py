@@ -33,7 +33,7 @@ class CoulombFriction(_Friction):
     """Dry friction rises: a misaligned or dry gear."""
 
     id = "coulomb_friction"
-    about = "dry friction rises by a share, on one axis or (axis=0) on all"
+    summary = "dry friction rises by a share, on one axis or (axis=0) on all"
     strength = ("relative", "of the present dry friction")
     defaults: ClassVar = {"relative": 0.4, "axis": 0.0}
     limits: ClassVar = {"relative": (-1, 100), "axis": (0, 100)}
@@ -48,7 +48,7 @@ class ViscousFriction(_Friction):
     """Friction in proportion to speed rises: the wrong grease."""
 
     id = "viscous_friction"
-    about = "viscous friction rises by a share, on one axis or (axis=0) on all"
+    summary = "viscous friction rises by a share, on one axis or (axis=0) on all"
     strength = ("relative", "of the present viscous friction")
     defaults: ClassVar = {"relative": 0.5, "axis": 0.0}
     limits: ClassVar = {"relative": (-1, 100), "axis": (0, 100)}
@@ -63,7 +63,7 @@ class StribeckFriction(_Friction):
     """More friction near standstill."""
 
     id = "stribeck_friction"
-    about = "friction near standstill, dying out with speed (speed_rad_s)"
+    summary = "friction near standstill, dying out with speed (speed_rad_s)"
     strength = ("torque_Nm", "Nm")
     defaults: ClassVar = {"torque_Nm": 4.0, "speed_rad_s": 0.12, "axis": 0.0}
     limits: ClassVar = {"speed_rad_s": (1e-3, 10), "axis": (0, 100)}
@@ -79,7 +79,7 @@ class LoadDependentFriction(_Friction):
     """Friction in proportion to the torque that the gear transmits."""
 
     id = "load_dependent_friction"
-    about = "dry friction in proportion to the transmitted torque"
+    summary = "dry friction in proportion to the transmitted torque"
     strength = ("relative", "of the transmitted torque")
     defaults: ClassVar = {"relative": 0.12, "axis": 0.0}
     limits: ClassVar = {"relative": (0, 10), "axis": (0, 100)}
@@ -94,7 +94,7 @@ class ThermalFriction(_Friction):
     """A cold start: viscous friction that goes away while the arm works and comes back while it rests."""
 
     id = "thermal_friction"
-    about = "extra viscous friction of cold gears; time constant of warming up in minutes of motion"
+    summary = "extra viscous friction of cold gears; time constant of warming up in minutes of motion"
     strength = ("relative", "of the warm viscous friction")
     defaults: ClassVar = {"relative": 0.8, "minutes": 25.0, "axis": 0.0}
     limits: ClassVar = {"relative": (-1, 100), "minutes": (0.01, 1e5), "axis": (0, 100)}
@@ -118,7 +118,7 @@ class GearRipple(_Friction):
     """Torque that comes and goes with the gear's angle: an eccentric wave generator, a worn tooth."""
 
     id = "gear_ripple"
-    about = "torque periodic in one axis' angle (periods per turn)"
+    summary = "torque periodic in one axis' angle (periods per turn)"
     strength = ("torque_Nm", "Nm")
     defaults: ClassVar = {"torque_Nm": 6.0, "axis": 2.0, "periods": 24.0}
     limits: ClassVar = {"axis": (0, 100), "periods": (0.1, 1e5)}
@@ -133,7 +133,7 @@ class MechanicalPower(_Friction):
     """A gear's efficiency falls: a share of the mechanical power is lost, whichever way it flows."""
 
     id = "mechanical_power"
-    about = "a share of the mechanical power through the gears is lost"
+    summary = "a share of the mechanical power through the gears is lost"
     strength = ("relative", "of the mechanical power")
     defaults: ClassVar = {"relative": 0.15, "axis": 0.0}
     limits: ClassVar = {"relative": (0, 10), "axis": (0, 100)}

@@ -21,7 +21,7 @@ class Payload(Effect):
     """A body at the flange."""
 
     id = "payload"
-    about = "a mass at the flange: always, or (with_tool=1) while the tool is on"
+    summary = "a mass at the flange: always, or (with_tool=1) while the tool is on"
     strength = ("mass_kg", "kg")
     defaults: ClassVar = {"mass_kg": 1.0, "with_tool": 0.0}
     limits: ClassVar = {"mass_kg": (0.001, 1000), "with_tool": (0, 1)}
@@ -36,7 +36,7 @@ class GravityBias(Effect):
     """A body on a link, far from the flange: hoses, a dress pack, a counterweight gone missing."""
 
     id = "gravity_bias"
-    about = "weight of a mass on one link (axis), positive or negative"
+    summary = "weight of a mass on one link (axis), positive or negative"
     strength = ("mass_kg", "kg")
     defaults: ClassVar = {"mass_kg": 0.8, "axis": 3.0}
     limits: ClassVar = {"mass_kg": (-1000, 1000), "axis": (1, 100)}
@@ -61,7 +61,7 @@ class ContactForce(Effect):
     """The tool pushes against something."""
 
     id = "contact_force"
-    about = "an upward force on the flange, in phases named contact, insert or screw, else now and then"
+    summary = "an upward force on the flange, in phases named contact, insert or screw, else now and then"
     strength = ("force_N", "N")
     defaults: ClassVar = {"force_N": 25.0}
 

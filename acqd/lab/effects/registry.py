@@ -20,7 +20,7 @@ from acqd.lab.plant.situation import Effect
 from acqd.robot.description import Section
 
 
-class EffectOrder(Section):
+class EffectSpec(Section):
     """One effect to switch on."""
 
     id: str
@@ -33,7 +33,7 @@ class EffectOrder(Section):
     """Whether the campaign's public manifest mentions it."""
 
     @model_validator(mode="after")
-    def _possible(self) -> EffectOrder:
+    def _possible(self) -> EffectSpec:
         known = known_effects()
         if self.id not in known:
             near = difflib.get_close_matches(self.id, known, n=1, cutoff=0.4)
@@ -69,7 +69,7 @@ def known_effects() -> dict[str, type[Effect]]:
     return {cls.id: cls for cls in sorted(found, key=lambda cls: cls.id)}
 
 
-def parse_effect(text: str, *, declared: bool = True) -> EffectOrder:
+def parse_effect(text: str, *, declared: bool = True) -> EffectSpec:
     """`payload:mass_kg=1.5,from=20,at=3.5` as an order. Raises UserError."""
     name, _, rest = (part.strip() for part in text.partition(":"))
     values: dict[str, float] = {}
@@ -85,12 +85,12 @@ def parse_effect(text: str, *, declared: bool = True) -> EffectOrder:
     if not 1 <= begin <= 1e6 or begin != int(begin) or at < 0:
         raise UserError(f"effect {name}: from={begin:g},at={at:g}: expected a recording number from 1 and seconds >= 0")
     try:
-        return EffectOrder(id=name, values=values, recording=int(begin), at_s=at, declared=declared)
+        return EffectSpec(id=name, values=values, recording=int(begin), at_s=at, declared=declared)
     except ValidationError as error:
         raise UserError(error.errors()[0]["msg"].removeprefix("Value error, ")) from None
 
 
-def check_axes(orders: Sequence[EffectOrder], axes: int) -> None:
+def check_axes(orders: Sequence[EffectSpec], axes: int) -> None:
     """Raises UserError for an effect on an axis that the robot does not have."""
     for order in orders:
         axis = order.values.get("axis", 0)
@@ -98,7 +98,7 @@ def check_axes(orders: Sequence[EffectOrder], axes: int) -> None:
             raise UserError(f"effect {order.id}: axis={axis:g}, but the robot has the axes 1 to {axes}")
 
 
-def make_effects(orders: Sequence[EffectOrder], seed: Sequence[int]) -> list[Effect]:
+def make_effects(orders: Sequence[EffectSpec], seed: Sequence[int]) -> list[Effect]:
     """Fresh effects for one session; each has random numbers of its own."""
     known = known_effects()
     effects = []

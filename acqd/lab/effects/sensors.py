@@ -18,7 +18,7 @@ class MeterGain(Effect):
     """The current transformer reads too much."""
 
     id = "meter_gain"
-    about = "measured current is off by a share"
+    summary = "measured current is off by a share"
     strength = ("relative", "of the current")
     defaults: ClassVar = {"relative": 0.02}
     limits: ClassVar = {"relative": (-0.9, 10)}
@@ -33,7 +33,7 @@ class MeterSaturation(Effect):
     """The current channel clips."""
 
     id = "meter_saturation"
-    about = "measured current is clipped at this peak value"
+    summary = "measured current is clipped at this peak value"
     strength = ("limit_A", "A")
     defaults: ClassVar = {"limit_A": 1.45}
     limits: ClassVar = {"limit_A": (0.001, 1000)}
@@ -48,7 +48,7 @@ class EncoderBias(Effect):
     """An axis was mastered wrongly: the log shows an angle that the arm does not have."""
 
     id = "encoder_bias"
-    about = "logged angle of one axis is off"
+    summary = "logged angle of one axis is off"
     strength = ("angle_rad", "rad")
     defaults: ClassVar = {"angle_rad": 0.03, "axis": 2.0}
     limits: ClassVar = {"angle_rad": (-1, 1), "axis": (1, 100)}
@@ -63,7 +63,7 @@ class TorqueBias(Effect):
     """A joint torque sensor has lost its zero."""
 
     id = "torque_bias"
-    about = "logged torque of one axis is off"
+    summary = "logged torque of one axis is off"
     strength = ("torque_Nm", "Nm")
     defaults: ClassVar = {"torque_Nm": 3.0, "axis": 2.0}
     limits: ClassVar = {"axis": (1, 100)}
@@ -78,7 +78,7 @@ class ClockOffset(Effect):
     """Somebody set the controller's clock."""
 
     id = "clock_offset"
-    about = "the controller's clock jumps by this much"
+    summary = "the controller's clock jumps by this much"
     strength = ("seconds", "s")
     defaults: ClassVar = {"seconds": 0.2}
 
@@ -94,7 +94,7 @@ class ClockDrift(Effect):
     """The controller's clock runs faster than before."""
 
     id = "clock_drift"
-    about = "the controller's clock gains this much, from the begin of the power stream of its recording on"
+    summary = "the controller's clock gains this much, from the begin of the power stream of its recording on"
     strength = ("ppm", "ppm")
     defaults: ClassVar = {"ppm": 30.0}
     limits: ClassVar = {"ppm": (-1000, 1000)}

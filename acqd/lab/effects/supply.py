@@ -14,7 +14,7 @@ class CopperLoss(Effect):
     """Windings that are warmer, or thinner, than they were."""
 
     id = "copper_loss"
-    about = "winding resistance rises by a share"
+    summary = "winding resistance rises by a share"
     strength = ("relative", "of the present resistance")
     defaults: ClassVar = {"relative": 0.6}
     limits: ClassVar = {"relative": (-0.9, 100)}
@@ -30,7 +30,7 @@ class RegenerationClipping(Effect):
     """What the drives give back together no longer helps the other loads: a brake resistor burns it."""
 
     id = "regeneration_clipping"
-    about = "a share of the power that the drives give back, beyond above_W, is burnt in a brake resistor"
+    summary = "a share of the power that the drives give back, beyond above_W, is burnt in a brake resistor"
     strength = ("share", "of the power given back")
     defaults: ClassVar = {"share": 1.0, "above_W": 0.0}
     limits: ClassVar = {"share": (0, 1), "above_W": (0, 1e5)}
@@ -45,7 +45,7 @@ class SupplyEfficiency(Effect):
     """An ageing power supply: losses that grow with the square of the load."""
 
     id = "supply_efficiency"
-    about = "extra loss of the supply, in proportion to the square of its load"
+    summary = "extra loss of the supply, in proportion to the square of its load"
     strength = ("loss_at_100W", "W")
     defaults: ClassVar = {"loss_at_100W": 9.0}
 
@@ -58,7 +58,7 @@ class LineVoltage(Effect):
     """Power that follows the mains voltage: a linear supply or a heater among the loads."""
 
     id = "line_voltage"
-    about = "power depends on the mains voltage by this exponent"
+    summary = "power depends on the mains voltage by this exponent"
     strength = ("exponent", "of V / nominal V")
     defaults: ClassVar = {"exponent": 1.5}
     limits: ClassVar = {"exponent": (-5, 5)}

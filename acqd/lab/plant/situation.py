@@ -68,7 +68,7 @@ class Effect(ABC):
     """
 
     id: ClassVar[str]
-    about: ClassVar[str]
+    summary: ClassVar[str]
     strength: ClassVar[tuple[str, str]]
     """Name and unit of the parameter that says how strong it is."""
     defaults: ClassVar[Mapping[str, float]]

@@ -26,7 +26,7 @@ Arrays: TypeAlias = dict[str, NDArray[Any]]
 class Bundle:
     """What was read from disk, or is to be written."""
 
-    about: dict[str, Any]
+    metadata: dict[str, Any]
     """kind, name, robot, axes, step_s, units, architecture, normalisation, envelope, metrics, provenance."""
     arrays: Arrays
     reference: Arrays | None = None
@@ -47,10 +47,10 @@ def save_bundle(path: Path, bundle: Bundle) -> None:
     require_free(path)
     contiguous = {name: np.ascontiguousarray(array) for name, array in bundle.arrays.items()}
     weights = save(contiguous)
-    about = {"format": FORMAT, **bundle.about, "weights_sha256": hashlib.sha256(weights).hexdigest()}
+    metadata = {"format": FORMAT, **bundle.metadata, "weights_sha256": hashlib.sha256(weights).hexdigest()}
     with complete_folder(path) as folder:
         (folder / "bundle.json").write_bytes(
-            orjson.dumps(about, option=orjson.OPT_INDENT_2 | orjson.OPT_SERIALIZE_NUMPY)
+            orjson.dumps(metadata, option=orjson.OPT_INDENT_2 | orjson.OPT_SERIALIZE_NUMPY)
         )
         (folder / "weights.safetensors").write_bytes(weights)
         if bundle.reference is not None:
@@ -61,12 +61,12 @@ def load_bundle(path: Path) -> Bundle:
     """Read a directory. Raises InputError."""
     file = path / "bundle.json"
     try:
-        about = orjson.loads(file.read_bytes())
+        metadata = orjson.loads(file.read_bytes())
     except FileNotFoundError:
         raise InputError(path, "is no bundle: it has no bundle.json; acqd train makes one") from None
     except (OSError, orjson.JSONDecodeError) as error:
         raise InputError(file, f"is damaged ({error}); train the model again, or copy the bundle again") from None
-    if not isinstance(about, dict) or about.get("format") != FORMAT:
+    if not isinstance(metadata, dict) or metadata.get("format") != FORMAT:
         raise InputError(file, f"has another format than {FORMAT}; it was written by another version of acqd")
     file = path / "weights.safetensors"
     try:
@@ -74,9 +74,9 @@ def load_bundle(path: Path) -> Bundle:
         arrays = load(weights)
     except (OSError, SafetensorError) as error:
         raise InputError(file, f"cannot be read ({error}); copy the bundle again") from None
-    if about.get("weights_sha256") not in (None, hashlib.sha256(weights).hexdigest()):  # None: of an earlier version
+    if metadata.get("weights_sha256") not in (None, hashlib.sha256(weights).hexdigest()):  # None: of an earlier version
         raise InputError(file, "is not what bundle.json was written with; copy the bundle again")
-    return Bundle(about, arrays)
+    return Bundle(metadata, arrays)
 
 
 def fingerprint(path: Path) -> str:

@@ -12,7 +12,7 @@ from acqd.arrays import Floats
 from acqd.models.features import motion
 
 if TYPE_CHECKING:
-    from acqd.models.segments import Stretch
+    from acqd.models.segments import Segment
 
 _SLACK = 0.05  # of a range's width: a hair's breadth outside is still inside
 _NAMES = ("q_rad", "qd_rad_s", "qdd_rad_s2")
@@ -28,9 +28,9 @@ class Envelope:
     """[3, axes]."""
 
     @classmethod
-    def of(cls, stretches: list[Stretch], step_s: float) -> Envelope:
+    def of(cls, segments: list[Segment], step_s: float) -> Envelope:
         """Of training data."""
-        seen = [np.concatenate(parts) for parts in zip(*(motion(s.q, step_s) for s in stretches), strict=True)]
+        seen = [np.concatenate(parts) for parts in zip(*(motion(s.q, step_s) for s in segments), strict=True)]
         return cls(np.array([each.min(axis=0) for each in seen]), np.array([each.max(axis=0) for each in seen]))
 
     def outside(self, q: Floats, step_s: float) -> NDArray[np.bool_]:

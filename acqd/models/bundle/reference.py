@@ -15,21 +15,21 @@ from safetensors.numpy import load_file
 from acqd.arrays import Floats
 from acqd.errors import InputError
 from acqd.models.bundle.bundle import REFERENCE, Arrays
-from acqd.models.segments import Stretch
+from acqd.models.segments import Segment
 
 _MOST_ROWS = 60_000  # 40 minutes: a few MB
 _SIGNALS = ("brake", "tool")
 
 
-def reference_arrays(stretches: list[Stretch]) -> Arrays:
+def reference_arrays(segments: list[Segment]) -> Arrays:
     """Whole recordings as arrays, held-out ones first, up to 40 minutes; every source has its turn."""
-    order = sorted(range(len(stretches)), key=lambda k: (stretches[k].split == "train", _turn(stretches, k)))
-    chosen: list[Stretch] = []
+    order = sorted(range(len(segments)), key=lambda k: (segments[k].split == "train", _turn(segments, k)))
+    chosen: list[Segment] = []
     rows = 0
     for k in order:
-        if rows + len(stretches[k].P) <= _MOST_ROWS or not chosen:
-            chosen.append(stretches[k])
-            rows += len(stretches[k].P)
+        if rows + len(segments[k].P) <= _MOST_ROWS or not chosen:
+            chosen.append(segments[k])
+            rows += len(segments[k].P)
     found: Arrays = {
         "rows": np.array([len(each.P) for each in chosen]),
         "start_s": np.array([each.start_s for each in chosen]),
@@ -48,24 +48,24 @@ def reference_arrays(stretches: list[Stretch]) -> Arrays:
     return found
 
 
-def _turn(stretches: list[Stretch], k: int) -> int:
+def _turn(segments: list[Segment], k: int) -> int:
     """How many earlier recordings are of the same source."""
-    return sum(1 for other in stretches[:k] if other.source == stretches[k].source)
+    return sum(1 for other in segments[:k] if other.source == segments[k].source)
 
 
-def load_reference(bundle: Path) -> list[Stretch]:
+def load_reference(bundle: Path) -> list[Segment]:
     """What the bundle remembers; nothing for one that does not. Raises InputError."""
     path = bundle / REFERENCE
     if not path.exists():
         return []
     try:
         arrays = load_file(path)
-        return _stretches(arrays)
+        return _segments(arrays)
     except (OSError, SafetensorError, KeyError, ValueError) as error:
         raise InputError(path, f"cannot be read ({error}); copy the bundle again") from None
 
 
-def _stretches(arrays: Arrays) -> list[Stretch]:
+def _segments(arrays: Arrays) -> list[Segment]:
     names = arrays["names"].tobytes().decode().split("\n")
     ends = np.cumsum(arrays["rows"])
     found = []
@@ -77,7 +77,7 @@ def _stretches(arrays: Arrays) -> list[Stretch]:
             return np.asarray(values[rows], dtype=np.float64)
 
         found.append(
-            Stretch(
+            Segment(
                 recording,
                 source,
                 "other",

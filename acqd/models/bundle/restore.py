@@ -45,32 +45,36 @@ def _try_out(model: Predictor) -> None:
 def restore(bundle: Bundle) -> Predictor:
     """By the kind that bundle.json names, with the effects that were added."""
     base = _base(bundle)
-    terms = [Term.from_json(each) for each in bundle.about.get("effects", [])]
+    terms = [Term.from_json(each) for each in bundle.metadata.get("effects", [])]
     return Augmented(base, carrier_of(bundle, base), terms) if terms else base
 
 
 def carrier_of(bundle: Bundle, base: Predictor) -> GreyBox:
     """The grey box whose torques effects act on: the one beside a network, or the base itself. Raises ValueError."""
-    if "carrier" in bundle.about:
+    if "carrier" in bundle.metadata:
         own = {name.removeprefix("carrier."): a for name, a in bundle.arrays.items() if name.startswith("carrier.")}
-        return restore_grey_box(bundle.about | bundle.about["carrier"], own)
+        return restore_grey_box(bundle.metadata | bundle.metadata["carrier"], own)
     if isinstance(base, GreyBox):
         return base
     raise ValueError("effects without a grey box to act on")
 
 
 def _base(bundle: Bundle) -> Predictor:
-    about, arrays = bundle.about, bundle.arrays
-    if about["kind"] == "grey_box":
-        return restore_grey_box(about, arrays)
-    if about["kind"] == "hybrid":
-        return restore_hybrid(about, arrays)
-    if about["kind"] != "network":
-        raise UserError(f"unknown kind of model {about['kind']!r}")
-    chosen = architecture(about["architecture"]["name"])
+    metadata, arrays = bundle.metadata, bundle.arrays
+    if metadata["kind"] == "grey_box":
+        return restore_grey_box(metadata, arrays)
+    if metadata["kind"] == "hybrid":
+        return restore_hybrid(metadata, arrays)
+    if metadata["kind"] != "network":
+        raise UserError(f"unknown kind of model {metadata['kind']!r}")
+    chosen = architecture(metadata["architecture"]["name"])
     theta = np.asarray(arrays["theta"], dtype=np.float32)
-    if len(theta) != chosen.learnables(about["axes"]):
-        raise UserError(f"{len(theta)} learnables where {chosen.name} has {chosen.learnables(about['axes'])}")
+    if len(theta) != chosen.learnables(metadata["axes"]):
+        raise UserError(f"{len(theta)} learnables where {chosen.name} has {chosen.learnables(metadata['axes'])}")
     return NetworkPredictor(
-        chosen, int(about["axes"]), float(about["step_s"]), theta, Normalisation.from_json(about["normalisation"])
+        chosen,
+        int(metadata["axes"]),
+        float(metadata["step_s"]),
+        theta,
+        Normalisation.from_json(metadata["normalisation"]),
     )

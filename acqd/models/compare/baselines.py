@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from acqd.arrays import Floats
 from acqd.models.features import motion
-from acqd.models.segments import Data, Stretch
+from acqd.models.segments import Dataset, Segment
 from acqd.numerics import mad_sigma, ridge_regression, runs_of_true
 
 _RIDGE = 1e-6
@@ -17,37 +17,37 @@ _LEAST_ROWS = 12
 _LEAST_TOTAL = 100
 
 
-def constant(training: list[Stretch], stretches: list[Stretch]) -> list[Floats]:
+def constant(training: list[Segment], segments: list[Segment]) -> list[Floats]:
     """The training recordings' mean power."""
-    mean = float(np.concatenate([stretch.P for stretch in training]).mean())
-    return [np.full(len(stretch.P), mean) for stretch in stretches]
+    mean = float(np.concatenate([segment.P for segment in training]).mean())
+    return [np.full(len(segment.P), mean) for segment in segments]
 
 
-def linear_physics(training: list[Stretch], stretches: list[Stretch], step_s: float) -> list[Floats]:
+def linear_physics(training: list[Segment], segments: list[Segment], step_s: float) -> list[Floats]:
     """Least squares on |qd|, qd^2, qd qdd, qdd^2, and sines and cosines of the angles: no robot description."""
-    X = np.concatenate([_regressors(stretch, step_s) for stretch in training])
-    y = np.concatenate([stretch.P for stretch in training])
+    X = np.concatenate([_regressors(segment, step_s) for segment in training])
+    y = np.concatenate([segment.P for segment in training])
     weights = ridge_regression(X, y, _RIDGE)
-    return [np.asarray(_regressors(stretch, step_s) @ weights) for stretch in stretches]
+    return [np.asarray(_regressors(segment, step_s) @ weights) for segment in segments]
 
 
-def _regressors(stretch: Stretch, step_s: float) -> Floats:
-    q, qd, qdd = motion(stretch.q, step_s)
+def _regressors(segment: Segment, step_s: float) -> Floats:
+    q, qd, qdd = motion(segment.q, step_s)
     gravity = [np.sin(q) * qd, np.cos(q) * qd, np.sin(q), np.cos(q)]
     return np.column_stack([np.abs(qd), qd**2, qd * qdd, qdd**2, *gravity, np.ones(len(q))])
 
 
-def noise_floor(data: Data) -> float | None:
+def noise_floor(data: Dataset) -> float | None:
     """MAE (W) that a perfect model would have: how power scatters about its slow mean while the robot stands still.
 
     None with too little standstill in the recordings.
     """
     apart = []
-    for stretch in data.stretches:
-        _, qd, _ = motion(stretch.q, data.step_s)
+    for segment in data.segments:
+        _, qd, _ = motion(segment.q, data.step_s)
         still: NDArray[np.bool_] = np.all(np.abs(qd) < _STILL_RAD_S, axis=1)
         for first, last in runs_of_true(still):
-            inner = stretch.P[first + _SETTLING : last - 2]
+            inner = segment.P[first + _SETTLING : last - 2]
             if len(inner) >= _LEAST_ROWS:
                 apart.append(inner - np.median(inner))
     if sum(map(len, apart)) < _LEAST_TOTAL:

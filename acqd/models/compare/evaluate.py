@@ -18,7 +18,7 @@ from acqd.models.compare.baselines import constant, linear_physics, noise_floor
 from acqd.models.compare.stability import unstable_share
 from acqd.models.metrics import Metrics, measure, predictions
 from acqd.models.predictor import Predictor
-from acqd.models.segments import Data, Stretch
+from acqd.models.segments import Dataset, Segment
 
 _RESAMPLES = 500
 _AVERAGED = ("mae", "rmse", "bias", "r2", "energy_p95")
@@ -46,7 +46,7 @@ class Entry:
     """Of the first seed, for the test stretches."""
     model: Predictor | None
     """Of the first seed; None for baselines."""
-    about: dict[str, Any]
+    metadata: dict[str, Any]
     """bundle.json of the first seed."""
 
     @property
@@ -59,8 +59,8 @@ class Entry:
 class Comparison:
     """All of it."""
 
-    data: Data
-    test: list[Stretch]
+    data: Dataset
+    test: list[Segment]
     entries: list[Entry]
     baselines: list[Entry]
     floor_W: float | None
@@ -80,7 +80,7 @@ class Comparison:
         return next((e for e in self.entries if (e.name, e.trained_on) == (name, trained_on)), None)
 
 
-def compare(data: Data, models: Path, progress: Callable[[str, float], None]) -> Comparison:
+def compare(data: Dataset, models: Path, progress: Callable[[str, float], None]) -> Comparison:
     """Bundles found under `models` on the test recordings of `data`. Raises UserError."""
     paths = sorted(path for path in _bundles(models))
     if not paths:
@@ -90,26 +90,26 @@ def compare(data: Data, models: Path, progress: Callable[[str, float], None]) ->
     groups: dict[tuple[str, str, str], dict[int, _Member]] = {}
     for number, path in enumerate(paths):
         bundle, model = open_model(path)
-        about = bundle.about
-        if about["robot"] != data.robot or about["axes"] != data.axes or about["step_s"] != data.step_s:
-            notes.append(f"{path.name}: left out, it is of {about['robot']} at {about['step_s']} s")
+        metadata = bundle.metadata
+        if metadata["robot"] != data.robot or metadata["axes"] != data.axes or metadata["step_s"] != data.step_s:
+            notes.append(f"{path.name}: left out, it is of {metadata['robot']} at {metadata['step_s']} s")
             continue
-        fitted = about["provenance"]["fit_recordings"] + about["provenance"]["validation_recordings"]
-        seen = set(fitted) & {stretch.recording for stretch in test}
+        fitted = metadata["provenance"]["fit_recordings"] + metadata["provenance"]["validation_recordings"]
+        seen = set(fitted) & {segment.recording for segment in test}
         if seen:
             notes.append(f"{path.name}: left out, it has seen {len(seen)} of the test recordings")
             continue
-        if about["provenance"]["manifest_sha256"] != data.digest:
+        if metadata["provenance"]["manifest_sha256"] != data.digest:
             notes.append(f"{path.name}: trained on another dataset")
-        trained_on = "+".join(about["training"]["kinds"])
+        trained_on = "+".join(metadata["training"]["kinds"])
         everything = "+".join(data.kinds)
-        settings = orjson.dumps(about.get("settings"), option=orjson.OPT_SORT_KEYS).decode()
-        key = (about["name"], "everything" if trained_on == everything else trained_on, settings)
+        settings = orjson.dumps(metadata.get("settings"), option=orjson.OPT_SORT_KEYS).decode()
+        key = (metadata["name"], "everything" if trained_on == everything else trained_on, settings)
         members = groups.setdefault(key, {})
-        if about["training"]["seed"] in members:
+        if metadata["training"]["seed"] in members:
             notes.append(f"{path.name}: left out, the same seed was trained twice")
             continue
-        members[about["training"]["seed"]] = (about, model, predictions(model, test))
+        members[metadata["training"]["seed"]] = (metadata, model, predictions(model, test))
         progress(path.name, (number + 1) / len(paths))
     if not groups:
         raise UserError(f"{models}: no bundle fits this dataset; {notes[0]}")
@@ -142,20 +142,20 @@ def _entry(
     name: str,
     trained_on: str,
     members: list[_Member],
-    data: Data,
-    test: list[Stretch],
+    data: Dataset,
+    test: list[Segment],
 ) -> Entry:
     metrics = {"everything": _mean([measure(guess, test) for _, _, guess in members])}
     for kind in data.kinds if len(data.kinds) > 1 else []:
-        own = [k for k, stretch in enumerate(test) if stretch.kind == kind]
+        own = [k for k, segment in enumerate(test) if segment.kind == kind]
         if own:
             chosen = [test[k] for k in own]
             metrics[kind] = _mean([measure([guess[k] for k in own], chosen) for _, _, guess in members])
-    about, model, first = members[0]
+    metadata, model, first = members[0]
     errors = np.concatenate([np.abs(guess - s.P) for guess, s in zip(first, test, strict=True)])
     unstable = float(np.mean([unstable_share(guess, test) for _, _, guess in members]))
     interval = _interval([guess for _, _, guess in members], test)
-    return Entry(name, trained_on, len(members), metrics, interval, unstable, errors, first, model, about)
+    return Entry(name, trained_on, len(members), metrics, interval, unstable, errors, first, model, metadata)
 
 
 def _mean(each: list[Metrics]) -> Metrics:
@@ -163,16 +163,16 @@ def _mean(each: list[Metrics]) -> Metrics:
     return replace(each[0], mae=mae, rmse=rmse, bias=bias, r2=r2, energy_p95=energy)
 
 
-def _interval(guesses: list[list[Floats]], test: list[Stretch]) -> tuple[float, float]:
+def _interval(guesses: list[list[Floats]], test: list[Segment]) -> tuple[float, float]:
     """95 % bootstrap of the MAE over source trajectories (executions of one are alike) and seeds."""
     random = np.random.default_rng(0)
-    sources = sorted({stretch.source for stretch in test})
+    sources = sorted({segment.source for segment in test})
     place = {name: k for k, name in enumerate(sources)}
     sums, rows = np.zeros((len(guesses), len(sources))), np.zeros(len(sources))
-    for k, stretch in enumerate(test):
-        rows[place[stretch.source]] += len(stretch.P)
+    for k, segment in enumerate(test):
+        rows[place[segment.source]] += len(segment.P)
         for seed, guess in enumerate(guesses):
-            sums[seed, place[stretch.source]] += np.abs(guess[k] - stretch.P).sum()
+            sums[seed, place[segment.source]] += np.abs(guess[k] - segment.P).sum()
     drawn = []
     for _ in range(_RESAMPLES):
         which = random.integers(len(sources), size=len(sources))

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from acqd.arrays import Floats
 from acqd.models.compare.evaluate import Comparison, Entry
 from acqd.models.compare.kernels import difference_of_gaussian, laplacian_of_gaussian, response
-from acqd.models.segments import Stretch
+from acqd.models.segments import Segment
 
 _MOST_POINTS = 4000
 
@@ -68,21 +68,21 @@ def violins(entries: list[Entry]) -> Figure:
     return figure
 
 
-def sample(stretch: Stretch, step_s: float, shown: list[tuple[str, Floats]]) -> Figure:
+def sample(segment: Segment, step_s: float, shown: list[tuple[str, Floats]]) -> Figure:
     """Predictions over time and against the measurement, as Figures 8.2 and 8.18."""
     figure = Figure(figsize=(11, 2.6 * len(shown)))
     panels = figure.subplots(len(shown), 2, width_ratios=(3, 1), squeeze=False)
-    t = np.arange(len(stretch.P)) * step_s
+    t = np.arange(len(segment.P)) * step_s
     for (name, guess), (time_axes, scatter) in zip(shown, panels, strict=True):
-        time_axes.plot(t, stretch.P, color="#52606d", lw=0.8, label="measured")
+        time_axes.plot(t, segment.P, color="#52606d", lw=0.8, label="measured")
         time_axes.plot(t, guess, color="#d9480f", lw=0.8, label=name)
         time_axes.set_ylabel("P [W]")
         time_axes.legend(loc="upper right", fontsize=8, ncols=2)
-        error = guess - stretch.P
-        scatter.plot(stretch.P, guess, ".", ms=1.5, color="#3b82c4")
-        ends = [float(stretch.P.min()), float(stretch.P.max())]
+        error = guess - segment.P
+        scatter.plot(segment.P, guess, ".", ms=1.5, color="#3b82c4")
+        ends = [float(segment.P.min()), float(segment.P.max())]
         scatter.plot(ends, ends, color="black", lw=0.7)
-        r = np.corrcoef(stretch.P, guess)[0, 1] if guess.std() > 0 else float("nan")
+        r = np.corrcoef(segment.P, guess)[0, 1] if guess.std() > 0 else float("nan")
         scatter.set_title(
             f"r {r:.4f}, MAE {np.abs(error).mean():.2f} W, RMSE {np.sqrt((error**2).mean()):.2f} W", fontsize=8
         )
@@ -123,7 +123,7 @@ def kernels(weights: Floats, step_s: float, example: Floats) -> Figure:
 
 def energy(comparison: Comparison, entries: list[Entry]) -> Figure:
     """Energy error of each recording [%]."""
-    names = [stretch.recording for stretch in comparison.test]
+    names = [segment.recording for segment in comparison.test]
     recordings = sorted(set(names))
     figure = Figure(figsize=(10, 0.8 + 0.4 * len(entries)))
     axes = figure.subplots()

@@ -60,8 +60,8 @@ def _table(page: Page, comparison: Comparison) -> None:
     for entry in sorted(comparison.entries, key=lambda e: e.metrics["everything"].mae) + comparison.baselines:
         m = entry.metrics["everything"]
         low, high = entry.mae_ci95
-        learnables = entry.about.get("architecture", {}).get(
-            "learnables", len(entry.about.get("parameters", [])) or "-"
+        learnables = entry.metadata.get("architecture", {}).get(
+            "learnables", len(entry.metadata.get("parameters", [])) or "-"
         )
         rows.append(
             [
@@ -111,20 +111,20 @@ def _samples(page: Page, comparison: Comparison, entries: list[Entry]) -> None:
     mae = [float(np.abs(guess - s.P).mean()) for guess, s in zip(reference.predicted, comparison.test, strict=True)]
     shown = list(dict.fromkeys([reference, *entries[:2]]))
     for which, caption in ((int(np.argmax(mae)), "largest"), (int(np.argmin(mae)), "smallest")):
-        stretch = comparison.test[which]
+        segment = comparison.test[which]
         chosen = [(entry.label, entry.predicted[which]) for entry in shown]
-        figure = pictures.sample(stretch, comparison.data.step_s, chosen)
-        page.figure(figure, f"{stretch.recording}: where {reference.label} has its {caption} MAE.")
+        figure = pictures.sample(segment, comparison.data.step_s, chosen)
+        page.figure(figure, f"{segment.recording}: where {reference.label} has its {caption} MAE.")
 
 
 def _parameters(page: Page, entries: list[Entry]) -> None:
     for entry in entries:
-        if not entry.about.get("parameters"):
+        if not entry.metadata.get("parameters"):
             continue
         page.heading(f"Parameters of {entry.label}")
         rows = [
             [p["name"], p["value"], p["unit"], f"{p['ci95'][0]:.4g} to {p['ci95'][1]:.4g}" if p["ci95"] else ""]
-            for p in entry.about["parameters"]
+            for p in entry.metadata["parameters"]
             if p["name"].split(".")[0] not in ("Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
         ]
         page.table(["parameter", "value", "unit", "95 %"], rows)

@@ -15,7 +15,7 @@ class OffsetShift(Effect):
     """A constant load more, or less."""
 
     id = "offset_shift"
-    about = "something takes a constant power more (or less): another device on the same supply"
+    summary = "something takes a constant power more (or less): another device on the same supply"
     equation = "P = P_0"
     neighbours = ("meter_gain", "thermostat", "brake_holding")
     experiment = "two minutes at rest before and after"
@@ -33,7 +33,7 @@ class OffsetShift(Effect):
 class _Switching(Effect):
     """A load that is on or off; only the residual tells when."""
 
-    foreseen = False
+    predictable = False
     structural = False
 
     def at(self, scene: Scene, shape: Shape) -> Floats:
@@ -51,7 +51,7 @@ class Thermostat(_Switching):
     """A load that switches with a period of its own."""
 
     id = "thermostat"
-    about = "a fan or heater that switches on and off in a rhythm of its own"
+    summary = "a fan or heater that switches on and off in a rhythm of its own"
     equation = "P = P_h while on"
     neighbours = ("offset_shift", "process_load")
     experiment = "an hour at rest"
@@ -61,7 +61,7 @@ class ProcessLoad(_Switching):
     """Equipment that works now and then."""
 
     id = "process_load"
-    about = "equipment on the same supply that works for some seconds at a time"
+    summary = "equipment on the same supply that works for some seconds at a time"
     equation = "P = P_e while it works"
     neighbours = ("thermostat", "contact_force", "tool_actuation")
     experiment = "log when the equipment works, or record an hour with it switched off"

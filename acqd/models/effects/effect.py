@@ -61,7 +61,7 @@ class Effect(ABC):
     """One physical effect. Adding one is one class in one file of `acqd.models.effects`."""
 
     id: ClassVar[str]
-    about: ClassVar[str]
+    summary: ClassVar[str]
     """One sentence for a plant engineer."""
     equation: ClassVar[str]
     neighbours: ClassVar[tuple[str, ...]] = ()
@@ -74,7 +74,7 @@ class Effect(ABC):
     """Whether the supply's lag comes after it (columns [SUB T, k]) or not ([T, k])."""
     by_torque: ClassVar[bool] = False
     """Whether it is a torque at the motors, so that its power also has a part that grows with its square."""
-    foreseen: ClassVar[bool] = True
+    predictable: ClassVar[bool] = True
     """Whether angles, signals and the clock tell when it acts, so that a model with it predicts better."""
     structural: ClassVar[bool] = True
     """Whether it is something that a model may lack from the start, in every recording alike."""
@@ -138,7 +138,7 @@ def effect_rows_at(
     """[T, k] W per unit parameter of some columns, such that times `coefficients` it is the power exactly there."""
     chosen = list(columns)
     if effect.by_torque:
-        scene = scene.pulled(_torque(effect, scene, shape, chosen, coefficients))
+        scene = scene.with_secant_slope(_torque(effect, scene, shape, chosen, coefficients))
     return effect_rows(effect, scene, shape)[:, chosen]
 
 
@@ -149,7 +149,7 @@ def _torque(effect: Effect, scene: Scene, shape: Shape, columns: list[int], coef
     for joint in range(scene.axes):
         scene.memory.clear()
         scene.memory.update(memory)
-        found.append(effect.at(scene.alone(joint), shape)[:, columns] @ coefficients)
+        found.append(effect.at(scene.unit_torque(joint), shape)[:, columns] @ coefficients)
     scene.memory.clear()
     scene.memory.update(memory)
     return np.column_stack(found)
@@ -174,7 +174,7 @@ def since(events: Floats, scene: Scene, name: str, before: float = np.inf) -> Fl
     at = np.arange(len(events))
     last = np.maximum.accumulate(np.where(events != 0, at, -1))
     earlier = float(scene.memory.get(name, before))
-    found = np.where(last >= 0, (at - last) * scene.fine_s, earlier + (at + 1) * scene.fine_s)
+    found = np.where(last >= 0, (at - last) * scene.substep_s, earlier + (at + 1) * scene.substep_s)
     scene.memory[name] = float(found[-1])
     return np.asarray(found)
 

@@ -16,7 +16,7 @@ class CopperLoss(Effect):
     """Loss in the windings."""
 
     id = "copper_loss"
-    about = "the motors' windings lose more (or less) power than the model has it: warmer, or damaged"
+    summary = "the motors' windings lose more (or less) power than the model has it: warmer, or damaged"
     equation = "P = R sum(c tau^2)"
     neighbours = ("payload", "viscous_friction", "supply_efficiency")
     experiment = "hold the arm stretched out for a minute, with and without a payload"
@@ -34,7 +34,7 @@ class RegenerationClipping(Effect):
     """Power that drives give back is burnt."""
 
     id = "regeneration_clipping"
-    about = "power that the drives give back while braking is burnt instead of used"
+    summary = "power that the drives give back while braking is burnt instead of used"
     equation = "P = s max(-P_drives - P_0, 0)"
     neighbours = ("supply_efficiency", "mechanical_power")
     experiment = "lower a heavy payload fast, again and again"
@@ -54,7 +54,7 @@ class SupplyEfficiency(Effect):
     """Losses of the supply that grow with the square of its load."""
 
     id = "supply_efficiency"
-    about = "the power supply loses more the harder it works"
+    summary = "the power supply loses more the harder it works"
     equation = "P = a (P_load / 100 W)^2"
     neighbours = ("meter_gain", "copper_loss")
     experiment = "rest, a slow motion and a fast one, each for a minute: the loss grows with the square"
@@ -76,7 +76,7 @@ class LineVoltage(Effect):
     """Power that follows the mains voltage."""
 
     id = "line_voltage"
-    about = "power follows the mains voltage: a linear supply or a heater among the loads"
+    summary = "power follows the mains voltage: a linear supply or a heater among the loads"
     equation = "P = k P_model (V / V_n - 1)"
     neighbours = ("meter_gain", "offset_shift")
     experiment = "record an hour at rest with the mains voltage"
@@ -88,7 +88,7 @@ class LineVoltage(Effect):
         assert scene.volts is not None
         nominal = 230.0 if 180 < float(np.nanmedian(scene.volts)) < 260 else float(np.nanmedian(scene.volts))
         off = np.nan_to_num(scene.volts / nominal - 1)
-        return np.column_stack([off * scene.metered, off])
+        return np.column_stack([off * scene.predicted, off])
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """Both."""

@@ -16,7 +16,7 @@ class BrakeRelease(Effect):
     """The peak when the brakes open (thesis Figures 6.2 and 9.4)."""
 
     id = "brake_release"
-    about = "a peak when the brakes open: pull-in current of the coils and inrush of the motors"
+    summary = "a peak when the brakes open: pull-in current of the coils and inrush of the motors"
     equation = "P = h(time since the brakes opened), free within 0.6 s"
     neighbours = ("clock_offset", "brake_holding")
     experiment = "release the brakes ten times without moving"
@@ -51,7 +51,7 @@ class BrakeHolding(Effect):
     """Current that keeps brakes open."""
 
     id = "brake_holding"
-    about = "power of the brake coils while the brakes are open"
+    summary = "power of the brake coils while the brakes are open"
     equation = "P = P_b while open"
     neighbours = ("offset_shift", "brake_release")
     experiment = "two minutes at rest with the brakes open, two with them closed"
@@ -70,7 +70,7 @@ class ToolActuation(Effect):
     """An electric gripper."""
 
     id = "tool_actuation"
-    about = "the tool takes power while it is on, and a pulse whenever it switches"
+    summary = "the tool takes power while it is on, and a pulse whenever it switches"
     equation = "P = P_t tool + h(time since switching)"
     neighbours = ("payload", "process_load")
     experiment = "switch the tool ten times at rest, with nothing in it"

@@ -18,14 +18,14 @@ class CoulombFriction(Effect):
 
     id = "coulomb_friction"
     by_torque = True
-    about = "dry friction of a gear or bearing is higher (or lower) than the model has it"
+    summary = "dry friction of a gear or bearing is higher (or lower) than the model has it"
     equation = "tau = F sign(qd)"
     neighbours = ("viscous_friction", "load_dependent_friction", "stribeck_friction")
     experiment = "single-joint motions at three constant speeds, both directions: dry friction does not grow with speed"
 
     def at(self, scene: Scene, shape: Shape) -> Floats:
         """Per joint."""
-        return scene.steer * direction(scene.qd)
+        return scene.power_per_torque * direction(scene.qd)
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """Places."""
@@ -37,14 +37,14 @@ class ViscousFriction(Effect):
 
     id = "viscous_friction"
     by_torque = True
-    about = "friction that grows with speed is higher (or lower): another grease, another temperature"
+    summary = "friction that grows with speed is higher (or lower): another grease, another temperature"
     equation = "tau = D qd"
     neighbours = ("thermal_friction", "coulomb_friction", "copper_loss")
     experiment = "the same motion at three speeds, without load, once cold and once after half an hour of work"
 
     def at(self, scene: Scene, shape: Shape) -> Floats:
         """Per joint."""
-        return scene.steer * scene.qd
+        return scene.power_per_torque * scene.qd
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """Places."""
@@ -56,7 +56,7 @@ class StribeckFriction(Effect):
 
     id = "stribeck_friction"
     by_torque = True
-    about = "extra friction near standstill that dies out with speed"
+    summary = "extra friction near standstill that dies out with speed"
     equation = "tau = F exp(-(qd / v)^2) sign(qd)"
     neighbours = ("coulomb_friction", "clock_offset")
     experiment = "slow single-joint reversals at 1, 2, 5 and 10 % of the speed limit"
@@ -65,7 +65,7 @@ class StribeckFriction(Effect):
 
     def at(self, scene: Scene, shape: Shape) -> Floats:
         """Per joint."""
-        return scene.steer * direction(scene.qd) * np.exp(-((scene.qd / shape["speed_rad_s"]) ** 2))
+        return scene.power_per_torque * direction(scene.qd) * np.exp(-((scene.qd / shape["speed_rad_s"]) ** 2))
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """Places."""
@@ -77,14 +77,14 @@ class LoadDependentFriction(Effect):
 
     id = "load_dependent_friction"
     by_torque = True
-    about = "gear friction grows with the torque that the gear transmits"
+    summary = "gear friction grows with the torque that the gear transmits"
     equation = "tau = k |tau_load| sign(qd)"
     neighbours = ("mechanical_power", "coulomb_friction", "copper_loss")
     experiment = "the same motion with and without a known payload, up and down"
 
     def at(self, scene: Scene, shape: Shape) -> Floats:
         """Per joint."""
-        return scene.steer * direction(scene.qd) * np.abs(scene.tau_rigid)
+        return scene.power_per_torque * direction(scene.qd) * np.abs(scene.tau_rigid)
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """Places."""
@@ -96,7 +96,7 @@ class ThermalFriction(Effect):
 
     id = "thermal_friction"
     by_torque = True
-    about = "friction of cold gears that falls while the arm works"
+    summary = "friction of cold gears that falls while the arm works"
     equation = "tau = D exp(-t_moving / T) qd"
     neighbours = ("viscous_friction",)
     experiment = "the same motion every five minutes from a cold start, with gear temperatures if the robot logs them"
@@ -106,7 +106,7 @@ class ThermalFriction(Effect):
     def at(self, scene: Scene, shape: Shape) -> Floats:
         """Per joint, by the time since the first recording: how long the arm worked between is not known."""
         age_s = np.maximum(scene.t - scene.memory.get("origin_s", -np.inf), 0.0)
-        return np.asarray(scene.steer * scene.qd * np.exp(-age_s / (60 * shape["minutes"]))[:, None])
+        return np.asarray(scene.power_per_torque * scene.qd * np.exp(-age_s / (60 * shape["minutes"]))[:, None])
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """Places."""
@@ -117,14 +117,14 @@ class MechanicalPower(Effect):
     """A share of the mechanical power more, or less."""
 
     id = "mechanical_power"
-    about = "a share of the mechanical power is lost in the gears, or the model lacks mechanical power"
+    summary = "a share of the mechanical power is lost in the gears, or the model lacks mechanical power"
     equation = "P = a sum(|tau qd|) + b sum(tau qd)"
     neighbours = ("load_dependent_friction", "viscous_friction", "meter_gain")
     experiment = "lift and lower a known payload at two speeds: losses have one sign, mechanical power two"
 
     def at(self, scene: Scene, shape: Shape) -> Floats:
         """|tau qd| per joint as a torque, with the copper loss that goes with it; tau qd; |tau qd| alone."""
-        lost = scene.steer * np.abs(scene.tau) * direction(scene.qd)
+        lost = scene.power_per_torque * np.abs(scene.tau) * direction(scene.qd)
         return np.column_stack([lost, scene.tau * scene.qd, np.abs(scene.tau * scene.qd)])
 
     def places(self, scene: Scene) -> Iterator[Place]:
@@ -139,7 +139,7 @@ class GearRipple(Effect):
 
     id = "gear_ripple"
     by_torque = True
-    about = "torque that comes and goes with the angle of one joint: an eccentric wave generator, a worn tooth"
+    summary = "torque that comes and goes with the angle of one joint: an eccentric wave generator, a worn tooth"
     equation = "tau = A sin(n q) + B cos(n q)"
     neighbours = ("gravity_bias",)
     experiment = "slow constant-speed turns of the joint over its whole range"
@@ -150,8 +150,8 @@ class GearRipple(Effect):
         if not shape:
             return np.zeros((len(scene.q), 0))
         joint = int(shape["joint"]) - 1
-        angle, steer = shape["periods_per_turn"] * scene.q[:, joint], scene.steer[:, joint]
-        return np.column_stack([steer * np.sin(angle), steer * np.cos(angle)])
+        angle, power_per_torque = shape["periods_per_turn"] * scene.q[:, joint], scene.power_per_torque[:, joint]
+        return np.column_stack([power_per_torque * np.sin(angle), power_per_torque * np.cos(angle)])
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """None beforehand."""

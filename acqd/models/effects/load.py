@@ -29,7 +29,7 @@ def _frames(scene: Scene) -> Frames:
 
 def _power(scene: Scene, torque: Floats) -> Floats:
     """[N] W that an additional torque at the motors takes (by the scene's power per torque)."""
-    return np.asarray((scene.steer * torque).sum(axis=1))
+    return np.asarray((scene.power_per_torque * torque).sum(axis=1))
 
 
 def _carried(scene: Scene, reach_m: float) -> Floats:
@@ -63,7 +63,7 @@ class Payload(Effect):
 
     id = "payload"
     by_torque = True
-    about = "the arm carries a mass that the model does not know"
+    summary = "the arm carries a mass that the model does not know"
     equation = "tau = m Y(q, qd, qdd; centre of mass)"
     neighbours = ("gravity_bias", "copper_loss")
     experiment = "the same motion with the gripper empty and with a known mass, tool vertical and horizontal"
@@ -87,7 +87,7 @@ class GravityBias(Effect):
 
     id = "gravity_bias"
     by_torque = True
-    about = "one link is heavier (or lighter) than the model has it: hoses, a dress pack, a cover gone"
+    summary = "one link is heavier (or lighter) than the model has it: hoses, a dress pack, a cover gone"
     equation = "tau = m g(q; link)"
     neighbours = ("payload",)
     experiment = "hold ten postures for ten seconds each, and move each joint alone through the vertical"
@@ -112,11 +112,11 @@ class ContactForce(Effect):
     """The tool pushes against something, now and then."""
 
     id = "contact_force"
-    about = "the tool pushes against something for some seconds at a time"
+    summary = "the tool pushes against something for some seconds at a time"
     equation = "tau = -J(q)^T F while in contact"
     neighbours = ("process_load", "payload")
     experiment = "log the joint torques, or the times of contact"
-    foreseen = False
+    predictable = False
     structural = False
 
     def at(self, scene: Scene, shape: Shape) -> Floats:

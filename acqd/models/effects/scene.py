@@ -16,19 +16,19 @@ from acqd.arrays import Floats
 from acqd.models.features import padded
 from acqd.models.greybox.model import SMALL_TORQUE, GreyBox, lag_filter, magnitude
 
-SUB = 4
+SUBSTEPS = 4
 """Points a row."""
 RADIUS = 2
 """Rows to either side that a row's motion is interpolated from."""
 
 
-def fine_weights(step_s: float) -> Floats:
+def substep_weights(step_s: float) -> Floats:
     """[3, SUB, 2 RADIUS + 1]: value, first and second derivative of the interpolating polynomial."""
     nodes = np.arange(-RADIUS, RADIUS + 1) * 1.0
-    points = (np.arange(SUB) + 0.5) / SUB - 0.5
+    points = (np.arange(SUBSTEPS) + 0.5) / SUBSTEPS - 0.5
     inverse = np.linalg.inv(np.vander(nodes, increasing=True))  # coefficients of the polynomial per node
     powers = np.arange(len(nodes))
-    found = np.zeros((3, SUB, len(nodes)))
+    found = np.zeros((3, SUBSTEPS, len(nodes)))
     for k, x in enumerate(points):
         found[0, k] = x**powers @ inverse
         found[1, k] = (powers[1:] * x ** (powers[1:] - 1)) @ inverse[1:] / step_s
@@ -36,24 +36,24 @@ def fine_weights(step_s: float) -> Floats:
     return found
 
 
-def fine_motion(q: Floats, step_s: float) -> tuple[Floats, Floats, Floats]:
+def substep_motion(q: Floats, step_s: float) -> tuple[Floats, Floats, Floats]:
     """q, qd, qdd [SUB T, axes] from angles [T + 2 RADIUS, axes]."""
     rows = len(q) - 2 * RADIUS
     around = np.stack([q[k : k + rows] for k in range(2 * RADIUS + 1)], axis=1)  # [T, nodes, axes]
-    fine = np.einsum("dsn,tna->dtsa", fine_weights(step_s), around, optimize=True)
-    return tuple(each.reshape(rows * SUB, q.shape[1]) for each in fine)
+    fine = np.einsum("dsn,tna->dtsa", substep_weights(step_s), around, optimize=True)
+    return tuple(each.reshape(rows * SUBSTEPS, q.shape[1]) for each in fine)
 
 
 def averaged(fine: Floats) -> Floats:
     """[T, ...] means over the rows of values [SUB T, ...]."""
-    return np.asarray(fine.reshape(-1, SUB, *fine.shape[1:]).mean(axis=1))
+    return np.asarray(fine.reshape(-1, SUBSTEPS, *fine.shape[1:]).mean(axis=1))
 
 
 class Lag:
     """The supply's first-order lag at the fine step; goes on where it stopped."""
 
     def __init__(self, lag_s: float, step_s: float) -> None:
-        self._b, self._a = lag_filter(lag_s, step_s / SUB)
+        self._b, self._a = lag_filter(lag_s, step_s / SUBSTEPS)
         self._state: Floats | None = None
 
     def run(self, values: Floats) -> Floats:
@@ -79,13 +79,13 @@ class Scene:
     """[N, axes] Nm of the described body."""
     tau: Floats
     """[N, axes] Nm at the motors, at the output side."""
-    steer: Floats
+    power_per_torque: Floats
     """[N, axes] W/Nm: power per torque at the motor, mechanical and losses."""
     model: GreyBox
     """Where torques and powers come from."""
     drives: Floats
     """[N] W of motion, without standby."""
-    metered: Floats
+    predicted: Floats
     """[T] W: the grey box' prediction of the row, behind the lag."""
     signals: dict[str, Floats]
     """[N] 0/1 each; "tool", "brake"."""
@@ -103,7 +103,7 @@ class Scene:
     @property
     def rows(self) -> int:
         """T."""
-        return len(self.metered)
+        return len(self.predicted)
 
     @property
     def axes(self) -> int:
@@ -111,23 +111,25 @@ class Scene:
         return int(self.q.shape[1])
 
     @property
-    def fine_s(self) -> float:
+    def substep_s(self) -> float:
         """Between fine points."""
-        return self.step_s / SUB
+        return self.step_s / SUBSTEPS
 
-    def pulled(self, torque: Floats) -> Scene:
+    def with_secant_slope(self, torque: Floats) -> Scene:
         """The same with the mean power per torque [W/Nm] on the way to `torque` [N, axes] Nm more at the motors.
 
         Losses grow with the square of torque: what 4 kg take is not twice what 2 kg take.
         """
         loss = motor_loss(self.model, self.tau + torque) - motor_loss(self.model, self.tau)
-        small = (np.abs(torque) < 1e-6) | (self.steer == 0.0)  # at nought where the brakes hold the arm
+        small = (np.abs(torque) < 1e-6) | (self.power_per_torque == 0.0)  # at nought where the brakes hold the arm
         secant = self.model.group("gain")[0] * self.qd + loss / np.where(small, 1.0, torque)
-        return replace(self, steer=np.where(small, self.steer, secant), computed={})
+        return replace(self, power_per_torque=np.where(small, self.power_per_torque, secant), computed={})
 
-    def alone(self, joint: int) -> Scene:
+    def unit_torque(self, joint: int) -> Scene:
         """The same with 1 W/Nm at one joint: what an effect that is a torque gives here is that torque."""
-        return replace(self, steer=np.zeros_like(self.steer) + (np.arange(self.axes) == joint), computed={})
+        return replace(
+            self, power_per_torque=np.zeros_like(self.power_per_torque) + (np.arange(self.axes) == joint), computed={}
+        )
 
 
 def motor_loss(model: GreyBox, tau: Floats) -> Floats:
@@ -146,30 +148,30 @@ def make_scene(
 ) -> Scene:
     """From angles [T + 2 RADIUS, axes] and rows [T] of the rest."""
     step_s = model.step_s
-    qf, qd, qdd = fine_motion(q, step_s)
+    qf, qd, qdd = substep_motion(q, step_s)
     rows = len(q) - 2 * RADIUS
-    switches = {name: fine_switch(values) for name, values in signals.items()}
+    switches = {name: substep_switch(values) for name, values in signals.items()}
     on = np.reshape(model.drives_on(switches), (-1, 1))
     rigid, motor = (on * torque for torque in model.motor_torque(qf, qd, qdd))
     gain, copper, conduction = (model.group(name) for name in ("gain", "copper", "conduction"))
-    steer = on * (gain[0] * qd + 2 * copper * motor + conduction * motor / np.hypot(motor, SMALL_TORQUE))
+    power_per_torque = on * (gain[0] * qd + 2 * copper * motor + conduction * motor / np.hypot(motor, SMALL_TORQUE))
     drives = gain[0] * (motor * qd).sum(axis=1) + motor_loss(model, motor).sum(axis=1)
     lag = lag or Lag(float(model.group("lag")[0]), step_s)
-    metered = averaged(lag.run(drives)) + float(model.group("standby")[0])
+    predicted = averaged(lag.run(drives)) + float(model.group("standby")[0])
     for name, weight in zip(model.signals, model.group("signals"), strict=True):
-        metered = metered + weight * signals.get(name, np.zeros(rows))
-    t = start_s + ((np.arange(rows * SUB) + 0.5) / SUB - 0.5) * step_s
+        predicted = predicted + weight * signals.get(name, np.zeros(rows))
+    t = start_s + ((np.arange(rows * SUBSTEPS) + 0.5) / SUBSTEPS - 0.5) * step_s
     return Scene(
-        step_s, t, qf, qd, qdd, rigid, motor, steer, model, drives, metered,
-        switches, volts, None if temperature is None else np.repeat(temperature, SUB, axis=0),
+        step_s, t, qf, qd, qdd, rigid, motor, power_per_torque, model, drives, predicted,
+        switches, volts, None if temperature is None else np.repeat(temperature, SUBSTEPS, axis=0),
     )  # fmt: skip
 
 
-def fine_switch(share: Floats) -> Floats:
+def substep_switch(share: Floats) -> Floats:
     """[SUB T] 0/1 from the share [T] of each row in which a signal is on: it switches once within a row."""
     after, before = np.append(share[1:], share[-1:]), np.append(share[:1], share[:-1])
     rising = (after > before)[:, None]
-    points = (np.arange(SUB) + 0.5) / SUB
+    points = (np.arange(SUBSTEPS) + 0.5) / SUBSTEPS
     on = np.where(rising, points > 1 - share[:, None], points < share[:, None])
     return np.asarray(on.ravel(), dtype=np.float64)
 

@@ -16,7 +16,7 @@ class MeterGain(Effect):
     """The meter reads a share too much, or too little."""
 
     id = "meter_gain"
-    about = "everything measured is off by the same share: the current transformer or its setting"
+    summary = "everything measured is off by the same share: the current transformer or its setting"
     equation = "P = g P_model"
     neighbours = ("supply_efficiency", "offset_shift")
     experiment = "compare with a second meter at rest and under load"
@@ -25,7 +25,7 @@ class MeterGain(Effect):
 
     def at(self, scene: Scene, shape: Shape) -> Floats:
         """One."""
-        return scene.metered[:, None]
+        return scene.predicted[:, None]
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """One."""
@@ -36,7 +36,7 @@ class MeterSaturation(Effect):
     """The current channel clips."""
 
     id = "meter_saturation"
-    about = "power above a ceiling is missing: the current range is too small"
+    summary = "power above a ceiling is missing: the current range is too small"
     equation = "P = -s max(P_model - L, 0)"
     neighbours = ("supply_efficiency", "meter_gain")
     experiment = "look at the waveform's peaks, or choose the next current range"
@@ -48,7 +48,7 @@ class MeterSaturation(Effect):
     def at(self, scene: Scene, shape: Shape) -> Floats:
         """Ceilings are in multiples of the standby power."""
         ceiling = shape["ceiling_of_standby"] * float(scene.model.group("standby")[0])
-        return -np.maximum(scene.metered - ceiling, 0.0)[:, None]
+        return -np.maximum(scene.predicted - ceiling, 0.0)[:, None]
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """One."""
@@ -59,7 +59,7 @@ class ClockOffset(Effect):
     """Power and motion are not at the same time."""
 
     id = "clock_offset"
-    about = "the robot's clock and the meter's are apart"
+    summary = "the robot's clock and the meter's are apart"
     equation = "P = -dP/dt dt"
     neighbours = ("stribeck_friction", "brake_release")
     experiment = "align the recordings again, or synchronise the clocks"
@@ -69,7 +69,7 @@ class ClockOffset(Effect):
     def at(self, scene: Scene, shape: Shape) -> Floats:
         """W/s for a small offset; the whole difference for one that is known."""
         if shape:
-            return (later(scene, np.full(scene.rows, shape["seconds"])) - scene.metered)[:, None]
+            return (later(scene, np.full(scene.rows, shape["seconds"])) - scene.predicted)[:, None]
         return -slope(scene)[:, None]
 
     def places(self, scene: Scene) -> Iterator[Place]:
@@ -81,7 +81,7 @@ class ClockDrift(Effect):
     """Power and motion drift apart."""
 
     id = "clock_drift"
-    about = "the robot's clock and the meter's drift apart"
+    summary = "the robot's clock and the meter's drift apart"
     equation = "P = -dP/dt r t"
     neighbours = ("clock_offset",)
     experiment = "align the recordings again, over a longer time"
@@ -93,7 +93,7 @@ class ClockDrift(Effect):
         if shape:
             passed = averaged(scene.t) - scene.memory.get("origin_s", float(scene.t[0]))
             delays = shape["seconds"] + shape["seconds_per_hour"] * passed / 3600
-            return (later(scene, delays) - scene.metered)[:, None]
+            return (later(scene, delays) - scene.predicted)[:, None]
         origin_s = scene.memory.get("origin_s", -np.inf)
         hours = np.where(np.isfinite(origin_s), averaged(scene.t) - origin_s, 0.0) / 3600
         return (-slope(scene) * hours)[:, None]
@@ -106,7 +106,7 @@ class ClockDrift(Effect):
 def later(scene: Scene, delays: Floats) -> Floats:
     """[T] W: the predicted power, each row as it was `delays` [T] s before."""
     t = averaged(scene.t)
-    return np.interp(t - delays, t, scene.metered)
+    return np.interp(t - delays, t, scene.predicted)
 
 
 def slope(scene: Scene) -> Floats:

@@ -8,7 +8,7 @@ import numpy as np
 
 from acqd.errors import UserError
 from acqd.models.bundle.bundle import Arrays
-from acqd.models.config import Made, Report, TrainOrder
+from acqd.models.config import Made, Progress, TrainConfig
 from acqd.models.greybox.model import TERMS, GreyBox
 from acqd.models.greybox.parameters import Layout, table
 from acqd.robot.description import load_description
@@ -16,17 +16,17 @@ from acqd.robot.newton_euler import Chain
 
 if TYPE_CHECKING:
     from acqd.models.greybox.fit import Fit
-    from acqd.models.segments import Data
+    from acqd.models.segments import Dataset
 
 
-def make_grey_box(order: TrainOrder, data: Data, progress: Report) -> Made:
+def make_grey_box(order: TrainConfig, data: Dataset, progress: Progress) -> Made:
     """Fit one."""
     fit = fitted(order, data, progress)
-    about = describe(fit) | ({"withheld": list(order.withheld)} if order.withheld else {})
-    return Made("grey_box", fit.model, about, arrays_of(fit.model), "Gauss-Newton")
+    metadata = describe(fit) | ({"withheld": list(order.withheld)} if order.withheld else {})
+    return Made("grey_box", fit.model, metadata, arrays_of(fit.model), "Gauss-Newton")
 
 
-def fitted(order: TrainOrder, data: Data, progress: Report) -> Fit:
+def fitted(order: TrainConfig, data: Dataset, progress: Progress) -> Fit:
     """The fit alone."""
     from acqd.models.greybox.fit import fit_grey_box  # needs a robot library; predicting does not
 
@@ -66,10 +66,10 @@ def arrays_of(model: GreyBox) -> Arrays:
     }
 
 
-def restore(about: dict[str, Any], arrays: Arrays) -> GreyBox:
+def restore(metadata: dict[str, Any], arrays: Arrays) -> GreyBox:
     """Back from a bundle."""
     chain = Chain(arrays["chain_xyz"], arrays["chain_rotation"], arrays["chain_axis"], arrays["chain_tip"])
-    layout = Layout(int(about["axes"]), tuple(about["signals"]))
+    layout = Layout(int(metadata["axes"]), tuple(metadata["signals"]))
     values = np.asarray(arrays["parameters"], dtype=np.float64)
     if len(values) != layout.size or len(chain.xyz) != layout.axes:
         raise ValueError(
@@ -78,4 +78,4 @@ def restore(about: dict[str, Any], arrays: Arrays) -> GreyBox:
     shapes = [chain.xyz.shape, chain.rotation.shape, chain.axis.shape, chain.tip.shape]
     if shapes != [(layout.axes, 3), (layout.axes, 3, 3), (layout.axes, 3), (2, 3)]:
         raise ValueError(f"a chain of shapes {shapes}")
-    return GreyBox(chain, layout, values, float(about["step_s"]), arrays["usual_signals"])
+    return GreyBox(chain, layout, values, float(metadata["step_s"]), arrays["usual_signals"])

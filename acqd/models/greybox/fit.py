@@ -12,7 +12,7 @@ from acqd.arrays import Floats
 from acqd.models.features import motion
 from acqd.models.greybox.model import SMALL_TORQUE, GreyBox, direction, lagged, magnitude
 from acqd.models.greybox.parameters import Layout, Prior, prior
-from acqd.models.segments import SIGNALS, Stretch
+from acqd.models.segments import SIGNALS, Segment
 from acqd.numerics import mad_sigma
 from acqd.robot.arm import Arm
 from acqd.robot.description import RobotDescription
@@ -68,7 +68,7 @@ class _Normal:
 
 def fit_grey_box(
     robot: RobotDescription,
-    stretches: list[Stretch],
+    segments: list[Segment],
     step_s: float,
     seed: int,
     progress: Callable[[float], None],
@@ -78,14 +78,14 @@ def fit_grey_box(
 
     Those of the groups `withheld` stay at nought.
     """
-    signals = tuple(n for n in SIGNALS if all(n in s.signals for s in stretches) and _varies(stretches, n))
+    signals = tuple(n for n in SIGNALS if all(n in s.signals for s in segments) and _varies(segments, n))
     layout = Layout(robot.axes, signals)
     arm = Arm(robot)
-    chosen = _drawn(stretches, seed)
-    parts = [_part(arm, layout, stretch, step_s) for stretch in chosen]
+    chosen = _drawn(segments, seed)
+    parts = [_part(arm, layout, segment, step_s) for segment in chosen]
     rest = float(np.percentile(np.concatenate([part.P for part in parts]), 2))
     belief = prior(layout, robot, inertial_parameters(arm), rest, step_s)
-    usual = np.array([np.median(np.concatenate([s.signals[n] for s in stretches])) for n in signals])
+    usual = np.array([np.median(np.concatenate([s.signals[n] for s in segments])) for n in signals])
     low, high = layout.lowest(), np.full(layout.size, np.inf)
     high[layout.place("lag")] = 2.0 * step_s
     for group in withheld:
@@ -116,26 +116,26 @@ def fit_grey_box(
     return Fit(make(values), _clustered(now, belief), now.sigma_W)
 
 
-def _varies(stretches: list[Stretch], name: str) -> bool:
-    return bool(np.ptp(np.concatenate([s.signals[name] for s in stretches])) > 0)
+def _varies(segments: list[Segment], name: str) -> bool:
+    return bool(np.ptp(np.concatenate([s.signals[name] for s in segments])) > 0)
 
 
-def _drawn(stretches: list[Stretch], seed: int) -> list[Stretch]:
+def _drawn(segments: list[Segment], seed: int) -> list[Segment]:
     chosen, rows = [], 0
-    for k in np.random.default_rng(seed).permutation(len(stretches)):
-        chosen.append(stretches[k])
-        rows += len(stretches[k].P)
+    for k in np.random.default_rng(seed).permutation(len(segments)):
+        chosen.append(segments[k])
+        rows += len(segments[k].P)
         if rows > _MOST_ROWS:
             break
     return chosen
 
 
-def _part(arm: Arm, layout: Layout, stretch: Stretch, step_s: float) -> _Part:
-    q, qd, qdd = motion(stretch.q, step_s)
+def _part(arm: Arm, layout: Layout, segment: Segment, step_s: float) -> _Part:
+    q, qd, qdd = motion(segment.q, step_s)
     Y = regressor(arm, q, qd, qdd).astype(np.float32)
-    columns = [stretch.signals[name] for name in layout.signals]
+    columns = [segment.signals[name] for name in layout.signals]
     signals = np.column_stack([np.zeros((len(q), 0)), *columns])
-    return _Part(stretch.recording, stretch.P, q, qd, qdd, Y, stretch.tau, signals)
+    return _Part(segment.recording, segment.P, q, qd, qdd, Y, segment.tau, signals)
 
 
 def _jacobian(model: GreyBox, part: _Part) -> tuple[Floats, Floats]:
@@ -147,8 +147,10 @@ def _jacobian(model: GreyBox, part: _Part) -> tuple[Floats, Floats]:
     sign = direction(part.qd)
     _, motor = model.motor_torque(part.q, part.qd, part.qdd)
     on = np.reshape(model.drives_on(dict(zip(layout.signals, part.signals.T, strict=True))), (-1, 1))
-    steer = 2 * model.group("copper") * motor + model.group("conduction") * motor / np.hypot(motor, SMALL_TORQUE)
-    pull = on * (gain * part.qd + steer)  # dP/d(torque): mechanical power and losses
+    power_per_torque = 2 * model.group("copper") * motor + model.group("conduction") * motor / np.hypot(
+        motor, SMALL_TORQUE
+    )
+    pull = on * (gain * part.qd + power_per_torque)  # dP/d(torque): mechanical power and losses
     J[:, layout.place("inertial")] = np.einsum("tjk,tj->tk", part.Y, pull, optimize=True)
     J[:, layout.place("rotor")] = pull * part.qdd
     J[:, layout.place("coulomb")] = pull * sign

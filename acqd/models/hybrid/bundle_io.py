@@ -9,7 +9,7 @@ from scipy.optimize import minimize
 
 from acqd.arrays import Floats
 from acqd.models.bundle.bundle import Arrays
-from acqd.models.config import Made, Report, TrainOrder
+from acqd.models.config import Made, Progress, TrainConfig
 from acqd.models.features import padded
 from acqd.models.greybox.bundle_io import arrays_of, describe, fitted, restore
 from acqd.models.greybox.model import GreyBox
@@ -18,7 +18,7 @@ from acqd.models.metrics import predictions
 from acqd.models.normalisation import Normalisation
 
 if TYPE_CHECKING:
-    from acqd.models.segments import Data, Stretch
+    from acqd.models.segments import Dataset, Segment
 
 HIDDEN = 12
 _WEIGHT_DECAY = 1e-4
@@ -27,14 +27,14 @@ _MOST_ROWS = 150_000
 _LEAST_LOOKS = 4  # validation recordings below which no gain can be told from luck
 
 
-def make_hybrid(order: TrainOrder, data: Data, progress: Report) -> Made:
+def make_hybrid(order: TrainConfig, data: Dataset, progress: Progress) -> Made:
     """Fit both."""
     fit = fitted(order, data, progress)
     training, validation = data.part("train", order.kinds), data.part("validation", order.kinds)
     normal = Normalisation.fitted(training, data.step_s)
     network, gain = _fit_rest(fit.model, normal, training, validation, order.seed, progress)
     model = Hybrid(fit.model, network, normal)
-    about = describe(fit) | {
+    metadata = describe(fit) | {
         "architecture": {
             "hidden": HIDDEN,
             "learnables": int(sum(each.size for each in (network.W, network.b, network.out))),
@@ -43,22 +43,22 @@ def make_hybrid(order: TrainOrder, data: Data, progress: Report) -> Made:
         "validation_gain": gain,
     }
     arrays = arrays_of(fit.model) | {"rest_W": network.W, "rest_b": network.b, "rest_out": network.out}
-    return Made("hybrid", model, about, arrays, "Gauss-Newton, L-BFGS")
+    return Made("hybrid", model, metadata, arrays, "Gauss-Newton, L-BFGS")
 
 
-def restore_hybrid(about: dict[str, Any], arrays: Arrays) -> Hybrid:
+def restore_hybrid(metadata: dict[str, Any], arrays: Arrays) -> Hybrid:
     """Back from a bundle."""
     network = Perceptron(arrays["rest_W"], arrays["rest_b"], arrays["rest_out"])
-    return Hybrid(restore(about, arrays), network, Normalisation.from_json(about["normalisation"]))
+    return Hybrid(restore(metadata, arrays), network, Normalisation.from_json(metadata["normalisation"]))
 
 
 def _fit_rest(
     grey: GreyBox,
     normal: Normalisation,
-    training: list[Stretch],
-    validation: list[Stretch],
+    training: list[Segment],
+    validation: list[Segment],
     seed: int,
-    progress: Report,
+    progress: Progress,
 ) -> tuple[Perceptron, float]:
     """The network of the round that does best on validation, and the share of MSE that it takes away there.
 
@@ -92,11 +92,11 @@ def _fit_rest(
     return best, 1 - best_loss / silent
 
 
-def _helps(network: Perceptron, grey: GreyBox, normal: Normalisation, validation: list[Stretch]) -> bool:
+def _helps(network: Perceptron, grey: GreyBox, normal: Normalisation, validation: list[Segment]) -> bool:
     """Whether the gain is more than two standard errors over recordings: the best of thirty rounds is lucky."""
-    by_recording: dict[str, list[Stretch]] = {}
-    for stretch in validation:
-        by_recording.setdefault(stretch.recording, []).append(stretch)
+    by_recording: dict[str, list[Segment]] = {}
+    for segment in validation:
+        by_recording.setdefault(segment.recording, []).append(segment)
     gains = []
     for own in by_recording.values():
         X, y = _rows(grey, normal, own)
@@ -106,9 +106,9 @@ def _helps(network: Perceptron, grey: GreyBox, normal: Normalisation, validation
     return float(np.mean(gains)) > 2 * float(np.std(gains, ddof=1)) / float(np.sqrt(len(gains)))
 
 
-def _rows(grey: GreyBox, normal: Normalisation, stretches: list[Stretch]) -> tuple[Floats, Floats]:
-    X = [residual_features(normal, padded(stretch.q, 1), grey.step_s) for stretch in stretches]
-    rest = [stretch.P - guess for stretch, guess in zip(stretches, predictions(grey, stretches), strict=True)]
+def _rows(grey: GreyBox, normal: Normalisation, segments: list[Segment]) -> tuple[Floats, Floats]:
+    X = [residual_features(normal, padded(segment.q, 1), grey.step_s) for segment in segments]
+    rest = [segment.P - guess for segment, guess in zip(segments, predictions(grey, segments), strict=True)]
     return np.concatenate(X), np.concatenate(rest)
 
 

@@ -23,13 +23,13 @@ from acqd.models.networks.flat_parameters import Singles, initial, views
 from acqd.models.networks.predictor import NetworkPredictor, example_inputs
 from acqd.models.networks.settings import TrainingSettings
 from acqd.models.normalisation import Normalisation
-from acqd.models.segments import Data, Stretch
+from acqd.models.segments import Dataset, Segment
 
 _SAVE_EVERY_S = 20.0
 
 
 @dataclass(frozen=True, slots=True)
-class Progress:
+class EpochReport:
     """Where a run stands."""
 
     epoch: int
@@ -53,12 +53,12 @@ class Trained:
 
 def train(
     architecture: Architecture,
-    data: Data,
+    data: Dataset,
     kinds: tuple[str, ...],
     seed: int,
     settings: TrainingSettings,
     checkpoint: Path,
-    progress: Callable[[Progress], None],
+    progress: Callable[[EpochReport], None],
 ) -> Trained:
     """Train, or go on where the checkpoint stands; who has saved the result removes it.
 
@@ -102,18 +102,18 @@ def _engine(architecture: Architecture, axes: int, settings: TrainingSettings) -
 @dataclass(frozen=True, slots=True)
 class _Task:
     architecture: Architecture
-    training: list[Stretch]
-    validation: list[Stretch]
+    training: list[Segment]
+    validation: list[Segment]
     normal: Normalisation
     step_s: float
 
-    def examples(self, stretches: list[Stretch]) -> list[Example]:
+    def examples(self, segments: list[Segment]) -> list[Example]:
         return [
             Example(
-                example_inputs(self.architecture, self.normal, stretch.q, self.step_s),
-                ((stretch.P - self.normal.P_offset) / self.normal.P_scale).astype(np.float32),
+                example_inputs(self.architecture, self.normal, segment.q, self.step_s),
+                ((segment.P - self.normal.P_offset) / self.normal.P_scale).astype(np.float32),
             )
-            for stretch in stretches
+            for segment in segments
         ]
 
 
@@ -127,7 +127,7 @@ def _optimise(
     task: _Task,
     run: Run,
     settings: TrainingSettings,
-    report: tuple[Callable[[], None], Callable[[Progress], None]],
+    report: tuple[Callable[[], None], Callable[[EpochReport], None]],
 ) -> None:
     save, progress = report
     margin = 2 * task.architecture.radius if task.architecture.kernels else 0
@@ -158,7 +158,7 @@ def _optimise(
         pace = (time.monotonic() - begun) / (run.epoch - first_epoch)
         scale = task.normal.P_scale
         progress(
-            Progress(
+            EpochReport(
                 run.epoch,
                 settings.epochs,
                 scale * math.sqrt(total / len(ready)),
@@ -196,7 +196,7 @@ def _decay(architecture: Architecture, axes: int, l2: float) -> Singles:
 
 
 def _fingerprint(
-    architecture: Architecture, data: Data, kinds: tuple[str, ...], seed: int, settings: TrainingSettings
+    architecture: Architecture, data: Dataset, kinds: tuple[str, ...], seed: int, settings: TrainingSettings
 ) -> str:
-    about = [architecture.name, data.digest, kinds, seed, settings.as_json()]
-    return hashlib.sha256(orjson.dumps(about)).hexdigest()
+    metadata = [architecture.name, data.digest, kinds, seed, settings.as_json()]
+    return hashlib.sha256(orjson.dumps(metadata)).hexdigest()

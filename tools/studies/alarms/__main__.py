@@ -22,7 +22,7 @@ from acqd.discrepancy.repair.terms import errors_of
 from acqd.models.bundle.restore import open_model
 from acqd.models.metrics import predictions
 from acqd.models.predictor import Predictor
-from acqd.models.segments import Stretch, load_data
+from acqd.models.segments import Segment, load_dataset
 
 
 def main() -> None:
@@ -35,17 +35,17 @@ def main() -> None:
     bundle = arguments.out / "models" / arguments.base
     _, model = open_model(bundle)
     baseline = baseline_of(bundle, model, 3600 * arguments.hours)
-    clean: list[Stretch] = []
+    clean: list[Segment] = []
     found: dict[str, list[tuple[str, Alarm | None, float, float]]] = {}
     for truth in sorted((arguments.out / "truth").glob("*.json")):
         case = json.loads(truth.read_text())
-        stretches = sorted(load_data(Path(case["dataset"])).stretches, key=lambda each: each.start_s)
+        segments = sorted(load_dataset(Path(case["dataset"])).segments, key=lambda each: each.start_s)
         if not case["effects"]:
-            clean += stretches
+            clean += segments
             continue
         strength = "pair" if len(case["effects"]) > 1 else f"{case['effects'][0]['strength']:g}"
-        alarm, minutes = first_alarm(model, baseline, stretches)
-        off = 0.0 if alarm is None else (alarm.onset_s - stretches[0].start_s) / 60
+        alarm, minutes = first_alarm(model, baseline, segments)
+        off = 0.0 if alarm is None else (alarm.onset_s - segments[0].start_s) / 60
         found.setdefault(strength, []).append((truth.stem, alarm, minutes, off))
     wolf = false_alarms(model, baseline, sorted(clean, key=lambda each: each.start_s))
     hours = sum(len(each.P) for each in clean) * model.step_s / 3600
@@ -66,26 +66,22 @@ def main() -> None:
     console.print(f"no alarm within the dataset: {', '.join(silent)}")
 
 
-def first_alarm(model: Predictor, baseline: Baseline, stretches: list[Stretch]) -> tuple[Alarm | None, float]:
+def first_alarm(model: Predictor, baseline: Baseline, segments: list[Segment]) -> tuple[Alarm | None, float]:
     """And the recorded minutes before it."""
     monitor, minutes = Monitor(baseline), 0.0
-    for stretch, errors, guess in zip(
-        stretches, errors_of(model, stretches), predictions(model, stretches), strict=True
-    ):
-        alarm = monitor.update(errors, guess, stretch.start_s, model.step_s)
+    for segment, errors, guess in zip(segments, errors_of(model, segments), predictions(model, segments), strict=True):
+        alarm = monitor.update(errors, guess, segment.start_s, model.step_s)
         if alarm is not None:
-            return alarm, minutes + (alarm.raised_s - stretch.start_s) / 60
-        minutes += len(stretch.P) * model.step_s / 60
+            return alarm, minutes + (alarm.raised_s - segment.start_s) / 60
+        minutes += len(segment.P) * model.step_s / 60
     return None, minutes
 
 
-def false_alarms(model: Predictor, baseline: Baseline, stretches: list[Stretch]) -> int:
+def false_alarms(model: Predictor, baseline: Baseline, segments: list[Segment]) -> int:
     """In recordings without an effect; after each the sums begin anew."""
     monitor, count = Monitor(baseline), 0
-    for stretch, errors, guess in zip(
-        stretches, errors_of(model, stretches), predictions(model, stretches), strict=True
-    ):
-        if monitor.update(errors, guess, stretch.start_s, model.step_s) is not None:
+    for segment, errors, guess in zip(segments, errors_of(model, segments), predictions(model, segments), strict=True):
+        if monitor.update(errors, guess, segment.start_s, model.step_s) is not None:
             monitor, count = Monitor(baseline), count + 1
     return count
 

@@ -46,7 +46,7 @@ def cases(known: list[str]) -> list[Case]:
 def run_case(world: World, bundle: Path, base: str, case: Case) -> dict[str, Any]:
     """Make the dataset, close the loop on it, keep what both say."""
     os.environ["OMP_NUM_THREADS"] = "1"
-    from acqd.discrepancy.config import CloseOrder
+    from acqd.discrepancy.config import CloseConfig
     from acqd.discrepancy.loop import close_loop
     from acqd.discrepancy.report.page import as_json
     from acqd.discrepancy.report.write import write_all
@@ -56,7 +56,7 @@ def run_case(world: World, bundle: Path, base: str, case: Case) -> dict[str, Any
         return dict(json.loads(result_file.read_text()))
     truth = make_case(world, case)
     begun = time.monotonic()
-    order = CloseOrder(Path(truth["dataset"]), bundle, world.folder / "loops" / base / case.name)
+    order = CloseConfig(Path(truth["dataset"]), bundle, world.folder / "loops" / base / case.name)
     closed = close_loop(order, lambda *_: None)
     report = as_json(order, closed)
     seconds = time.monotonic() - begun
@@ -69,14 +69,14 @@ def run_case(world: World, bundle: Path, base: str, case: Case) -> dict[str, Any
 
 def prepared(world: World, base: str, epochs: int) -> Path:
     """The reference dataset and the model fitted on it."""
-    from acqd.models.config import TrainOrder
+    from acqd.models.config import TrainConfig
     from acqd.models.networks.settings import TrainingSettings
     from acqd.models.training import train_one
 
     bundle = world.folder / "models" / base
     dataset = make_reference(world)
     if not (bundle / "bundle.json").exists():
-        train_one(TrainOrder(dataset, base, bundle, settings=TrainingSettings(epochs=epochs)), lambda *_: None)
+        train_one(TrainConfig(dataset, base, bundle, settings=TrainingSettings(epochs=epochs)), lambda *_: None)
     return bundle
 
 

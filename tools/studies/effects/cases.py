@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.dataset.build import BuildOrder, build
+from acqd.dataset.build import BuildConfig, build
 from acqd.lab.campaign.run_session import Folders, run_session
 from acqd.lab.campaign.trajectory_set import draw, write
 from acqd.lab.cell import build_cell
-from acqd.lab.effects import EffectOrder, known_effects
+from acqd.lab.effects import EffectSpec, known_effects
 from acqd.lab.schedule import RecordingPlan, SessionPlan, session_begin_s
 from acqd.lab.session import windows_within
 from acqd.lab.settings import CampaignSettings
@@ -44,7 +44,7 @@ class World:
     tests: int = 1
     """Test campaigns that can be made, each with trajectories of its own."""
 
-    def settings(self, effects: list[EffectOrder]) -> CampaignSettings:
+    def settings(self, effects: list[EffectSpec]) -> CampaignSettings:
         """Of all its campaigns."""
         clock = {"offset_s": _CLOCK_OFFSET_S, "drift_ppm": 0.0}
         return CampaignSettings.model_validate(
@@ -163,7 +163,7 @@ def make_case(world: World, case: Case) -> dict[str, Any]:
 
 def _scaled(
     world: World, case: Case, effect: str, shape: dict[str, float], strength: float, base: tuple[Floats, Floats] | None
-) -> EffectOrder:
+) -> EffectSpec:
     """The order whose hidden power has the strength, by secant steps on a short campaign."""
     cls = known_effects()[effect]
     key = cls.strength[0]
@@ -203,7 +203,7 @@ def _together(effect: str, defaults: Any, shape: dict[str, float], value: float)
 
 def _saturation(
     world: World, case: Case, shape: dict[str, float], wanted: float, base: tuple[Floats, Floats]
-) -> EffectOrder:
+) -> EffectSpec:
     """Bisection on the limit."""
     low, high = 0.5, 5.0
     for _ in range(7):
@@ -214,8 +214,8 @@ def _saturation(
     return _order("meter_saturation", shape | {"limit_A": (low + high) / 2})
 
 
-def _order(effect: str, values: dict[str, float]) -> EffectOrder:
-    return EffectOrder(id=effect, values=values, declared=False)
+def _order(effect: str, values: dict[str, float]) -> EffectSpec:
+    return EffectSpec(id=effect, values=values, declared=False)
 
 
 def _acting_rms(with_effect: tuple[Floats, Floats], without: tuple[Floats, Floats]) -> float:
@@ -261,7 +261,7 @@ def _dataset(world: World, folders: Folders, settings: CampaignSettings, *, test
     if not out.exists():
         out.parent.mkdir(parents=True, exist_ok=True)
         lag = _CLOCK_OFFSET_S if clocks else None
-        build(BuildOrder(str(rows), folders.out / "logs", out, settings.robot, lag_s=lag), lambda *_: None)
+        build(BuildConfig(str(rows), folders.out / "logs", out, settings.robot, lag_s=lag), lambda *_: None)
     return out
 
 

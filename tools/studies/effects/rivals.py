@@ -59,14 +59,14 @@ def task_of(dataset: Path, bundle: Path) -> Task:
     from acqd.models.effects import library
     from acqd.models.effects.effect import effect_rows
     from acqd.models.effects.scene import scene_of
-    from acqd.models.segments import load_data
+    from acqd.models.segments import load_dataset
 
     opened, model = open_model(bundle)
     carrier = carrier_of(opened, model)
-    stretches = load_data(dataset).stretches
+    segments = load_dataset(dataset).segments
     X, y, recordings = [], [], []
-    for number, (stretch, errors) in enumerate(zip(stretches, errors_of(model, stretches), strict=True)):
-        scene = scene_of(carrier, stretch.q, stretch.signals, stretch.start_s, stretch.channels)
+    for number, (segment, errors) in enumerate(zip(segments, errors_of(model, segments), strict=True)):
+        scene = scene_of(carrier, segment.q, segment.signals, segment.start_s, segment.channels)
         columns, owners = [], []
         for effect in library().values():
             if effect.possible(scene):
@@ -79,7 +79,7 @@ def task_of(dataset: Path, bundle: Path) -> Task:
     whole = np.concatenate(X)
     size = np.sqrt((whole**2).mean(axis=0))
     kept = size > 1e-9
-    power = np.concatenate([stretch.P for stretch in stretches])
+    power = np.concatenate([segment.P for segment in segments])
     least = _LEAST_SHARE * float(np.ptp(np.percentile(power, [1, 99])))
     return Task(
         whole[:, kept] / size[kept], np.concatenate(y), np.array(owners)[kept], np.concatenate(recordings), least

@@ -22,7 +22,7 @@ from rich.table import Table
 
 from acqd.models.greybox.fit import fit_grey_box
 from acqd.models.metrics import predictions
-from acqd.models.segments import load_data
+from acqd.models.segments import load_dataset
 from acqd.robot.description import RobotDescription, load_description
 from acqd.robot.log import RobotLog, read_log
 from acqd.robot.table import read_table
@@ -103,12 +103,12 @@ def acqd(*arguments: str) -> str:
 
 def cross_validated(dataset: Path, folds: int = 5) -> tuple[float, float, int]:
     """R2 and MAE (W) of the grey box over all pieces, each predicted by a fit that has not seen it; their number."""
-    data = load_data(dataset)
+    data = load_dataset(dataset)
     robot = load_description(data.description)
     found: list[tuple[Floats, Floats]] = []
     for fold in range(folds):
-        seen = [each for k, each in enumerate(data.stretches) if k % folds != fold]
-        held_out = [each for k, each in enumerate(data.stretches) if k % folds == fold]
+        seen = [each for k, each in enumerate(data.segments) if k % folds != fold]
+        held_out = [each for k, each in enumerate(data.segments) if k % folds == fold]
         model = fit_grey_box(robot, seen, data.step_s, 1, lambda _: None).model
         found += [(each.P, guess) for each, guess in zip(held_out, predictions(model, held_out), strict=True)]
     P, guess = (np.concatenate(parts) for parts in zip(*found, strict=True))

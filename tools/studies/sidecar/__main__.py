@@ -200,7 +200,7 @@ def timed(cell: Cell, log: Path, count: int) -> dict[str, Any]:
 def live(cell: Cell, log: Path, rows: int) -> dict[str, Any]:
     """Round trip of a row: joints published, prediction heard."""
     bundle, model = open_model(cell.model)
-    motion = read_log(log, load_description(bundle.about["description"])).q[:rows]
+    motion = read_log(log, load_description(bundle.metadata["description"])).q[:rows]
     sent: dict[float, float] = {}
     with Ear(cell.port, f"acqd/{_DEVICE}/prediction/live") as ear, cell.running("--live"):
         sender = paho.Client(CallbackAPIVersion.VERSION2)
@@ -233,7 +233,7 @@ def runtime(model_path: Path, log: Path) -> dict[str, Any]:
 
     from acqd.models.networks.torch_engine import Network
 
-    q = read_log(log, load_description(bundle.about["description"])).q
+    q = read_log(log, load_description(bundle.metadata["description"])).q
     torch.set_num_threads(1)
     network = Network(model.architecture, model.axes)
     inputs = torch.from_numpy(example_inputs(model.architecture, model.normal, q, model.step_s)[None])

@@ -15,7 +15,7 @@ from acqd.discrepancy.repair.terms import rms
 from acqd.models.bundle.restore import open_model
 from acqd.models.metrics import predictions
 from acqd.models.predictor import Predictor
-from acqd.models.segments import Data, Stretch, load_data
+from acqd.models.segments import Dataset, Segment, load_dataset
 from acqd.robot.arm import Arm
 from acqd.robot.description import load_description
 from acqd.robot.kinematics import forward_kinematics
@@ -72,15 +72,15 @@ class Twin:
     """The twin's time over the cell's: it was played so much faster."""
 
 
-def twin_of(assembly: Path, stretch: Stretch, robot: str, step_s: float) -> Twin:
+def twin_of(assembly: Path, segment: Segment, robot: str, step_s: float) -> Twin:
     """Both begin and end to move at the same rows: the twin's time is scaled to the cell's pace."""
-    path = next((assembly / "twin").rglob(f"{stretch.recording}.csv"))
+    path = next((assembly / "twin").rglob(f"{segment.recording}.csv"))
     log = read_log(path, load_description(robot))
     grid = np.arange(log.time[0], log.time[-1], step_s)
     q = np.column_stack([np.interp(grid, log.time, column) for column in log.q.T])
-    (begin, end), (start, stop) = span_of(stretch.q, step_s), span_of(q, step_s)
+    (begin, end), (start, stop) = span_of(segment.q, step_s), span_of(q, step_s)
     pace = (stop - start) / (end - begin)
-    at = np.clip(start + (np.arange(len(stretch.P)) - begin) * pace, 0, len(q) - 1)
+    at = np.clip(start + (np.arange(len(segment.P)) - begin) * pace, 0, len(q) - 1)
     angles = CubicSpline(np.arange(len(q)), q)(at)
     return Twin(np.asarray(angles), pace)
 
@@ -91,10 +91,10 @@ def span_of(q: Floats, step_s: float) -> tuple[int, int]:
     return int(moving[0]), int(moving[-1])
 
 
-def without_peak(stretch: Stretch, step_s: float) -> NDArray[np.bool_]:
+def without_peak(segment: Segment, step_s: float) -> NDArray[np.bool_]:
     """Rows outside of the time after the brakes opened."""
-    rises = np.flatnonzero(np.diff(stretch.signals["brake"], prepend=0.0) > 0)
-    rows = np.ones(len(stretch.P), dtype=bool)
+    rises = np.flatnonzero(np.diff(segment.signals["brake"], prepend=0.0) > 0)
+    rows = np.ones(len(segment.P), dtype=bool)
     for row in rises:
         rows[max(row - 1, 0) : row + round(_PEAK_S / step_s)] = False
     return rows
@@ -104,8 +104,8 @@ def without_peak(stretch: Stretch, step_s: float) -> NDArray[np.bool_]:
 class Case:
     """Held-out executions and what each model says of them."""
 
-    data: Data
-    held_out: list[Stretch]
+    data: Dataset
+    held_out: list[Segment]
     spared: bool
     """Whether no effect was fitted on them; with few executions the loop spares none."""
     models: dict[str, Predictor]
@@ -115,19 +115,19 @@ class Case:
     @classmethod
     def of(cls, places: Places) -> Case:
         """Executions that no effect was fitted on; the models have seen none of them."""
-        data = load_data(places.executions)
+        data = load_dataset(places.executions)
         opened, closed = open_model(places.loop / "model")
-        fitted = set(opened.about["provenance"].get("closed_fit_recordings", ()))
-        spared = [stretch for stretch in data.stretches if stretch.recording not in fitted]
-        held_out = spared or data.stretches
+        fitted = set(opened.metadata["provenance"].get("closed_fit_recordings", ()))
+        spared = [segment for segment in data.segments if segment.recording not in fitted]
+        held_out = spared or data.segments
         models = {name: open_model(places.bundle(name))[1] for name in (NETWORK, GREY_BOX)} | {CLOSED: closed}
-        twins = [twin_of(places.assembly, stretch, data.robot, data.step_s) for stretch in held_out]
+        twins = [twin_of(places.assembly, segment, data.robot, data.step_s) for segment in held_out]
         return cls(data, held_out, bool(spared), models, twins, Arm(load_description(data.robot)))
 
     def simulated(self, name: str) -> list[Floats]:
         """[rows] W from the twin's motion, by execution."""
         pairs = zip(self.twins, self.held_out, strict=True)
-        return [of_twin(self.models[name], twin, stretch) for twin, stretch in pairs]
+        return [of_twin(self.models[name], twin, segment) for twin, segment in pairs]
 
     def predicted(self, name: str) -> list[Floats]:
         """[rows] W from measured angles, by execution."""
@@ -152,18 +152,18 @@ def evaluate(case: Case, places: Places) -> dict[str, Any]:
     return found
 
 
-def of_twin(model: Predictor, twin: Twin, stretch: Stretch) -> Floats:
+def of_twin(model: Predictor, twin: Twin, segment: Segment) -> Floats:
     """[rows] W; signals are those of the cell: the twin knows when it opens brakes and grips."""
-    known = stretch.signals | {"Vrms": np.full(len(stretch.P), 230.0)}
-    signals = np.column_stack([np.zeros((len(stretch.P), 0)), *(known[name] for name in model.signals)])
-    return model.sequence(twin.q, signals, stretch.start_s)
+    known = segment.signals | {"Vrms": np.full(len(segment.P), 230.0)}
+    signals = np.column_stack([np.zeros((len(segment.P), 0)), *(known[name] for name in model.signals)])
+    return model.sequence(twin.q, signals, segment.start_s)
 
 
-def errors_of(guesses: list[Floats], stretches: list[Stretch], step_s: float) -> dict[str, float]:
+def errors_of(guesses: list[Floats], segments: list[Segment], step_s: float) -> dict[str, float]:
     """MAE and RMSE with and without the peak [W] (thesis Eq. 8.2, 8.3)."""
-    pairs = list(zip(guesses, stretches, strict=True))
-    errors = [guess - stretch.P[: len(guess)] for guess, stretch in pairs]
-    calm = np.concatenate([without_peak(stretch, step_s)[: len(guess)] for guess, stretch in pairs])
+    pairs = list(zip(guesses, segments, strict=True))
+    errors = [guess - segment.P[: len(guess)] for guess, segment in pairs]
+    calm = np.concatenate([without_peak(segment, step_s)[: len(guess)] for guess, segment in pairs])
     e = np.concatenate(errors)
     return {
         "mae": float(np.abs(e).mean()), "rmse": rms([e]),
@@ -171,9 +171,9 @@ def errors_of(guesses: list[Floats], stretches: list[Stretch], step_s: float) ->
     }  # fmt: skip
 
 
-def distance(arm: Arm, twin: Twin, stretch: Stretch) -> Floats:
+def distance(arm: Arm, twin: Twin, segment: Segment) -> Floats:
     """[rows] m between measured and simulated flange."""
-    one, other = (flange(arm, q) for q in (stretch.q, twin.q))
+    one, other = (flange(arm, q) for q in (segment.q, twin.q))
     return np.asarray(np.linalg.norm(one - other, axis=1))
 
 

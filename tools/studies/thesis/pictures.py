@@ -10,15 +10,15 @@ from tools.studies.thesis.assembly import CLOSED, GREY_BOX, NETWORK, Case, flang
 
 def motion_picture(case: Case) -> Figure:
     """As Figure 9.3."""
-    arm, twin, stretch, step_s = case.arm, case.twins[0], case.held_out[0], case.data.step_s
+    arm, twin, segment, step_s = case.arm, case.twins[0], case.held_out[0], case.data.step_s
     figure = Figure(figsize=(11, 9))
-    axes = figure.subplots(stretch.q.shape[1], 2, sharex=True)
+    axes = figure.subplots(segment.q.shape[1], 2, sharex=True)
     t = step_s * np.arange(len(twin.q))
-    for k in range(stretch.q.shape[1]):
-        axes[k, 0].plot(t, np.degrees(stretch.q[:, k]), color="#1f5f8b", lw=1)
+    for k in range(segment.q.shape[1]):
+        axes[k, 0].plot(t, np.degrees(segment.q[:, k]), color="#1f5f8b", lw=1)
         axes[k, 0].plot(t, np.degrees(twin.q[:, k]), color="#b45309", lw=1)
         axes[k, 0].set_ylabel(f"q{k + 1} [deg]", fontsize=8)
-    one, other = flange(arm, stretch.q), flange(arm, twin.q)
+    one, other = flange(arm, segment.q), flange(arm, twin.q)
     for k, name in enumerate("xyz"):
         axes[k, 1].plot(t, one[:, k], color="#1f5f8b", lw=1, label="measured")
         axes[k, 1].plot(t, other[:, k], color="#b45309", lw=1, label="twin")
@@ -26,7 +26,7 @@ def motion_picture(case: Case) -> Figure:
     axes[0, 1].legend(fontsize=8)
     axes[3, 1].plot(t, 1000 * np.linalg.norm(one - other, axis=1), color="#444", lw=1)
     axes[3, 1].set_ylabel("apart [mm]", fontsize=8)
-    for k in range(4, stretch.q.shape[1]):
+    for k in range(4, segment.q.shape[1]):
         axes[k, 1].axis("off")
     axes[-1, 0].set_xlabel("time [s]")
     axes[3, 1].set_xlabel("time [s]")
@@ -37,12 +37,12 @@ def power_picture(case: Case, name: str, *, peak: bool) -> Figure:
     """As Figure 9.4, or as Figure C.2 without the initial peak."""
     figure = Figure(figsize=(11, 6))
     axes = figure.subplots(2, 1, sharex=True)
-    stretch = case.held_out[0]
-    shown = np.ones(len(stretch.P), dtype=bool) if peak else without_peak(stretch, case.data.step_s)
-    t = case.data.step_s * np.arange(len(stretch.P))
+    segment = case.held_out[0]
+    shown = np.ones(len(segment.P), dtype=bool) if peak else without_peak(segment, case.data.step_s)
+    t = case.data.step_s * np.arange(len(segment.P))
     both = (("predicted", case.predicted(name)[0]), ("simulated", case.simulated(name)[0]))
     for axis, (kind, guess) in zip(axes, both, strict=True):
-        axis.plot(t, np.where(shown, stretch.P, np.nan), color="#1f5f8b", lw=1, label="measured")
+        axis.plot(t, np.where(shown, segment.P, np.nan), color="#1f5f8b", lw=1, label="measured")
         axis.plot(t[: len(guess)], np.where(shown[: len(guess)], guess, np.nan), color="#b45309", lw=1, label=kind)
         axis.set_ylabel("P [W]")
         axis.legend(fontsize=8)
@@ -54,11 +54,11 @@ def peak_picture(case: Case) -> Figure:
     """Around the brakes' opening."""
     figure = Figure(figsize=(9, 4))
     axis = figure.subplots()
-    stretch, step_s = case.held_out[0], case.data.step_s
-    middle = int(np.argmax(np.diff(stretch.signals["brake"], prepend=0.0) > 0))
+    segment, step_s = case.held_out[0], case.data.step_s
+    middle = int(np.argmax(np.diff(segment.signals["brake"], prepend=0.0) > 0))
     rows = slice(max(middle - 15, 0), middle + 40)
-    t = step_s * (np.arange(len(stretch.P)) - middle)
-    axis.plot(t[rows], stretch.P[rows], color="#1f5f8b", lw=2, label="measured")
+    t = step_s * (np.arange(len(segment.P)) - middle)
+    axis.plot(t[rows], segment.P[rows], color="#1f5f8b", lw=2, label="measured")
     for name, color in ((NETWORK, "#9ca3af"), (GREY_BOX, "#15803d"), (CLOSED, "#b45309")):
         axis.plot(t[rows], case.predicted(name)[0][rows], color=color, lw=1.2, label=name)
     axis.set_xlabel("time since the brakes opened [s]")

@@ -23,7 +23,7 @@ _REGULAR = 0.33  # of a rhythm
 
 
 @dataclass(frozen=True, slots=True)
-class Derived:
+class Detected:
     """A candidate and what was found."""
 
     candidate: Candidate
@@ -33,15 +33,15 @@ class Derived:
     regular: float = 0.0
 
 
-def derive(design: Design, model: Model, gate: Floats, known: set[str]) -> list[Derived]:
+def detect(design: Design, model: Model, gate: Floats, known: set[str]) -> list[Detected]:
     """Everything that a look at the residual suggests."""
     residuals = residuals_of(design, model)
-    open_ = sorted({part.stretch for part, own in zip(design.parts, gate, strict=True) if own})
-    found: list[Derived] = []
+    open_ = sorted({part.segment for part, own in zip(design.parts, gate, strict=True) if own})
+    found: list[Detected] = []
     if "gear_ripple" in design.chosen and "gear_ripple" not in known:
         found.append(_ripple(design, [residuals[k] for k in open_], open_))
     kinds = {"thermostat", "process_load", "contact_force"} & design.chosen - known
-    flat = [np.ones(len(off)) for off in design.off]
+    flat = [np.ones(len(off)) for off in design.residual]
     searches: list[tuple[Whitener, list[Floats], tuple[int, ...]]] = []
     if kinds & {"thermostat", "process_load"}:
         searches += [(design.whitener, flat, (1,)), (design.patient, flat, (1,))]
@@ -86,14 +86,14 @@ class _Look:
 
     def columns(self, states: switching.States) -> list[Floats]:
         """[T, 1] per stretch of the design."""
-        on = [np.zeros(len(off), dtype=bool) for off in self.design.off]
+        on = [np.zeros(len(off), dtype=bool) for off in self.design.residual]
         for k, found in zip(self.open, states.on, strict=True):
             on[k] = found
         return [(shape * each)[:, None] for shape, each in zip(self.shapes, on, strict=True)]
 
     def by_chance(self, residuals: list[Floats]) -> float:
         """Log-likelihood that the same look wins where there is nothing to find, in as many rows."""
-        closed = sorted(set(range(len(self.design.off))) - set(self.open))
+        closed = sorted(set(range(len(self.design.residual))) - set(self.open))
         found = self.among(residuals, closed) if closed else None
         if found is None:
             return 0.0
@@ -101,7 +101,7 @@ class _Look:
         return max(found.gain, 0.0) * rows[0] / rows[1]
 
 
-def _described(look: _Look, states: switching.States, kinds: set[str], residuals: list[Floats]) -> Derived | None:
+def _described(look: _Look, states: switching.States, kinds: set[str], residuals: list[Floats]) -> Detected | None:
     """As a candidate, with the name that its rhythm and shape give it."""
     design = look.design
     regular = 0.0
@@ -119,31 +119,31 @@ def _described(look: _Look, states: switching.States, kinds: set[str], residuals
         return None
     places = extend(design, look.columns(states))
     candidate = Candidate(
-        identity, place.where, places, Variant(place, (0,), shape), derived=True, cost=states.switchings
+        identity, place.where, places, Variant(place, (0,), shape), detected=True, cost=states.switchings
     )
-    return Derived(candidate, None, partial(look.by_chance, residuals), regular)
+    return Detected(candidate, None, partial(look.by_chance, residuals), regular)
 
 
-def reference_gain(derived: Derived) -> float:
+def reference_gain(detected: Detected) -> float:
     """Evidence that the same search found in the reference, scaled to the rows; half as much again is asked for."""
-    return 3 * derived.by_chance()
+    return 3 * detected.by_chance()
 
 
 def residuals_of(design: Design, model: Model, omit: set[int] | None = None) -> list[Floats]:
     """[T] W per stretch: what the model leaves, not whitened; levels that wander stay in, and raw columns `omit`."""
     beta = model.solve()
-    beta = np.where([c.wanders or c.place in (omit or ()) for c in model.columns], 0.0, beta)
-    found = [off.copy() for off in design.off]
+    beta = np.where([c.block_intercept or c.place in (omit or ()) for c in model.columns], 0.0, beta)
+    found = [off.copy() for off in design.residual]
     for number, part in enumerate(design.parts):
         weights = beta * model.gates[:, number]
         rows = part.rows
-        found[part.stretch][rows] = (
-            design.off[part.stretch][rows] - design.raw[part.stretch][rows][:, model.places] @ weights
+        found[part.segment][rows] = (
+            design.residual[part.segment][rows] - design.raw[part.segment][rows][:, model.places] @ weights
         )
     return found
 
 
-def _ripple(design: Design, residuals: list[Floats], open_: list[int]) -> Derived:
+def _ripple(design: Design, residuals: list[Floats], open_: list[int]) -> Detected:
     scenes = [design.scenes[k] for k in open_]
     likeliest = ripple.scan(scenes, residuals, design.whitener)
     best = ripple.refined(likeliest[0], scenes, residuals, design.whitener)
@@ -152,7 +152,7 @@ def _ripple(design: Design, residuals: list[Floats], open_: list[int]) -> Derive
     parameters = (Parameter("sine", "Nm"), Parameter("cosine", "Nm"))
     place = Place(f"joint {best.joint + 1}", (0, 1), parameters)
     variant = Variant(place, (0, 1), best.shape)
-    return Derived(Candidate("gear_ripple", place.where, places, variant, derived=True, cost=6.0), ripple=best)
+    return Detected(Candidate("gear_ripple", place.where, places, variant, detected=True, cost=6.0), ripple=best)
 
 
 def contact_rows(scene: Scene) -> Floats:

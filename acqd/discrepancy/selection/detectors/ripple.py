@@ -11,7 +11,7 @@ from acqd.arrays import Floats
 from acqd.discrepancy.residual.whitening import Whitener
 from acqd.models.effects import library
 from acqd.models.effects.effect import effect_rows
-from acqd.models.effects.scene import SUB, Lag, Scene
+from acqd.models.effects.scene import SUBSTEPS, Lag, Scene
 
 _BINS = 8192  # of a turn and a half to each side
 _SPAN = 3 * np.pi
@@ -46,7 +46,7 @@ def scan(scenes: list[Scene], residuals: list[Floats], whitener: Whitener) -> li
         back = _taken_back(residual, whitener, float(scene.model.group("lag")[0]), scene.step_s)
         for joint in range(axes):
             place = ((scene.q[:, joint] + _SPAN) / (2 * _SPAN) * _BINS).astype(int) % _BINS
-            weight = back * scene.steer[:, joint]
+            weight = back * scene.power_per_torque[:, joint]
             sums[joint] += np.bincount(place, weight, _BINS)
             energy[joint] += np.bincount(place, weight**2, _BINS)
     spectrum = np.abs(np.fft.rfft(sums, axis=1)) ** 2 / np.maximum(energy.sum(axis=1), 1e-12)[:, None]
@@ -90,5 +90,5 @@ def _taken_back(residual: Floats, whitener: Whitener, lag_s: float, step_s: floa
     """[SUB T] the adjoint of averaging, lag and whitening, applied to the white residual."""
     white = lfilter(whitener.taps, [1.0], residual)
     adjoint = lfilter(whitener.taps, [1.0], white[::-1])[::-1]
-    fine = np.repeat(adjoint, SUB) / SUB
+    fine = np.repeat(adjoint, SUBSTEPS) / SUBSTEPS
     return np.asarray(Lag(lag_s, step_s).run(fine[::-1, None])[::-1, 0])
