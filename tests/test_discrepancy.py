@@ -28,7 +28,8 @@ from acqd.models.bundle.bundle import Bundle, load_bundle, save_bundle
 from acqd.models.bundle.reference import load_reference, reference_arrays
 from acqd.models.bundle.restore import open_model
 from acqd.models.effects import library
-from acqd.models.effects.scene import SUBSTEPS, averaged, scene_of, substep_motion
+from acqd.models.effects.scene import scene_of
+from acqd.models.effects.substeps import SUBSTEPS, averaged, substep_motion
 from acqd.models.features import padded
 from acqd.models.greybox.bundle_io import arrays_of
 from acqd.models.greybox.model import GreyBox
