@@ -6,6 +6,8 @@ import os
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy: many small matrices, two cores
 
+import json
+import os
 import shutil
 import signal
 import socket
@@ -18,6 +20,8 @@ import numpy as np
 import pytest
 
 from acqd.telemetry.broker import free_port
+from tests.builders import acqd, grey, recording, write_dataset
+from tests.discrepancy.independent import added_payload
 from tests.waiting import wait_for
 
 WAVEFORMS = Path(__file__).parents[1].parent / "shared" / "data" / "waveforms"
@@ -182,3 +186,23 @@ def make_mains(
     third = harmonics.get(3, 0.0) * 0.1 * np.cos(angles[3] + 3 * lag)
     power = volts * amperes * (np.cos(lag) + third)
     return Mains(codes, scale * phases, rate, volts * np.sqrt(square), amperes * np.sqrt(1.01), float(power))
+
+
+@pytest.fixture(scope="session")
+def model():
+    """A grey box with drives as a small robot has them."""
+    return grey()
+
+
+@pytest.fixture(scope="session")
+def closed(model, tmp_path_factory):
+    """A folder: a reference (before/ds), a model, recordings with a payload (now/ds) and the loop closed on them."""
+    folder = tmp_path_factory.mktemp("loop")
+    reference = write_dataset(folder / "before", [recording(model, k, seed=1, rows=900) for k in range(9)])
+    in_question = [recording(model, k, added_payload, seed=2, rows=900, start_s=1e9 + 9000) for k in range(12)]
+    now = write_dataset(folder / "now", in_question)
+    done = acqd("train", reference, "--network", "grey-box", "--out", folder / "model")
+    assert done.returncode == 0, done.stderr
+    done = acqd("close-loop", now, "--model", folder / "model", "--json")
+    assert done.returncode == 0, done.stderr
+    return folder, json.loads(done.stdout)

@@ -34,7 +34,7 @@ from acqd.sidecar.work import NoPowerYetError, Settings, Worker
 from acqd.storage.database import open_database
 from acqd.storage.writer import Received, Writer
 from acqd.telemetry import topics
-from tests.at_hand import AXES, STEP, grey, grey_bundle
+from tests.builders import AXES, STEP, grey, grey_bundle
 from tests.conftest import wait_for
 
 ACQD = [sys.executable, "-m", "acqd"]

@@ -16,6 +16,7 @@ from acqd.discrepancy.selection.detectors import ripple, switching
 from acqd.models.effects import library
 from acqd.models.effects.effect import effect_rows
 from acqd.models.effects.places import Parameter, Place, Variant
+from acqd.models.effects.scene import Scene
 from acqd.models.effects.substeps import averaged
 
 _MOSTLY = 0.6  # of the time

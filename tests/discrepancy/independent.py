@@ -1,0 +1,119 @@
+"""What every effect adds to the power, written without the library's own expressions: from the scene's motion alone."""
+
+import numpy as np
+from scipy.signal import lfilter
+
+from acqd.discrepancy.regression.setup import prepare
+from acqd.discrepancy.selection.stepwise import Limits, trace
+from acqd.models.effects import library
+from acqd.models.effects.substeps import SUBSTEPS, averaged
+from acqd.robot import load_description
+from acqd.robot.arm import Arm, Payload
+from acqd.robot.dynamics import gravity_torque, inverse_dynamics
+from tests.builders import STEP, recording
+
+
+def traced(model, robot, add, *, count=7, withheld=frozenset(), contrast=True, only=None):
+    """The loop's heart on recordings with an effect, beside recordings without."""
+    reference = [recording(model, k, seed=1) for k in range(count)] if contrast else []
+    in_question = [recording(model, k, add, seed=2, start_s=1e9 + 5000) for k in range(count)]
+    chosen = set(only or library())
+    design, competing, gates = prepare(model, robot, in_question, reference, chosen, set(withheld), lambda _: None)
+    return design, trace(design, competing, gates, Limits(), lambda _: None)
+
+
+def lagged_mean(fine_power, lag_s=0.012, steps=40):
+    """[T] rows of power [SUB T] by another way: 40 steps a row, first-order lag by exact exponentials."""
+    finer = np.repeat(fine_power, steps // SUBSTEPS)
+    keep = np.exp(-STEP / steps / lag_s)
+    out, _ = lfilter([1 - keep], [1, -keep], finer, zi=[keep * finer[0]])
+    return out.reshape(-1, steps).mean(axis=1)
+
+
+# What each effect adds, written without the library's own expressions: from the scene's motion alone.
+def extra_power(scene, torque):
+    """W of a torque on top of the motors', exactly: mechanical, copper, conduction; [T] at the meter."""
+    gain, copper, conduction = (scene.model.group(name) for name in ("gain", "copper", "conduction"))
+
+    def power(tau):
+        loss = (copper * tau**2 + conduction * (np.sqrt(tau**2 + 0.25) - 0.5)).sum(axis=1)
+        return gain[0] * (tau * scene.qd).sum(axis=1) + loss
+
+    return lagged_mean(power(scene.tau + torque) - power(scene.tau))
+
+
+def column(scene, joint, values):
+    found = np.zeros_like(scene.qd)
+    found[:, joint] = values
+    return found
+
+
+def pulses(scene, random, low, high, gap):
+    on = np.zeros(scene.rows)
+    k = int(random.exponential(gap / STEP))
+    while k < scene.rows:
+        length = int(random.uniform(low, high) / STEP)
+        on[k : k + length] = 1
+        k += length + int(random.exponential(gap / STEP)) + 5
+    return on
+
+
+def added_payload(scene, random):
+    arm = load_description("ur10e")
+    more = inverse_dynamics(Arm(arm, Payload(2.0, (0, 0, 0.05))), scene.q, scene.qd, scene.qdd)
+    return extra_power(scene, more - inverse_dynamics(Arm(arm), scene.q, scene.qd, scene.qdd))
+
+
+def since_release(scene):
+    rise = int(np.flatnonzero(np.diff(scene.signals["brake"]) > 0)[0]) + 1
+    age = (np.arange(len(scene.q)) - rise) * STEP / SUBSTEPS
+    return np.where(age >= 0, age, -0.001)
+
+
+def thermostat(scene, random):
+    return 6.0 * (((averaged(scene.t) + 13.0) % 47.0) < 20.0)
+
+
+INDEPENDENT = {
+    "coulomb_friction": lambda s, r: extra_power(s, column(s, 1, 4.0 * np.tanh(s.qd[:, 1] / 0.004))),
+    "viscous_friction": lambda s, r: extra_power(s, column(s, 2, 8.0 * s.qd[:, 2])),
+    "stribeck_friction": lambda s, r: extra_power(s, 6.0 * np.exp(-np.abs(s.qd / 0.15) ** 1.7) * np.tanh(s.qd / 0.01)),
+    "load_dependent_friction": lambda s, r: extra_power(s, 0.15 * np.abs(s.tau_rigid) * np.tanh(s.qd / 0.004)),
+    "thermal_friction": lambda s, r: extra_power(s, column(s, 0, 60 * s.qd[:, 0] * 2.0 ** (-(s.t - 1e9 - 5000) / 150))),
+    "payload": added_payload,
+    "gravity_bias": lambda s, r: extra_power(
+        s, gravity_torque_of_link(s.q, 2, 3.0)
+    ),
+    "copper_loss": lambda s, r: lagged_mean(0.9 * (s.model.group("copper") * s.tau**2).sum(axis=1)),
+    "mechanical_power": lambda s, r: lagged_mean(0.12 * np.abs(s.tau * s.qd).sum(axis=1)),
+    "regeneration_clipping": lambda s, r: lagged_mean(0.9 * np.maximum(-s.drives, 0)),
+    "brake_release": lambda s, r: lagged_mean(25.0 * (since_release(s) >= 0) * np.exp(-since_release(s) / 0.15)),
+    "brake_holding": lambda s, r: lagged_mean(5.0 * s.signals["brake"]),
+    "gear_ripple": lambda s, r: extra_power(s, column(s, 1, 4.0 * np.sin(17.3 * s.q[:, 1] + 0.4))),
+    "thermostat": thermostat,
+    "tool_actuation": lambda s, r: lagged_mean(4.0 * s.signals["tool"]),
+    "line_voltage": lambda s, r: s.predicted * ((s.volts / 230.0) ** 2.5 - 1),
+    "supply_efficiency": lambda s, r: 6.0 * (s.predicted / 100.0) ** 2,
+    "contact_force": lambda s, r: pulses(s, r, 1.5, 4, 8) * lagged_mean(contact_power(s, 40.0)),
+    "meter_gain": lambda s, r: 0.03 * s.predicted,
+    "meter_saturation": lambda s, r: -0.9 * np.maximum(s.predicted - 1.45 * 124.0, 0),
+    "process_load": lambda s, r: 7.0 * pulses(s, r, 2, 6, 9),
+    "offset_shift": lambda s, r: np.full(s.rows, 4.0),
+}  # fmt: skip
+
+
+def gravity_torque_of_link(q, link, kg):
+    robot = load_description("ur10e")
+    joints = list(robot.joint)
+    heavier = joints[link].link.model_copy(update={"mass": joints[link].link.mass + kg})
+    joints[link] = joints[link].model_copy(update={"link": heavier})
+    return gravity_torque(Arm(robot.model_copy(update={"joint": joints})), q) - gravity_torque(Arm(robot), q)
+
+
+def contact_power(scene, newton):
+    arm = load_description("ur10e")
+    weight = gravity_torque(Arm(arm, Payload(1.0)), scene.q) - gravity_torque(Arm(arm), scene.q)
+    return -(scene.power_per_torque * weight / 9.81 * newton).sum(axis=1)
+
+
+COMMON = {"payload", "coulomb_friction", "offset_shift", "copper_loss", "clock_offset", "brake_holding"}

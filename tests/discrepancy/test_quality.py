@@ -1,0 +1,22 @@
+"""Figures of merit and the noise floor."""
+
+import numpy as np
+import pytest
+
+from acqd.discrepancy.residual.quality import noise_floor, quality
+from tests.builders import STEP, recording
+
+
+def test_the_noise_floor_is_that_of_a_resting_arm(model):
+    resting = [recording(model, k, seed=4, rows=2000) for k in range(4)]
+    floor, where = noise_floor(resting, STEP)
+    assert where.startswith("at rest")
+    assert floor == pytest.approx(0.25 / np.sqrt(1 - 0.49), rel=0.3)
+
+
+def test_quality_of_white_and_of_foreseeable_residuals():
+    random = np.random.default_rng(1)
+    white = quality([random.normal(1.0, 2.0, 5000)])
+    assert white.rmse == pytest.approx(np.sqrt(5), rel=0.05) and white.bias == pytest.approx(-1, abs=0.1)
+    assert white.whiteness < 0.03
+    assert quality([np.cumsum(random.normal(0, 1, 5000))]).whiteness > 0.8

@@ -1,0 +1,9 @@
+"""modelDescription.xml."""
+
+import pytest
+
+
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_fmpy_finds_nothing_to_complain_of(made, version):
+    validation = pytest.importorskip("fmpy.validation")
+    assert validation.validate_fmu(str(made("effects", version)[1])) == []
