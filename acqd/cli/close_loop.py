@@ -60,7 +60,7 @@ def close_loop(
     from acqd.cli.models.places import default_folder
     from acqd.discrepancy.config import CloseConfig
     from acqd.discrepancy.loop import close_loop as run
-    from acqd.discrepancy.report.page import as_json
+    from acqd.discrepancy.report.summary import as_json
     from acqd.discrepancy.report.write import require_writable, write_all
 
     folder = out or default_folder(dataset, "watch" if watch else "loop")

@@ -19,10 +19,10 @@ from acqd.dataset.merge import Recording, merge
 from acqd.dataset.placement import locate
 from acqd.dataset.power import PowerStream, open_power
 from acqd.dataset.regressors import explain
+from acqd.discrepancy.monitor.baseline import baseline_of
 from acqd.discrepancy.monitor.cusum import Monitor
-from acqd.discrepancy.monitor.watch import baseline_of
-from acqd.discrepancy.repair.terms import residuals, rms
 from acqd.discrepancy.residual.delay import delay_of
+from acqd.discrepancy.residual.errors import residuals, rms
 from acqd.errors import InputError, UserError
 from acqd.models.bundle.bundle import fingerprint
 from acqd.models.bundle.envelope import Envelope
