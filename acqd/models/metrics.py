@@ -20,9 +20,9 @@ class Metrics:
     """Errors over all rows of a set of recordings."""
 
     mae: float
-    """W."""
+    """Mean absolute error, W."""
     rmse: float
-    """W."""
+    """Root mean squared error, W."""
     bias: float
     """W, predicted minus measured."""
     r2: float

@@ -19,9 +19,9 @@ MAE_PER_RMS = float(np.sqrt(2 / np.pi))
 def noise_floor(segments: list[Segment], step_s: float) -> tuple[float, str]:
     """RMS of the noise in W, and where it was measured.
 
-    At rest: median standard deviation of the power in windows of 50 rows (two seconds) in which no joint moves. The
-    median excludes windows in which a brake or a tool switches. With fewer than five such windows: standard deviation
-    of the second differences over sqrt(6), which is that of the noise if it is white and the power is smooth.
+    At rest: the median standard deviation of the power in windows of 50 rows (two seconds) in which no joint moves.
+    The median is robust against windows in which a brake or a tool switches. With fewer than five windows: the robust
+    standard deviation of the second differences over sqrt(6), which holds for white noise on a smooth power.
     """
     deviations = []
     for segment in segments:

@@ -48,7 +48,7 @@ def compare(
     if json:
         print(orjson.dumps(as_json(comparison) | {"report": str(path)}).decode())
         return
-    table = Table("model", "trained on", "seeds", "MAE \\[W]", "95 % of MAE", "RMSE \\[W]", "energy p95", "unstable")
+    table = Table("model", "trained on", "seeds", "MAE \\[W]", "95 %", "RMSE \\[W]", "energy p95", "unstable")
     for entry in sorted(comparison.entries, key=lambda e: e.metrics["everything"].mae) + comparison.baselines:
         m = entry.metrics["everything"]
         low, high = entry.mae_ci95

@@ -34,7 +34,7 @@ def write_report(comparison: Comparison, path: Path) -> None:
         f"{best.name}, trained on {pictures.kind_label(best.trained_on)}, has the lowest error on {m.recordings} "
         f"held-out recordings: MAE {m.mae:.2f} W (95 % interval {best.mae_ci95[0]:.2f} to {best.mae_ci95[1]:.2f} W), "
         f"RMSE {m.rmse:.2f} W. The energy of 95 % of the recordings is within {100 * m.energy_p95:.2f} %. "
-        f"Noise alone would give a perfect model an MAE of about {comparison.floor_W:.2f} W."
+        f"The noise of the measurement {comparison.floor_where} corresponds to an MAE of {comparison.floor_W:.2f} W."
     )
     for note in comparison.notes:
         page.text(note)
@@ -80,8 +80,8 @@ def _table(page: Page, comparison: Comparison) -> None:
         "difference of the prediction is more than four times that of the measurement (thesis Figure 8.5)."
     )
     page.text(
-        f"Noise floor: {comparison.floor_W:.2f} W MAE, which is sqrt(2 / pi) times the standard deviation of the "
-        f"measured power {comparison.floor_where}."
+        f"Noise floor: {comparison.floor_W:.2f} W MAE, which is sqrt(2 / pi) times the RMS of the noise, measured "
+        f"{comparison.floor_where}."
     )
 
 

@@ -18,7 +18,7 @@ class Adam:
     steps: int = 0
 
     @classmethod
-    def fresh(cls, size: int) -> Adam:
+    def zero(cls, size: int) -> Adam:
         """Zero moments."""
         return cls(np.zeros(size, dtype=np.float32), np.zeros(size, dtype=np.float32))
 

@@ -32,10 +32,10 @@ class Batch:
 def batches(examples: list[Example], size: int, margin: int) -> list[Batch]:
     """All examples in batches of `size`; inputs have `margin` more rows than targets."""
     by_length = sorted(examples, key=lambda example: len(example.target))
-    made = []
+    result = []
     for first in range(0, len(by_length), size):
         chosen = by_length[first : first + size]
         rows = len(chosen[0].target)
         inputs = np.stack([example.inputs[: rows + margin] for example in chosen])
-        made.append(Batch(inputs, np.stack([example.target[:rows] for example in chosen])))
-    return made
+        result.append(Batch(inputs, np.stack([example.target[:rows] for example in chosen])))
+    return result

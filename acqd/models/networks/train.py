@@ -111,7 +111,7 @@ def _examples(
 
 def _new_run(architecture: Architecture, axes: int, seed: int) -> Run:
     parameters = initial(architecture, axes, seed)
-    return Run(parameters, parameters.copy(), Adam.fresh(len(parameters)))
+    return Run(parameters, parameters.copy(), Adam.zero(len(parameters)))
 
 
 def _optimise(task: Task, run: Run, save: Callable[[], None], progress: Callable[[EpochReport], None]) -> None:
