@@ -14,7 +14,6 @@ from acqd.errors import InputError, UserError
 from acqd.models.bundle.bundle import Bundle, load_bundle, save_bundle
 from acqd.models.bundle.envelope import Envelope
 from acqd.models.bundle.restore import open_model, restore
-from acqd.models.compare.baselines import noise_floor
 from acqd.models.compare.kernels import difference_of_gaussian, laplacian_of_gaussian, likeness, response
 from acqd.models.compare.stability import unstable_share
 from acqd.models.features import motion
@@ -31,6 +30,7 @@ from acqd.models.networks.predictor import NetworkPredictor
 from acqd.models.networks.settings import TrainingSettings
 from acqd.models.networks.torch_engine import TorchEngine
 from acqd.models.networks.train import train
+from acqd.models.noise_floor import noise_floor
 from acqd.models.normalisation import Normalisation
 from acqd.models.predictor import Stream
 from acqd.models.segments import Dataset, Segment
@@ -267,14 +267,14 @@ def test_training_learns_and_goes_on_after_it_was_stopped(tmp_path, monkeypatch)
         architecture("14x1dim"), data, (), 5, settings_, tmp_path / "again", lambda at: begun.append(at.epoch)
     )
     assert begun[0] == 11  # the tenth was saved
-    assert np.array_equal(resumed.theta, whole.theta) and resumed.run.best_loss == whole.run.best_loss
+    assert np.array_equal(resumed.parameters, whole.parameters) and resumed.run.best_loss == whole.run.best_loss
 
 
 def test_torch_trains_to_the_same_place(tmp_path):
     data = dataset(iiwa_power, count=8, rows=120)
     fused, portable = (small(data, tmp_path, 4, name, compute=name) for name in ("fused", "torch"))
     assert "torch" in portable.engine and "fused" in fused.engine
-    assert np.abs(fused.theta - portable.theta).max() < 2e-3
+    assert np.abs(fused.parameters - portable.parameters).max() < 2e-3
 
 
 def test_patience_stops_and_keeps_the_best(tmp_path):
@@ -359,8 +359,8 @@ def test_oscillation_and_noise_are_told_apart():
     wild[300:400] += 15 * (-1.0) ** np.arange(100)
     assert unstable_share([wild], [one]) == pytest.approx(100 / 600, abs=0.03)
     still = replace(one, q=np.zeros_like(q), P=200 + np.random.default_rng(1).normal(0, 2.0, 600))
-    data = Dataset(Path("x"), "", "iiwa7_r800", "iiwa7_r800", STEP, "mains", [still])
-    assert noise_floor(data) == pytest.approx(2.0 * np.sqrt(2 / np.pi), rel=0.1)
+    floor, where = noise_floor([still], STEP)
+    assert floor == pytest.approx(2.0, rel=0.1) and where == "at rest, within two seconds"
     assert json.loads(json.dumps(measure([P], [one]).as_json()))["mae"] == 0.0
 
 

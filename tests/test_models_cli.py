@@ -95,7 +95,7 @@ def test_a_log_is_predicted_and_what_is_new_to_the_model_is_flagged(campaign, tr
     assert limited.returncode == 0, limited.stderr
     wide = next(path for path in sorted((campaign / "c" / "logs").rglob("*.log")) if "all_" in path.name)
     done = acqd("predict", tmp_path / "limited", wide)
-    assert done.returncode == 0 and "outside of what the model was trained on" in done.stderr
+    assert done.returncode == 0 and "outside the range of motion of the training data" in done.stderr
 
 
 @pytest.mark.parametrize(
@@ -105,10 +105,10 @@ def test_a_log_is_predicted_and_what_is_new_to_the_model_is_flagged(campaign, tr
         (("train", "{ds}"), "name one --network"),
         (("train", "{ds}", "--network", "grey-box", "--on", "outer space"), "no trajectories 'outer space'"),
         (("train", "{tmp}", "--network", "grey-box"), "is no dataset"),
-        (("train", "{ds}", "--table-7-1", "--out", "x"), "--out is one bundle"),
+        (("train", "{ds}", "--table-7-1", "--out", "x"), "--out is the folder of one bundle"),
         (("train", "{ds}", "--network", "hybrid", "--robot", "ur10e"), "axes"),
         (("compare", "{ds}", "--models", "{tmp}"), "no bundles there"),
-        (("predict", "{tmp}", "{log}"), "is no bundle"),
+        (("predict", "{tmp}", "{log}"), "is not a bundle"),
         (("predict", "{ds}.models/grey-box-everything-s1", "{tmp}/none.log"), "cannot be read"),
     ],
 )

@@ -29,7 +29,7 @@ def test_the_thesis_is_reproduced_and_goes_on_where_it_stood(tmp_path):
     page = (tmp_path / "out" / "report.html").read_text()
     assert "simulated data" in page and page.count("<details>") == 5 and "http" not in page.split("<style>")[1][:2000]
     again = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-    assert again.returncode == 0 and again.stderr.count("there already") == 9
+    assert again.returncode == 0 and again.stderr.count("already done") == 9
     other = subprocess.run([*command, "--seed", "9"], cwd=ROOT, capture_output=True, text=True, check=False)
     assert other.returncode == 2 and "another size or seed" in other.stderr
 

@@ -1,4 +1,4 @@
-"""From a bundle to an .fmu file."""
+"""Export of a bundle as an .fmu file."""
 
 from __future__ import annotations
 
@@ -31,24 +31,24 @@ _OWN: dict[str, tuple[str, str]] = {"2.0": ("fmi2.c", "fmi2_abi.h"), "3.0": ("fm
 
 @dataclass(frozen=True, slots=True)
 class Exported:
-    """What was made."""
+    """An exported FMU."""
 
     path: Path
     version: Version
     bytes: int
     variables: list[Variable]
     compilers: dict[str, str]
-    """By platform."""
+    """Compiler of the binary, by platform."""
     notes: list[str]
 
 
 def export_fmu(
     bundle: Path, out: Path, fmi: Version, platforms: Sequence[str], progress: Callable[[str], None]
 ) -> Exported:
-    """Write `out`. Raises UserError, InputError, OperationError; nothing is left behind then."""
+    """Write the file `out` completely or not at all. Raises UserError, InputError, OperationError."""
     for name in platforms:
         if name not in PLATFORMS:
-            raise UserError(f"no platform {name!r}; there are {', '.join(PLATFORMS)}")
+            raise UserError(f"no platform {name!r}; the platforms are {', '.join(PLATFORMS)}")
     if out.is_dir():
         raise UserError(f"{out} is a folder; name the file with --out")
     opened, model = open_model(bundle)
@@ -95,7 +95,7 @@ def _accept(
 
 
 def _lay_out(root: Path, files: dict[str, str], fmi: Version) -> list[str]:
-    """The sources as they are packed; names of those to compile."""
+    """Write the sources to be packed. Returns the names of those to be compiled."""
     folder = root / "sources"
     folder.mkdir()
     own, abi = _OWN[fmi]
@@ -117,7 +117,7 @@ def _binary(root: Path, target: Platform, names: Sequence[str], fmi: Version) ->
 
 
 def _provenance(opened: Bundle, model: Predictor) -> dict[str, Any]:
-    """What the model was made from, for whoever finds the FMU in five years."""
+    """Origin of the model, so that the FMU can be traced back to its bundle."""
     kept = ("name", "kind", "robot", "step_s", "envelope", "metrics", "provenance", "loop")
     return {name: opened.metadata[name] for name in kept if name in opened.metadata} | {
         "look_ahead_rows": model.radius,
