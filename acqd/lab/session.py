@@ -157,10 +157,10 @@ class Session:
         self._powers.append(trace.power)
         if self._clean_plant:
             self._clean_powers.append(self._clean_plant.run(motion, voltage, stretch).power)
-        metered = _sensor(self._effects, trace.situation)
+        fault = _sensor_fault(self._effects, trace.situation)
         for first in range(0, len(motion), _CHUNK_MS):
             part = slice(first, first + _CHUNK_MS)
-            sensor = metered and Metered(metered.gain[part], metered.limit[part])
+            sensor = fault and Metered(fault.gain[part], fault.limit[part])
             self._meter(self._mains.waveform(trace.power[part], sensor))
         self._ms += len(motion)
         return trace.recorded
@@ -180,7 +180,7 @@ class Session:
         return np.asarray(np.diff(integral[::width]) / width)
 
 
-def _sensor(effects: list[Effect], situation: Situation) -> Metered | None:
+def _sensor_fault(effects: list[Effect], situation: Situation) -> Metered | None:
     """All faults of the current sensor combined, None without a fault."""
     faults = [fault for effect in effects if (fault := effect.metered(situation)) is not None]
     if not faults:

@@ -99,15 +99,15 @@ class Mains:
         """[count] Vrms, 1 ms apart, from `first_ms` milliseconds after the start of the session."""
         return self._voltage.at(first_ms, count)
 
-    def waveform(self, power: Floats, metered: Metered | None = None) -> Codes:
+    def waveform(self, power: Floats, sensor: Metered | None = None) -> Codes:
         """EL3783 codes [20 T, 2] for power [T] (W, at 1 kHz) that continues the power of the last call.
 
         The last millisecond waits for the next call, because power is interpolated between its samples.
         """
         first = self._emitted_ms + (self._carry is not None)
         voltage = self.voltage(first, len(power))
-        gain = metered.gain if metered else np.ones(len(power))
-        limit = metered.limit if metered else np.full(len(power), np.inf)
+        gain = sensor.gain if sensor else np.ones(len(power))
+        limit = sensor.limit if sensor else np.full(len(power), np.inf)
         values = [power, voltage, gain, limit]
         if self._carry is not None:
             values = [np.concatenate([[last], new]) for last, new in zip(self._carry, values, strict=True)]
