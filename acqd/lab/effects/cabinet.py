@@ -40,7 +40,7 @@ class Thermostat(Effect):
         self._switches = [-self.random.uniform(0, self["period_s"])]  # s: on, off, on ...
 
     def mains_load(self, situation: Situation) -> Floats:
-        """Power while switched on, [T] W; periods scatter by 3 %, as room temperature does."""
+        """Power while switched on, [T] W; periods scatter by 3 %."""
         t = situation.t
         while self._switches[-1] <= t[-1]:
             on = len(self._switches) % 2 == 1
