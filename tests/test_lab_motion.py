@@ -7,9 +7,10 @@ from hypothesis import strategies as st
 
 from acqd.errors import InputError, UserError
 from acqd.lab.cell import build_cell
+from acqd.lab.motion.chain import Move, plan_chain
 from acqd.lab.motion.controller import RATE, Controller, Phase, SwitchTool, Wait
 from acqd.lab.motion.excitation import Cube, Excitation, planned_path
-from acqd.lab.motion.profile import Move, fastest_profile, plan_chain
+from acqd.lab.motion.profile import fastest_profile
 from acqd.lab.motion.program import Planner
 from acqd.lab.motion.trajectory import Trajectory, read_trajectory, write_trajectory
 from acqd.lab.motion.use_case import Assembly
@@ -187,7 +188,7 @@ def test_trajectories_survive_their_file(tmp_path, drawn):
         ("A1_deg,A2_deg\n1,2\n", "header A1_deg,A2_deg; expected A1_deg,A2_deg,A3_deg"),
         ("1,2,3,4,5,6\n", "has 6 columns, but iiwa7_r800 has 7 axes"),
         ("0,0,0,0,0,0,0\n0,130,0,0,0,0,0\n", "row 2: A2 = 130 deg is outside -120 .. 120 deg"),
-        ("0,0,0,0,0,0,0\n0,,0,0,0,0,0\n", "row 2: column 2 is no number"),
+        ("0,0,0,0,0,0,0\n0,,0,0,0,0,0\n", "row 2: column 2 is not a number"),
     ],
 )
 def test_a_broken_trajectory_is_named_where_it_is_broken(tmp_path, text, complaint):
@@ -212,7 +213,7 @@ def test_a_position_given_twice_hides_no_collision(cell):
 def test_an_assembly_does_not_drive_through_what_stands_in_its_way(cell):
     post = Box(name="post", centre=(0.54, -0.14, 0.3), size=(0.03, 0.03, 0.6))
     blocked = Planner(cell.arm, CollisionChecker(cell.arm, Scene(name="blocked", box=[post])))
-    with pytest.raises(UserError, match=r"the straight way to .* deg collides"):
+    with pytest.raises(UserError, match=r"the straight path to .* deg collides"):
         Assembly(cell.arm, blocked).program(np.random.default_rng(0))
     for controller in ("robot", "twin"):
         assembly = Assembly(cell.arm, cell.planner, controller)
@@ -241,5 +242,5 @@ def test_a_trajectory_through_a_box_is_refused_with_the_place(cell):
     planner = Planner(arm, CollisionChecker(arm, wall))
     side = np.radians([60, 60, 0, -40, 0, 0, 0])
     through = Trajectory("through", np.array([side, side * [-1, 1, 1, 1, 1, 1, 1]]))
-    with pytest.raises(UserError, match="the straight way to -60 60 0 -40 0 0 0 deg collides"):
+    with pytest.raises(UserError, match="the straight path to -60 60 0 -40 0 0 0 deg collides"):
         planner.program(through, np.random.default_rng(0))

@@ -1,4 +1,4 @@
-"""The virtual laboratory: the whole thesis campaign, and its motions against an independent collision oracle."""
+"""Benchmarks of the laboratory: the campaign of the thesis, and its motions checked by an independent simulator."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ _SECTION = "virtual laboratory (simulated)"
 
 
 def campaign() -> Iterator[Figure]:
-    """202 + 135 recordings, waveforms at 20 kHz through the daemon's own tasks into SQLite."""
+    """202 + 135 recordings: waveforms at 20 kHz through the daemon's tasks into SQLite."""
     with tempfile.TemporaryDirectory(prefix="acqd-bench-") as folder:
         command = [sys.executable, "-P", "-m", "acqd", "lab", "campaign", "--out", f"{folder}/c", "--json"]
-        begun = time.perf_counter()
-        done = subprocess.run(command, capture_output=True, text=True, check=True)
-        minutes = (time.perf_counter() - begun) / 60
-    report = json.loads(done.stdout)
+        start = time.perf_counter()
+        result = subprocess.run(command, capture_output=True, text=True, check=True)
+        minutes = (time.perf_counter() - start) / 60
+    report = json.loads(result.stdout)
     memory = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
     yield Figure(_SECTION, "thesis campaign, wall time", minutes, "min", "<= 15")
     yield Figure(_SECTION, "streamed waveform", report["sample_pairs"] / 1e6, "M sample pairs")
@@ -48,7 +48,7 @@ def campaign() -> Iterator[Figure]:
 
 
 def motions() -> Iterator[Figure]:
-    """Every source trajectory executed once: limits exactly, collisions every 0.5 deg by MuJoCo."""
+    """Every source trajectory executed once: axis limits at every sample, collisions every 0.5 deg by MuJoCo."""
     cell = build_cell(LabSettings())
     drawn = draw(cell, limited=46, all_space=30)
     clearance, speed, acceleration, inside = np.inf, 0.0, 0.0, True

@@ -16,11 +16,12 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.dataset.build import BuildConfig, build
-from acqd.lab.campaign.run_session import Folders, run_session
+from acqd.lab.campaign.folders import Folders
+from acqd.lab.campaign.run_session import run_session
 from acqd.lab.campaign.trajectory_set import draw, write
 from acqd.lab.cell import build_cell
 from acqd.lab.effects import EffectSpec, known_effects
-from acqd.lab.schedule import RecordingPlan, SessionPlan, session_begin_s
+from acqd.lab.schedule import RecordingPlan, SessionPlan, session_start_s
 from acqd.lab.session import windows_within
 from acqd.lab.settings import CampaignSettings
 from tools.studies.effects.outside import OUTSIDE, register
@@ -74,7 +75,7 @@ class World:
             chosen += [(kind, 0 if kind == "assembly" else number) for number in numbers]
         order = np.random.default_rng([self.seed, test, 77]).permutation(len(chosen))
         recordings = tuple(RecordingPlan(test * self.size + k + 1, *chosen[which]) for k, which in enumerate(order))
-        start_s = session_begin_s(self.settings([]), test * self.size + 1)
+        start_s = session_start_s(self.settings([]), test * self.size + 1)
         return SessionPlan(0, test, start_s, recordings)
 
 
