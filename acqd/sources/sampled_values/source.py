@@ -30,7 +30,7 @@ class SampledValuesSource(DeviceSource):
         self._settings = settings
         self._wire: PacketSocket | None = None
         self._heard_ns = 0
-        self._changed = ""  # why frames of our stream are not ours any more
+        self._changed = ""  # why frames of our stream are no longer accepted
         self._backoff = Backoff()
 
     def connect(self) -> None:
