@@ -77,7 +77,7 @@ class SampledValuesSource(DeviceSource):
             )
 
     def close(self) -> None:
-        """Leave the interface alone."""
+        """Stop listening to the interface."""
         if self._wire is not None:
             self._wire.close()
             self._wire = None
