@@ -1,4 +1,4 @@
-"""Accuracy on hard synthetic mains and on the real recordings."""
+"""Accuracy on difficult synthetic mains and on real recordings."""
 
 from __future__ import annotations
 
@@ -44,17 +44,17 @@ def synthetic() -> Iterator[Figure]:
 
 
 def exactness() -> Iterator[Figure]:
-    """Fixed mode against the textbook, W of an hour against exact integers."""
+    """Fixed mode compared with the textbook sums, W of an hour with exact integers."""
     section = "exactness"
     wave = hard_mains(49.3, 1, 4.0)
     batch = _metered(wave, "fixed")
     u = (wave.codes[:, 0] * SCALE[0]).reshape(-1, 800)
     i = (wave.codes[:, 1] * SCALE[1]).reshape(-1, 800)
-    off = max(
+    error = max(
         float(np.abs(batch.Vrms[0] / np.sqrt((u * u).mean(axis=1)) - 1).max()),
         float(np.abs(batch.P[0] / (u * i).mean(axis=1) - 1).max()),
     )
-    yield Figure(section, "fixed mode against the textbook sums", off, "relative", "<= 1e-9")
+    yield Figure(section, "fixed mode against the textbook sums", error, "relative", "<= 1e-9")
     wave = hard_mains(50.03, 1, 60.0)
     meter = Meter(wave.form)
     count = len(wave.codes)
@@ -69,7 +69,7 @@ def exactness() -> Iterator[Figure]:
 
 
 def recordings() -> Iterator[Figure]:
-    """Against ref_40ms.csv."""
+    """Real recordings compared with the references of their folders, ref_40ms.csv."""
     if not RECORDINGS.is_dir():
         return
     for name in _RECORDED:
