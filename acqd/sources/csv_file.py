@@ -78,7 +78,7 @@ def _first_fault(body: list[str], delimiter: str, width: int) -> str:
     """Which row and column is not as the header promises."""
     for number, fields in enumerate(csv.reader(body, delimiter=delimiter), start=2):
         if len(fields) != width:
-            return f"row {number} has {len(fields)} columns, expected {width} as in the header (cut uneven?)"
+            return f"row {number} has {len(fields)} columns, expected {width} as in the header (cut off?)"
         for column, text in enumerate(fields, start=1):
             if not _is_number(text):
                 return f"row {number}, column {column}: {text.strip()!r} is not a number"

@@ -83,20 +83,15 @@ def recordings() -> Iterator[Figure]:
             results[mode] = batch
         at = reference["phase"].astype(int) - 1, reference["k"].astype(int)
 
-        def relative_error(quantity: np.ndarray, column: str) -> np.ndarray:
+        def apart(quantity: np.ndarray, column: str) -> np.ndarray:
             return np.asarray(np.abs(quantity[at] / reference[column] - 1))  # noqa: B023 - used at once
 
         sync, fixed = results["synchronous"], results["fixed"]
         f = np.abs(sync.f[at[1]] - reference["f_sync"])
-        yield Figure(
-            section, "Vrms, median", float(np.nanmedian(relative_error(sync.Vrms, "U_sync"))) * 100, "%", "<= 0.01"
-        )
+        yield Figure(section, "Vrms, median", float(np.nanmedian(apart(sync.Vrms, "U_sync"))) * 100, "%", "<= 0.01")
         yield Figure(section, "f, median", float(np.nanmedian(f)) * 1000, "mHz", "<= 2")
         worst = max(
-            float(relative_error(q, c).max())
-            for q, c in ((fixed.Vrms, "U_fix"), (fixed.Irms, "I_fix"), (fixed.P, "P_fix"))
+            float(apart(q, c).max()) for q, c in ((fixed.Vrms, "U_fix"), (fixed.Irms, "I_fix"), (fixed.P, "P_fix"))
         )
         yield Figure(section, "fixed mode: worst of U, I, P", worst, "relative", "<= 1e-6")
-        yield Figure(
-            section, "energy: worst", float(relative_error(fixed.W * 1000, "E_Wh").max()), "relative", "<= 1e-6"
-        )
+        yield Figure(section, "energy: worst", float(apart(fixed.W * 1000, "E_Wh").max()), "relative", "<= 1e-6")

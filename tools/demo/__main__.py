@@ -79,7 +79,7 @@ def _config(kind: str, source: str) -> str:
 
 
 def _enter_namespace(kind: str) -> None:
-    """Run this program again in a namespace where it may create veth pairs. Raises UserError where that is not allowed."""
+    """Run this program again in a namespace where it may create veth pairs. Raises UserError where none is allowed."""
     if (
         os.environ.get(_INSIDE)
         or subprocess.run(namespace_command(["true"]), check=False, capture_output=True).returncode
