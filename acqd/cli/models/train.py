@@ -136,11 +136,12 @@ def train(
 
 def _withheld(network: str | None, terms: list[str]) -> tuple[str, ...]:
     """Parameter groups of the terms in --without. Raises UserError."""
-    from acqd.models.greybox.parameters import DENIABLE
+    from acqd.models.effects import library
 
-    if terms and (network != "grey-box" or not set(terms) <= set(DENIABLE)):
-        raise UserError(f"--without is for --network grey-box and takes {', '.join(DENIABLE)}")
-    return tuple(group for term in terms for group in DENIABLE[term])
+    groups = {effect.id: effect.restores for effect in library().values() if effect.restores}
+    if terms and (network != "grey-box" or not set(terms) <= set(groups)):
+        raise UserError(f"--without is for --network grey-box and takes {', '.join(groups)}")
+    return tuple(group for term in terms for group in groups[term])
 
 
 def _print_table(results: list[tuple[Any, dict[str, Any]]]) -> None:

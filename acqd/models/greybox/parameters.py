@@ -19,13 +19,6 @@ _PER_JOINT = {
     "copper": "W/Nm^2",
     "conduction": "W/Nm",
 }
-DENIABLE = {
-    "copper_loss": ("copper", "conduction"),
-    "coulomb_friction": ("coulomb",),
-    "viscous_friction": ("viscous",),
-    "mechanical_power": ("gain",),
-}
-"""Terms that `acqd train --without` can withhold from a grey box, with their parameter groups."""
 _MASS_SPREAD = 0.25  # relative difference between published parameter sets of one robot
 _COM_SPREAD_M = 0.03
 _GAIN, _GAIN_SPREAD = 1.05, 0.05  # mains power per joint power; logged torques determine it much better

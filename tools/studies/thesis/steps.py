@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,6 +12,7 @@ from rich.console import Console
 
 from acqd.atomic import write_complete
 from acqd.errors import OperationError, UserError
+from tools.common.commands import run_module
 
 _JOURNAL = "steps.json"
 
@@ -79,10 +78,7 @@ def _run(command: tuple[str, ...], log: Path, console: Console) -> str:
     with log.open("a") as file:
         file.write(f"$ {' '.join(command)}\n")
         file.flush()
-        progress = None if console.is_terminal else file
-        done = subprocess.run(
-            [sys.executable, "-m", *command], stdout=subprocess.PIPE, stderr=progress, text=True, check=False
-        )
+        done = run_module(command, stderr=None if console.is_terminal else file)
         file.write(done.stdout)
     if done.returncode:
         last = log.read_text().strip().splitlines()[-1]
