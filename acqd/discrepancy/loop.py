@@ -122,7 +122,7 @@ def _verdict(subject: Subject, tracing: Tracing, improved: Improved) -> Verdict:
         return "effects_found" if effects[0].confidence >= THRESHOLDS.least_confidence else "not_identifiable"
     if tracing.unknown is not None:
         return "unknown_structure"
-    # too few rows without an effect do not prove that there is none
+    # too few rows without an effect do not prove its absence
     return "not_identifiable" if improved.refused or subject.fit_s < THRESHOLDS.enough_s else "nothing_left"
 
 
