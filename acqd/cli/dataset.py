@@ -60,11 +60,11 @@ def build(
     from acqd.dataset.regressors import TorqueSource
 
     source: TorqueSource | None = torque.value if torque is not None else None
-    order = BuildConfig(power, logs, out, robot, device, channel, source, search, step, seed, lag, cut)
+    build_config = BuildConfig(power, logs, out, robot, device, channel, source, search, step, seed, lag, cut)
     console = Console(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
         bar = progress.add_task("reading", total=1.0)
-        report: BuildReport = run(order, lambda what, share: progress.update(bar, description=what, completed=share))
+        report: BuildReport = run(build_config, lambda what, share: progress.update(bar, description=what, completed=share))
     for line in [*report.refused, *report.notes]:
         console.print(f"acqd: {line}", soft_wrap=True, highlight=False)
     if json:
