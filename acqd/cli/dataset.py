@@ -64,7 +64,9 @@ def build(
     console = Console(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
         bar = progress.add_task("reading", total=1.0)
-        report: BuildReport = run(build_config, lambda what, share: progress.update(bar, description=what, completed=share))
+        report: BuildReport = run(
+            build_config, lambda what, share: progress.update(bar, description=what, completed=share)
+        )
     for line in [*report.refused, *report.notes]:
         console.print(f"acqd: {line}", soft_wrap=True, highlight=False)
     if json:
