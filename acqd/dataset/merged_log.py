@@ -17,4 +17,4 @@ class MergedLog:
     placement: Placement
     recording: Recording | None
     reason: str = ""
-    """Why there is no recording."""
+    """Why the recording is missing."""

@@ -119,7 +119,7 @@ def _brake_columns(opened: Floats) -> Floats:
 
 
 def best_torque(log: RobotLog) -> TorqueSource:
-    """Measured torques if the log has them, else those of the description's inverse dynamics."""
+    """measured if the log has usable torques, else model: the description's inverse dynamics."""
     if log.tau is not None and np.isfinite(log.tau).all() and np.abs(log.tau).max() > 0:
         return "measured"
     return "model"

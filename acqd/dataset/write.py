@@ -99,7 +99,7 @@ def _entry(config: BuildConfig, merged: MergedLog, recording: Recording) -> dict
 
 
 def _file(log: RobotLog) -> Path:
-    """The file on disk; the path of a piece of a log lies below that of its log."""
+    """The file on disk; a piece of a log has a path below the file."""
     return log.path if log.path.is_file() else log.path.parent
 
 

@@ -70,7 +70,7 @@ class PowerRows:
 def device_of(engine: sa.Engine, wanted: str | None, usual: str) -> str:
     """The device whose rows are used: `wanted`, else the only one in the database, else `usual` if it has no rows.
 
-    Raises UserError when the database holds several devices and `usual` is none of them.
+    Raises UserError when the database holds several devices without `usual`.
     """
     if wanted is not None:
         return wanted

@@ -19,4 +19,4 @@ class Settings:
     between_s: float = 200 * 3600.0
     """Mean recorded time between false alarms."""
     clocks_apart_s: float = 120.0
-    """How far the robot's clock may be off."""
+    """How far the clocks of robot and power meter may differ."""
