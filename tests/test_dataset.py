@@ -245,7 +245,7 @@ def test_no_source_is_on_two_sides_and_shares_are_kept():
 def test_times_keep_their_nanoseconds():
     stamps = parse_times(Path("x"), "time", ["2021-07-13T08:00:00.123456+02:00", "2021-07-13T06:00:00.123456Z"])
     assert stamps[0] == stamps[1] == 1_626_156_000_123_456_000
-    with pytest.raises(InputError, match="is no Unix time"):
+    with pytest.raises(InputError, match="is not a Unix time"):
         parse_times(Path("x"), "time", [1e25])
 
 
@@ -269,7 +269,7 @@ def test_the_command_builds_shows_and_refuses(campaign, tmp_path):
     with sqlite3.connect(tmp_path / "flat.sqlite") as database:
         database.execute("CREATE TABLE unrelated (x)")
     none = run_acqd("dataset", "show", tmp_path)
-    assert none.returncode == 2 and "is no dataset" in none.stderr
+    assert none.returncode == 2 and "is not a dataset" in none.stderr
 
 
 @pytest.fixture(scope="module")
@@ -383,9 +383,9 @@ def test_one_log_cut_into_pieces_is_split_by_its_pieces_many_by_their_source():
 @pytest.mark.parametrize(
     ("name", "text", "expected"),
     [
-        ("a.parquet", "", "no Parquet"),
+        ("a.parquet", "", "is not a Parquet file"),
         ("a.jsonl", '{"time": null, "P": 1}\n', "row 1 has no time"),
-        ("a.jsonl", "[1, 2]\n", "line 1 is no JSON object"),
+        ("a.jsonl", "[1, 2]\n", "line 1 is not a JSON object"),
         ("a.csv", "filetime,P\n,1\n", "has no time"),
         ("a.csv", "filetime,P\nx,1\n", "column filetime"),
         ("a.sqlite", "", "is empty"),

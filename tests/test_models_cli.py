@@ -104,7 +104,7 @@ def test_a_log_is_predicted_and_what_is_new_to_the_model_is_flagged(campaign, tr
         (("train", "{ds}", "--network", "22x1dim"), "no network '22x1dim'"),
         (("train", "{ds}"), "name one --network"),
         (("train", "{ds}", "--network", "grey-box", "--on", "outer space"), "no trajectories 'outer space'"),
-        (("train", "{tmp}", "--network", "grey-box"), "is no dataset"),
+        (("train", "{tmp}", "--network", "grey-box"), "is not a dataset"),
         (("train", "{ds}", "--table-7-1", "--out", "x"), "--out is the folder of one bundle"),
         (("train", "{ds}", "--network", "hybrid", "--robot", "ur10e"), "axes"),
         (("compare", "{ds}", "--models", "{tmp}"), "no bundles there"),

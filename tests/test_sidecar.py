@@ -27,10 +27,14 @@ from acqd.models.bundle.reference import reference_arrays
 from acqd.models.predictor import Stream
 from acqd.models.segments import Segment
 from acqd.sidecar.arrivals import Arrivals
+from acqd.sidecar.clock_memory import ClockMemory
 from acqd.sidecar.live import Live
+from acqd.sidecar.lock import exclusive
+from acqd.sidecar.power_rows import PowerRowsMissingError
 from acqd.sidecar.service import Sidecar
+from acqd.sidecar.settings import Settings
 from acqd.sidecar.store import Done, Store
-from acqd.sidecar.work import NoPowerYetError, Settings, Worker
+from acqd.sidecar.worker import Worker
 from acqd.storage.database import open_database
 from acqd.storage.writer import Received, Writer
 from acqd.telemetry import topics
@@ -240,7 +244,7 @@ def test_one_sidecar_a_database_and_one_device(tmp_path, bundle, database):
     logs.mkdir()
     cell(logs, database, 1)
     command = sidecar(logs, bundle, database, "--no-mqtt", "--until-idle")
-    with Store(open_database(database)).unit_torque():
+    with exclusive(open_database(database)):
         second = run(command)
     assert second.returncode == 2 and "another sidecar works on this database" in second.stderr
     assert run(command).returncode == 0
@@ -291,20 +295,19 @@ def test_power_that_comes_late_is_waited_for(tmp_path, bundle):
     worker = Worker(Settings(bundle, url, None, None, 0.3), engine)
     q = motion(800, 0)
     write_log(logs / "a.csv", q, BEGIN)
-    with pytest.raises(NoPowerYetError, match="no power rows up to"):
+    with pytest.raises(PowerRowsMissingError, match="no power rows up to"):
         worker.run(logs / "a.csv", "a.csv", "x")
     cell(logs, url, 1)
     assert worker.run(logs / "a.csv", "a.csv", "x").status == "ok"
 
 
-def test_the_clocks_line_holds_for_more_logs_than_it_remembers_and_begins_anew_when_it_was_set(tmp_path, bundle):
-    worker = Worker(Settings(bundle, "", None, None), open_database(str(tmp_path / "p.sqlite")))
+def test_the_clocks_line_holds_for_more_logs_than_it_remembers_and_begins_anew_when_it_was_set():
+    clock = ClockMemory()
     located = []
-    worker._later = lambda *_: 0.0  # the model's refinement is another test's
     for number in range(45):
         middle = 3600.0 * number
         lag = 1.0 + 20e-6 * middle + (2.0 if number >= 38 else 0.0)
-        seconds, how = worker.placed(middle, Lag(lag, 0.9, 3.0))
+        seconds, how = clock.place(middle, Lag(lag, 0.9, 3.0))
         located.append((seconds - lag, how))
     assert max(abs(off) for off, _ in located) < 1e-3
     assert located[37][1] == "clock line" and located[38][1] == "own" and located[-1][1] == "clock line"
@@ -313,14 +316,14 @@ def test_the_clocks_line_holds_for_more_logs_than_it_remembers_and_begins_anew_w
 def test_another_model_begins_the_drift_anew(tmp_path, bundle):
     engine = open_database(str(tmp_path / "p.sqlite"))
     first = Worker(Settings(bundle, "", None, None), engine)
-    first.monitor.sums[:] = 7.0
+    first.drift.monitor.sums[:] = 7.0
     other = tmp_path / "other"
     shutil.copytree(bundle, other)
     (other / "bundle.json").write_text((bundle / "bundle.json").read_text().replace('"trial"', '"trial 2"'))
     again, changed = (Worker(Settings(path, "", None, None), engine) for path in (bundle, other))
     again.restore(first.memory())
     changed.restore(first.memory())
-    assert again.monitor.sums.max() == 7.0 and changed.monitor.sums.max() == 0.0
+    assert again.drift.monitor.sums.max() == 7.0 and changed.drift.monitor.sums.max() == 0.0
     again.restore({"model": first.memory()["model"], "lags": [[1]], "monitor": {}})  # of an earlier version
 
 
@@ -456,7 +459,7 @@ def test_live_rows_are_predicted_as_the_model_says_and_bad_ones_counted():
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (("none", "--model", "bundle", "--database", "p.sqlite"), "none is no folder"),
+        (("none", "--model", "bundle", "--database", "p.sqlite"), "none is not a folder"),
         (("logs", "--model", "logs", "--database", "p.sqlite"), "no bundle"),
         (("logs", "--model", "bundle", "--database", "x.sqlite"), "does not exist"),
         (("logs", "--model", "bundle", "--database", "p.sqlite", "--live", "--no-mqtt"), "--no-mqtt"),

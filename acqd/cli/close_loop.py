@@ -20,9 +20,13 @@ _TIMES = ["%Y-%m-%dT%H:%M:%S", "%Y-%m-%dT%H:%M:%SZ", "%Y-%m-%d %H:%M:%S", "%Y-%m
 
 
 def close_loop(
-    dataset: Annotated[Path, typer.Argument(metavar="DS", help="Folder of the dataset with the recordings in question.")],
+    dataset: Annotated[
+        Path, typer.Argument(metavar="DS", help="Folder of the dataset with the recordings in question.")
+    ],
     model: Annotated[Path, typer.Option(help="Bundle of the model, from acqd train.")],
-    out: Annotated[Path | None, typer.Option(help="Folder for the report and the repaired model (default DS.loop).")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for the report and the repaired model (default DS.loop).")
+    ] = None,
     reference: Annotated[
         Path | None, typer.Option(help="Dataset to compare with (default: what the bundle remembers).")
     ] = None,
@@ -34,15 +38,15 @@ def close_loop(
     since: Annotated[
         datetime | None, typer.Option(help="Leave out recordings that ended before (UTC).", formats=_TIMES)
     ] = None,
-    watch: Annotated[bool, typer.Option("--watch", help="Keep running, and judge new recordings of the dataset.")] = False,
+    watch: Annotated[
+        bool, typer.Option("--watch", help="Keep running, and judge new recordings of the dataset.")
+    ] = False,
     every: Annotated[
         float | None, typer.Option(min=0.5, help="Seconds between looks (--watch, default 5).", show_default=False)
     ] = None,
     false_alarm: Annotated[
         float | None,
-        typer.Option(
-            min=1, help="Recorded hours per false alarm (--watch, default 200).", show_default=False
-        ),
+        typer.Option(min=1, help="Recorded hours per false alarm (--watch, default 200).", show_default=False),
     ] = None,
     json: Json = False,
 ) -> None:
@@ -105,7 +109,9 @@ def _print(result: dict[str, Any], folder: Path) -> None:
                 + (f" ({p['ci95'][0]:.3g} to {p['ci95'][1]:.3g})" if p["ci95"] else "")
                 for name, p in effect["parameters"].items()
             ]
-            alternatives = ", ".join(f"{r['id']} {r['confidence']:.0%}" for r in effect["rivals"] if r["confidence"] > 0)
+            alternatives = ", ".join(
+                f"{r['id']} {r['confidence']:.0%}" for r in effect["rivals"] if r["confidence"] > 0
+            )
             cells = [effect["id"], effect["where"], "\n".join(values), f"{effect['confidence']:.0%}"]
             table.add_row(*cells, f"-{effect['delta_rmse']:.2f} W", alternatives)
         console.print(table)
