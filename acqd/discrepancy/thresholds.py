@@ -131,6 +131,12 @@ class Thresholds:
     rhythm_regular: float = _threshold(
         0.33, "correlation", "detectors", "study", "regularity from which a load has a rhythm"
     )
+    rhythm_fewest_pairs: int = _threshold(
+        100, "pairs", "detectors", "study", "fewest pairs of states for a correlation at a distance in time"
+    )
+    rhythm_near_best: float = _threshold(
+        0.85, "-", "detectors", "study", "the shortest period with this share of the best regularity is the period"
+    )
     # selection and acceptance
     least_evidence: float = _threshold(
         20.0,

@@ -17,6 +17,7 @@ from acqd.models.effects.substeps import SUBSTEPS, Lag
 _BINS = 8192  # of a turn and a half to each side
 _SPAN = 3 * np.pi
 _SHORTLIST = 4
+_RESOLUTION = 0.01  # periods per turn
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +68,7 @@ def refined(effect: Effect, ripple: Ripple, scenes: list[Scene], residuals: list
     """The frequency near `ripple` that explains most, by a search with halved steps."""
     best, step = ripple, 0.5
     score = _explained(effect, best, scenes, residuals, whitener)
-    while step > 0.01:
+    while step > _RESOLUTION:
         tried = [Ripple(ripple.joint, best.periods + sign * step) for sign in (-1, 1)]
         scores = [_explained(effect, each, scenes, residuals, whitener) for each in tried]
         if max(scores) > score:

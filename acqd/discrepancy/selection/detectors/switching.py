@@ -18,6 +18,7 @@ from acqd.discrepancy.thresholds import THRESHOLDS
 
 _SIZES = (1.0, 2.0, 4.0, 8.0, 16.0)  # starting values of the size, in standard deviations of the innovation
 _ROUNDS = 4
+_LONGEST_GRID = 2_000_000  # points of 0.5 s
 _DWELLS = (10, 100)  # shortest state in rows: equipment in use, heaters and coolers
 
 
@@ -193,7 +194,7 @@ def rhythm(on: list[NDArray[np.bool_]], t: list[Floats]) -> tuple[float, float]:
     start = min(float(each[0]) for each in t)
     grid_s = 0.5
     size = int((max(float(each[-1]) for each in t) - start) / grid_s) + 1
-    if size > 2_000_000:  # days between recordings: no phase lasts so long
+    if size > _LONGEST_GRID:  # days between recordings: no phase lasts so long
         return 0.0, 0.0
     known, state = np.zeros(size), np.zeros(size)
     mean = float(np.concatenate(on).mean())
@@ -203,7 +204,9 @@ def rhythm(on: list[NDArray[np.bool_]], t: list[Floats]) -> tuple[float, float]:
     length = 2 ** int(np.ceil(np.log2(2 * size)))
     products = np.fft.irfft(np.abs(np.fft.rfft(state, length)) ** 2)[:size]
     pairs = np.fft.irfft(np.abs(np.fft.rfft(known, length)) ** 2)[:size]
-    correlation = np.where(pairs > 100, products / np.maximum(pairs, 1), 0.0) / max(mean * (1 - mean), 1e-9)
+    correlation = np.where(pairs > THRESHOLDS.rhythm_fewest_pairs, products / np.maximum(pairs, 1), 0.0) / max(
+        mean * (1 - mean), 1e-9
+    )
     lowest = -max(mean, 1 - mean) / max(min(mean, 1 - mean), 1e-9)  # not reached: a square wave has -d / (1 - d)
     floor = 1 / lowest
     found: list[tuple[float, float]] = []
@@ -212,4 +215,6 @@ def rhythm(on: list[NDArray[np.bool_]], t: list[Floats]) -> tuple[float, float]:
         if whole < size:
             found.append((float(period), float(min(correlation[whole], correlation[half] / floor))))
     most = max((regular for _, regular in found), default=0.0)
-    return next(((period, regular) for period, regular in found if regular >= 0.85 * most), (0.0, 0.0))
+    return next(
+        ((period, regular) for period, regular in found if regular >= THRESHOLDS.rhythm_near_best * most), (0.0, 0.0)
+    )
