@@ -21,7 +21,7 @@ class JointTorque:
     rms: Floats
     """[axes] Nm, of the recordings in question."""
     offset: Floats
-    """[axes] Nm mean; minus that of the reference if there is one."""
+    """[axes] Nm mean; minus the mean in the reference, if there is one."""
     changed: list[int]
     """Joints (from 1) whose offset differs significantly from the reference."""
 

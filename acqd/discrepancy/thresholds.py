@@ -1,8 +1,8 @@
 """Every number that decides a verdict: its value, unit, meaning, and where it comes from.
 
 Sources: "convention" is common statistical practice; "definition" follows from a definition in this package; "study"
-was set by hand while `python -m tools.studies.effects` ran on simulated plants with other seeds than those of the
-published tables, and is judged by those tables, not fitted to them; "physics" follows from the plant.
+was set by hand while `python -m tools.studies.effects` ran on simulated plants with other seeds than the
+published tables, and is judged by the tables, not fitted to them; "physics" follows from the plant.
 """
 
 from __future__ import annotations

@@ -53,14 +53,14 @@ def export_fmu(
         raise UserError(f"{out} is a folder; name the file with --out")
     opened, model = open_model(bundle)
     try:
-        return _accept(opened, model, out, fmi, platforms, progress)
+        return _export(opened, model, out, fmi, platforms, progress)
     except OSError as error:
         raise UserError(
             f"{tempfile.gettempdir()}: {error.strerror}; make room there, or name another folder with TMPDIR"
         ) from None
 
 
-def _accept(
+def _export(
     opened: Bundle,
     model: Predictor,
     out: Path,
@@ -87,8 +87,8 @@ def _accept(
         if fmi == "3.0":
             (root / "sources" / "buildDescription.xml").write_bytes(build_description(names))
         (root / "resources").mkdir()
-        told = _provenance(opened, model)
-        (root / "resources" / "bundle.json").write_bytes(orjson.dumps(told, option=orjson.OPT_INDENT_2))
+        provenance = orjson.dumps(_provenance(opened, model), option=orjson.OPT_INDENT_2)
+        (root / "resources" / "bundle.json").write_bytes(provenance)
         progress("packing")
         _pack(root, out)
     return Exported(out, fmi, out.stat().st_size, shown, compilers, left_out(model))
@@ -128,16 +128,16 @@ def _provenance(opened: Bundle, model: Predictor) -> dict[str, Any]:
 
 
 def _pack(root: Path, out: Path) -> None:
-    beside = out.with_name(f".{out.name}.new")
+    temporary = out.with_name(f".{out.name}.new")
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
-        with zipfile.ZipFile(beside, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
+        with zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
             for path in sorted(root.rglob("*")):
                 if path.is_file():
                     archive.write(path, path.relative_to(root).as_posix())
-        beside.replace(out)
+        temporary.replace(out)
     except OSError as error:
         raise UserError(f"{out}: {error.strerror}; nothing was left behind") from None
     finally:
         with contextlib.suppress(OSError):
-            beside.unlink()
+            temporary.unlink()

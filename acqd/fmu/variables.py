@@ -76,14 +76,16 @@ def parameters_of(term: Term) -> Parameters:
 
 def variables(model: Predictor) -> list[Variable]:
     """All variables except `reset`, in the order of the C arrays."""
-    found = [Variable(f"q{k + 1}", "input", "rad", f"angle of joint {k + 1}") for k in range(model.axes)]
+    shown = [Variable(f"q{k + 1}", "input", "rad", f"angle of joint {k + 1}") for k in range(model.axes)]
     for name, usual in zip(model.signals, model.usual_signals(), strict=True):
         unit = _SIGNAL_UNITS.get(name, "1")
-        found.append(Variable(name, "input", unit, _SIGNALS.get(name, "logged signal"), float(usual)))
-    late = f", {1000 * model.radius * model.step_s:.0f} ms late: so far ahead the model looks" if model.radius else ""
-    found.append(Variable("power", "output", "W", f"mains power{late}"))
-    found.append(Variable("energy", "output", "kWh", "energy since the start or the last reset"))
-    return [*found, *_effect_variables(model)]
+        shown.append(Variable(name, "input", unit, _SIGNALS.get(name, "logged signal"), float(usual)))
+    delay = (
+        f", delayed by {1000 * model.radius * model.step_s:.0f} ms: the look-ahead of the model" if model.radius else ""
+    )
+    shown.append(Variable("power", "output", "W", f"mains power{delay}"))
+    shown.append(Variable("energy", "output", "kWh", "energy since the start or the last reset"))
+    return [*shown, *_effect_variables(model)]
 
 
 def _effect_variables(model: Predictor) -> Iterator[Variable]:

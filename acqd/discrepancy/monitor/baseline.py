@@ -15,7 +15,8 @@ from acqd.models.predictor import Predictor
 def baseline_of(bundle: Path, model: Predictor, between_s: float) -> Baseline:
     """For one false alarm in `between_s` recorded seconds. Raises UserError when the bundle remembers too little.
 
-    The residual is smaller on recordings that the model was fitted on. It is scaled to that of the other recordings.
+    The residual is smaller on recordings that the model was fitted on. There, it is scaled to the residual on the other
+    recordings.
     """
     remembered = load_reference(bundle)
     errors = errors_of(model, remembered) if remembered else []

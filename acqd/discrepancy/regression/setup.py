@@ -86,7 +86,7 @@ def _base(columns: DesignColumns, arm: Arm, question: Question) -> list[Column]:
 
 
 def block_intercepts(columns: DesignColumns, noise_weights: Floats) -> list[Column]:
-    """A random intercept for every block; its deviation is that of the blocks' means where `noise_weights` is not 0.
+    """A random intercept per block; its deviation is the spread of the block means where `noise_weights` is not 0.
 
     Standby power drifts over tens of seconds, longer than the noise model remembers. Without random intercepts, the
     rows of a block would count as some thousand independent observations of a constant load.

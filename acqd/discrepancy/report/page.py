@@ -27,7 +27,7 @@ def write_report(path: Path, config: CloseConfig, closed: Closed) -> None:
     if subject.data.measured == "derived":
         page.text("The power of this dataset is derived from other measurements, not metered.")
     page.text(f"The question was {_QUESTIONS[subject.question]}.")
-    page.text(f"Errors are those of {len(subject.held_out)} held-out segments: neither model nor effect saw them.")
+    page.text(f"Errors are measured on {len(subject.held_out)} held-out segments, which no fit has seen.")
     rows = [["before", *_numbers(closed.before)], ["after", *_numbers(closed.after)]]
     head = [
         "",

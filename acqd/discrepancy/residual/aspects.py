@@ -21,9 +21,9 @@ class Aspect:
     unit: str
     middle: Floats
     mean: Floats
-    """W."""
+    """[bins] mean residual, W."""
     rms: Floats
-    """W."""
+    """[bins] RMS residual, W."""
 
 
 def aspects(segments: list[Segment], errors: list[Floats], predicted: list[Floats], step_s: float) -> list[Aspect]:

@@ -33,7 +33,7 @@ def residuals(predicted: list[Floats], segments: list[Segment]) -> list[Floats]:
 
 
 def without_known_effects(model: Predictor, segments: list[Segment]) -> list[Segment]:
-    """Segments whose power lacks that of the effects which the model holds already."""
+    """Segments without the power of the effects that the model holds already."""
     if not isinstance(model, Augmented):
         return segments
     known = [model.known(signals_of(model, s), len(s.P)) for s in segments]

@@ -19,7 +19,7 @@ class Quality:
     mae: float
     """Mean absolute error, W."""
     rmse: float
-    """W."""
+    """Root mean square error, W."""
     bias: float
     """Mean error, W, predicted minus measured."""
     residual_autocorrelation: float

@@ -90,7 +90,7 @@ def relevant(design: Design, finding: Finding) -> bool:
 
 
 def _recordings_shifted(design: Design, seconds: float) -> bool:
-    """Whether shifts of whole recordings agree; a slope also stands for motion that is sharper than logged."""
+    """Whether shifts of whole recordings agree; a slope also explains motion that is sharper than logged."""
     columns = design.columns
     segments = sorted({part.segment for part in columns.parts if part.in_question})
     delays = [single_delay(columns.scenes[k], columns.segments[k].P) for k in segments]

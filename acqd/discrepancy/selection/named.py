@@ -21,7 +21,7 @@ class Named:
     finding: Finding
     gate: Gate
     place: Place
-    """Indices of columns are those of `Effect.at`, for the bundle."""
+    """With indices into the columns of `Effect.at`, for the bundle."""
     shape: dict[str, float]
     alternatives: list[Finding]
     """The best finding of every other effect, given the effects before."""

@@ -78,7 +78,7 @@ def first_alarm(model: Predictor, baseline: Baseline, segments: list[Segment]) -
 
 
 def false_alarms(model: Predictor, baseline: Baseline, segments: list[Segment]) -> int:
-    """In recordings without an effect; after each the sums begin anew."""
+    """In recordings without an effect; after an alarm the charts start again at zero."""
     monitor, count = Monitor(baseline), 0
     for segment, errors, guess in zip(segments, errors_of(model, segments), predictions(model, segments), strict=True):
         if monitor.update(errors, guess, segment.start_s, model.step_s) is not None:

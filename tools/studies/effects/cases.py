@@ -43,7 +43,7 @@ class World:
     all_space: int = 12
     assemblies: int = 8
     tests: int = 1
-    """Test campaigns that can be made, each with trajectories of its own."""
+    """Number of test campaigns, with different trajectories."""
 
     def settings(self, effects: list[EffectSpec]) -> CampaignSettings:
         """Of all its campaigns."""
@@ -130,7 +130,7 @@ def make_reference(world: World) -> Path:
 
 
 def make_case(world: World, case: Case) -> dict[str, Any]:
-    """One test dataset, and the truth beside it (never inside)."""
+    """A test dataset; the truth is kept outside of the dataset."""
     register()
     truth_file = world.folder / "truth" / f"{case.name}.json"
     if truth_file.exists():
@@ -220,7 +220,7 @@ def _order(effect: str, values: dict[str, float]) -> EffectSpec:
 
 
 def _acting_rms(with_effect: tuple[Floats, Floats], without: tuple[Floats, Floats]) -> float:
-    """RMS of the hidden power while it acts: true power, or where that knows nothing of it, metered."""
+    """RMS of the hidden power while it acts, from the true power, or from the metered power for faults of the meter."""
     size = min(len(with_effect[0]), len(without[0]))
     hidden = with_effect[1][:size]
     if np.abs(hidden).max() < 1e-6:

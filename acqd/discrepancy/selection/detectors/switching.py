@@ -62,7 +62,7 @@ class _White:
 def search(
     residuals: list[Floats], whitener: Whitener, shapes: list[Floats] | None = None, signs: tuple[int, ...] = (1,)
 ) -> States | None:
-    """The likeliest states of residuals [T] W per stretch; None when there are none worth their switchings."""
+    """The likeliest states of residuals [T] W per segment; None if no switching pays its price."""
     shapes = shapes or [np.ones(len(each)) for each in residuals]
     white = [_prepared(each, shape, whitener) for each, shape in zip(residuals, shapes, strict=True)]
     unit = whitener.innovation / max(float(np.sqrt(np.mean(np.concatenate(shapes) ** 2))), 1e-9)
