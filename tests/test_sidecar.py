@@ -26,10 +26,10 @@ from acqd.models.bundle.envelope import Envelope
 from acqd.models.bundle.reference import reference_arrays
 from acqd.models.predictor import Stream
 from acqd.models.segments import Segment
-from acqd.sidecar.arrivals import Arrivals
 from acqd.sidecar.clock_memory import ClockMemory
 from acqd.sidecar.live import Live
 from acqd.sidecar.lock import exclusive
+from acqd.sidecar.log_arrivals import Arrivals
 from acqd.sidecar.power_rows import PowerRowsMissingError
 from acqd.sidecar.service import Sidecar
 from acqd.sidecar.settings import Settings
