@@ -1,8 +1,4 @@
-"""A small grey box of a UR10e, recordings of it, and datasets of those, without training; `acqd` as a user runs it."""
-
-import os
-import subprocess
-import sys
+"""A small grey box of a UR10e, recordings of it, and datasets of those, without training."""
 
 import numpy as np
 from scipy.signal import lfilter
@@ -18,6 +14,7 @@ from acqd.robot import load_description
 from acqd.robot.arm import Arm
 from acqd.robot.dynamics import inertial_parameters
 from acqd.robot.newton_euler import Chain
+from tests.commands import acqd
 
 STEP = 0.04
 ROBOT = load_description("ur10e")
@@ -79,20 +76,6 @@ def recording(model, number, add=None, *, rows=700, seed=0, start_s=1e9):
 
 def term(name, shape=None, coefficient=2.0):
     return Term(name, "somewhere", dict(shape or {}), (0,), np.array([coefficient]), {})
-
-
-# ---------------------------------------------------------------- as a user
-
-
-def acqd(*arguments):
-    done = subprocess.run(
-        [sys.executable, "-m", "acqd", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        env=os.environ | {"OMP_NUM_THREADS": "1", "COLUMNS": "160"},
-    )
-    assert "Traceback" not in done.stderr, done.stderr
-    return done
 
 
 def write_dataset(folder, segments):

@@ -7,7 +7,9 @@ import sys
 import pytest
 
 from acqd.models.bundle.bundle import load_bundle
-from tests.builders import acqd, recording, write_dataset
+from tests.builders import recording, write_dataset
+from tests.commands import acqd, acqd_here
+from tests.waiting import LIMIT_S
 
 
 def test_close_loop_names_the_payload_and_writes_what_the_design_says(closed):
@@ -75,7 +77,7 @@ def test_only_and_exclude(closed, tmp_path):
 def test_bad_input_is_one_line_and_exit_2(closed, arguments, said):
     folder, _ = closed
     places = {"model": folder / "model", "ds": folder / "now" / "ds"}
-    done = acqd("close-loop", *(each.format(**places) for each in arguments))
+    done = acqd_here("close-loop", *(each.format(**places) for each in arguments))
     assert done.returncode == 2
     assert said in done.stderr and len(done.stderr.strip().splitlines()) == 1
 
@@ -83,21 +85,21 @@ def test_bad_input_is_one_line_and_exit_2(closed, arguments, said):
 def test_too_few_recordings_are_refused(model, closed, tmp_path):
     folder, _ = closed
     few = write_dataset(tmp_path, [recording(model, k, seed=6) for k in range(3)])
-    done = acqd("close-loop", few, "--model", folder / "model")
+    done = acqd_here("close-loop", few, "--model", folder / "model")
     assert done.returncode == 2 and "too few" in done.stderr
 
 
 def test_many_pieces_that_are_too_short_are_refused(model, closed, tmp_path):
     folder, _ = closed
     short = write_dataset(tmp_path, [recording(model, k, seed=6, rows=60) for k in range(14)])
-    done = acqd("close-loop", short, "--model", folder / "model")
+    done = acqd_here("close-loop", short, "--model", folder / "model")
     assert done.returncode == 2 and "0 recordings of at least 4.8 s" in done.stderr
 
 
 @pytest.mark.parametrize("words", [("--watch", "--since", "2026-01-01"), ("--every", "2")])
 def test_options_that_would_do_nothing_are_refused(closed, words):
     folder, _ = closed
-    done = acqd("close-loop", folder / "now" / "ds", "--model", folder / "model", *words)
+    done = acqd_here("close-loop", folder / "now" / "ds", "--model", folder / "model", *words)
     assert done.returncode == 2 and "--watch" in done.stderr and len(done.stderr.strip().splitlines()) == 1
 
 
@@ -111,7 +113,7 @@ def test_a_watch_by_command_tells_line_by_line_until_it_is_asked_to_stop(closed,
         first = json.loads(process.stdout.readline())
         assert first["event"] == "recording"
         process.terminate()
-        rest, errors = process.communicate(timeout=60)
+        rest, errors = process.communicate(timeout=LIMIT_S)
     assert process.returncode == 0 and not errors
     assert not [line for line in rest.splitlines() if json.loads(line)["event"] == "alarm"]
 

@@ -1,0 +1,43 @@
+"""The thesis on a tiny scale, as by hand: every step works, is done once, and tells what went wrong."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+from rich.console import Console
+
+from acqd.errors import OperationError
+from tests.places import ROOT
+from tools.studies.thesis.steps import Step, run, seconds
+
+
+def test_the_thesis_is_reproduced_and_goes_on_where_it_stood(tmp_path):
+    command = [sys.executable, "-m", "tools.studies.thesis", str(tmp_path / "out"), "--quick", "--json"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    figures = [claim["figure"] for claim in found["claims"]]
+    assert {"Table 7.2", "Figure 8.1", "Figure 8.16", "Figure 9.3", "Figure C.2"} <= set(figures)
+    assert any(effect["id"] == "brake_release" for effect in found["use_case"]["loop"]["effects"])
+    models = found["use_case"]["models"]
+    assert models["grey-box, loop closed"]["predicted"]["rmse"] < 0.5 * models["grey-box"]["predicted"]["rmse"]
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "simulated data" in page and page.count("<details>") == 5 and "http" not in page.split("<style>")[1][:2000]
+    again = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert again.returncode == 0 and again.stderr.count("there already") == 9
+    other = subprocess.run([*command, "--seed", "9"], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert other.returncode == 2 and "another size or seed" in other.stderr
+
+
+def test_a_step_that_fails_says_so_and_the_next_run_goes_on(tmp_path):
+    product = tmp_path / "made"
+    good = Step("good", (product,), (("timeit", "-n1", "-r1", f"open({str(product)!r}, 'w').close()"),))
+    bad = Step("bad", (tmp_path / "other",), (("acqd", "dataset", "show", str(tmp_path / "none")),))
+    idle = Step("idle", (tmp_path / "never",), (("timeit", "-n1", "-r1", "pass"),))
+    console = Console(quiet=True)
+    with pytest.raises(OperationError, match="is no dataset"):
+        run([good, bad], tmp_path, console)
+    with pytest.raises(OperationError, match="never was not made"):
+        run([good, idle], tmp_path, console)
+    assert product.exists() and list(seconds(tmp_path)) == ["good"]
