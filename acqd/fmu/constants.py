@@ -1,18 +1,18 @@
-"""A model's numbers as C: model_size.h and model_data.h, which the sources beside this module include."""
+"""A model as C headers: model_size.h, model_data.h and terms.h, which the sources in `c` include."""
 
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
 from acqd.arrays import Floats
 from acqd.errors import UserError
+from acqd.fmu.literals import Header, literal
+from acqd.fmu.terms import terms_header
 from acqd.fmu.variables import Parameters, exported_terms, parameters_of
 from acqd.models.augmented import Augmented
-from acqd.models.effects.scene import substep_weights
+from acqd.models.effects.substeps import substep_weights
 from acqd.models.greybox.model import GreyBox
 from acqd.models.hybrid.model import Hybrid
 from acqd.models.networks.architecture import HIDDEN
@@ -20,45 +20,6 @@ from acqd.models.networks.predictor import NetworkPredictor
 from acqd.models.normalisation import Normalisation
 from acqd.models.predictor import Predictor
 from acqd.robot.newton_euler import Chain
-
-_SHAPES = {
-    "stribeck_friction": ("speed_rad_s",),
-    "gear_ripple": ("joint", "periods_per_turn"),
-    "payload": ("centre_of_mass_m",),
-    "contact_force": ("share_of_time",),
-    "regeneration_clipping": ("above_W",),
-    "supply_efficiency": ("standby_elsewhere",),
-    "thermostat": ("share_of_time",),
-    "process_load": ("share_of_time",),
-    "meter_saturation": ("ceiling_of_standby",),
-}
-"""Parameters that are not linear, in the order of the C term's shape."""
-
-
-@dataclass(slots=True)
-class _Header:
-    lines: list[str] = field(default_factory=list)
-
-    def define(self, name: str, value: float | str) -> None:
-        self.lines.append(f"#define {name} {value}")
-
-    def array(self, name: str, values: Any) -> None:
-        values = np.asarray(values, dtype=np.float64)
-        extent = "".join(f"[{size}]" for size in values.shape)
-        self.lines.append(f"static const double {name}{extent} = {literal(values)};")
-
-    def text(self, guard: str) -> str:
-        return "\n".join([f"#ifndef {guard}", f"#define {guard}", *self.lines, "#endif", ""])
-
-
-def literal(values: Any) -> str:
-    """Numbers in braces, none of their digits lost."""
-    values = np.asarray(values)
-    if values.ndim == 0:
-        if not np.isfinite(values):
-            raise UserError("the model holds numbers that are not finite; train it again")
-        return repr(float(values))
-    return "{" + ",".join(literal(each) for each in values) + "}"
 
 
 def sources(model: Predictor) -> dict[str, str]:
@@ -70,7 +31,8 @@ def sources(model: Predictor) -> dict[str, str]:
     if not isinstance(base, NetworkPredictor | GreyBox | Hybrid):
         raise UserError(f"a model of the kind {type(base).__name__} cannot be exported")
     size = _size(model, base, parameters)
-    data = _Header()
+    data = Header()
+    files: dict[str, str] = {}
     if isinstance(base, NetworkPredictor):
         _network(data, base)
     if isinstance(base, Hybrid):
@@ -83,15 +45,16 @@ def sources(model: Predictor) -> dict[str, str]:
     if isinstance(grey, GreyBox):
         data.lines.append(_grey("BASE", grey, model))
     if parameters and isinstance(carrier, GreyBox):
-        _effects(data, carrier, model, parameters)
+        _effects(data, carrier, model)
+        files["terms.h"] = terms_header(parameters, carrier)
     data.array("SIGNAL_START", [*model.usual_signals(), 0.0])
     data.array("PARAMETER_START", [*(value for own in parameters for value in own.start), 0.0])
-    contents = size.text("ACQD_MODEL_SIZE_H") + data.text("ACQD_MODEL_DATA_H")
-    token = hashlib.sha256(contents.encode()).hexdigest()
+    files["model_size.h"] = size.text("ACQD_MODEL_SIZE_H")
+    token = hashlib.sha256("".join([*files.values(), data.text("ACQD_MODEL_DATA_H")]).encode()).hexdigest()
     data.lines.append(
         f'#define MODEL_TOKEN "{{{token[:8]}-{token[8:12]}-{token[12:16]}-{token[16:20]}-{token[20:32]}}}"'
     )
-    return {"model_size.h": size.text("ACQD_MODEL_SIZE_H"), "model_data.h": data.text("ACQD_MODEL_DATA_H")}
+    return files | {"model_data.h": data.text("ACQD_MODEL_DATA_H")}
 
 
 def token_of(files: dict[str, str]) -> str:
@@ -100,8 +63,8 @@ def token_of(files: dict[str, str]) -> str:
     return line.split('"')[1]
 
 
-def _size(model: Predictor, base: Predictor, parameters: list[Parameters]) -> _Header:
-    header = _Header()
+def _size(model: Predictor, base: Predictor, parameters: list[Parameters]) -> Header:
+    header = Header()
     network = isinstance(base, NetworkPredictor)
     header.define("AXES", model.axes)
     header.define("SIGNALS", len(model.signals))
@@ -110,28 +73,20 @@ def _size(model: Predictor, base: Predictor, parameters: list[Parameters]) -> _H
     header.define("HAS_NETWORK", int(network))
     header.define("HAS_GREYBOX", int(not network))
     header.define("HAS_PERCEPTRON", int(isinstance(base, Hybrid)))
-    header.define("HAS_BODY", int(not network or bool(parameters)))
     header.define("HIDDEN", HIDDEN if network else 0)
     header.define("TERMS", len(parameters))
     header.define("PARAMETERS", sum(len(own.names) for own in parameters))
-    header.define("COLUMNS", _columns(model) if parameters else 1)
-    header.define("TERM_PARAMETERS", max([1, *(len(own.names) for own in parameters)]))
     for name, signal in (("BRAKE", "brake"), ("TOOL", "tool"), ("VOLTS", "Vrms")):
         header.define(name, model.signals.index(signal) if signal in model.signals else -1)
     return header
 
 
-def _columns(model: Predictor) -> int:
-    """As many as the C of any term looks at."""
-    return max(3 * model.axes, 8)
-
-
-def _normal(data: _Header, normal: Normalisation) -> None:
+def _normal(data: Header, normal: Normalisation) -> None:
     data.array("Q_OFFSET", normal.offset)
     data.array("Q_SCALE", normal.scale)
 
 
-def _network(data: _Header, base: NetworkPredictor) -> None:
+def _network(data: Header, base: NetworkPredictor) -> None:
     arrays, chosen = base.arrays, base.architecture
     data.define("WIDTH", chosen.width(base.axes))
     data.define("KERNELS", chosen.kernels)
@@ -151,7 +106,7 @@ def _network(data: _Header, base: NetworkPredictor) -> None:
     data.define("P_OFFSET", repr(base.normal.P_offset))
 
 
-def _perceptron(data: _Header, base: Hybrid) -> None:
+def _perceptron(data: Header, base: Hybrid) -> None:
     _normal(data, base.normal)
     data.define("PERCEPTRON_HIDDEN", len(base.network.b))
     data.array("PERCEPTRON_W", base.network.W)
@@ -180,19 +135,6 @@ def _turns(chain: Chain) -> Floats:
     return np.array(found)
 
 
-def _effects(data: _Header, carrier: GreyBox, model: Predictor, parameters: list[Parameters]) -> None:
+def _effects(data: Header, carrier: GreyBox, model: Predictor) -> None:
     data.lines.append(_grey("CARRIER", carrier, model))
-    links = carrier.group("inertial").reshape(-1, 10)
-    data.array("LINK_CENTRE", np.clip(links[:, 1:4] / np.maximum(links[:, :1], 1e-3), -0.5, 0.5))
-    data.array("TIP", carrier.chain.tip)
-    data.array("FINE", substep_weights(model.step_s))
-    most = max(len(own.names) for own in parameters)
-    terms, first = [], 0
-    for own in parameters:
-        mix = np.zeros((_columns(model), most))
-        mix[list(own.term.columns), : len(own.names)] = own.mix
-        shape = [float(own.term.shape[name]) for name in _SHAPES.get(own.term.id, ())]
-        kind = "SWITCHING_LOAD" if own.term.id in ("thermostat", "process_load") else own.term.id.upper()
-        terms.append(f"{{{kind},{literal(np.array([*shape, 0.0, 0.0][:2]))},{first},{len(own.names)},{literal(mix)}}}")
-        first += len(own.names)
-    data.lines.append(f"static const term_t TERM[TERMS] = {{{','.join(terms)}}};")
+    data.array("SUBSTEP_WEIGHT", substep_weights(model.step_s).transpose(0, 2, 1))

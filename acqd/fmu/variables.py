@@ -14,12 +14,6 @@ from acqd.models.augmented import Augmented, Term
 from acqd.models.effects import library
 from acqd.models.predictor import Predictor
 
-LEFT_OUT = {
-    "thermal_friction": "gears are taken to be warm",
-    "clock_offset": "a clock's fault is none of the robot's",
-    "clock_drift": "a clock's fault is none of the robot's",
-}
-"""Effects that a simulation has no use for, and why."""
 _SIGNAL_UNITS = {"Vrms": "V"}
 _SIGNALS = {
     "brake": "brakes open (1) or closed (0)",
@@ -52,14 +46,20 @@ class Parameters:
 
 
 def exported_terms(model: Predictor) -> list[Term]:
-    """Added effects that go into the FMU."""
-    return [term for term in model.terms if term.id not in LEFT_OUT] if isinstance(model, Augmented) else []
+    """Added effects that the FMU holds."""
+    return [term for term in _terms(model) if library()[term.id].exported]
 
 
 def left_out(model: Predictor) -> list[str]:
-    """Added effects that do not, with the reason."""
-    terms = model.terms if isinstance(model, Augmented) else []
-    return [f"{term.id} is left out: {LEFT_OUT[term.id]}" for term in terms if term.id in LEFT_OUT]
+    """Added effects that the FMU does not hold, with the reason, and assumptions about the others."""
+    omitted = [(term, library()[term.id]) for term in _terms(model) if not library()[term.id].exported]
+    notes = [f"{term.id} is left out: {effect.omitted_because}" for term, effect in omitted]
+    notes += [note for term in exported_terms(model) if (note := library()[term.id].assumption(term.shape))]
+    return list(dict.fromkeys(notes))
+
+
+def _terms(model: Predictor) -> list[Term]:
+    return model.terms if isinstance(model, Augmented) else []
 
 
 def parameters_of(term: Term) -> Parameters:

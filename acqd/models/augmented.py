@@ -10,8 +10,10 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.models.effects import library
-from acqd.models.effects.effect import Place, effect_rows_at
-from acqd.models.effects.scene import RADIUS, Scene, make_scene
+from acqd.models.effects.effect import effect_rows_at
+from acqd.models.effects.places import Place
+from acqd.models.effects.scene import Scene, make_scene
+from acqd.models.effects.substeps import RADIUS
 from acqd.models.features import padded
 from acqd.models.greybox.model import GreyBox
 from acqd.models.predictor import Predictor
@@ -76,7 +78,8 @@ class _State:
 
 
 _PAST = 75
-"""Rows (3 s) that a row-by-row prediction looks back for effects: longer than any event or lag lasts."""
+"""Rows (3 s) of the past that a row-by-row prediction uses for effects: longer than any event or lag."""
+_USUAL_V = 230.0
 
 
 class Augmented(Predictor):
@@ -86,10 +89,9 @@ class Augmented(Predictor):
         self.base, self.carrier, self.terms = base, carrier, terms
         self.axes, self.step_s = base.axes, base.step_s
         self.radius = max(base.radius, RADIUS)
-        needed = {name for term in terms for name in library()[term.id].needs}
-        needed |= {"brake"} if any(term.id == "brake_release" for term in terms) else set()
-        needed |= {"tool"} if any("tool" in term.where for term in terms) else set()
-        needed |= set(carrier.signals) if terms else set()
+        needed = set(carrier.signals) if terms else set()
+        for term in terms:
+            needed |= library()[term.id].signals_of(term.columns)
         self.signals = (*base.signals, *sorted(needed - set(base.signals)))
 
     @classmethod
@@ -107,7 +109,9 @@ class Augmented(Predictor):
         """See Predictor."""
         usual = dict(zip(self.carrier.signals, self.carrier.usual_signals(), strict=True))
         usual |= dict(zip(self.base.signals, self.base.usual_signals(), strict=True))
-        return np.array([usual.get(name, 230.0 if name == "Vrms" else 0.0) for name in self.signals])
+        nominal = [term.shape["nominal_V"] for term in self.terms if "nominal_V" in term.shape]
+        usual.setdefault("Vrms", nominal[0] if nominal else _USUAL_V)
+        return np.array([usual.get(name, 0.0) for name in self.signals])
 
     def sequence(self, q: Floats, signals: Floats | None = None, start_s: float | None = None) -> Floats:
         """See Predictor; effects that follow the clock need `start_s` (Unix s), without it they are at rest."""
@@ -160,6 +164,6 @@ class Augmented(Predictor):
         before = np.array([row for row, _ in state.recent])
         past = np.repeat(before[:1], RADIUS, axis=0) if len(before) < _PAST else before[:RADIUS]
         own = before if len(before) < _PAST else before[RADIUS:]
-        told = np.array([row for _, row in state.recent])[len(before) - len(own) :]
+        recent_signals = np.array([row for _, row in state.recent])[len(before) - len(own) :]
         angles = np.concatenate([past, own, window[middle + 1 : middle + 1 + RADIUS]])
-        return base + float(self.effects(angles, told, None)[-1])
+        return base + float(self.effects(angles, recent_signals, None)[-1])

@@ -6,7 +6,7 @@ from scipy.signal import lfilter
 from acqd.discrepancy.regression.setup import prepare
 from acqd.discrepancy.selection.stepwise import Limits, trace
 from acqd.models.effects import library
-from acqd.models.effects.scene import SUBSTEPS, averaged
+from acqd.models.effects.substeps import SUBSTEPS, averaged
 from acqd.robot import load_description
 from acqd.robot.arm import Arm, Payload
 from acqd.robot.dynamics import gravity_torque, inverse_dynamics

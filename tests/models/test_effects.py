@@ -3,7 +3,8 @@
 import numpy as np
 
 from acqd.models.effects import library
-from acqd.models.effects.scene import SUBSTEPS, scene_of, substep_motion
+from acqd.models.effects.scene import scene_of
+from acqd.models.effects.substeps import SUBSTEPS, substep_motion
 from acqd.models.greybox.model import GreyBox
 from tests.builders import STEP, recording, term
 

@@ -15,8 +15,10 @@ from acqd.discrepancy.regression.grey_box_columns import base_columns
 from acqd.discrepancy.regression.smooth_alternatives import Ranges, generic_columns, rivals
 from acqd.discrepancy.residual.whitening import ORDER, Whitener
 from acqd.models.effects import library
-from acqd.models.effects.effect import Variant, effect_rows
-from acqd.models.effects.scene import RADIUS, Lag, Scene, averaged, scene_of
+from acqd.models.effects.effect import effect_rows
+from acqd.models.effects.places import Variant
+from acqd.models.effects.scene import Scene, scene_of
+from acqd.models.effects.substeps import RADIUS, Lag, averaged
 from acqd.models.greybox.model import GreyBox
 from acqd.models.segments import Segment
 from acqd.numerics import mad_sigma

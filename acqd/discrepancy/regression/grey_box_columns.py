@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.models.effects.scene import Lag, Scene, averaged
+from acqd.models.effects.scene import Scene
+from acqd.models.effects.substeps import Lag, averaged
 from acqd.models.greybox.model import GreyBox, direction, magnitude
 from acqd.robot.arm import Arm
 from acqd.robot.dynamics import regressor

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from acqd.arrays import Floats
-from acqd.models.effects.effect import bins, edges, since
+from acqd.models.effects.events import bins, edges, since
 from acqd.models.effects.scene import Scene
 
 _SPEEDS = tuple(0.05 + 0.1 * k for k in range(10))  # of the largest speed seen

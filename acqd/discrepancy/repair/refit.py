@@ -7,7 +7,7 @@ from dataclasses import replace
 from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.repair.terms import Added
 from acqd.models.augmented import Augmented
-from acqd.models.effects.scene import RADIUS
+from acqd.models.effects.substeps import RADIUS
 from acqd.models.features import padded
 from acqd.models.greybox.fit import fit_grey_box
 from acqd.models.greybox.model import GreyBox

@@ -14,8 +14,8 @@ from acqd.discrepancy.selection.stepwise import Named
 from acqd.discrepancy.selection.uncertainty import confidence, intervals, others
 from acqd.models.augmented import Augmented, Term
 from acqd.models.effects import library
-from acqd.models.effects.effect import Parameter, Place
-from acqd.models.effects.scene import RADIUS
+from acqd.models.effects.places import Parameter, Place
+from acqd.models.effects.substeps import RADIUS
 from acqd.models.features import padded
 from acqd.models.metrics import predictions, signals_of
 from acqd.models.predictor import Predictor

@@ -13,7 +13,8 @@ from acqd.discrepancy.regression.gram import Model
 from acqd.discrepancy.selection.detectors.candidates import Detected
 from acqd.discrepancy.selection.ranking import Finding, rank_pooled
 from acqd.models.effects import library
-from acqd.models.effects.effect import Effect, Place, Shape, Variant, effect_rows, effect_rows_at
+from acqd.models.effects.effect import Effect, effect_rows, effect_rows_at
+from acqd.models.effects.places import Place, Shape, Variant
 from acqd.models.effects.scene import Scene
 
 _EVALUATIONS = 7
@@ -63,7 +64,7 @@ def refine(
     if shape and effect.bounds:
         shape = _searched(design, model, gate, own, rows, finding.drop)
     found = rank_pooled(design, model, gate, [own])
-    for _ in range(_SECANT_ITERATIONS if effect.by_torque else 0):
+    for _ in range(_SECANT_ITERATIONS if effect.acts_on == "torque" else 0):
         if found:
             replace_columns(design, places, rows(shape, found[0].coefficients))
             found = rank_pooled(design, model, gate, [own])

@@ -17,8 +17,8 @@ from acqd.discrepancy.selection.masking import confined, elsewhere
 from acqd.discrepancy.selection.ranking import Finding, chance, rank, rank_pooled
 from acqd.discrepancy.selection.shape_fit import refine
 from acqd.models.effects import library
-from acqd.models.effects.effect import Place
-from acqd.models.effects.sensors import slope
+from acqd.models.effects.clocks import slope
+from acqd.models.effects.places import Place
 
 Verdict = Literal["effects_found", "nothing_left", "unknown_structure", "not_identifiable"]
 

@@ -1,24 +1,42 @@
-/* Power as a sum of physical terms, and what a small network has seen them get wrong. */
+/* Power as a sum of physical terms, and the correction of a small network. */
 #include "acqd_model.h"
 
 #if HAS_GREYBOX
+#include "lanes.h"
+
+#define T double
+#define ZERO 0.0
+#define BODY(name) name##_row
+#include "rigid_body.h"
+
+#define PADDED ((AXES + LANES - 1) / LANES * LANES) /* joints, filled up to whole vectors */
+
 double greybox_power(memory_t *memory, const row_t *middle)
 {
-    const grey_t *grey = &BASE;
-    double qd[AXES], qdd[AXES], rigid[AXES], now = 0.0;
-    posture_t posture;
-    const double on = grey->brake < 0 ? 1.0 : middle->signal[grey->brake];
+    double q[PADDED] = {0}, qd[PADDED] = {0}, qdd[AXES], sine[PADDED], cosine[PADDED], direction[PADDED];
+    double rigid[AXES], now = 0.0;
+    posture_t_row posture;
+    const double on = BASE.brake < 0 ? 1.0 : middle->signal[BASE.brake < 0 ? 0 : BASE.brake];
+    memcpy(q, middle->q, sizeof middle->q);
     central_differences(middle, qd, qdd);
-    posture_of(middle->q, qd, qdd, &posture);
-    joint_torque(&posture, grey->inertial, 0, rigid);
-    for (int k = 0; k < AXES; k++) {
-        const double friction = grey->coulomb[k] * direction(qd[k]) + grey->viscous[k] * qd[k];
-        const double motor = rigid[k] + grey->rotor[k] * qdd[k] + friction;
-        now += grey->gain * motor * qd[k] + grey->copper[k] * motor * motor + grey->conduction[k] * magnitude(motor);
+    for (int k = 0; k < PADDED; k += LANES) {
+        lanes_t s, c;
+        lanes_sincos(lanes_from(q + k), &s, &c);
+        lanes_to(s, sine + k);
+        lanes_to(c, cosine + k);
+        lanes_to(lanes_tanh(lanes_from(qd + k) / SIGN_SPEED), direction + k);
     }
-    double power = lagged(&memory->base, on * now, grey->lag_s, STEP_S) + grey->standby;
+    posture_of_row(sine, cosine, qd, qdd, &posture);
+    joint_torque_row(&posture, BASE.inertial, rigid);
+    for (int k = 0; k < AXES; k++) {
+        const double friction = BASE.coulomb[k] * direction[k] + BASE.viscous[k] * qd[k];
+        const double motor = rigid[k] + BASE.rotor[k] * qdd[k] + friction;
+        const double magnitude = sqrt(motor * motor + SMALL_TORQUE * SMALL_TORQUE) - SMALL_TORQUE;
+        now += BASE.gain * motor * qd[k] + BASE.copper[k] * motor * motor + BASE.conduction[k] * magnitude;
+    }
+    double power = lagged(&memory->base, on * now, BASE.lag_s, STEP_S) + BASE.standby;
     for (int k = 0; k < SIGNALS; k++)
-        power += grey->signal_weight[k] * middle->signal[k];
+        power += BASE.signal_weight[k] * middle->signal[k];
     return power;
 }
 #endif

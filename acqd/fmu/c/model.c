@@ -5,8 +5,8 @@ double lagged(lag_t *lag, double value, double seconds, double step_s)
 {
     const double c = 2.0 * seconds / step_s;
     const double b = 1.0 / (1.0 + c);
-    if (!lag->begun) {
-        lag->begun = 1;
+    if (!lag->started) {
+        lag->started = 1;
         lag->before = lag->value = value;
         return value;
     }

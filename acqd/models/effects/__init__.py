@@ -1,6 +1,6 @@
-"""Physical effects that a model may lack: every class derived from `Effect` in a module of this package.
+"""Physical effects that a model may lack: one class in one file of `catalogue` for every effect.
 
-They live with the models because a bundle can hold them; who looks for them is `acqd.discrepancy`.
+Effects live with the models because a bundle can hold them; `acqd.discrepancy` searches for them.
 """
 
 from __future__ import annotations
@@ -10,18 +10,19 @@ import inspect
 import pkgutil
 from functools import cache
 
+from acqd.models.effects import catalogue
 from acqd.models.effects.effect import Effect
 
 
 @cache
 def library() -> dict[str, Effect]:
-    """All effects by id."""
-    found: list[type[Effect]] = []
-    for info in pkgutil.iter_modules(__path__):
-        module = importlib.import_module(f"{__name__}.{info.name}")
-        found += [
+    """All effects by id, sorted."""
+    classes: list[type[Effect]] = []
+    for info in pkgutil.iter_modules(catalogue.__path__):
+        module = importlib.import_module(f"{catalogue.__name__}.{info.name}")
+        classes += [
             cls
             for _, cls in inspect.getmembers(module, inspect.isclass)
-            if issubclass(cls, Effect) and cls.__module__ == module.__name__ and hasattr(cls, "id")
+            if issubclass(cls, Effect) and cls.__module__ == module.__name__
         ]
-    return {cls.id: cls() for cls in sorted(found, key=lambda cls: cls.id)}
+    return {cls.id: cls() for cls in sorted(classes, key=lambda cls: cls.id)}

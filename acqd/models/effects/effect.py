@@ -1,115 +1,108 @@
-"""What an effect is to the tracer: columns that are linear in its parameters, for a few shapes and places."""
+"""A physical effect: columns linear in its parameters in numpy, the same expression in C, and all its properties."""
 
 from __future__ import annotations
 
-import itertools
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
-from typing import ClassVar, Literal, TypeAlias
+from collections.abc import Iterator, Mapping, Sequence
+from typing import ClassVar, Literal
 
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.models.effects.scene import Lag, Scene, averaged
+from acqd.models.effects.places import Place, Shape, Variant
+from acqd.models.effects.scene import Scene
+from acqd.models.effects.substeps import Lag, averaged
+from acqd.models.greybox.model import GreyBox
 
-Shape: TypeAlias = Mapping[str, float]
-
-
-@dataclass(frozen=True, slots=True)
-class Parameter:
-    """One number that is fitted."""
-
-    name: str
-    unit: str
-    low: float = -np.inf
-    """What it cannot fall below, physically."""
-    high: float = np.inf
-
-
-@dataclass(frozen=True, slots=True)
-class Place:
-    """Where an effect can act, and with which numbers."""
-
-    where: str
-    """`joint 2`, `all joints`, `cabinet` ..."""
-    columns: tuple[int, ...]
-    """Of the columns that `Effect.at` gives."""
-    parameters: tuple[Parameter, ...]
-    """One per column, or per column of `mix`."""
-    mix: Floats | None = None
-    """[columns, parameters]: when a parameter acts on several columns in fixed proportions."""
-
-
-@dataclass(frozen=True, slots=True)
-class Variant:
-    """One way in which an effect can be there: a place and a shape."""
-
-    place: Place
-    columns: tuple[int, ...]
-    """Of the effect's own columns, all shapes together."""
-    shape: Shape = field(default_factory=dict)
-    """Parameters that are not linear, as they were scanned."""
-
-    @property
-    def size(self) -> int:
-        """Parameters."""
-        return len(self.place.parameters)
+ActsOn = Literal["torque", "load", "meter", "clock"]
+"""Torque at the motors; power before the supply's lag; metered power; time axis of the metered power."""
+Detector = Literal["", "ripple", "rhythm", "bursts", "contact"]
+"""Search in the residual that provides an effect's columns; "": motion, signals and clock determine them."""
 
 
 class Effect(ABC):
-    """One physical effect. Adding one is one class in one file of `acqd.models.effects`."""
+    """A physical effect that a model may lack. A new effect is a new class in a file of its own in `catalogue`."""
 
     id: ClassVar[str]
+    """Name in reports, bundles and FMUs; also the name of the file."""
     summary: ClassVar[str]
-    """One sentence for a plant engineer."""
+    """A sentence for a plant engineer."""
     equation: ClassVar[str]
-    neighbours: ClassVar[tuple[str, ...]] = ()
-    """Effects that it is confused with."""
     experiment: ClassVar[str]
-    """What to record to tell it from them."""
+    """Recordings that distinguish the effect from its neighbours."""
+    neighbours: ClassVar[tuple[str, ...]] = ()
+    """Ids of effects that are easily confused with this one."""
+    acts_on: ClassVar[ActsOn] = "load"
     needs: ClassVar[tuple[str, ...]] = ()
-    """Signals or channels without which it cannot be seen."""
-    stage: ClassVar[Literal["load", "meter"]] = "load"
-    """Whether the supply's lag comes after it (columns [SUB T, k]) or not ([T, k])."""
-    by_torque: ClassVar[bool] = False
-    """Whether it is a torque at the motors, so that its power also has a part that grows with its square."""
+    """Signals or channels without which the effect cannot be observed."""
     predictable: ClassVar[bool] = True
-    """Whether angles, signals and the clock tell when it acts, so that a model with it predicts better."""
+    """Motion, signals and the clock determine when the effect acts, so that a model with it predicts better."""
     structural: ClassVar[bool] = True
-    """Whether it is something that a model may lack from the start, in every recording alike."""
+    """A model may lack the effect from the start, in every recording alike."""
+    follows_clock: ClassVar[bool] = False
+    """Depends on the time since the start of the session; a term keeps that time as `origin_s`."""
+    detected: ClassVar[Detector] = ""
+    restores: ClassVar[tuple[str, ...]] = ()
+    """Groups of grey-box parameters that describe the effect: a grey box without them lacks the effect."""
 
     shapes: ClassVar[tuple[Shape, ...]] = ({},)
-    """What is scanned of parameters that are not linear."""
+    """Scanned values of the shape."""
     bounds: ClassVar[Mapping[str, tuple[float, float]]] = {}
-    """Of those parameters, for what is found to be refined between the scanned values."""
+    """Range of a shape parameter that is refined between scanned values."""
+
+    exported: ClassVar[bool] = True
+    """An FMU can hold the effect."""
+    omitted_because: ClassVar[str] = ""
+    """Why an FMU does not hold the effect."""
+    c_body: ClassVar[str] = ""
+    """C statements for one row at LANES substeps at once; see `acqd/fmu/c/effects.c` for the variables in scope."""
 
     @abstractmethod
     def at(self, scene: Scene, shape: Shape) -> Floats:
-        """W per unit parameter: [SUB T, k] before the supply's lag, or [T, k] for the stage "meter"."""
+        """W per unit of each parameter: [N, k] before the supply's lag, or [T, k] for "meter" and "clock"."""
 
     @abstractmethod
     def places(self, scene: Scene) -> Iterator[Place]:
-        """Where it can act; `scene` is any one of the recordings."""
+        """Places where the effect can act; none for a detected effect. `scene`: any of the recordings."""
+
+    def detected_place(self, shape: Shape) -> Place:
+        """Place of a detected effect. Raises NotImplementedError for other effects."""
+        raise NotImplementedError(f"{self.id} is not detected in the residual")
+
+    def fixed_shape(self, scenes: Sequence[Scene]) -> dict[str, float]:
+        """Shape parameters that the recordings determine without a search, for a term to keep."""
+        return {}
+
+    def c_constants(self, carrier: GreyBox, shape: Shape) -> dict[str, float | Floats]:
+        """Constants of `c_body` by name: scalars and arrays."""
+        return {name: float(value) for name, value in shape.items() if name in self.shapes[0]}
+
+    def assumption(self, shape: Shape) -> str:
+        """What an FMU with a term of this shape assumes, as a sentence for the user; "" for nothing."""
+        return ""
+
+    def signals_of(self, columns: Sequence[int]) -> set[str]:
+        """Signals that some of the columns need."""
+        return set(self.needs)
 
     def columns(self, scene: Scene) -> Floats:
-        """All shapes side by side; each begins with the memory that the scene had."""
+        """Columns of all shapes side by side; every shape starts with the memory of the scene."""
         memory = dict(scene.memory)
-        found = []
+        blocks = []
         for shape in self.shapes:
             scene.memory.update(memory)
-            found.append(self.at(scene, shape))
-        return np.column_stack(found)
+            blocks.append(self.at(scene, shape))
+        return np.column_stack(blocks)
 
     def variants(self, scene: Scene) -> Iterator[Variant]:
-        """Shapes and places to try."""
+        """All combinations of shapes and places."""
         width = self.at(scene, self.shapes[0]).shape[1]
         for number, shape in enumerate(self.shapes):
             for place in self.places(scene):
                 yield Variant(place, tuple(number * width + k for k in place.columns), shape)
 
     def possible(self, scene: Scene) -> bool:
-        """Whether the recordings have what it needs."""
+        """Whether the recording has what the effect needs."""
         have = set(scene.signals)
         if scene.volts is not None:
             have.add("Vrms")
@@ -119,25 +112,23 @@ class Effect(ABC):
 
 
 def effect_rows(effect: Effect, scene: Scene, shape: Shape | None = None) -> Floats:
-    """[T, k] W at the meter per unit parameter, of one shape, or of all side by side.
+    """[T, k] W at the meter per unit parameter, of one shape, or of all shapes side by side.
 
-    The scene's memory is left as it was: a scan looks at the same rows again and again.
+    The scene's memory is left unchanged, because a scan visits the same rows several times.
     """
     memory = dict(scene.memory)
     columns = effect.columns(scene) if shape is None else effect.at(scene, shape)
     scene.memory.clear()
     scene.memory.update(memory)
-    if effect.stage == "meter" or not columns.shape[1]:
+    if effect.acts_on in ("meter", "clock") or not columns.shape[1]:
         return columns[: scene.rows]
     return averaged(Lag(float(scene.model.group("lag")[0]), scene.step_s).run(columns))
 
 
-def effect_rows_at(
-    effect: Effect, scene: Scene, shape: Shape, columns: tuple[int, ...], coefficients: Floats
-) -> Floats:
-    """[T, k] W per unit parameter of some columns, such that times `coefficients` it is the power exactly there."""
+def effect_rows_at(effect: Effect, scene: Scene, shape: Shape, columns: Sequence[int], coefficients: Floats) -> Floats:
+    """[T, k] W per unit parameter of chosen columns; times `coefficients` [k], the exact power (secant slope)."""
     chosen = list(columns)
-    if effect.by_torque:
+    if effect.acts_on == "torque":
         scene = scene.with_secant_slope(_torque(effect, scene, shape, chosen, coefficients))
     return effect_rows(effect, scene, shape)[:, chosen]
 
@@ -145,49 +136,11 @@ def effect_rows_at(
 def _torque(effect: Effect, scene: Scene, shape: Shape, columns: list[int], coefficients: Floats) -> Floats:
     """[N, axes] Nm."""
     memory = dict(scene.memory)
-    found = []
+    torque = []
     for joint in range(scene.axes):
         scene.memory.clear()
         scene.memory.update(memory)
-        found.append(effect.at(scene.unit_torque(joint), shape)[:, columns] @ coefficients)
+        torque.append(effect.at(scene.unit_torque(joint), shape)[:, columns] @ coefficients)
     scene.memory.clear()
     scene.memory.update(memory)
-    return np.column_stack(found)
-
-
-def per_joint(
-    axes: int, name: str, unit: str, nominal: Floats | None = None, first: int = 0, low: float = -np.inf
-) -> Iterator[Place]:
-    """Each joint alone, all of them in the proportions of `nominal`, and all of them freely."""
-    for k in range(axes):
-        yield Place(f"joint {k + 1}", (first + k,), (Parameter(name, unit, low),))
-    everywhere = tuple(range(first, first + axes))
-    if nominal is not None and nominal.any():
-        even = bool((nominal == nominal[0]).all())
-        common = Parameter(name, unit, low) if even else Parameter(f"{name}, relative", "-", -1.0)
-        yield Place("all joints", everywhere, (common,), (nominal / (nominal[0] if even else 1.0))[:, None])
-    yield Place("each joint", everywhere, tuple(Parameter(f"{name} joint {k + 1}", unit) for k in range(axes)))
-
-
-def since(events: Floats, scene: Scene, name: str, before: float = np.inf) -> Floats:
-    """[N] s since the last fine point where `events` is not 0; remembered in the scene's memory as `name`."""
-    at = np.arange(len(events))
-    last = np.maximum.accumulate(np.where(events != 0, at, -1))
-    earlier = float(scene.memory.get(name, before))
-    found = np.where(last >= 0, (at - last) * scene.substep_s, earlier + (at + 1) * scene.substep_s)
-    scene.memory[name] = float(found[-1])
-    return np.asarray(found)
-
-
-def edges(switch: Floats, scene: Scene, name: str) -> tuple[Floats, Floats]:
-    """[N] 1 where a 0/1 signal has just risen, and where it has fallen."""
-    before = float(scene.memory.get(name, switch[0]))
-    change = np.diff(switch, prepend=before)
-    scene.memory[name] = float(switch[-1])
-    return (change > 0.5).astype(float), (change < -0.5).astype(float)
-
-
-def bins(age: Floats, limits: tuple[float, ...]) -> Floats:
-    """[N, len - 1] 1 while the age lies within each interval."""
-    inside = [(age >= low) & (age < high) for low, high in itertools.pairwise(limits)]
-    return np.column_stack(inside).astype(np.float64)
+    return np.column_stack(torque)

@@ -1,93 +1,40 @@
-"""Loads that signals switch: brakes and tools."""
+"""Edges of switched signals and the time since them; both continue over consecutive scenes."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import ClassVar
+import itertools
 
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.models.effects.effect import Effect, Parameter, Place, Shape, bins, edges, since
 from acqd.models.effects.scene import Scene
 
 
-class BrakeRelease(Effect):
-    """The peak when the brakes open (thesis Figures 6.2 and 9.4)."""
+def edges(switch: Floats, scene: Scene, name: str) -> tuple[Floats, Floats]:
+    """[N] 1 at rising edges, and [N] 1 at falling edges, of a 0/1 signal [N].
 
-    id = "brake_release"
-    summary = "a peak when the brakes open: pull-in current of the coils and inrush of the motors"
-    equation = "P = h(time since the brakes opened), free within 0.6 s"
-    neighbours = ("clock_offset", "brake_holding")
-    experiment = "release the brakes ten times without moving"
-    _limits: ClassVar = (-0.02, 0.02, 0.06, 0.10, 0.16, 0.24, 0.36, 0.6)
-
-    def at(self, scene: Scene, shape: Shape) -> Floats:
-        """W in each interval after the opening; without a brake signal, after the recording's first motion."""
-        return bins(self.age(scene), self._limits)
-
-    def age(self, scene: Scene) -> Floats:
-        """[N] s since the brakes opened."""
-        if "brake" in scene.signals:
-            rises, _ = edges(scene.signals["brake"], scene, "brake")
-            return since(rises, scene, "brake_age")
-        return np.full(len(scene.q), np.inf)
-
-    def possible(self, scene: Scene) -> bool:
-        """With a brake signal."""
-        return "brake" in scene.signals
-
-    def places(self, scene: Scene) -> Iterator[Place]:
-        """The shape is free."""
-        count = len(self._limits) - 1
-        names = tuple(
-            Parameter(f"power {max(low, 0) * 1000:.0f}-{high * 1000:.0f} ms", "W")
-            for low, high in zip(self._limits, self._limits[1:], strict=False)
-        )
-        yield Place("brakes", tuple(range(count)), names)
+    The scene's memory keeps the last value as `name`.
+    """
+    before = float(scene.memory.get(name, switch[0]))
+    change = np.diff(switch, prepend=before)
+    scene.memory[name] = float(switch[-1])
+    return (change > 0.5).astype(float), (change < -0.5).astype(float)
 
 
-class BrakeHolding(Effect):
-    """Current that keeps brakes open."""
+def since(events: Floats, scene: Scene, name: str, before: float = np.inf) -> Floats:
+    """[N] s since the last substep where `events` [N] is not 0; `before` s if there was no event yet.
 
-    id = "brake_holding"
-    summary = "power of the brake coils while the brakes are open"
-    equation = "P = P_b while open"
-    neighbours = ("offset_shift", "brake_release")
-    experiment = "two minutes at rest with the brakes open, two with them closed"
-    needs = ("brake",)
-
-    def at(self, scene: Scene, shape: Shape) -> Floats:
-        """One."""
-        return scene.signals["brake"][:, None]
-
-    def places(self, scene: Scene) -> Iterator[Place]:
-        """One."""
-        yield Place("brakes", (0,), (Parameter("power", "W"),))
+    The scene's memory keeps the last age as `name`.
+    """
+    at = np.arange(len(events))
+    last = np.maximum.accumulate(np.where(events != 0, at, -1))
+    earlier = float(scene.memory.get(name, before))
+    age = np.where(last >= 0, (at - last) * scene.substep_s, earlier + (at + 1) * scene.substep_s)
+    scene.memory[name] = float(age[-1])
+    return np.asarray(age)
 
 
-class ToolActuation(Effect):
-    """An electric gripper."""
-
-    id = "tool_actuation"
-    summary = "the tool takes power while it is on, and a pulse whenever it switches"
-    equation = "P = P_t tool + h(time since switching)"
-    neighbours = ("payload", "process_load")
-    experiment = "switch the tool ten times at rest, with nothing in it"
-    needs = ("tool",)
-    _limits: ClassVar = (-0.02, 0.1, 0.2, 0.4, 0.7)
-
-    def at(self, scene: Scene, shape: Shape) -> Floats:
-        """While on, then the pulse."""
-        rises, falls = edges(scene.signals["tool"], scene, "tool")
-        age = since(rises + falls, scene, "tool_age")
-        return np.column_stack([scene.signals["tool"], bins(age, self._limits)])
-
-    def places(self, scene: Scene) -> Iterator[Place]:
-        """With the pulse, and without."""
-        pulse = tuple(
-            Parameter(f"pulse {max(low, 0) * 1000:.0f}-{high * 1000:.0f} ms", "W")
-            for low, high in zip(self._limits, self._limits[1:], strict=False)
-        )
-        yield Place("tool", (0,), (Parameter("power", "W"),))
-        yield Place("tool", (0, 1, 2, 3, 4), (Parameter("power", "W"), *pulse))
+def bins(age: Floats, limits: tuple[float, ...]) -> Floats:
+    """[N, len(limits) - 1] 1 where `age` [N] lies in the half-open interval between two limits."""
+    inside = [(age >= low) & (age < high) for low, high in itertools.pairwise(limits)]
+    return np.column_stack(inside).astype(np.float64)

@@ -1,8 +1,4 @@
-"""A stretch of recording as effects see it: motion at four points a row, torques, powers, signals.
-
-A meter averages over its window; physics computed at the window's middle only is wrong wherever the arm speeds up,
-stops or turns round, and those errors look like brakes and Stribeck friction.
-"""
+"""A segment of a recording as effects see it: motion at substeps, torques, powers, signals."""
 
 from __future__ import annotations
 
@@ -10,66 +6,19 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from scipy.signal import lfilter
 
 from acqd.arrays import Floats
+from acqd.models.effects.substeps import RADIUS, SUBSTEPS, Lag, averaged, substep_motion, substep_switch
 from acqd.models.features import padded
-from acqd.models.greybox.model import SMALL_TORQUE, GreyBox, lag_filter, magnitude
-
-SUBSTEPS = 4
-"""Points a row."""
-RADIUS = 2
-"""Rows to either side that a row's motion is interpolated from."""
-
-
-def substep_weights(step_s: float) -> Floats:
-    """[3, SUB, 2 RADIUS + 1]: value, first and second derivative of the interpolating polynomial."""
-    nodes = np.arange(-RADIUS, RADIUS + 1) * 1.0
-    points = (np.arange(SUBSTEPS) + 0.5) / SUBSTEPS - 0.5
-    inverse = np.linalg.inv(np.vander(nodes, increasing=True))  # coefficients of the polynomial per node
-    powers = np.arange(len(nodes))
-    found = np.zeros((3, SUBSTEPS, len(nodes)))
-    for k, x in enumerate(points):
-        found[0, k] = x**powers @ inverse
-        found[1, k] = (powers[1:] * x ** (powers[1:] - 1)) @ inverse[1:] / step_s
-        found[2, k] = (powers[2:] * (powers[2:] - 1) * x ** (powers[2:] - 2)) @ inverse[2:] / step_s**2
-    return found
-
-
-def substep_motion(q: Floats, step_s: float) -> tuple[Floats, Floats, Floats]:
-    """q, qd, qdd [SUB T, axes] from angles [T + 2 RADIUS, axes]."""
-    rows = len(q) - 2 * RADIUS
-    around = np.stack([q[k : k + rows] for k in range(2 * RADIUS + 1)], axis=1)  # [T, nodes, axes]
-    fine = np.einsum("dsn,tna->dtsa", substep_weights(step_s), around, optimize=True)
-    return tuple(each.reshape(rows * SUBSTEPS, q.shape[1]) for each in fine)
-
-
-def averaged(fine: Floats) -> Floats:
-    """[T, ...] means over the rows of values [SUB T, ...]."""
-    return np.asarray(fine.reshape(-1, SUBSTEPS, *fine.shape[1:]).mean(axis=1))
-
-
-class Lag:
-    """The supply's first-order lag at the fine step; goes on where it stopped."""
-
-    def __init__(self, lag_s: float, step_s: float) -> None:
-        self._b, self._a = lag_filter(lag_s, step_s / SUBSTEPS)
-        self._state: Floats | None = None
-
-    def run(self, values: Floats) -> Floats:
-        """Behind the lag, along the first axis, from rest at the very first value."""
-        if self._state is None:
-            self._state = values[:1] * (1 - self._b[0])
-        out, self._state = lfilter(self._b, self._a, values, axis=0, zi=self._state)
-        return np.asarray(out)
+from acqd.models.greybox.model import SMALL_TORQUE, GreyBox, magnitude
 
 
 @dataclass(slots=True)
 class Scene:
-    """Arrays over fine points [N = SUB T] unless said otherwise; powers are at the mains, before the supply's lag."""
+    """Arrays over substeps [N = SUBSTEPS T] unless said otherwise; powers are at the mains, before the supply's lag."""
 
     step_s: float
-    """Of rows."""
+    """Between rows."""
     t: Floats
     """s, UTC."""
     q: Floats
@@ -86,7 +35,7 @@ class Scene:
     drives: Floats
     """[N] W of motion, without standby."""
     predicted: Floats
-    """[T] W: the grey box' prediction of the row, behind the lag."""
+    """[T] W: the grey box's prediction of the rows, behind the lag."""
     signals: dict[str, Floats]
     """[N] 0/1 each; "tool", "brake"."""
     volts: Floats | None
@@ -94,39 +43,40 @@ class Scene:
     temperature: Floats | None
     """[N, axes] degC."""
     memory: dict[str, Any] = field(default_factory=dict)
-    """What effects with a state keep from one row to the next."""
+    """State that effects carry from one row to the next."""
     computed: dict[str, Any] = field(default_factory=dict)
-    """What several effects need, computed by the first of them."""
+    """Intermediate results that several effects share; they depend on the power per torque."""
     moved: dict[str, Any] = field(default_factory=dict)
-    """The same, of motion alone: holds whatever the power per torque."""
+    """Intermediate results that depend on motion only."""
 
     @property
     def rows(self) -> int:
-        """T."""
+        """T: rows of the segment."""
         return len(self.predicted)
 
     @property
     def axes(self) -> int:
-        """Joints."""
+        """Number of joints."""
         return int(self.q.shape[1])
 
     @property
     def substep_s(self) -> float:
-        """Between fine points."""
+        """Between substeps."""
         return self.step_s / SUBSTEPS
 
     def with_secant_slope(self, torque: Floats) -> Scene:
-        """The same with the mean power per torque [W/Nm] on the way to `torque` [N, axes] Nm more at the motors.
+        """The scene whose power per torque is the secant slope dP/dtau [W/Nm] up to `torque` [N, axes] Nm more.
 
-        Losses grow with the square of torque: what 4 kg take is not twice what 2 kg take.
+        Copper loss grows with the square of torque, so that 4 kg need more than twice the power of 2 kg. Columns at
+        the secant slope, times the torque, are the exact power of that torque (secant linearisation).
         """
         loss = motor_loss(self.model, self.tau + torque) - motor_loss(self.model, self.tau)
-        small = (np.abs(torque) < 1e-6) | (self.power_per_torque == 0.0)  # at nought where the brakes hold the arm
+        small = (np.abs(torque) < 1e-6) | (self.power_per_torque == 0.0)  # 0 while the brakes hold the arm
         secant = self.model.group("gain")[0] * self.qd + loss / np.where(small, 1.0, torque)
         return replace(self, power_per_torque=np.where(small, self.power_per_torque, secant), computed={})
 
     def unit_torque(self, joint: int) -> Scene:
-        """The same with 1 W/Nm at one joint: what an effect that is a torque gives here is that torque."""
+        """The scene with 1 W/Nm at one joint and 0 elsewhere: an effect's power in it is its torque at that joint."""
         return replace(
             self, power_per_torque=np.zeros_like(self.power_per_torque) + (np.arange(self.axes) == joint), computed={}
         )
@@ -144,9 +94,8 @@ def make_scene(
     start_s: float,
     volts: Floats | None = None,
     temperature: Floats | None = None,
-    lag: Lag | None = None,
 ) -> Scene:
-    """From angles [T + 2 RADIUS, axes] and rows [T] of the rest."""
+    """A scene from angles [T + 2 RADIUS, axes] rad and rows [T] of signals, voltage and temperature."""
     step_s = model.step_s
     qf, qd, qdd = substep_motion(q, step_s)
     rows = len(q) - 2 * RADIUS
@@ -156,7 +105,7 @@ def make_scene(
     gain, copper, conduction = (model.group(name) for name in ("gain", "copper", "conduction"))
     power_per_torque = on * (gain[0] * qd + 2 * copper * motor + conduction * motor / np.hypot(motor, SMALL_TORQUE))
     drives = gain[0] * (motor * qd).sum(axis=1) + motor_loss(model, motor).sum(axis=1)
-    lag = lag or Lag(float(model.group("lag")[0]), step_s)
+    lag = Lag(float(model.group("lag")[0]), step_s)
     predicted = averaged(lag.run(drives)) + float(model.group("standby")[0])
     for name, weight in zip(model.signals, model.group("signals"), strict=True):
         predicted = predicted + weight * signals.get(name, np.zeros(rows))
@@ -167,17 +116,8 @@ def make_scene(
     )  # fmt: skip
 
 
-def substep_switch(share: Floats) -> Floats:
-    """[SUB T] 0/1 from the share [T] of each row in which a signal is on: it switches once within a row."""
-    after, before = np.append(share[1:], share[-1:]), np.append(share[:1], share[:-1])
-    rising = (after > before)[:, None]
-    points = (np.arange(SUBSTEPS) + 0.5) / SUBSTEPS
-    on = np.where(rising, points > 1 - share[:, None], points < share[:, None])
-    return np.asarray(on.ravel(), dtype=np.float64)
-
-
 def scene_of(
     model: GreyBox, q: Floats, signals: dict[str, Floats], start_s: float, channels: dict[str, Floats]
 ) -> Scene:
-    """Of a whole recording: angles [T, axes]."""
+    """The scene of a whole segment with angles [T, axes] rad; the arm rests before and after it."""
     return make_scene(model, padded(q, RADIUS), signals, start_s, channels.get("Vrms"), channels.get("temperature"))

@@ -14,9 +14,10 @@ from acqd.discrepancy.regression.gram import Column, Model
 from acqd.discrepancy.residual.whitening import Whitener
 from acqd.discrepancy.selection.detectors import ripple, switching
 from acqd.models.effects import library
-from acqd.models.effects.effect import Parameter, Place, Variant, effect_rows
-from acqd.models.effects.load import pressed
-from acqd.models.effects.scene import Lag, Scene, averaged
+from acqd.models.effects.effect import effect_rows
+from acqd.models.effects.places import Parameter, Place, Variant
+from acqd.models.effects.scene import Scene
+from acqd.models.effects.substeps import averaged
 
 _MOSTLY = 0.6  # of the time
 _REGULAR = 0.33  # of a rhythm
@@ -46,7 +47,16 @@ def detect(design: Design, model: Model, gate: Floats, known: set[str]) -> list[
     if kinds & {"thermostat", "process_load"}:
         searches += [(design.whitener, flat, (1,)), (design.patient, flat, (1,))]
     if "contact_force" in kinds:
-        searches.append((design.whitener, [contact_rows(scene) for scene in design.scenes], (1, -1)))
+        searches.append(
+            (
+                design.whitener,
+                [
+                    effect_rows(library()["contact_force"], scene, {"share_of_time": 1.0})[:, 0]
+                    for scene in design.scenes
+                ],
+                (1, -1),
+            )
+        )
     for whitener, shapes, signs in searches:
         look = _Look(design, model, gate, open_, whitener, shapes, signs)
         states = look.states(residuals)
@@ -155,6 +165,5 @@ def _ripple(design: Design, residuals: list[Floats], open_: list[int]) -> Detect
     return Detected(Candidate("gear_ripple", place.where, places, variant, detected=True, cost=6.0), ripple=best)
 
 
-def contact_rows(scene: Scene) -> Floats:
-    """[T] W at the meter per N up on the flange."""
-    return averaged(Lag(float(scene.model.group("lag")[0]), scene.step_s).run(pressed(scene)[:, None]))[:, 0]
+def _contact(scene: Scene) -> Floats:
+    return effect_rows(library()["contact_force"], scene, {"share_of_time": 1.0})[:, 0]

@@ -11,7 +11,8 @@ from acqd.arrays import Floats
 from acqd.discrepancy.residual.whitening import Whitener
 from acqd.models.effects import library
 from acqd.models.effects.effect import effect_rows
-from acqd.models.effects.scene import SUBSTEPS, Lag, Scene
+from acqd.models.effects.scene import Scene
+from acqd.models.effects.substeps import SUBSTEPS, Lag
 
 _BINS = 8192  # of a turn and a half to each side
 _SPAN = 3 * np.pi

@@ -1,0 +1,69 @@
+"""Bodies and forces on the arm, as power at the mains."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from acqd.arrays import Floats
+from acqd.models.effects.scene import Scene
+from acqd.robot.newton_euler import Frames, frames, joint_torque, weight_torque
+
+GRAVITY = 9.81
+
+
+def weight_power(scene: Scene, link: int, point: Floats) -> Floats:
+    """[N] W that hold 1 kg at `point` [3] m in the frame of `link` (from 0) against gravity."""
+    return torque_power(scene, weight_torque(_frames(scene), link, point))
+
+
+def torque_power(scene: Scene, torque: Floats) -> Floats:
+    """[N] W of additional torque [N, axes] Nm at the motors, at the scene's power per torque."""
+    return np.asarray((scene.power_per_torque * torque).sum(axis=1))
+
+
+def point_mass_power(scene: Scene, reach_m: float) -> Floats:
+    """[N] W of 1 kg on the flange's axis, `reach_m` beyond the flange.
+
+    A point mass has inertial parameters that are a quadratic polynomial of the reach; three samples determine it.
+    """
+    if "point_masses" not in scene.moved:
+        chain = scene.model.chain
+        samples = [point_mass(chain.beyond_flange(reach)) for reach in (-1.0, 0.0, 1.0)]
+        scene.moved["point_masses"] = [_last_link_torque(scene, body) for body in samples]
+    if "point_mass" not in scene.computed:
+        powers = [torque_power(scene, torque) for torque in scene.moved["point_masses"]]
+        polynomial = powers[1], (powers[2] - powers[0]) / 2, (powers[2] + powers[0]) / 2 - powers[1]
+        scene.computed["point_mass"] = polynomial
+    constant, linear, square = scene.computed["point_mass"]
+    return np.asarray(constant + reach_m * linear + reach_m**2 * square)
+
+
+def point_mass(place: Floats) -> Floats:
+    """[10] inertial parameters (m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz) of 1 kg at `place` [3] m."""
+    x, y, z = place
+    return np.array([1.0, x, y, z, y * y + z * z, -x * y, x * x + z * z, -x * z, -y * z, x * x + y * y])
+
+
+def link_centres(scene: Scene) -> Floats:
+    """[axes, 3] m: centres of mass of the described links, at most 0.5 m from the joint."""
+    return centres_of(scene.model.group("inertial"))
+
+
+def centres_of(inertial: Floats) -> Floats:
+    """[axes, 3] m from inertial parameters [10 axes], at most 0.5 m from the joint."""
+    links = inertial.reshape(-1, 10)
+    return np.clip(links[:, 1:4] / np.maximum(links[:, :1], 1e-3), -0.5, 0.5)
+
+
+def _frames(scene: Scene) -> Frames:
+    if "frames" not in scene.moved:
+        scene.moved["frames"] = frames(scene.model.chain, scene.q)
+    computed: Frames = scene.moved["frames"]
+    return computed
+
+
+def _last_link_torque(scene: Scene, body: Floats) -> Floats:
+    """[N, axes] Nm of a body with inertial parameters [10] on the last link."""
+    inertial = np.zeros(10 * scene.axes)
+    inertial[-10:] = body
+    return joint_torque(scene.model.chain, inertial, scene.q, scene.qd, scene.qdd)

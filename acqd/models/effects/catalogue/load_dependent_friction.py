@@ -1,0 +1,36 @@
+"""Load-dependent gear friction."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from acqd.arrays import Floats
+from acqd.models.effects.effect import Effect
+from acqd.models.effects.places import Place, Shape, per_joint
+from acqd.models.effects.scene import Scene
+from acqd.models.greybox.model import direction
+
+
+class LoadDependentFriction(Effect):
+    """Torque against the motion, proportional to the transmitted torque."""
+
+    id = "load_dependent_friction"
+    summary = "gear friction grows with the torque that the gear transmits"
+    equation = "tau = k |tau_load| sign(qd)"
+    neighbours = ("mechanical_power", "coulomb_friction", "copper_loss")
+    experiment = "the same motion with and without a known payload, up and down"
+    acts_on = "torque"
+    c_body = """
+    for (int k = 0; k < AXES; k++)
+        torque[k] = c[k] * p->direction[k] * lanes_abs(p->tau_rigid[k]);
+    """
+
+    def at(self, scene: Scene, shape: Shape) -> Floats:
+        """[N, axes] W per share of the load."""
+        return scene.power_per_torque * direction(scene.qd) * np.abs(scene.tau_rigid)
+
+    def places(self, scene: Scene) -> Iterator[Place]:
+        """Joints."""
+        yield from per_joint(scene.axes, "share of the load", "-", np.ones(scene.axes))

@@ -1,0 +1,43 @@
+"""Mechanical power lost or missing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from acqd.arrays import Floats
+from acqd.models.effects.effect import Effect
+from acqd.models.effects.places import Place, Shape, per_joint
+from acqd.models.effects.scene import Scene
+from acqd.models.greybox.model import direction
+
+
+class MechanicalPower(Effect):
+    """A share of the mechanical power: lost in the gear, net, or lost outside the motor."""
+
+    id = "mechanical_power"
+    summary = "a share of the mechanical power is lost in the gears, or the model lacks mechanical power"
+    equation = "P = a sum(|tau qd|) + b sum(tau qd)"
+    neighbours = ("load_dependent_friction", "viscous_friction", "meter_gain")
+    experiment = "lift and lower a known payload at two speeds: losses have one sign, mechanical power two"
+    restores = ("gain",)
+    c_body = """
+    for (int k = 0; k < AXES; k++) {
+        const lanes_t product = p->tau[k] * p->qd[k];
+        power += c[k] * p->power_per_torque[k] * lanes_abs(p->tau[k]) * p->direction[k];
+        power += c[AXES + k] * product + c[2 * AXES + k] * lanes_abs(product);
+    }
+    """
+
+    def at(self, scene: Scene, shape: Shape) -> Floats:
+        """[N, 3 axes] W per share: |tau qd| as a torque with its copper loss; tau qd; |tau qd| without copper loss."""
+        lost = scene.power_per_torque * np.abs(scene.tau) * direction(scene.qd)
+        return np.column_stack([lost, scene.tau * scene.qd, np.abs(scene.tau * scene.qd)])
+
+    def places(self, scene: Scene) -> Iterator[Place]:
+        """Joints, for losses in the gear, net power, and losses outside the motor."""
+        even = np.ones(scene.axes)
+        yield from per_joint(scene.axes, "lost share", "-", even)
+        yield from per_joint(scene.axes, "share", "-", even, scene.axes)
+        yield from per_joint(scene.axes, "share lost beside the motor", "-", even, 2 * scene.axes)

@@ -1,0 +1,16 @@
+"""A load with a rhythm."""
+
+from __future__ import annotations
+
+from acqd.models.effects.switching_load import SwitchingLoad
+
+
+class Thermostat(SwitchingLoad):
+    """A load that switches with a period of its own."""
+
+    id = "thermostat"
+    summary = "a fan or heater that switches on and off in a rhythm of its own"
+    equation = "P = P_h while on"
+    neighbours = ("offset_shift", "process_load")
+    experiment = "an hour at rest"
+    detected = "rhythm"

@@ -1,0 +1,72 @@
+"""Where an effect acts, with which parameters, and in which shape."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+import numpy as np
+
+from acqd.arrays import Floats
+
+Shape: TypeAlias = Mapping[str, float]
+"""Parameters that are not linear: a speed, a centre of mass, a joint number."""
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A linear parameter, fitted by regression."""
+
+    name: str
+    unit: str
+    low: float = -np.inf
+    """Physical lower bound."""
+    high: float = np.inf
+    """Physical upper bound."""
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A place where an effect can act, and its parameters there."""
+
+    where: str
+    """`joint 2`, `all joints`, `cabinet` ..."""
+    columns: tuple[int, ...]
+    """Indices into the columns of `Effect.at`."""
+    parameters: tuple[Parameter, ...]
+    """One for every column, or for every column of `mix`."""
+    mix: Floats | None = None
+    """[columns, parameters]: fixed proportions in which a parameter acts on several columns."""
+
+
+@dataclass(frozen=True, slots=True)
+class Variant:
+    """A hypothesis about an effect: a place and a shape."""
+
+    place: Place
+    columns: tuple[int, ...]
+    """Indices into the effect's columns of all shapes side by side."""
+    shape: Shape = field(default_factory=dict)
+
+    @property
+    def size(self) -> int:
+        """Number of linear parameters."""
+        return len(self.place.parameters)
+
+
+def per_joint(
+    axes: int, name: str, unit: str, nominal: Floats | None = None, first: int = 0, low: float = -np.inf
+) -> Iterator[Place]:
+    """Every joint by itself, all joints in the proportions of `nominal` [axes], and all joints with free parameters.
+
+    `first`: index of the first joint's column.
+    """
+    for k in range(axes):
+        yield Place(f"joint {k + 1}", (first + k,), (Parameter(name, unit, low),))
+    everywhere = tuple(range(first, first + axes))
+    if nominal is not None and nominal.any():
+        even = bool((nominal == nominal[0]).all())
+        common = Parameter(name, unit, low) if even else Parameter(f"{name}, relative", "-", -1.0)
+        yield Place("all joints", everywhere, (common,), (nominal / (nominal[0] if even else 1.0))[:, None])
+    yield Place("each joint", everywhere, tuple(Parameter(f"{name} joint {k + 1}", unit) for k in range(axes)))
