@@ -14,7 +14,7 @@ from acqd.robot import load_description
 from acqd.robot.arm import Arm
 from acqd.robot.dynamics import inertial_parameters
 from acqd.robot.newton_euler import Chain
-from tests.commands import acqd
+from tests.commands import acqd_here
 
 STEP = 0.04
 ROBOT = load_description("ur10e")
@@ -95,6 +95,6 @@ def write_dataset(folder, segments):
         (logs / f"{segment.recording}.csv").write_text("\n".join([header, *lines, ""]))
     (folder / "power.csv").write_text("\n".join([*rows, ""]))
     merge = ("dataset", "build", "--power", folder / "power.csv", "--logs", logs, "--robot", "ur10e", "--lag", 0)
-    done = acqd(*merge, "--out", folder / "ds")
+    done = acqd_here(*merge, "--out", folder / "ds")
     assert done.returncode == 0, done.stderr
     return folder / "ds"

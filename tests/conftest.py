@@ -151,14 +151,14 @@ def model():
 def closed(model, once):
     """A folder: a reference (before/ds), a model, recordings with a payload (now/ds) and the loop closed on them."""
     from tests.builders import recording, write_dataset
-    from tests.commands import acqd
+    from tests.commands import acqd, acqd_here
     from tests.discrepancy.independent import added_payload
 
     def make(folder: Path) -> dict[str, Any]:
         reference = write_dataset(folder / "before", [recording(model, k, seed=1, rows=900) for k in range(9)])
         in_question = [recording(model, k, added_payload, seed=2, rows=900, start_s=1e9 + 9000) for k in range(12)]
         now = write_dataset(folder / "now", in_question)
-        done = acqd("train", reference, "--network", "grey-box", "--out", folder / "model")
+        done = acqd_here("train", reference, "--network", "grey-box", "--out", folder / "model")
         assert done.returncode == 0, done.stderr
         done = acqd("close-loop", now, "--model", folder / "model", "--json")
         assert done.returncode == 0, done.stderr
@@ -173,3 +173,24 @@ def bundle(once):
     from tests.sidecar.cell import write_bundle
 
     return once("bundle", lambda folder: write_bundle(folder / "bundle"))[0] / "bundle"
+
+
+@pytest.fixture(scope="session")
+def study(once):
+    """The quick reproduction of the thesis as far as its models of Table 7.1: the study's own steps, in its places."""
+    from rich.console import Console
+
+    from tools.studies.thesis import plan
+    from tools.studies.thesis.assembly import Places
+    from tools.studies.thesis.steps import run
+
+    def make(folder: Path) -> None:
+        places = Places(folder)
+        steps = [
+            *plan.training(places, plan.QUICK, 1),
+            plan.table_7_1(places, plan.QUICK),
+            plan.assembly(places, plan.QUICK, 1)[0],
+        ]
+        run(steps, folder, Console(quiet=True))
+
+    return Places(once("study", make)[0])

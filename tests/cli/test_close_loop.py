@@ -8,7 +8,7 @@ import pytest
 
 from acqd.models.bundle.bundle import load_bundle
 from tests.builders import recording, write_dataset
-from tests.commands import acqd, acqd_here
+from tests.commands import acqd_here
 from tests.waiting import LIMIT_S
 
 
@@ -38,9 +38,11 @@ def test_the_augmented_bundle_predicts_and_can_be_closed_on_again(closed, tmp_pa
     augmented = folder / "now" / "ds.loop" / "model"
     assert [each["id"] for each in load_bundle(augmented).metadata["effects"]] == [e["id"] for e in report["effects"]]
     log = next((folder / "now" / "logs").iterdir())
-    before, after = (json.loads(acqd("predict", b, log, "--json").stdout) for b in (folder / "model", augmented))
+    before, after = (json.loads(acqd_here("predict", b, log, "--json").stdout) for b in (folder / "model", augmented))
     assert after["mean_W"] != pytest.approx(before["mean_W"], abs=0.05)
-    again = acqd("close-loop", folder / "before" / "ds", "--model", augmented, "--out", tmp_path / "again", "--json")
+    again = acqd_here(
+        "close-loop", folder / "before" / "ds", "--model", augmented, "--out", tmp_path / "again", "--json"
+    )
     assert again.returncode == 0, again.stderr
     found = json.loads(again.stdout)
     assert [e["id"] for e in found["effects"]][:1] == ["payload"]  # it has gone again: a mass of minus two kg
@@ -50,7 +52,9 @@ def test_the_augmented_bundle_predicts_and_can_be_closed_on_again(closed, tmp_pa
 @pytest.mark.slow
 def test_the_same_seed_gives_the_same_report(closed, tmp_path):
     folder, report = closed
-    again = acqd("close-loop", folder / "now" / "ds", "--model", folder / "model", "--out", tmp_path / "twin", "--json")
+    again = acqd_here(
+        "close-loop", folder / "now" / "ds", "--model", folder / "model", "--out", tmp_path / "twin", "--json"
+    )
     second = json.loads(again.stdout)
     assert {k: v for k, v in second.items() if k != "out"} == {k: v for k, v in report.items() if k != "out"}
 
@@ -59,7 +63,7 @@ def test_the_same_seed_gives_the_same_report(closed, tmp_path):
 def test_only_and_exclude(closed, tmp_path):
     folder, _ = closed
     common = ("close-loop", folder / "now" / "ds", "--model", folder / "model", "--json", "--out")
-    without = json.loads(acqd(*common, tmp_path / "w", "--exclude", "payload", "--max-effects", 1).stdout)
+    without = json.loads(acqd_here(*common, tmp_path / "w", "--exclude", "payload", "--max-effects", 1).stdout)
     assert "payload" not in [each["id"] for each in without["effects"]]
     assert without["after"]["rmse"] <= without["before"]["rmse"]
 
@@ -122,9 +126,9 @@ def test_a_withheld_term_is_named_and_comes_back(closed, tmp_path):
     folder, _ = closed
     ds = folder / "before" / "ds"
     poor = tmp_path / "poor"
-    done = acqd("train", ds, "--network", "grey-box", "--without", "coulomb_friction", "--out", poor)
+    done = acqd_here("train", ds, "--network", "grey-box", "--without", "coulomb_friction", "--out", poor)
     assert done.returncode == 0, done.stderr
-    report = json.loads(acqd("close-loop", ds, "--model", poor, "--out", tmp_path / "poor.loop", "--json").stdout)
+    report = json.loads(acqd_here("close-loop", ds, "--model", poor, "--out", tmp_path / "poor.loop", "--json").stdout)
     assert [each["id"] for each in report["effects"]][:1] == ["coulomb_friction"]
     assert report["after"]["rmse"] < 0.9 * report["before"]["rmse"]
     assert load_bundle(tmp_path / "poor.loop" / "model").metadata["withheld"] == []

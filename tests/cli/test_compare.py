@@ -5,15 +5,16 @@ import json
 from tests.commands import acqd
 
 
-def test_models_are_trained_compared_and_the_grey_box_is_best(campaign, trained, tmp_path):
-    assert set(trained) == {
+def test_models_are_trained_compared_and_the_grey_box_is_best(study, trained, tmp_path):
+    models, results = trained
+    assert set(results) == {
         "grey-box-everything-s1",
         "hybrid-everything-s1",
         "3conv1x5-everything-s1",
         "21x1dim-everything-s1",
         "21x1dim-everything-s2",
     }
-    done = acqd("compare", campaign / "ds", "--out", tmp_path / "report.html", "--json")
+    done = acqd("compare", study.training, "--models", models, "--out", tmp_path / "report.html", "--json")
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
     mae = {model["name"]: model["test"]["everything"]["mae"] for model in found["models"] + found["baselines"]}

@@ -1,21 +1,22 @@
 """`acqd dataset` as a user runs it."""
 
+import json
+
 from tests.commands import acqd, acqd_here
 
 
-def test_the_command_builds_and_shows(built):
-    folder, said = built
-    assert said["recordings"] == 12
-    shown = acqd("dataset", "show", folder / "ds")
+def test_the_command_builds_shows_and_refuses(study, tmp_path):
+    campaign, out = study.out / "training", tmp_path / "ds"
+    session = min((campaign / "logs").iterdir())
+    common = ("dataset", "build", "--logs", session, "--robot", "iiwa7_r800", "--out")
+    built = acqd(*common, out, "--power", campaign / "power.sqlite", "--json")
+    assert built.returncode == 0, built.stderr
+    assert json.loads(built.stdout)["recordings"] == len(list(session.iterdir()))
+    shown = acqd_here("dataset", "show", study.training)
     assert shown.returncode == 0 and "clock line" in shown.stdout and "simulated" in shown.stdout
-
-
-def test_the_command_refuses(built, tmp_path):
-    folder, _ = built
-    common = ("dataset", "build", "--logs", folder / "campaign" / "logs", "--robot", "iiwa7_r800")
-    again = acqd_here(*common, "--out", folder / "ds", "--power", folder / "campaign" / "power.sqlite")
+    again = acqd_here(*common, out, "--power", campaign / "power.sqlite")
     assert again.returncode == 2 and "exists; choose another --out" in again.stderr
-    wrong = acqd_here(*common, "--out", tmp_path / "other", "--power", tmp_path / "nothing.sqlite")
+    wrong = acqd_here(*common, tmp_path / "other", "--power", tmp_path / "nothing.sqlite")
     assert wrong.returncode == 2 and "does not exist" in wrong.stderr
     none = acqd_here("dataset", "show", tmp_path)
     assert none.returncode == 2 and "is no dataset" in none.stderr

@@ -32,20 +32,20 @@ def test_workers_end_with_a_killed_parent(tmp_path):
 
 
 def test_a_killed_campaign_goes_on_where_it_was(tmp_path):
-    arguments = ["lab", "campaign", "--out", tmp_path / "c", "--limited", "2", "--all", "4", "--session", "1"]
+    arguments = ["lab", "campaign", "--out", tmp_path / "c", "--limited", "2", "--all", "2", "--session", "1"]
     command = [sys.executable, "-P", "-m", "acqd", *map(str, [*arguments, "--jobs", "2"])]
     process = subprocess.Popen(command, start_new_session=True)
     done = tmp_path / "c.truth" / "work"
-    wait_for(lambda: len(list(done.glob("*.json"))) >= 2, "two sessions done")
+    wait_for(lambda: len(list(done.glob("*.json"))) >= 1, "a session is done")
     os.killpg(process.pid, signal.SIGKILL)
     process.wait()
     finished = acqd(*arguments, "--json")
     assert finished.returncode == 0, finished.stderr
     report = json.loads(finished.stdout)
-    assert report["sessions_done_before"] >= 2 and report["recordings"] == 6
+    assert report["sessions_done_before"] >= 1 and report["recordings"] == 4
     rows = rows_of(tmp_path / "c" / "power.sqlite")
     assert len(rows) == pytest.approx(report["streamed_s"] / 0.04, abs=7)
-    assert len(list((tmp_path / "c" / "logs").rglob("*.log"))) == 6
+    assert len(list((tmp_path / "c" / "logs").rglob("*.log"))) == 4
 
 
 def test_a_fleet_on_a_real_ray_cluster(tmp_path):
@@ -62,15 +62,14 @@ def test_a_fleet_on_a_real_ray_cluster(tmp_path):
     assert max(by_device["cell-01"]) != max(by_device["cell-02"])
 
 
-def test_the_use_case_has_a_twin_that_moves_differently_but_arrives_alike(tmp_path):
-    done = acqd("lab", "campaign", "--out", tmp_path / "u", "--profile", "use-case", "--assemblies", "2", "--json")
-    assert done.returncode == 0, done.stderr
-    truth = json.loads((tmp_path / "u.truth" / "truth.json").read_text())
+def test_the_use_case_has_a_twin_that_moves_differently_but_arrives_alike(study):
+    campaign = study.assembly  # by acqd lab campaign --profile use-case
+    truth = json.loads(campaign.with_name("assembly.truth").joinpath("truth.json").read_text())
     assert {effect["id"] for effect in truth["effects"]} == {"brake_release", "payload"}
-    assert json.loads((tmp_path / "u" / "campaign.json").read_text())["effects"] == []
+    assert json.loads((campaign / "campaign.json").read_text())["effects"] == []
     robot = load_description("iiwa7_r800")
-    real = read_log(next((tmp_path / "u" / "logs").rglob("*_0001.log")), robot)
-    twin = read_log(next((tmp_path / "u" / "twin").rglob("*_0001.csv")), robot)
+    real = read_log(next((campaign / "logs").rglob("*_0001.log")), robot)
+    twin = read_log(next((campaign / "twin").rglob("*_0001.csv")), robot)
     from acqd.robot.kinematics import forward_kinematics
 
     t = np.arange(0, 30, 0.04)

@@ -1,6 +1,8 @@
 """`acqd train` as a user runs it."""
 
 import json
+import shutil
+from pathlib import Path
 
 import pytest
 
@@ -18,21 +20,21 @@ from tests.commands import acqd, acqd_here
         (("train", "{ds}", "--network", "hybrid", "--robot", "ur10e"), "axes"),
         (("compare", "{ds}", "--models", "{tmp}"), "no bundles there"),
         (("predict", "{tmp}", "{log}"), "is no bundle"),
-        (("predict", "{ds}.models/grey-box-everything-s1", "{tmp}/none.log"), "cannot be read"),
+        (("predict", "{models}/grey-box-everything-s1", "{tmp}/none.log"), "cannot be read"),
     ],
 )
-def test_bad_input_is_named(campaign, trained, tmp_path, arguments, expected):
-    log = sorted((campaign / "campaign" / "logs").rglob("*.log"))[0]
-    done = acqd_here(*(text.format(ds=campaign / "ds", tmp=tmp_path, log=log) for text in arguments))
+def test_bad_input_is_named(study, trained, logs, tmp_path, arguments, expected):
+    places = {"ds": study.training, "models": trained[0], "log": logs[0], "tmp": tmp_path}
+    done = acqd_here(*(text.format(**places) for text in arguments))
     assert done.returncode == 2, done.stderr
     assert expected in done.stderr and len(done.stderr.strip().splitlines()) == 1
     assert not list(tmp_path.iterdir())
 
 
-def test_without_a_compiler_torch_trains(campaign, tmp_path):
+def test_without_a_compiler_torch_trains(study, tmp_path):
     done = acqd(
         "train",
-        campaign / "ds",
+        study.training,
         "--network",
         "7x1dim",
         "--epochs",
@@ -47,7 +49,7 @@ def test_without_a_compiler_torch_trains(campaign, tmp_path):
     assert "torch" in json.loads(done.stdout)[0]["training"]["engine"]
     asked = acqd(
         "train",
-        campaign / "ds",
+        study.training,
         "--network",
         "7x1dim",
         "--compute",
@@ -60,12 +62,14 @@ def test_without_a_compiler_torch_trains(campaign, tmp_path):
     assert asked.returncode == 1 and "no C compiler" in asked.stderr and not (tmp_path / "c").exists()
 
 
-def test_table_7_1_is_fourteen_trainings_and_done_ones_are_kept(campaign, tmp_path):
-    first = acqd("train", campaign / "ds", "--table-7-1", "--epochs", 1, "--models", tmp_path / "m", "--json")
-    assert first.returncode == 0, first.stderr
-    made = json.loads(first.stdout)
-    assert len({each["bundle"] for each in made}) == 14
-    stamps = {path: path.stat().st_mtime_ns for path in (tmp_path / "m").glob("*/bundle.json")}
-    again = acqd("train", campaign / "ds", "--table-7-1", "--epochs", 1, "--models", tmp_path / "m", "--json")
-    assert again.returncode == 0 and json.loads(again.stdout) == made
-    assert stamps == {path: path.stat().st_mtime_ns for path in (tmp_path / "m").glob("*/bundle.json")}
+def test_table_7_1_is_fourteen_trainings_and_done_ones_are_kept(study, tmp_path):
+    models = shutil.copytree(study.models, tmp_path / "m")
+    stamps = {path: path.stat().st_mtime_ns for path in models.glob("*/bundle.json")}
+    assert len(stamps) == 14
+    lost = models / "7x1dim-limited-s1"
+    shutil.rmtree(lost)
+    again = acqd("train", study.training, "--table-7-1", "--epochs", 4, "--models", models, "--json")
+    assert again.returncode == 0, again.stderr
+    assert {Path(bundle["bundle"]) for bundle in json.loads(again.stdout)} == {path.parent for path in stamps}
+    made_again = [path for path in stamps if path.stat().st_mtime_ns != stamps[path]]
+    assert made_again == [lost / "bundle.json"]

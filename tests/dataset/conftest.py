@@ -1,4 +1,4 @@
-"""Campaigns whose true clock is known, and one without an offset."""
+"""Campaigns whose true clock is known."""
 
 import numpy as np
 import pytest
@@ -15,13 +15,17 @@ CASES = {
 SMALL = {"limited": 4, "all_space": 4}
 
 
+def clocked(robot, once):
+    """What was ordered."""
+    settings = {"robot": robot, "session": 4, "recorder": {"missing": 0.05}, **SMALL, **CASES[robot]}
+    folder, _ = once(f"clocked-{robot}", lambda folder: run_campaign(order(folder, **settings), quiet))
+    return order(folder, **settings)
+
+
 @pytest.fixture(scope="session", params=list(CASES))
 def campaign(request, once):
     """What was ordered, and the truth's lag of every recording."""
-    robot = request.param
-    settings = {"robot": robot, "session": 4, "recorder": {"missing": 0.05}, **SMALL, **CASES[robot]}
-    folder, _ = once(f"clocked-{robot}", lambda folder: run_campaign(order(folder, 2, **settings), quiet))
-    made = order(folder, **settings)
+    made = clocked(request.param, once)
     return made, true_lags(made.settings, made.truth)
 
 
@@ -35,9 +39,7 @@ def dataset(campaign, once):
 
 @pytest.fixture(scope="session")
 def cell(once):
-    """A small campaign of the iiwa, the truth's lags, and its power as arrays."""
-    settings = {"session": 8, "seed": 31, **SMALL}
-    folder, _ = once("cell", lambda folder: run_campaign(order(folder, 2, **settings), quiet))
-    made = order(folder, **settings)
+    """The campaign of the iiwa, the truth's lags, and its power as arrays."""
+    made = clocked("iiwa7_r800", once)
     stream = open_power(str(made.out / "power.sqlite"), None, None)
     return made, true_lags(made.settings, made.truth), np.array(stream.time_ns), np.array(stream.P)

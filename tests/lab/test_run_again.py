@@ -2,13 +2,14 @@
 
 import fcntl
 import shutil
+import sqlite3
 
 import pytest
 
 from acqd.errors import UserError
 from acqd.lab.campaign.run import run_campaign
 from tests.campaigns import order, quiet, rows_of
-from tests.commands import acqd
+from tests.commands import acqd_here
 
 
 @pytest.fixture
@@ -39,12 +40,14 @@ def test_two_processes_make_the_same_campaign_as_one(campaign, campaign_settings
 
 def test_rows_that_the_database_lost_are_made_again(copied):
     the_order, _report = copied
-    database = the_order.out / "power.sqlite"
-    before = [tuple(row) for row in rows_of(database)]
-    database.unlink()
+    path = the_order.out / "power.sqlite"
+    before = [tuple(row) for row in rows_of(path)]
+    boot = rows_of(path)[0]["boot"]
+    with sqlite3.connect(path) as database:
+        lost = database.execute("DELETE FROM power WHERE boot = ?", (boot,)).rowcount
     again = run_campaign(the_order, quiet)
-    assert again.sessions_done_before == 0 and again.rows == len(before)
-    assert [tuple(row) for row in rows_of(database)] == before
+    assert again.sessions_done_before == 2 and again.rows == lost > 0
+    assert [tuple(row) for row in rows_of(path)] == before
 
 
 def test_a_campaign_that_runs_cannot_be_started_again_beside_itself(copied):
@@ -58,5 +61,5 @@ def test_a_campaign_that_runs_cannot_be_started_again_beside_itself(copied):
 def test_other_settings_do_not_go_into_the_same_folder(copied):
     the_order, _ = copied
     arguments = ["lab", "campaign", "--out", the_order.out, "--truth", the_order.truth, "--limited", "4"]
-    refused = acqd(*arguments)
+    refused = acqd_here(*arguments)
     assert refused.returncode == 2 and "holds a campaign with other settings" in refused.stderr

@@ -7,7 +7,9 @@ from acqd.robot import load_description
 from tests.models.motions import STEP, dataset, iiwa_power
 
 
-@pytest.fixture(scope="module")
-def grey():
+@pytest.fixture(scope="session")
+def grey(once):
+    """The data and the fit."""
     data = dataset(iiwa_power)
-    return data, fit_grey_box(load_description("iiwa7_r800"), data.part("train"), STEP, 1, lambda share: None)
+    robot = load_description("iiwa7_r800")
+    return data, once("grey", lambda _: fit_grey_box(robot, data.part("train"), STEP, 1, lambda share: None))[1]

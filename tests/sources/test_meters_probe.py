@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import signal
 import subprocess
-import sys
 
 import pytest
 
 from acqd.sources.meters.probe import probe
 from acqd.sources.modbus import ModbusLink
-from tests.commands import acqd
+from tests.commands import acqd, start
 from tests.doubles.modbus import ModbusTcpDouble
 from tests.sources.meter_doubles import MODELS, frozen
 from tests.waiting import LIMIT_S, wait_for
@@ -55,8 +54,8 @@ def test_the_command_probe_says_in_one_sentence_what_fits():
 def test_breaking_a_probe_off_leaves_no_traceback():
     with ModbusTcpDouble({1: frozen("em340")}) as double:
         double.set_silent(True)
-        arguments = ["modbus", "probe", "--host", "127.0.0.1", "--port", str(double.port), "--units", "1-60"]
-        process = subprocess.Popen([sys.executable, "-m", "acqd", *arguments], stderr=subprocess.PIPE, text=True)
+        place = ("--host", "127.0.0.1", "--port", double.port, "--units", "1-60", "--timeout", "30")
+        process = start("modbus", "probe", *place)
         wait_for(lambda: double.requests[1] or double.requests[2], "the probe asks")
         process.send_signal(signal.SIGINT)
         _, err = process.communicate(timeout=LIMIT_S)
