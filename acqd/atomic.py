@@ -14,48 +14,48 @@ from acqd.errors import OperationError, UserError
 
 @contextmanager
 def complete_folder(path: Path) -> Iterator[Path]:
-    """A folder to write into; it takes the name `path` at the end, in the place of a folder that had it.
+    """A temporary folder to write into; at the end it is renamed to `path` and replaces a folder of that name.
 
     Raises UserError when it cannot be made, OperationError (and leaves nothing) when it cannot be filled.
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        beside = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
+        temporary = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
     except OSError as error:
         raise UserError(f"{path}: cannot be made ({error.strerror}); choose another --out") from None
     try:
-        yield beside
-        _open_up(beside)
+        yield temporary
+        _open_up(temporary)
         old = path.with_name(f".{path.name}.old")
         if path.is_dir():
             shutil.rmtree(old, ignore_errors=True)
             path.rename(old)
-        beside.rename(path)
+        temporary.rename(path)
         shutil.rmtree(old, ignore_errors=True)
     except OSError as error:
         raise OperationError(f"{path}: {error.strerror}; nothing was left behind") from None
     finally:
-        shutil.rmtree(beside, ignore_errors=True)
+        shutil.rmtree(temporary, ignore_errors=True)
 
 
 def write_complete(path: Path, content: bytes) -> None:
-    """A file that is the old one or the new one, whatever happens. Raises OperationError."""
-    beside = path.with_name(f".{path.name}.new")
+    """Replace a file: whatever happens, its content is the old or the new one. Raises OperationError."""
+    temporary = path.with_name(f".{path.name}.new")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with beside.open("wb") as file:
+        with temporary.open("wb") as file:
             file.write(content)
             file.flush()
             os.fsync(file.fileno())
-        beside.replace(path)
+        temporary.replace(path)
     except OSError as error:
         with suppress(OSError):
-            beside.unlink()
-        raise OperationError(f"{path}: {error.strerror}; what was there before is still there") from None
+            temporary.unlink()
+        raise OperationError(f"{path}: {error.strerror}; the file that was there before is unchanged") from None
 
 
 def _open_up(folder: Path) -> None:
-    """Permissions as the umask has them; temporary folders and some writers are stricter."""
+    """Set the permissions that the umask allows; temporary folders and some writers are stricter."""
     umask = os.umask(0)
     os.umask(umask)
     folder.chmod(0o777 & ~umask)

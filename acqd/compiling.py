@@ -1,4 +1,4 @@
-"""Shared libraries from C sources: which compiler, where results are kept, and what a failure says."""
+"""Compiles C sources to shared libraries and keeps them in a cache."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ NO_COMPILER = "no C compiler found (cc, gcc, clang): install one (apt-get instal
 
 
 def system_compiler() -> str | None:
-    """Path of the C compiler of this machine: $CC, cc, gcc or clang."""
+    """Path of this machine's C compiler: $CC, cc, gcc or clang; None without one."""
     names = [os.environ.get("CC"), "cc", "gcc", "clang"]
     return next((path for name in names if name and (path := shutil.which(name))), None)
 
@@ -38,9 +38,9 @@ def compile_shared(
 
 
 def cached_library(name: str, source: Path, flags: Sequence[str]) -> Path:
-    """`source` compiled with `flags` by the system's compiler, at first use; later calls take it from the cache.
+    """Path of `source` compiled with `flags`: by the system's compiler at first use, then from the cache.
 
-    The name of the file holds a hash of source and flags: another version has another file.
+    The file name holds a hash of source and flags: another version has another file.
     Raises OperationError without a compiler, for a cache that is not writable, and for C that does not compile.
     """
     digest = hashlib.sha256(source.read_bytes() + " ".join(flags).encode()).hexdigest()[:16]

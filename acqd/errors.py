@@ -12,7 +12,7 @@ class UserError(Exception):
 
 
 class OperationError(Exception):
-    """Something went wrong that no input or setting would have prevented: one line, exit code 1."""
+    """A failure that no other input or setting would have prevented. Its message is one line, the exit code 1."""
 
 
 class InputError(UserError):
@@ -22,5 +22,5 @@ class InputError(UserError):
         super().__init__(f"{path}: {problem}")
 
     def __reduce__(self) -> tuple[type[UserError], tuple[object, ...]]:
-        """From a worker process it arrives as the line that it is."""
+        """Pickled by its message: from a worker process it arrives as a UserError with the same line."""
         return UserError, self.args

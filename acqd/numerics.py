@@ -23,10 +23,10 @@ def mad_sigma(values: Floats, centre: float | None = None) -> float:
 
 def theil_sen_slope(t: Floats, values: Floats, least_apart: float) -> float:
     """Median slope of all pairs more than `least_apart` apart in `t` (Theil 1950, Sen 1968); 0 without such a pair."""
-    one, other = np.triu_indices(len(t), 1)
-    apart = t[other] - t[one]
-    chosen = np.abs(apart) > least_apart
-    return float(np.median((values[other] - values[one])[chosen] / apart[chosen])) if chosen.any() else 0.0
+    first, second = np.triu_indices(len(t), 1)
+    distance = t[second] - t[first]
+    chosen = np.abs(distance) > least_apart
+    return float(np.median((values[second] - values[first])[chosen] / distance[chosen])) if chosen.any() else 0.0
 
 
 def runs_of_true(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
@@ -36,7 +36,7 @@ def runs_of_true(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
 
 
 def solve_scaled_ridge(A: Floats, b: Floats, ridge: float) -> Floats:
-    """x of A x = b for a normal matrix A whose columns are scaled to a unit diagonal first, `ridge` added to it."""
+    """Solve A x = b for a normal matrix A: scaled to a unit diagonal, then `ridge` added to the diagonal."""
     scale = np.sqrt(np.maximum(np.diag(A), 1e-12))
     scaled = A / np.outer(scale, scale)
     scaled[np.diag_indices(len(A))] += ridge
@@ -44,7 +44,7 @@ def solve_scaled_ridge(A: Floats, b: Floats, ridge: float) -> Floats:
 
 
 def ridge_regression(X: Floats, y: Floats, ridge: float) -> Floats:
-    """Weights [k] of y [n] on columns X [n, k] scaled to a unit RMS, by least squares with a ridge of `ridge` n."""
+    """Ridge regression of y [n] on X [n, k]: weights [k]; columns are scaled to unit RMS, the penalty is `ridge` n."""
     scale = np.maximum(np.sqrt((X * X).mean(axis=0)), 1e-12)
     scaled = X / scale
     gram = scaled.T @ scaled

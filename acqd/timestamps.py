@@ -1,7 +1,8 @@
-"""Times as people and machines write them: RFC 3339, Unix time, NTFS FILETIME; nanoseconds UTC inside acqd."""
+"""Conversions between RFC 3339, Unix time and NTFS FILETIME; inside acqd a time is nanoseconds UTC."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -18,7 +19,7 @@ _UNITS = ((1e11, 1_000_000_000), (1e14, 1_000_000), (1e17, 1_000), (1e20, 1))  #
 
 
 def parse_times(path: Path, name: str, cells: Sequence[object]) -> Nanoseconds:
-    """A column `name` of RFC 3339 texts, Unix s/ms/us/ns, or (named filetime) NTFS 100 ns. Raises InputError."""
+    """Nanoseconds UTC of a column: RFC 3339, Unix s/ms/us/ns, or FILETIME if it is named so. Raises InputError."""
     empty = next((row for row, cell in enumerate(cells, start=1) if cell is None or cell == ""), None)
     if empty is not None:
         raise InputError(path, f"column {name}: data row {empty} has no time")
@@ -38,18 +39,24 @@ def parse_times(path: Path, name: str, cells: Sequence[object]) -> Nanoseconds:
     largest = float(np.abs(values).max())
     unit = next((unit for bound, unit in _UNITS if largest < bound), None)
     if unit is None:
-        raise InputError(path, f"column {name}: {largest:g} is no Unix time in s, ms, us or ns")
+        raise InputError(path, f"column {name}: {largest:g} is not a Unix time in s, ms, us or ns")
     if all(isinstance(cell, int) for cell in cells[:1]):
         return np.array(cells, dtype=np.int64) * unit
     whole = np.floor(values)
     return whole.astype(np.int64) * unit + np.rint((values - whole) * unit).astype(np.int64)
 
 
-def rfc3339(utc_ns: int) -> str:
-    """UTC nanoseconds as text with microseconds: 2021-07-13T10:15:30.123456Z (RFC 3339, section 5.6)."""
+def rfc3339(utc_ns: int, digits: int = 6) -> str:
+    """UTC nanoseconds as 2021-07-13T10:15:30.123456Z (RFC 3339, section 5.6), cut after `digits` decimals."""
     seconds, ns = divmod(utc_ns, 1_000_000_000)
     stamp = datetime.fromtimestamp(seconds, UTC)
-    return f"{stamp:%Y-%m-%dT%H:%M:%S}.{ns // 1000:06d}Z"
+    return f"{stamp:%Y-%m-%dT%H:%M:%S}.{ns // 10 ** (9 - digits):0{digits}d}Z"
+
+
+def rfc3339_ms(unix_s: float) -> str:
+    """Unix seconds as text with milliseconds; a float of Unix seconds resolves no more than microseconds."""
+    fraction, seconds = math.modf(unix_s)
+    return rfc3339(int(seconds) * 1_000_000_000 + round(fraction * 1e6) * 1000, digits=3)
 
 
 def filetime(utc_ns: int) -> int:

@@ -1,4 +1,4 @@
-"""Who does independent tasks: several processes here, or a Ray cluster."""
+"""Runs independent tasks in several processes of this machine, or on a Ray cluster."""
 
 from __future__ import annotations
 
@@ -20,7 +20,10 @@ _TICK_S = 0.5
 
 
 def run_here(work: Callable[[Task], Any], tasks: list[Task], jobs: int, tick: Callable[[], None]) -> Iterator[Any]:
-    """Results as they come; `tick` is called twice a second. The first failure ends the run; what is done stays."""
+    """Yield results in the order of completion and call `tick` twice a second; the first failure ends the run.
+
+    Raises OperationError when a worker process was killed.
+    """
     context = multiprocessing.get_context("spawn")  # no threads, locks or database handles inherited
     with ProcessPoolExecutor(min(jobs, len(tasks)), context, initializer=die_with_parent) as pool:
         waiting: set[Future[Any]] = {pool.submit(work, task) for task in tasks}
@@ -32,7 +35,7 @@ def run_here(work: Callable[[Task], Any], tasks: list[Task], jobs: int, tick: Ca
                     yield future.result()
         except BrokenProcessPool:
             raise OperationError(
-                "a worker process was killed (out of memory?); run the same command again to go on"
+                "a worker process was killed (out of memory?); run the same command again to continue"
             ) from None
         finally:
             for future in waiting:
@@ -42,7 +45,7 @@ def run_here(work: Callable[[Task], Any], tasks: list[Task], jobs: int, tick: Ca
 def run_on_ray(
     work: Callable[[Task], Any], tasks: list[Task], address: str | None, tick: Callable[[], None]
 ) -> Iterator[Any]:
-    """Like `run_here`, on a Ray cluster; without an address, on one started here for the purpose.
+    """Like `run_here`, on the Ray cluster at `address`; None: on one that is started for this run.
 
     The workers need acqd and the folders of the tasks (a shared file system). Raises UserError.
     """
@@ -50,7 +53,7 @@ def run_on_ray(
         import ray
     except ModuleNotFoundError:
         raise UserError("--engine ray needs Ray: install acqd[ray]") from None
-    if address is None:  # our own cluster, for nobody else: a token that only its processes know
+    if address is None:  # a cluster for this run only: its processes share a secret token
         os.environ.setdefault("RAY_AUTH_TOKEN", secrets.token_hex(32))
     try:
         ray.init(address=address or "local", log_to_driver=False, include_dashboard=False, configure_logging=False)
@@ -58,7 +61,7 @@ def run_on_ray(
         raise UserError(f"no Ray cluster at {address}: {str(error).splitlines()[0]}") from None
     try:
 
-        def call(task: Task) -> Any:  # Ray wants a function proper
+        def call(task: Task) -> Any:  # ray.remote takes functions only, no partial objects
             return work(task)
 
         remote = ray.remote(num_cpus=1, max_retries=2)(call)

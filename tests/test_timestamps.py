@@ -14,7 +14,7 @@ from acqd.timestamps import filetime, parse_times, rfc3339
 def test_times_keep_their_nanoseconds():
     stamps = parse_times(Path("x"), "time", ["2021-07-13T08:00:00.123456+02:00", "2021-07-13T06:00:00.123456Z"])
     assert stamps[0] == stamps[1] == 1_626_156_000_123_456_000
-    with pytest.raises(InputError, match="is no Unix time"):
+    with pytest.raises(InputError, match="is not a Unix time"):
         parse_times(Path("x"), "time", [1e25])
 
 

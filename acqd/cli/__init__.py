@@ -2,6 +2,6 @@
 
 import os
 
-# Before numpy is loaded: windows are far too small for a BLAS that spreads over cores; its waiting
-# threads would cost more than all the metering.
+# Before numpy is loaded: windows are far too small for a BLAS with several threads. Its waiting threads
+# would cost more than all the metering.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

@@ -1,4 +1,4 @@
-"""`acqd broker`: the embedded broker on its own."""
+"""`acqd broker`: the embedded broker without the daemon."""
 
 from __future__ import annotations
 

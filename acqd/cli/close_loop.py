@@ -20,33 +20,37 @@ _TIMES = ["%Y-%m-%dT%H:%M:%S", "%Y-%m-%dT%H:%M:%SZ", "%Y-%m-%d %H:%M:%S", "%Y-%m
 
 
 def close_loop(
-    dataset: Annotated[Path, typer.Argument(metavar="DS", help="Folder of a dataset: the recordings in question.")],
-    model: Annotated[Path, typer.Option(help="Bundle that acqd train wrote.")],
-    out: Annotated[Path | None, typer.Option(help="Folder for report and augmented bundle (default DS.loop).")] = None,
+    dataset: Annotated[
+        Path, typer.Argument(metavar="DS", help="Folder of the dataset with the recordings in question.")
+    ],
+    model: Annotated[Path, typer.Option(help="Bundle of the model, from acqd train.")],
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for the report and the repaired model (default DS.loop).")
+    ] = None,
     reference: Annotated[
         Path | None, typer.Option(help="Dataset to compare with (default: what the bundle remembers).")
     ] = None,
-    max_effects: Annotated[int, typer.Option(min=1, max=24, help="Stop after so many.")] = 5,
-    only: Annotated[list[str] | None, typer.Option(help="Effect to look for; several times for several.")] = None,
-    exclude: Annotated[list[str] | None, typer.Option(help="Effect not to look for.")] = None,
-    seed: Annotated[int, typer.Option(help="Same seed, same report.")] = 1,
-    robot: Annotated[str | None, typer.Option(help="Description (default the bundle's).")] = None,
+    max_effects: Annotated[int, typer.Option(min=1, max=24, help="Largest number of effects.")] = 5,
+    only: Annotated[list[str] | None, typer.Option(help="Search only for this effect; may be repeated.")] = None,
+    exclude: Annotated[list[str] | None, typer.Option(help="Do not search for this effect; may be repeated.")] = None,
+    seed: Annotated[int, typer.Option(help="Seed of the bootstrap; the same seed gives the same report.")] = 1,
+    robot: Annotated[str | None, typer.Option(help="Robot description (default: the bundle's).")] = None,
     since: Annotated[
         datetime | None, typer.Option(help="Leave out recordings that ended before (UTC).", formats=_TIMES)
     ] = None,
-    watch: Annotated[bool, typer.Option("--watch", help="Stay, and look whenever the dataset has grown.")] = False,
+    watch: Annotated[
+        bool, typer.Option("--watch", help="Keep running, and judge new recordings of the dataset.")
+    ] = False,
     every: Annotated[
         float | None, typer.Option(min=0.5, help="Seconds between looks (--watch, default 5).", show_default=False)
     ] = None,
     false_alarm: Annotated[
         float | None,
-        typer.Option(
-            min=1, help="Recorded hours that one false alarm may come in (--watch, default 200).", show_default=False
-        ),
+        typer.Option(min=1, help="Recorded hours per false alarm (--watch, default 200).", show_default=False),
     ] = None,
     json: Json = False,
 ) -> None:
-    """Find what a model leaves over, name its cause, add it, report the error before and after.
+    """Find the cause of a model's residual, add the cause to the model, report the error before and after.
 
     Example: acqd close-loop ds --model ds0.models/grey-box-everything-s1 [--watch]
     """
@@ -54,33 +58,33 @@ def close_loop(
     if missing:
         raise UserError(f"acqd close-loop needs {' and '.join(missing)}: install acqd[model]")
     if watch and since is not None:
-        raise UserError("--since is for one look; --watch judges every recording that its model has not seen")
+        raise UserError("--since is for a single run; --watch judges every recording that its model has not seen")
     if not watch and (every is not None or false_alarm is not None):
         raise UserError("--every and --false-alarm are for --watch")
     from acqd.cli.models.places import default_folder
     from acqd.discrepancy.config import CloseConfig
     from acqd.discrepancy.loop import close_loop as run
-    from acqd.discrepancy.report.page import as_json
+    from acqd.discrepancy.report.summary import as_json
     from acqd.discrepancy.report.write import require_writable, write_all
 
     folder = out or default_folder(dataset, "watch" if watch else "loop")
     since_s = None if since is None else since.replace(tzinfo=UTC).timestamp()
-    order = CloseConfig(
+    config = CloseConfig(
         dataset, model, folder, reference, max_effects, tuple(only or ()), tuple(exclude or ()), seed, robot, since_s
     )
     if watch:
         from acqd.cli.watch_loop import watch_loop
 
-        watch_loop(order, every or 5.0, 3600 * (false_alarm or 200.0), json=json)
+        watch_loop(config, every or 5.0, 3600 * (false_alarm or 200.0), json=json)
         return
     require_writable(folder)
     console = Console(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("reading", total=1.0)
-        closed = run(order, lambda what, share: bar.update(task, description=what, completed=share))
+        closed = run(config, lambda what, share: bar.update(task, description=what, completed=share))
         bar.update(task, description="drawing", completed=0.9)
-        write_all(order, closed)
-    result = as_json(order, closed)
+        write_all(config, closed)
+    result = as_json(config, closed)
     for note in closed.notes:
         console.print(f"acqd: {note}", soft_wrap=True, highlight=False)
     if json:
@@ -98,18 +102,20 @@ def _print(result: dict[str, Any], folder: Path) -> None:
         f"{result['verdict']}{label}: held-out RMSE {before['rmse']:.2f} -> {after['rmse']:.2f} W", highlight=False
     )
     if result["effects"]:
-        table = Table("effect", "where", "parameters", "confidence", "RMSE", "rivals")
+        table = Table("effect", "where", "parameters", "confidence", "RMSE", "alternatives")
         for effect in result["effects"]:
             values = [
                 f"{name} {p['value']:.3g} {p['unit']}"
                 + (f" ({p['ci95'][0]:.3g} to {p['ci95'][1]:.3g})" if p["ci95"] else "")
                 for name, p in effect["parameters"].items()
             ]
-            rivals = ", ".join(f"{r['id']} {r['confidence']:.0%}" for r in effect["rivals"] if r["confidence"] > 0)
+            alternatives = ", ".join(
+                f"{r['id']} {r['confidence']:.0%}" for r in effect["rivals"] if r["confidence"] > 0
+            )
             cells = [effect["id"], effect["where"], "\n".join(values), f"{effect['confidence']:.0%}"]
-            table.add_row(*cells, f"-{effect['delta_rmse']:.2f} W", rivals)
+            table.add_row(*cells, f"-{effect['delta_rmse']:.2f} W", alternatives)
         console.print(table)
-    console.print(f"left: {result['unexplained']}", highlight=False)
+    console.print(f"residual: {result['unexplained']}", highlight=False)
     for step in result["next"]:
         console.print(f"next: {step}", highlight=False)
     console.print(f"report: {folder / 'report.html'}", highlight=False)

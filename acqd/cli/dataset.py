@@ -1,4 +1,4 @@
-"""`acqd dataset`: power rows and robot logs on a common time vector."""
+"""`acqd dataset`: merges power rows and robot logs on a common time vector."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ app = typer.Typer(no_args_is_help=True)
 
 
 class Torque(StrEnum):
-    """Where joint torques come from."""
+    """Source of the joint torques."""
 
     MEASURED = "measured"
     MODEL = "model"
@@ -41,14 +41,16 @@ def build(
     logs: Annotated[Path, typer.Option(help="Folder of robot logs, or one log.")],
     out: Annotated[Path, typer.Option(help="Folder of the dataset.")],
     robot: Annotated[str, typer.Option(help="Shipped robot, or a description's path.")] = "iiwa7_r800",
-    device: Annotated[str | None, typer.Option(help="Of the power rows, where there are several.")] = None,
-    channel: Annotated[str | None, typer.Option(help="Of the power rows (default total, else L1).")] = None,
-    torque: Annotated[Torque | None, typer.Option(help="For the alignment (default: sensors, else model).")] = None,
-    search: Annotated[float, typer.Option(min=0.1, help="s that the clocks may differ before all is searched.")] = 2.4,
+    device: Annotated[str | None, typer.Option(help="Device of the power rows, if there are several.")] = None,
+    channel: Annotated[str | None, typer.Option(help="Channel of the power rows (default total, else L1).")] = None,
+    torque: Annotated[
+        Torque | None, typer.Option(help="Torques for the alignment (default: measured, else model).")
+    ] = None,
+    search: Annotated[float, typer.Option(min=0.1, help="s within which lags are searched first.")] = 2.4,
     step: Annotated[float, typer.Option(min=0.005, max=10, help="s between rows.")] = 0.04,
-    seed: Annotated[int, typer.Option(min=0, help="Of the split.")] = 1,
-    lag: Annotated[float | None, typer.Option(help="s that the robot's clock is ahead, if known: no search.")] = None,
-    cut: Annotated[float | None, typer.Option(min=2.5, help="s: cut long logs into pieces, for the split.")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the split.")] = 1,
+    lag: Annotated[float | None, typer.Option(help="s that the robot's clock is ahead, if known.")] = None,
+    cut: Annotated[float | None, typer.Option(min=2.5, help="s: length of pieces to cut long logs into.")] = None,
     json: Json = False,
 ) -> None:
     """Find each log's time shift, merge it with its power, and write Parquet with provenance.
@@ -60,11 +62,13 @@ def build(
     from acqd.dataset.regressors import TorqueSource
 
     source: TorqueSource | None = torque.value if torque is not None else None
-    order = BuildConfig(power, logs, out, robot, device, channel, source, search, step, seed, lag, cut)
+    build_config = BuildConfig(power, logs, out, robot, device, channel, source, search, step, seed, lag, cut)
     console = Console(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
         bar = progress.add_task("reading", total=1.0)
-        report: BuildReport = run(order, lambda what, share: progress.update(bar, description=what, completed=share))
+        report: BuildReport = run(
+            build_config, lambda what, share: progress.update(bar, description=what, completed=share)
+        )
     for line in [*report.refused, *report.notes]:
         console.print(f"acqd: {line}", soft_wrap=True, highlight=False)
     if json:

@@ -1,4 +1,4 @@
-"""`acqd doctor`: is this host, and this configuration, fit to meter?"""
+"""`acqd doctor`: checks whether this host and this configuration are fit to meter."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _COLOUR = {"ok": "green", "warn": "yellow", "fail": "red"}
 
 
 def doctor(config: ConfigFile = None, json: Json = False) -> None:
-    """Check the host, the broker and the database; exit 1 when something will not work.
+    """Check the host, the source, the broker and the database; exit 1 when something will not work.
 
     Example: acqd doctor --config /etc/acqd/acqd.toml
     """

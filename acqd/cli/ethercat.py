@@ -1,4 +1,4 @@
-"""`acqd ethercat`: what is on an EtherCAT segment."""
+"""`acqd ethercat`: lists what is on an EtherCAT segment."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def scan(
     ] = False,
     json: Json = False,
 ) -> None:
-    """List the slaves on a network interface; no setting of theirs is changed.
+    """List the slaves on a network interface; none of their settings is changed.
 
     Example: acqd ethercat scan eth1
     """

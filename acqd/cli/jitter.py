@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from acqd.cli.options import ConfigFile, Json, configured
-from acqd.daemon.source_sections import MetersSection
+from acqd.daemon.modbus_sections import MetersSection
 from acqd.errors import UserError
 from acqd.metering import Meter
 from acqd.plc.executive import Executive
@@ -35,9 +35,7 @@ def jitter(
     """
     source = configured(config).source
     if isinstance(source, MetersSection):
-        raise UserError(
-            'jitter: source.kind = "meters" reads registers; there is no MAIN_FAST whose cycle could jitter'
-        )
+        raise UserError('jitter: source.kind = "meters" reads registers; it has no MAIN_FAST whose cycle could jitter')
     realtime = configured(config).realtime.settings()
     summary, histogram, refused, slow_us = asyncio.run(_measure(source.spec(), realtime, duration))
     if json:
@@ -63,6 +61,7 @@ def jitter(
 async def _measure(
     source: Spec, realtime: RealtimeSettings, duration: float
 ) -> tuple[CycleSummary, np.ndarray, list[str], float]:
+    """Statistics and latency histogram of MAIN_FAST, refused settings, mean duration of MAIN_SLOW [us]."""
     executive = Executive(source, Meter, lambda _batch: None, realtime=realtime)
     await executive.start()
     running = asyncio.create_task(executive.run())
@@ -75,7 +74,7 @@ async def _measure(
 
 
 def _histogram(histogram: np.ndarray) -> Table:
-    """Counts per bucket, the buckets doubling."""
+    """Wake-ups per bucket of latency; each bucket is twice as wide as the one before."""
     table = Table("latency", "cycles", "", title="wake-up latency of MAIN_FAST", title_justify="left")
     edges = [0, *(2**k for k in range(1, 12))]
     total = max(int(histogram.sum()), 1)

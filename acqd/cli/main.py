@@ -1,4 +1,4 @@
-"""The command tree, and the one place where errors become exit codes."""
+"""The command tree, and the only place where errors become exit codes."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ _JOURNAL_LEVEL = {logging.DEBUG: 7, logging.INFO: 6, logging.WARNING: 4, logging
 
 
 class _Lines(logging.Formatter):
-    """One line a record; with systemd's priority prefix when the journal is listening."""
+    """One line per record; with systemd's priority prefix when the journal reads them."""
 
     def format(self, record: logging.LogRecord) -> str:
         text = super().format(record)
@@ -68,7 +68,7 @@ class _Lines(logging.Formatter):
 
 
 def _end_quietly() -> NoReturn:
-    """The reader of our output has gone (acqd replay ... | head): nothing is wrong."""
+    """Exit with 0: the reader of our output has gone (acqd replay ... | head), and nothing is wrong."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     sys.exit(0)
 
@@ -79,7 +79,7 @@ def main() -> None:
 
 
 def for_people(work: Callable[[], object]) -> None:
-    """Exit codes and one line instead of a traceback: 0 ok, 2 bad input or usage, 1 failure, 130 interrupted."""
+    """Run `work`; errors become one line and an exit code: 0 ok, 1 failure, 2 bad input or usage, 130 interrupted."""
     handler = logging.StreamHandler()
     handler.setFormatter(_Lines())
     logging.basicConfig(level=logging.INFO, handlers=[handler])

@@ -1,4 +1,4 @@
-"""`acqd modbus`: what answers on a Modbus link."""
+"""`acqd modbus`: finds out what answers on a Modbus link."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def probe(
     every: Annotated[bool, typer.Option("--all", help="Also show the profiles that do not fit, and why.")] = False,
     json: Json = False,
 ) -> None:
-    """Find the profile whose registers make sense. Only reads; writes nothing to any meter.
+    """Find the profile whose registers make sense. The probe only reads; it writes to no meter.
 
     Example: acqd modbus probe --serial-port /dev/ttyUSB0 --baudrate 9600 --units 1-10
     """
@@ -51,19 +51,23 @@ def probe(
     console = Console(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
         bar = progress.add_task(f"asking {link}", total=len(numbers))
-        found = list(
-            device_module("meters.probe").probe(link, numbers, nominal_voltage, lambda _unit: progress.advance(bar))
-        )
-    found.sort(key=lambda one: (one.unit, *(not part if isinstance(part, bool) else -part for part in one.rank)))
+        probing = device_module("meters.probe").probe
+        candidates = list(probing(link, numbers, nominal_voltage, lambda _unit: progress.advance(bar)))
+    candidates.sort(key=_unit_then_rank)
     if json:
-        print(orjson.dumps([asdict(one) | {"rank": one.rank} for one in found]).decode())
-    elif found:
-        _print(found, every)
-    if not found:
+        print(orjson.dumps([asdict(candidate) | {"rank": candidate.rank} for candidate in candidates]).decode())
+    elif candidates:
+        _print(candidates, every)
+    if not candidates:
         what = "the unit ids" if host else "wiring, baud rate, parity and unit ids"
         raise UserError(f"{link}: nobody answers to --units {units}; check {what}")
-    if not any(one.rank[0] for one in found):
+    if not any(candidate.rank[0] for candidate in candidates):
         raise typer.Exit(1)
+
+
+def _unit_then_rank(candidate: Any) -> tuple[Any, ...]:
+    """Sort key: by unit, then the best candidates first."""
+    return candidate.unit, *(not part if isinstance(part, bool) else -part for part in candidate.rank)
 
 
 def _units(text: str) -> list[int]:
@@ -79,44 +83,44 @@ def _units(text: str) -> list[int]:
     return numbers
 
 
-def _print(found: list[Any], every: bool) -> None:
-    """A table of what fits (or of all), then a sentence for each unit."""
-    shown = [one for one in found if every or one.rank[0]]
+def _print(candidates: list[Any], every: bool) -> None:
+    """Print a table of the profiles that fit (or of all), then a sentence for each unit."""
+    shown = [candidate for candidate in candidates if every or candidate.rank[0]]
     if shown:
         Console().print(_table(shown))
-    for unit in dict.fromkeys(one.unit for one in found):
-        print(f"unit {unit}: {_verdict([one for one in found if one.unit == unit])}")
+    for unit in dict.fromkeys(candidate.unit for candidate in candidates):
+        print(f"unit {unit}: {_verdict([candidate for candidate in candidates if candidate.unit == unit])}")
     if not every:
-        print(f"{len(found) - len(shown)} profiles that do not fit are not shown; --all shows them and why")
+        print(f"{len(candidates) - len(shown)} profiles that do not fit are not shown; --all shows them and why")
 
 
 def _table(candidates: list[Any]) -> Table:
     table = Table(
         "unit", "profile", "fits", "identified", "relations that hold", "reads as", "remark", title="Modbus probe"
     )
-    for one in candidates:
-        values = ((name, one.values.get(name)) for name in ("L1.Vrms", "L1.P", "f"))
+    for candidate in candidates:
+        values = ((name, candidate.values.get(name)) for name in ("L1.Vrms", "L1.P", "f"))
         table.add_row(
-            str(one.unit),
-            one.profile,
-            "[green]yes[/]" if one.fits else "[red]no[/]",
-            {True: "yes", False: "another model", None: "-"}[one.identified],
-            str(one.checks),
-            ", ".join(f"{name} {value:.5g}" for name, value in values if value is not None) if one.fits else "",
-            escape(one.remark),
+            str(candidate.unit),
+            candidate.profile,
+            "[green]yes[/]" if candidate.fits else "[red]no[/]",
+            {True: "yes", False: "another model", None: "-"}[candidate.identified],
+            str(candidate.checks),
+            ", ".join(f"{name} {value:.5g}" for name, value in values if value is not None) if candidate.fits else "",
+            escape(candidate.remark),
         )
     return table
 
 
 def _verdict(candidates: list[Any]) -> str:
-    """What is known of one unit, best first."""
-    best = [one for one in candidates if one.rank[0]]
+    """A sentence about one unit; its candidates come best first."""
+    best = [candidate for candidate in candidates if candidate.rank[0]]
     if best:
-        others = [one.profile for one in best[1:] if not (best[0].identified and not one.identified)]
-        doubt = f"; {', '.join(others)} cannot be told apart from it by the registers alone" if others else ""
+        others = [candidate.profile for candidate in best[1:] if not (best[0].identified and not candidate.identified)]
+        doubt = f"; {', '.join(others)} cannot be distinguished from it by the registers" if others else ""
         return f"profile {best[0].profile} fits best{doubt}"
-    close = [one for one in candidates if "make sense" in one.remark]
-    close.sort(key=lambda one: one.identified is not True)
+    close = [candidate for candidate in candidates if "make sense" in candidate.remark]
+    close.sort(key=lambda candidate: candidate.identified is not True)
     if close:
         return f"no profile fits as it is; {close[0].profile}: {close[0].remark}"
     return "no profile fits"

@@ -17,7 +17,7 @@ Port = Annotated[int | None, typer.Option(min=1, max=65535, help="Broker port (d
 
 
 def configured(path: Path | None, host: str | None = None, port: int | None = None) -> Config:
-    """The configuration file, or the defaults, with host and port overruled."""
+    """The configuration file, or the defaults, with host and port of the command line."""
     config = load_config(path) if path else Config()
     if host is not None:
         config.mqtt.host = host
@@ -27,5 +27,5 @@ def configured(path: Path | None, host: str | None = None, port: int | None = No
 
 
 def broker_address(path: Path | None, host: str | None, port: int | None) -> BrokerAddress:
-    """Where the broker is."""
+    """How to reach the broker."""
     return configured(path, host, port).mqtt.address()

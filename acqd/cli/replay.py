@@ -1,4 +1,4 @@
-"""`acqd replay`: canned waveforms through the same tasks."""
+"""`acqd replay`: meters recorded waveforms."""
 
 from __future__ import annotations
 
@@ -16,14 +16,15 @@ from rich.progress import Progress
 from rich.table import Table
 
 from acqd.cli.options import ConfigFile, Host, Json, Port, broker_address
-from acqd.daemon.playback import Playback, PlaybackReport, play
+from acqd.daemon.playback import Playback, play
+from acqd.daemon.playback_report import PlaybackReport
 from acqd.errors import UserError
 from acqd.sources import ChannelMap
 from acqd.telemetry.topics import valid_device
 
 
 class Speed(StrEnum):
-    """How fast."""
+    """Playback speed."""
 
     MAX = "max"
     REAL = "1"
@@ -39,7 +40,7 @@ class ModeName(StrEnum):
 def replay(
     files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="NPZ, CSV, WAV/FLAC or COMTRADE.")],
     out: Annotated[Path | None, typer.Option(help="Write the rows as JSON lines; - is stdout.")] = None,
-    speed: Annotated[Speed, typer.Option(help="As fast as it goes, or in real time.")] = Speed.MAX,
+    speed: Annotated[Speed, typer.Option(help="As fast as possible, or in real time.")] = Speed.MAX,
     mode: Annotated[ModeName, typer.Option(help="Whole mains cycles, or exactly each window.")] = ModeName.SYNCHRONOUS,
     publish: Annotated[bool, typer.Option("--publish", help="Publish the rows over MQTT.")] = False,
     aggregate: Annotated[Path | None, typer.Option(help="Write 10/12-cycle values (IEC 61000-4-30).")] = None,
@@ -68,9 +69,9 @@ def replay(
     for name, value in (("--u-scale", u_scale), ("--i-scale", i_scale), ("--rate", rate)):
         if value is not None and not 0 < value < 1e12:
             raise UserError(f"{name} {value:g}: expected a positive number")
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # by way of the clean-up
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # an exception, so that the clean-up runs
     signal.signal(signal.SIGHUP, lambda *_: sys.exit(129))
-    orders = Playback(
+    settings = Playback(
         files=files,
         channels=ChannelMap(columns, u_scale, i_scale, rate, f_nominal),
         device=device,
@@ -87,7 +88,7 @@ def replay(
     console = Console(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
         bar = progress.add_task("metering", total=1.0)
-        report = play(orders, lambda share: progress.update(bar, completed=share))
+        report = play(settings, lambda share: progress.update(bar, completed=share))
     if out is not None and str(out) == "-":
         return
     if json:
@@ -110,7 +111,7 @@ def _utc(text: str | None) -> int | None:
 
 def _print(report: PlaybackReport) -> None:
     console = Console(soft_wrap=True)
-    console.width = max(console.width, 110)  # cut-off numbers are worse than long lines
+    console.width = max(console.width, 110)  # long lines are better than truncated numbers
     for file in dict.fromkeys(line.file for line in report.channels):
         table = Table("", "windows", "Vrms \\[V]", "Irms \\[A]", "P \\[W]", "f \\[Hz]", "W \\[kWh]", "flagged")
         table.title, table.title_justify = file, "left"

@@ -1,4 +1,4 @@
-"""Running the daemon in the foreground, with live numbers: for `acqd run` and `acqd lab execute --live`."""
+"""Runs the daemon in the foreground with live numbers, for `acqd run` and `acqd lab execute --live`."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _UNITS = {"Vrms": "V", "Irms": "A", "P": "W", "PF": "", "f": "Hz", "W": "kWh"}
 
 
 def serve(settings: Config, duration: float | None, *, json: bool, quiet: bool, title: str) -> None:
-    """Run the daemon until it ends. `quiet`: no lines where stdout is no terminal."""
+    """Run the daemon until it ends. `quiet`: print no lines when stdout is not a terminal."""
     console = Console(stderr=json)
     latest: dict[tuple[str, str], dict[str, Any]] = {}
     live = Live(console=console, auto_refresh=False) if sys.stdout.isatty() and not json else None
@@ -46,7 +46,7 @@ def serve(settings: Config, duration: float | None, *, json: bool, quiet: bool, 
 
 
 def announce(settings: Config, what: str, *, json: bool) -> None:
-    """Where a demonstration's rows can be had."""
+    """Print where the rows of a demonstration go."""
     Console(stderr=json).print(
         f"{what}; broker mqtt://{settings.mqtt.host}:{settings.mqtt.port}; "
         f"database {Path(settings.sink.database).absolute()}; stop with Ctrl-C",
@@ -63,7 +63,7 @@ def _line(summary: dict[str, Any]) -> str:
 
 
 def demonstration_port() -> int:
-    """The usual MQTT port, or a free one where that is taken."""
+    """The usual MQTT port; a free port when it is in use."""
     try:
         check_port("127.0.0.1", _DEFAULT_PORT)
     except UserError:

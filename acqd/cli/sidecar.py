@@ -1,4 +1,4 @@
-"""`acqd sidecar`: predictions beside a running cell."""
+"""`acqd sidecar`: predictions for a running cell."""
 
 from __future__ import annotations
 
@@ -20,26 +20,24 @@ from acqd.storage.database import open_database
 
 def sidecar(
     logs: Annotated[Path, typer.Argument(metavar="LOGS", help="Folder where the robot's logs arrive.")],
-    model: Annotated[Path, typer.Option(help="Bundle that acqd train or close-loop wrote.")],
+    model: Annotated[Path, typer.Option(help="Bundle written by acqd train or close-loop.")],
     config: ConfigFile = None,
     database: Annotated[str | None, typer.Option(help="SQLite file or URL of the power rows.")] = None,
     host: Host = None,
     port: Port = None,
     device: Annotated[
-        str | None, typer.Option(help="Meter beside this robot (default the only one in the database).")
+        str | None, typer.Option(help="Meter of this robot (default: the only one in the database).")
     ] = None,
     live: Annotated[bool, typer.Option("--live", help="Also predict from acqd/DEVICE/joints, row by row.")] = False,
     no_mqtt: Annotated[bool, typer.Option("--no-mqtt", help="Store only, publish nothing.")] = False,
-    patience: Annotated[float, typer.Option(min=0, help="Seconds that the last power rows may be late.")] = 10.0,
-    retry_refused: Annotated[
-        bool, typer.Option("--retry-refused", help="Look once more at logs that were refused.")
-    ] = False,
+    patience: Annotated[float, typer.Option(min=0, help="How many seconds the last power rows may be late.")] = 10.0,
+    retry_refused: Annotated[bool, typer.Option("--retry-refused", help="Try refused logs again.")] = False,
     until_idle: Annotated[
         bool, typer.Option("--until-idle", help="Stop when every log is done and published.")
     ] = False,
     json: Json = False,
 ) -> None:
-    """Watch for robot logs, align them with metered power, predict, store, publish, raise the drift alarm.
+    """Align arriving robot logs with metered power, predict, store, publish, and raise the drift alarm.
 
     Example: acqd sidecar /srv/robot-logs --model ds.models/grey-box-everything-s1 --config /etc/acqd/acqd.toml
     """
@@ -48,9 +46,12 @@ def sidecar(
         raise UserError(f"acqd sidecar needs {' and '.join(missing)}: install acqd[sidecar]")
     if live and no_mqtt:
         raise UserError("--live answers over MQTT; leave out --no-mqtt")
+    from acqd.sidecar.lock import exclusive
+    from acqd.sidecar.power_rows import device_of
     from acqd.sidecar.service import Sidecar
+    from acqd.sidecar.settings import Settings
     from acqd.sidecar.store import Store
-    from acqd.sidecar.work import Settings, Worker, device_of
+    from acqd.sidecar.worker import Worker
 
     settings = configured(config, host, port)
     url = database or settings.sink.database
@@ -60,9 +61,9 @@ def sidecar(
     for note in worker.notes:
         logging.getLogger(__name__).warning("%s", note)
 
-    logging.getLogger("watchfiles").setLevel(logging.WARNING)  # it counts changes aloud
+    logging.getLogger("watchfiles").setLevel(logging.WARNING)  # it logs every change
 
-    def tell(message: dict[str, Any]) -> None:
+    def report(message: dict[str, Any]) -> None:
         if json:
             print(orjson.dumps(message).decode(), flush=True)
 
@@ -72,8 +73,8 @@ def sidecar(
             asyncio.get_running_loop().add_signal_handler(number, stop.set)
         broker = None if no_mqtt else settings.mqtt.address()
         store = Store(engine)
-        service = Sidecar(logs, worker, store, broker, name, live=live, again=retry_refused, tell=tell)
-        with store.alone():
+        service = Sidecar(logs, worker, store, broker, name, live=live, retry_refused=retry_refused, report=report)
+        with exclusive(engine):
             notify("READY=1")
             await service.run(stop, lambda: notify("WATCHDOG=1"), until_idle=until_idle)
         notify("STOPPING=1")
@@ -81,5 +82,5 @@ def sidecar(
 
     service = asyncio.run(run())
     counts = {"done": service.done, "refused": service.refused, "waiting": service.waiting}
-    left = f", {service.waiting} wait for their power rows" if service.waiting else ""
-    print(orjson.dumps(counts).decode() if json else f"{service.done} logs predicted, {service.refused} refused{left}")
+    late = f", {service.waiting} wait for their power rows" if service.waiting else ""
+    print(orjson.dumps(counts).decode() if json else f"{service.done} logs predicted, {service.refused} refused{late}")

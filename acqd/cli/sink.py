@@ -1,4 +1,4 @@
-"""`acqd sink`: MQTT -> SQL, and its upkeep."""
+"""`acqd sink`: rows from MQTT into SQL; roll-ups and retention."""
 
 from __future__ import annotations
 
@@ -42,14 +42,14 @@ def sink(
     """
     if context.invoked_subcommand is not None:
         if any((config, database, host, port, duration, json)):
-            raise UserError(f"put the options behind the subcommand: acqd sink {context.invoked_subcommand} ...")
+            raise UserError(f"put the options after the subcommand: acqd sink {context.invoked_subcommand} ...")
         return
     if embedded:
         die_with_parent()
-    # `acqd run` hands its configuration over on stdin: passwords are no arguments.
+    # `acqd run` hands its configuration over on stdin: other users can read arguments, and it holds passwords.
     settings = Config.model_validate_json(sys.stdin.read()) if embedded else configured(config, host, port)
     engine = open_database(database or settings.sink.database)
-    # The embedded broker knows no MQTT 5: no need to find that out by trying.
+    # The embedded broker knows no MQTT 5, so do not try it first.
     mqtt5 = not (embedded and settings.broker.embedded)
     options = replace(settings.sink.settings(), mqtt5=mqtt5)
     if group is not None:

@@ -19,7 +19,7 @@ _FORMATS = {
 
 
 def power_table(rows: Mapping[tuple[str, str], Mapping[str, Any]], title: str) -> Table:
-    """Rows or summaries by (device, channel)."""
+    """The table of rows or summaries by (device, channel)."""
     table = Table(title=title, title_justify="left")
     for name in ("device", "channel"):
         table.add_column(name)

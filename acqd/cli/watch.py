@@ -27,7 +27,7 @@ def watch(
     count: Annotated[int | None, typer.Option(min=1, help="Stop after so many rows.")] = None,
     json: Json = False,
 ) -> None:
-    """Live values of every device on the broker; with --json every row as a JSON line.
+    """Show live values of every device on the broker; with --json, print every row as a JSON line.
 
     Example: acqd watch --host 192.168.1.10
     """
@@ -71,7 +71,7 @@ async def _table(client: aiomqtt.Client, count: int | None) -> None:
                 latest[summary["device"], summary["channel"]] = summary
                 live.update(power_table(latest, f"acqd watch  {summary['time']}"), refresh=True)
             except (orjson.JSONDecodeError, KeyError, TypeError, ValueError):
-                continue  # somebody else's message on our topic is not our business to judge here
+                continue  # not a summary of acqd: another program's message on the same topic
             seen += 1
             if seen == count:
                 return

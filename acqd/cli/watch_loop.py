@@ -1,4 +1,4 @@
-"""`acqd close-loop --watch`: what a watch tells, line by line."""
+"""`acqd close-loop --watch`: events of the watch, one per line."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.monitor.watch import Event, Watch
 
 
-def watch_loop(order: CloseConfig, every_s: float, between_s: float, *, json: bool) -> None:
-    """Until SIGINT or SIGTERM; a look that is under way is finished first.
+def watch_loop(config: CloseConfig, every_s: float, between_s: float, *, json: bool) -> None:
+    """Run until SIGINT or SIGTERM; a look in progress is finished first.
 
     Raises UserError, InputError.
     """
@@ -22,9 +22,9 @@ def watch_loop(order: CloseConfig, every_s: float, between_s: float, *, json: bo
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
     console = Console(soft_wrap=True)
-    watch = Watch(order, between_s)
+    watch = Watch(config, between_s)
     if not json:
-        console.print(f"watching {order.dataset} with {order.bundle}; proposals go to {order.out}", highlight=False)
+        console.print(f"watching {config.dataset} with {config.bundle}; proposals go to {config.out}", highlight=False)
     if watch.resumed is not None:
         _print(watch.resumed, json=json)
     while not stop.is_set():
@@ -37,24 +37,24 @@ def watch_loop(order: CloseConfig, every_s: float, between_s: float, *, json: bo
 
 def _print(event: Event, *, json: bool) -> None:
     line = orjson.dumps({"event": event.kind, **event.details}, option=orjson.OPT_SERIALIZE_NUMPY).decode()
-    print(line if json else _told(event), flush=True)
+    print(line if json else _sentence(event), flush=True)
 
 
-def _told(event: Event) -> str:
+def _sentence(event: Event) -> str:
     details = event.details
     if event.kind == "resumed":
         alarm = details["alarm"]
         since = "no alarm" if alarm is None else f"alarm since {_when(alarm['onset_s'])}"
         done = ", a proposal is written" if details["proposed"] else ""
-        return f"going on: {details['recordings']} recordings are known, {since}{done}"
+        return f"resuming: {details['recordings']} recordings are known, {since}{done}"
     if event.kind == "recording":
         return f"{details['recording']}: residual {details['rmse']:.2f} W RMS"
     if event.kind == "alarm":
         return f"ALARM: the residual has changed since about {_when(details['onset_s'])} ({details['chart']})"
     if event.kind == "trouble":
-        return f"{details['reason']}; looking again"
+        return f"{details['reason']}; retrying"
     if "reason" in details:
-        return f"not yet to be told from {details['recordings']} recordings: {details['reason']}"
+        return f"no proposal yet from {details['recordings']} recordings: {details['reason']}"
     named = ", ".join(f"{effect['id']} ({effect['where']})" for effect in details["effects"])
     if details["verdict"] != "effects_found":
         perhaps = f", perhaps {named}" if named else ""

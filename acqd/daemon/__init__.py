@@ -1,1 +1,1 @@
-"""The measurement PC's service: configuration, and the tasks of one `acqd run` put together."""
+"""The service on the measurement PC: its configuration, and the tasks that make up `acqd run`."""

@@ -1,4 +1,4 @@
-"""What `acqd doctor` looks at; each check says what it found and what to do about it."""
+"""The checks of `acqd doctor` on host, clock, broker and database; each one reports a state and gives advice."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def _host() -> Iterator[Finding]:
     if "PREEMPT_RT" in version:
         yield Finding("kernel", "ok", f"{platform.release()} PREEMPT_RT")
     else:
-        yield Finding("kernel", "warn", f"{platform.release()}, no PREEMPT_RT", "expect wake-ups late by ms under load")
+        yield Finding("kernel", "warn", f"{platform.release()}, no PREEMPT_RT", "under load, wake-ups are late by ms")
     if _CPU_GOVERNOR.exists():
         governor = _CPU_GOVERNOR.read_text().strip()
         good = governor == "performance"
@@ -80,7 +80,7 @@ def _clock() -> Iterator[Finding]:
 
 def _broker(config: Config) -> Finding:
     if not config.mqtt.enabled:
-        return Finding("broker", "warn", "mqtt.enabled is false", "rows go nowhere")
+        return Finding("broker", "warn", "mqtt.enabled is false", "no row is published")
     try:
         address = config.mqtt.address()
         address.tls_context()
@@ -95,13 +95,13 @@ def _broker(config: Config) -> Finding:
 
 
 def _database(config: Config) -> Finding:
-    from acqd.storage.database import open_database  # SQLAlchemy takes its time: only when asked
+    from acqd.storage.database import open_database  # SQLAlchemy is slow to import: only when needed
 
     database = config.sink.database
     if "://" not in database and not Path(database).exists():
         folder = Path(database).absolute().parent
         if os.access(folder, os.W_OK):
-            return Finding("database", "ok", f"{database} will be made")
+            return Finding("database", "ok", f"{database} will be created")
         return Finding("database", "fail", f"{folder} may not be written", "change its owner or [sink] database")
     try:
         open_database(database).dispose()
@@ -123,5 +123,5 @@ def _disk(config: Config) -> Finding:
     )
 
 
-if sys.platform != "linux":  # pragma: no cover - said once, clearly, instead of failing somewhere deep
+if sys.platform != "linux":  # pragma: no cover - one clear line instead of a failure deep inside
     raise UserError("acqd's daemon runs on Linux only (timerfd, eventfd, memfd)")

@@ -1,4 +1,4 @@
-"""`acqd.toml`: every key, its default and what it means. `config/acqd.toml` explains them to users."""
+"""`acqd.toml`: every key with its type and default. `config/acqd.toml` explains them to users."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
 
-from acqd.daemon.source_sections import SECTIONS, Port, Positive, Section, SimulatedSection, SourceSection
+from acqd.daemon.section import Port, Positive, Section
+from acqd.daemon.source_sections import SECTIONS, SimulatedSection, SourceSection
 from acqd.errors import InputError
 from acqd.plc.realtime import RealtimeSettings
 from acqd.storage.maintain import Retention
@@ -36,7 +37,7 @@ class RealtimeSection(Section):
     cpu: Annotated[int, Field(ge=0)] | None = None
 
     def settings(self) -> RealtimeSettings:
-        """As the fast process takes them."""
+        """The settings of MAIN_FAST's process."""
         return RealtimeSettings(**self.model_dump())
 
 
@@ -88,11 +89,11 @@ class SinkSection(Section):
     keep_quarantine_days: Annotated[float, Field(ge=0)] = 30.0
 
     def settings(self) -> SinkSettings:
-        """As the sink takes them."""
+        """The settings of the sink."""
         return SinkSettings(self.client_id, self.group, self.batch, self.interval)
 
     def retention(self) -> Retention:
-        """As `maintain` takes it."""
+        """The retention times of `acqd sink maintain`."""
         return Retention(self.keep_days, self.keep_1min_days, self.keep_quarantine_days)
 
 
@@ -132,7 +133,7 @@ class Config(Section):
 
     @classmethod
     def demonstration(cls, port: int) -> Config:
-        """What `acqd run` does without a file: everything in one place."""
+        """The configuration of `acqd run` without a file: simulated source, embedded broker and sink."""
         return cls(mqtt=MqttSection(port=port), broker=BrokerSection(embedded=True), sink=SinkSection(embedded=True))
 
 
@@ -157,6 +158,7 @@ def load_config(path: Path) -> Config:
 
 
 def _complaint(fault: Any) -> str:
+    """One pydantic error as a sentence that names the key."""
     place, kind = list(fault["loc"]), ""
     if place[0] == "source" and len(place) > 1 and place[1] in _KINDS:  # pydantic names the union's member there
         kind = str(place.pop(1))

@@ -1,4 +1,4 @@
-"""What `acqd run` needs of whatever makes rows: samples that are metered, or meters that are read."""
+"""The interface between `acqd run` and what makes its rows: metered samples, or meters that are read."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ class Feed(Protocol):
 
     @property
     def refused(self) -> list[str]:
-        """What this host does not permit, as sentences."""
+        """Real-time settings that this host does not permit, as sentences."""
 
     async def start(self) -> None:
-        """Raises UserError when the source cannot be used."""
+        """Reach the source and start. Raises UserError when it cannot be used."""
 
     async def run(self) -> None:
-        """Until the source ends or `stop` is called."""
+        """Make rows until the source ends or `stop` is called."""
 
     async def stop(self) -> None:
-        """Finish the window or the answer that is under way."""
+        """End after the window or reading in progress."""
 
     def close(self) -> None:
         """Release descriptors, threads and processes."""
 
     def save(self) -> None:
-        """Keep on disk what must survive a restart."""
+        """Write to disk what must survive a restart."""
 
     def alive(self) -> bool:
-        """Whether this is sound: rows come, or the device is away and is being called."""
+        """Whether rows arrive, or the device is lost and reconnection is being tried."""
 
     def status(self) -> dict[str, Any]:
-        """For the status topic."""
+        """The source's part of the status message."""

@@ -1,4 +1,4 @@
-"""One line of what `acqd doctor` reports."""
+"""One line of the report of `acqd doctor`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Literal
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """What was looked at, how it is, and what to do about it."""
+    """What was checked, its state, and what to do about it."""
 
     check: str
     state: Literal["ok", "warn", "fail"]

@@ -1,4 +1,4 @@
-"""Rows from RMS meters: registers as they are, no metering of ours."""
+"""Rows from RMS meters: the values come from registers, nothing is metered here."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from acqd.daemon.feed import Deliver
-from acqd.daemon.source_sections import MetersSection
+from acqd.daemon.modbus_sections import MetersSection
 from acqd.errors import OperationError, UserError
 from acqd.metering.power import effective
 from acqd.sources.spec import device_module
@@ -31,7 +31,7 @@ class MeterFeed:
     """The meters of one link."""
 
     def __init__(self, source: MetersSection, boot: str, deliver: Deliver) -> None:
-        """Raises UserError for meters that cannot be told apart."""
+        """Raises UserError for a meter name that is invalid or occurs twice."""
         names = [meter.name for meter in source.meters]
         for name in names:
             if names.count(name) > 1:
@@ -61,7 +61,7 @@ class MeterFeed:
         self._bus.start(hand_over)
 
     async def run(self) -> None:
-        """Until `stop` is called."""
+        """Watch the meters until `stop` is called. Raises OperationError when the bus has ended."""
         while not self._stopped.is_set():
             self._watch()
             if not self._bus.polling:
@@ -72,28 +72,28 @@ class MeterFeed:
                 continue
 
     async def stop(self) -> None:
-        """Finish the answer that is under way."""
+        """End the bus after the reading in progress."""
         if not self._stopped.is_set():
             self._stopped.set()
             await asyncio.to_thread(self._bus.stop)
 
     def close(self) -> None:
-        """Nothing is held beyond `stop`."""
+        """Nothing to release after `stop`."""
         return
 
     def save(self) -> None:
-        """The meters keep their energy themselves."""
+        """Nothing to save: the meters keep their energy registers."""
         return
 
     def alive(self) -> bool:
-        """Rows come; or every meter is known to be away and the bus calls them."""
+        """Whether rows arrive, or every meter is known to be lost and the bus keeps trying."""
         longest_s = max(meter.period_ns for meter in self._bus.meters) * 1e-9
         if time.monotonic() - self._last_row < _STALE_PERIODS * longest_s + 2.0:
             return True
         return self._bus.polling and all(meter.trouble for meter in self._bus.meters)
 
     def status(self) -> dict[str, Any]:
-        """How each meter is."""
+        """Profile, unit and trouble of each meter."""
         return {
             "simulated": self._simulated,
             "meters": {
@@ -103,7 +103,7 @@ class MeterFeed:
         }
 
     def _watch(self) -> None:
-        """Log what changes, not what goes on."""
+        """Log when a meter is lost or comes back, not while that lasts."""
         for meter in self._bus.meters:
             name, trouble = meter.settings.name, meter.trouble
             before = self._troubles.get(name, "")
@@ -117,12 +117,12 @@ class MeterFeed:
         flags = reading.flags | {"simulated"} if self._simulated else reading.flags
         timed = list(_timed_rows(reading, self._boot, sorted(flags)))
         summaries = self._summarisers[reading.meter].add_rows(timed)
-        self._deliver([one.row for one in timed], summaries)
+        self._deliver([entry.row for entry in timed], summaries)
         self._last_row = time.monotonic()
 
 
 def _timed_rows(reading: Reading, boot: str, flags: list[str]) -> Iterator[TimedRow]:
-    """L1 to L3 as far as the meter has them, and their total where it has more than one phase."""
+    """Rows of the meter's phases, and their total where there is more than one phase."""
     channels: list[Channel] = list(CHANNELS[: reading.phases])
     if reading.phases > 1:
         channels.append("total")
@@ -149,7 +149,7 @@ def _timed_rows(reading: Reading, boot: str, flags: list[str]) -> Iterator[Timed
 
 
 def _channel(reading: Reading, channel: Channel) -> dict[str, float | None]:
-    """A channel's quantities: registers where the meter has them, else what follows from others of the same round."""
+    """Quantities of a channel: from its registers, or computed from other registers of the same round."""
     names = ("Vrms", "Irms", "P", "S", "PF", "W", "W_export")
     values = {name: reading.values.get(f"{channel}.{name}") for name in names}
     if channel == "total":
@@ -164,7 +164,7 @@ def _channel(reading: Reading, channel: Channel) -> dict[str, float | None]:
 
 
 def _apparent(reading: Reading, channel: Channel) -> float | None:
-    """Vrms x Irms [VA]; of the total, the phases' sum."""
+    """Apparent power [VA]: Vrms x Irms of a phase; for the total, the sum over the phases."""
     if channel == "total":
         parts = [_channel(reading, phase)["S"] for phase in CHANNELS[: reading.phases]]
         return None if None in parts else sum(part for part in parts if part is not None)

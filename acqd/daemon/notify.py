@@ -17,4 +17,4 @@ def notify(state: str) -> None:
         try:
             sock.sendto(state.encode(), address)
         except OSError:
-            return  # systemd restarting: it will ask again by its watchdog
+            return  # systemd is restarting; the next message reaches it

@@ -1,4 +1,4 @@
-"""Rows of a playback to a broker, from code that is not asynchronous."""
+"""Publishes the rows of a playback from synchronous code."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from acqd.telemetry.mqtt import BrokerAddress
 from acqd.telemetry.outbox import MemoryOutbox, Message
 from acqd.telemetry.row import PowerRow
 
-_WAITING = 2_000  # messages under way before the playback waits for the broker: nothing is dropped
+_WAITING = 2_000  # messages in flight before the playback waits for the broker: nothing is dropped
 
 
 class Publisher:
-    """A connector in a thread of its own, with back-pressure instead of drops."""
+    """A connector in a separate thread. When the broker is slow, `publish` waits instead of dropping rows."""
 
     def __init__(self, address: BrokerAddress, device: str) -> None:
         self._address, self._device = address, device
@@ -39,7 +39,7 @@ class Publisher:
         return self
 
     def publish(self, rows: list[PowerRow]) -> None:
-        """Hand over rows; waits while too many are under way."""
+        """Hand over rows; waits while too many are in flight."""
         messages = [Message(topics.power(row.device, row.channel), row.to_json()) for row in rows]
         for start in range(0, len(messages), _WAITING):
             self._wait_for(_WAITING)
@@ -56,7 +56,7 @@ class Publisher:
             self._outbox.put(message)
 
     def _wait_for(self, waiting: int) -> None:
-        """Until at most `waiting` messages are left; a broker that stays away is an error."""
+        """Wait until at most `waiting` messages are left. Raises UserError when the broker takes none for 30 s."""
         settled = threading.Event()
         self._loop.call_soon_threadsafe(settled.set)
         settled.wait()
@@ -96,11 +96,11 @@ class Publisher:
             await self._task
         except asyncio.CancelledError:
             return
-        except Exception as error:  # for the thread that waits for us to raise
+        except Exception as error:  # raised in the thread that waits for this one
             self._failure = error
 
     def _close(self) -> None:
         if not self._loop.is_closed():
-            with contextlib.suppress(RuntimeError):  # it has just ended by itself
+            with contextlib.suppress(RuntimeError):  # the loop has just closed by itself
                 self._loop.call_soon_threadsafe(self._task.cancel)
         self._thread.join(5)

@@ -1,4 +1,4 @@
-"""The energy registers on disk, so that W goes on where it was after a restart."""
+"""The energy registers on disk, so that W continues after a restart."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class RegisterFile:
         self._path = folder / f"energy-{device}.json"
 
     def load(self, phases: int) -> list[tuple[float, float]] | None:
-        """Each phase's (imported, exported) [kWh], None to start from zero."""
+        """Each phase's (imported, exported) [kWh]; None: start from zero."""
         try:
             data = json.loads(self._path.read_text(encoding="utf-8"))
             pairs = [(float(pair["import_kWh"]), float(pair["export_kWh"])) for pair in data["phases"]]
@@ -36,7 +36,7 @@ class RegisterFile:
         return pairs
 
     def _refuse(self, reason: str) -> None:
-        """Start from zero, but keep the file: somebody may want its readings back."""
+        """Rename the unusable file instead of deleting it: its readings may be wanted back."""
         kept = self._path.with_suffix(".old")
         with contextlib.suppress(OSError):
             os.replace(self._path, kept)
@@ -45,12 +45,12 @@ class RegisterFile:
     def save(self, readings: list[tuple[float, float]]) -> None:
         """Write the readings; a full disk is logged, never fatal."""
         data = {"phases": [{"import_kWh": imported, "export_kWh": exported} for imported, exported in readings]}
-        fresh = self._path.with_suffix(".new")
+        temporary = self._path.with_suffix(".new")
         try:
-            with fresh.open("w", encoding="utf-8") as file:
+            with temporary.open("w", encoding="utf-8") as file:
                 file.write(json.dumps(data))
                 file.flush()
                 os.fsync(file.fileno())
-            os.replace(fresh, self._path)
+            os.replace(temporary, self._path)
         except OSError as error:
             _log.error("%s cannot be written: %s", self._path, error)

@@ -1,4 +1,4 @@
-"""One `acqd run`: feed, telemetry and, if asked for, broker and sink, from start to SIGTERM."""
+"""One `acqd run` from start to SIGTERM: feed, telemetry and, if configured, broker and sink."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import asyncio
 import logging
 import os
 import signal
-import sys
 import time
 import uuid
 from collections.abc import Callable
@@ -17,12 +16,13 @@ import orjson
 
 from acqd import __version__
 from acqd.daemon.config import Config
+from acqd.daemon.embedded_sink import EmbeddedSink
 from acqd.daemon.feed import Deliver, Feed
 from acqd.daemon.meter_feed import MeterFeed
+from acqd.daemon.modbus_sections import MetersSection
 from acqd.daemon.notify import notify
-from acqd.daemon.source_sections import MetersSection
 from acqd.daemon.waveform_feed import WaveformFeed
-from acqd.errors import OperationError, UserError
+from acqd.errors import UserError
 from acqd.telemetry import topics
 from acqd.telemetry.broker import EmbeddedBroker
 from acqd.telemetry.connector import Connector
@@ -40,7 +40,7 @@ class Service:
     """The running daemon."""
 
     def __init__(self, config: Config, on_second: Callable[[list[dict[str, Any]]], None] | None = None) -> None:
-        """`on_second` sees the 1 s summaries of all channels (live numbers in a terminal)."""
+        """`on_second` receives the 1 s summaries of all channels (live numbers in a terminal)."""
         self.config = config
         self._on_second = on_second
         self._boot = uuid.uuid4().hex[:12]
@@ -52,7 +52,7 @@ class Service:
         self.rows = 0
 
     async def run(self, duration: float | None = None) -> None:
-        """Until SIGTERM, SIGINT, the source's end or `duration` [s]. Raises UserError when it cannot start."""
+        """Meter until SIGTERM, SIGINT, the source's end or `duration` [s]. Raises UserError when it cannot start."""
         loop = asyncio.get_running_loop()
         for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
             loop.add_signal_handler(number, self._stop.set)
@@ -60,13 +60,13 @@ class Service:
             _make_folder(self.config.state_dir)
         address = self.config.mqtt.address()
         broker = EmbeddedBroker(self.config.broker.host, self.config.mqtt.port) if self.config.broker.embedded else None
-        sink: asyncio.subprocess.Process | None = None
+        sink = EmbeddedSink(self.config) if self.config.sink.embedded else None
         background: list[asyncio.Task[None]] = []
         try:
             if broker is not None:
                 await broker.start()
-            if self.config.sink.embedded:
-                sink = await self._start_sink()
+            if sink is not None:
+                await sink.start()
             await self._feed.start()
             for sentence in self._feed.refused:
                 _log.warning("real time: %s", sentence)
@@ -82,7 +82,7 @@ class Service:
                 background.append(asyncio.create_task(self._connector.run()))
             background.append(asyncio.create_task(self._housekeeping()))
             if sink is not None:
-                background.append(asyncio.create_task(_watch(sink)))
+                background.append(asyncio.create_task(sink.watch()))
             notify(f"READY=1\nSTATUS=metering {self.config.device}")
             await self._until_done(metering, background, duration)
         finally:
@@ -92,6 +92,7 @@ class Service:
     async def _until_done(
         self, metering: asyncio.Task[None], background: list[asyncio.Task[None]], duration: float | None
     ) -> None:
+        """Wait for the source's end, a stop, `duration` [s] or the end of a background task, whichever comes first."""
         stopping = asyncio.create_task(self._stop.wait())
         done, _ = await asyncio.wait(
             {metering, stopping, *background}, timeout=duration, return_when=asyncio.FIRST_COMPLETED
@@ -107,8 +108,9 @@ class Service:
         self,
         background: list[asyncio.Task[None]],
         broker: EmbeddedBroker | None,
-        sink: asyncio.subprocess.Process | None,
+        sink: EmbeddedSink | None,
     ) -> None:
+        """Stop the feed first and the broker last, so that the last rows reach the sink."""
         await self._feed.stop()
         self._feed.save()
         if self._connector is not None:
@@ -119,18 +121,14 @@ class Service:
         for task in background:
             task.cancel()
         await asyncio.gather(*background, return_exceptions=True)
-        if sink is not None and sink.returncode is None:
-            sink.terminate()
-            try:
-                await asyncio.wait_for(sink.wait(), 1.0)
-            except TimeoutError:
-                sink.kill()
+        if sink is not None:
+            await sink.stop()
         if broker is not None:
             await broker.stop()
         self._feed.close()
 
     def _take(self, rows: list[PowerRow], summaries: list[dict[str, Any]]) -> None:
-        """Rows and summaries into the outbox."""
+        """Put rows and summaries into the outbox."""
         if self.config.mqtt.enabled:
             for row in rows:
                 self._outbox.put(Message(topics.power(row.device, row.channel), row.to_json()))
@@ -142,7 +140,7 @@ class Service:
         self.rows += len(rows)
 
     async def _housekeeping(self) -> None:
-        """Watchdog, status, register file."""
+        """Feed the watchdog, publish the status, save the energy registers."""
         next_status = next_save = 0.0
         while True:
             now = time.monotonic()
@@ -160,7 +158,7 @@ class Service:
         return orjson.dumps(self.status())
 
     def status(self) -> dict[str, Any]:
-        """What the status topic says while the daemon is online."""
+        """The content of the status topic while the daemon is online."""
         connector = self._connector
         return {
             "state": "online",
@@ -181,42 +179,12 @@ class Service:
             **self._feed.status(),
         }
 
-    async def _start_sink(self) -> asyncio.subprocess.Process:
-        """The sink in a process of its own. Raises UserError when its database cannot be used."""
-        process = await asyncio.create_subprocess_exec(
-            *(sys.executable, "-P", "-m", "acqd", "sink", "--embedded"),
-            stdin=asyncio.subprocess.PIPE,
-            stdout=asyncio.subprocess.PIPE,
-            stderr=asyncio.subprocess.PIPE,
-            start_new_session=True,
-        )
-        assert process.stdin is not None and process.stdout is not None and process.stderr is not None
-        process.stdin.write(self.config.model_dump_json().encode())
-        process.stdin.close()
-        if not await process.stdout.readline():
-            message = (await process.stderr.read()).decode().strip()
-            raise UserError(message.removeprefix("acqd: ") or "the sink did not start")
-        self._sink_log = asyncio.create_task(_relay(process.stderr))
-        return process
-
 
 def _feed(config: Config, boot: str, deliver: Deliver) -> Feed:
-    """What makes the rows of this configuration."""
+    """The feed that makes the rows of this configuration."""
     if isinstance(config.source, MetersSection):
         return MeterFeed(config.source, boot, deliver)
     return WaveformFeed(config, config.source, boot, deliver)
-
-
-async def _watch(sink: asyncio.subprocess.Process) -> None:
-    """Raises when the sink ends: it should outlive the metering."""
-    code = await sink.wait()
-    raise OperationError(f"the embedded sink ended with exit code {code}; its last log line says why")
-
-
-async def _relay(stream: asyncio.StreamReader) -> None:
-    """The sink's log lines into ours."""
-    while line := await stream.readline():
-        _log.info("sink: %s", line.decode(errors="replace").rstrip().removeprefix("acqd: "))
 
 
 def _make_folder(folder: Path) -> None:

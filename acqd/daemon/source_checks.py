@@ -1,4 +1,4 @@
-"""What `acqd doctor` looks at for the configured source: libraries, interface, permissions, reachability."""
+"""The checks of `acqd doctor` on the configured source: libraries, interface, permissions, reachability."""
 
 from __future__ import annotations
 
@@ -9,11 +9,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from acqd.daemon.finding import Finding
+from acqd.daemon.modbus_sections import MetersSection, ModbusSection
 from acqd.daemon.source_sections import (
     AdsSection,
     EthercatSection,
-    MetersSection,
-    ModbusSection,
     ReplaySection,
     SampledValuesSection,
     SourceSection,
@@ -31,7 +30,7 @@ _UP = 1  # IFF_UP
 
 
 def source_checks(source: SourceSection) -> Iterator[Finding]:
-    """Findings about the configured source, in reading order; nothing is sent to any device but a TCP connect."""
+    """Findings about the configured source, in reading order. A device is asked for a TCP connection at most."""
     yield from _libraries(source.kind)
     if isinstance(source, EthercatSection | SampledValuesSection):
         needed = [_NET_RAW] if isinstance(source, SampledValuesSection) else [_NET_RAW, _NET_ADMIN]
@@ -56,11 +55,11 @@ def _libraries(kind: str) -> Iterator[Finding]:
 
 
 def _interface(name: str) -> Finding:
-    names = sorted(found for _, found in socket.if_nameindex())
+    names = sorted(existing for _, existing in socket.if_nameindex())
     if name not in names:
         return Finding("source interface", "fail", f"{name} does not exist", f"this host has {', '.join(names)}")
     state = Path(f"/sys/class/net/{name}")
-    if state.exists():  # not so in a network namespace with the host's /sys
+    if state.exists():  # missing in a network namespace that shows the host's /sys
         if not int((state / "flags").read_text(), 16) & _UP:
             return Finding("source interface", "fail", f"{name} is down", f"ip link set {name} up")
         if (state / "carrier").read_text().strip() != "1":

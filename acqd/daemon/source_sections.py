@@ -1,28 +1,21 @@
-"""`[source]` of acqd.toml: one section model per kind, each with its own keys."""
+"""`[source]` of acqd.toml: one section model per kind, with the keys of that kind."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
+from acqd.daemon.modbus_sections import MetersSection, ModbusSection
+from acqd.daemon.section import DeviceSection, Nominal, Port, Positive, Section, Share
 from acqd.sources import ChannelMap, SimulationSettings
 from acqd.sources.simulated import Sag
-from acqd.sources.spec import Spec, replay_spec, simulated_spec, spec_of
+from acqd.sources.spec import Spec, replay_spec, simulated_spec
 
-Port = Annotated[int, Field(ge=1, le=65_535, strict=True)]
-Positive = Annotated[float, Field(gt=0)]
-Share = Annotated[float, Field(ge=0, le=1)]
 _Order = Annotated[int, Field(ge=2, le=100)]
-_Nominal = Annotated[float, Field(ge=45, le=65)]
+_Position = Annotated[int, Field(ge=0, le=63)]
 _OVERSAMPLING = Literal[0, 1, 2, 4, 5, 8, 10, 16, 20, 25, 32, 40, 50, 64, 80, 100]
-
-
-class Section(BaseModel):
-    """A table of the file: unknown keys are mistakes."""
-
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 
 class SagSection(Section):
@@ -34,13 +27,13 @@ class SagSection(Section):
 
 
 class SimulatedSection(Section):
-    """An EL3783 that is not there."""
+    """A simulated EL3783."""
 
     kind: Literal["simulated"] = "simulated"
     phases: Annotated[int, Field(ge=1, le=3)] = 3
     seed: int = 1
     voltage: Annotated[float, Field(gt=0, le=500)] = 230.0
-    frequency: _Nominal = 50.0
+    frequency: Nominal = 50.0
     frequency_drift: Annotated[float, Field(ge=-1, le=1)] = 0.0
     frequency_wander: Share = 0.02
     noise: Share = 0.0005
@@ -48,10 +41,10 @@ class SimulatedSection(Section):
     power: Annotated[float, Field(ge=0, le=2000)] = 180.0
     power_factor: Annotated[float, Field(gt=0, le=1)] = 0.9
     current_range: Literal[1, 5] = 5
-    harmonics: dict[_Order, Share] = {3: 0.01, 5: 0.02, 7: 0.01}
-    current_harmonics: dict[_Order, Share] = {3: 0.15, 5: 0.08, 7: 0.04}
+    harmonics: dict[_Order, Share] = Field(default={3: 0.01, 5: 0.02, 7: 0.01})
+    current_harmonics: dict[_Order, Share] = Field(default={3: 0.15, 5: 0.08, 7: 0.04})
     load_profile: Path | None = None
-    sags: list[SagSection] = []
+    sags: list[SagSection] = Field(default=[])
 
     @property
     def nominal_frequency(self) -> float:
@@ -59,7 +52,7 @@ class SimulatedSection(Section):
         return 60.0 if self.frequency > 55 else 50.0
 
     def spec(self) -> Spec:
-        """For the fast process."""
+        """The source as JSON, for MAIN_FAST's process."""
         values = {name: getattr(self, name) for name in type(self).model_fields.keys() - {"kind", "sags"}}
         sags = tuple(Sag(sag.at, sag.duration, sag.depth) for sag in self.sags)
         return simulated_spec(SimulationSettings(**values, sags=sags))
@@ -75,7 +68,7 @@ class ReplaySection(Section):
     u_scale: Positive | None = None
     i_scale: Positive | None = None
     rate: Positive | None = None
-    f_nominal: _Nominal | None = None
+    f_nominal: Nominal | None = None
 
     @property
     def nominal_frequency(self) -> float:
@@ -83,38 +76,20 @@ class ReplaySection(Section):
         return self.f_nominal or 50.0
 
     def spec(self) -> Spec:
-        """For the fast process. Raises UserError for a map that cannot be read."""
+        """The source as JSON, for MAIN_FAST's process. Raises UserError for a map that cannot be read."""
         columns = ChannelMap.parse(self.map, "source.map") if self.map else None
         return replay_spec(
             self.file, ChannelMap(columns, self.u_scale, self.i_scale, self.rate, self.f_nominal), self.loops
         )
 
 
-class _DeviceSection(Section):
-    """What sources with transformers before them have in common."""
-
-    f_nominal: _Nominal = 50.0
-    vt_ratio: Positive = 1.0
-    ct_ratio: Positive = 1.0
-    simulated: bool = False
-
-    @property
-    def nominal_frequency(self) -> float:
-        """Hz."""
-        return self.f_nominal
-
-    def spec(self) -> Spec:
-        """For the fast process."""
-        return spec_of(**self.model_dump())
-
-
-class EthercatSection(_DeviceSection):
+class EthercatSection(DeviceSection):
     """EL3783 terminals behind a coupler."""
 
     kind: Literal["ethercat"]
     interface: Annotated[str, Field(min_length=1)]
     terminals: Annotated[int, Field(ge=1, le=3)] = 1
-    phases: Annotated[list[str], Field(min_length=1, max_length=3)] = ["1:L1", "1:L2", "1:L3"]
+    phases: list[str] = Field(default=["1:L1", "1:L2", "1:L3"], min_length=1, max_length=3)
     oversampling: _OVERSAMPLING = 0
     sample_ns: Annotated[int, Field(ge=50_000, le=500_000)] = 50_000
     current_range: Literal["1A", "5A", "auto"] = "5A"
@@ -122,7 +97,7 @@ class EthercatSection(_DeviceSection):
     range_object: Annotated[str, Field(pattern=r"^([0-9A-Fa-f]{4}:[0-9A-Fa-f]{2})?$")] = "F800:01"
 
 
-class AdsSection(_DeviceSection):
+class AdsSection(DeviceSection):
     """A TwinCAT PC."""
 
     kind: Literal["ads"]
@@ -134,7 +109,7 @@ class AdsSection(_DeviceSection):
     poll_ms: Annotated[int, Field(ge=1, le=100)] = 20
 
 
-class SampledValuesSection(_DeviceSection):
+class SampledValuesSection(DeviceSection):
     """A merging unit."""
 
     kind: Literal["sampled-values"]
@@ -142,9 +117,7 @@ class SampledValuesSection(_DeviceSection):
     svid: str | None = None
     appid: Annotated[int, Field(ge=0, le=0xFFFF)] | None = None
     rate: Positive | None = None
-    channels: Annotated[list[Annotated[int, Field(ge=0, le=63)]], Field(min_length=2, max_length=6)] = [
-        4, 0, 5, 1, 6, 2,
-    ]  # fmt: skip
+    channels: list[_Position] = Field(default=[4, 0, 5, 1, 6, 2], min_length=2, max_length=6)
     u_scale: Positive = 0.01
     i_scale: Positive = 0.001
 
@@ -153,67 +126,6 @@ class SampledValuesSection(_DeviceSection):
         if len(self.channels) % 2 or len(set(self.channels)) < len(self.channels):
             raise ValueError("channels: expected different positions of U1, I1, U2, I2, ... in pairs")
         return self
-
-
-class _LinkKeys(Section):
-    """Where a Modbus device is: `host` (TCP) or `serial_port` (RTU)."""
-
-    host: Annotated[str, Field(min_length=1)] | None = None
-    port: Port = 502
-    serial_port: Annotated[str, Field(min_length=1)] | None = None
-    baudrate: Annotated[int, Field(ge=300, le=4_000_000)] = 9600
-    parity: Literal["N", "E", "O"] = "N"
-    stopbits: Literal[1, 2] = 1
-    timeout_s: Annotated[float, Field(ge=0.02, le=10)] = 0.3
-
-    @model_validator(mode="after")
-    def _one_link(self) -> _LinkKeys:
-        if (self.host is None) == (self.serial_port is None):
-            raise ValueError("give either host (Modbus TCP) or serial_port (Modbus RTU)")
-        return self
-
-    def link(self) -> dict[str, Any]:
-        """The keys of a ModbusLink."""
-        return {name: getattr(self, name) for name in _LinkKeys.model_fields}
-
-
-class ModbusSection(_LinkKeys, _DeviceSection):
-    """A waveform bridge."""
-
-    kind: Literal["modbus"]
-    unit: Annotated[int, Field(ge=0, le=255)] = 1
-    address: Annotated[int, Field(ge=0, le=65_500)] = 0
-    connections: Annotated[int, Field(ge=1, le=16)] = 4
-    poll_ms: Annotated[int, Field(ge=1, le=500)] = 20
-
-    def spec(self) -> Spec:
-        """For the fast process."""
-        own = self.model_dump(exclude=set(_LinkKeys.model_fields))
-        return spec_of(**own, link=self.link())
-
-
-class MeterSection(Section):
-    """One RMS meter on the link."""
-
-    name: str
-    profile: str
-    unit: Annotated[int, Field(ge=0, le=255)] | None = None
-    word_order: Literal["high", "low"] | None = None
-    poll_s: Annotated[float, Field(ge=0.05, le=3600)] | None = None
-    nominal_voltage: Positive = 230.0
-
-
-class MetersSection(_LinkKeys):
-    """RMS meters: rows from registers, no waveforms."""
-
-    kind: Literal["meters"]
-    meters: Annotated[list[MeterSection], Field(min_length=1, max_length=247)]
-    simulated: bool = False
-
-    @property
-    def nominal_frequency(self) -> float:
-        """Hz; meters have no windows."""
-        return 50.0
 
 
 WaveformSection = SimulatedSection | ReplaySection | EthercatSection | AdsSection | SampledValuesSection | ModbusSection

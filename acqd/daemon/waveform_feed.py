@@ -43,11 +43,11 @@ class WaveformFeed:
         await self._executive.start()
 
     async def run(self) -> None:
-        """Until the source ends or `stop` is called."""
+        """Make rows until the source ends or `stop` is called."""
         await self._executive.run()
 
     async def stop(self) -> None:
-        """Let the current window finish."""
+        """End after the current window."""
         await self._executive.stop()
 
     def close(self) -> None:
@@ -60,7 +60,7 @@ class WaveformFeed:
             self._register.save(self._executive.meter.energy.reading())
 
     def alive(self) -> bool:
-        """Rows come; or the device is away and MAIN_FAST, which calls it, still cycles."""
+        """Whether rows arrive, or the device is lost and MAIN_FAST, which reconnects, still cycles."""
         if self._last_row is not None and time.monotonic() - self._last_row < _STALE_S:
             return True
         cycles, before = self._executive.cycle_summary().cycles, self._cycles
@@ -68,7 +68,7 @@ class WaveformFeed:
         return not self._executive.health.connected and cycles > before
 
     def status(self) -> dict[str, Any]:
-        """Source, MAIN_FAST and MAIN_SLOW."""
+        """Health of the source, statistics of MAIN_FAST and MAIN_SLOW."""
         executive = self._executive
         return {
             "simulated": "simulated" in executive.flags,

@@ -1,1 +1,1 @@
-"""From two unsynchronised recordings to one: power rows and robot logs on a common time vector."""
+"""Merges power rows and robot logs, whose clocks nobody synchronised, into recordings on one time vector."""

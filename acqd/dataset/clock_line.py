@@ -1,6 +1,6 @@
-"""All recordings of one controller share one clock: their lags lie on a line of offset and drift.
+"""The clock line of one controller: the lags of its recordings lie on a line of offset and drift.
 
-The line averages what single recordings cannot know, and shows those that are wrong.
+The line averages the errors of single recordings, and it shows which recordings contradict the others.
 """
 
 from __future__ import annotations
@@ -14,8 +14,10 @@ from acqd.dataset.align import Lag
 from acqd.numerics import theil_sen_slope
 
 _OUTLIER_S = 0.03
-"""A recording that lies so far off the line is wrong, or the clock was set."""
-_LEAST = 4  # recordings that make a line
+"""A recording this far off the line has a wrong lag, or the clock was set."""
+_MIN_RECORDINGS = 4
+_MIN_INLIERS = 0.6  # share of the recordings
+_DRIFT_SPAN_S = 600.0  # over a shorter time the drift is lost in the scatter
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,21 +37,24 @@ class ClockLine:
 
 
 def fit_line(times_s: Floats, lags: list[Lag]) -> ClockLine | None:
-    """A robust line (Theil and Sen) through credible lags at controller times; None when they make none."""
+    """The line through the credible lags at controller times; None when they are too few or on no common line.
+
+    A Theil-Sen line finds the outliers; least squares through the other recordings then gives offset and drift.
+    """
     chosen = [k for k, lag in enumerate(lags) if lag.credible]
-    if len(chosen) < _LEAST:
+    if len(chosen) < _MIN_RECORDINGS:
         return None
     t = times_s[chosen]
     values = np.array([lags[k].seconds for k in chosen])
     reference = float(np.median(t))
     slope = 0.0
-    if np.ptp(t) > 600:  # over less, drift is lost in the scatter
+    if np.ptp(t) > _DRIFT_SPAN_S:
         slope = theil_sen_slope(t, values, least_apart=float(np.ptp(t)) / 10)
-    rest = values - slope * (t - reference)
-    near = np.abs(rest - np.median(rest)) <= _OUTLIER_S
-    if near.mean() < 0.6:
-        return None  # set in between, or two clocks
-    if np.ptp(t[near]) > 600:
+    residual = values - slope * (t - reference)
+    near = np.abs(residual - np.median(residual)) <= _OUTLIER_S
+    if near.mean() < _MIN_INLIERS:
+        return None  # the clock was set in between, or there are two clocks
+    if np.ptp(t[near]) > _DRIFT_SPAN_S:
         slope, offset = np.polyfit(t[near] - reference, values[near], 1)
     else:
         offset = float(values[near].mean())

@@ -1,4 +1,4 @@
-"""What a dataset says of itself."""
+"""Reads the manifest of a dataset."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def load_manifest(dataset: Path) -> dict[str, Any]:
     try:
         manifest: dict[str, Any] = orjson.loads(path.read_bytes())
     except FileNotFoundError:
-        raise UserError(f"{dataset} is no dataset: it has no manifest.json; acqd dataset build makes one") from None
+        raise UserError(f"{dataset} is not a dataset: it has no manifest.json; acqd dataset build makes one") from None
     except (OSError, orjson.JSONDecodeError) as error:
         raise UserError(f"{path} is damaged ({error}); build the dataset again") from None
     needed = {"robot", "description", "step_s", "measured", "recordings", "refused"}
@@ -27,6 +27,6 @@ def load_manifest(dataset: Path) -> dict[str, Any]:
 
 
 def valid_share(manifest: dict[str, Any]) -> float:
-    """Share of rows at which both sides were there."""
+    """Share of the rows that hold both power and joint angles."""
     rows = np.array([[entry["valid_s"], entry["rows"] * manifest["step_s"]] for entry in manifest["recordings"]])
     return float(rows[:, 0].sum() / rows[:, 1].sum())

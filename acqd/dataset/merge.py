@@ -1,4 +1,4 @@
-"""One recording: power and joints on a common time vector (thesis section 6.1)."""
+"""Merges one log with its power: one recording on a common time vector (thesis section 6.1)."""
 
 from __future__ import annotations
 
@@ -14,37 +14,37 @@ from acqd.dataset.resample import resampled
 from acqd.robot.log import RobotLog, in_time
 
 _POWER_GAP = 2.1  # windows to the nearest known one: up to three missing in a row are bridged
-_LOG_GAP_S = 0.25  # without a log row for longer, angles are not interpolated
+_LOG_GAP_S = 0.25  # angles are not interpolated over a longer gap between log rows
 
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """Rows `step_s` apart; `valid` says where both sides were there."""
+    """Power and motion in rows `step_s` apart."""
 
     name: str
     time_ns: NDArray[np.int64]
     """[T] UTC of the power clock, at the middle of each window."""
     columns: dict[str, Floats]
-    """P [W], Vrms [V], q1.. [rad] and whatever else was logged; NaN where unknown.
+    """[T] each: P [W], Vrms [V], q1.. [rad] and whatever else was logged; NaN where unknown.
 
-    Signals as the share of each row in which they are on: a meter's window sees no more of them.
+    A signal is the share of each row in which it is on: a meter's window sees no more of it.
     """
     valid: NDArray[np.bool_]
-    """[T]."""
+    """[T]: rows with both power and angles."""
 
     def table(self) -> pa.Table:
-        """For Parquet."""
+        """The recording as a table for Parquet."""
         return pa.table({"time_ns": self.time_ns, **self.columns, "valid": self.valid})
 
 
 def merge(name: str, log: RobotLog, power: PowerStream, lag_s: float, drift_ppm: float, step_s: float) -> Recording:
-    """Both resampled linearly to rows `step_s` apart; a side that is faster is averaged over the step first.
+    """Power and log, resampled linearly to rows `step_s` apart; the faster of them is averaged over the step first.
 
     `lag_s` is controller clock minus power clock at the log's middle, `drift_ppm` how much the controller gains.
     """
-    own, rows = in_time(log)  # disordered rows sorted, duplicates once
-    middle = (own[0] + own[-1]) / 2
-    clock = own - lag_s - (own - middle) * drift_ppm * 1e-6  # power clock
+    controller, rows = in_time(log)
+    middle = (controller[0] + controller[-1]) / 2
+    clock = controller - lag_s - (controller - middle) * drift_ppm * 1e-6  # power clock
     half_ns = power.window_ns // 2
     part = power.part(round(clock[0] * 1e9) - half_ns, round(clock[-1] * 1e9) - half_ns)
     centres: Floats = np.asarray((power.time_ns[part] + half_ns) * 1e-9, dtype=np.float64)
@@ -59,10 +59,8 @@ def merge(name: str, log: RobotLog, power: PowerStream, lag_s: float, drift_ppm:
                 columns[f"{quantity}{axis + 1}"] = resampled(grid, clock, values[rows, axis], step_s)
     for signal, values in log.signals.items():
         columns[signal] = resampled(grid, clock, values[rows], step_s)
-    valid = _near(grid, centres[np.isfinite(P)], _POWER_GAP * power.window_ns * 1e-9) & _near(
-        grid, clock, _LOG_GAP_S / 2
-    )
-    valid &= np.isfinite(columns["P"])
+    valid = _near(grid, centres[np.isfinite(P)], _POWER_GAP * power.window_ns * 1e-9)
+    valid &= _near(grid, clock, _LOG_GAP_S / 2) & np.isfinite(columns["P"])
     first_ns = int(power.time_ns[part][0]) + half_ns if count else 0
     time_ns = first_ns + np.rint(step_s * 1e9 * np.arange(count)).astype(np.int64)
     return Recording(name, time_ns, columns, valid)

@@ -1,7 +1,7 @@
-"""What a robot's log says about its power: physical quantities that a power meter must have seen too.
+"""Regressors of the metered power: physical quantities of each joint, computed from a robot's log.
 
-The thesis correlates mechanical with electrical power (Eq. 6.1 to 6.4). A regression of the metered power
-on several such quantities, joint by joint, has a sharper maximum over the lag and needs no tuning.
+The thesis correlates mechanical with electrical power (Eq. 6.1 to 6.4). A regression of the metered power on
+several quantities of each joint has a sharper maximum over the lag and needs no tuning.
 """
 
 from __future__ import annotations
@@ -22,35 +22,37 @@ from acqd.robot.description import RobotDescription
 from acqd.robot.log import RobotLog, in_time
 
 TorqueSource = Literal["measured", "model", "current"]
-"""Joint torques from sensors, from inverse dynamics of the description, or motor currents in their place."""
+"""Joint torques from sensors, from the description's inverse dynamics, or motor currents instead of torques."""
 STEP_S = 0.01
-"""Grid of the quantities."""
-_CUTOFF_HZ = 12.0  # well above BAND_HZ, so that smoothing the angles changes nothing there
+"""Step of the regressors' grid."""
+_CUTOFF_HZ = 12.0  # well above BAND_HZ: smoothing the angles changes nothing below it
 BAND_HZ = 2.5
-"""Quantities and power are compared below this: above it, encoders' and recorders' details are all there is."""
-_SIGN_SPEED = 0.02  # rad/s
-_AFTER_S = (0.0, 0.12, 0.3, 0.6)
-"""After the brakes have opened."""
+"""Regressors and power are compared below this frequency; above it, encoder and recorder artefacts dominate."""
+_SIGN_SPEED = 0.02  # rad/s, width of the smoothed sign of the speed
+_PULSE_EDGES_S = (0.0, 0.12, 0.3, 0.6)
+"""Edges of the pulses after the brakes have opened."""
+_MIN_ROWS = 50
+_MIN_S = 2.0
 
 
 @dataclass(frozen=True, slots=True)
-class Explanation:
-    """Quantities on an even grid of the controller's clock."""
+class Regressors:
+    """Regressors of one log on an even grid of the controller's clock."""
 
     start_s: float
-    """First grid point, controller time as in the log."""
+    """Controller time of the first grid point."""
     columns: Floats
-    """[T, k], not yet delayed or averaged."""
+    """[T, k], neither delayed nor averaged."""
     mechanical_power: Floats
     """[T] W: torque times speed, summed over the joints (thesis Eq. 6.1 to 6.3)."""
     essential: int
-    """How many of the first columns explain most: a search over hours with all of them would fit chance."""
+    """How many of the first columns explain most; a search over hours with all columns would fit noise."""
     events: int = 0
-    """How many of the last columns follow the brakes: no motion explains the peak when they open."""
+    """How many of the last columns follow the brakes; no motion explains the power peak when they open."""
 
     @property
     def searched(self) -> NDArray[np.int64]:
-        """Columns to search with."""
+        """Indices of the columns for the coarse search."""
         last = np.arange(self.columns.shape[1] - self.events, self.columns.shape[1])
         return np.concatenate([np.arange(self.essential), last]).astype(np.int64)
 
@@ -60,9 +62,9 @@ class Explanation:
         return np.asarray(self.start_s + STEP_S * np.arange(len(self.columns)))
 
     def as_metered(self, lag_s: float, window_s: float) -> Floats:
-        """[T, k]: behind a first-order lag of the supply and averaged over a meter's window around each point.
+        """[T, k]: delayed by the supply's first-order lag, averaged over a meter's window around each point.
 
-        The lag is by the trapezoidal rule, which delays slow signals by `lag_s` exactly, at any step.
+        The trapezoidal rule (Tustin's method) delays slow signals by exactly `lag_s` at any step.
         """
         columns = self.columns
         if lag_s > 0:
@@ -73,19 +75,19 @@ class Explanation:
 
 
 def band_limited(values: Floats, step_s: float) -> Floats:
-    """Without what lies well above BAND_HZ and without delay, along the first axis.
+    """Low-pass at BAND_HZ without delay, along the first axis.
 
-    A Gaussian acts the same at every sampling rate; a digital Butterworth of the power's rate is steeper than
-    one of the quantities' rate, and the difference passes for a lag of the supply.
+    A Gaussian acts the same at every sampling rate. A digital Butterworth filter at the power's rate is steeper
+    than one at the regressors' rate, and the difference would look like a lag of the supply.
     """
     deviation = np.sqrt(np.log(2) / 2) / (2 * np.pi * BAND_HZ) * np.sqrt(2)  # half the power at BAND_HZ
     return np.asarray(gaussian_filter1d(values, deviation / step_s, axis=0, mode="nearest"))
 
 
-def explain(log: RobotLog, robot: RobotDescription, torque: TorqueSource | None = None) -> Explanation:
-    """Quantities of one log; `torque` None takes the best there is. Raises InputError, UserError."""
+def regressors_of(log: RobotLog, robot: RobotDescription, torque: TorqueSource | None = None) -> Regressors:
+    """Regressors of one log; without `torque`, from measured torques if logged. Raises InputError, UserError."""
     time, rows = in_time(log)
-    if len(time) < 50 or time[-1] - time[0] < 2.0:
+    if len(time) < _MIN_ROWS or time[-1] - time[0] < _MIN_S:
         raise InputError(log.path, f"{len(time)} rows over {time[-1] - time[0]:.1f} s are too few to be aligned")
     grid = np.arange(time[0], time[-1], STEP_S)
     q = _smooth(grid, time, log.q[rows])
@@ -97,27 +99,27 @@ def explain(log: RobotLog, robot: RobotDescription, torque: TorqueSource | None 
     power = (tau * qd).sum(axis=1)
     columns = [np.abs(qd), qd**2, qd * qdd, tau * qd, tau**2, tau * direction, np.abs(power)[:, None]]
     essential = sum(column.shape[1] for column in columns)
-    # the rest of the copper loss, (tau + J qdd + friction)^2: left out, these terms pass for a time shift
+    # the other terms of the copper loss, (tau + J qdd + friction)^2: without them, the time shift is biased
     columns += [qdd**2, tau * qdd, qdd * direction]
     events = 0
     if "brake" in log.signals and np.isfinite(log.signals["brake"]).all():  # last: not every log has it
-        columns.append(_brakes(np.interp(grid, time, log.signals["brake"][rows])))
+        columns.append(_brake_columns(np.interp(grid, time, log.signals["brake"][rows])))
         events = columns[-1].shape[1]
-    return Explanation(float(time[0]), np.column_stack(columns), power, essential, events)
+    return Regressors(float(time[0]), np.column_stack(columns), power, essential, events)
 
 
-def _brakes(opened: Floats) -> Floats:
-    """[T, k]: whether they are open, and pulses after they have opened (thesis Figure 6.2: the initial peak)."""
+def _brake_columns(opened: Floats) -> Floats:
+    """[T, k]: brakes open, and pulses after they have opened, where the power has a peak (thesis Figure 6.2)."""
     rises = np.flatnonzero(np.diff((opened > 0.5).astype(np.int8), prepend=np.int8(opened[0] > 0.5)) > 0)
     age = np.full(len(opened), np.inf)
     for row in rises:
         age[row:] = STEP_S * np.arange(len(opened) - row)
-    pulses = [(age >= low) & (age < high) for low, high in itertools.pairwise(_AFTER_S)]
+    pulses = [(age >= low) & (age < high) for low, high in itertools.pairwise(_PULSE_EDGES_S)]
     return np.column_stack([opened, *(pulse for pulse in pulses if pulse.any())]).astype(np.float64)
 
 
 def best_torque(log: RobotLog) -> TorqueSource:
-    """Sensors, else the description's inverse dynamics."""
+    """measured if the log has usable torques, else model: the description's inverse dynamics."""
     if log.tau is not None and np.isfinite(log.tau).all() and np.abs(log.tau).max() > 0:
         return "measured"
     return "model"
@@ -151,13 +153,13 @@ def _torque(
 
 
 def _smooth(grid: Floats, time: Floats, values: Floats) -> Floats:
-    even = CubicSpline(time, values)(grid)  # straight lines between 40 ms samples would blur as a supply does
+    even = CubicSpline(time, values)(grid)  # straight lines between 40 ms samples would blur like a supply's lag
     filtered = butter(2, _CUTOFF_HZ, fs=1 / STEP_S, output="sos")
     return np.asarray(sosfiltfilt(filtered, even, axis=0))
 
 
 def _averaged(columns: Floats, window_s: float) -> Floats:
-    """Mean over `window_s` around every point, by the integral of the straight lines between points."""
+    """Mean over `window_s` around each point, by the integral of the straight lines between points."""
     half = window_s / STEP_S / 2
     ends = int(np.ceil(half)) + 1
     padded = np.pad(columns, ((ends, ends), (0, 0)), mode="edge")
@@ -165,8 +167,9 @@ def _averaged(columns: Floats, window_s: float) -> Floats:
     whole, share = int(half), half - int(half)
     middle = np.arange(ends, ends + len(columns))
 
-    def at(place: NDArray[np.int64], share: float) -> Floats:
-        inner = padded[place] * share + (padded[place + 1] - padded[place]) * share**2 / 2
-        return np.asarray(integral[place] + inner)
+    def integral_at(index: NDArray[np.int64], share: float) -> Floats:
+        inner = padded[index] * share + (padded[index + 1] - padded[index]) * share**2 / 2
+        return np.asarray(integral[index] + inner)
 
-    return np.asarray((at(middle + whole, share) - at(middle - whole - 1, 1 - share)) / (2 * half))
+    upper, lower = integral_at(middle + whole, share), integral_at(middle - whole - 1, 1 - share)
+    return np.asarray((upper - lower) / (2 * half))

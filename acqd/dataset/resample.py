@@ -1,4 +1,4 @@
-"""Samples at any times to an even grid: linear, averaged first where they come faster."""
+"""Resamples values at uneven times to an even grid, linearly; values faster than the grid are averaged first."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from acqd.arrays import Floats
 
 
 def resampled(grid: Floats, t: Floats, values: Floats, step_s: float) -> Floats:
-    """[len(grid)] of values at rising times `t` (s); NaN among them are passed over."""
+    """[len(grid)] values on the grid, from values at rising times `t` (s); NaN are skipped."""
     known = np.isfinite(values)
     if known.sum() < 2:
         return np.full(len(grid), np.nan)
@@ -23,6 +23,6 @@ def resampled(grid: Floats, t: Floats, values: Floats, step_s: float) -> Floats:
 
 def _integral_at(at: Floats, t: Floats, values: Floats, integral: Floats) -> Floats:
     before = np.clip(np.searchsorted(t, at, side="right") - 1, 0, len(t) - 2)
-    into = at - t[before]
+    elapsed = at - t[before]
     slope = (values[before + 1] - values[before]) / (t[before + 1] - t[before])
-    return np.asarray(integral[before] + into * (values[before] + slope * into / 2))
+    return np.asarray(integral[before] + elapsed * (values[before] + slope * elapsed / 2))

@@ -1,4 +1,4 @@
-"""Training, validation and test: whole source trajectories, so that none is on two sides (thesis Table 7.2)."""
+"""Splits a dataset into training, validation and test by whole source trajectories (thesis Table 7.2)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 Part = Literal["train", "validation", "test"]
 _SHARES: tuple[tuple[Part, float], ...] = (("train", 0.74), ("validation", 0.12), ("test", 0.14))
 
-_LEAST_SOURCES = 3  # that make a kind
+_MIN_SOURCES = 3  # of one kind; also the least that can be split
 
 
 def source_of(name: str) -> str:
@@ -20,23 +20,23 @@ def source_of(name: str) -> str:
 
 
 def sources_of(names: list[str]) -> dict[str, str]:
-    """Recording -> source. Pieces of a log belong to its source, unless there would be too few to split by."""
+    """Recording -> source. Pieces of a log belong to the log's source, unless that leaves too few sources to split."""
     whole = {name: source_of(re.sub(r"_p\d{3}$", "", name)) for name in names}
-    return whole if len(set(whole.values())) >= _LEAST_SOURCES else {name: source_of(name) for name in names}
+    return whole if len(set(whole.values())) >= _MIN_SOURCES else {name: source_of(name) for name in names}
 
 
 def kinds_of(sources: set[str]) -> dict[str, str]:
-    """Source -> kind of trajectory: its name up to the last underscore; kinds with fewer than three are "other"."""
+    """Source -> kind of trajectory: its name up to the last underscore; kinds of fewer than three are "other"."""
     kind = {name: name.rpartition("_")[0] or name for name in sources}
     members = list(kind.values())
-    return {name: own if members.count(own) >= _LEAST_SOURCES else "other" for name, own in kind.items()}
+    return {name: own if members.count(own) >= _MIN_SOURCES else "other" for name, own in kind.items()}
 
 
 def split(sources: dict[str, float], seed: int) -> dict[str, Part]:
     """Source (name -> seconds recorded) to part, by time as near to 74/12/14 % as whole sources allow.
 
-    Sources are dealt out within each kind, in random order: one to each part, then always to the part that lacks
-    most. With fewer than three sources all train.
+    Within each kind the sources are shuffled. Each part gets one source, then always the part that lacks most gets
+    the next. Kinds with fewer than three sources are for training only.
     """
     random = np.random.default_rng(seed)
     parts: dict[str, Part] = {}
@@ -45,14 +45,15 @@ def split(sources: dict[str, float], seed: int) -> dict[str, Part]:
         kinds.setdefault(kind, []).append(name)
     for members in kinds.values():
         order = [members[k] for k in random.permutation(len(members))]
-        if len(order) < _LEAST_SOURCES:
+        if len(order) < _MIN_SOURCES:
             parts |= dict.fromkeys(order, "train")
             continue
         total = sum(sources[name] for name in order)
-        given = dict.fromkeys((part for part, _ in _SHARES), 0.0)
-        firsts = iter(given)
+        assigned = dict.fromkeys((part for part, _ in _SHARES), 0.0)
+        first_round = iter(assigned)
         for name in order:
-            part = next(firsts, None) or max(_SHARES, key=lambda share: share[1] - given[share[0]] / total)[0]
+            lacking = max(_SHARES, key=lambda share: share[1] - assigned[share[0]] / total)[0]
+            part = next(first_round, None) or lacking
             parts[name] = part
-            given[part] += sources[name]
+            assigned[part] += sources[name]
     return parts

@@ -1,4 +1,4 @@
-"""The mains side's first-order lag behind the robot, which would pass for clock offset if nobody asked for it."""
+"""The supply's first-order lag: mains power follows the robot's power later, which would look like a clock offset."""
 
 from __future__ import annotations
 
@@ -11,91 +11,97 @@ from acqd.arrays import Floats
 from acqd.dataset.align import Lag, Overlap, overlap, unexplained
 from acqd.dataset.clock_line import fit_line
 from acqd.dataset.power import PowerStream
-from acqd.dataset.regressors import STEP_S, Explanation
+from acqd.dataset.regressors import STEP_S, Regressors
 from acqd.numerics import ridge_regression
 
 USUAL_LAG_S = 0.015
-"""Of a usual supply: its bulk capacitor delays by most of a mains period."""
+"""Lag of a usual supply: its bulk capacitor delays by most of a mains period."""
 _SPREAD_S = 0.01
-# Share of what is unexplained that must vanish before a supply one spread off the usual is believed; less than
-# that is within what the regression itself gets wrong, and a wrong supply shifts every recording alike.
+# Share of the unexplained variance that must vanish before a supply one spread off the usual one is accepted. Less is
+# within the error of the regression itself, and a wrong supply lag shifts every recording by the same amount.
 _WORTH = 0.05
 _CANDIDATES_S = (0.0, 0.005, 0.01, 0.015, 0.02, 0.025, 0.03, 0.04, 0.05)
-_PROBED = 24  # recordings
-_LEAST_COMMON = 3
+_MAX_RECORDINGS = 24
+_MIN_RECORDINGS = 3
 
 
-def supply_lag(explained: list[Explanation], power: PowerStream, lags: list[Lag]) -> tuple[float, float]:
-    """The supply's lag [s], and what it shifts all lags by [s], which were refined for the usual one.
+def supply_lag(regressors: list[Regressors], power: PowerStream, lags: list[Lag]) -> tuple[float, float]:
+    """The supply's lag [s], and by how much [s] it shifts all `lags`, which were refined for the usual supply.
 
-    One regression of all probed recordings together, at the lags of their common clock: alone, a recording has
-    too few independent seconds for so many quantities, and fits the wrong supply nearly as well.
+    One regression of up to 24 recordings together, at the lags of their clock line. A single recording has too few
+    independent seconds for so many regressors and fits a wrong supply nearly as well.
     """
-    chosen = [k for k, lag in enumerate(lags) if lag.credible]
-    chosen = chosen[:: max(1, len(chosen) // _PROBED)]
-    middles = np.array([explained[k].start_s + len(explained[k].columns) * STEP_S / 2 for k in chosen])
+    chosen = _chosen(lags)
+    middles = np.array([regressors[k].start_s + len(regressors[k].columns) * STEP_S / 2 for k in chosen])
     line = fit_line(middles, [lags[k] for k in chosen])
     placed = [float(line.at(t)) if line else lags[k].seconds for k, t in zip(chosen, middles, strict=True)]
     shifts = np.zeros(len(_CANDIDATES_S))
-    left_over = np.zeros(len(_CANDIDATES_S))
+    cost = np.zeros(len(_CANDIDATES_S))
     for number, candidate in enumerate(_CANDIDATES_S):
-        found = [overlap(explained[k], power, candidate, lags[k]) for k in chosen]
-        both = [(pair, lag) for pair, lag in zip(found, placed, strict=True) if pair is not None]
-        if not both:
+        overlaps = [overlap(regressors[k], power, candidate, lags[k]) for k in chosen]
+        pairs = [(common, lag) for common, lag in zip(overlaps, placed, strict=True) if common is not None]
+        if not pairs:
             return USUAL_LAG_S, 0.0
         expected = candidate - USUAL_LAG_S
         best = minimize_scalar(
-            lambda shift, both=both: _pooled(both, shift),
+            lambda shift, pairs=pairs: _pooled(pairs, shift),
             bounds=(expected - 0.02, expected + 0.02),
             method="bounded",
             options={"xatol": 5e-4},
         )
         shifts[number] = best.x
-        left_over[number] = np.log(best.fun + 1e-9) + _WORTH * (expected / _SPREAD_S) ** 2
-    lag = _lowest(left_over)
+        cost[number] = np.log(best.fun + 1e-9) + _WORTH * (expected / _SPREAD_S) ** 2
+    lag = _minimum(cost)
     return lag, float(np.interp(lag, _CANDIDATES_S, shifts))
 
 
 @dataclass(frozen=True, slots=True)
 class Regression:
-    """What power the motion takes, by all credible recordings together."""
+    """Regression of the power on the motion, fitted to all credible recordings together."""
 
     weights: Floats
-    """[k] W per quantity."""
+    """[k] W per unit of each regressor."""
     rest_W: float
-    """RMS that it leaves in them."""
+    """RMS of its residual in these recordings."""
 
     def rest(self, X: Floats, y: Floats) -> float:
-        """RMS (W) that it leaves in another recording's quantities and power, both centred."""
+        """RMS (W) of its residual in another recording; regressors and power are centred."""
         kept = min(len(self.weights), X.shape[1])
         return float((y - X[:, :kept] @ self.weights[:kept]).std())
 
 
-def common_regression(explained: list[Explanation], power: PowerStream, lags: list[Lag]) -> Regression | None:
-    """None with fewer than three credible recordings."""
-    chosen = [k for k, lag in enumerate(lags) if lag.credible]
-    chosen = chosen[:: max(1, len(chosen) // _PROBED)]
-    found = [(overlap(explained[k], power, USUAL_LAG_S, lags[k]), lags[k].seconds) for k in chosen]
-    parts = [both.shifted(lag) for both, lag in found if both is not None]
-    if len(parts) < _LEAST_COMMON:
+def common_regression(regressors: list[Regressors], power: PowerStream, lags: list[Lag]) -> Regression | None:
+    """The regression of all credible recordings; None with fewer than three."""
+    overlaps = [(overlap(regressors[k], power, USUAL_LAG_S, lags[k]), lags[k].seconds) for k in _chosen(lags)]
+    parts = [common.shifted(lag) for common, lag in overlaps if common is not None]
+    if len(parts) < _MIN_RECORDINGS:
         return None
-    fewest = min(X.shape[1] for X, _ in parts)
-    X, y = np.concatenate([X[:, :fewest] for X, _ in parts]), np.concatenate([y for _, y in parts])
+    X, y = _concatenated(parts)
     weights = ridge_regression(X, y, 1e-6)
     return Regression(weights, float((y - X @ weights).std()))
 
 
-def _pooled(both: list[tuple[Overlap, float]], shift: float) -> float:
-    fewest = min(pair.columns.shape[1] for pair, _ in both)  # not every log has its brake
-    parts = [pair.shifted(lag + shift) for pair, lag in both]
-    return unexplained(np.concatenate([X[:, :fewest] for X, _ in parts]), np.concatenate([y for _, y in parts]))
+def _chosen(lags: list[Lag]) -> list[int]:
+    """Indices of credible recordings, thinned out evenly."""
+    credible = [k for k, lag in enumerate(lags) if lag.credible]
+    return credible[:: max(1, len(credible) // _MAX_RECORDINGS)]
 
 
-def _lowest(left_over: np.ndarray) -> float:
-    """The candidate, or the vertex of the parabola through it and its neighbours."""
-    best = int(left_over.argmin())
+def _pooled(pairs: list[tuple[Overlap, float]], shift: float) -> float:
+    return unexplained(*_concatenated([common.shifted(lag + shift) for common, lag in pairs]))
+
+
+def _concatenated(parts: list[tuple[Floats, Floats]]) -> tuple[Floats, Floats]:
+    """Regressors and power of several recordings; the brakes' columns only if all recordings have them."""
+    fewest = min(X.shape[1] for X, _ in parts)
+    return np.concatenate([X[:, :fewest] for X, _ in parts]), np.concatenate([y for _, y in parts])
+
+
+def _minimum(cost: np.ndarray) -> float:
+    """Minimum of the cost over the candidates: the vertex of the parabola through the best one and its neighbours."""
+    best = int(cost.argmin())
     if best in (0, len(_CANDIDATES_S) - 1):
         return _CANDIDATES_S[best]
     around = slice(best - 1, best + 2)
-    a, b, _ = np.polyfit(_CANDIDATES_S[around], left_over[around], 2)
+    a, b, _ = np.polyfit(_CANDIDATES_S[around], cost[around], 2)
     return min(max(float(-b / (2 * a)), _CANDIDATES_S[best - 1]), _CANDIDATES_S[best + 1])

@@ -1,4 +1,4 @@
-"""What is asked of the loop."""
+"""What a run of the loop is asked for."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class CloseConfig:
     bundle: Path
     out: Path
     reference: Path | None = None
-    """Dataset to compare with, in the place of what the bundle remembers."""
+    """Dataset to compare with; None: the recordings that the bundle remembers."""
     max_effects: int = 5
     only: tuple[str, ...] = ()
     exclude: tuple[str, ...] = ()
@@ -22,4 +22,4 @@ class CloseConfig:
     robot: str | None = None
     """Description; None: the bundle's."""
     since_s: float | None = None
-    """UTC (Unix s); recordings that end before are not looked at."""
+    """UTC (Unix s); recordings that end before are left out."""

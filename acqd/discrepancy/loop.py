@@ -4,42 +4,47 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 from acqd.arrays import Floats
 from acqd.discrepancy.config import CloseConfig
-from acqd.discrepancy.joint_torque import JointLevel, joint_level
+from acqd.discrepancy.joint_torque import JointTorque, joint_torque
 from acqd.discrepancy.recordings import Subject, subject_of
-from acqd.discrepancy.regression.design_matrix import Design
-from acqd.discrepancy.regression.setup import prepare
+from acqd.discrepancy.regression.setup import Question, set_up
 from acqd.discrepancy.repair.guard import Improved, improve
-from acqd.discrepancy.repair.terms import Added, added, clock_term, errors_of, rms, without_known
+from acqd.discrepancy.repair.terms import Added, added, clock_term
 from acqd.discrepancy.residual.delay import Delay, corrected, find_delay
-from acqd.discrepancy.residual.quality import Quality, noise_floor, quality
-from acqd.discrepancy.selection.stepwise import Limits, Tracing, trace
+from acqd.discrepancy.residual.errors import errors_of, rms, without_known_effects
+from acqd.discrepancy.residual.quality import Quality, quality
+from acqd.discrepancy.selection.named import Tracing, Verdict
+from acqd.discrepancy.selection.stepwise import Limits, trace
+from acqd.discrepancy.thresholds import THRESHOLDS, Stage
+from acqd.models.effects import library
 from acqd.models.effects.scene import scene_of
+from acqd.models.noise_floor import noise_floor
 
-ENOUGH_S = 120.0
-_SURE = 0.5  # of the resampled sets: below, two effects cannot be told apart
+Progress = Callable[[str, float], None]
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class Closed:
-    """Everything that the report tells."""
+    """Everything that the report shows."""
 
     subject: Subject
     tracing: Tracing
-    design: Design
     improved: Improved
     before: Quality
     after: Quality
     errors_before: list[Floats]
+    """[T] W on the held-out segments."""
     floor_W: float
-    floor_where: str
+    floor_source: str
+    """Where the noise floor was measured."""
     reference_rmse: float | None
-    """W: of the same model on the recordings that it remembers."""
-    joints: JointLevel | None
-    verdict: str
+    """W: error of the same model on the reference recordings."""
+    joints: JointTorque | None
+    verdict: Verdict
+    stages: frozenset[Stage]
+    """Stages that ran."""
     notes: list[str]
 
     @property
@@ -49,64 +54,56 @@ class Closed:
 
     @property
     def named(self) -> list[Added]:
-        """Effects that were found: added, or told of without."""
+        """Effects that were found: added, or reported only."""
         return [*self.improved.kept, *self.improved.reported_only]
 
     @property
     def errors_after(self) -> list[Floats]:
-        """[T] W on the held-out stretches."""
+        """[T] W on the held-out segments."""
         return self.improved.errors
 
 
-def close_loop(order: CloseConfig, progress: Callable[[str, float], None]) -> Closed:
-    """Find, add, measure. Raises UserError, InputError."""
-    subject = subject_of(order, progress)
-    notes = list(subject.notes)
-    held_out = subject.held_out
-    errors_before = errors_of(subject.model, held_out)
+def close_loop(config: CloseConfig, progress: Progress) -> Closed:
+    """Find effects, add them, measure the error. Raises UserError, InputError."""
+    subject = subject_of(config, progress)
+    errors_before = errors_of(subject.model, subject.held_out)
     delay, unexplained = _without_delay(_without_known(subject))
-    progress("computing what every effect would do", 0.0)
-    design, model, gates = prepare(
-        subject.carrier,
-        subject.robot,
-        unexplained.fit,
-        unexplained.reference,
-        set(subject.chosen),
-        set(subject.withheld),
-        lambda share: progress("computing what every effect would do", share),
-    )
-    tracing = trace(design, model, gates, Limits(order.max_effects, order.seed), lambda what: progress(what, 0.0))
-    assert tracing.model is not None
-    found: list[Added] = [clock_term(delay)] if delay is not None else []
-    for named in tracing.found:
-        progress(f"how sure: {named.id}", 0.0)
-        found.append(added(design, tracing.model, named, order.seed))
-    improved = improve(subject, found, errors_before, order.seed)
-    floor, where = noise_floor([*subject.fit, *held_out], subject.data.step_s)
-    reference_rmse = rms(errors_of(subject.model, subject.reference)) if subject.reference else None
-    notes += [
-        f"{each.term.id} was found but does not help on held-out recordings: not added" for each in improved.refused
-    ]
-    notes += [
-        f"{each.term.id} acts at moments that no angle or signal foretells: no model can predict it, none was changed"
-        for each in improved.reported_only
-    ]
-    before, after = quality(errors_before), quality(improved.errors)
+    tracing = _select(config, unexplained, progress)
+    effects: list[Added] = [clock_term(delay)] if delay is not None else []
+    for named in tracing.effects:
+        progress(f"confidence of {named.id}", 0.0)
+        effects.append(added(tracing, named, config.seed))
+    improved = improve(subject, effects, errors_before, config.seed)
+    floor_W, floor_source = noise_floor([*subject.fit, *subject.held_out], subject.data.step_s)
     return Closed(
-        subject, tracing, design, improved, before, after, errors_before, floor, where,
-        reference_rmse, joint_level(subject), _verdict(subject, tracing, improved), notes,
+        subject=subject, tracing=tracing, improved=improved, before=quality(errors_before),
+        after=quality(improved.errors), errors_before=errors_before, floor_W=floor_W, floor_source=floor_source,
+        reference_rmse=rms(errors_of(subject.model, subject.reference)) if subject.reference else None,
+        joints=joint_torque(subject), verdict=_verdict(subject, tracing, improved), stages=_stages(subject),
+        notes=[*subject.notes, *_notes(improved)],
     )  # fmt: skip
 
 
+def _select(config: CloseConfig, subject: Subject, progress: Progress) -> Tracing:
+    what = "computing the columns of all effects"
+    progress(what, 0.0)
+    question = Question(
+        model=subject.carrier, robot=subject.robot, in_question=subject.fit, reference=subject.reference,
+        chosen=subject.chosen, withheld=subject.withheld,
+    )  # fmt: skip
+    setup = set_up(question, lambda share: progress(what, share))
+    return trace(setup, Limits(config.max_effects, config.seed), lambda text: progress(text, 0.0))
+
+
 def _without_known(subject: Subject) -> Subject:
-    """Effects that the model has already are taken out of the power: only what is left is looked at."""
-    fit, reference = without_known(subject.model, subject.fit), without_known(subject.model, subject.reference)
-    return replace(subject, fit=fit, reference=reference)
+    """Without the power of effects that the model holds already."""
+    fit = without_known_effects(subject.model, subject.fit)
+    return replace(subject, fit=fit, reference=without_known_effects(subject.model, subject.reference))
 
 
 def _without_delay(subject: Subject) -> tuple[Delay | None, Subject]:
-    """Clocks first: with power and motion apart, everything else looks guilty."""
-    if not {"clock_offset", "clock_drift"} & subject.chosen:
+    """Clocks first: while power and motion are shifted, every other effect seems to explain something."""
+    if not _clocks() & subject.chosen:
         return None, subject
     scenes = [scene_of(subject.carrier, s.q, s.signals, s.start_s, s.channels) for s in subject.fit]
     delay = find_delay(scenes, subject.fit)
@@ -115,21 +112,35 @@ def _without_delay(subject: Subject) -> tuple[Delay | None, Subject]:
     return delay, replace(subject, fit=[corrected(s, delay, subject.data.step_s) for s in subject.fit])
 
 
-def _verdict(subject: Subject, tracing: Tracing, improved: Improved) -> str:
-    named = [*improved.kept, *improved.reported_only]
-    if named:
-        return "effects_found" if named[0].confidence >= _SURE else "not_identifiable"
+def _clocks() -> set[str]:
+    return {effect.id for effect in library().values() if effect.acts_on == "clock"}
+
+
+def _verdict(subject: Subject, tracing: Tracing, improved: Improved) -> Verdict:
+    effects = [*improved.kept, *improved.reported_only]
+    if effects:
+        return "effects_found" if effects[0].confidence >= THRESHOLDS.least_confidence else "not_identifiable"
     if tracing.unknown is not None:
         return "unknown_structure"
-    seconds = sum(len(segment.P) for segment in subject.fit) * subject.data.step_s
-    # silence of too few rows is no proof that nothing is there
-    return "not_identifiable" if improved.refused or seconds < ENOUGH_S else "nothing_left"
+    # too few rows without an effect do not prove its absence
+    return "not_identifiable" if improved.refused or subject.fit_s < THRESHOLDS.enough_s else "nothing_left"
 
 
-def provenance(order: CloseConfig, closed: Closed) -> dict[str, Any]:
-    """For the augmented bundle."""
-    return {
-        "closed_on": str(order.dataset),
-        "closed_manifest_sha256": closed.subject.data.digest,
-        "closed_fit_recordings": sorted({segment.recording for segment in closed.subject.fit}),
-    }
+def _stages(subject: Subject) -> frozenset[Stage]:
+    stages: set[Stage] = {"recordings", "noise", "selection", "uncertainty", "verdict"}
+    if _clocks() & subject.chosen:
+        stages.add("delay")
+    if any(library()[name].detected for name in subject.chosen):
+        stages.add("detectors")
+    if any(segment.tau is not None for segment in subject.fit):
+        stages.add("joints")
+    return frozenset(stages)
+
+
+def _notes(improved: Improved) -> list[str]:
+    refused = [f"{e.term.id} was found but does not help on held-out recordings: not added" for e in improved.refused]
+    unpredictable = [
+        f"{e.term.id} acts at times that neither angles nor signals predict: reported, not added to the model"
+        for e in improved.reported_only
+    ]
+    return refused + unpredictable

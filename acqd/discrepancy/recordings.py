@@ -1,4 +1,4 @@
-"""What is looked at: a model, the recordings in question, and those to compare with."""
+"""A model, the recordings in question (fit and held out), and the reference recordings."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from acqd.discrepancy.config import CloseConfig
-from acqd.discrepancy.regression.design_matrix import LEAST_ROWS
+from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.errors import UserError
 from acqd.models.bundle.bundle import Bundle
 from acqd.models.bundle.reference import load_reference
@@ -23,83 +23,111 @@ from acqd.models.segments import Dataset, Segment, load_dataset
 from acqd.robot.description import RobotDescription, load_description
 
 Question = Literal["change", "structure"]
-FEWEST_RECORDINGS = 4
-LEAST_S = 20.0
-_FEWEST_TO_SPARE = 12  # recordings before some are set aside
-_SPARED = 0.2
+"""What has changed since the reference; what the model lacks in all recordings."""
+_FEW_EVERY = 4
+"""With few recordings, every fourth is held out."""
 
 
 @dataclass(frozen=True, slots=True)
 class Subject:
-    """See the module."""
+    """What the loop works on."""
 
     bundle: Bundle
     model: Predictor
     carrier: GreyBox
-    """Torques and powers for the effects; all its terms are there, whatever the model lacks."""
+    """Grey box with all terms, for torques and powers of the effects; the model itself may lack some."""
     robot: RobotDescription
     data: Dataset
     question: Question
-    """Whether there is something to compare with ("change"), or the model itself is in question."""
     fit: list[Segment]
-    """Looked at to find effects."""
+    """Recordings in which effects are searched."""
     held_out: list[Segment]
-    """Only to measure errors on, before and after. Not fitted by the model either."""
+    """Recordings for the errors before and after; neither the model nor an effect is fitted to them."""
     reference: list[Segment]
     withheld: frozenset[str]
+    """Groups of parameters that the grey box was denied."""
     chosen: frozenset[str]
+    """Ids of effects that compete."""
     notes: list[str]
 
+    @property
+    def fit_s(self) -> float:
+        """Duration of the recordings in which effects are searched, s."""
+        return sum(len(segment.P) for segment in self.fit) * self.data.step_s
 
-def subject_of(order: CloseConfig, progress: Callable[[str, float], None]) -> Subject:
-    """Raises UserError, InputError."""
-    bundle, model = open_model(order.bundle)
-    metadata = bundle.metadata
-    data = _since(load_dataset(order.dataset), order.since_s)
-    if data.axes != metadata["axes"]:
-        raise UserError(
-            f"{order.dataset} has {data.axes} axes ({data.robot}), the model {metadata['axes']} ({metadata['robot']}): "
-            "take a model of this robot"
-        )
-    if abs(data.step_s - model.step_s) > 1e-9:
-        raise UserError(f"{order.dataset} has rows of {data.step_s} s, the model of {model.step_s} s; build it anew")
-    robot = load_description(order.robot or metadata["description"])
-    notes: list[str] = []
-    trained_on, digest = seen_by(metadata["provenance"])
+
+def subject_of(config: CloseConfig, progress: Callable[[str, float], None]) -> Subject:
+    """Open the model and the datasets. Raises UserError, InputError."""
+    bundle, model = open_model(config.bundle)
+    data = _since(load_dataset(config.dataset), config.since_s)
+    _require_same_robot(config, bundle, model, data)
+    robot = load_description(config.robot or bundle.metadata["description"])
+    trained_on, digest = trained_recordings(bundle.metadata["provenance"])
     same = data.digest == digest
     unseen = [s for s in data.segments if not (same and s.recording in trained_on)]
-    recordings = {segment.recording for segment in data.segments if len(segment.P) >= LEAST_ROWS}
-    seconds = sum(len(segment.P) for segment in data.segments if len(segment.P) >= LEAST_ROWS) * data.step_s
-    if len(recordings) < FEWEST_RECORDINGS or seconds < LEAST_S:
-        raise UserError(
-            f"{order.dataset}: {len(recordings)} recordings of at least {LEAST_ROWS * data.step_s:.1f} s, "
-            f"{seconds:.0f} s together, are too few to tell an effect from chance; "
-            f"record at least {FEWEST_RECORDINGS} of a minute each "
-            "(or cut one long log: dataset build --cut)"
-        )
-    reference: list[Segment] = []
-    if order.reference is not None:
-        before = load_dataset(order.reference)
-        if before.axes != data.axes:
-            raise UserError(f"{order.reference} is of a robot with {before.axes} axes; name one of {data.robot}")
-        reference = before.segments
-    elif not same:
-        reference = load_reference(order.bundle)
-        if not reference:
-            notes.append("the bundle remembers no recordings: whether something has changed since cannot be asked")
+    _require_enough(config, data)
     if same and not unseen:
-        raise UserError(f"{order.dataset}: the model was fitted on all of its recordings; close the loop on new ones")
-    fit, held_out = _set_aside(data.segments, unseen, order.seed, same=same)
-    withheld = frozenset(metadata.get("withheld", ()))
-    carrier = _carrier(bundle, model, robot, reference or fit, data.step_s, order.seed, withheld, progress)
+        raise UserError(f"{config.dataset}: the model was fitted on all of its recordings; close the loop on new ones")
+    reference, notes = _reference(config, data, same=same)
+    fit, held_out = _hold_out(data.segments, unseen, config.seed, same=same)
+    withheld = frozenset(bundle.metadata.get("withheld", ()))
+    carrier = _carrier_in(bundle, model) if not withheld else None
+    if carrier is None:
+        what = "fitting a grey box for the effects"
+        progress(what, 0.0)
+        segments = reference or fit
+        carrier = fit_grey_box(robot, segments, data.step_s, config.seed, lambda share: progress(what, share)).model
     return Subject(
-        bundle, model, carrier, robot, data, "change" if reference else "structure", fit, held_out, reference,
-        withheld, _chosen(order), notes,
+        bundle=bundle, model=model, carrier=carrier, robot=robot, data=data,
+        question="change" if reference else "structure", fit=fit, held_out=held_out, reference=reference,
+        withheld=withheld, chosen=_chosen(config), notes=notes,
     )  # fmt: skip
 
 
+def _require_same_robot(config: CloseConfig, bundle: Bundle, model: Predictor, data: Dataset) -> None:
+    if data.axes != bundle.metadata["axes"]:
+        raise UserError(
+            f"{config.dataset} has {data.axes} axes ({data.robot}), the model has {bundle.metadata['axes']} "
+            f"({bundle.metadata['robot']}): use a model of this robot"
+        )
+    if abs(data.step_s - model.step_s) > 1e-9:
+        raise UserError(
+            f"{config.dataset} has rows of {data.step_s} s, the model has rows of {model.step_s} s; "
+            "build the dataset again with the model's step"
+        )
+
+
+def _require_enough(config: CloseConfig, data: Dataset) -> None:
+    least = THRESHOLDS.block_least_rows
+    long_enough = [segment for segment in data.segments if len(segment.P) >= least]
+    recordings = {segment.recording for segment in long_enough}
+    seconds = sum(len(segment.P) for segment in long_enough) * data.step_s
+    if len(recordings) < THRESHOLDS.fewest_recordings or seconds < THRESHOLDS.shortest_total_s:
+        raise UserError(
+            f"{config.dataset}: {len(recordings)} recordings of at least {least * data.step_s:.1f} s, "
+            f"{seconds:.0f} s together, are too few to distinguish an effect from chance; "
+            f"record at least {THRESHOLDS.fewest_recordings} recordings of a minute each "
+            "(or cut one long log: dataset build --cut)"
+        )
+
+
+def _reference(config: CloseConfig, data: Dataset, *, same: bool) -> tuple[list[Segment], list[str]]:
+    """Recordings to compare with, and notes. Raises UserError, InputError."""
+    if config.reference is not None:
+        before = load_dataset(config.reference)
+        if before.axes != data.axes:
+            raise UserError(
+                f"{config.reference} is from a robot with {before.axes} axes; name a dataset of {data.robot}"
+            )
+        return before.segments, []
+    if same:
+        return [], []
+    reference = load_reference(config.bundle)
+    return reference, [] if reference else ["the bundle remembers no recordings, so that changes since cannot be found"]
+
+
 def _since(data: Dataset, since_s: float | None) -> Dataset:
-    """Without recordings that ended before. Raises UserError when none is left."""
+    """Without recordings that ended before. Raises UserError when no recording remains."""
     if since_s is None:
         return data
     ends: dict[str, float] = {}
@@ -113,58 +141,51 @@ def _since(data: Dataset, since_s: float | None) -> Dataset:
     return replace(data, segments=kept)
 
 
-def seen_by(provenance: dict[str, Any]) -> tuple[set[str], str]:
+def trained_recordings(provenance: dict[str, Any]) -> tuple[set[str], str]:
     """Recordings that the model was last fitted on, and the hash of their dataset's manifest."""
     if "closed_manifest_sha256" in provenance:
         return set(provenance["closed_fit_recordings"]), provenance["closed_manifest_sha256"]
     return set(provenance["fit_recordings"]) | set(provenance["validation_recordings"]), provenance["manifest_sha256"]
 
 
-def _chosen(order: CloseConfig) -> frozenset[str]:
+def _chosen(config: CloseConfig) -> frozenset[str]:
     known = library()
-    for name in (*order.only, *order.exclude):
+    for name in (*config.only, *config.exclude):
         if name not in known:
-            raise UserError(f"no effect {name!r}; there are {', '.join(known)}")
-    return frozenset(set(order.only or known) - set(order.exclude))
+            raise UserError(f"no effect {name!r}; the effects are {', '.join(known)}")
+    return frozenset(set(config.only or known) - set(config.exclude))
 
 
-def _set_aside(
+def _hold_out(
     segments: list[Segment], unseen: list[Segment], seed: int, *, same: bool
 ) -> tuple[list[Segment], list[Segment]]:
-    """Recordings to look at, and whole ones to measure on that nothing was fitted to."""
+    """Recordings for the search, and whole held-out recordings.
+
+    In the model's own dataset, the model's test recordings are held out. In a new dataset, every fourth or fifth
+    recording is held out, and the first one of them is chosen such that signals switch among them.
+    """
     if same:
-        held_out = unseen
-        names = {segment.recording for segment in held_out}
-        return [segment for segment in segments if segment.recording not in names], held_out
-    names_in_time = sorted(
-        {s.recording for s in unseen}, key=lambda n: min(s.start_s for s in unseen if s.recording == n)
-    )
-    every = round(1 / _SPARED) if len(names_in_time) >= _FEWEST_TO_SPARE else 4
-    starts = np.random.default_rng(seed).permutation(every)
-    first = max(starts, key=lambda start: _switching(unseen, set(names_in_time[start::every])))
-    names = set(names_in_time[first::every])
+        names = {segment.recording for segment in unseen}
+        return [segment for segment in segments if segment.recording not in names], unseen
+    starts: dict[str, float] = {}
+    for segment in unseen:
+        starts[segment.recording] = min(segment.start_s, starts.get(segment.recording, np.inf))
+    in_time = sorted(sorted(starts), key=lambda name: starts[name])
+    many = len(in_time) >= THRESHOLDS.fewest_for_one_in_five
+    every = round(1 / THRESHOLDS.held_out_share) if many else _FEW_EVERY
+    order = np.random.default_rng(seed).permutation(every)
+    first = max(order, key=lambda start: _switching(unseen, set(in_time[start::every])))
+    names = set(in_time[first::every])
     return [s for s in unseen if s.recording not in names], [s for s in unseen if s.recording in names]
 
 
 def _switching(segments: list[Segment], names: set[str]) -> float:
-    """How much of what signals switch is in some recordings: an effect that never acts there cannot be judged there."""
+    """Number of switchings of all signals in some recordings: an effect that never acts there cannot be judged."""
     chosen = [segment for segment in segments if segment.recording in names]
     return sum(float(np.abs(np.diff(values)).sum()) for segment in chosen for values in segment.signals.values())
 
 
-def _carrier(
-    bundle: Bundle,
-    model: Predictor,
-    robot: RobotDescription,
-    segments: list[Segment],
-    step_s: float,
-    seed: int,
-    withheld: frozenset[str],
-    progress: Callable[[str, float], None],
-) -> GreyBox:
+def _carrier_in(bundle: Bundle, model: Predictor) -> GreyBox | None:
+    """The grey box that the bundle holds; None for a network without one."""
     base = getattr(model, "base", model)
-    if not withheld and (isinstance(base, GreyBox) or "carrier" in bundle.metadata):
-        return carrier_of(bundle, base)
-    progress("fitting a grey box to trace with", 0.0)
-    fit = fit_grey_box(robot, segments, step_s, seed, lambda share: progress("fitting a grey box to trace with", share))
-    return fit.model
+    return carrier_of(bundle, base) if isinstance(base, GreyBox) or "carrier" in bundle.metadata else None

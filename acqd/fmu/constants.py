@@ -23,7 +23,7 @@ from acqd.robot.newton_euler import Chain
 
 
 def sources(model: Predictor) -> dict[str, str]:
-    """File names and contents. Raises UserError for a kind of model that has no C."""
+    """Names and contents of the headers. Raises UserError for a kind of model without C."""
     base = model.base if isinstance(model, Augmented) else model
     carrier = model.carrier if isinstance(model, Augmented) else base
     parameters = [parameters_of(term) for term in exported_terms(model)]
@@ -58,7 +58,7 @@ def sources(model: Predictor) -> dict[str, str]:
 
 
 def token_of(files: dict[str, str]) -> str:
-    """By which model description and binary know each other."""
+    """The token that modelDescription.xml and the binary share."""
     line = next(line for line in files["model_data.h"].splitlines() if line.startswith("#define MODEL_TOKEN"))
     return line.split('"')[1]
 
@@ -127,12 +127,12 @@ def _grey(name: str, grey: GreyBox, model: Predictor) -> str:
 
 
 def _turns(chain: Chain) -> Floats:
-    """[axes, 3, 3, 3] R, R K and R K K of each joint: its frame turned by an angle is R + sin R K + (1 - cos) R K K."""
-    found = []
+    """[axes, 3, 3, 3] R, R K, R K K per joint; the frame at an angle is R + sin R K + (1 - cos) R K K (Rodrigues)."""
+    turns = []
     for rotation, (x, y, z) in zip(chain.rotation, chain.axis, strict=True):
         K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-        found.append([rotation, rotation @ K, rotation @ K @ K])
-    return np.array(found)
+        turns.append([rotation, rotation @ K, rotation @ K @ K])
+    return np.array(turns)
 
 
 def _effects(data: Header, carrier: GreyBox, model: Predictor) -> None:

@@ -29,7 +29,7 @@ _UNITS: dict[str, dict[str, str]] = {
 
 @dataclass(frozen=True, slots=True)
 class Described:
-    """What the description says beside variables."""
+    """Contents of modelDescription.xml other than variables."""
 
     name: str
     description: str
@@ -42,7 +42,7 @@ class Described:
 
 
 def description(version: Version, what: Described, variables: Sequence[Variable]) -> bytes:
-    """The file."""
+    """modelDescription.xml of a version of FMI."""
     root = _two(what, variables) if version == "2.0" else _three(what, variables)
     ET.indent(root)
     return bytes(ET.tostring(root, encoding="utf-8", xml_declaration=True))
@@ -65,7 +65,7 @@ def _units(root: ET.Element, variables: Sequence[Variable]) -> None:
 
 
 def unit_of(variable: Variable) -> str:
-    """A unit that is defined; of others only the text of the description tells."""
+    """The unit of a variable, or "1" if its unit is not defined in the file."""
     return variable.unit if variable.unit in _UNITS else "1"
 
 
@@ -149,7 +149,7 @@ def _three(what: Described, variables: Sequence[Variable]) -> ET.Element:
     return root
 
 
-_RESET = "true: the next row is the first one, energy counts from nought"
+_RESET = "true: the next row is the first row, and energy counts from zero"
 
 
 def _roles(variable: Variable) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""From a bundle to an .fmu file."""
+"""Export of a bundle as an .fmu file."""
 
 from __future__ import annotations
 
@@ -31,36 +31,36 @@ _OWN: dict[str, tuple[str, str]] = {"2.0": ("fmi2.c", "fmi2_abi.h"), "3.0": ("fm
 
 @dataclass(frozen=True, slots=True)
 class Exported:
-    """What was made."""
+    """An exported FMU."""
 
     path: Path
     version: Version
     bytes: int
     variables: list[Variable]
     compilers: dict[str, str]
-    """By platform."""
+    """Compiler of the binary, by platform."""
     notes: list[str]
 
 
 def export_fmu(
     bundle: Path, out: Path, fmi: Version, platforms: Sequence[str], progress: Callable[[str], None]
 ) -> Exported:
-    """Write `out`. Raises UserError, InputError, OperationError; nothing is left behind then."""
+    """Write the file `out` completely or not at all. Raises UserError, InputError, OperationError."""
     for name in platforms:
         if name not in PLATFORMS:
-            raise UserError(f"no platform {name!r}; there are {', '.join(PLATFORMS)}")
+            raise UserError(f"no platform {name!r}; the platforms are {', '.join(PLATFORMS)}")
     if out.is_dir():
         raise UserError(f"{out} is a folder; name the file with --out")
     opened, model = open_model(bundle)
     try:
-        return _accept(opened, model, out, fmi, platforms, progress)
+        return _export(opened, model, out, fmi, platforms, progress)
     except OSError as error:
         raise UserError(
             f"{tempfile.gettempdir()}: {error.strerror}; make room there, or name another folder with TMPDIR"
         ) from None
 
 
-def _accept(
+def _export(
     opened: Bundle,
     model: Predictor,
     out: Path,
@@ -87,15 +87,15 @@ def _accept(
         if fmi == "3.0":
             (root / "sources" / "buildDescription.xml").write_bytes(build_description(names))
         (root / "resources").mkdir()
-        told = _provenance(opened, model)
-        (root / "resources" / "bundle.json").write_bytes(orjson.dumps(told, option=orjson.OPT_INDENT_2))
+        provenance = orjson.dumps(_provenance(opened, model), option=orjson.OPT_INDENT_2)
+        (root / "resources" / "bundle.json").write_bytes(provenance)
         progress("packing")
         _pack(root, out)
     return Exported(out, fmi, out.stat().st_size, shown, compilers, left_out(model))
 
 
 def _lay_out(root: Path, files: dict[str, str], fmi: Version) -> list[str]:
-    """The sources as they are packed; names of those to compile."""
+    """Write the sources to be packed. Returns the names of those to be compiled."""
     folder = root / "sources"
     folder.mkdir()
     own, abi = _OWN[fmi]
@@ -117,7 +117,7 @@ def _binary(root: Path, target: Platform, names: Sequence[str], fmi: Version) ->
 
 
 def _provenance(opened: Bundle, model: Predictor) -> dict[str, Any]:
-    """What the model was made from, for whoever finds the FMU in five years."""
+    """Origin of the model, so that the FMU can be traced back to its bundle."""
     kept = ("name", "kind", "robot", "step_s", "envelope", "metrics", "provenance", "loop")
     return {name: opened.metadata[name] for name in kept if name in opened.metadata} | {
         "look_ahead_rows": model.radius,
@@ -128,16 +128,16 @@ def _provenance(opened: Bundle, model: Predictor) -> dict[str, Any]:
 
 
 def _pack(root: Path, out: Path) -> None:
-    beside = out.with_name(f".{out.name}.new")
+    temporary = out.with_name(f".{out.name}.new")
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
-        with zipfile.ZipFile(beside, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
+        with zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
             for path in sorted(root.rglob("*")):
                 if path.is_file():
                     archive.write(path, path.relative_to(root).as_posix())
-        beside.replace(out)
+        temporary.replace(out)
     except OSError as error:
         raise UserError(f"{out}: {error.strerror}; nothing was left behind") from None
     finally:
         with contextlib.suppress(OSError):
-            beside.unlink()
+            temporary.unlink()

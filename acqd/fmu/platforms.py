@@ -1,4 +1,4 @@
-"""Platforms that an FMU can run on: the system's compiler builds for this machine, zig for the others."""
+"""Platforms of an FMU. The system's compiler builds for this machine, zig for the others."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ _FLAGS = ("-std=c99", "-O3", "-fPIC", "-shared", "-fvisibility=hidden", "-ffp-co
 
 @dataclass(frozen=True, slots=True)
 class Platform:
-    """Where an FMU is to run."""
+    """A platform on which an FMU can run."""
 
     name: str
-    """As users write it."""
+    """Name in --platform."""
     folders: tuple[str, str]
-    """Of the binary in FMI 2.0 and in FMI 3.0."""
+    """Folder of the binary in FMI 2.0 and in FMI 3.0."""
     suffix: str
     zig: str
-    """Target triple."""
+    """Target triple of zig."""
 
 
 PLATFORMS = {
@@ -50,7 +50,7 @@ def here() -> str:
 
 
 def build(target: Platform, sources: Sequence[Path], include: Path, out: Path) -> str:
-    """Compile `sources` for a platform; the name of the compiler.
+    """Compile `sources` for a platform. Returns the name of the compiler.
 
     Raises UserError when no compiler for the platform is installed, OperationError when the C does not compile.
     """

@@ -1,4 +1,4 @@
-"""What an FMU shows of a model: inputs, outputs and the parameters of added effects, in the order of the C arrays."""
+"""Variables of an FMU: inputs, outputs and parameters of added effects, in the order of the C arrays."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _SIGNALS = {
 
 @dataclass(frozen=True, slots=True)
 class Variable:
-    """One scalar; its value reference is its place in the list."""
+    """A scalar variable. Its value reference is its index in the list of all variables."""
 
     name: str
     causality: Literal["input", "output", "parameter"]
@@ -35,7 +35,7 @@ class Variable:
 
 @dataclass(frozen=True, slots=True)
 class Parameters:
-    """Of one term: coefficients of its columns are `mix` times these."""
+    """Parameters of one term. The coefficients of its columns are `mix` times these."""
 
     term: Term
     names: tuple[str, ...]
@@ -63,7 +63,7 @@ def _terms(model: Predictor) -> list[Term]:
 
 
 def parameters_of(term: Term) -> Parameters:
-    """As they were fitted; columns in fixed proportions share one parameter."""
+    """Fitted parameters of a term. Columns in fixed proportions share one parameter."""
     fitted = {name: value for name, value in term.parameters.items() if name not in term.shape}
     names, units = tuple(fitted), tuple(str(each["unit"]) for each in fitted.values())
     start = np.array([float(each["value"]) for each in fitted.values()])
@@ -75,15 +75,17 @@ def parameters_of(term: Term) -> Parameters:
 
 
 def variables(model: Predictor) -> list[Variable]:
-    """All of them but `reset`, in the order of the C arrays."""
-    found = [Variable(f"q{k + 1}", "input", "rad", f"angle of joint {k + 1}") for k in range(model.axes)]
+    """All variables except `reset`, in the order of the C arrays."""
+    shown = [Variable(f"q{k + 1}", "input", "rad", f"angle of joint {k + 1}") for k in range(model.axes)]
     for name, usual in zip(model.signals, model.usual_signals(), strict=True):
         unit = _SIGNAL_UNITS.get(name, "1")
-        found.append(Variable(name, "input", unit, _SIGNALS.get(name, "logged signal"), float(usual)))
-    late = f", {1000 * model.radius * model.step_s:.0f} ms late: so far ahead the model looks" if model.radius else ""
-    found.append(Variable("power", "output", "W", f"mains power{late}"))
-    found.append(Variable("energy", "output", "kWh", "energy since the start or the last reset"))
-    return [*found, *_effect_variables(model)]
+        shown.append(Variable(name, "input", unit, _SIGNALS.get(name, "logged signal"), float(usual)))
+    delay = (
+        f", delayed by {1000 * model.radius * model.step_s:.0f} ms: the look-ahead of the model" if model.radius else ""
+    )
+    shown.append(Variable("power", "output", "W", f"mains power{delay}"))
+    shown.append(Variable("energy", "output", "kWh", "energy since the start or the last reset"))
+    return [*shown, *_effect_variables(model)]
 
 
 def _effect_variables(model: Predictor) -> Iterator[Variable]:
@@ -98,5 +100,5 @@ def _effect_variables(model: Predictor) -> Iterator[Variable]:
 
 
 def _identifier(name: str) -> str:
-    """As a structured name allows it: letters, digits and underscores."""
+    """Replace what FMI's structured names do not allow: all but letters, digits and underscores."""
     return re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_")

@@ -1,5 +1,5 @@
 """The virtual laboratory: trajectories, a robot controller, a plant on simulated mains, campaigns.
 
-Everything that comes out of it is flagged `simulated`. No model and no analysis may import it: its
-equations are the truth that they have to find.
+All its output is flagged `simulated`. No model and no analysis may import it: its equations are the truth that they
+have to find.
 """

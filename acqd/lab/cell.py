@@ -1,4 +1,4 @@
-"""A virtual cell ready to work: the robot as described, the robot as it really is, its surroundings."""
+"""A virtual cell: the robot as described, the robot as it really is, its scene and its plant."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _CUBES = {
     "ur10e": Cube((0.6, 0.1, 0.3), 0.3),
     "kinova_gen3": Cube((0.45, 0.0, 0.3), 0.25),
 }
-# streams of random numbers
+# first numbers of the independent random streams of a cell
 TRUE_ROBOT, MAINS, MOTION, RECORDER, EFFECTS, ORDER, CLOCK, STANDBY = range(1, 9)
 
 
@@ -33,24 +33,24 @@ class Cell:
 
     settings: LabSettings
     number: int
-    """From 0; every cell of a fleet deviates in its own way."""
+    """From 0; the true robots of a fleet deviate differently from the description."""
     robot: RobotDescription
     scene: Scene
     arm: Arm
-    """As described: what plans motions."""
+    """As described; motions are planned with it."""
     true_arm: Arm
-    """As it really is: what the plant moves."""
+    """As it really is; the plant moves it."""
     parameters: PlantParameters
     planner: Planner
 
     @property
     def checker(self) -> CollisionChecker:
-        """Of the described arm in its scene."""
+        """Collision checker of the described arm in its scene."""
         return self.planner.checker
 
     @property
     def device(self) -> str:
-        """Name in power rows."""
+        """Device name in power rows."""
         return device_name(self.settings, self.number)
 
     def cube(self) -> Cube:
@@ -66,17 +66,17 @@ class Cell:
         return Excitation(self.arm, self.checker, self.scene.name, thesis)
 
     def random(self, *stream: int) -> np.random.Generator:
-        """Random numbers of one use in this cell."""
+        """Reproducible random numbers of this cell, independent for each `stream`."""
         return self.settings.random(self.number, *stream)
 
 
 def device_name(settings: LabSettings, number: int) -> str:
-    """Of cell `number` (from 0)."""
+    """Device name of cell `number` (from 0)."""
     return f"{settings.device}-{number + 1:02d}"
 
 
 def build_cell(settings: LabSettings, number: int = 0) -> Cell:
-    """Raises UserError or InputError for descriptions, scenes or plants that cannot be used."""
+    """Load description, scene and plant of cell `number`. Raises UserError or InputError."""
     robot = load_description(settings.robot)
     scene = load_scene(settings.scene or ("digital_factory" if robot.name == "iiwa7_r800" else "free"))
     parameters = load_plant(robot, settings.plant)

@@ -1,4 +1,4 @@
-"""Which recordings a campaign has, and in which sessions: decided before anything runs."""
+"""The schedule of a campaign: its recordings and their sessions, decided before anything runs."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ import numpy as np
 from acqd.lab.cell import ORDER
 from acqd.lab.settings import CampaignSettings, LabSettings
 
-_LONGEST_S = 240.0  # that a recording takes at the thesis' speeds: keeps sessions apart in time
-_BETWEEN_S = 900.0
+_LONGEST_S = 240.0  # longest recording at the speeds of the thesis
+_BETWEEN_S = 900.0  # margin that keeps sessions from overlapping
 
 
 @dataclass(frozen=True, slots=True)
 class RecordingPlan:
-    """One execution."""
+    """One execution of a source trajectory or of the assembly."""
 
     number: int
     """In its cell's campaign, from 1."""
@@ -38,54 +38,55 @@ class RecordingPlan:
 
 @dataclass(frozen=True, slots=True)
 class SessionPlan:
-    """Executions in one power stream."""
+    """The executions in one uninterrupted power stream."""
 
     cell: int
     number: int
     """Within the cell, from 0."""
     start_s: float
-    """After the campaign's begin."""
+    """Since the start of the campaign."""
     recordings: tuple[RecordingPlan, ...]
 
     @property
     def name(self) -> str:
-        """For files."""
+        """Name of the session's files, without their endings."""
         return f"cell{self.cell + 1:02d}-session{self.number + 1:03d}"
 
     def boot(self, settings: CampaignSettings) -> str:
-        """For rows: other campaigns may lie in the same database, and theirs must differ."""
+        """Boot identifier in power rows; it differs between campaigns, which may share a database."""
         digest = hashlib.blake2b(settings.model_dump_json().encode(), digest_size=5).hexdigest()
         return f"{digest}-{self.cell + 1}-{self.number + 1}"
 
 
 def plan_sessions(settings: CampaignSettings) -> list[SessionPlan]:
-    """All sessions of all cells. Sources take turns; limited space comes before all space, as in the thesis."""
+    """All sessions of all cells. Recordings in limited space come before those in all space, as in the thesis."""
     sessions = []
     for cell in range(settings.cells):
         recordings = _recordings(settings, cell)
-        start = 0.0
+        start_s = 0.0
         for number, first in enumerate(range(0, len(recordings), settings.session)):
             part = tuple(recordings[first : first + settings.session])
-            sessions.append(SessionPlan(cell, number, start, part))
-            start += room_s(settings, len(part))
+            sessions.append(SessionPlan(cell, number, start_s, part))
+            start_s += reserved_s(settings, len(part))
     return sessions
 
 
-def room_s(settings: CampaignSettings, recordings: int) -> float:
-    """Time that a session of so many recordings has until the next one begins."""
+def reserved_s(settings: CampaignSettings, recordings: int) -> float:
+    """Time (s) from the start of a session with that many recordings to the start of the next session."""
     motion = settings.motion
-    slow = max(1.0, 0.2 / motion.relative_speed[0], float(np.sqrt(0.2 / motion.relative_acceleration)))
-    return recordings * (_LONGEST_S * slow + settings.pause_s) + _BETWEEN_S
+    slowdown = max(1.0, 0.2 / motion.relative_speed[0], float(np.sqrt(0.2 / motion.relative_acceleration)))
+    return recordings * (_LONGEST_S * slowdown + settings.pause_s) + _BETWEEN_S
 
 
-def session_begin_s(settings: LabSettings, recording: int) -> float:
-    """When the session that holds `recording` begins, after the campaign's begin; a lone execution is one session."""
+def session_start_s(settings: LabSettings, recording: int) -> float:
+    """Start (s since the start of the campaign) of the session with `recording`; 0 for a single execution."""
     if not isinstance(settings, CampaignSettings):
         return 0.0
-    return (recording - 1) // settings.session * room_s(settings, settings.session)
+    return (recording - 1) // settings.session * reserved_s(settings, settings.session)
 
 
 def _recordings(settings: CampaignSettings, cell: int) -> list[RecordingPlan]:
+    """Recordings of a cell; every source trajectory is used equally often, in random order."""
     if settings.profile == "use-case":
         return [RecordingPlan(number, "assembly", 0) for number in range(1, settings.assemblies + 1)]
     random = settings.random(cell, ORDER)

@@ -1,4 +1,4 @@
-"""Settings of a campaign: what `lab.toml` may say, with the defaults of the thesis."""
+"""Settings of the laboratory: the keys of `lab.toml`, with the defaults of the thesis."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _Share = Annotated[float, Field(ge=0, le=1)]
 
 
 class MotionSection(Section):
-    """Random parameters of each motion (Listing 5.1)."""
+    """Ranges of the random parameters of each motion (thesis, Listing 5.1)."""
 
     relative_speed: tuple[_Share, _Share] = (0.2, 0.5)
     relative_blending: tuple[_Share, _Share] = (0.0, 0.5)
@@ -37,39 +37,39 @@ class MotionSection(Section):
     @classmethod
     def _moves(cls, limits: tuple[float, float]) -> tuple[float, float]:
         if limits[0] < 0.01:
-            raise ValueError("slower than 1 % does not arrive")
+            raise ValueError("must be at least 0.01")
         return limits
 
     def parameters(self) -> MotionParameters:
-        """As the planner takes them."""
+        """The parameters in the planner's type."""
         return MotionParameters(**self.model_dump())
 
 
 class CubeSection(Section):
-    """Algorithm 1's volume."""
+    """The cube of the limited space (thesis, Algorithm 1); lengths in m."""
 
     centre: tuple[float, float, float] = (0.6, 0.0, 0.34)
     edge: Annotated[float, Field(ge=0.01, le=3)] = 0.3
 
     def cube(self) -> Cube:
-        """As the generator takes it."""
+        """The cube in the generator's type."""
         return Cube(self.centre, self.edge)
 
 
 class ClockSection(Section):
-    """The robot controller's clock, which nobody synchronises."""
+    """The robot controller's clock, which is not synchronised."""
 
     offset_s: Annotated[float, Field(ge=-1e9, le=1e9)] = 1.24
-    """Controller minus UTC at the campaign's begin."""
+    """Controller minus UTC at the start of the campaign."""
     drift_ppm: Annotated[float, Field(ge=-1000, le=1000)] = 8.0
 
     def clock(self, origin_utc_ns: int) -> ControllerClock:
-        """As the recorder takes it."""
+        """The clock in the recorder's type."""
         return ControllerClock(self.offset_s, self.drift_ppm, origin_utc_ns)
 
 
 class RecorderSection(Section):
-    """The robot controller's DataRecorder (Listing 4.1)."""
+    """The robot controller's DataRecorder (thesis, Listing 4.1)."""
 
     period_s: Annotated[float, Field(ge=0.001, le=1)] = 0.04
     timeout_s: Annotated[float, Field(ge=1, le=100_000)] = 400.0
@@ -80,12 +80,12 @@ class RecorderSection(Section):
     signals: bool = True
 
     def settings(self) -> RecorderSettings:
-        """As the recorder takes them."""
+        """The settings in the recorder's type."""
         return RecorderSettings(**self.model_dump())
 
 
 class LabSettings(Section):
-    """A virtual cell and what is to happen in it."""
+    """A virtual cell and its effects."""
 
     robot: str = "iiwa7_r800"
     """Shipped name, or path of a description."""
@@ -95,17 +95,17 @@ class LabSettings(Section):
     """Plant file; None: the one shipped for the robot."""
     seed: Annotated[int, Field(ge=0, lt=2**63, strict=True)] = 1
     start: datetime = datetime(2021, 7, 13, 8, 0, tzinfo=UTC)
-    """UTC of the campaign's begin."""
+    """UTC of the start of the campaign."""
     device: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,59}$")] = "cell"
     window: Annotated[float, Field(ge=0.04, le=0.05)] | None = None
-    """s, whole milliseconds; None: 40 ms at 50 Hz, 50 ms at 60 Hz, as the daemon has it."""
+    """s, whole milliseconds; None: 40 ms at 50 Hz, 50 ms at 60 Hz, as in the daemon."""
     start_degC: Annotated[float, Field(ge=-20, le=80)] | None = None
-    """Gear temperature at each session's begin; None: warm."""
+    """Gear temperature at the start of each session; None: 30 degC, warm from work."""
     pause_s: Annotated[float, Field(ge=0.5, le=3600)] = 12.0
     """Between executions; the brakes close after 10 s."""
     motion: MotionSection = MotionSection()
     cube: CubeSection | None = None
-    """None: the thesis' cube for the iiwa, one within reach for others."""
+    """None: the cube of the thesis for the iiwa, a reachable cube for other shipped robots."""
     mains: MainsSettings = MainsSettings()
     recorder: RecorderSection = RecorderSection()
     clock: ClockSection = ClockSection()
@@ -128,16 +128,16 @@ class LabSettings(Section):
 
     @property
     def start_utc_ns(self) -> int:
-        """Of the campaign."""
+        """UTC (ns) of the start of the campaign."""
         return round(self.start.timestamp() * 1e6) * 1000
 
     @property
     def window_s(self) -> float:
-        """As asked for, or as the daemon chooses."""
+        """Window length (s): `window`, or the daemon's default for the mains frequency."""
         return self.window or (0.05 if self.mains.frequency > 55 else 0.04)
 
     def random(self, *stream: int) -> np.random.Generator:
-        """Reproducible random numbers of their own for each use."""
+        """Reproducible random numbers, independent for each `stream`."""
         return np.random.default_rng([self.seed, *stream])
 
 
@@ -148,7 +148,7 @@ class CampaignSettings(LabSettings):
     """A whole measured campaign."""
 
     profile: Profile = "thesis"
-    """use-case: with brake release and a gripped part as undeclared effects, unless `effects` says otherwise."""
+    """use-case: with brake release and a gripped part as undeclared effects, unless `effects` is given."""
     limited: Annotated[int, Field(ge=0, le=100_000)] = 202
     """Recordings in limited space (profile thesis)."""
     all_space: Annotated[int, Field(ge=0, le=100_000)] = 135
@@ -160,12 +160,12 @@ class CampaignSettings(LabSettings):
     session: Annotated[int, Field(ge=1, le=10_000)] = 24
     """Recordings per power stream."""
     cells: Annotated[int, Field(ge=1, le=1000)] = 1
-    """Virtual robots, each with its own deviations, mains and clock."""
+    """Virtual robots with different deviations, mains and clocks."""
 
     @model_validator(mode="before")
     @classmethod
-    def _real_assemblies_have_effects(cls, data: Any) -> Any:
-        """The thesis' models could replicate neither the brakes' peak nor a gripped part (chapters 9, 10)."""
+    def _default_effects_of_assemblies(cls, data: Any) -> Any:
+        """Two effects that the models of the thesis could not reproduce: brake release, gripped part (ch. 9, 10)."""
         if isinstance(data, dict) and data.get("profile") == "use-case" and "effects" not in data:
             hidden = [
                 EffectSpec(id="brake_release", declared=False),
@@ -176,4 +176,4 @@ class CampaignSettings(LabSettings):
 
 
 CAMPAIGN_ONLY = frozenset(CampaignSettings.model_fields) - frozenset(LabSettings.model_fields)
-"""Keys that a lone execution has no use for."""
+"""Keys that a single execution ignores."""

@@ -1,4 +1,4 @@
-"""One execution on the virtual cell: a trajectory or a recorded motion, metered, logged, accounted for."""
+"""A single execution on the virtual cell: a trajectory or a recorded motion, metered and logged."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from acqd.robot.table import read_table
 
 @dataclass(slots=True)
 class ExecutionReport:
-    """What one execution was."""
+    """Result of `execute`; `acqd lab execute --json` prints it."""
 
     name: str
     robot: str
@@ -40,19 +40,20 @@ class ExecutionReport:
     P_p99_W: float
     P_max_W: float
     energy_unaccounted: float
+    """Energy balance error, as a share of the supplied energy."""
     hidden_rms_W: float
-    """Power of the effects."""
+    """RMS power of the effects."""
     files: list[str] = field(default_factory=list)
     simulated: bool = True
 
 
 def execute(settings: LabSettings, source: Path, out: Path, *, waveform: bool = False) -> ExecutionReport:
-    """Run `source` and write rows, log, truth and report to the folder `out`. Raises UserError."""
+    """Execute `source` and write rows, log, truth and report to the folder `out`. Raises UserError."""
     late = [effect.id for effect in settings.effects if effect.recording > 1]
     if late:
         raise UserError(f"effect {late[0]}: from=: an execution has only one recording; use at= within it")
     cell = build_cell(settings)
-    performance = _load(cell, source)
+    task = _load(cell, source)
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise UserError(f"{out} exists and is not an empty folder; choose another --out")
     try:
@@ -64,7 +65,7 @@ def execute(settings: LabSettings, source: Path, out: Path, *, waveform: bool = 
     codes: list[Codes] = []
     complete = False
     try:
-        motion, truth = _perform(cell, performance, log, rows.write, codes.append if waveform else None)
+        motion, truth = _run(cell, task, log, rows.write, codes.append if waveform else None)
         complete = True
     finally:
         rows.close(complete=complete)
@@ -76,26 +77,27 @@ def execute(settings: LabSettings, source: Path, out: Path, *, waveform: bool = 
 
 
 def render(settings: LabSettings, source: Path, folder: Path) -> Path:
-    """Only the 20 kHz waveform of an execution, as an NPZ in `folder` that begins whenever it is played."""
+    """Write only the 20 kHz waveform of an execution, as an NPZ without a start time. Returns its path."""
     cell = build_cell(settings)
     codes: list[Codes] = []
-    _perform(cell, _load(cell, source), folder / "robot.log", lambda _: None, codes.append)
+    _run(cell, _load(cell, source), folder / "robot.log", lambda _: None, codes.append)
     return _write_waveform(folder / "waveform.npz", codes, settings, timed=False)
 
 
 @dataclass(frozen=True, slots=True)
-class _Performance:
-    """What to do, and where it starts."""
+class _Task:
+    """What to execute."""
 
     name: str
     start: Floats
+    """[axes] rad."""
     motion: Callable[[Controller], Motion]
 
 
-def _load(cell: Cell, source: Path) -> _Performance:
-    """A trajectory, or the motion of a log: whichever the file's columns say. Raises InputError."""
+def _load(cell: Cell, source: Path) -> _Task:
+    """A trajectory, or the motion of a robot log; the columns of the file decide. Raises InputError."""
     table = read_table(source)
-    if table.header is None:  # a trajectory, unless this robot's logs come without a header
+    if table.header is None:  # a trajectory, unless this robot's logs have no header
         is_log = any(not layout.header for layout in cell.robot.log) and table.values.shape[1] != cell.robot.axes
     else:
         is_log = not all(name.endswith("_deg") for name in table.header)
@@ -103,28 +105,28 @@ def _load(cell: Cell, source: Path) -> _Performance:
         trajectory = read_trajectory(source, cell.robot)
         require_free(cell.checker, trajectory.waypoints[0], f"the first position of {source}", cell.scene.name)
         program = cell.planner.program(trajectory, cell.random(MOTION, 1, 1))
-        return _Performance(trajectory.name, trajectory.waypoints[0], lambda controller: controller.run(program))
+        return _Task(trajectory.name, trajectory.waypoints[0], lambda controller: controller.run(program))
     motion = motion_of(read_log(source, cell.robot), cell.robot)
-    return _Performance(source.stem, motion.q[0], lambda _: motion)
+    return _Task(source.stem, motion.q[0], lambda _: motion)
 
 
-def _perform(
+def _run(
     cell: Cell,
-    performance: _Performance,
+    task: _Task,
     log: Path,
     deliver: Callable[[WindowBatch], None],
     keep: Callable[[Codes], None] | None,
 ) -> tuple[Motion, SessionTruth]:
-    session = Session(cell, 0, cell.settings.start_utc_ns, performance.start, deliver, keep)
+    session = Session(cell, 0, cell.settings.start_utc_ns, task.start, deliver, keep)
     session.pause([Phase("idle"), Wait(2.0)], 1)
-    motion = performance.motion(session.controller)
-    session.record_motion(motion, 1, performance.name, log)
+    motion = task.motion(session.controller)
+    session.record_motion(motion, 1, task.name, log)
     session.controller.position = motion.q[-1]
     return motion, session.finish()
 
 
 def _write_waveform(path: Path, parts: list[Codes], settings: LabSettings, *, timed: bool) -> Path:
-    """As an EL3783 would have delivered it; see docs/waveforms.md."""
+    """Write the codes of an EL3783 as NPZ (docs/waveforms.md)."""
     codes = np.concatenate(parts)
     form = Mains(settings.mains, settings.random(0)).form
     arrays = {"u_code": codes[:, :1].T, "i_code": codes[:, 1:].T, "simulated": np.array(1)}

@@ -1,7 +1,7 @@
 """The 10/12-cycle value of IEC 61000-4-30 (about 200 ms): gapless, over exact cycles.
 
-10 cycles at 50 Hz, 12 at 60 Hz. A 40 ms window is no 61000-4-30 value; this is one, as far as the
-method goes (the instrument's uncertainty is its hardware's).
+10 cycles at 50 Hz, 12 at 60 Hz. A 40 ms window is not a value of IEC 61000-4-30. This one is, as far
+as the method goes; the instrument's uncertainty depends on its hardware.
 """
 
 from __future__ import annotations

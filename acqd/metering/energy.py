@@ -1,4 +1,4 @@
-"""The energy register: W without rounding, import and export apart.
+"""The energy register: W without rounding, import and export kept separately.
 
 A window's energy is the sum of u_code * i_code over its samples: an integer below 2^41, exact in
 a double. The registers add those integers as Python integers, so a year at 20 kHz (6.3e11
@@ -31,7 +31,7 @@ class EnergyRegister:
     def __init__(self, kwh_per_count: list[float], start: list[tuple[float, float]] | None = None) -> None:
         """`kwh_per_count[p]` is the energy of one u_code * i_code of phase p over one sample.
 
-        `start` is each phase's (imported, exported) [kWh] to go on from after a restart.
+        `start` is each phase's (imported, exported) [kWh] to continue from after a restart.
         """
         self._unit = [Fraction(unit) for unit in kwh_per_count]
         self._float_unit = np.array(kwh_per_count)
@@ -43,7 +43,7 @@ class EnergyRegister:
 
     @staticmethod
     def kwh_per_count(volts_per_digit: float, amperes_per_digit: float, rate: float) -> float:
-        """kWh that one product of codes stands for at `rate` samples/s."""
+        """Energy [kWh] of one product of codes at `rate` samples/s."""
         return volts_per_digit * amperes_per_digit / rate / _WS_PER_KWH
 
     def add(self, counts: Floats) -> EnergyColumns:

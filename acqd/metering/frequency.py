@@ -26,7 +26,7 @@ _GRID = 0.02  # Hz between trial frequencies; the second-order error at half a s
 _HARMONICS = 25  # EN 50160 tabulates harmonics up to here
 _CACHED = 128  # trial frequencies kept: 2.5 Hz of wander, 4 MB at 1000 samples
 _STEPS = 4
-_COARSE = np.arange(F_MIN - _MARGIN, F_MAX + _MARGIN + 0.5, 0.5)  # Hz, where a search from nothing looks
+_COARSE = np.arange(F_MIN - _MARGIN, F_MAX + _MARGIN + 0.5, 0.5)  # Hz, grid of a search over the whole range
 _MIN_PURITY = 0.80  # share of the AC power a mains voltage carries in its fundamental
 
 
@@ -62,7 +62,7 @@ class FrequencyEstimator:
         else:
             f, purity = self._iterate(windows, np.full(len(ends), _to_grid(self._trial)))
             lost = np.flatnonzero(~_credible(f, purity))
-            if lost.size:  # not near the last frequency: look for it from nothing, once
+            if lost.size:  # not near the last frequency: search the whole range, once
                 f[lost], purity[lost] = self._iterate(windows[:, lost], self._coarse(windows[:, lost]))
         credible = _credible(f, purity)
         if credible.all():
@@ -112,7 +112,7 @@ class FrequencyEstimator:
         return _to_grid(_COARSE[np.argmax(spectrum, axis=1)])
 
     def _projection(self, point: int) -> Floats:
-        """[samples, 4] such that window @ it = (Re c, -Im c, Re d, -Im d) at grid point `point`."""
+        """Matrix M [samples, 4] with window @ M = (Re c, -Im c, Re d, -Im d) at grid point `point`."""
         rows = self._rows.pop(point, None)
         if rows is None:
             omega = 2 * np.pi * point * _GRID

@@ -1,6 +1,6 @@
 """Integrals of a sampled signal between fractional sample positions.
 
-Sample k stands for the cell [k, k + 1). Inside the two cells that an interval cuts, the signal is
+Sample k represents the cell [k, k + 1). Inside the two cells that an interval cuts, the signal is
 taken as the straight line through its neighbours, so that the mean over whole periods converges
 with the third power of the step instead of the first; for a whole number of cells the result is
 the plain sum, to the last bit.

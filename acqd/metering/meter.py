@@ -76,7 +76,7 @@ class Meter:
         return WindowBatch.join(batches) if batches else None
 
     def finish(self) -> int:
-        """Samples received after the last whole window (no row tells of them)."""
+        """Samples received after the last whole window (they are in no row)."""
         return self._stream.pending
 
     def _whole(self, piece: Piece) -> WindowBatch:
@@ -116,7 +116,7 @@ class Meter:
         return self._columns(piece, means, f, energy_counts, flags)
 
     def _broken(self, piece: Piece) -> WindowBatch:
-        """Meter one window with samples missing: the longest unbroken run stands for it."""
+        """Meter one window with samples missing: its values are those of the longest unbroken run."""
         runs = [_channels(run) for run in piece.runs]
         energy_counts = sum(((u * i).sum(axis=1, keepdims=True) for u, i in runs), np.zeros((self.form.phases, 1)))
         u, i = max(runs, key=lambda run: run[0].shape[1])
@@ -132,7 +132,7 @@ class Meter:
             means = interval_sums(products, start, start + span) / span
             np.maximum(means[:2], 0.0, out=means[:2])
         else:
-            means = np.full((3, self.form.phases, 1), np.nan)  # less than one cycle says nothing
+            means = np.full((3, self.form.phases, 1), np.nan)  # less than one cycle gives no value
         flags = piece.row_flags(self.form.phases)
         _mark(flags, 0, "start" if piece.first else "gap")
         with np.errstate(invalid="ignore"):
@@ -142,7 +142,7 @@ class Meter:
         return self._columns(piece, np.asarray(means), np.array([np.nan]), energy_counts, flags)
 
     def _estimate_f(self, u: Floats, ends: np.ndarray) -> Floats:
-        """f of each window [Hz]; a run's first window may have to do with its own samples."""
+        """f of each window [Hz]; the first window of a run may have only its own samples."""
         short = int(np.searchsorted(ends, self._frequency.samples))
         if not short:
             return self._frequency.estimate(u, ends)
@@ -193,11 +193,11 @@ class Meter:
 
 
 def _synchronous(starts: np.ndarray, ends: np.ndarray, length: Floats) -> tuple[Floats, Floats, np.ndarray]:
-    """Bounds of the whole cycles to meter in each window, and which had to do with half of them.
+    """Bounds of the whole cycles to meter in each window, and which windows meter only half as many.
 
-    In the middle of the window when they fit, which keeps their lag constant whatever f is;
-    otherwise up to the window's end and back into the history. At a stream's start there may be
-    too little of that: then one cycle must do.
+    The cycles lie in the middle of the window when they fit, which keeps their lag constant whatever
+    f is; otherwise they end with the window and reach back into the history. At a stream's start the
+    history may be too short: then one cycle is metered.
     """
     room = (ends - starts) - length
     start = np.where(room >= 0, starts + room / 2, ends - length)

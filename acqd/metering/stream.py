@@ -89,12 +89,12 @@ class WindowStream:
         if block.flags:
             self._marks.append((block.index, last, block.flags - {"clock_step"}))
         if "clock_step" in block.flags:
-            # The step is an event: it belongs to the first window that is told in the new time.
+            # The step is an event: it belongs to the first window that has the new time.
             start = self._grid.start(self._grid.containing(block.index))
             self._marks.append((start, start + 1, frozenset({"clock_step"})))
 
     def _break(self, block: SampleBlock) -> Iterator[Piece]:
-        """A gap before `block`: close the window it tore, start a new run behind it."""
+        """A gap before `block`: close the window that it breaks, start a new run after it."""
         assert self._run is not None
         if block.index < self._origin + len(self._run):
             raise ValueError(f"block at sample {block.index} goes back before {self._origin + len(self._run)}")
@@ -110,7 +110,7 @@ class WindowStream:
         if "clock_step" in block.flags:
             self._anchor = (block.index, block.utc_ns)
         start = self._grid.start(window)
-        if start == block.index:  # the gap ends exactly with a window: the next one still tells of it
+        if start == block.index:  # the gap ends exactly with a window: the next window carries the flag
             self._marks.append((start, start + 1, frozenset({"gap"})))
 
     def _drain(self) -> Iterator[Piece]:

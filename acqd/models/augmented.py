@@ -1,4 +1,4 @@
-"""A model with physical effects added: each of them addressable, and as easily taken away again."""
+"""A model with added physical effects; every effect can be addressed and removed."""
 
 from __future__ import annotations
 
@@ -21,28 +21,28 @@ from acqd.models.predictor import Predictor
 
 @dataclass(frozen=True, slots=True)
 class Term:
-    """One effect with its parameters."""
+    """An effect with its parameters."""
 
     id: str
     where: str
     shape: dict[str, float]
     columns: tuple[int, ...]
-    """Of what `Effect.at` gives."""
+    """Indices into the columns of `Effect.at`."""
     coefficients: Floats
-    """W per unit of each of those columns, times its parameter."""
+    """[columns] weights of the columns."""
     parameters: dict[str, Any]
-    """Parameters with units and intervals, as the closing report has them."""
+    """Parameters with units and intervals, for reports."""
 
     @classmethod
     def of(
         cls, identity: str, place: Place, shape: dict[str, float], values: Floats, parameters: dict[str, Any]
     ) -> Term:
-        """From fitted values and what the closing report says of each parameter."""
+        """From fitted values, and the parameters as reports show them."""
         weights = values if place.mix is None else place.mix @ values
         return cls(identity, place.where, shape, place.columns, np.asarray(weights), parameters)
 
     def rows(self, scene: Scene) -> Floats:
-        """[T] W."""
+        """[T] W of the effect."""
         effect = library()[self.id]
         return effect_rows_at(effect, scene, self.shape, self.columns, self.coefficients) @ self.coefficients
 
@@ -59,7 +59,7 @@ class Term:
 
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> Term:
-        """Back from bundle.json."""
+        """From bundle.json. Raises ValueError for an unknown effect."""
         if data["id"] not in library():
             raise ValueError(f"effect {data['id']!r} is unknown to this version of acqd")
         return cls(
@@ -70,11 +70,11 @@ class Term:
 
 @dataclass(slots=True)
 class _State:
-    """Of a row-by-row prediction."""
+    """State of a row-by-row prediction."""
 
     base: Any
     recent: deque[tuple[Floats, Floats]]
-    """Angles and signals of the last rows: what effects need of the past."""
+    """Angles and signals of the last rows, for effects that depend on the past."""
 
 
 _PAST = 75
@@ -83,7 +83,7 @@ _USUAL_V = 230.0
 
 
 class Augmented(Predictor):
-    """See the module. `carrier` is the grey box whose torques the effects act on; often it is the base itself."""
+    """A base model plus terms; `carrier` is the grey box whose torques the effects use, often the base itself."""
 
     def __init__(self, base: Predictor, carrier: GreyBox, terms: list[Term]) -> None:
         self.base, self.carrier, self.terms = base, carrier, terms
@@ -96,17 +96,17 @@ class Augmented(Predictor):
 
     @classmethod
     def of(cls, base: Predictor, carrier: GreyBox, terms: list[Term]) -> Predictor:
-        """`base` with more terms, beside those that it may have already."""
+        """`base` with more terms, in addition to its own."""
         if isinstance(base, Augmented):
             return cls(base.base, base.carrier, [*base.terms, *terms])
         return cls(base, carrier, terms) if terms else base
 
     def without(self, identity: str) -> Augmented:
-        """The same with one effect taken away."""
+        """The model without one effect."""
         return Augmented(self.base, self.carrier, [term for term in self.terms if term.id != identity])
 
     def usual_signals(self) -> Floats:
-        """See Predictor."""
+        """[signals] usual values, for signals that are not logged; the nominal voltage for Vrms."""
         usual = dict(zip(self.carrier.signals, self.carrier.usual_signals(), strict=True))
         usual |= dict(zip(self.base.signals, self.base.usual_signals(), strict=True))
         nominal = [term.shape["nominal_V"] for term in self.terms if "nominal_V" in term.shape]
@@ -114,12 +114,12 @@ class Augmented(Predictor):
         return np.array([usual.get(name, 0.0) for name in self.signals])
 
     def sequence(self, q: Floats, signals: Floats | None = None, start_s: float | None = None) -> Floats:
-        """See Predictor; effects that follow the clock need `start_s` (Unix s), without it they are at rest."""
+        """[T] W of a recording; effects that follow the clock need `start_s` (Unix s) and are 0 without."""
         known = self.known(signals, len(q))
         return self._base_rows(padded(q, self.base.radius), known) + self.effects(padded(q, RADIUS), known, start_s)
 
     def run(self, q: Floats, signals: Floats) -> Floats:
-        """See Predictor."""
+        """[T] W for angles [T + 2 radius, axes] and signals [T, k]."""
         inner, outer = self.radius - self.base.radius, self.radius - RADIUS
         base = self._base_rows(q[inner : len(q) - inner], signals)
         return base + self.effects(q[outer : len(q) - outer], signals, None)
@@ -131,10 +131,10 @@ class Augmented(Predictor):
         scene = self._scene(q, signals, start_s)
         powers = []
         for term in self.terms:
-            if start_s is not None and "origin_s" in term.shape:  # every term has a clock of its own
+            if start_s is not None and "origin_s" in term.shape:  # every term keeps its session start
                 scene.memory["origin_s"] = term.shape["origin_s"]
             powers.append(term.rows(scene))
-        if start_s is not None:  # an effect that began later was not there before
+        if start_s is not None:  # an effect with a later start
             t = start_s + self.step_s * np.arange(scene.rows)
             powers = [
                 np.where(t >= term.shape.get("begin_s", -np.inf), power, 0.0)
@@ -151,11 +151,11 @@ class Augmented(Predictor):
         return self.base.run(q, signals[:, : len(self.base.signals)])
 
     def start(self) -> Any:
-        """See Predictor."""
+        """Initial state of a row-by-row prediction."""
         return _State(self.base.start(), deque(maxlen=_PAST))
 
     def step(self, state: Any, window: Floats, signals: Floats) -> float:
-        """See Predictor; effects are computed from the last three seconds."""
+        """W of one row; effects are computed from the last three seconds."""
         inner, middle = self.radius - self.base.radius, self.radius
         base = self.base.step(state.base, window[inner : len(window) - inner], signals[: len(self.base.signals)])
         if not self.terms:

@@ -1,4 +1,4 @@
-"""What is asked of training, and what it hands over to be written."""
+"""Request and result of a training."""
 
 from __future__ import annotations
 
@@ -14,33 +14,40 @@ from acqd.models.predictor import Predictor
 GREY_BOX = "grey-box"
 HYBRID = "hybrid"
 Progress: TypeAlias = Callable[[str, float, float], None]
-"""Gets what is done, its share, and the seconds left (NaN: unknown)."""
+"""Called with the present activity, the completed share, and the remaining seconds (NaN: unknown)."""
 
 
 @dataclass(frozen=True, slots=True)
 class TrainConfig:
-    """One model on one dataset."""
+    """One model to be trained on one dataset."""
 
     dataset: Path
+    """Folder of the dataset."""
     network: str
+    """One of `training.NAMES`."""
     out: Path
-    """The bundle's directory."""
+    """Folder of the bundle."""
     kinds: tuple[str, ...] = ()
-    """Of trajectories to train on; none: all."""
+    """Kinds of trajectories to train on; empty: all."""
     seed: int = 1
+    """Of initial weights, batches and random selections."""
     settings: TrainingSettings = field(default_factory=TrainingSettings)
+    """Of a network; physical models ignore them."""
     robot: str | None = None
-    """Description for the physical models; None: the dataset's."""
+    """Robot description of the physical models; None: the one that the dataset names."""
     withheld: tuple[str, ...] = ()
-    """Groups of parameters that a grey box is denied: a model of deliberately poor structure, to judge others by."""
+    """Parameter groups that stay zero: a grey box of deliberately poor structure, to test `acqd close-loop`."""
 
 
 @dataclass(frozen=True, slots=True)
-class Made:
-    """A predictor and what its bundle has to say of it."""
+class TrainedModel:
+    """A predictor, and the entries of its bundle that depend on the kind of model."""
 
     kind: str
+    """grey_box, hybrid or network."""
     predictor: Predictor
     metadata: dict[str, Any]
+    """Entries of bundle.json."""
     arrays: Arrays
     engine: str
+    """What computed the fit."""

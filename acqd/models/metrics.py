@@ -1,4 +1,4 @@
-"""How far predictions are off (thesis Eq. 8.1 to 8.3), and the energy that a recording is off by."""
+"""Errors of predicted power (thesis Eq. 8.1 to 8.3) and of the predicted energy of a recording."""
 
 from __future__ import annotations
 
@@ -17,28 +17,28 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Metrics:
-    """Over all rows of some recordings."""
+    """Errors over all rows of a set of recordings."""
 
     mae: float
-    """W."""
+    """Mean absolute error, W."""
     rmse: float
-    """W."""
+    """Root mean squared error, W."""
     bias: float
-    """W, prediction minus measurement."""
+    """W, predicted minus measured."""
     r2: float
-    """Explained share of the measured power's variance."""
+    """Coefficient of determination; a bias counts against it."""
     energy_p95: float
-    """|energy error| of a recording, relative, that 95 % stay below."""
+    """95th percentile over recordings of the relative energy error |predicted - measured| / measured."""
     rows: int
     recordings: int
 
     def as_json(self) -> dict[str, float]:
-        """For bundle.json."""
+        """All figures by name."""
         return asdict(self)
 
 
 def signals_of(model: Predictor, segment: Segment) -> Floats | None:
-    """The logged states that a model uses, or None where one is missing."""
+    """[T, k] logged signals that a model uses; None when one of them was not logged."""
     known = segment.signals | {"Vrms": segment.channels["Vrms"]} if "Vrms" in segment.channels else segment.signals
     if not all(name in known for name in model.signals):
         return None
@@ -46,26 +46,26 @@ def signals_of(model: Predictor, segment: Segment) -> Floats | None:
 
 
 def predictions(model: Predictor, segments: Iterable[Segment]) -> list[Floats]:
-    """[T] W for each stretch."""
+    """Predicted power [T] W of each segment."""
     return [model.sequence(segment.q, signals_of(model, segment), segment.start_s) for segment in segments]
 
 
 def measure(predicted: list[Floats], segments: list[Segment]) -> Metrics:
-    """Of predictions beside what was measured."""
-    error = np.concatenate([guess - segment.P for guess, segment in zip(predicted, segments, strict=True)])
+    """Errors of `predicted` power [T] W per segment against the measured power."""
+    error = np.concatenate([power - segment.P for power, segment in zip(predicted, segments, strict=True)])
     P = np.concatenate([segment.P for segment in segments])
     energy: dict[str, list[float]] = {}
-    for guess, segment in zip(predicted, segments, strict=True):
+    for power, segment in zip(predicted, segments, strict=True):
         sums = energy.setdefault(segment.recording, [0.0, 0.0])
-        sums[0] += float(guess.sum())
+        sums[0] += float(power.sum())
         sums[1] += float(segment.P.sum())
-    off = [abs(guess - true) / max(abs(true), 1e-9) for guess, true in energy.values()]
+    energy_errors = [abs(sum_predicted - true) / max(abs(true), 1e-9) for sum_predicted, true in energy.values()]
     return Metrics(
         float(np.abs(error).mean()),
         float(np.sqrt((error**2).mean())),
         float(error.mean()),
         float(1 - (error**2).mean() / max(P.var(), 1e-12)),
-        float(np.percentile(off, 95)),
+        float(np.percentile(energy_errors, 95)),
         len(error),
         len(energy),
     )

@@ -1,4 +1,4 @@
-"""Inputs and target in the range that networks like (thesis section 7.3.1)."""
+"""Scaling of inputs and target for networks (thesis section 7.3.1)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from acqd.models.features import motion
 if TYPE_CHECKING:
     from acqd.models.segments import Segment
 
-_LEAST_SCALE = 1e-3  # of an axis that hardly moves: its noise is not blown up
+_MIN_SCALE = 1e-3  # so that the noise of an axis that hardly moves is not amplified
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,17 +29,17 @@ class Normalisation:
 
     @classmethod
     def thesis(cls, axes: int) -> Normalisation:
-        """The constants of section 7.3.1, for the iiwa."""
+        """The constants of thesis section 7.3.1, for the iiwa."""
         scale = np.repeat([[3.0], [1.6], [13.0]], axes, axis=1)
         return cls(np.zeros((3, axes)), scale, 155.0, 166.0)
 
     @classmethod
     def fitted(cls, segments: list[Segment], step_s: float) -> Normalisation:
-        """Mean and standard deviation of training data."""
-        moments = [np.concatenate(parts) for parts in zip(*(motion(s.q, step_s) for s in segments), strict=True)]
+        """Mean and standard deviation of the training segments."""
+        quantities = [np.concatenate(parts) for parts in zip(*(motion(s.q, step_s) for s in segments), strict=True)]
         P = np.concatenate([s.P for s in segments])
-        offset = np.array([values.mean(axis=0) for values in moments])
-        scale = np.array([np.maximum(values.std(axis=0), _LEAST_SCALE) for values in moments])
+        offset = np.array([values.mean(axis=0) for values in quantities])
+        scale = np.array([np.maximum(values.std(axis=0), _MIN_SCALE) for values in quantities])
         return cls(offset, scale, float(P.mean()), float(P.std()))
 
     def inputs(self, order: int, values: Floats) -> Floats:
@@ -47,7 +47,7 @@ class Normalisation:
         return np.asarray((values - self.offset[order]) / self.scale[order])
 
     def as_json(self) -> dict[str, Any]:
-        """For bundle.json."""
+        """The entry of bundle.json."""
         names = ("q_rad", "qd_rad_s", "qdd_rad_s2")
         axes = {
             name: {"offset": self.offset[k].tolist(), "scale": self.scale[k].tolist()} for k, name in enumerate(names)
@@ -56,11 +56,11 @@ class Normalisation:
 
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> Normalisation:
-        """Back from bundle.json."""
+        """The inverse of `as_json`."""
         axes = [data[name] for name in ("q_rad", "qd_rad_s", "qdd_rad_s2")]
         return cls(
-            np.array([each["offset"] for each in axes]),
-            np.array([each["scale"] for each in axes]),
+            np.array([quantity["offset"] for quantity in axes]),
+            np.array([quantity["scale"] for quantity in axes]),
             float(data["P_W"]["offset"]),
             float(data["P_W"]["scale"]),
         )

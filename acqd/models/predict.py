@@ -1,4 +1,4 @@
-"""Power for one robot log, with what lies outside of the model's experience flagged."""
+"""Predicted power of one robot log, with a flag on rows outside the range of the training data."""
 
 from __future__ import annotations
 
@@ -18,66 +18,72 @@ from acqd.robot.description import load_description
 from acqd.robot.log import RobotLog, in_time, read_log
 
 _GAP_S = 0.25
-_LEAST_ROWS = 3
+_MIN_ROWS = 3
 
 
 @dataclass(frozen=True, slots=True)
 class Prediction:
-    """Rows at the model's step; NaN where the log has a gap."""
+    """Rows at the model's step."""
 
     time: Floats
     """[T] s, controller clock as logged."""
     P: Floats
-    """[T] W."""
+    """[T] W; NaN where the log has a gap."""
     outside: NDArray[np.bool_]
-    """[T]: motion beyond what the model was trained on."""
+    """[T], True for motion outside the envelope of the training data."""
     step_s: float
 
     def energy(self) -> float:
-        """kWh of all predicted rows."""
+        """Energy of all predicted rows in kWh."""
         return float(np.nansum(self.P)) * self.step_s / 3.6e6
 
     def write(self, path: Path) -> None:
-        """As CSV. Raises UserError."""
+        """Write the rows as CSV. Raises UserError."""
         lines = ["time,P_predicted_W,outside_envelope"]
         rows = zip(self.time, self.P, self.outside, strict=True)
         lines += [f"{t:.6f},{'' if np.isnan(p) else f'{p:.4f}'},{int(flag)}" for t, p, flag in rows]
-        beside = path.with_name(f".{path.name}.new")
+        unfinished = path.with_name(f".{path.name}.new")
         try:
             if path.is_dir():
                 raise IsADirectoryError(21, "is a folder")
-            beside.write_text("\n".join([*lines, ""]), encoding="ascii")
-            beside.replace(path)
+            unfinished.write_text("\n".join([*lines, ""]), encoding="ascii")
+            unfinished.replace(path)
         except OSError as error:
-            beside.unlink(missing_ok=True)
+            unfinished.unlink(missing_ok=True)
             raise UserError(f"{path}: {error.strerror}; nothing was written, choose another --out") from None
 
 
 def predict_log(bundle: Bundle, model: Predictor, path: Path, robot: str | None = None) -> Prediction:
-    """Read a log of the bundle's robot and predict. Raises InputError, UserError."""
+    """Read a log and predict its power. `robot`: a description other than the bundle's.
+
+    Raises InputError, UserError.
+    """
     log = read_log(path, load_description(robot or bundle.metadata["description"]))
     if log.q.shape[1] != model.axes:
         raise InputError(
-            path, f"has {log.q.shape[1]} axes, the model {model.axes}: is it of {bundle.metadata['robot']}?"
+            path, f"has {log.q.shape[1]} axes, the model {model.axes}: is it a log of {bundle.metadata['robot']}?"
         )
     return predict(bundle, model, log)
 
 
 def predict(bundle: Bundle, model: Predictor, log: RobotLog) -> Prediction:
-    """Angles to the model's step, each stretch without a gap on its own. Raises InputError."""
+    """Resample the angles to the model's step and predict each segment without a gap.
+
+    Raises InputError for a log that is too short or full of gaps, UserError for angles in degrees.
+    """
     stamps, rows = in_time(log)
     step = model.step_s
-    time = np.asarray(stamps - stamps[0])  # since 1970, a double resolves no better than 0.2 us
+    time = np.asarray(stamps - stamps[0])  # a double of seconds since 1970 resolves 0.2 us only
     grid = np.asarray(step * np.arange(int(time[-1] / step + 1e-6) + 1))
-    if len(grid) < _LEAST_ROWS:
+    if len(grid) < _MIN_ROWS:
         raise InputError(log.path, f"is {time[-1]:.2f} s long: too short to predict")
     q = np.column_stack([resampled(grid, time, log.q[rows, axis], step) for axis in range(model.axes)])
     signals = _signals(model, log, grid, time, rows)
     P = np.full(len(grid), np.nan)
-    for begin, end in _without_gaps(grid, time):
-        P[begin:end] = model.sequence(q[begin:end], None if signals is None else signals[begin:end])
+    for first, end in _without_gaps(grid, time):
+        P[first:end] = model.sequence(q[first:end], None if signals is None else signals[first:end])
     if not np.isfinite(P).any():
-        raise InputError(log.path, f"has no {_LEAST_ROWS} rows without a gap of {_GAP_S} s: nothing to predict")
+        raise InputError(log.path, f"has fewer than {_MIN_ROWS} rows between gaps of {_GAP_S} s: nothing to predict")
     outside = Envelope.from_json(bundle.metadata["envelope"]).outside(q, step)
     if outside.mean() > 0.5 and np.abs(q).max() > 2 * np.pi:
         raise UserError(f"{log.path}: angles reach {np.abs(q).max():.0f}: are they degrees? Expected radians")
@@ -92,8 +98,8 @@ def _signals(model: Predictor, log: RobotLog, grid: Floats, time: Floats, rows: 
 
 
 def _without_gaps(grid: Floats, time: Floats) -> list[tuple[int, int]]:
-    """First and one past the last grid point of each stretch that the log covers."""
+    """First grid point, and the one after the last, of each segment that the log covers."""
     breaks = np.flatnonzero(np.diff(time) > _GAP_S)
-    begins, ends = np.concatenate([[time[0]], time[breaks + 1]]), np.concatenate([time[breaks], [time[-1]]])
-    spans = zip(np.searchsorted(grid, begins - 1e-6), np.searchsorted(grid, ends + 1e-6), strict=True)
-    return [(int(begin), int(end)) for begin, end in spans if end - begin >= _LEAST_ROWS]
+    starts, ends = np.concatenate([[time[0]], time[breaks + 1]]), np.concatenate([time[breaks], [time[-1]]])
+    spans = zip(np.searchsorted(grid, starts - 1e-6), np.searchsorted(grid, ends + 1e-6), strict=True)
+    return [(int(first), int(end)) for first, end in spans if end - first >= _MIN_ROWS]

@@ -1,4 +1,4 @@
-"""What every model does: power of a whole recording, or row by row as angles arrive."""
+"""Interface of every model: power of a whole segment, or row by row as angles arrive."""
 
 from __future__ import annotations
 
@@ -13,44 +13,44 @@ from acqd.models.features import padded
 
 
 class Predictor(ABC):
-    """Power from joint angles at even steps; plain numpy, so that a measurement PC needs nothing else."""
+    """Predicts power from joint angles at a constant step. Plain numpy, so that a measurement PC needs no torch."""
 
     axes: int
     step_s: float
     radius: int
-    """Rows to either side that a row's prediction needs: a live prediction is late by so many steps."""
+    """Rows before and after a row that its prediction needs; a live prediction is late by as many steps."""
     signals: tuple[str, ...] = ()
-    """Logged states that are used besides the angles, in this order."""
+    """Logged signals that are used in addition to the angles, in this order."""
 
     def sequence(self, q: Floats, signals: Floats | None = None, start_s: float | None = None) -> Floats:  # noqa: ARG002
-        """[T] W for angles [T, axes] (rad) and signals [T, len(self.signals)]; `start_s`: UTC of the first (Unix s)."""
+        """Power [T] W of angles [T, axes] rad and signals [T, k], None: the usual; `start_s`: Unix time of row 0."""
         return self.run(padded(q, self.radius), self.known(signals, len(q)))
 
     def known(self, signals: Floats | None, rows: int) -> Floats:
-        """Signals [rows, k], or what they usually were in training."""
+        """Signals [rows, k]; None is replaced by the usual values."""
         if signals is not None:
             return signals
         return np.tile(self.usual_signals(), (rows, 1))
 
     def usual_signals(self) -> Floats:
-        """[k] values of signals that nobody logged."""
+        """Values [k] that stand for signals that were not logged."""
         return np.zeros(len(self.signals))
 
     @abstractmethod
     def run(self, q: Floats, signals: Floats) -> Floats:
-        """[T] W for angles [T + 2 radius, axes] and signals [T, k]."""
+        """Power [T] W of angles [T + 2 radius, axes] rad and signals [T, k]."""
 
     @abstractmethod
     def start(self) -> Any:
-        """The state before the first row."""
+        """State before the first row."""
 
     @abstractmethod
     def step(self, state: Any, window: Floats, signals: Floats) -> float:
-        """W for the middle of angles [2 radius + 1, axes]; moves `state` on."""
+        """Power in W of the middle row of angles [2 radius + 1, axes], with signals [k]; updates `state`."""
 
 
 class Stream:
-    """Predictions row by row, equal to those of the whole sequence; each comes `radius` rows late."""
+    """Predicts row by row, `radius` rows late. The result equals `Predictor.sequence` of all rows."""
 
     def __init__(self, model: Predictor) -> None:
         self._model = model
@@ -59,22 +59,22 @@ class Stream:
         self._signals: deque[Floats] = deque(maxlen=model.radius + 1)
 
     def step(self, q: Floats, signals: Floats | None = None) -> float | None:
-        """Take angles [axes] and signals [k]; the power `radius` rows ago, None while that lies before the first."""
-        q = np.array(q)  # the caller may fill the same array again
+        """Add a row: angles [axes] rad, signals [k]. Returns the power `radius` rows ago, None before the first row."""
+        q = np.array(q)  # a copy: the caller may reuse the array
         self._signals.append(self._model.usual_signals() if signals is None else np.array(signals))
         if not self._rows:
             self._rows.extend([q] * self._model.radius)
         return self._push(q)
 
     def finish(self) -> list[float]:
-        """Predictions of the last `radius` rows, with the last angles held."""
-        late: list[float] = []
+        """Power of the last `radius` rows, with the last angles held."""
+        predicted: list[float] = []
         for _ in range(self._model.radius if self._rows else 0):
             self._signals.append(self._signals[-1])
             value = self._push(self._rows[-1])
             if value is not None:
-                late.append(value)
-        return late
+                predicted.append(value)
+        return predicted
 
     def _push(self, q: Floats) -> float | None:
         self._rows.append(q)

@@ -1,4 +1,4 @@
-"""The fourteen combinations of Table 7.1: which network is trained on which trajectories."""
+"""The fourteen combinations of network and training data in Table 7.1 of the thesis."""
 
 from __future__ import annotations
 
@@ -17,18 +17,20 @@ _MANUAL = ("7x1dim", "14x1dim", "21x1dim")
 
 
 def table_7_1(kinds: list[str]) -> list[tuple[str, tuple[str, ...]]]:
-    """Networks with manual features on each kind and on all, the others on all. Raises UserError."""
+    """Pairs of network and kinds of trajectories (empty: all).
+
+    Networks with manual features are trained on each kind and on all, the others on all. Raises UserError.
+    """
     if len(kinds) != 2:
         raise UserError(
             f"Table 7.1 compares two kinds of trajectories, limited and all space; this dataset has {', '.join(kinds)}"
         )
-    both: tuple[str, ...] = ()  # everything
     separate = [(name, (kind,)) for name in _MANUAL for kind in kinds]
-    return [*separate, *((name, both) for name in ARCHITECTURES)]
+    return [*separate, *((name, ()) for name in ARCHITECTURES)]
 
 
-def orders(template: TrainConfig, models: Path) -> list[TrainConfig]:
-    """One order per combination, into bundles under `models`."""
+def table_7_1_configs(template: TrainConfig, models: Path) -> list[TrainConfig]:
+    """One request per combination, with bundles in the folder `models`. Raises UserError."""
     kinds = load_dataset(template.dataset).kinds
     return [
         replace(template, network=name, kinds=chosen, out=models / bundle_name(name, chosen, template.seed))
@@ -36,15 +38,16 @@ def orders(template: TrainConfig, models: Path) -> list[TrainConfig]:
     ]
 
 
-def run_order(order: TrainConfig) -> tuple[str, dict[str, Any]]:
-    """Train, unless the same was trained before: what a worker does. Returns the path and what bundle.json says."""
-    if is_bundle(order.out):
-        about = load_bundle(order.out).metadata
-        same = about["provenance"]["manifest_sha256"] == load_dataset(order.dataset).digest
-        if same and about.get("settings") == order.settings.as_json() and about["training"]["seed"] == order.seed:
-            return str(order.out), about
-    return str(order.out), train_one(order, _silent)
+def train_unless_done(config: TrainConfig) -> tuple[str, dict[str, Any]]:
+    """Train in a worker, unless the same bundle exists already. Returns its path and metadata."""
+    if is_bundle(config.out):
+        metadata = load_bundle(config.out).metadata
+        same_data = metadata["provenance"]["manifest_sha256"] == load_dataset(config.dataset).digest
+        same_settings = metadata.get("settings") == config.settings.as_json()
+        if same_data and same_settings and metadata["training"]["seed"] == config.seed:
+            return str(config.out), metadata
+    return str(config.out), train_one(config, _silent)
 
 
 def _silent(what: str, share: float, left_s: float) -> None:
-    """Workers report when they are done."""
+    """A worker reports its result only."""

@@ -1,4 +1,4 @@
-"""A dataset as models see it: stretches of valid rows with their split."""
+"""Datasets in memory: segments of valid rows, each with its part of the split."""
 
 from __future__ import annotations
 
@@ -15,52 +15,53 @@ from acqd.dataset.split import Part
 from acqd.errors import InputError, UserError
 from acqd.numerics import runs_of_true
 
-_LEAST_S = 2.0
+_MIN_S = 2.0
 SIGNALS = ("brake", "tool")
-"""Logged states that a model may use."""
+"""Logged signals that a model may use."""
 
 
 @dataclass(frozen=True, slots=True)
 class Segment:
-    """Rows of one recording without a gap."""
+    """Consecutive rows of one recording, without a gap."""
 
     recording: str
     source: str
+    """Trajectory that was executed."""
     kind: str
-    """Of trajectory: "limited", "all", or "other"."""
+    """Kind of the trajectory: "limited", "all" or "other"."""
     split: Part
     q: Floats
     """[T, axes] rad."""
     P: Floats
     """[T] W."""
     tau: Floats | None
-    """[T, axes] Nm, where sensors logged them."""
+    """[T, axes] Nm from torque sensors; None without them."""
     signals: dict[str, Floats]
-    """[T] each."""
+    """Logged signals [T] by name."""
     start_s: float = 0.0
-    """UTC of the first row (Unix s)."""
+    """Unix time of the first row, s."""
     channels: dict[str, Floats] = field(default_factory=dict)
-    """What else was measured: "Vrms" [T] V; "current" A, "temperature" degC, [T, axes]; NaN where unknown."""
+    """Further measurements: "Vrms" [T] V; "current" [T, axes] A; "temperature" [T, axes] degC. NaN where unknown."""
 
 
 @dataclass(frozen=True, slots=True)
 class Dataset:
-    """All stretches of a dataset."""
+    """All segments of a dataset."""
 
     path: Path
     digest: str
-    """SHA-256 of the manifest, which holds those of the inputs."""
+    """SHA-256 of the manifest, which contains the hashes of the inputs."""
     robot: str
     description: str
-    """Name or path of the robot's description."""
+    """Name or path of the robot description."""
     step_s: float
     measured: str
-    """mains, derived or simulated."""
+    """Origin of the power: mains, derived or simulated."""
     segments: list[Segment]
 
     @property
     def axes(self) -> int:
-        """Joints."""
+        """Number of joints."""
         return int(self.segments[0].q.shape[1])
 
     @property
@@ -69,29 +70,29 @@ class Dataset:
         return sorted({segment.kind for segment in self.segments})
 
     def part(self, split: Part, kinds: tuple[str, ...] = ()) -> list[Segment]:
-        """Stretches of a split, of some kinds or all. Raises UserError when there are none."""
+        """Segments of a part of the split, of some kinds or (empty) all. Raises UserError without any."""
         for kind in kinds:
             if kind not in self.kinds:
-                raise UserError(f"{self.path}: has no trajectories {kind!r}; it has {', '.join(self.kinds)}")
+                raise UserError(f"{self.path}: has no trajectories {kind!r}; its kinds are {', '.join(self.kinds)}")
         chosen = [s for s in self.segments if s.split == split and (not kinds or s.kind in kinds)]
         if not chosen:
             raise UserError(
                 f"{self.path}: no {split} recordings{' of ' + ', '.join(kinds) if kinds else ''}; record at least "
-                "three different trajectories, they are split by source"
+                "three different trajectories: the split is by source trajectory"
             )
         return chosen
 
 
 def load_dataset(path: Path) -> Dataset:
-    """Read a dataset. Raises UserError, InputError."""
+    """Read the dataset in the folder `path`. Raises UserError, InputError."""
     manifest = load_manifest(path)
     segments: list[Segment] = []
     for entry in manifest["recordings"]:
         segments += _segments(path / entry["file"], entry, manifest["step_s"])
     if not segments:
-        raise UserError(f"{path}: no recording has {_LEAST_S} s of valid rows")
+        raise UserError(f"{path}: no recording has {_MIN_S} s of consecutive valid rows")
     if len({segment.q.shape[1] for segment in segments}) > 1:
-        raise UserError(f"{path}: recordings differ in their number of axes; build one dataset per robot")
+        raise UserError(f"{path}: recordings have different numbers of axes; build one dataset per robot")
     digest = hashlib.sha256((path / "manifest.json").read_bytes()).hexdigest()
     return Dataset(
         path, digest, manifest["robot"], manifest["description"], manifest["step_s"], manifest["measured"], segments
@@ -107,21 +108,21 @@ def _segments(file: Path, entry: dict[str, object], step_s: float) -> list[Segme
 
 
 def segments_of(columns: dict[str, Floats], entry: dict[str, object], step_s: float) -> list[Segment]:
-    """From merged columns; `entry` says name, source, kind and split."""
+    """Segments of at least 2 s of merged columns; `entry` gives name, source, kind and split of the recording."""
     axes = sum(1 for name in columns if name[0] == "q" and name[1:].isdigit())
     q = np.column_stack([columns[f"q{k + 1}"] for k in range(axes)])
     tau = np.column_stack([columns[f"tau{k + 1}"] for k in range(axes)]) if "tau1" in columns else None
     good = np.asarray(columns["valid"], dtype=bool) & np.isfinite(q).all(axis=1)
     if tau is not None and not np.isfinite(tau[good]).all():
         tau = None
-    found = []
+    segments = []
     for first, last in runs_of_true(good):
-        if (last - first) * step_s < _LEAST_S:
+        if (last - first) * step_s < _MIN_S:
             continue
         rows = slice(first, last)
         signals = {name: columns[name][rows] for name in SIGNALS if name in columns}
         part: Part = entry["split"]  # type: ignore[assignment]
-        found.append(
+        segments.append(
             Segment(
                 str(entry["name"]),
                 str(entry["source"]),
@@ -135,14 +136,14 @@ def segments_of(columns: dict[str, Floats], entry: dict[str, object], step_s: fl
                 {name: values[rows] for name, values in _channels(columns, axes).items()},
             )
         )
-    return found
+    return segments
 
 
 def _channels(columns: dict[str, Floats], axes: int) -> dict[str, Floats]:
-    found = {}
+    channels = {}
     if "Vrms" in columns and np.isfinite(columns["Vrms"]).any():
-        found["Vrms"] = columns["Vrms"]
+        channels["Vrms"] = columns["Vrms"]
     for name in ("current", "temperature"):
         if f"{name}1" in columns:
-            found[name] = np.column_stack([columns[f"{name}{k + 1}"] for k in range(axes)])
-    return found
+            channels[name] = np.column_stack([columns[f"{name}{k + 1}"] for k in range(axes)])
+    return channels

@@ -25,7 +25,7 @@ from acqd.sources.base import SourceHealth
 from acqd.sources.spec import Spec
 
 _log = logging.getLogger(__name__)
-_STOP_S = 1.0  # a window and the way out; then it is killed
+_STOP_S = 1.0  # enough for a window and the exit; then the process is killed
 _RESTART_S = 0.2
 
 
@@ -170,7 +170,7 @@ class Executive:
         environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
         process = await asyncio.create_subprocess_exec(
             sys.executable,
-            "-P",  # never a folder named acqd that happens to lie here
+            "-P",  # never a folder named acqd in the working directory
             "-m",
             "acqd.plc.process",
             json.dumps(orders),

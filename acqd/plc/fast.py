@@ -19,7 +19,7 @@ _ROOM = 0.25  # share of the ring that one cycle may fill: MAIN_SLOW has time to
 
 @dataclass(frozen=True, slots=True)
 class OverrunPolicy:
-    """What happens after cycles were slept through."""
+    """What happens after missed cycles."""
 
     catch_up_ns: int = 200_000_000
     """Samples of a stall up to this long are all caught up at once, and their windows flagged
@@ -50,7 +50,7 @@ class FastTask:
         self._per_window = window_samples
         self._wake = wake
         self.patience_ns = round(2e9 * window_samples / self._rate) + source.period_ns
-        """How long a whole window may be waited for [ns]."""
+        """Longest wait for a whole window [ns]."""
         self._steps = StepDetector()
         self._elapsed_ns = 0
         self._read = 0  # samples asked for so far: elapsed time in samples
@@ -108,7 +108,7 @@ class FastTask:
         return True
 
     def _due(self, stall_ns: int) -> int:
-        """Samples that the elapsed time is worth; those of too long a stall are given up."""
+        """Samples that the elapsed time is worth; the excess of a stall that is too long is given up."""
         self._elapsed_ns += stall_ns
         due = int(self._elapsed_ns * self._per_ns) - self._read
         self._read += due
@@ -174,9 +174,9 @@ def run_fast(
 ) -> None:
     """The cyclic loop, until the source ends or the first whole window after `stop()` turns true.
 
-    A device that completes no window in the time of two does not hold the end up.
+    A device that completes no window in the time of two does not delay the end.
 
-    How late the timer woke it and how long it worked go to `stats`.
+    `stats` records how late each wake-up was and how long the cycle worked.
     """
     stats.clear()
     task.start(utc_ns, index)

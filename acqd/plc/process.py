@@ -1,4 +1,4 @@
-"""The process that MAIN_FAST runs in: `python -m acqd.plc.process` with its orders on argv.
+"""The process that MAIN_FAST runs in: `python -m acqd.plc.process` with its settings (JSON) on argv.
 
 It makes the source, sizes the ring, answers with one line of JSON on stdout, and cycles. It holds
 nothing else: no event loop, no MQTT, no SQL.
@@ -26,7 +26,7 @@ RING_S = 1.0
 
 
 def main() -> int:
-    """Run MAIN_FAST as the orders in argv[1] (JSON) say. Exit 0 ended or stopped, 2 bad source."""
+    """Run MAIN_FAST with the settings in argv[1] (JSON). Exit 0: ended or stopped; 2: bad source."""
     orders = json.loads(sys.argv[1])
     die_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the daemon's; it tells us when to stop
@@ -55,8 +55,8 @@ def main() -> int:
     stats = CycleStats(ring.cycle_slots, source.period_ns)
     utc_ns, index = orders["source"].get("start_utc_ns") or time.time_ns(), 0
     if orders["resume"] and source.live:
-        # Restarted: the old stream goes on behind a gap as long as the outage. Measured on the monotonic
-        # clock and told in the stream's own time, so that a clock set meanwhile shows as a clock step.
+        # Restarted: the old stream continues after a gap as long as the outage. The outage is measured on the
+        # monotonic clock and added to the stream's time: if UTC was set meanwhile, that shows as a clock step.
         old_index, old_utc, seen = orders["resume"]
         outage_ns = time.monotonic_ns() - seen
         index, utc_ns = old_index + round(outage_ns * 1e-9 * form.rate), old_utc + outage_ns

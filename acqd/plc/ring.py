@@ -2,7 +2,7 @@
 
 An anonymous memory file that both processes map: nothing to name, nothing left behind. The writer
 stores samples, then advances the head; the reader copies, then checks that the head has not lapped
-it. Gaps, clock steps and flags travel beside the samples in a small ring of events. Aligned 8-byte stores
+it. Gaps, clock steps and flags travel next to the samples, in a small ring of events. Aligned 8-byte stores
 are atomic on the supported machines, and each window is announced through an eventfd, whose system
 calls order memory between the two sides.
 """

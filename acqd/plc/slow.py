@@ -21,7 +21,7 @@ class SlowTask:
         self.busy_ns = 0
 
     def replace_ring(self, ring: Ring) -> None:
-        """Go on with a restarted MAIN_FAST; the samples in between are a gap."""
+        """Continue with a restarted MAIN_FAST; the samples in between are a gap."""
         self._ring = ring
 
     def cycle(self) -> WindowBatch | None:

@@ -31,7 +31,7 @@ class CycleSummary:
     late: int
     """Wake-ups later than half a period."""
     missed: int
-    """Timer expiries slept through (their samples were caught up)."""
+    """Timer expiries that were missed (their samples were caught up)."""
     exceeded: int
     """Cycles whose work took longer than a period."""
     overflow: int

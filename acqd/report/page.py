@@ -1,4 +1,4 @@
-"""One HTML file that needs nothing else: text, tables and pictures, readable in ten years."""
+"""A report as a single HTML file with text, tables and pictures: it needs no other file."""
 
 from __future__ import annotations
 
@@ -28,30 +28,30 @@ summary { cursor: pointer; font-weight: 600; }
 
 
 class Page:
-    """A report under construction; everything given to it is escaped."""
+    """A report under construction. All texts are HTML-escaped."""
 
     def __init__(self, title: str, *, simulated: bool) -> None:
-        """`simulated` puts a label on top that cannot be overlooked."""
+        """`simulated` puts a conspicuous label on top."""
         label = '<p><span class="label">simulated data</span></p>' if simulated else ""
         self._title = title
         self._parts = [f"<h1>{html.escape(title)}</h1>{label}"]
 
     def heading(self, text: str) -> None:
-        """A new section."""
+        """Start a section."""
         self._parts.append(f"<h2>{html.escape(text)}</h2>")
 
     def text(self, text: str) -> None:
-        """A paragraph."""
+        """Add a paragraph."""
         self._parts.append(f"<p>{html.escape(text)}</p>")
 
     def table(self, header: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
-        """Numbers are shown to four significant digits."""
+        """Add a table; floats are shown to four significant digits."""
         head = "".join(f"<th>{html.escape(name)}</th>" for name in header)
         body = "".join("<tr>" + "".join(f"<td>{_cell(cell)}</td>" for cell in row) + "</tr>" for row in rows)
         self._parts.append(f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>")
 
     def figure(self, figure: Figure, caption: str, png: Path | None = None) -> None:
-        """Embed a matplotlib figure; `png` also keeps it as a file."""
+        """Embed a matplotlib figure; with `png`, also save it as a file."""
         buffer = io.BytesIO()
         figure.savefig(buffer, format="png", dpi=130, bbox_inches="tight")
         if png is not None:
@@ -63,7 +63,7 @@ class Page:
         )
 
     def chapter(self, title: str, page: Path) -> None:
-        """Another report of this kind as a part that is folded away. Raises UserError."""
+        """Embed another report as a part that is folded away. Raises UserError when it cannot be read."""
         try:
             text = page.read_text(encoding="utf-8")
         except OSError as error:
@@ -72,7 +72,7 @@ class Page:
         self._parts.append(f"<details><summary>{html.escape(title)}</summary>{inner}</details>")
 
     def write(self, path: Path) -> None:
-        """Write the page. Raises UserError."""
+        """Write the page. Raises UserError when the file cannot be written."""
         head = f'<meta charset="utf-8"><meta name="viewport" content="width=device-width"><style>{_STYLE}</style>'
         page = f"<!doctype html><html lang=en><head>{head}<title>{html.escape(self._title)}</title></head>"
         try:

@@ -1,4 +1,4 @@
-"""Robots: descriptions as data files, kinematics, dynamics, collision, logs. Knows no power, no plant."""
+"""Robots: descriptions as data files, kinematics, dynamics, collision, logs. Knows neither power nor the laboratory."""
 
 from acqd.robot.description import RobotDescription, load_description, shipped_descriptions
 

@@ -1,4 +1,4 @@
-"""A description as a Pinocchio model, with a payload or without. Needs the `lab` extra."""
+"""The Pinocchio model of a robot description, with or without a payload. Needs the `lab` extra."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Payload:
 
 
 class Arm:
-    """The rigid body of a robot; joint positions and torques in the order of its axes."""
+    """The rigid-body model of a robot; joint positions and torques are in the order of its axes."""
 
     def __init__(self, description: RobotDescription, payload: Payload | None = None) -> None:
         self.description = description
@@ -61,6 +61,6 @@ def _tensor(six: tuple[float, float, float, float, float, float]) -> Floats:
 
 
 def _rotation(rpy_deg: tuple[float, float, float]) -> Floats:
-    """Roll about x, then pitch about y, then yaw about z, all of the fixed frame (URDF)."""
+    """Rotation matrix: roll about x, then pitch about y, then yaw about z of the fixed frame (URDF)."""
     rotation: Floats = pin.rpy.rpyToMatrix(np.radians(rpy_deg))
     return rotation

@@ -1,4 +1,4 @@
-"""Whether a robot touches itself or its surroundings: capsules and boxes, through coal."""
+"""Collisions of a robot with itself and its surroundings: capsules and boxes, by the library coal."""
 
 from __future__ import annotations
 
@@ -24,9 +24,8 @@ class CollisionChecker:
         self._arm = arm
         self._model: Any = pin.GeometryModel()
         links: list[tuple[int, int]] = []  # (geometry, link number; 0 is the base)
-        for number, capsules in enumerate(
-            [arm.description.base.capsules, *(j.capsules for j in arm.description.joint)]
-        ):
+        bodies = [arm.description.base.capsules, *(joint.capsules for joint in arm.description.joint)]
+        for number, capsules in enumerate(bodies):
             links += [(self._add_capsule(number, capsule, pin.SE3.Identity()), number) for capsule in capsules]
         flange = arm.model.frames[arm.flange].placement
         tool = arm.axes + 1
@@ -34,20 +33,20 @@ class CollisionChecker:
             links.append((self._add_capsule(arm.axes, capsule, flange), tool))
         boxes = [self._add_box(box.name, box.centre, box.size, box.rpy_deg) for box in scene.box]
         ignored = {tuple(sorted(pair)) for pair in arm.description.ignore_pairs}
-        for index, (first, one) in enumerate(links):
-            for second, other in links[index + 1 :]:
-                beside = abs(one - other) < 2 or {one, other} == {arm.axes - 1, tool}
-                if not beside and (min(one, other), max(one, other)) not in ignored:
-                    self._model.addCollisionPair(pin.CollisionPair(first, second))
-            if one > 0:  # the base is bolted to something; it cannot run into it
+        for index, (geometry, link) in enumerate(links):
+            for other_geometry, other in links[index + 1 :]:
+                adjacent = abs(link - other) < 2 or {link, other} == {arm.axes - 1, tool}
+                if not adjacent and (min(link, other), max(link, other)) not in ignored:
+                    self._model.addCollisionPair(pin.CollisionPair(geometry, other_geometry))
+            if link > 0:  # the base does not move: it touches the box that it is bolted to
                 for box in boxes:
-                    self._model.addCollisionPair(pin.CollisionPair(first, box))
+                    self._model.addCollisionPair(pin.CollisionPair(geometry, box))
         self._data: Any = self._model.createData()
         for request in self._data.collisionRequests:
             request.security_margin = scene.margin_m
 
     def collides(self, q: Floats) -> bool:
-        """Whether configuration `q` [axes] comes nearer than the scene's margin to anything."""
+        """Whether any two bodies are nearer than the scene's margin at configuration `q` [axes]."""
         return bool(pin.computeCollisions(self._arm.model, self._arm.data, self._model, self._data, q, True))
 
     def touching(self, q: Floats) -> list[tuple[str, str]]:
@@ -61,7 +60,7 @@ class CollisionChecker:
         return sorted(pairs)
 
     def path_collides(self, path: Floats) -> bool:
-        """Whether any configuration of `path` [T, axes] collides; fails fast by checking coarsely first."""
+        """Whether any configuration of `path` [T, axes] collides; a coarse check comes first."""
         return any(self.collides(path[k]) for k in _middle_first(len(path)))
 
     def _add_capsule(self, link: int, capsule: Capsule, frame: Any) -> int:
@@ -72,7 +71,7 @@ class CollisionChecker:
         placement = frame * pin.SE3(turn.matrix(), (start + end) / 2)
         name = "base" if link == 0 else f"link {link}"
         shape = coal.Capsule(capsule.radius, length)
-        return self._add(f"{name}", link, placement, shape)
+        return self._add(name, link, placement, shape)
 
     def _add_box(
         self,
@@ -90,15 +89,15 @@ class CollisionChecker:
 
 
 def require_free(checker: CollisionChecker, q: Floats, what: str, scene: str) -> None:
-    """Raises UserError that names what touches at configuration `q`."""
+    """Raises UserError that names the bodies that collide at configuration `q`."""
     pairs = checker.touching(q)
     if pairs:
-        named = "; ".join(f"{one} and {other}" for one, other in pairs[:3])
+        named = "; ".join(f"{first} and {second}" for first, second in pairs[:3])
         raise UserError(f"scene {scene}: {what} is in collision ({named}); move the boxes or choose another position")
 
 
 def dense_path(waypoints: Floats, step: float) -> Floats:
-    """Straight joint-space edges through `waypoints` [N, axes], no axis moving more than `step` (rad) between rows."""
+    """Straight lines in joint space through `waypoints` [N, axes], at most `step` (rad) per axis between rows."""
     parts = [waypoints[:1]]
     for start, end in itertools.pairwise(waypoints):
         count = max(1, int(np.ceil(np.abs(end - start).max() / step)))
@@ -108,5 +107,5 @@ def dense_path(waypoints: Floats, step: float) -> Floats:
 
 @cache
 def _middle_first(count: int) -> list[int]:
-    """0 .. count - 1 with the far apart ones first: neighbours collide together."""
+    """0 .. count - 1, distant numbers first (bit reversal): neighbouring configurations mostly collide together."""
     return sorted(range(count), key=lambda k: f"{k:020b}"[::-1])

@@ -1,4 +1,4 @@
-"""What acqd knows of a robot: axes, limits, geometry, inertia, drives, log columns. One TOML file each."""
+"""Robot descriptions: axes, limits, geometry, inertia, drives, log columns. One TOML file per robot."""
 
 from __future__ import annotations
 
@@ -53,15 +53,15 @@ class Drive(Section):
 
     gear_ratio: _Positive
     rotor_inertia_kgm2: Annotated[float, Field(ge=0)]
-    """Reflected to the output."""
+    """Rotor inertia reflected to the gear's output."""
     torque_constant_Nm_A: _Positive
-    """Of the motor, before the gear."""
+    """Torque constant of the motor, before the gear."""
     resistance_Ohm: _Positive
-    """Effective, so that R i^2 is the whole copper loss."""
+    """Effective resistance: R i^2 is the whole copper loss."""
 
 
 class Joint(Section):
-    """A revolute joint and its link. The frame sits in that of the joint before, rotated by roll, pitch, yaw."""
+    """A revolute joint and its link. `xyz` and `rpy_deg` (URDF) place its frame in the frame of the joint before."""
 
     name: str
     xyz: _Vector
@@ -71,7 +71,7 @@ class Joint(Section):
     limits_deg: tuple[float, float]
     speed_deg_s: _Positive
     acceleration_deg_s2: _Positive
-    """At 100 %."""
+    """Acceleration at 100 %."""
     torque_Nm: _Positive
     drive: Drive
     link: Link
@@ -86,7 +86,7 @@ class Joint(Section):
 
 
 class Base(Section):
-    """What does not move."""
+    """The body that does not move."""
 
     mass: float
     """kg."""
@@ -101,16 +101,16 @@ class Flange(Section):
 
 
 class LogColumns(Section):
-    """How one kind of log names its columns. {0} stands for the axis counted from 0, {1} from 1."""
+    """How one kind of log names its columns. In a name, {0} is the axis counted from 0, {1} counted from 1."""
 
     format: Literal["datarecorder", "csv"]
     header: bool = True
     columns: list[str] = []
-    """Without a header: the quantities in their order; per-axis ones take as many columns as there are axes."""
+    """Of a log without a header: the quantities in order. A per-axis quantity has as many columns as there are axes."""
     time: str = "time"
     time_unit_s: _Positive = 1.0
     time_s: str | None = None
-    """With `time_ns`: whole seconds and nanoseconds in two columns."""
+    """With `time_ns`: time as whole seconds and nanoseconds in two columns."""
     time_ns: str | None = None
     q: str = "q{1}"
     qd: str | None = None
@@ -128,7 +128,7 @@ class RobotDescription(Section):
     title: str
     sources: list[str]
     ignore_pairs: list[tuple[int, int]] = []
-    """Links (0: base) whose capsules touch by construction."""
+    """Pairs of links (0: base) whose capsules touch by construction."""
     base: Base
     joint: Annotated[list[Joint], Field(min_length=1)]
     flange: Flange

@@ -1,6 +1,6 @@
 """Torques, energies and the regressor that is linear in the inertial parameters.
 
-Rigid body only: friction, rotors and losses are not here. All arrays run over a recording: [T, axes].
+Rigid bodies only: no friction, rotors or losses. The arrays hold whole recordings: [T, axes].
 """
 
 from __future__ import annotations
@@ -50,15 +50,15 @@ def regressor(arm: Arm, q: Floats, qd: Floats, qdd: Floats) -> Floats:
 
 
 def inertial_parameters(arm: Arm) -> Floats:
-    """[10 axes], in the order of `regressor`."""
+    """Inertial parameters [10 axes] in the order of `regressor`."""
     return np.concatenate([arm.model.inertias[k].toDynamicParameters() for k in range(1, arm.axes + 1)])
 
 
 def payload_regressor(description: RobotDescription, q: Floats, qd: Floats, qdd: Floats) -> Floats:
-    """Y [T, axes, 10]: torque of a body at the flange per inertial parameter, in the flange frame.
+    """Y [T, axes, 10]: joint torques of a body at the flange, per inertial parameter in the flange frame.
 
-    The last link's block of the regressor, with the parameters of the body moved from the flange to
-    that link: both are linear, so ten unit parameter vectors give the ten columns.
+    It is the last link's block of the regressor, with the parameters of the body moved from the flange to
+    that link. Both maps are linear, so ten unit parameter vectors give the ten columns.
     """
     arm = Arm(description)
     last = regressor(arm, q, qd, qdd)[:, :, -10:]
@@ -67,7 +67,7 @@ def payload_regressor(description: RobotDescription, q: Floats, qd: Floats, qdd:
 
 
 def payload_parameters(payload: Payload) -> Floats:
-    """[10] in the order of `payload_regressor`."""
+    """Inertial parameters [10] of a payload in the order of `payload_regressor`."""
     xx, yy, zz, xy, xz, yz = payload.inertia
     tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     parameters: Floats = pin.Inertia(payload.mass, np.array(payload.com), tensor).toDynamicParameters()
@@ -75,7 +75,7 @@ def payload_parameters(payload: Payload) -> Floats:
 
 
 def _moved(placement: pin.SE3) -> Floats:
-    """[10, 10]: dynamic parameters in the flange frame -> in the link frame, column by column."""
+    """Matrix [10, 10] that maps dynamic parameters from the flange frame to the link frame."""
     turn, shift = placement.rotation, placement.translation
     columns = np.zeros((10, 10))
     for k in range(10):
@@ -84,7 +84,7 @@ def _moved(placement: pin.SE3) -> Floats:
         mass, first = unit[0], unit[1:4]
         tensor = np.array([[unit[4], unit[5], unit[7]], [unit[5], unit[6], unit[8]], [unit[7], unit[8], unit[9]]])
         turned = turn @ first
-        # parallel axes for I, first moment and mass about a shifted origin
+        # parallel axis theorem for the first moment and the tensor about a shifted origin
         moved_first = turned + mass * shift
         cross = _skew(shift) @ _skew(turned)
         moved = turn @ tensor @ turn.T - cross - cross.T - mass * _skew(shift) @ _skew(shift)

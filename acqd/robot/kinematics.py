@@ -1,4 +1,4 @@
-"""Where the flange is for given joint angles, and joint angles for a wanted pose."""
+"""Forward and inverse kinematics of the flange."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _MAX_STEP = 0.4  # rad a joint may move per iteration: larger steps leave the re
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """Of the flange in the base frame."""
+    """Pose of the flange in the base frame."""
 
     position: Floats
     """[3], m."""
@@ -35,14 +35,14 @@ def forward_kinematics(arm: Arm, q: Floats) -> tuple[Floats, Floats]:
 
 
 def joint_origins(arm: Arm, q: Floats) -> Floats:
-    """Base, joints and flange for one configuration [axes]: [axes + 2, 3], m. For drawing."""
+    """Positions [axes + 2, 3] (m) of base, joints and flange at one configuration [axes], for drawings."""
     pin.framesForwardKinematics(arm.model, arm.data, q)
     inner = [arm.data.oMi[k].translation for k in range(1, arm.axes + 1)]
     return np.array([np.zeros(3), *inner, arm.data.oMf[arm.flange].translation])
 
 
 def flange_jacobian(arm: Arm, q: Floats) -> Floats:
-    """[T, 6, axes]: linear (m/rad) over angular rows, in base axes, at the flange."""
+    """Jacobian [T, 6, axes] of the flange: three linear rows (m/rad), then three angular ones, along the base axes."""
     frame = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
     return np.array([pin.computeFrameJacobian(arm.model, arm.data, row, arm.flange, frame) for row in q])
 
@@ -58,22 +58,22 @@ def inverse_kinematics(
 ) -> Floats | None:
     """Joint angles [axes] within the limits that reach `pose`, or None.
 
-    Damped Newton iteration on SE(3) from `seed`, then from `restarts` random configurations; the axis
-    values are clamped to their limits on the way, so that redundancy can be used to stay inside.
-    `tolerance` is on position (m) and orientation (rad) together.
+    Damped Newton iteration on SE(3) from `seed`, then from `restarts` random configurations. The angles are
+    clamped to the limits at every step, so that a redundant arm finds a posture inside them.
+    `tolerance` holds for position (m) and orientation (rad) together.
     """
     lower, upper = arm.description.lower, arm.description.upper
     start = np.clip(seed, lower, upper)
     for _ in range(restarts + 1):
-        found = _iterate(arm, pose, start, lower, upper, tolerance)
-        if found is not None:
-            return unwound(found, seed, lower, upper)
+        solution = _iterate(arm, pose, start, lower, upper, tolerance)
+        if solution is not None:
+            return unwound(solution, seed, lower, upper)
         start = random.uniform(np.maximum(lower, -np.pi), np.minimum(upper, np.pi))
     return None
 
 
 def unwound(q: Floats, near: Floats, lower: Floats, upper: Floats) -> Floats:
-    """The same posture with whole turns taken off, as near to `near` [axes] as the limits allow."""
+    """The same posture without whole turns: as near to `near` [axes] as the limits allow."""
     turns = np.round((q - near) / (2 * np.pi)) * 2 * np.pi
     fewer = q - turns
     return np.where((fewer >= lower) & (fewer <= upper), fewer, q)
@@ -96,17 +96,18 @@ def _iterate(arm: Arm, pose: Pose, start: Floats, lower: Floats, upper: Floats, 
             return None
         jacobian = pin.computeFrameJacobian(arm.model, arm.data, q, arm.flange)
         damping = _DAMPING + 1e-3 * min(size, 1.0) ** 2
-        free = _step(jacobian, error, damping)
-        # axes that a step would drive through their stop are held for this step, the others try again
-        held = ((q <= lower) & (free < 0)) | ((q >= upper) & (free > 0))
+        step = _step(jacobian, error, damping)
+        # an axis that the step would drive through its stop is held; the other axes take over
+        held = ((q <= lower) & (step < 0)) | ((q >= upper) & (step > 0))
         if held.any():
             jacobian[:, held] = 0.0
-            free = _step(jacobian, error, damping)
-        largest = np.abs(free).max()
-        q = np.clip(q + free * min(1.0, _MAX_STEP / max(largest, 1e-12)), lower, upper)
+            step = _step(jacobian, error, damping)
+        largest = np.abs(step).max()
+        q = np.clip(q + step * min(1.0, _MAX_STEP / max(largest, 1e-12)), lower, upper)
     return None
 
 
 def _step(jacobian: Floats, error: Floats, damping: float) -> Floats:
+    """Damped least squares (Levenberg-Marquardt) step of the joint angles [axes]."""
     step: Floats = jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + damping * np.eye(6), error)
     return step

@@ -1,4 +1,4 @@
-"""A robot's own log: joint angles over the controller's clock, and whatever else it recorded."""
+"""Robot logs: joint angles over the controller's clock, and whatever else the controller recorded."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ _GENERIC = LogColumns(
 
 @dataclass(frozen=True, slots=True)
 class RobotLog:
-    """One recording. Rows as in the file: not resampled, not sorted, nothing repaired."""
+    """One recording with the rows of the file: not resampled, not sorted, not repaired."""
 
     path: Path
     time: Floats
-    """[T] s of the controller's clock: since 1970, or since whatever the controller counts from."""
+    """[T] s of the controller's clock, counted from 1970 or from any other origin."""
     q: Floats
     """[T, axes] rad."""
     qd: Floats | None = None
@@ -77,8 +77,8 @@ def _match(layout: LogColumns, table: Table, axes: int) -> Columns | None:
     for name in _PER_AXIS:
         pattern = getattr(layout, name)
         names = [pattern.format(axis, axis + 1) for axis in range(axes)] if pattern else []
-        if names and all(each in where for each in names):
-            columns[name] = [where[each] for each in names]
+        if names and all(column in where for column in names):
+            columns[name] = [where[column] for column in names]
     clock = [layout.time_s, layout.time_ns] if layout.time_s and layout.time_ns else [layout.time]
     if "q" not in columns or not all(name in where for name in clock):
         return None
@@ -121,10 +121,10 @@ def _assemble(path: Path, table: Table, columns: Columns, layout: LogColumns, ro
 
 
 def _check_angles(path: Path, q: Floats, robot: RobotDescription) -> None:
-    """Angles that lie outside what the axes can do are degrees, or another robot's."""
+    """Raises InputError for angles beyond the limits: they are in degrees, or of another robot."""
     allowance = np.radians(2.0)
     turns = np.maximum(np.abs(robot.lower), np.abs(robot.upper)) + allowance
-    # controllers of axes with unlimited or multi-turn range count on: a whole turn more is no error
+    # axes with an unlimited or multi-turn range count further turns: a whole turn more is no error
     turns = np.where(turns > np.radians(355), np.inf, turns)
     worst = np.abs(q).max(axis=0)
     beyond = np.flatnonzero(worst > turns)
@@ -139,26 +139,28 @@ def _check_angles(path: Path, q: Floats, robot: RobotDescription) -> None:
 
 
 def _why_not(table: Table, robot: RobotDescription) -> str:
+    """Why no layout of `robot` fits the table: a sentence for the user."""
     if table.header is None:
         return f"has no header and {table.values.shape[1]} columns; expected a header time,q1..q{robot.axes}"
-    found: dict[str, set[int]] = {}
+    numbered: dict[str, set[int]] = {}
     for name in table.header:
         digits = re.fullmatch(r"(.*?)(\d+)(\D*)", name)
         if digits:
-            found.setdefault(digits[1] + "#" + digits[3], set()).add(int(digits[2]))
+            numbered.setdefault(digits[1] + "#" + digits[3], set()).add(int(digits[2]))
     patterns = [layout.q.format("#", "#") for layout in [*robot.log, _GENERIC] if layout.header]
     for pattern in patterns:
-        count = len(found.get(pattern, ()))
+        count = len(numbered.get(pattern, ()))
         if count and count != robot.axes:
             return f"has {count} columns {pattern.replace('#', 'N')}, but {robot.name} has {robot.axes} axes"
+    expected = " or ".join([f"time,q1..q{robot.axes}", *patterns[:-1]])
     return (
-        f"has none of the columns a log of {robot.name} has (time,q1..q{robot.axes} or "
-        f"{', '.join(patterns[:-1]) or 'none of its own'}); it begins with {', '.join(table.header[:4])}"
+        f"has none of the columns a log of {robot.name} has ({expected}); "
+        f"its first columns are {', '.join(table.header[:4])}"
     )
 
 
 def in_time(log: RobotLog) -> tuple[Floats, NDArray[np.int64]]:
-    """Rising times, each once, and the row of each. Raises InputError when one lies days off the others."""
+    """The distinct times in rising order, and the row of each. Raises InputError for a jump of more than a day."""
     order = np.argsort(log.time, kind="stable")
     stamps, first = np.unique(log.time[order], return_index=True)
     rows = np.asarray(order[first], dtype=np.int64)
@@ -166,13 +168,13 @@ def in_time(log: RobotLog) -> tuple[Floats, NDArray[np.int64]]:
     if len(steps) and steps.max() > _DAY_S:
         row = int(rows[int(steps.argmax())]) + 1
         raise InputError(
-            log.path, f"time jumps by {steps.max() / _DAY_S:.0f} days after data row {row}: remove what is wrong"
+            log.path, f"time jumps by {steps.max() / _DAY_S:.0f} days after data row {row}: remove the wrong rows"
         )
     return stamps, rows
 
 
 def require_rising(log: RobotLog) -> None:
-    """Raises InputError when the clock stands still or goes back: for uses that cannot sort or drop rows."""
+    """Raises InputError when the time does not rise from row to row: for uses that cannot sort or drop rows."""
     wrong = np.flatnonzero(np.diff(log.time) <= 0)
     if len(wrong):
         row = int(wrong[0]) + 1

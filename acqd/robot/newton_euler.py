@@ -1,7 +1,8 @@
 """Inverse dynamics in plain numpy for whole recordings at once, with any inertial parameters.
 
-What a model needs at run time on a machine without a robot library; `dynamics.py` (Pinocchio) judges it in the tests.
-Luh, Walker, Paul: On-line computational scheme for mechanical manipulators (1980), in link frames.
+Recursive Newton-Euler algorithm in link frames (Luh, Walker, Paul: On-line computational scheme for mechanical
+manipulators, 1980). Models use it at run time, where no robot library is installed; the tests compare it with
+`dynamics.py` (Pinocchio).
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ _GRAVITY = 9.81
 
 @dataclass(frozen=True, slots=True)
 class Chain:
-    """Geometry of a serial arm: each joint's frame in the one before it, and its axis."""
+    """Geometry of a serial arm: the frame of each joint in the frame of the joint before it, and its axis."""
 
     xyz: Floats
     """[axes, 3] m."""
@@ -32,7 +33,7 @@ class Chain:
 
     @classmethod
     def of(cls, robot: RobotDescription) -> Chain:
-        """From a description."""
+        """The chain of a robot description."""
         axis = np.array([joint.axis for joint in robot.joint], dtype=np.float64)
         return cls(
             np.array([joint.xyz for joint in robot.joint], dtype=np.float64),
@@ -42,51 +43,55 @@ class Chain:
         )
 
     def beyond_flange(self, reach_m: float) -> Floats:
-        """[3] m in the last joint's frame: a point that far along the flange's axis."""
+        """Point [3] (m, in the last joint's frame) at the distance `reach_m` from the flange along its z axis."""
         return np.asarray(self.tip[0] + reach_m * self.tip[1])
 
 
 def joint_torque(chain: Chain, parameters: Floats, q: Floats, qd: Floats, qdd: Floats) -> Floats:
-    """[T, axes] Nm for motion [T, axes] and inertial parameters [10 axes] in the order of `dynamics.regressor`."""
+    """Joint torques [T, axes] (Nm) of a motion [T, axes].
+
+    `parameters` are the inertial parameters [10 axes] in the order of `dynamics.regressor`.
+    """
     links = parameters.reshape(-1, 10)
     rows, axes = q.shape
-    turn, spin, turning, lift = [], [], [], []  # per link: to its parent [T,3,3]; w, dw, dv [T,3] in its frame
+    # per link: rotation to its parent [T,3,3]; angular velocity, angular and linear acceleration [T,3] in its frame
+    rotations, omega, alpha, acceleration = [], [], [], []
     w, dw, dv = np.zeros((rows, 3)), np.zeros((rows, 3)), np.tile([0.0, 0.0, _GRAVITY], (rows, 1))
     for k in range(axes):
-        R = chain.rotation[k] @ _about(chain.axis[k], q[:, k])
+        R = chain.rotation[k] @ _axis_rotation(chain.axis[k], q[:, k])
         p, axis, rate = chain.xyz[k], chain.axis[k], qd[:, k : k + 1]
-        dv = _into(R, dv + dw @ _crossing(p) + _twice(w, p))
-        w = _into(R, w)
-        dw = _into(R, dw) + rate * (w @ _crossing(axis)) + axis * qdd[:, k : k + 1]
+        dv = _to_link(R, dv + dw @ _cross_matrix(p) + _double_cross(w, p))
+        w = _to_link(R, w)
+        dw = _to_link(R, dw) + rate * (w @ _cross_matrix(axis)) + axis * qdd[:, k : k + 1]
         w = w + axis * rate
-        turn.append(R)
-        spin.append(w)
-        turning.append(dw)
-        lift.append(dv)
+        rotations.append(R)
+        omega.append(w)
+        alpha.append(dw)
+        acceleration.append(dv)
     tau = np.empty_like(q)
     force, moment = np.zeros((rows, 3)), np.zeros((rows, 3))
     for k in range(axes - 1, -1, -1):
         mass, first, tensor = links[k, 0], links[k, 1:4], _tensor(links[k, 4:])
-        w, dw, dv, about_first = spin[k], turning[k], lift[k], _crossing(first)
+        w, dw, dv, first_cross = omega[k], alpha[k], acceleration[k], _cross_matrix(first)
         if k < axes - 1:
-            force = _outof(turn[k + 1], force)
-            moment = _outof(turn[k + 1], moment) - force @ _crossing(chain.xyz[k + 1])
-        force = force + mass * dv + dw @ about_first + _twice(w, first)
-        moment = moment + dw @ tensor + _cross(w, w @ tensor) - dv @ about_first
+            force = _to_parent(rotations[k + 1], force)
+            moment = _to_parent(rotations[k + 1], moment) - force @ _cross_matrix(chain.xyz[k + 1])
+        force = force + mass * dv + dw @ first_cross + _double_cross(w, first)
+        moment = moment + dw @ tensor + _cross(w, w @ tensor) - dv @ first_cross
         tau[:, k] = moment @ chain.axis[k]
     return tau
 
 
 @dataclass(frozen=True, slots=True)
 class Frames:
-    """Where every link is, in the base frame."""
+    """Poses of all links in the base frame."""
 
     origin: Floats
-    """[T, axes, 3] m."""
+    """Origins [T, axes, 3] m."""
     rotation: Floats
-    """[T, axes, 3, 3]."""
+    """Rotations to the base frame [T, axes, 3, 3]."""
     axis: Floats
-    """[T, axes, 3]."""
+    """Joint axes [T, axes, 3], unit vectors."""
 
 
 def frames(chain: Chain, q: Floats) -> Frames:
@@ -96,13 +101,13 @@ def frames(chain: Chain, q: Floats) -> Frames:
     at, turn = np.zeros((rows, 3)), np.tile(np.eye(3), (rows, 1, 1))
     for k in range(axes):
         at = at + turn @ chain.xyz[k]
-        turn = turn @ (chain.rotation[k] @ _about(chain.axis[k], q[:, k]))
+        turn = turn @ (chain.rotation[k] @ _axis_rotation(chain.axis[k], q[:, k]))
         origin[:, k], rotation[:, k] = at, turn
     return Frames(origin, rotation, np.einsum("tkij,kj->tki", rotation, chain.axis))
 
 
 def weight_torque(where: Frames, link: int, point: Floats) -> Floats:
-    """[T, axes] Nm that hold 1 kg at `point` (m, in the frame of `link`, from 0) against gravity."""
+    """Torques [T, axes] (Nm) that hold 1 kg against gravity at `point` (m, in the frame of `link`, counted from 0)."""
     place = where.origin[:, link] + where.rotation[:, link] @ point
     arm = place[:, None, :2] - where.origin[:, : link + 1, :2]
     axis = where.axis[:, : link + 1]
@@ -111,13 +116,13 @@ def weight_torque(where: Frames, link: int, point: Floats) -> Floats:
     return torque
 
 
-def _crossing(v: Floats) -> Floats:
+def _cross_matrix(v: Floats) -> Floats:
     """Matrix M with a @ M = a x v."""
     x, y, z = v
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
-def _twice(w: Floats, v: Floats) -> Floats:
+def _double_cross(w: Floats, v: Floats) -> Floats:
     """w x (w x v)."""
     return np.asarray(w * (w @ v)[:, None] - v * (w * w).sum(axis=1)[:, None])
 
@@ -128,28 +133,29 @@ def _cross(a: Floats, b: Floats) -> Floats:
     return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=1)
 
 
-def _into(R: Floats, v: Floats) -> Floats:
-    """Parent's coordinates to the link's."""
+def _to_link(R: Floats, v: Floats) -> Floats:
+    """Vectors [T, 3] from the parent's frame to the link's frame."""
     return np.asarray((v[:, None, :] @ R)[:, 0])
 
 
-def _outof(R: Floats, v: Floats) -> Floats:
+def _to_parent(R: Floats, v: Floats) -> Floats:
+    """Vectors [T, 3] from the link's frame to the parent's frame."""
     return np.asarray((R @ v[:, :, None])[:, :, 0])
 
 
 def _tensor(six: Floats) -> Floats:
-    """xx, xy, yy, xz, yz, zz."""
+    """Symmetric matrix [3, 3] of xx, xy, yy, xz, yz, zz."""
     xx, xy, yy, xz, yz, zz = six
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
-def _about(axis: Floats, angle: Floats) -> Floats:
-    """[T, 3, 3] rotations about a unit axis (Rodrigues)."""
-    K = _crossing(axis)
+def _axis_rotation(axis: Floats, angle: Floats) -> Floats:
+    """Rotations [T, 3, 3] by `angle` [T] about a unit axis (Rodrigues' formula)."""
+    K = _cross_matrix(axis)
     sine, rest = np.sin(angle)[:, None, None], (1 - np.cos(angle))[:, None, None]
     return np.asarray(np.eye(3) + sine * K + rest * (K @ K))
 
 
 def _from_rpy(rpy: NDArray[np.float64]) -> Floats:
-    about_x, about_y, about_z = (_about(np.eye(3)[k], rpy[k : k + 1])[0] for k in range(3))
-    return np.asarray(about_z @ about_y @ about_x)
+    roll, pitch, yaw = (_axis_rotation(np.eye(3)[k], rpy[k : k + 1])[0] for k in range(3))
+    return np.asarray(yaw @ pitch @ roll)

@@ -1,4 +1,4 @@
-"""What stands around a robot: boxes, and the tool it carries. One TOML file."""
+"""Scenes: the boxes around a robot and the tool that it carries. One TOML file per scene."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Box(Section):
 
 
 class Tool(Section):
-    """What is mounted on the flange, in the flange frame."""
+    """The tool on the flange, in the flange frame."""
 
     capsules: Annotated[list[Capsule], Field(min_length=1)]
 

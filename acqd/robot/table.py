@@ -1,7 +1,8 @@
-"""Text tables as robots write them: separators, `%` headers, text in columns nobody asked for."""
+"""Text tables as robots write them: several separators, headers with `%`, columns of text."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from acqd.errors import InputError
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A file's numbers; cells that are no number are NaN."""
+    """The numbers of a file; a cell that is not a number is NaN."""
 
     header: list[str] | None
     values: Floats
@@ -70,7 +71,7 @@ def _split(line: str, separator: str | None) -> list[str]:
 
 
 def _is_number(cell: str) -> bool:
-    return _number(cell) == _number(cell) or cell.lower() in ("nan", "")
+    return not math.isnan(_number(cell)) or cell.lower() in ("nan", "")
 
 
 def _number(cell: str) -> float:

@@ -1,1 +1,1 @@
-"""Beside a running cell: robot logs as they arrive, aligned with metered power, predicted, stored and published."""
+"""The sidecar of a running cell: aligns arriving robot logs with metered power, predicts, stores, publishes."""

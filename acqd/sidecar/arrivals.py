@@ -1,4 +1,4 @@
-"""Files that have arrived whole: nothing is written to them any more, and their last line is complete."""
+"""Finds log files that have arrived whole: nothing writes to them any more, and their last line is complete."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 _SUFFIXES = (".log", ".csv", ".txt")
-_UNENDED_S = 30.0
-"""A file that ends within a line, or is empty, is taken when nothing has come for so long."""
+_INCOMPLETE_S = 30.0
+"""A file that is empty or ends within a line is taken after this time without a change."""
 
 
 @dataclass(slots=True)
 class Arrivals:
-    """Looks at a folder; `settle_s` without a change make a file whole."""
+    """Files of one folder; a file is whole after `settle_s` without a change."""
 
     folder: Path
     settle_s: float = 0.5
     _seen: dict[Path, tuple[int, int, float]] = field(default_factory=dict)
-    """Size, mtime in ns, and since when (monotonic) they are so."""
-    _given: dict[Path, tuple[int, int]] = field(default_factory=dict)
+    """Size, mtime in ns, and since when (monotonic) both are unchanged."""
+    _yielded: dict[Path, tuple[int, int]] = field(default_factory=dict)
 
     def look(self) -> Iterator[Path]:
-        """Files that have become whole since the last look, each content once; in the order of their names."""
+        """Files that have become whole since the last look, in the order of their names; each content once."""
         now = time.monotonic()
         for path in sorted(self.folder.rglob("*")):
             if path.suffix.lower() not in _SUFFIXES or path.name.startswith((".", "~")):
@@ -32,32 +32,32 @@ class Arrivals:
             try:
                 status = path.stat()
             except OSError:
-                continue  # gone again
+                continue  # it was removed meanwhile
             if not stat.S_ISREG(status.st_mode):
-                continue  # a folder that is called so, a pipe that nobody writes to
+                continue  # a folder with such a name, or a pipe
             mark = (status.st_size, status.st_mtime_ns)
-            if self._given.get(path) == mark:
+            if self._yielded.get(path) == mark:
                 continue
             seen = self._seen.get(path)
             if seen is None or seen[:2] != mark:
-                age = time.time() - status.st_mtime  # an old file need not be waited for
-                self._seen[path] = (*mark, now - max(0.0, min(age, _UNENDED_S)))
+                age = time.time() - status.st_mtime  # an old file needs no waiting
+                self._seen[path] = (*mark, now - max(0.0, min(age, _INCOMPLETE_S)))
                 seen = self._seen[path]
-            if now - seen[2] < (self.settle_s if _ended(path) else _UNENDED_S):
+            if now - seen[2] < (self.settle_s if _ends_with_newline(path) else _INCOMPLETE_S):
                 continue
-            self._given[path] = mark
+            self._yielded[path] = mark
             yield path
 
     def forget(self, path: Path) -> None:
-        """Look at a file again that could not be taken."""
-        self._given.pop(path, None)
+        """Yields a file once more, which could not be read or stored."""
+        self._yielded.pop(path, None)
 
     def waiting(self) -> bool:
         """Whether a file is still being written."""
-        return any(self._given.get(path) != mark[:2] for path, mark in self._seen.items() if path.exists())
+        return any(self._yielded.get(path) != mark[:2] for path, mark in self._seen.items() if path.exists())
 
 
-def _ended(path: Path) -> bool:
+def _ends_with_newline(path: Path) -> bool:
     try:
         with path.open("rb") as file:
             file.seek(-1, 2)

@@ -1,4 +1,4 @@
-"""Joint angles from a topic, power to another, row by row."""
+"""Predicts power row by row: joint angles from one MQTT topic, power to another."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import contextlib
 import threading
 import time
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import orjson
@@ -16,13 +16,21 @@ from paho.mqtt.enums import CallbackAPIVersion
 from acqd.models.predictor import Predictor, Stream
 from acqd.telemetry.mqtt import NO_DELAY, BrokerAddress
 
-_EARLY, _LATE = 0.75, 1.75
-"""Steps between rows: sooner ones are left out, after longer ones the prediction begins anew."""
+_MIN_STEP, _MAX_STEP = 0.75, 1.75
+"""Model steps between rows: earlier rows are left out, after a longer gap the prediction starts again."""
+
+
+class _Row(NamedTuple):
+    """One message."""
+
+    time_s: float
+    q: list[float]
+    signals: list[float]
 
 
 @dataclass(slots=True)
 class Live:
-    """One model behind one topic. A message is {"time": Unix s, "q": [rad], "brake": 0/1, "tool": 0/1}."""
+    """One model between two topics. A message is {"time": Unix s, "q": [rad], "brake": 0/1, "tool": 0/1}."""
 
     model: Predictor
     joints_topic: str
@@ -30,43 +38,53 @@ class Live:
     refused: int = 0
     predicted: int = 0
     _stream: Stream | None = None
-    _last: float = 0.0
+    _last_s: float = 0.0
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def answer(self, payload: bytes) -> bytes | None:
-        """The prediction that a row makes possible, `late_s` behind it; None for the first rows and for bad ones."""
-        try:
-            row = orjson.loads(payload)
-            stamp, q = float(row["time"]), [float(each) for each in row["q"]]
-            usual = self.model.usual_signals().tolist()
-            signals = [float(row.get(n, u)) for n, u in zip(self.model.signals, usual, strict=True)]
-        except (orjson.JSONDecodeError, KeyError, TypeError, ValueError):
+        """The prediction that a row makes possible, for a time `late_s` earlier; None for the first and bad rows."""
+        row = self._parsed(payload)
+        if row is None:
             self.refused += 1
             return None
-        if len(q) != self.model.axes or not np.isfinite([stamp, *q, *signals]).all():
-            self.refused += 1
-            return None
-        step = self.model.step_s
         with self._lock:
-            if 0 <= stamp - self._last < _EARLY * step:
-                return None  # a faster sender: every row that is due is taken
-            if self._stream is None or not 0 < stamp - self._last < _LATE * step:
-                self._stream = Stream(self.model)  # a missing row would be a jump of the arm
-            self._last = stamp
-            with np.errstate(all="ignore"):
-                power = self._stream.step(q, signals or None)  # type: ignore[arg-type]
-            if power is not None and not np.isfinite(power):
-                self._stream = None  # whatever such a row was, the model must not remember it
-                self.refused += 1
-                return None
+            power = self._step(row)
         if power is None:
             return None
         self.predicted += 1
-        late = self.model.radius * step
-        return orjson.dumps({"time": stamp - late, "P_predicted": float(power), "late_s": late})
+        late_s = self.model.radius * self.model.step_s
+        return orjson.dumps({"time": row.time_s - late_s, "P_predicted": power, "late_s": late_s})
+
+    def _parsed(self, payload: bytes) -> _Row | None:
+        """The row of a message; None unless it has finite numbers for every joint."""
+        usual = self.model.usual_signals().tolist()
+        try:
+            message = orjson.loads(payload)
+            time_s, q = float(message["time"]), [float(angle) for angle in message["q"]]
+            signals = [float(message.get(n, u)) for n, u in zip(self.model.signals, usual, strict=True)]
+        except (orjson.JSONDecodeError, KeyError, TypeError, ValueError):
+            return None
+        usable = len(q) == self.model.axes and np.isfinite([time_s, *q, *signals]).all()
+        return _Row(time_s, q, signals) if usable else None
+
+    def _step(self, row: _Row) -> float | None:
+        """W that the row makes predictable; None for a row that is early, among the first, or beyond all numbers."""
+        step, elapsed = self.model.step_s, row.time_s - self._last_s
+        if 0 <= elapsed < _MIN_STEP * step:
+            return None  # the sender is faster than the model
+        if self._stream is None or not 0 < elapsed < _MAX_STEP * step:
+            self._stream = Stream(self.model)  # to the model, a missing row would be a jump of the arm
+        self._last_s = row.time_s
+        with np.errstate(all="ignore"):
+            power = self._stream.step(row.q, row.signals or None)  # type: ignore[arg-type]
+        if power is not None and not np.isfinite(power):
+            self._stream = None  # the model must not remember such a row
+            self.refused += 1
+            return None
+        return None if power is None else float(power)
 
     def connect(self, address: BrokerAddress, client_id: str) -> paho.Client:
-        """Subscribe in a thread of paho's; it reconnects by itself."""
+        """Subscribes in paho's network thread, which reconnects by itself."""
         client = paho.Client(CallbackAPIVersion.VERSION2, client_id)
         if address.username is not None:
             client.username_pw_set(address.username, address.password)
@@ -82,10 +100,10 @@ class Live:
         return client
 
     def _on_message(self, client: paho.Client, _data: Any, message: Any) -> None:
-        begun = time.monotonic()
+        started = time.monotonic()
         answer = self.answer(message.payload)
         if answer is not None:
-            client.publish(self.power_topic, answer[:-1] + b',"step_ms":%.3f}' % (1000 * (time.monotonic() - begun)))
+            client.publish(self.power_topic, answer[:-1] + b',"step_ms":%.3f}' % (1000 * (time.monotonic() - started)))
 
 
 def _no_delay(_client: Any, _data: Any, sock: Any) -> None:

@@ -46,7 +46,7 @@ def load(path: Path, channels: ChannelMap) -> Waveform:
 
 
 def _check_whole(path: Path) -> None:
-    """libsndfile reads what is left of a truncated WAV without a word; its header knows better."""
+    """libsndfile reads a truncated WAV without an error; the length in its header shows it."""
     with path.open("rb") as file:
         head = file.read(8)
     announced = int.from_bytes(head[4:8], "little") + 8

@@ -92,7 +92,7 @@ def _sibling(path: Path, suffix: str) -> Path:
     for candidate in (path.with_suffix(suffix), path.with_suffix(suffix.upper())):
         if candidate.exists():
             return candidate
-    raise InputError(path, f"lacks its {suffix} file beside it")
+    raise InputError(path, f"lacks its {suffix} file next to it")
 
 
 def _by_unit(channels: list[Any]) -> dict[str, str]:

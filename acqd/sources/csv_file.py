@@ -107,9 +107,9 @@ def _clock(path: Path, time: Floats, channels: ChannelMap) -> tuple[float, int |
     # Printed times are rounded: a recording at 1970 + 1.7e9 s cannot resolve more than 0.24 us.
     slack = max(_JITTER * period, 2 * np.spacing(abs(time[-1])), 1.1e-6 if start else 0.0)
     expected = time[0] + period * np.arange(len(time))
-    off = np.flatnonzero(np.abs(time - expected) > slack + 0.5 * period * (period > 0) * _JITTER)
-    if len(off):
-        row = int(off[0])
+    uneven = np.flatnonzero(np.abs(time - expected) > slack + 0.5 * period * (period > 0) * _JITTER)
+    if len(uneven):
+        row = int(uneven[0])
         raise InputError(
             path,
             f"row {row + 2}: time {time[row]:.9g} s breaks the equidistant step of {period:.9g} s; "

@@ -33,7 +33,7 @@ class BlockQueue:
             self.dropped += len(oldest.codes)
 
     def take(self, limit: int) -> SampleBlock:
-        """The oldest block, at most `limit` samples of it; an empty block when there is none."""
+        """The oldest block, at most `limit` samples of it; an empty block when nothing waits."""
         if not self._blocks:
             return self._nothing
         block = self._blocks.popleft()

@@ -42,7 +42,7 @@ def maintain(engine: sa.Engine, retention: Retention, now: float | None = None) 
     """Roll up every completed bucket not yet rolled up, then delete what is past its retention.
 
     Buckets of the last day are computed again, for rows that arrived late. `now` is Unix seconds.
-    Everything happens in one transaction: rows leave only with their roll-up made.
+    Everything happens in one transaction: no row is deleted before its roll-up is made.
     """
     now = time.time() if now is None else now
     with transaction(engine) as connection:
@@ -79,8 +79,8 @@ def _delete(connection: sa.Connection, table: sa.Table, condition: sa.ColumnElem
 def _roll_up(connection: sa.Connection, seconds: int, now: float, cut: int) -> int:
     """Roll up the buckets of `seconds` that are complete at `now`; `cut`: older rows are about to go.
 
-    Recent buckets are made anew, for rows that came late. Rows that came later than that, a backlog
-    of days, are rolled up at the last moment, unless their bucket exists.
+    Recent buckets are computed again, for rows that came late. Rows that came even later (a backlog of
+    days) are rolled up just before they are deleted, unless their bucket exists.
     """
     table = ROLLUPS[seconds]
     newest = connection.execute(sa.select(sa.func.max(table.c.start))).scalar()

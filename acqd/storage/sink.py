@@ -64,7 +64,7 @@ class SinkCounters:
 
 
 class Sink:
-    """Runs in the calling thread alone: receive, write, acknowledge, in turn."""
+    """Runs in the calling thread only: receive, write, acknowledge, in turn."""
 
     def __init__(self, address: BrokerAddress, engine: sa.Engine, settings: SinkSettings | None = None) -> None:
         self._address = address
@@ -80,7 +80,7 @@ class Sink:
 
     @property
     def connected(self) -> bool:
-        """Whether the broker has taken our subscription (a backlog of rows may come before its word)."""
+        """Whether the broker has taken our subscription (a backlog of rows may come before the acknowledgement)."""
         return self._connected and self._subscribed
 
     @property
@@ -110,7 +110,7 @@ class Sink:
             elif self._failure and is_refusal(self._failure) and self.counters.reconnects < 0:
                 raise refusal(self._address, self._failure)
             if delay == _BACKOFF_S[0]:
-                _log.warning("broker %s: %s; trying on", self._address, self._failure)
+                _log.warning("broker %s: %s; retrying", self._address, self._failure)
             self._sleep(delay * random.uniform(0.5, 1.0), stop, progress)
             delay = min(2 * delay, _BACKOFF_S[1])
 
@@ -133,7 +133,7 @@ class Sink:
             time.sleep(0.05)
 
     def _connect(self) -> paho.Client | None:
-        """A fresh client, subscribed; None when it did not work (why is in `_failure`)."""
+        """A fresh client, subscribed; None when that failed (`_failure` says why)."""
         self._failure, self._connected, self._accepted, self._subscribed = None, False, False, False
         self._arrived = []
         five = self._protocol == MQTTProtocolVersion.MQTTv5

@@ -1,4 +1,4 @@
-"""Batches of messages into SQL: one transaction, idempotent by key, the malformed ones aside."""
+"""Batches of messages into SQL: one transaction, idempotent by key, malformed ones into quarantine."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ class EmbeddedBroker:
 
 
 def _quiet_strangers(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-    """A client that hangs up in the middle of its CONNECT is no traceback's worth."""
+    """No traceback for a client that hangs up in the middle of its CONNECT."""
     error = context.get("exception")
     if isinstance(error, (OSError, asyncio.CancelledError)):
         _log.debug("embedded broker: %s", context["message"])

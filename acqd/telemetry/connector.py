@@ -72,7 +72,7 @@ class Connector:
                     delay = _BACKOFF_S[0]
                     _log.warning("broker %s lost: %s; %d messages wait", self._address, reason, len(self._outbox))
                 elif delay == _BACKOFF_S[0]:
-                    _log.warning("broker %s not reachable: %s; trying on", self._address, reason)
+                    _log.warning("broker %s not reachable: %s; retrying", self._address, reason)
                 self.state = "connecting"
             await asyncio.sleep(delay * random.uniform(0.5, 1.0))
             delay = min(2 * delay, _BACKOFF_S[1])

@@ -46,12 +46,12 @@ NO_DELAY = [(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)]
 
 
 def pending(sock: object) -> bool:
-    """Whether a TLS socket holds received bytes that select() does not tell of."""
+    """Whether a TLS socket holds received bytes that select() does not report."""
     return isinstance(sock, ssl.SSLSocket) and sock.pending() > 0
 
 
 def refusal(address: BrokerAddress, reason: str) -> UserError:
-    """The broker answered and will not have us."""
+    """The error for a broker that answered and refused us."""
     return UserError(f"broker {address} refused the connection: {reason}; check username, password and TLS")
 
 

@@ -21,7 +21,7 @@ class Outbox(Protocol):
     """What the connector needs; an on-disk spool can stand in for the memory queue."""
 
     dropped: int
-    """Messages given up because the box was full."""
+    """Messages dropped because the outbox was full."""
 
     def put(self, message: Message) -> None:
         """Accept a message; never blocks."""

@@ -30,7 +30,7 @@ class SessionError(Exception):
 
 
 class Session:
-    """`async with Session(...)` connects; afterwards the object is spent."""
+    """`async with Session(...)` connects; the object cannot be used again afterwards."""
 
     def __init__(
         self, address: BrokerAddress, tls: ssl.SSLContext | None, client_id: str, will: Message, inflight: int
@@ -87,9 +87,9 @@ class Session:
         self._drop()
 
     async def _reach(self) -> None:
-        """Name look-up, TCP and TLS: they block, so not on the loop that meters.
+        """Name look-up, TCP and TLS, in a thread: they block, and the loop must keep metering.
 
-        Nor in the loop's own pool, which would have to be waited for when the daemon stops.
+        Not in the loop's thread pool: the daemon would have to wait for it when it stops.
         """
         reached: asyncio.Future[None] = self._loop.create_future()
 
@@ -135,12 +135,12 @@ class Session:
 
     def _read(self) -> None:
         self._client.loop_read()
-        # TLS may hold packets back that the socket has given away already: it will not wake us for them.
+        # TLS may hold packets that it has already read from the socket: the socket does not wake us for those.
         while pending(self._client.socket()):
             self._client.loop_read()
 
     def _drop(self) -> None:
-        """Close the socket without ceremony."""
+        """Close the socket without a DISCONNECT."""
         sock: Any = self._client.socket()
         if sock is not None:
             self._forget(sock)

@@ -20,7 +20,7 @@ class TimedRow:
     row: PowerRow
     utc_ns: int
     imported: float | None
-    """Energy register at the row's end [kWh], None where there is none."""
+    """Energy register at the row's end [kWh]; None: the meter has no such register."""
     exported: float | None
 
 

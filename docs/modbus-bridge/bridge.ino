@@ -44,7 +44,7 @@ static uint8_t *put_float(uint8_t *at, float value) {
 /* ---- sampling ---- */
 
 // One sampling instant; `codes` is null where its samples were not read in time. A block that is not whole, or for which
-// the queue has no room, is not handed on: its number is missing and the sample time of the next one is still right.
+// the queue has no room, is dropped: its number is missing, and the sample time of the next block is still right.
 void sample(const uint8_t *codes) {
   static uint64_t frame = 0;
   static bool whole;
@@ -171,7 +171,7 @@ void accept_clients() {
 }
 
 void setup() {
-  Preferences stored;  // the boot counter outlives the supply
+  Preferences stored;  // the boot counter survives without supply
   stored.begin("bridge");
   boot = stored.getUShort("boot", 0) + 1;
   stored.putUShort("boot", boot);

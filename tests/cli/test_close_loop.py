@@ -17,7 +17,11 @@ def test_close_loop_names_the_payload_and_writes_what_the_design_says(closed):
     fixed = {"target", "unit", "measured", "recordings", "noise_floor", "before", "after", "verdict", "effects"}
     assert fixed | {"unexplained"} <= set(report)
     assert (report["target"], report["unit"], report["measured"]) == ("P", "W", "simulated")
-    assert set(report["before"]) == set(report["after"]) == {"mae", "rmse", "bias", "whiteness"}
+    assert (
+        set(report["before"])
+        == set(report["after"])
+        == {"mae", "rmse", "bias", "whiteness", "residual_autocorrelation"}
+    )
     assert report["verdict"] == "effects_found"
     effect = report["effects"][0]
     keys = {"id", "where", "parameters", "delta_rmse", "share_of_explainable", "confidence", "rivals", "evidence"}

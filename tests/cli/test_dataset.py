@@ -19,4 +19,4 @@ def test_the_command_builds_shows_and_refuses(study, tmp_path):
     wrong = acqd_here(*common, tmp_path / "other", "--power", tmp_path / "nothing.sqlite")
     assert wrong.returncode == 2 and "does not exist" in wrong.stderr
     none = acqd_here("dataset", "show", tmp_path)
-    assert none.returncode == 2 and "is no dataset" in none.stderr
+    assert none.returncode == 2 and "is not a dataset" in none.stderr

@@ -26,7 +26,7 @@ def test_the_rest_of_acqd_starts_without_the_laboratorys_libraries():
         (["execute", "short.csv", "--out", "x"], "short.csv: has 2 columns, but iiwa7_r800 has 7 axes"),
         (["execute", "back.csv", "--out", "x"], "back.csv: time goes from"),
         (["execute", "missing.csv", "--out", "x"], "missing.csv: cannot be read"),
-        (["execute", "good.csv"], "say either --out FOLDER"),
+        (["execute", "good.csv"], "give either --out FOLDER"),
         (["execute", "good.csv", "--out", "x", "--effect", "gremlins"], "effect 'gremlins' is unknown"),
         (["execute", "good.csv", "--out", "x", "--settings", "lab.toml"], "lab.toml: mains.voltage"),
         (["campaign", "--out", "x", "--limited", "0", "--all", "0"], "the campaign has no recordings"),
@@ -37,7 +37,7 @@ def test_the_rest_of_acqd_starts_without_the_laboratorys_libraries():
         (["campaign", "--out", "x", "--effect", "encoder_bias:axis=9"], "the robot has the axes 1 to 7"),
         (["campaign", "--out", "x", "--settings", "typo.toml"], "typo.toml: effects.0: effect 'paylod' is unknown"),
         (["campaign", "--out", "x", "--settings", "odd.toml"], "odd.toml: window: expected whole milliseconds"),
-        (["campaign", "--out", "x", "--truth", "x/truth"], "lies in what an analyst may read"),
+        (["campaign", "--out", "x", "--truth", "x/truth"], "which an analyst may read"),
         (
             ["execute", "good.csv", "--out", "x", "--effect", "payload:at=1000"],
             "effect payload: at=1000, but good lasts only",

@@ -25,7 +25,7 @@ def test_a_log_is_predicted_and_what_is_new_to_the_model_is_flagged(study, train
     assert limited.returncode == 0, limited.stderr
     wide = next(path for path in logs if "all_" in path.name)
     done = acqd_here("predict", tmp_path / "limited", wide)
-    assert done.returncode == 0 and "outside of what the model was trained on" in done.stderr
+    assert done.returncode == 0 and "outside the range of motion of the training data" in done.stderr
 
 
 def test_logs_that_are_not_this_robots_are_refused(trained, tmp_path):

@@ -9,7 +9,7 @@ from tests.commands import acqd_here
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (("none", "--model", "{bundle}", "--database", "p.sqlite"), "none is no folder"),
+        (("none", "--model", "{bundle}", "--database", "p.sqlite"), "none is not a folder"),
         (("logs", "--model", "logs", "--database", "p.sqlite"), "no bundle"),
         (("logs", "--model", "{bundle}", "--database", "x.sqlite"), "does not exist"),
         (("logs", "--model", "{bundle}", "--database", "p.sqlite", "--live", "--no-mqtt"), "--no-mqtt"),

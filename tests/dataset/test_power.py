@@ -87,9 +87,9 @@ def test_channels_that_come_one_after_the_other_are_told_apart(tmp_path):
 @pytest.mark.parametrize(
     ("name", "text", "expected"),
     [
-        ("a.parquet", "", "no Parquet"),
+        ("a.parquet", "", "is not a Parquet file"),
         ("a.jsonl", '{"time": null, "P": 1}\n', "row 1 has no time"),
-        ("a.jsonl", "[1, 2]\n", "line 1 is no JSON object"),
+        ("a.jsonl", "[1, 2]\n", "line 1 is not a JSON object"),
         ("a.csv", "filetime,P\n,1\n", "has no time"),
         ("a.csv", "filetime,P\nx,1\n", "column filetime"),
         ("a.sqlite", "", "is empty"),

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.signal import lfilter
 
-from acqd.discrepancy.regression.setup import prepare
+from acqd.discrepancy.regression.setup import Question, set_up
 from acqd.discrepancy.selection.stepwise import Limits, trace
 from acqd.models.effects import library
 from acqd.models.effects.substeps import SUBSTEPS, averaged
@@ -17,9 +17,14 @@ def traced(model, robot, add, *, count=7, withheld=frozenset(), contrast=True, o
     """The loop's heart on recordings with an effect, beside recordings without."""
     reference = [recording(model, k, seed=1) for k in range(count)] if contrast else []
     in_question = [recording(model, k, add, seed=2, start_s=1e9 + 5000) for k in range(count)]
-    chosen = set(only or library())
-    design, competing, gates = prepare(model, robot, in_question, reference, chosen, set(withheld), lambda _: None)
-    return design, trace(design, competing, gates, Limits(), lambda _: None)
+    return selected(model, robot, in_question, reference, only or library(), withheld)
+
+
+def selected(model, robot, in_question, reference, only, withheld=()):
+    """The selection on recordings in question and reference recordings."""
+    question = Question(model, robot, in_question, reference, frozenset(only), frozenset(withheld))
+    setup = set_up(question, lambda _: None)
+    return setup.design, trace(setup, Limits(), lambda _: None)
 
 
 def lagged_mean(fine_power, lag_s=0.012, steps=40):

@@ -10,7 +10,7 @@ from tests.models.test_effects import DESIGN_IDS
 
 @pytest.mark.slow
 def test_derived_candidates_leave_the_residual_of_known_levels(model, robot):
-    design, tracing = traced(model, robot, thermostat, count=14, only={"thermostat", "process_load"})
-    left = np.concatenate([each for k, each in enumerate(residuals_of(design, tracing.model)) if k >= 14])
+    _, tracing = traced(model, robot, thermostat, count=14, only={"thermostat", "process_load"})
+    left = np.concatenate([each for k, each in enumerate(residuals_of(tracing.design, tracing.regression)) if k >= 14])
     assert left.std() < 1.2
-    assert detect(design, tracing.model, design.in_question, set(DESIGN_IDS)) == []
+    assert detect(tracing.design, tracing.regression, tracing.design.columns.in_question, set(DESIGN_IDS)) == []

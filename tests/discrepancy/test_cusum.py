@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from acqd.discrepancy.monitor.cusum import BLOCK_S, Baseline, Monitor
+from acqd.discrepancy.monitor.cusum import Baseline, Monitor
+from acqd.discrepancy.thresholds import THRESHOLDS
 
 STEP = 0.04
 
@@ -86,5 +87,5 @@ def test_a_single_protective_stop_is_no_change():
 
 def test_too_few_blocks_make_no_baseline():
     random = np.random.default_rng(7)
-    short = [residual(random, BLOCK_S * 3 / 60)]
+    short = [residual(random, THRESHOLDS.cusum_block_s * 3 / 60)]
     assert Baseline.of(short, [np.zeros(len(short[0]))], [0.0], STEP, 3600.0) is None

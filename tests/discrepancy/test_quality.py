@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from acqd.discrepancy.residual.quality import noise_floor, quality
+from acqd.discrepancy.residual.quality import quality
+from acqd.models.noise_floor import noise_floor
 from tests.builders import STEP, recording
 
 
@@ -18,5 +19,5 @@ def test_quality_of_white_and_of_foreseeable_residuals():
     random = np.random.default_rng(1)
     white = quality([random.normal(1.0, 2.0, 5000)])
     assert white.rmse == pytest.approx(np.sqrt(5), rel=0.05) and white.bias == pytest.approx(-1, abs=0.1)
-    assert white.whiteness < 0.03
-    assert quality([np.cumsum(random.normal(0, 1, 5000))]).whiteness > 0.8
+    assert white.residual_autocorrelation < 0.03
+    assert quality([np.cumsum(random.normal(0, 1, 5000))]).residual_autocorrelation > 0.8

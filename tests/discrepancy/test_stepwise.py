@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 
-from acqd.discrepancy.regression.setup import prepare
-from acqd.discrepancy.selection.stepwise import Limits, trace
 from acqd.models.effects import library
 from tests.builders import recording
 from tests.discrepancy.independent import (
@@ -12,6 +10,7 @@ from tests.discrepancy.independent import (
     INDEPENDENT,
     added_payload,
     lagged_mean,
+    selected,
     since_release,
     thermostat,
     traced,
@@ -27,25 +26,25 @@ def test_an_effect_that_was_made_otherwise_is_named_first(name, model, robot):
     count = 14 if name in ("thermostat", "process_load", "mechanical_power") else 7
     only = COMMON | {name, *library()[name].neighbours}
     _, tracing = traced(model, robot, INDEPENDENT[name], count=count, only=only)
-    assert [named.id for named in tracing.found][:1] == [name], (tracing.verdict, tracing.looked_at[:3])
+    assert [named.id for named in tracing.effects][:1] == [name], (tracing.verdict, tracing.last_ranking[:3])
 
 
 @pytest.mark.slow
 def test_parameters_come_back(model, robot):
     _, tracing = traced(model, robot, INDEPENDENT["coulomb_friction"], only=COMMON)
-    assert tracing.found[0].finding.candidate.label == "joint 2"
-    assert tracing.found[0].finding.coefficients[0] == pytest.approx(4.0, rel=0.1)
+    assert tracing.effects[0].finding.candidate.label == "joint 2"
+    assert tracing.effects[0].finding.coefficients[0] == pytest.approx(4.0, rel=0.1)
     _, tracing = traced(model, robot, added_payload, only=COMMON)
-    assert tracing.found[0].finding.coefficients[0] == pytest.approx(2.0, rel=0.1)
+    assert tracing.effects[0].finding.coefficients[0] == pytest.approx(2.0, rel=0.1)
     _, tracing = traced(model, robot, INDEPENDENT["gear_ripple"], only=COMMON | {"gear_ripple"})
-    assert tracing.found[0].shape["periods_per_turn"] == pytest.approx(17.3, abs=0.1)
+    assert tracing.effects[0].shape["periods_per_turn"] == pytest.approx(17.3, abs=0.1)
     _, tracing = traced(model, robot, thermostat, count=14, only=COMMON | {"thermostat", "process_load"})
-    assert tracing.found[0].shape["period_s"] == pytest.approx(47, rel=0.1)
+    assert tracing.effects[0].shape["period_s"] == pytest.approx(47, rel=0.1)
 
 
 def test_nothing_is_found_where_nothing_is(model, robot):
     _, tracing = traced(model, robot, None)
-    assert tracing.verdict == "nothing_left", [named.id for named in tracing.found]
+    assert tracing.verdict == "nothing_left", [named.id for named in tracing.effects]
 
 
 def test_what_the_library_does_not_know_is_called_unknown(model, robot):
@@ -53,8 +52,8 @@ def test_what_the_library_does_not_know_is_called_unknown(model, robot):
         return lagged_mean(6.0 * np.exp(-(((np.abs(scene.qd[:, 1]) - 0.3) / 0.06) ** 2)))
 
     _, tracing = traced(model, robot, band, count=12)
-    assert tracing.verdict == "unknown_structure", [(n.id, n.finding.candidate.label) for n in tracing.found]
-    assert tracing.unknown.candidate.label == "the speed of joint 2"
+    assert tracing.verdict == "unknown_structure", [(n.id, n.finding.candidate.label) for n in tracing.effects]
+    assert tracing.unknown.finding.candidate.label == "the speed of joint 2"
 
 
 def test_two_effects_are_both_named(model, robot):
@@ -62,7 +61,7 @@ def test_two_effects_are_both_named(model, robot):
         return added_payload(scene, random) + INDEPENDENT["thermostat"](scene, random)
 
     _, tracing = traced(model, robot, both)
-    assert {named.id for named in tracing.found} == {"payload", "thermostat"}
+    assert {named.id for named in tracing.effects} == {"payload", "thermostat"}
 
 
 def surge(scene, random):
@@ -78,12 +77,11 @@ def test_what_a_peak_leaves_over_hides_nothing_and_names_nothing(beside, model, 
         return surge(scene, random) + (0 if beside is None else 0.05 * added_payload(scene, random))
 
     _, tracing = traced(model, robot, both, only=COMMON | {"brake_release", "gravity_bias"})
-    assert [named.id for named in tracing.found] == ["brake_release", *([beside] if beside else [])]
+    assert [named.id for named in tracing.effects] == ["brake_release", *([beside] if beside else [])]
 
 
 def test_an_onset_within_the_dataset_is_found(model, robot):
     in_question = [recording(model, k, added_payload if k >= 7 else None, seed=2) for k in range(14)]
-    design, competing, gates = prepare(model, robot, in_question, [], COMMON, set(), lambda _: None)
-    tracing = trace(design, competing, gates, Limits(), lambda _: None)
-    assert tracing.found[0].id == "payload"
-    assert tracing.found[0].gate.begin == "r_2_07"
+    _, tracing = selected(model, robot, in_question, [], COMMON)
+    assert tracing.effects[0].id == "payload"
+    assert tracing.effects[0].gate.start == "r_2_07"

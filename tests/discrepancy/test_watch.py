@@ -23,5 +23,5 @@ def test_a_watch_raises_the_alarm_proposes_and_goes_on_after_a_restart(closed, t
     assert again.resumed.details["proposed"] and again.resumed.details["alarm"]["onset_s"] < 1e9 + 9000 + 180
     assert list(again.look(lambda *_: None)) == []  # nothing twice
     (order.out / "watch.json").write_text("{")
-    with pytest.raises(InputError, match="delete it to begin anew"):
+    with pytest.raises(InputError, match="delete it to start again"):
         Watch(order, 200 * 3600.0)

@@ -5,7 +5,8 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from acqd.lab.motion.profile import Move, fastest_profile, plan_chain
+from acqd.lab.motion.chain import Move, plan_chain
+from acqd.lab.motion.profile import fastest_profile
 from tests.lab.moved import IIWA
 
 positive = st.floats(0.05, 5.0)

@@ -47,5 +47,5 @@ def test_a_trajectory_through_a_box_is_refused_with_the_place(cell):
     planner = Planner(arm, CollisionChecker(arm, wall))
     side = np.radians([60, 60, 0, -40, 0, 0, 0])
     through = Trajectory("through", np.array([side, side * [-1, 1, 1, 1, 1, 1, 1]]))
-    with pytest.raises(UserError, match="the straight way to -60 60 0 -40 0 0 0 deg collides"):
+    with pytest.raises(UserError, match="the straight path to -60 60 0 -40 0 0 0 deg collides"):
         planner.program(through, np.random.default_rng(0))

@@ -16,8 +16,8 @@ from acqd.lab.effects import parse_effect
         ("payload:mass_kg", r"'mass_kg' is not like name=1.5 .no =."),
         ("payload:mass_kg=-2", r"mass_kg=-2 is outside 0.001 .. 1000"),
         ("thermostat:period_s=0", r"period_s=0 is outside 1 .. 100000"),
-        ("clock_drift:at=3", "it can only begin with a recording"),
-        ("payload:mass_kg=nan", "is no finite number"),
+        ("clock_drift:at=3", "it can only start with a recording"),
+        ("payload:mass_kg=nan", "is not a finite number"),
         ("payload:from=0", "expected a recording number from 1"),
     ],
 )

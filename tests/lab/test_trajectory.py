@@ -21,7 +21,7 @@ def test_trajectories_survive_their_file(tmp_path, drawn):
         ("A1_deg,A2_deg\n1,2\n", "header A1_deg,A2_deg; expected A1_deg,A2_deg,A3_deg"),
         ("1,2,3,4,5,6\n", "has 6 columns, but iiwa7_r800 has 7 axes"),
         ("0,0,0,0,0,0,0\n0,130,0,0,0,0,0\n", "row 2: A2 = 130 deg is outside -120 .. 120 deg"),
-        ("0,0,0,0,0,0,0\n0,,0,0,0,0,0\n", "row 2: column 2 is no number"),
+        ("0,0,0,0,0,0,0\n0,,0,0,0,0,0\n", "row 2: column 2 is not a number"),
     ],
 )
 def test_a_broken_trajectory_is_named_where_it_is_broken(tmp_path, text, complaint):

@@ -16,7 +16,7 @@ from tests.lab.moved import IIWA
 def test_an_assembly_does_not_drive_through_what_stands_in_its_way(cell):
     post = Box(name="post", centre=(0.54, -0.14, 0.3), size=(0.03, 0.03, 0.6))
     blocked = Planner(cell.arm, CollisionChecker(cell.arm, Scene(name="blocked", box=[post])))
-    with pytest.raises(UserError, match=r"the straight way to .* deg collides"):
+    with pytest.raises(UserError, match=r"the straight path to .* deg collides"):
         Assembly(cell.arm, blocked).program(np.random.default_rng(0))
     for controller in ("robot", "twin"):
         assembly = Assembly(cell.arm, cell.planner, controller)

@@ -2,15 +2,12 @@
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from acqd.models.compare.baselines import noise_floor
 from acqd.models.compare.stability import unstable_share
 from acqd.models.metrics import measure
-from acqd.models.segments import Dataset
 from tests.models.motions import STEP, angles, iiwa_power, segment
 
 
@@ -23,6 +20,6 @@ def test_oscillation_and_noise_are_told_apart():
     wild[300:400] += 15 * (-1.0) ** np.arange(100)
     assert unstable_share([wild], [one]) == pytest.approx(100 / 600, abs=0.03)
     still = replace(one, q=np.zeros_like(q), P=200 + np.random.default_rng(1).normal(0, 2.0, 600))
-    data = Dataset(Path("x"), "", "iiwa7_r800", "iiwa7_r800", STEP, "mains", [still])
-    assert noise_floor(data) == pytest.approx(2.0 * np.sqrt(2 / np.pi), rel=0.1)
+    floor, where = noise_floor([still], STEP)
+    assert floor == pytest.approx(2.0, rel=0.1) and where == "at rest, within two seconds"
     assert json.loads(json.dumps(measure([P], [one]).as_json()))["mae"] == 0.0

@@ -51,14 +51,14 @@ def test_training_learns_and_goes_on_after_it_was_stopped(tmp_path, monkeypatch)
         architecture("14x1dim"), data, (), 5, settings_, tmp_path / "again", lambda at: begun.append(at.epoch)
     )
     assert begun[0] == 11  # the tenth was saved
-    assert np.array_equal(resumed.theta, whole.theta) and resumed.run.best_loss == whole.run.best_loss
+    assert np.array_equal(resumed.parameters, whole.parameters) and resumed.run.best_loss == whole.run.best_loss
 
 
 def test_torch_trains_to_the_same_place(tmp_path):
     data = dataset(iiwa_power, count=8, rows=120)
     fused, portable = (small(data, tmp_path, 4, name, compute=name) for name in ("fused", "torch"))
     assert "torch" in portable.engine and "fused" in fused.engine
-    assert np.abs(fused.theta - portable.theta).max() < 2e-3
+    assert np.abs(fused.parameters - portable.parameters).max() < 2e-3
 
 
 def test_patience_stops_and_keeps_the_best(tmp_path):

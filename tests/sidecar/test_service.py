@@ -11,9 +11,11 @@ import time
 import paho.mqtt.client as paho
 from paho.mqtt.enums import CallbackAPIVersion
 
+from acqd.sidecar.lock import exclusive
 from acqd.sidecar.service import Sidecar
+from acqd.sidecar.settings import Settings
 from acqd.sidecar.store import Store
-from acqd.sidecar.work import Settings, Worker
+from acqd.sidecar.worker import Worker
 from acqd.storage.database import open_database
 from tests.commands import ACQD
 from tests.sidecar.cell import BEGIN, cell, motion, write_log
@@ -26,7 +28,7 @@ def test_one_sidecar_a_database_and_one_device(tmp_path, bundle, database):
     logs.mkdir()
     cell(logs, database, 1)
     command = sidecar(logs, bundle, database, "--no-mqtt", "--until-idle")
-    with Store(open_database(database)).alone():
+    with exclusive(open_database(database)):
         second = run(command)
     assert second.returncode == 2 and "another sidecar works on this database" in second.stderr
     assert run(command).returncode == 0

@@ -21,7 +21,7 @@ def test_the_thesis_is_reproduced_and_goes_on_where_it_stood(study, tmp_path, mo
     command = [sys.executable, "-m", "tools.studies.thesis", *words]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    assert done.stderr.count("there already") == 4
+    assert done.stderr.count("already done") == 4
     found = json.loads(done.stdout)
     figures = [claim["figure"] for claim in found["claims"]]
     assert {"Table 7.2", "Figure 8.1", "Figure 8.16", "Figure 9.3", "Figure C.2"} <= set(figures)
@@ -35,7 +35,7 @@ def test_the_thesis_is_reproduced_and_goes_on_where_it_stood(study, tmp_path, mo
     monkeypatch.setattr(sys, "argv", ["thesis", *words])
     with pytest.raises(EOFError):
         thesis.main()
-    assert capsys.readouterr().err.count("there already") == 9
+    assert capsys.readouterr().err.count("already done") == 9
     monkeypatch.setattr(sys, "argv", ["thesis", *words, "--seed", "9"])
     with pytest.raises(UserError, match="another size or seed"):
         thesis.main()
@@ -47,7 +47,7 @@ def test_a_step_that_fails_says_so_and_the_next_run_goes_on(tmp_path):
     bad = Step("bad", (tmp_path / "other",), (("acqd", "dataset", "show", str(tmp_path / "none")),))
     idle = Step("idle", (tmp_path / "never",), (("timeit", "-n1", "-r1", "pass"),))
     console = Console(quiet=True)
-    with pytest.raises(OperationError, match="is no dataset"):
+    with pytest.raises(OperationError, match="is not a dataset"):
         run([good, bad], tmp_path, console)
     with pytest.raises(OperationError, match="never was not made"):
         run([good, idle], tmp_path, console)

@@ -1,1 +1,1 @@
-"""`make bench`: what acqd promises, measured on this machine, as ratios within one run where it is about speed."""
+"""`make bench`: measures on this machine what acqd promises. Speeds are compared as ratios within one run."""

@@ -1,9 +1,15 @@
-"""`make bench [ARGS="--only speed --out bench.json"]`."""
+"""Measures everything that acqd promises and prints the figures next to their targets.
+
+    make bench [ARGS="--only speed --out bench.json"]
+
+The figures also go to a JSON file.
+"""
 
 from __future__ import annotations
 
 import json
 import os
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import asdict
 from pathlib import Path
@@ -12,12 +18,14 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from acqd.errors import OperationError
 from tools.bench import accuracy, at_work, lab, live, models, sink, sources, speed
 from tools.bench.report import Figure, table
+from tools.common.tables import show
 
 _SECTIONS: dict[str, list[Callable[[], Iterator[Figure]]]] = {
     "accuracy": [accuracy.synthetic, accuracy.exactness, accuracy.recordings],
-    "speed": [speed.beside_pqopen, speed.replay, speed.main_slow],
+    "speed": [speed.pqopen, speed.replay, speed.main_slow],
     "live": [live.daemon, live.jitter],
     "sources": [sources.sources],
     "sink": [sink.sinks],
@@ -31,14 +39,14 @@ def bench(
     only: Annotated[list[str] | None, typer.Option(help=f"Sections to run: {', '.join(_SECTIONS)}.")] = None,
     out: Annotated[Path, typer.Option(help="JSON file to write.")] = Path("bench.json"),
 ) -> None:
-    """Measure everything and print it as a table; the figures also go to a JSON file."""
+    """Measure everything, print a table and write the figures to a JSON file."""
     figures: list[Figure] = []
     progress = Console(stderr=True)
     for name in only or _SECTIONS:
         for measure in _SECTIONS[name]:
             with progress.status(f"measuring {name}: {measure.__name__}"):
                 figures += measure()
-    Console(width=140).print(table(figures))
+    show(table(figures), width=140)
     out.write_text(
         json.dumps([asdict(figure) | {"value": float(figure.value), "met": figure.met} for figure in figures], indent=1)
     )
@@ -47,8 +55,11 @@ def bench(
 
 
 if __name__ == "__main__":
-    # One core: a BLAS that spreads over two would make every ratio meaningless.
+    # A BLAS with two threads would make every ratio meaningless.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     app = typer.Typer(pretty_exceptions_enable=False, add_completion=False)
     app.command()(bench)
-    app()
+    try:
+        app()
+    except OperationError as error:
+        sys.exit(f"bench: {error}")

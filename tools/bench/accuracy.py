@@ -1,4 +1,4 @@
-"""Accuracy on hard synthetic mains and on the real recordings."""
+"""Accuracy on difficult synthetic mains and on real recordings."""
 
 from __future__ import annotations
 
@@ -44,17 +44,17 @@ def synthetic() -> Iterator[Figure]:
 
 
 def exactness() -> Iterator[Figure]:
-    """Fixed mode against the textbook, W of an hour against exact integers."""
+    """Fixed mode compared with the textbook sums, W of an hour with exact integers."""
     section = "exactness"
     wave = hard_mains(49.3, 1, 4.0)
     batch = _metered(wave, "fixed")
     u = (wave.codes[:, 0] * SCALE[0]).reshape(-1, 800)
     i = (wave.codes[:, 1] * SCALE[1]).reshape(-1, 800)
-    off = max(
+    error = max(
         float(np.abs(batch.Vrms[0] / np.sqrt((u * u).mean(axis=1)) - 1).max()),
         float(np.abs(batch.P[0] / (u * i).mean(axis=1) - 1).max()),
     )
-    yield Figure(section, "fixed mode against the textbook sums", off, "relative", "<= 1e-9")
+    yield Figure(section, "fixed mode against the textbook sums", error, "relative", "<= 1e-9")
     wave = hard_mains(50.03, 1, 60.0)
     meter = Meter(wave.form)
     count = len(wave.codes)
@@ -69,7 +69,7 @@ def exactness() -> Iterator[Figure]:
 
 
 def recordings() -> Iterator[Figure]:
-    """Against ref_40ms.csv."""
+    """Real recordings compared with the references of their folders, ref_40ms.csv."""
     if not RECORDINGS.is_dir():
         return
     for name in _RECORDED:
@@ -83,15 +83,15 @@ def recordings() -> Iterator[Figure]:
             results[mode] = batch
         at = reference["phase"].astype(int) - 1, reference["k"].astype(int)
 
-        def off(quantity: np.ndarray, column: str) -> np.ndarray:
+        def apart(quantity: np.ndarray, column: str) -> np.ndarray:
             return np.asarray(np.abs(quantity[at] / reference[column] - 1))  # noqa: B023 - used at once
 
         sync, fixed = results["synchronous"], results["fixed"]
         f = np.abs(sync.f[at[1]] - reference["f_sync"])
-        yield Figure(section, "Vrms, median", float(np.nanmedian(off(sync.Vrms, "U_sync"))) * 100, "%", "<= 0.01")
+        yield Figure(section, "Vrms, median", float(np.nanmedian(apart(sync.Vrms, "U_sync"))) * 100, "%", "<= 0.01")
         yield Figure(section, "f, median", float(np.nanmedian(f)) * 1000, "mHz", "<= 2")
         worst = max(
-            float(off(q, c).max()) for q, c in ((fixed.Vrms, "U_fix"), (fixed.Irms, "I_fix"), (fixed.P, "P_fix"))
+            float(apart(q, c).max()) for q, c in ((fixed.Vrms, "U_fix"), (fixed.Irms, "I_fix"), (fixed.P, "P_fix"))
         )
         yield Figure(section, "fixed mode: worst of U, I, P", worst, "relative", "<= 1e-6")
-        yield Figure(section, "energy: worst", float(off(fixed.W * 1000, "E_Wh").max()), "relative", "<= 1e-6")
+        yield Figure(section, "energy: worst", float(apart(fixed.W * 1000, "E_Wh").max()), "relative", "<= 1e-6")

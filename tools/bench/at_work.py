@@ -1,4 +1,4 @@
-"""Models at work: what a step of an FMU costs beside others, and how soon the sidecar has worked through a log."""
+"""Models in use: the cost of an FMU's step compared with other exporters, and the speed of the sidecar."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from tools.bench.report import Figure
+from tools.common.commands import acqd
 from tools.common.servers import mosquitto
 from tools.studies.fmu.__main__ import check
-from tools.studies.measured_robots.__main__ import acqd
 from tools.studies.sidecar.__main__ import Cell, live, long_log, timed
 
 _OTHERS = ("onnx2fmu", "pythonfmu")
 
 
 def fmu_and_sidecar() -> Iterator[Figure]:
-    """A small campaign (simulated), a 21x1dim of a few epochs: its errors do not matter here."""
+    """A small simulated campaign and a 21x1dim of a few epochs: its errors do not matter here."""
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         campaign, dataset, bundle = folder / "campaign", folder / "ds", folder / "21x1dim"
@@ -29,14 +29,14 @@ def fmu_and_sidecar() -> Iterator[Figure]:
 
 
 def _fmu(bundle: Path, folder: Path) -> Iterator[Figure]:
-    found = check(bundle, folder, 20_000, lambda _: None)
-    step = found["others"]["acqd"]["step"]["median_us"]
+    exporters = check(bundle, folder, 20_000, lambda _: None)["others"]
+    step = exporters["acqd"]["step"]["median_us"]
     yield Figure("work", "FMU step of 21x1dim from a C host", step, "us", "<= 1")
-    yield Figure("work", "FMU file", found["others"]["acqd"]["bytes"] / 1000, "kB", "<= 200")
+    yield Figure("work", "FMU file", exporters["acqd"]["bytes"] / 1000, "kB", "<= 200")
     for name in _OTHERS:
-        other = found["others"].get(name, {}).get("step")
-        if isinstance(other, dict):  # acqd[fmu-check] is there
-            yield Figure("work", f"FMU step beside that of {name}", other["median_us"] / step, "times faster", ">= 10")
+        other = exporters.get(name, {}).get("step")
+        if isinstance(other, dict):  # acqd[fmu-check] is installed
+            yield Figure("work", f"FMU step compared with {name}", other["median_us"] / step, "times faster", ">= 10")
 
 
 def _sidecar(campaign: Path, bundle: Path, folder: Path) -> Iterator[Figure]:

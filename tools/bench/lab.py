@@ -1,11 +1,8 @@
-"""The virtual laboratory: the whole thesis campaign, and its motions against an independent collision oracle."""
+"""The virtual laboratory: the whole thesis campaign, and its motions checked by MuJoCo."""
 
 from __future__ import annotations
 
-import json
 import resource
-import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -18,18 +15,17 @@ from acqd.lab.motion.controller import RATE, Controller
 from acqd.lab.settings import LabSettings
 from tools.bench.report import Figure
 from tools.common import mujoco_oracle
+from tools.common.commands import acqd_json
 
 _SECTION = "virtual laboratory (simulated)"
 
 
 def campaign() -> Iterator[Figure]:
-    """202 + 135 recordings, waveforms at 20 kHz through the daemon's own tasks into SQLite."""
+    """202 + 135 recordings: waveforms at 20 kHz, metered by the daemon's tasks, rows in SQLite."""
     with tempfile.TemporaryDirectory(prefix="acqd-bench-") as folder:
-        command = [sys.executable, "-P", "-m", "acqd", "lab", "campaign", "--out", f"{folder}/c", "--json"]
         begun = time.perf_counter()
-        done = subprocess.run(command, capture_output=True, text=True, check=True)
+        report = acqd_json("lab", "campaign", "--out", f"{folder}/c")
         minutes = (time.perf_counter() - begun) / 60
-    report = json.loads(done.stdout)
     memory = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
     yield Figure(_SECTION, "thesis campaign, wall time", minutes, "min", "<= 15")
     yield Figure(_SECTION, "streamed waveform", report["sample_pairs"] / 1e6, "M sample pairs")
@@ -48,7 +44,7 @@ def campaign() -> Iterator[Figure]:
 
 
 def motions() -> Iterator[Figure]:
-    """Every source trajectory executed once: limits exactly, collisions every 0.5 deg by MuJoCo."""
+    """Every source trajectory executed once: limits at every row, collisions every 0.5 deg by MuJoCo."""
     cell = build_cell(LabSettings())
     drawn = draw(cell, limited=46, all_space=30)
     clearance, speed, acceleration, inside = np.inf, 0.0, 0.0, True

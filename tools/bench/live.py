@@ -1,4 +1,4 @@
-"""The running daemon: CPU, memory, punctuality beside cyclictest, sample to subscriber."""
+"""The running daemon: CPU, memory, latency to a subscriber, punctuality compared with cyclictest."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import json
 import re
 import shutil
 import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -19,6 +18,7 @@ import numpy as np
 import psutil
 
 from tools.bench.report import Figure
+from tools.common.commands import acqd_command, acqd_json
 from tools.common.servers import mosquitto
 
 _SECONDS = 30.0
@@ -31,8 +31,7 @@ def daemon() -> Iterator[Figure]:
     with mosquitto() as port, tempfile.TemporaryDirectory() as folder:
         config = Path(folder) / "acqd.toml"
         config.write_text(f"[mqtt]\nport = {port}\n")
-        command = [sys.executable, "-m", "acqd", "run", "--config", str(config)]
-        process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+        process = subprocess.Popen(acqd_command("run", "--config", config), stderr=subprocess.DEVNULL)
         try:
             time.sleep(_WARM_UP_S)
             family = [psutil.Process(process.pid), *psutil.Process(process.pid).children(recursive=True)]
@@ -79,16 +78,15 @@ async def _listen(port: int, seconds: float) -> tuple[list[float], dict[str, dic
 
 
 def jitter() -> Iterator[Figure]:
-    """`acqd jitter` and cyclictest at the same time, both FIFO, on their own."""
-    section = "wake-up latency at 1 ms, beside cyclictest in the same seconds"
+    """`acqd jitter` and cyclictest at the same time, both with SCHED_FIFO, nothing else."""
+    section = "wake-up latency at 1 ms, with cyclictest in the same seconds"
     cyclictest = shutil.which("cyclictest")
-    ours = [sys.executable, "-m", "acqd", "jitter", "--duration", str(_SECONDS), "--json"]
     peer = None
     if cyclictest:
-        # Its own priority, so that neither waits for the other by rule.
+        # The same priority, so that neither one has precedence.
         options = ["-q", "-m", "-p", "80", "-i", "1000", "-l", str(int(_SECONDS * 1000)), "-h", "4000"]
         peer = subprocess.Popen([cyclictest, *options], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
-    report = json.loads(subprocess.run(ours, check=True, capture_output=True).stdout)
+    report = acqd_json("jitter", "--duration", _SECONDS)
     for name in ("p50_us", "p99_us", "p999_us", "max_us"):
         yield Figure(section, f"acqd {name.removesuffix('_us')}", report[name], "us")
     yield Figure(section, "acqd missed cycles", report["missed"], "")

@@ -1,4 +1,4 @@
-"""One measured figure beside its target."""
+"""Measured figures and their targets."""
 
 from __future__ import annotations
 
@@ -8,10 +8,12 @@ from dataclasses import dataclass
 
 from rich.table import Table
 
+from tools.common.tables import verdict
+
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """A line of the report. `target` like "<= 0.02" or ">= 10"; empty: for information."""
+    """A line of the report. `target` is like "<= 0.02" or ">= 10"; empty: for information only."""
 
     section: str
     name: str
@@ -30,7 +32,7 @@ class Figure:
 
 
 def table(figures: list[Figure]) -> Table:
-    """All figures for people."""
+    """The table of all figures."""
     shown = Table("what", "measured", "unit", "target", "", title="make bench", title_justify="left")
     section = ""
     for figure in figures:
@@ -38,6 +40,6 @@ def table(figures: list[Figure]) -> Table:
             section = figure.section
             shown.add_section()
             shown.add_row(f"[bold]{section}[/]")
-        mark = {None: "", True: "[green]met[/]", False: "[red]MISSED[/]"}[figure.met]
-        shown.add_row(f"  {figure.name}", f"{figure.value:.4g}", figure.unit, figure.target, mark)
+        met = verdict(figure.met, "met", "MISSED")
+        shown.add_row(f"  {figure.name}", f"{figure.value:.4g}", figure.unit, figure.target, met)
     return shown

@@ -1,4 +1,4 @@
-"""The sink beside the raw bulk insert of its database, and end to end through mosquitto."""
+"""The sink compared with a raw bulk insert into its database, and end to end through mosquitto."""
 
 from __future__ import annotations
 
@@ -63,6 +63,7 @@ def _plain(row: PowerRow) -> tuple[Any, ...]:
 
 
 def _ours(url: str) -> float:
+    """Rows/s of the sink's writer, from payloads to committed rows."""
     writer = Writer(open_database(url))
     speeds = []
     for number in range(_ROUNDS):
@@ -72,7 +73,7 @@ def _ours(url: str) -> float:
 
 
 def _raw_sqlite(path: Path) -> float:
-    """executemany of ready tuples into the same table, WAL, the same batches, one commit each."""
+    """Rows/s of executemany: ready tuples, the same table (WAL) and batches, one commit per batch."""
     connection = sqlite3.connect(path)
     statement = f"INSERT INTO power ({_COLUMNS}) VALUES ({','.join('?' * 15)})"
 
@@ -84,7 +85,7 @@ def _raw_sqlite(path: Path) -> float:
 
 
 def _raw_postgres(url: str) -> float:
-    """COPY of ready tuples straight into the same table, the same batches, one commit each."""
+    """Rows/s of COPY: ready tuples, the same table and batches, one commit per batch."""
     import psycopg
 
     with psycopg.connect(url) as connection:
@@ -99,7 +100,7 @@ def _raw_postgres(url: str) -> float:
 
 
 def _end_to_end(url: str) -> float:
-    """Rows/s from mosquitto into the table: a backlog waits at the broker, then the sink starts."""
+    """Rows/s from mosquitto into the table: the broker holds a backlog when the sink starts."""
     engine = open_database(url)
     messages = [(f"acqd/cell1/{r.channel}/power", r.to_json()) for r in _rows("mqtt")]
     settings = SinkSettings(client_id="bench")
@@ -132,7 +133,7 @@ def _run_until(sink: Sink, stopped: threading.Event, done: Callable[[Sink], bool
 
 
 def sinks() -> Iterator[Figure]:
-    """Payload bytes to committed rows, in transactions of 2000."""
+    """From payloads to committed rows, in transactions of 2000."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "b.sqlite"
         ours, raw = _ours(str(path)), _raw_sqlite(path)

@@ -1,4 +1,4 @@
-"""Every device source in real time, its double in a separate process: CPU of the client, samples lost."""
+"""Every device source in real time with its double in a separate process: CPU of the client, samples lost."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _MOST_CPU = {"modbus": 20}
 
 
 def sources() -> Iterator[Figure]:
-    """60 s of each source: MAIN_FAST's process, which holds the protocol's client, and what it lost."""
+    """60 s of each source: CPU of MAIN_FAST's process, which holds the protocol's client, and the samples it lost."""
     section = f"sources in real time, {_SECONDS:g} s each, doubles on the same two cores"
     for kind, title in _TITLES.items():
         if kind in ON_ETHERNET and not may_create_veth():

@@ -1,11 +1,8 @@
-"""Throughput beside pqopen-lib, `acqd replay`, and one MAIN_SLOW cycle."""
+"""Throughput compared with pqopen-lib, of `acqd replay`, and duration of one MAIN_SLOW cycle."""
 
 from __future__ import annotations
 
-import json
 import statistics
-import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -17,13 +14,14 @@ from acqd.metering import Meter, SampleBlock
 from acqd.telemetry.row import rows_of
 from tools.bench.report import Figure
 from tools.bench.waves import SCALE, Wave, hard_mains
+from tools.common.commands import acqd_json
 
 _SECONDS = 30.0
 _ROUNDS = 5
 
 
 def _ours(wave: Wave, samples: int) -> float:
-    """Real-time factor feeding blocks of `samples`."""
+    """Real-time factor of the meter, fed with blocks of `samples`."""
     meter = Meter(wave.form)
     begun = time.perf_counter()
     for start in range(0, len(wave.codes), samples):
@@ -49,13 +47,13 @@ def _pqopen(wave: Wave, samples: int) -> tuple[float, float, float]:
     factor = len(wave.codes) / 20_000 / (time.perf_counter() - begun)
     u, _ = system.output_channels["U1_rms"].read_data_by_acq_sidx(0, len(wave.codes))
     f, _ = system.output_channels["Freq"].read_data_by_acq_sidx(0, len(wave.codes))
-    # Its first seconds settle the zero-crossing filter.
+    # In the first seconds its zero-crossing filter settles.
     return factor, float(np.abs(u[50:] / wave.Vrms - 1).max() * 100), float(np.abs(f[100:] - wave.f).max() * 1000)
 
 
-def beside_pqopen() -> Iterator[Figure]:
-    """The same three-phase arrays, the same quantities, one core, in turn."""
-    section = "beside pqopen-lib 0.10.5, three phases at 20 kHz, one core"
+def pqopen() -> Iterator[Figure]:
+    """acqd and pqopen-lib in turn on one core: the same three-phase arrays, the same quantities."""
+    section = "compared with pqopen-lib 0.10.5, three phases at 20 kHz, one core"
     wave = hard_mains(50.03, 3, _SECONDS)
     ours, window_by_window, peer = [], [], []
     for _ in range(_ROUNDS):
@@ -70,8 +68,8 @@ def beside_pqopen() -> Iterator[Figure]:
     yield Figure(
         section, "acqd, 40 ms blocks (as MAIN_SLOW feeds it)", statistics.median(window_by_window), "x real time"
     )
-    yield Figure(section, "ratio to its 40 ms blocks, replay blocks", statistics.median(ours) / factor, "", ">= 10")
-    yield Figure(section, "ratio to its 40 ms blocks, 40 ms blocks", statistics.median(window_by_window) / factor, "")
+    yield Figure(section, "replay blocks, ratio to pqopen-lib", statistics.median(ours) / factor, "", ">= 10")
+    yield Figure(section, "40 ms blocks, ratio to pqopen-lib", statistics.median(window_by_window) / factor, "")
     yield Figure(section, "worst U: pqopen-lib", peer[0][1], "%")
     yield Figure(
         section,
@@ -87,7 +85,7 @@ def beside_pqopen() -> Iterator[Figure]:
 
 
 def replay() -> Iterator[Figure]:
-    """`acqd replay --speed max` on ten minutes, rows written; the program's start not counted."""
+    """`acqd replay --speed max` on ten minutes, rows to a file; the program's start does not count."""
     section = "acqd replay --speed max (rows to a file)"
     for phases, target in ((1, 1000), (3, 400)):
         wave = hard_mains(50.03, phases, 60.0)
@@ -95,18 +93,16 @@ def replay() -> Iterator[Figure]:
             path = Path(folder) / "w.npz"
             u, i = wave.codes[:, 0::2].T, wave.codes[:, 1::2].T
             np.savez(path, u_code=u, i_code=i, u_V_per_digit=SCALE[0], i_A_per_digit=SCALE[1], fs=20_000)
-            command = [sys.executable, "-m", "acqd", "replay", str(path), "--loops", "10", "--json"]
             factors = []
             for _ in range(3):
-                done = subprocess.run([*command, "--out", f"{folder}/r"], check=True, capture_output=True)
-                report = json.loads(done.stdout)
+                report = acqd_json("replay", path, "--loops", 10, "--out", f"{folder}/r")
                 factors.append(report["recorded_s"] / report["elapsed_s"])
         yield Figure(section, f"{phases}-phase", statistics.median(factors), "x real time", f">= {target}")
         yield from _bounds(section, wave, statistics.median(factors))
 
 
 def _bounds(section: str, wave: Wave, factor: float) -> Iterator[Figure]:
-    """What a window costs: reading memory once, metering, rows."""
+    """What a window costs: one pass over the samples, metering, rows."""
     codes = wave.codes
     windows = len(codes) / 800
     memory = _best(lambda: np.ascontiguousarray(codes.T, dtype=np.float64)) / windows * 1e6
@@ -132,7 +128,7 @@ def _best(work: Callable[[], object]) -> float:
 
 
 def main_slow() -> Iterator[Figure]:
-    """One cycle: 800 new samples of three phases to four JSON payloads."""
+    """One cycle: from 800 new samples of three phases to four JSON payloads."""
     section = "one MAIN_SLOW cycle, three phases, JSON included"
     wave = hard_mains(50.03, 3, 40.0)
     meter = Meter(wave.form)

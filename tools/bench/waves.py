@@ -1,4 +1,4 @@
-"""Synthetic mains with exact answers, and the recordings' folder."""
+"""Synthetic mains with exactly known quantities, and the folder of the recordings."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ RECORDINGS = Path(__file__).parents[2].parent / "shared" / "data" / "waveforms"
 
 @dataclass(frozen=True, slots=True)
 class Wave:
-    """Codes and what a perfect meter says about them."""
+    """Codes, and the quantities that a perfect meter would give: V, W, VA, Hz."""
 
     codes: Codes
     form: StreamFormat

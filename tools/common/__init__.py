@@ -1,1 +1,1 @@
-"""What several tools share."""
+"""Modules that several tools share."""

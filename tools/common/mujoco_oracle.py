@@ -1,8 +1,9 @@
-"""MuJoCo models made from acqd's robot descriptions: an oracle that shares no code with Pinocchio or coal."""
+"""MuJoCo models of acqd's robot descriptions: a test oracle that shares no code with Pinocchio or coal."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from itertools import combinations
 from typing import Any
 
 import mujoco
@@ -33,11 +34,11 @@ def _quaternion(rpy_deg: Sequence[float]) -> str:
 def _inertial(mass: float, com: Sequence[float], inertia: Sequence[float], rpy_deg: Sequence[float] = (0, 0, 0)) -> str:
     rotation = np.empty(9)
     mujoco.mju_quat2Mat(rotation, np.array([float(x) for x in _quaternion(rpy_deg).split()]))
-    turn = rotation.reshape(3, 3)
+    R = rotation.reshape(3, 3)
     xx, yy, zz, xy, xz, yz = inertia
-    full = turn @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ turn.T
-    six = (full[0, 0], full[1, 1], full[2, 2], full[0, 1], full[0, 2], full[1, 2])
-    return f'<inertial pos="{_numbers(com)}" mass="{mass!r}" fullinertia="{_numbers(six)}"/>'
+    tensor = R @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ R.T
+    elements = (tensor[0, 0], tensor[1, 1], tensor[2, 2], tensor[0, 1], tensor[0, 2], tensor[1, 2])
+    return f'<inertial pos="{_numbers(com)}" mass="{mass!r}" fullinertia="{_numbers(elements)}"/>'
 
 
 def _capsules(link: int, capsules: Sequence[Capsule]) -> str:
@@ -48,7 +49,7 @@ def _capsules(link: int, capsules: Sequence[Capsule]) -> str:
 
 
 def build(description: RobotDescription, payload: Payload | None = None, scene: Scene | None = None) -> Any:
-    """mujoco.MjModel; geoms are named `link:number`, boxes of the scene by their name."""
+    """A mujoco.MjModel. Its geoms are named `LINK:NUMBER` and, for boxes of the scene, `box NAME`."""
     head = '<mujoco><compiler angle="radian" balanceinertia="false" boundmass="0" inertiafromgeom="false"/>'
     head += '<option gravity="0 0 -9.81"/><worldbody>'
     boxes = "".join(
@@ -73,19 +74,19 @@ def build(description: RobotDescription, payload: Payload | None = None, scene: 
 
 
 def inverse_dynamics(model: Any, q: Floats, qd: Floats, qdd: Floats) -> Floats:
-    """[T, axes], Nm."""
+    """Joint torques [T, axes] (Nm) for motions [T, axes] (rad, rad/s, rad/s^2)."""
     data = mujoco.MjData(model)
     tau = np.empty_like(q)
     for k in range(len(q)):
         data.qpos[:], data.qvel[:], data.qacc[:] = q[k], qd[k], qdd[k]
         mujoco.mj_inverse(model, data)
-        # the oracle is asked for smooth dynamics only: contacts of overlapping capsules do not count
+        # without the constraint forces: capsules that overlap are in contact in MuJoCo
         tau[k] = data.qfrc_inverse + data.qfrc_constraint
     return tau
 
 
 def flange(model: Any, q: Floats) -> tuple[Floats, Floats]:
-    """Flange positions [T, 3] and rotations [T, 3, 3]."""
+    """Flange positions [T, 3] (m) and rotations [T, 3, 3] for joint angles [T, axes] (rad)."""
     data = mujoco.MjData(model)
     positions, rotations = np.empty((len(q), 3)), np.empty((len(q), 3, 3))
     for k, row in enumerate(q):
@@ -97,7 +98,7 @@ def flange(model: Any, q: Floats) -> tuple[Floats, Floats]:
 
 
 def clearance(description: RobotDescription, scene: Scene, path: Floats) -> float:
-    """Smallest distance [m] of arm to itself and to the boxes along `path` [T, axes]; overlap is negative."""
+    """Smallest distance (m) of the arm to itself and to the boxes along `path` [T, axes]; negative for an overlap."""
     model = build(description, scene=scene)
     data = mujoco.MjData(model)
     pairs = _pairs(description, [model.geom(k).name for k in range(model.ngeom)])
@@ -110,17 +111,13 @@ def clearance(description: RobotDescription, scene: Scene, path: Floats) -> floa
 
 
 def _pairs(description: RobotDescription, names: list[str]) -> list[tuple[int, int]]:
-    """Geoms that may not touch: links two or more apart, and moving links with boxes."""
-    apart = {(min(pair), max(pair)) for pair in description.ignore_pairs}
+    """Geoms that must not touch: links that are not neighbours, and moving links with boxes."""
+    ignored = {(min(pair), max(pair)) for pair in description.ignore_pairs}
     links = [None if name.startswith("box") else int(name.split(":")[0]) for name in names]
-    pairs = []
-    for one, a in enumerate(links):
-        for other, b in list(enumerate(links))[one + 1 :]:
-            if a is None and b is None:
-                continue
-            if a is None or b is None:
-                if 0 not in (a, b):
-                    pairs.append((one, other))
-            elif abs(a - b) >= 2 and (min(a, b), max(a, b)) not in apart:
-                pairs.append((one, other))
-    return pairs
+
+    def must_not_touch(a: int | None, b: int | None) -> bool:
+        if a is None or b is None:
+            return not (a is b or 0 in (a, b))
+        return abs(a - b) >= 2 and (min(a, b), max(a, b)) not in ignored
+
+    return [(a, b) for a, b in combinations(range(len(links)), 2) if must_not_touch(links[a], links[b])]

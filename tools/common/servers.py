@@ -1,4 +1,4 @@
-"""Private mosquitto and PostgreSQL for the measurements."""
+"""Private mosquitto and PostgreSQL servers for the measurements: free port, temporary folder."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ _QUIET: dict[str, Any] = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEV
 
 
 def _wait(port: int) -> None:
+    """Wait until a server listens on `port`. Raises RuntimeError after 20 s."""
     deadline = time.monotonic() + 20
     while time.monotonic() < deadline:
         with socket.socket() as probe:
@@ -31,7 +32,7 @@ def _wait(port: int) -> None:
 
 @contextmanager
 def mosquitto() -> Iterator[int]:
-    """Port of a broker configured as config/mosquitto.conf advises."""
+    """Run a broker as config/mosquitto.conf configures it; yields its port."""
     port = free_port()
     with tempfile.TemporaryDirectory() as folder:
         config = Path(folder) / "m.conf"
@@ -51,7 +52,7 @@ def mosquitto() -> Iterator[int]:
 
 @contextmanager
 def postgres() -> Iterator[str]:
-    """URL of an empty database on a server with its default durability."""
+    """Run a server with its default durability; yields the URL of an empty database."""
     programs = sorted(Path("/usr/lib/postgresql").glob("*/bin"), key=lambda p: float(p.parent.name))[-1]
     port = free_port()
     user: dict[str, Any] = {"user": "postgres", "cwd": "/"} if os.geteuid() == 0 else {}
@@ -64,7 +65,7 @@ def postgres() -> Iterator[str]:
         process = subprocess.Popen([programs / "postgres", "-D", data, *options], **_QUIET, **user)
         try:
             _wait(port)
-            time.sleep(1.0)  # it listens before it is ready
+            time.sleep(1.0)  # the server listens before it is ready
             yield f"postgresql://acqd@127.0.0.1:{port}/postgres"
         finally:
             process.send_signal(signal.SIGINT)

@@ -1,1 +1,1 @@
-"""A protocol double and the daemon together: the wire at work without hardware."""
+"""A protocol double and the daemon together: the wire without hardware."""

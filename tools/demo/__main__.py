@@ -1,4 +1,9 @@
-"""`make run ARGS="--demo ethercat"`: a double of the device, and `acqd run` metering it over the real protocol."""
+"""Runs a protocol double and `acqd run`, which meters it over the real protocol.
+
+    make run ARGS="--demo ethercat"
+
+Every row is flagged as simulated.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +20,7 @@ from acqd.cli.main import for_people
 from acqd.errors import UserError
 from acqd.telemetry.broker import check_port, free_port
 from tests.doubles.veth import may_create_veth, namespace_command
+from tools.common.commands import acqd_command
 from tools.demo.devices import DEVICES, ON_ETHERNET
 
 _PORT = 1883
@@ -43,14 +49,13 @@ def demo(
             file=say,
             flush=True,
         )
-        command = [sys.executable, "-m", "acqd", "run", "--config", str(config)]
-        command += ["--duration", str(duration)] if duration else []
-        command += ["--json"] if json else ["--lines"]
-        raise SystemExit(_run(command))
+        options = ["--duration", duration] if duration else []
+        options += ["--json"] if json else ["--lines"]
+        raise SystemExit(_run(acqd_command("run", "--config", config, *options)))
 
 
 def _run(command: list[str]) -> int:
-    """The daemon's exit code; Ctrl-C reaches it as it reaches us, and it ends by itself."""
+    """Run the daemon and return its exit code. Ctrl-C reaches both processes; the daemon ends by itself."""
     process = subprocess.Popen(command)
     while True:
         try:
@@ -74,7 +79,7 @@ def _config(kind: str, source: str) -> str:
 
 
 def _enter_namespace(kind: str) -> None:
-    """Run this again where veth pairs may be made; only without root, and only once."""
+    """Run this program again in a namespace where it may create veth pairs. Raises UserError where none is allowed."""
     if (
         os.environ.get(_INSIDE)
         or subprocess.run(namespace_command(["true"]), check=False, capture_output=True).returncode

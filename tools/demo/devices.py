@@ -1,4 +1,4 @@
-"""Each demonstration's double, and the `[source]` section that reaches it."""
+"""The doubles of the demonstrations. Each one yields the `[source]` section that reaches it."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def modbus() -> Iterator[str]:
 
 @contextmanager
 def sampled_values() -> Iterator[str]:
-    """A merging unit in medium voltage: 10 kV and 40 A."""
+    """A merging unit of a medium-voltage grid: 10 kV and 40 A."""
     with veth_pair("acqdemo") as (near, far), MergingUnitProcess(far, rate=4800, asdus=2, autostart=True):
         yield f'kind = "sampled-values"\ninterface = "{near}"\nsvid = "MU0101"\nrate = 4800\n'
 

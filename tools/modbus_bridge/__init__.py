@@ -1,1 +1,1 @@
-"""Reference server of the waveform bridge's register map (README.md)."""
+"""Reference server of the waveform bridge's register map (docs/modbus-bridge/README.md)."""

@@ -1,8 +1,9 @@
-"""A waveform bridge to compare one's own with: mains of 50 Hz in the registers of README.md, at 20 kHz, in real time.
+"""A reference waveform bridge: mains of 50 Hz at 20 kHz in real time, with the registers of docs/modbus-bridge.
 
     python -m tools.modbus_bridge --port 5020 [--phases 3] [--server double]
 
-With `--server pymodbus` the wire is pymodbus', with `double` that of tests/doubles/modbus (see README.md, "Which").
+`--server pymodbus` uses pymodbus' server, `--server double` the one of tests/doubles/modbus. They differ as
+docs/modbus-bridge/README.md says.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ _ANY_UNIT = 0
 
 
 def simulated_device(bridge: WaveformBridge) -> SimDevice:
-    """pymodbus' device whose registers are those of the bridge: each read fills them just before it."""
+    """pymodbus' device with the registers of the bridge; they are filled just before each read."""
 
     async def fill(
         function: int, start: int, address: int, count: int, now: list[int], written: list[int] | list[bool] | None

@@ -1,4 +1,4 @@
-"""`acqd lab`: the virtual laboratory. Its commands need the `lab` extra; the rest of acqd does not."""
+"""`acqd lab`: the virtual laboratory. Only its commands need the `lab` extra."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ app = typer.Typer(no_args_is_help=True)
 
 @app.callback()
 def lab() -> None:
-    """The virtual laboratory: excite a robot, measure it, know the truth. Simulated throughout."""
+    """The virtual laboratory: excite a robot, measure it, know the truth. All data are simulated."""
     missing = [name for name in ("pinocchio", "scipy", "matplotlib") if find_spec(name) is None]
     if missing:
         raise UserError(f"acqd lab needs {' and '.join(missing)}: install acqd[lab]")

@@ -19,22 +19,22 @@ from acqd.errors import UserError
 
 
 class Profile(StrEnum):
-    """What is executed."""
+    """The motions of a campaign."""
 
     THESIS = "thesis"
     USE_CASE = "use-case"
 
 
 class Engine(StrEnum):
-    """Who does the work."""
+    """How sessions are distributed."""
 
     PROCESS = "process"
     RAY = "ray"
 
 
 def campaign(
-    out: Annotated[Path, typer.Option(help="Folder of the campaign; an unfinished one goes on.")],
-    profile: Annotated[Profile | None, typer.Option(help="Random trajectories (default), or the assembly.")] = None,
+    out: Annotated[Path, typer.Option(help="Folder of the campaign; an unfinished one is continued.")],
+    profile: Annotated[Profile | None, typer.Option(help="Random trajectories (default) or assemblies.")] = None,
     limited: Annotated[int | None, typer.Option(min=0, help="Recordings in limited space (default 202).")] = None,
     all_space: Annotated[
         int | None, typer.Option("--all", min=0, help="Recordings in all space (default 135).")
@@ -48,14 +48,14 @@ def campaign(
     effect: Effects = None,
     undeclared: Undeclared = None,
     settings: LabFile = None,
-    truth: Annotated[Path | None, typer.Option(help="Folder for what really happened (default OUT.truth).")] = None,
-    database: Annotated[str | None, typer.Option(help="SQL for the rows (default OUT/power.sqlite).")] = None,
+    truth: Annotated[Path | None, typer.Option(help="Folder for the truth (default OUT.truth).")] = None,
+    database: Annotated[str | None, typer.Option(help="SQL database of the rows (default OUT/power.sqlite).")] = None,
     jobs: Annotated[int | None, typer.Option(min=1, help="Processes (default: one per core).")] = None,
-    engine: Annotated[Engine, typer.Option(help="Processes here, or a Ray cluster.")] = Engine.PROCESS,
-    ray_address: Annotated[str | None, typer.Option(help="Of the Ray cluster; without, one is started here.")] = None,
+    engine: Annotated[Engine, typer.Option(help="Local processes, or a Ray cluster.")] = Engine.PROCESS,
+    ray_address: Annotated[str | None, typer.Option(help="Address of a Ray cluster (default: start one here).")] = None,
     json: Json = False,
 ) -> None:
-    """Measure many executions: power rows in SQL, robot logs on a clock of their own, the truth apart.
+    """Measure many executions: power rows in SQL, robot logs with their own clock, the truth in a separate folder.
 
     Examples: acqd lab campaign --out campaign
 
@@ -66,9 +66,9 @@ def campaign(
     from acqd.lab.settings import CampaignSettings
 
     if profile is Profile.USE_CASE and not (limited is None and all_space is None):
-        raise UserError("--profile use-case repeats an assembly: --assemblies, not --limited or --all")
-    orders = [parse_effect(text) for text in effect or []]
-    orders += [parse_effect(text, declared=False) for text in undeclared or []]
+        raise UserError("--profile use-case repeats an assembly: use --assemblies instead of --limited and --all")
+    specs = [parse_effect(text) for text in effect or []]
+    specs += [parse_effect(text, declared=False) for text in undeclared or []]
     given = {
         "profile": profile and profile.value,
         "limited": limited,
@@ -80,8 +80,8 @@ def campaign(
         "scene": scene,
         "seed": seed,
     }
-    order = CampaignConfig(
-        settings_from(CampaignSettings, settings, given, orders),
+    config = CampaignConfig(
+        settings_from(CampaignSettings, settings, given, specs),
         out.absolute(),
         (truth or out.with_name(out.name + ".truth")).absolute(),
         database or f"sqlite:///{out.absolute()}/power.sqlite",
@@ -93,7 +93,7 @@ def campaign(
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
         bar = progress.add_task("preparing", total=1.0)
-        report = run_campaign(order, lambda what, share: progress.update(bar, description=what, completed=share))
+        report = run_campaign(config, lambda step, share: progress.update(bar, description=step, completed=share))
     if json:
         print(orjson.dumps(report).decode())
     else:
@@ -106,17 +106,17 @@ def _print(report) -> None:  # type: ignore[no-untyped-def]
     for name, figures in report.spaces.items():
         keys = ("hours", "mean_W", "p99_W", "max_W", "hidden_rms_W")
         table.add_row(name, str(figures["recordings"]), *(f"{figures[key]:.4g}" for key in keys))
-    console.width = max(console.width, 100)  # cut-off headers are worse than long lines
+    console.width = max(console.width, 100)  # long lines are better than truncated headers
     console.print(table)
     steady = report.steady_error
     accuracy = "no steady window"
     if steady:
-        accuracy = f"{steady['window_rms']:.3%} RMS per window, worst second {steady['second_worst']:.3%}"
+        accuracy = f"error {steady['window_rms']:.3%} RMS per window, {steady['second_worst']:.3%} in the worst second"
     console.print(
         f"simulated: {report.recordings} recordings, {report.recorded_s / 3600:.2f} h recorded in "
         f"{report.streamed_s / 3600:.2f} h of power streams, {report.sample_pairs / 1e6:.0f} M sample pairs, "
-        f"{report.rows} rows written now\n"
+        f"{report.rows} new rows\n"
         f"standby {report.standby_W:.1f} W; metered against true power in steady state: {accuracy}; "
-        f"energy unaccounted for: {report.energy_unaccounted:.1e}\n"
-        f"campaign: {report.out}\nrows: {report.database}\ntruth, for judging only: {report.truth}"
+        f"energy balance error: {report.energy_unaccounted:.1e}\n"
+        f"campaign: {report.out}\nrows: {report.database}\ntruth (secret): {report.truth}"
     )

@@ -1,4 +1,4 @@
-"""`acqd lab effects`: what can be switched on."""
+"""`acqd lab effects`: the effects that can be switched on."""
 
 from __future__ import annotations
 

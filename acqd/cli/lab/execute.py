@@ -1,4 +1,4 @@
-"""`acqd lab execute`: one trajectory, or one recorded motion, on the virtual cell."""
+"""`acqd lab execute`: one trajectory or one recorded motion on the virtual cell."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from acqd.errors import UserError
 
 
 def execute(
-    file: Annotated[Path, typer.Argument(help="Trajectory (CSV in degrees), or a robot's log to play again.")],
+    file: Annotated[Path, typer.Argument(help="Trajectory (CSV in degrees), or a robot log to replay.")],
     out: Annotated[Path | None, typer.Option(help="Folder for rows, log, truth and report.")] = None,
-    live: Annotated[bool, typer.Option("--live", help="Play it through the running daemon in real time.")] = False,
-    waveform: Annotated[bool, typer.Option("--waveform", help="Keep the 20 kHz samples too (NPZ).")] = False,
+    live: Annotated[bool, typer.Option("--live", help="Run in real time through the daemon, over MQTT.")] = False,
+    waveform: Annotated[bool, typer.Option("--waveform", help="Also write the 20 kHz samples (NPZ).")] = False,
     robot: Robot = None,
     scene: Scene = None,
     seed: Seed = None,
@@ -31,7 +31,7 @@ def execute(
     config: ConfigFile = None,
     json: Json = False,
 ) -> None:
-    """Execute a trajectory with random speeds and blending, meter it, and account for the energy.
+    """Execute a trajectory with random speed and blending, meter its power, and balance its energy.
 
     Examples: acqd lab execute trajectories/all_01.csv --out run1
 
@@ -42,12 +42,12 @@ def execute(
     from acqd.lab.settings import LabSettings
 
     if live and waveform:
-        raise UserError("--live keeps nothing; --waveform goes with --out")
+        raise UserError("--live writes no files; use --waveform with --out")
     if live == (out is not None):
-        raise UserError("say either --out FOLDER (at full speed, into files) or --live (in real time, over MQTT)")
-    orders = [parse_effect(text) for text in effect or []]
+        raise UserError("give either --out FOLDER (full speed, to files) or --live (real time, over MQTT)")
+    specs = [parse_effect(text) for text in effect or []]
     given = {"robot": robot, "scene": scene, "seed": seed}
-    chosen = settings_from(LabSettings, settings, given, orders)
+    chosen = settings_from(LabSettings, settings, given, specs)
     if out is not None:
         report = lab.execute(chosen, file, out, waveform=waveform)
         if json:
@@ -72,7 +72,7 @@ def _print(report) -> None:  # type: ignore[no-untyped-def]
         f"{report.name} on the virtual {report.robot} (simulated): {report.seconds:.1f} s, {report.rows} windows\n"
         f"P mean {report.P_mean_W:.1f} W, p99 {report.P_p99_W:.1f} W, max {report.P_max_W:.1f} W; "
         f"effects add {report.hidden_rms_W:.2f} W RMS\n"
-        f"energy unaccounted for: {report.energy_unaccounted:.1e} of the supplied"
+        f"energy balance error: {report.energy_unaccounted:.1e} of the supplied energy"
     )
     for path in report.files:
         console.print(f"  {path}")

@@ -1,4 +1,4 @@
-"""`acqd lab trajectories`: source trajectories for excitation."""
+"""`acqd lab trajectories`: random source trajectories for excitation."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from acqd.errors import UserError
 
 
 class Space(StrEnum):
-    """Which algorithm."""
+    """The algorithm that draws the trajectories."""
 
     LIMITED = "limited"
     ALL = "all"
@@ -26,7 +26,7 @@ class Space(StrEnum):
 
 
 def trajectories(
-    out: Annotated[Path, typer.Option(help="Folder for the CSV files, pictures and the report.")],
+    out: Annotated[Path, typer.Option(help="Folder for the CSV files, figures and the report.")],
     space: Annotated[
         Space, typer.Option(help="Limited space (Algorithm 1), all space (Algorithm 2), or both.")
     ] = Space.BOTH,
@@ -35,14 +35,14 @@ def trajectories(
     cube: Annotated[
         tuple[float, float, float, float] | None, typer.Option(metavar="X Y Z EDGE", help="Cube of limited space in m.")
     ] = None,
-    thesis: Annotated[bool, typer.Option("--thesis", help="Check paths at 10 points only, as the thesis did.")] = False,
+    thesis: Annotated[bool, typer.Option("--thesis", help="Check paths at only 10 points, as in the thesis.")] = False,
     robot: Robot = None,
     scene: Scene = None,
     seed: Seed = None,
     settings: LabFile = None,
     json: Json = False,
 ) -> None:
-    """Draw random trajectories that the robot can reach and that collide with nothing.
+    """Draw random trajectories that are reachable and free of collisions.
 
     Example: acqd lab trajectories --out trajectories --seed 7
     """
@@ -59,7 +59,7 @@ def trajectories(
         raise UserError(f"{out} exists and is not an empty folder; choose another --out")
     try:
         out.mkdir(parents=True, exist_ok=True)
-        out.rmdir()  # it can be made; it is made when there is something to put into it
+        out.rmdir()  # only a check that it can be made: no folder remains if drawing fails
     except OSError as error:
         raise UserError(f"{out}: cannot be made ({error.strerror}); choose another --out") from None
     console = Console(stderr=True)
@@ -84,6 +84,6 @@ def trajectories(
     for name, tally in drawn.summary().items():
         print(
             f"{name}: {tally['trajectories']} trajectories, {tally['points']} points; "
-            f"drawn again: {tally['unreachable']} unreachable, {tally['colliding']} colliding"
+            f"rejected draws: {tally['unreachable']} unreachable, {tally['colliding']} colliding"
         )
-    print(f"{out}: CSV files in degrees; pictures in {report}")
+    print(f"{out}: CSV files in degrees; figures in {report}")

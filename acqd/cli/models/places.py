@@ -1,4 +1,4 @@
-"""Where bundles go when nobody says."""
+"""Default folders of what is computed from a dataset."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from pathlib import Path
 
 
 def default_folder(dataset: Path, kind: str) -> Path:
-    """`ds.KIND` beside `ds`."""
-    whole = dataset.resolve()
-    folder = whole.with_name(f"{whole.name}.{kind}")
+    """`ds.KIND` next to `ds`."""
+    resolved = dataset.resolve()
+    folder = resolved.with_name(f"{resolved.name}.{kind}")
     return folder if dataset.is_absolute() or dataset.name in ("", ".", "..") else dataset.parent / folder.name
 
 
 def default_models(dataset: Path) -> Path:
-    """`ds.models` beside `ds`."""
+    """`ds.models` next to `ds`."""
     return default_folder(dataset, "models")

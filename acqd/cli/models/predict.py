@@ -1,4 +1,4 @@
-"""`acqd predict`: power for a robot log."""
+"""`acqd predict`: power of a robot log."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from acqd.errors import UserError
 def predict(
     bundle: Annotated[Path, typer.Argument(metavar="BUNDLE", help="Folder that acqd train wrote.")],
     log: Annotated[Path, typer.Argument(metavar="LOG", help="Robot log: DataRecorder text, RTDE CSV, or CSV.")],
-    out: Annotated[Path | None, typer.Option(help="CSV for the predicted rows.")] = None,
+    out: Annotated[Path | None, typer.Option(help="CSV file for the predicted rows.")] = None,
     robot: Annotated[
-        str | None, typer.Option(help="Description that maps the log's columns (default the bundle's).")
+        str | None, typer.Option(help="Robot description that maps the columns of the log (default the bundle's).")
     ] = None,
     json: Json = False,
 ) -> None:
@@ -35,38 +35,35 @@ def predict(
     from acqd.models.predict import predict_log
 
     opened, model = open_model(bundle)
-    made = predict_log(opened, model, log, robot)
+    prediction = predict_log(opened, model, log, robot)
     if out is not None:
-        made.write(out)
-    share = float(made.outside.mean())
+        prediction.write(out)
+    share = float(prediction.outside.mean())
     if share > 0:
         Console(stderr=True).print(
-            f"acqd: {log}: {share:.1%} of the rows lie outside of what the model was trained on", soft_wrap=True
+            f"acqd: {log}: {share:.1%} of the rows are outside the range of motion of the training data", soft_wrap=True
         )
-    known = np.isfinite(made.P)
+    known = np.isfinite(prediction.P)
     summary = {
         "model": opened.metadata["name"],
         "robot": opened.metadata["robot"],
         "trained_on_power": opened.metadata["measured"],
-        "rows": len(made.P),
+        "rows": len(prediction.P),
         "gaps": int((~known).sum()),
-        "mean_W": float(made.P[known].mean()),
-        "max_W": float(made.P[known].max()),
-        "energy_kWh": made.energy(),
+        "mean_W": float(prediction.P[known].mean()),
+        "max_W": float(prediction.P[known].max()),
+        "energy_kWh": prediction.energy(),
         "outside_envelope": share,
         "out": None if out is None else str(out),
     }
     if json:
-        rows = {
-            "time": made.time,
-            "P_W": np.where(known, made.P, 0.0).tolist()
-            if known.all()
-            else [float(p) if ok else None for p, ok in zip(made.P, known, strict=True)],
-        }
+        powers = [float(p) if finite else None for p, finite in zip(prediction.P, known, strict=True)]
+        rows = {"time": prediction.time, "P_W": powers}
         print(orjson.dumps(summary | ({} if out else rows), option=orjson.OPT_SERIALIZE_NUMPY).decode())
         return
     print(
-        f"{log}: {len(made.P) * made.step_s:.1f} s, mean {summary['mean_W']:.2f} W, max {summary['max_W']:.2f} W, "
+        f"{log}: {len(prediction.P) * prediction.step_s:.1f} s, "
+        f"mean {summary['mean_W']:.2f} W, max {summary['max_W']:.2f} W, "
         f"{summary['energy_kWh']:.6f} kWh by {summary['model']} (trained on {summary['trained_on_power']} power)"
         + (f"; rows in {out}" if out else "")
     )

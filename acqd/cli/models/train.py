@@ -1,4 +1,4 @@
-"""`acqd train`: a model, or all of Table 7.1."""
+"""`acqd train`: one model, or the 14 combinations of the thesis."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from acqd.errors import UserError
 
 
 class Engine(StrEnum):
-    """Where several trainings run."""
+    """What runs several trainings in parallel."""
 
     PROCESS = "process"
     RAY = "ray"
 
 
 class Compute(StrEnum):
-    """What computes gradients."""
+    """What computes the gradients of a network."""
 
     AUTO = "auto"
     FUSED = "fused"
@@ -35,7 +35,7 @@ class Compute(StrEnum):
 
 
 class Normal(StrEnum):
-    """Normalisation."""
+    """Normalisation of a network's inputs and target."""
 
     FITTED = "fitted"
     THESIS = "thesis"
@@ -49,35 +49,38 @@ def train(
             help="7x1dim, 14x1dim, 21x1dim, 2conv1x3, 3conv1x3, 3conv1x5, 3conv1x11, 5conv1x21, grey-box or hybrid."
         ),
     ] = None,
-    table_7_1: Annotated[bool, typer.Option("--table-7-1", help="The thesis' 14 combinations.")] = False,
+    table_7_1: Annotated[
+        bool,
+        typer.Option("--table-7-1", help="Train the 14 combinations of network and data in Table 7.1 of the thesis."),
+    ] = False,
     on: Annotated[list[str] | None, typer.Option(help="Kind of trajectories to train on (default all).")] = None,
     models: Annotated[Path | None, typer.Option(help="Folder for bundles (default DS.models).")] = None,
-    out: Annotated[Path | None, typer.Option(help="The bundle's own folder, instead.")] = None,
-    seed: Annotated[list[int] | None, typer.Option(help="May be given several times (default 1).")] = None,
-    epochs: Annotated[int, typer.Option(min=1, help="Over all training recordings.")] = 2000,
+    out: Annotated[Path | None, typer.Option(help="Folder of the bundle, in place of --models.")] = None,
+    seed: Annotated[list[int] | None, typer.Option(help="Random seed; may be given several times (default 1).")] = None,
+    epochs: Annotated[int, typer.Option(min=1, help="Passes over all training recordings.")] = 2000,
     batch: Annotated[int, typer.Option(min=1, help="Sequences per optimiser step.")] = 11,
     rate: Annotated[float, typer.Option(min=1e-6, max=1, help="Learning rate, times 0.9 every 100 epochs.")] = 0.02,
     patience: Annotated[
-        int | None, typer.Option(min=1, help="Looks at validation without gain before it stops.")
+        int | None, typer.Option(min=1, help="Validations without improvement before training stops (default never).")
     ] = None,
     normalisation: Annotated[Normal, typer.Option(help="Fitted, or the thesis' constants.")] = Normal.FITTED,
     robot: Annotated[
-        str | None, typer.Option(help="Description for grey-box and hybrid (default the dataset's).")
+        str | None, typer.Option(help="Robot description for grey-box and hybrid (default the dataset's).")
     ] = None,
     without: Annotated[
         list[str] | None,
         typer.Option(
-            help="Denied to a grey box for a trial: copper_loss, coulomb_friction, viscous_friction, mechanical_power."
+            help="Term to withhold from a grey box: copper_loss, coulomb_friction, viscous_friction, mechanical_power."
         ),
     ] = None,
     compute: Annotated[Compute, typer.Option(help="Fused C (needs a compiler) or torch.")] = Compute.AUTO,
-    device: Annotated[str, typer.Option(help="cpu or cuda; of torch.")] = "cpu",
-    jobs: Annotated[int | None, typer.Option(min=1, help="Trainings at a time (default one per core).")] = None,
-    engine: Annotated[Engine, typer.Option(help="Processes here, or a Ray cluster.")] = Engine.PROCESS,
-    ray_address: Annotated[str | None, typer.Option(help="Of the Ray cluster; without, one is started.")] = None,
+    device: Annotated[str, typer.Option(help="Device of torch: cpu or cuda.")] = "cpu",
+    jobs: Annotated[int | None, typer.Option(min=1, help="Trainings in parallel (default one per core).")] = None,
+    engine: Annotated[Engine, typer.Option(help="Local processes, or a Ray cluster.")] = Engine.PROCESS,
+    ray_address: Annotated[str | None, typer.Option(help="Address of the Ray cluster (default: start one).")] = None,
     json: Json = False,
 ) -> None:
-    """Train models of power; what was interrupted goes on where it stood.
+    """Train models of power. An interrupted training of networks continues from its checkpoint.
 
     Examples: acqd train ds --network grey-box
 
@@ -90,17 +93,14 @@ def train(
         raise UserError(f"acqd train needs {' and '.join(missing)}: install acqd[model]")
     if (network is None) != table_7_1:
         raise UserError("name one --network, or ask for --table-7-1")
-    from acqd.models.greybox.parameters import DENIABLE
-
-    if without and (network != "grey-box" or not set(without) <= set(DENIABLE)):
-        raise UserError(f"--without is for --network grey-box and takes {', '.join(DENIABLE)}")
     if out is not None and (table_7_1 or len(seed or []) > 1):
-        raise UserError("--out is one bundle's folder; several models go into --models")
+        raise UserError("--out is the folder of one bundle; several models need --models")
     from acqd.models.config import TrainConfig
     from acqd.models.networks.settings import TrainingSettings
-    from acqd.models.protocol import orders
+    from acqd.models.protocol import table_7_1_configs
     from acqd.models.training import bundle_name
 
+    withheld = _withheld(network, without or [])
     settings = TrainingSettings(
         epochs=epochs,
         batch=batch,
@@ -111,15 +111,12 @@ def train(
         device=device,
     )
     folder = models or default_models(dataset)
-    wanted: list[TrainConfig] = []
-    for each in seed or [1]:
-        template = TrainConfig(dataset, network or "", Path(), tuple(on or ()), each, settings, robot)
-        if table_7_1:
-            wanted += orders(template, folder)
-        else:
-            path = out or folder / bundle_name(template.network, template.kinds, each)
-            denied = tuple(group for effect in without or () for group in DENIABLE[effect])
-            wanted.append(TrainConfig(dataset, template.network, path, template.kinds, each, settings, robot, denied))
+    configs: list[TrainConfig] = []
+    for number in seed or [1]:
+        kinds = tuple(on or ())
+        path = out or folder / bundle_name(network or "", kinds, number)
+        config = TrainConfig(dataset, network or "", path, kinds, number, settings, robot, withheld)
+        configs += table_7_1_configs(config, folder) if table_7_1 else [config]
     console = Console(stderr=True)
     bar = Progress(
         TextColumn("{task.description}"),
@@ -130,57 +127,70 @@ def train(
         disable=not console.is_terminal,
     )
     with bar:
-        results = _one(wanted[0], bar) if len(wanted) == 1 else _many(wanted, bar, jobs, engine, ray_address)
+        results = _one(configs[0], bar) if len(configs) == 1 else _several(configs, bar, jobs, engine, ray_address)
     if json:
-        print(orjson.dumps([{"bundle": str(o.out)} | _short(r) for o, r in results]).decode())
+        print(orjson.dumps([{"bundle": str(config.out)} | _short(metadata) for config, metadata in results]).decode())
         return
+    _print_table(results)
+
+
+def _withheld(network: str | None, terms: list[str]) -> tuple[str, ...]:
+    """Parameter groups of the terms in --without. Raises UserError."""
+    from acqd.models.effects import library
+
+    groups = {effect.id: effect.restores for effect in library().values() if effect.restores}
+    if terms and (network != "grey-box" or not set(terms) <= set(groups)):
+        raise UserError(f"--without is for --network grey-box and takes {', '.join(groups)}")
+    return tuple(group for term in terms for group in groups[term])
+
+
+def _print_table(results: list[tuple[Any, dict[str, Any]]]) -> None:
     table = Table("bundle", "MAE train \\[W]", "validation", "test", "RMSE test", "energy p95 test", "seconds")
-    for order, about in results:
-        m = about["metrics"]
+    for config, metadata in results:
+        m = metadata["metrics"]
         cells = [f"{m[part]['mae']:.2f}" for part in ("train", "validation", "test")]
         table.add_row(
-            str(order.out),
+            str(config.out),
             *cells,
             f"{m['test']['rmse']:.2f}",
             f"{100 * m['test']['energy_p95']:.2f} %",
-            f"{about['training']['seconds']:.0f}",
+            f"{metadata['training']['seconds']:.0f}",
         )
     wide = Console(soft_wrap=True)
     wide.width = max(wide.width, 120)
     wide.print(table)
 
 
-def _short(about: dict[str, Any]) -> dict[str, Any]:
-    return {key: about[key] for key in ("name", "metrics", "training")}
+def _short(metadata: dict[str, Any]) -> dict[str, Any]:
+    return {key: metadata[key] for key in ("name", "metrics", "training")}
 
 
-def _one(order: Any, bar: Progress) -> list[tuple[Any, dict[str, Any]]]:
+def _one(config: Any, bar: Progress) -> list[tuple[Any, dict[str, Any]]]:
     from acqd.models.training import train_one
 
-    task = bar.add_task(order.network, total=1.0, left="")
+    task = bar.add_task(config.network, total=1.0, left="")
 
-    def report(what: str, share: float, left_s: float) -> None:
+    def report(activity: str, share: float, left_s: float) -> None:
         left = f"{left_s:.0f} s left" if left_s == left_s else ""
-        bar.update(task, description=f"{order.network}: {what}", completed=share, left=left)
+        bar.update(task, description=f"{config.network}: {activity}", completed=share, left=left)
 
-    return [(order, train_one(order, report))]
+    return [(config, train_one(config, report))]
 
 
-def _many(
-    wanted: list[Any], bar: Progress, jobs: int | None, engine: Engine, address: str | None
+def _several(
+    configs: list[Any], bar: Progress, jobs: int | None, engine: Engine, address: str | None
 ) -> list[tuple[Any, dict[str, Any]]]:
-    from acqd.models.protocol import run_order
+    from acqd.models.protocol import train_unless_done
     from acqd.workers import run_here, run_on_ray
 
-    task = bar.add_task("training", total=len(wanted), left=f"0 of {len(wanted)}")
-    os.environ.setdefault("OMP_NUM_THREADS", "1")  # of workers: one thread each, networks are small
-    tick = bar.refresh
+    task = bar.add_task("training", total=len(configs), left=f"0 of {len(configs)}")
+    os.environ.setdefault("OMP_NUM_THREADS", "1")  # networks are small: one thread per worker
     if engine is Engine.RAY:
-        done = run_on_ray(run_order, wanted, address, tick)
+        done = run_on_ray(train_unless_done, configs, address, bar.refresh)
     else:
-        done = run_here(run_order, wanted, jobs or os.cpu_count() or 1, tick)
-    made: dict[str, dict[str, Any]] = {}
-    for number, (path, about) in enumerate(done, start=1):
-        made[path] = about
-        bar.update(task, completed=number, left=f"{number} of {len(wanted)}")
-    return [(order, made[str(order.out)]) for order in wanted]
+        done = run_here(train_unless_done, configs, jobs or os.cpu_count() or 1, bar.refresh)
+    trained: dict[str, dict[str, Any]] = {}
+    for number, (path, metadata) in enumerate(done, start=1):
+        trained[path] = metadata
+        bar.update(task, completed=number, left=f"{number} of {len(configs)}")
+    return [(config, trained[str(config.out)]) for config in configs]

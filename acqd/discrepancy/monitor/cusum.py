@@ -1,9 +1,11 @@
-"""A sequential test on a live residual: CUSUMs of its level and its size, against what it was when the model was made.
+"""A sequential test on a residual: CUSUM charts of its level and its variance, against a baseline of the model.
 
-Rows of a residual are not independent and their spread depends on whether the arm moves, so that blocks of some
-seconds are compared with blocks of the same kind among the recordings that the bundle remembers. The bound of a CUSUM
-follows from those blocks, too: with E exp(r (z - k)) = 1 independent blocks pass it by chance once in exp(r h) of them
-(Lundberg, Wald); blocks that remember the one before count as so many fewer (their variance over long times).
+Rows are correlated, and their spread depends on whether the arm moves. Blocks of some seconds are therefore compared
+with blocks of the same kind, at rest or in motion, among the recordings that the bundle remembers (CUSUM: Page 1954).
+
+The bound h of a chart follows from the same blocks. If r solves E exp(r (z - k)) = 1, independent blocks exceed h by
+chance once in about exp(r h) blocks (Lundberg's exponent; Wald 1947). Correlated blocks count as fewer: the bound is
+multiplied by (1 + rho) / (1 - rho), the long-run variance of an AR(1) process with the measured autocorrelation rho.
 """
 
 from __future__ import annotations
@@ -15,24 +17,16 @@ import numpy as np
 from scipy.optimize import brentq
 
 from acqd.arrays import Floats
-from acqd.discrepancy.residual.whitening import ORDER, Whitener
+from acqd.discrepancy.residual.whitening import Whitener
+from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.numerics import mad_sigma
 
-BLOCK_S = 10.0
-_CLIP = 4.0
-"""Spreads that one block counts at most: a protective stop is no change."""
-_SLACK = 0.75
-_MOVING_W = 2.0
-"""Standard deviation of the predicted power within a block that moves."""
-_FEWEST_BLOCKS = 12
-_STEP = 1.0  # spreads
-_REMEMBERED = 2000  # blocks
-CHARTS = ("level up", "level down", "size up", "slow size up")
+CHARTS = ("level up", "level down", "whitened variance up", "raw variance up")
 
 
 @dataclass(frozen=True, slots=True)
 class Blocks:
-    """Figures of successive blocks."""
+    """Figures of consecutive blocks."""
 
     start_s: Floats
     """[n] UTC."""
@@ -44,11 +38,11 @@ class Blocks:
 
 @dataclass(frozen=True, slots=True)
 class Baseline:
-    """What residuals are like when nothing has changed."""
+    """The residual of an unchanged robot."""
 
     whitener: Whitener
     centre: Floats
-    """[2, 3] of blocks at rest and in motion."""
+    """[2, 3] median of blocks at rest and in motion."""
     spread: Floats
     """[2, 3]."""
     bounds: Floats
@@ -69,24 +63,28 @@ class Baseline:
         parts = [blocks_of(whitener, errors[k], predicted[k], start, step_s) for start, k in in_time]
         figures = np.concatenate([part.figures for part in parts])
         moving = np.concatenate([part.moving for part in parts])
-        if len(figures) < _FEWEST_BLOCKS:
+        if len(figures) < THRESHOLDS.cusum_fewest_blocks:
             return None
         centre, spread = np.empty((2, 3)), np.empty((2, 3))
         for kind in (0, 1):
-            own = figures[moving == kind] if (moving == kind).sum() >= _FEWEST_BLOCKS else figures
+            own = figures[moving == kind] if (moving == kind).sum() >= THRESHOLDS.cusum_fewest_blocks else figures
             centre[kind] = np.median(own, axis=0)
             sigma = np.array([mad_sigma(column, middle) for column, middle in zip(own.T, centre[kind], strict=True)])
             spread[kind] = np.maximum(sigma, own.std(axis=0) / 2)
         spread = np.maximum(spread, (0.02, 0.05, 0.05))
         z = charted((figures - centre[moving.astype(int)]) / spread[moving.astype(int)])
-        bounds = np.array([_bound(column, between_s / BLOCK_S) for column in z.T])
-        return cls(whitener, centre, spread, bounds, len(figures) * BLOCK_S)
+        bounds = np.array([_bound(column, between_s / THRESHOLDS.cusum_block_s) for column in z.T])
+        return cls(whitener, centre, spread, bounds, len(figures) * THRESHOLDS.cusum_block_s)
 
 
 def blocks_of(whitener: Whitener, errors: Floats, predicted: Floats, start_s: float, step_s: float) -> Blocks:
-    """Of one stretch; a rest shorter than half a block is left out."""
-    size = round(BLOCK_S / step_s)
-    white = np.concatenate([np.full(ORDER, np.nan), whitener.apply(errors)]) if len(errors) > ORDER else errors * np.nan
+    """Blocks of a segment; a remainder shorter than half a block is left out."""
+    size = round(THRESHOLDS.cusum_block_s / step_s)
+    white = (
+        np.concatenate([np.full(THRESHOLDS.noise_order, np.nan), whitener.apply(errors)])
+        if len(errors) > THRESHOLDS.noise_order
+        else errors * np.nan
+    )
     starts, moving, figures = [], [], []
     for first in range(0, len(errors), size):
         rows = slice(first, first + size)
@@ -94,29 +92,29 @@ def blocks_of(whitener: Whitener, errors: Floats, predicted: Floats, start_s: fl
         if len(errors[rows]) < size / 2 or len(inner) < size / 4:
             continue
         starts.append(start_s + first * step_s)
-        moving.append(float(predicted[rows].std() > _MOVING_W))
+        moving.append(float(predicted[rows].std() > THRESHOLDS.cusum_moving_W))
         sizes = (float(np.mean(np.square(values))) for values in (inner, errors[rows]))
         figures.append([float(errors[rows].mean()), *(np.log(max(each, 1e-12)) for each in sizes)])
     return Blocks(np.array(starts), np.array(moving), np.array(figures).reshape(-1, 3))
 
 
 def charted(z: Floats) -> Floats:
-    """[n, charts] what each chart sums, from standardised figures [n, 3]."""
-    z = np.clip(z, -_CLIP, _CLIP)
+    """[n, charts] increments of the charts, from standardised figures [n, 3]."""
+    z = np.clip(z, -THRESHOLDS.cusum_clip, THRESHOLDS.cusum_clip)
     return np.column_stack([z[:, 0], -z[:, 0], z[:, 1], z[:, 2]])
 
 
 def _bound(z: Floats, blocks: float) -> float:
-    """Height that a CUSUM of values like `z` (in the order of time) passes by chance once in so many blocks."""
+    """Height that a CUSUM of values `z` [n], in the order of time, exceeds by chance once in `blocks` blocks."""
 
     def moment(r: float) -> float:
-        return float(np.mean(np.exp(r * (z - _SLACK)))) - 1.0
+        return float(np.mean(np.exp(r * (z - THRESHOLDS.cusum_slack)))) - 1.0
 
-    off = z - z.mean()
-    memory = float(off[1:] @ off[:-1]) / max(float(off @ off), 1e-12) + 1 / np.sqrt(len(z))  # rather too long
-    memory = float(np.clip(memory, 0.0, 0.9))
-    slower = (1 + memory) / (1 - memory)
-    if z.max() <= _SLACK:
+    centred = z - z.mean()
+    rho = float(centred[1:] @ centred[:-1]) / max(float(centred @ centred), 1e-12) + 1 / np.sqrt(len(z))  # cautious
+    rho = float(np.clip(rho, 0.0, 0.9))
+    slower = (1 + rho) / (1 - rho)
+    if z.max() <= THRESHOLDS.cusum_slack:
         return slower * float(np.log(blocks))
     high = 1.0
     while moment(high) < 0 and high < 64:
@@ -130,15 +128,15 @@ def _bound(z: Floats, blocks: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Alarm:
-    """The residual is no longer what it was."""
+    """The residual has changed."""
 
     chart: str
     onset_s: float
-    """UTC of the block in which the sum left nought for the last time: when it began, as near as it can be told."""
+    """UTC of the block from which the values lie on a higher level: the onset estimate."""
     raised_s: float
-    """UTC of the end of the block that raised it."""
+    """UTC of the end of the block that raised the alarm."""
     height: float
-    """Of the sum over its bound."""
+    """Sum over bound."""
 
     def as_json(self) -> dict[str, Any]:
         """For MQTT and for files."""
@@ -148,15 +146,15 @@ class Alarm:
 
 
 def onset(blocks: list[tuple[float, float]]) -> float:
-    """UTC of the block from which on values lie on a higher level; the first block when they do so all along.
+    """UTC of the most likely step in the values since the chart last was zero; the first block if there is no step.
 
-    A sum may have left nought before, for a smaller reason.
+    The chart may have left zero before the step, for a smaller reason.
     """
     values = np.array([value for _, value in blocks])
     count = np.arange(1, len(values))
     before, after = np.cumsum(values)[:-1] / count, np.cumsum(values[::-1])[::-1][1:] / (len(values) - count)
     apart = count * (len(values) - count) / len(values) * (after - before) ** 2  # squared error that a step takes away
-    rising = np.flatnonzero(after - before > _STEP)
+    rising = np.flatnonzero(after - before > THRESHOLDS.cusum_step)
     if not len(rising):
         return blocks[0][0]
     return blocks[int(rising[apart[rising].argmax()]) + 1][0]
@@ -164,21 +162,21 @@ def onset(blocks: list[tuple[float, float]]) -> float:
 
 @dataclass(slots=True)
 class Monitor:
-    """The charts' sums; give it stretches in the order of time."""
+    """The charts; takes segments in the order of time."""
 
     baseline: Baseline
     sums: Floats = field(default_factory=lambda: np.zeros(len(CHARTS)))
     since: list[list[tuple[float, float]]] = field(default_factory=lambda: [[] for _ in CHARTS])
-    """UTC and value of the blocks since each sum was nought."""
+    """UTC and value of the blocks since a sum was zero, per chart."""
     judged_s: float = 0.0
-    """UTC up to which rows were judged: a recording that comes again, or late, is not."""
+    """UTC up to which rows were judged; a recording that is repeated or late is ignored."""
     alarm: Alarm | None = None
-    """The first; it stays until somebody has looked."""
+    """The first alarm; it stays until the monitor is replaced."""
 
     def update(self, errors: Floats, predicted: Floats, start_s: float, step_s: float) -> Alarm | None:
-        """Take a stretch; the alarm that it raised, None if none or there had been one before."""
+        """Judge a segment; return the alarm that it raises, None without a new alarm."""
         if self.alarm is not None or start_s < self.judged_s:
-            return None  # told already, or rows that were judged before
+            return None  # raised already, or rows that were judged before
         self.judged_s = start_s + len(errors) * step_s
         base = self.baseline
         blocks = blocks_of(base.whitener, errors, predicted, start_s, step_s)
@@ -188,23 +186,25 @@ class Monitor:
             for chart, value in enumerate(values):
                 if self.sums[chart] == 0.0:
                     self.since[chart].clear()
-                self.since[chart] = [*self.since[chart][-_REMEMBERED:], (block_s, float(value))]
-                self.sums[chart] = max(0.0, self.sums[chart] + float(value) - _SLACK)
+                self.since[chart] = [*self.since[chart][-THRESHOLDS.cusum_remembered :], (block_s, float(value))]
+                self.sums[chart] = max(0.0, self.sums[chart] + float(value) - THRESHOLDS.cusum_slack)
             highest = int(np.argmax(self.sums / base.bounds))
             height = float(self.sums[highest] / base.bounds[highest])
             if height > 1.0:
-                self.alarm = Alarm(CHARTS[highest], onset(self.since[highest]), block_s + BLOCK_S, height)
+                self.alarm = Alarm(
+                    CHARTS[highest], onset(self.since[highest]), block_s + THRESHOLDS.cusum_block_s, height
+                )
                 return self.alarm
         return None
 
     def as_json(self) -> dict[str, Any]:
-        """To go on after a restart."""
+        """State, to continue after a restart."""
         alarm = None if self.alarm is None else self.alarm.as_json()
         return {"sums": self.sums.tolist(), "since": [list(map(list, each)) for each in self.since],
                 "judged_s": self.judged_s, "alarm": alarm}  # fmt: skip
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Where `as_json` left it. Raises KeyError, ValueError, TypeError."""
+        """Restore the state of `as_json`. Raises KeyError, ValueError, TypeError."""
         self.sums = np.array(state["sums"], dtype=float).reshape(len(CHARTS))
         self.since = [[(float(t), float(value)) for t, value in each] for each in state["since"]]
         self.judged_s = float(state["judged_s"])

@@ -1,11 +1,12 @@
-"""Least squares over white rows, kept as one Gram matrix per block, so that every question costs milliseconds.
+"""Generalised least squares as Gram matrices per block, so that a question about columns costs milliseconds.
 
-A block is a recording, or part of a long one: the unit of cross-validation and of the bootstrap.
+A block is a recording or a piece of a long one: the unit of cross-validation and of the bootstrap.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,22 +14,88 @@ from scipy.linalg import cho_factor, cho_solve
 
 from acqd.arrays import Floats
 
+Places: TypeAlias = NDArray[np.int64]
+"""Indices of columns."""
 
-@dataclass(slots=True)
-class Blocks:
-    """Gram matrices of raw columns; the last one is the measured residual of the model as it was."""
 
-    grams: Floats
-    """[blocks, p + 1, p + 1]."""
-    rows: Floats
-    """[blocks] white rows."""
-    plain: Floats
-    """The same Gram matrices of rows that were not whitened: what an engineer calls the error."""
+@dataclass(frozen=True, slots=True)
+class Gram:
+    """Gram matrices of the blocks' columns; columns that were added later lie apart, so that adding copies little."""
+
+    fixed: Floats
+    """[blocks, p + 1, p + 1] of the design's columns and, at index p, the measured residual y."""
+    added: Floats
+    """[blocks, p + 1 + e, e] products of all columns with the e added ones."""
 
     @property
     def y(self) -> int:
-        """Place of the residual."""
-        return int(self.grams.shape[1]) - 1
+        """Index of the measured residual."""
+        return int(self.fixed.shape[1]) - 1
+
+    @property
+    def size(self) -> int:
+        """Number of columns, y among them."""
+        return int(self.added.shape[1])
+
+    def take(self, block: int | slice | Places, rows: Places, columns: Places) -> Floats:
+        """[rows, columns] of one block, or [blocks, rows, columns] of several."""
+        fixed = self.y + 1
+        chosen = np.arange(len(self.fixed))[block]
+        one = chosen.ndim == 0
+        chosen = np.atleast_1d(chosen)
+        if rows.max(initial=-1) < fixed and columns.max(initial=-1) < fixed:
+            values = self.fixed[np.ix_(chosen, rows, columns)]
+        else:
+            values = np.empty((len(chosen), len(rows), len(columns)))
+            row_old, column_old = rows < fixed, columns < fixed
+            old = np.ix_(chosen, rows[row_old], columns[column_old])
+            values[np.ix_(np.arange(len(chosen)), row_old, column_old)] = self.fixed[old]
+            new = np.ix_(chosen, rows, columns[~column_old] - fixed)
+            values[:, :, ~column_old] = self.added[new]
+            mirrored = np.ix_(chosen, columns[column_old], rows[~row_old] - fixed)
+            values[np.ix_(np.arange(len(chosen)), ~row_old, column_old)] = self.added[mirrored].transpose(0, 2, 1)
+        return values[0] if one else values
+
+    def residual_products(self, block: int | slice | Places, columns: Places) -> Floats:
+        """[columns] (or [blocks, columns]) products of columns with the measured residual."""
+        return self.take(block, columns, np.array([self.y]))[..., 0]
+
+    def residual_squares(self) -> Floats:
+        """[blocks] sums of squares of the measured residual."""
+        return self.fixed[:, self.y, self.y]
+
+    def diagonal(self) -> Floats:
+        """[blocks, columns] sums of squares of all columns."""
+        fixed = np.einsum("bkk->bk", self.fixed)
+        added = np.einsum("bkk->bk", self.added[:, self.y + 1 :])
+        return np.concatenate([fixed, added], axis=1)
+
+    def replaced(self, places: Places, products: list[Floats]) -> Gram:
+        """With other values of added columns at `places`; `products` [columns, places] for every block.
+
+        Indices behind the last column append columns.
+        """
+        fixed = self.y + 1
+        size = max(self.size, int(places.max()) + 1)
+        added = np.zeros((len(self.fixed), size, size - fixed))
+        added[:, : self.size, : self.size - fixed] = self.added
+        for number, values in enumerate(products):
+            added[number][:, places - fixed] = values
+            others = np.setdiff1d(np.arange(fixed, size), places)
+            added[number][np.ix_(places, others - fixed)] = values[others].T
+        return Gram(self.fixed, added)
+
+
+@dataclass(frozen=True, slots=True)
+class Blocks:
+    """Gram matrices of all blocks."""
+
+    white: Gram
+    """Of whitened rows: what decides."""
+    plain: Gram
+    """Of rows in W: what an engineer calls the error."""
+    rows: Floats
+    """[blocks] number of white rows."""
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -36,108 +103,129 @@ class Blocks:
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A raw column where its gate is open."""
+    """A column of the regression, in the blocks where its gate is open."""
 
     place: int
     gate: Floats
     """[blocks] 0 or 1."""
     deviation: float = np.inf
-    """Of a prior around 0."""
+    """Standard deviation of a normal prior about 0."""
     block_intercept: bool = False
-    """A block's own level: part of the noise, not of what is known."""
+    """Random intercept of a block: part of the noise, not of the prediction."""
+    owner: str = ""
+    """Key of the effect that the column belongs to; "" for the base model."""
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class Competition:
-    """Candidates under one gate beside everything that is in the model already, blocks weighted."""
+    """Candidate columns under a gate, with the regression's own columns projected out."""
 
-    S: Floats
-    """[c, c] what is left of the candidates' Gram when the model has taken its part."""
-    r: Floats
-    """[c] and of their products with the residual."""
-    rest: float
-    """White sum of squares that the model leaves."""
+    schur: Floats
+    """[c, c] Schur complement of the regression's block in the joint Gram matrix."""
+    products: Floats
+    """[c] products of the projected candidates with the residual."""
     projection: Floats
-    """[model, c] how much of each candidate the model takes over."""
+    """[own, c] coefficients of the candidates on the regression's columns."""
     beta: Floats
-    """[model] coefficients without candidates."""
+    """[own] coefficients without candidates."""
 
 
-class Model:
-    """The columns that are free, and the blocks."""
+class Regression:
+    """Columns that are free, with their priors, and the Gram matrices of the blocks."""
 
     def __init__(self, blocks: Blocks, columns: list[Column]) -> None:
         self.blocks, self.columns = blocks, columns
-        self.places = np.array([column.place for column in columns])
-        self.gates = np.array([column.gate for column in columns])  # [model, blocks]
-        self.ridge = np.array([0.0 if np.isinf(c.deviation) else c.deviation**-2.0 for c in columns])
-        self._own: tuple[Floats, Floats] | None = None
+        self.places: Places = np.array([column.place for column in columns])
+        self.gates: Floats = np.array([column.gate for column in columns])  # [own, blocks]
+        self.precision = np.array([0.0 if np.isinf(c.deviation) else c.deviation**-2.0 for c in columns])
+        self._normal: tuple[Floats, Floats] | None = None
 
-    def compete(self, candidates: NDArray[np.int64], gate: Floats, weights: Floats | None = None) -> Competition:
-        """Candidates (raw places) under `gate` [blocks]; `weights` [blocks] count blocks several times or not."""
+    def on(self, blocks: Blocks) -> Regression:
+        """The same columns on the blocks of a design with more columns, whose own columns have the same values."""
+        other = Regression(blocks, self.columns)
+        self._block_products()
+        other._normal = self._normal
+        return other
+
+    def with_columns(self, blocks: Blocks, columns: list[Column]) -> Regression:
+        """The regression with more columns, on the blocks of a design that has them."""
+        return Regression(blocks, [*self.columns, *columns])
+
+    def without(self, owner: str) -> Regression:
+        """The regression without the columns of an effect."""
+        return Regression(self.blocks, [column for column in self.columns if column.owner != owner])
+
+    def compete(self, candidates: Places, gate: Floats, weights: Floats | None = None) -> Competition:
+        """Candidate columns under `gate` [blocks]; `weights` [blocks]: how often a block counts."""
         weights = np.ones(len(self.blocks)) if weights is None else weights
-        grams, y = self.blocks.grams, self.blocks.y
-        A, b, total = self.normal(weights)
+        gram = self.blocks.white
+        A, b = self.normal(weights)
         weighted = weights * gate
         open_ = np.flatnonzero(weighted)
-        Gcc = np.einsum("i,ijk->jk", weighted[open_], grams[np.ix_(open_, candidates, candidates)], optimize=True)
-        Gcy = np.einsum("i,ij->j", weighted[open_], grams[open_][:, candidates, y], optimize=True)
+        Gcc = np.einsum("i,ijk->jk", weighted[open_], gram.take(open_, candidates, candidates), optimize=True)
+        Gcy = np.einsum("i,ij->j", weighted[open_], gram.residual_products(open_, candidates), optimize=True)
         Gmc = np.zeros((len(self.places), len(candidates)))
         for i in open_:
-            Gmc += weighted[i] * self.gates[:, i, None] * grams[i][np.ix_(self.places, candidates)]
+            Gmc += weighted[i] * self.gates[:, i, None] * gram.take(int(i), self.places, candidates)
         factor = cho_factor(A)
         projection = cho_solve(factor, Gmc)
         beta = cho_solve(factor, b)
-        S = Gcc - Gmc.T @ projection
-        return Competition(S, Gcy - Gmc.T @ beta, float(total - b @ beta), projection, beta)
+        return Competition(
+            schur=Gcc - Gmc.T @ projection, products=Gcy - Gmc.T @ beta, projection=projection, beta=beta
+        )
 
-    def normal(self, weights: Floats) -> tuple[Floats, Floats, float]:
-        """Normal matrix and vector with the priors, and the white sum of squares; blocks weighted."""
-        grams, y = self.blocks.grams, self.blocks.y
-        if self._own is None:
-            gates = self.gates.T
-            squares = grams[:, self.places[:, None], self.places] * gates[:, :, None] * gates[:, None, :]
-            self._own = squares, grams[:, self.places, y] * gates
-        A: Floats = np.einsum("i,ijk->jk", weights, self._own[0], optimize=True)
-        b: Floats = np.einsum("i,ij->j", weights, self._own[1])
-        A[np.diag_indices(len(A))] += self.ridge + 1e-9 * np.maximum(np.diag(A), 1e-9)
-        return A, b, float(weights @ grams[:, y, y])
+    def normal(self, weights: Floats) -> tuple[Floats, Floats]:
+        """Normal matrix [own, own] and vector [own] with the priors, blocks weighted."""
+        squares, products = self._block_products()
+        A: Floats = np.einsum("i,ijk->jk", weights, squares, optimize=True)
+        b: Floats = np.einsum("i,ij->j", weights, products)
+        A[np.diag_indices(len(A))] += self.precision + 1e-9 * np.maximum(np.diag(A), 1e-9)
+        return A, b
+
+    def _block_products(self) -> tuple[Floats, Floats]:
+        """[blocks, own, own] and [blocks, own] products of the gated columns, computed once."""
+        if self._normal is None:
+            gates, gram = self.gates.T, self.blocks.white
+            squares = gram.take(slice(None), self.places, self.places) * gates[:, :, None] * gates[:, None, :]
+            self._normal = squares, gram.residual_products(slice(None), self.places) * gates
+        return self._normal
 
     def solve(self) -> Floats:
-        """Coefficients."""
-        A, b, _ = self.normal(np.ones(len(self.blocks)))
+        """[own] coefficients of all columns on all blocks."""
+        A, b = self.normal(np.ones(len(self.blocks)))
         return np.asarray(cho_solve(cho_factor(A), b))
 
-    def scores(self, competition: Competition, candidates: NDArray[np.int64], gate: Floats) -> Floats:
-        """[blocks, c] what each block says of candidates that the model does not take over; they add up to r."""
-        grams, y = self.blocks.grams, self.blocks.y
-        found = np.zeros((len(self.blocks), len(candidates)))
+    def scores(self, competition: Competition, candidates: Places, gate: Floats) -> Floats:
+        """[blocks, c] contributions of the blocks to `competition.products`."""
+        gram = self.blocks.white
+        scores = np.zeros((len(self.blocks), len(candidates)))
         beta, projection = competition.beta, competition.projection
         for i in range(len(self.blocks)):
-            own = self.gates[:, i]
-            left_m = own * (grams[i][self.places, y] - grams[i][np.ix_(self.places, self.places)] @ (own * beta))
-            found[i] = -projection.T @ left_m
+            open_ = self.gates[:, i]
+            own_products = gram.residual_products(i, self.places)
+            own_left = open_ * (own_products - gram.take(i, self.places, self.places) @ (open_ * beta))
+            scores[i] = -projection.T @ own_left
             if gate[i]:
-                left_c = grams[i][candidates, y] - grams[i][np.ix_(candidates, self.places)] @ (own * beta)
-                found[i] += gate[i] * left_c
-        return found
+                cross = gram.take(i, candidates, self.places)
+                scores[i] += gate[i] * (gram.residual_products(i, candidates) - cross @ (open_ * beta))
+        return scores
 
     def held_out_products(
-        self, found: Competition, candidates: NDArray[np.int64], gate: Floats, blocks: NDArray[np.int64], grams: Floats
+        self, competition: Competition, candidates: Places, gate: Floats, blocks: Places, gram: Gram
     ) -> tuple[Floats, Floats]:
-        """Candidates' Gram [c, c] and products with the residual [c] in some blocks, by a fit that has not seen them.
+        """Gram matrix [c, c] of projected candidates and their products [c] with the residual, in held-out blocks.
 
-        `grams`: white or plain ones.
+        `competition`: a fit without those blocks; `gram`: white or plain.
         """
-        y, at = self.blocks.y, self.places
-        Q, s = np.zeros_like(found.S), np.zeros(len(candidates))
-        for i in blocks:
-            g, own = grams[i], self.gates[:, i]
-            square, cross_mc = g[np.ix_(at, at)], g[np.ix_(candidates, at)]
-            left = gate[i] * (g[candidates, y] - cross_mc @ (own * found.beta))
-            left_m = own * (g[at, y] - square @ (own * found.beta))
-            s += left - found.projection.T @ left_m
-            projection = own[:, None] * found.projection
-            cross = gate[i] * cross_mc @ projection
-            Q += gate[i] * g[np.ix_(candidates, candidates)] - cross - cross.T + projection.T @ square @ projection
+        Q, s = np.zeros_like(competition.schur), np.zeros(len(candidates))
+        beta, projection = competition.beta, competition.projection
+        for i in blocks.tolist():
+            open_ = self.gates[:, i]
+            square, cross_cm = gram.take(i, self.places, self.places), gram.take(i, candidates, self.places)
+            left = gate[i] * (gram.residual_products(i, candidates) - cross_cm @ (open_ * beta))
+            own_left = open_ * (gram.residual_products(i, self.places) - square @ (open_ * beta))
+            s += left - projection.T @ own_left
+            gated = open_[:, None] * projection
+            cross = gate[i] * cross_cm @ gated
+            Q += gate[i] * gram.take(i, candidates, candidates) - cross - cross.T + gated.T @ square @ gated
         return Q, s

@@ -1,17 +1,19 @@
-"""From recordings and a grey box to a design with its noise, the model that competes, and possible onsets."""
+"""From recordings and a grey box to a design with a noise model, the regression that competes, and possible onsets."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.discrepancy.regression.design_matrix import Design, distrust, make_design, whiten
-from acqd.discrepancy.regression.gram import Column, Model
-from acqd.discrepancy.regression.grey_box_columns import deviations
-from acqd.discrepancy.residual.whitening import ORDER, Whitener
-from acqd.discrepancy.selection.stepwise import Gate, onset_gates
+from acqd.discrepancy.regression.design_columns import DesignColumns, design_columns
+from acqd.discrepancy.regression.design_matrix import Design
+from acqd.discrepancy.regression.gram import Column, Regression
+from acqd.discrepancy.regression.onset import Gate, onset_gates
+from acqd.discrepancy.residual.whitening import Whitener
+from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.effects import library
 from acqd.models.greybox.model import GreyBox
 from acqd.models.greybox.parameters import prior
@@ -21,109 +23,119 @@ from acqd.robot.arm import Arm
 from acqd.robot.description import RobotDescription
 from acqd.robot.dynamics import inertial_parameters
 
-_FEWEST_FOR_NOISE = 4  # reference recordings
 _RIDGE = 1e-6
-_ACTS = 0.01  # of the power that a column has in the recordings in question
-_HELD = 1e-9
-_LAG_SPREAD_S = 0.003
+_ENDLESS = 1e3
+"""Prior deviation of a parameter without prior, relative to its value: wide enough to be free."""
 
 
-def prepare(
-    model: GreyBox,
-    robot: RobotDescription,
-    in_question: list[Segment],
-    reference: list[Segment],
-    chosen: set[str],
-    withheld: set[str],
-    progress: Callable[[float], None],
-) -> tuple[Design, Model, list[Gate]]:
-    """With `reference`, what is common to both is free in the model; what only `fresh` has is the question.
+@dataclass(frozen=True, slots=True)
+class Question:
+    """Recordings and models that a regression is set up for."""
 
-    Without, the question is what the model lacks in all of them. `withheld` groups of the model's parameters are
-    held at nought.
-    """
-    arm = Arm(robot)
-    segments = [(each, False) for each in reference] + [(each, True) for each in in_question]
-    design = make_design(model, arm, segments, chosen, frozenset(withheld), progress)
-    _withhold(design, withheld)
-    belief = prior(model.layout, robot, inertial_parameters(arm), 0.0, model.step_s)
-    spread = deviations(model, belief.deviation)
-    spread[model.layout.place("lag")] = _LAG_SPREAD_S  # else it and the clocks play against each other
-    for group in withheld:
-        spread[model.layout.place(group)] = _HELD
-    everywhere = np.ones(len(design.parts))
-    base = [Column(k, everywhere, float(spread[k])) for k in range(design.base)]
-    whiten(design, Whitener.of(design.residual))
-    enough = len({each.recording for each in reference}) >= _FEWEST_FOR_NOISE
-    noise_weights = 1 - design.in_question if enough else everywhere
+    model: GreyBox
+    robot: RobotDescription
+    in_question: list[Segment]
+    reference: list[Segment]
+    """Recordings to compare with; without any, the question is what the model lacks in all recordings."""
+    chosen: frozenset[str]
+    """Ids of effects that compete."""
+    withheld: frozenset[str]
+    """Groups of the model's parameters that are held at zero."""
+
+
+@dataclass(frozen=True, slots=True)
+class Setup:
+    """Everything that the selection starts from."""
+
+    design: Design
+    regression: Regression
+    gates: list[Gate]
+    """The first gate is the question, the others are possible onsets."""
+
+
+def set_up(question: Question, progress: Callable[[float], None]) -> Setup:
+    """With a reference, structural effects are free on both sides, and only a difference can be selected."""
+    arm = Arm(question.robot)
+    segments = [(each, False) for each in question.reference] + [(each, True) for each in question.in_question]
+    columns = design_columns(question.model, arm, segments, question.chosen, question.withheld, progress)
+    columns = columns.with_withheld(question.withheld)
+    base = _base(columns, arm, question)
+    everywhere = np.ones(len(columns.parts))
+    design = Design.of(columns, Whitener.of(list(columns.residual)))
+    enough = len({each.recording for each in question.reference}) >= THRESHOLDS.fewest_for_noise
+    noise_weights = 1 - columns.in_question if enough else everywhere
     left = _left_by_everything(design, base, noise_weights)
-    whiten(design, Whitener.of(left))
-    design.patient = Whitener.of(left, 3 * ORDER)
-    _distrust_outliers(design, base, bool(reference))
-    common = _common(design) if reference else []
-    columns = [*base, *(Column(k, everywhere) for k in common), *block_intercepts(design, noise_weights)]
-    return design, Model(design.blocks, columns), onset_gates(design, design.in_question)
+    design = Design.of(columns, Whitener.of(left), Whitener.of(left, 3 * THRESHOLDS.noise_order))
+    design = _without_outliers(design, base, bool(question.reference))
+    common = _common(design) if question.reference else []
+    free = [*base, *(Column(k, everywhere) for k in common), *block_intercepts(columns, noise_weights)]
+    return Setup(design, Regression(design.blocks, free), onset_gates(list(columns.parts)))
 
 
-def _withhold(design: Design, withheld: set[str]) -> None:
-    """Take what the model was denied out of the prediction, so that it is there to be found."""
-    layout = design.model.layout
-    for group in withheld:
-        place = layout.place(group)
-        for number, raw in enumerate(design.raw):
-            design.residual[number] = design.residual[number] + raw[:, place] @ design.model.values[place]
+def _base(columns: DesignColumns, arm: Arm, question: Question) -> list[Column]:
+    """Columns of the base model, with the description as prior."""
+    layout = question.model.layout
+    belief = prior(layout, question.robot, inertial_parameters(arm), 0.0, question.model.step_s)
+    endless = _ENDLESS * np.maximum(np.abs(question.model.values), 1.0)
+    deviation = np.where(np.isfinite(belief.deviation), belief.deviation, endless)
+    deviation[layout.place("lag")] = THRESHOLDS.lag_deviation_s
+    for group in question.withheld:
+        deviation[layout.place(group)] = THRESHOLDS.withheld_deviation
+    everywhere = np.ones(len(columns.parts))
+    return [Column(k, everywhere, float(deviation[k])) for k in range(columns.base)]
 
 
-def block_intercepts(design: Design, noise_weights: Floats) -> list[Column]:
-    """A level of its own for every block, as far as levels are known to wander.
+def block_intercepts(columns: DesignColumns, noise_weights: Floats) -> list[Column]:
+    """A random intercept per block; its deviation is the spread of the block means where `noise_weights` is not 0.
 
-    Standby power wanders over tens of seconds, longer than the noise model remembers; without this, a block's mean
-    would count as some thousand independent witnesses of a constant load.
+    Standby power drifts over tens of seconds, longer than the noise model remembers. Without random intercepts, the
+    rows of a block would count as some thousand independent observations of a constant load.
     """
-    means = np.array(
-        [design.residual[p.segment][p.rows].mean() for p, w in zip(design.parts, noise_weights, strict=True) if w]
-    )
-    deviation = max(mad_sigma(means), 1e-3)
-    standby = design.model.layout.place("standby").start
-    return [
-        Column(standby, np.eye(len(design.parts))[k], deviation, block_intercept=True) for k in range(len(design.parts))
-    ]
+    pairs = zip(columns.parts, noise_weights, strict=True)
+    means = np.array([columns.residual[part.segment][part.rows].mean() for part, weight in pairs if weight])
+    deviation = max(mad_sigma(means), THRESHOLDS.intercept_least_W)
+    standby = columns.model.layout.place("standby").start
+    gates = np.eye(len(columns.parts))
+    return [Column(standby, gate, deviation, block_intercept=True) for gate in gates]
 
 
 def _common(design: Design) -> list[int]:
-    """Columns of effects that a model may lack from the start: in a contrast they are free for both sides.
+    """Columns of structural effects: a model may lack them from the start, so that both sides are free to have them.
 
-    What never acts in the reference (a tool that was not there) is only a question of the new recordings.
+    A column that never acts in the reference (a tool that was not mounted) remains a question about the new recordings.
     """
     effects = library()
-    found: set[int] = set()
-    for candidate in design.candidates:
+    structural: set[int] = set()
+    for candidate in design.columns.candidates:
         if candidate.id and effects[candidate.id].structural:
-            found |= set(candidate.places.tolist())
-    power = np.einsum("bkk->bk", design.blocks.plain) / np.maximum(design.blocks.rows, 1.0)[:, None]
-    in_question, before = (power[side > 0].mean(axis=0) for side in (design.in_question, 1 - design.in_question))
-    return sorted(k for k in found if before[k] > _ACTS * in_question[k])
+            structural |= set(candidate.places.tolist())
+    power = design.blocks.plain.diagonal() / np.maximum(design.blocks.rows, 1.0)[:, None]
+    question = design.columns.in_question
+    now, before = (power[side > 0].mean(axis=0) for side in (question, 1 - question))
+    return sorted(k for k in structural if before[k] > THRESHOLDS.common_share * now[k])
 
 
 def _left_by_everything(design: Design, base: list[Column], weights: Floats) -> list[Floats]:
-    """Residuals of a fit of all columns there are: only noise is left for certain (notes/residual.md, stage 3)."""
-    beta = _everything(design, base, weights)
+    """Residuals of a fit of all columns: the only part that is noise for certain."""
+    beta = _fit_of_everything(design, base, weights)
     open_ = sorted({part.segment for part, weight in zip(design.parts, weights, strict=True) if weight})
-    return [design.residual[k] - design.raw[k] @ beta for k in open_]
+    return [design.columns.residual[k] - design.columns.values[k] @ beta for k in open_]
 
 
-def _distrust_outliers(design: Design, base: list[Column], contrast: bool) -> None:
-    """Each side by a fit of everything to itself: an effect that only one of them has is no outlier."""
-    sides = [design.in_question, 1 - design.in_question] if contrast else [design.in_question]
-    fits: list[Floats] = [np.zeros(design.blocks.y)] * len(design.parts)
+def _without_outliers(design: Design, base: list[Column], contrast: bool) -> Design:
+    """Both sides by a fit of everything to themselves: an effect that only one side has makes no outliers."""
+    question = design.columns.in_question
+    sides = [question, 1 - question] if contrast else [question]
+    fits: list[Floats] = [np.zeros(design.blocks.white.y)] * len(design.parts)
     for side in sides:
-        beta = _everything(design, base, side)
+        beta = _fit_of_everything(design, base, side)
         fits = [beta if own else other for own, other in zip(side, fits, strict=True)]
-    distrust(design, fits)
+    return design.without_outliers(fits)
 
 
-def _everything(design: Design, base: list[Column], weights: Floats) -> Floats:
-    """[p] coefficients of all columns there are, on weighted blocks."""
-    everything = [*base, *(Column(k, np.ones(len(design.parts))) for k in range(design.base, design.blocks.y))]
-    A, b, _ = Model(design.blocks, everything).normal(weights)
+def _fit_of_everything(design: Design, base: list[Column], weights: Floats) -> Floats:
+    """[p] coefficients of all columns of the design, on weighted blocks."""
+    everywhere = np.ones(len(design.parts))
+    columns = [*base, *(Column(k, everywhere) for k in range(design.columns.base, design.blocks.white.y))]
+    A, b = Regression(design.blocks, columns).normal(weights)
     return solve_scaled_ridge(A, b, _RIDGE)

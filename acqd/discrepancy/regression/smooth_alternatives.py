@@ -1,4 +1,4 @@
-"""Rivals without a name: smooth functions of whatever was recorded. Where one of them wins, the cause is unknown."""
+"""Unnamed alternatives: smooth functions of recorded quantities. If one of them explains most, the cause is unknown."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ _ANGLES = 6
 
 
 @dataclass(frozen=True, slots=True)
-class Rival:
-    """One group."""
+class SmoothGroup:
+    """Columns that depend on one quantity."""
 
     name: str
-    """What it depends on."""
+    """The quantity."""
     columns: tuple[int, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Ranges:
-    """What the recordings cover."""
+    """Ranges that the recordings cover."""
 
     low: Floats
     """[axes] rad."""
@@ -43,7 +43,7 @@ class Ranges:
 
     @classmethod
     def of(cls, scenes: list[Scene]) -> Ranges:
-        """Of all recordings."""
+        """Ranges of all recordings."""
         q = np.concatenate([scene.q[::4] for scene in scenes])
         speed = np.concatenate([np.abs(scene.qd[::4]) for scene in scenes])
         power = np.concatenate([scene.predicted for scene in scenes])
@@ -54,41 +54,41 @@ class Ranges:
         )  # fmt: skip
 
 
-def generic_columns(scene: Scene, ranges: Ranges) -> Floats:
-    """[SUB T, k] or rows repeated, in the order of `rivals`."""
-    found = [np.ones(len(scene.q)) * _moving(scene)]
+def smooth_columns(scene: Scene, ranges: Ranges) -> Floats:
+    """[N, k] at substeps, in the order of `alternatives`."""
+    columns = [np.ones(len(scene.q)) * _moving(scene)]
     phase = np.pi * (scene.q - ranges.low) / np.maximum(ranges.high - ranges.low, 1e-6)
     for joint in range(scene.axes):
-        found += [np.cos((k + 1) * phase[:, joint]) for k in range(_ANGLES)]
+        columns += [np.cos((k + 1) * phase[:, joint]) for k in range(_ANGLES)]
     share = np.abs(scene.qd) / ranges.speed
     for joint in range(scene.axes):
-        found += [np.exp(-(((share[:, joint] - middle) / 0.08) ** 2)) for middle in _SPEEDS]
-    found += list(scene.qdd.T * scene.power_per_torque.T)
+        columns += [np.exp(-(((share[:, joint] - middle) / 0.08) ** 2)) for middle in _SPEEDS]
+    columns += list(scene.qdd.T * scene.power_per_torque.T)
     load = np.repeat(scene.predicted, len(scene.q) // scene.rows)
-    found += [np.maximum(load - level, 0.0) for level in ranges.power]
-    found += [_remembered(np.abs(scene.drives), scene.substep_s, seconds) for seconds in _MEMORIES_S]
+    columns += [np.maximum(load - level, 0.0) for level in ranges.power]
+    columns += [_low_pass(np.abs(scene.drives), scene.substep_s, seconds) for seconds in _MEMORIES_S]
     moving = _moving(scene)
     starts, stops = edges(moving, scene, "moving")
-    found += list(bins(since(starts, scene, "start_age"), _AFTER_S).T)
-    found += list(bins(since(stops, scene, "stop_age"), _AFTER_S).T)
+    columns += list(bins(since(starts, scene, "start_age"), _AFTER_S).T)
+    columns += list(bins(since(stops, scene, "stop_age"), _AFTER_S).T)
     into = (scene.t - scene.t[0]) / 60.0
-    found += [into, np.exp(-into * 6)]
-    found += list(
+    columns += [into, np.exp(-into * 6)]
+    columns += list(
         np.cos(
             np.pi * np.outer((scene.t - ranges.origin_s) / max(ranges.end_s - ranges.origin_s, 1.0), np.arange(1, 5))
         ).T
     )
-    return np.column_stack(found)
+    return np.column_stack(columns)
 
 
-def rivals(axes: int) -> Iterator[Rival]:
-    """Groups, in the order of the columns."""
+def alternatives(axes: int) -> Iterator[SmoothGroup]:
+    """Groups of columns, in the order of `smooth_columns`."""
     place = 0
 
-    def take(name: str, count: int) -> Rival:
+    def take(name: str, count: int) -> SmoothGroup:
         nonlocal place
         place += count
-        return Rival(name, tuple(range(place - count, place)))
+        return SmoothGroup(name, tuple(range(place - count, place)))
 
     yield take("whether the arm moves", 1)
     for joint in range(axes):
@@ -99,7 +99,7 @@ def rivals(axes: int) -> Iterator[Rival]:
     yield take("the power itself", 4)
     for seconds in _MEMORIES_S:
         yield take(f"the drives' power of the last {seconds:g} s", 1)
-    yield take("the time since the motion began", len(_AFTER_S) - 1)
+    yield take("the time since the motion started", len(_AFTER_S) - 1)
     yield take("the time since the motion stopped", len(_AFTER_S) - 1)
     yield take("the time within the recording", 2)
     yield take("the time of day", 4)
@@ -109,6 +109,6 @@ def _moving(scene: Scene) -> Floats:
     return np.asarray((np.abs(scene.qd).max(axis=1) > 0.01) * 1.0)
 
 
-def _remembered(values: Floats, step_s: float, seconds: float) -> Floats:
+def _low_pass(values: Floats, step_s: float, seconds: float) -> Floats:
     keep = float(np.exp(-step_s / seconds))
     return np.asarray(lfilter([1 - keep], [1, -keep], values))

@@ -1,4 +1,4 @@
-"""The model with what was found: fitted anew where it was itself in question, and never worse than before."""
+"""The repaired model, and the guard: an effect is added only if it reduces the error on held-out recordings."""
 
 from __future__ import annotations
 
@@ -9,66 +9,98 @@ import numpy as np
 from acqd.arrays import Floats
 from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.repair.refit import refitted
-from acqd.discrepancy.repair.terms import Added, errors_of, guarded, rms, scaled
+from acqd.discrepancy.repair.terms import Added, scaled
+from acqd.discrepancy.residual.errors import errors_of, rms
 from acqd.models.augmented import Augmented
 from acqd.models.effects import library
 from acqd.models.greybox.model import GreyBox
 from acqd.models.metrics import predictions
 from acqd.models.predictor import Predictor
+from acqd.models.segments import Segment
 
 
 @dataclass(frozen=True, slots=True)
 class Improved:
-    """What came of adding."""
+    """A model with its effects, and what became of the others."""
 
     base: Predictor
-    """As it was, or re-fitted."""
+    """Unchanged, or fitted again."""
     kept: list[Added]
     reported_only: list[Added]
-    """Found, but at moments that nothing foretells: the report has them, the model has not."""
+    """Effects at unpredictable times: the report has them, the model has not."""
     refused: list[Added]
-    worth: list[float]
-    """W RMS on held-out recordings that each kept effect takes away."""
+    gains: list[float]
+    """W RMS on held-out recordings: increase of the error without a kept effect."""
     errors: list[Floats]
-    """[T] W on the held-out stretches."""
+    """[T] W on the held-out segments."""
 
     def model(self, subject: Subject) -> Predictor:
-        """With the effects as terms."""
+        """The base with the kept effects as terms."""
         terms = [each.term for each in self.kept if not each.restored]
         return Augmented.of(self.base, subject.carrier, terms)
 
 
-def improve(subject: Subject, found: list[Added], errors_before: list[Floats], seed: int) -> Improved:
-    """Add what was found; keep what helps on the held-out recordings."""
-    unchanged = Improved(subject.model, [], *_split_predictable(found), [], errors_before)
-    if not found:
-        return unchanged
+def improve(subject: Subject, effects: list[Added], errors_before: list[Floats], seed: int) -> Improved:
+    """Add effects; keep those that help on the held-out recordings."""
+    if not effects:
+        return _unchanged(subject, effects, errors_before)
     base: Predictor = subject.model
     if subject.question == "structure":
-        base, found = refitted(subject, found, seed)
+        base, effects = refitted(subject, effects, seed)
         if not isinstance(base, GreyBox):
-            found = [replace(each, term=scaled(each.term, _share(base, each, subject))) for each in found]
-    restored, terms = [e for e in found if e.restored], [e for e in found if not e.restored]
-    kept, refused, errors, worth = guarded(base, terms, subject.carrier, subject.held_out)
+            effects = [replace(each, term=scaled(each.term, _share(base, each, subject))) for each in effects]
+    restored, terms = [e for e in effects if e.restored], [e for e in effects if not e.restored]
+    kept, errors, gains = guarded(base, terms, subject)
     if rms(errors) >= rms(errors_before) or not restored + kept:
-        reported_only, refused = _split_predictable(found)
-        return replace(unchanged, reported_only=reported_only, refused=refused)
-    whole = rms(errors_before) - rms(errors)
-    reported_only, refused = _split_predictable(refused)
-    return Improved(base, restored + kept, reported_only, refused, [whole] * len(restored) + worth, errors)
+        return _unchanged(subject, effects, errors_before)
+    keys = {each.key for each in kept}
+    rejected = [each for each in terms if each.key not in keys]
+    reported_only, refused = _split_predictable(rejected)
+    total = rms(errors_before) - rms(errors)
+    return Improved(
+        base=base, kept=restored + kept, reported_only=reported_only, refused=refused,
+        gains=[total] * len(restored) + gains, errors=errors,
+    )  # fmt: skip
 
 
-def _split_predictable(found: list[Added]) -> tuple[list[Added], list[Added]]:
-    """Effects that no model could predict, and the others."""
-    reported_only = [each for each in found if not library()[each.term.id].predictable]
-    return reported_only, [each for each in found if library()[each.term.id].predictable]
+def _unchanged(subject: Subject, effects: list[Added], errors_before: list[Floats]) -> Improved:
+    reported_only, refused = _split_predictable(effects)
+    return Improved(
+        base=subject.model, kept=[], reported_only=reported_only, refused=refused, gains=[], errors=errors_before
+    )
 
 
-def _share(base: Predictor, each: Added, subject: Subject) -> float:
-    """How much of an effect a network has not learned by itself already."""
-    unit_torque = Augmented.of(base, subject.carrier, [each.term])
-    both = zip(predictions(unit_torque, subject.fit), predictions(base, subject.fit), strict=True)
-    power = np.concatenate([with_effect - without for with_effect, without in both])
-    error = np.concatenate(errors_of(base, subject.fit))
+def guarded(base: Predictor, effects: list[Added], subject: Subject) -> tuple[list[Added], list[Floats], list[float]]:
+    """Effects that help on the held-out segments, the residuals, and the gain of every kept effect (W RMS).
+
+    Backward elimination: two effects may help only together, so that the most harmful one is removed first.
+    """
+    kept = list(effects)
+    while True:
+        errors = _errors_with(base, kept, subject)
+        without = [rms(_errors_with(base, [o for o in kept if o.key != each.key], subject)) for each in kept]
+        gains = [rmse - rms(errors) for rmse in without]
+        if not kept or min(gains) > 0:
+            return kept, errors, gains
+        kept.pop(int(np.argmin(gains)))
+
+
+def _errors_with(base: Predictor, effects: list[Added], subject: Subject) -> list[Floats]:
+    return errors_of(Augmented.of(base, subject.carrier, [each.term for each in effects]), subject.held_out)
+
+
+def _split_predictable(effects: list[Added]) -> tuple[list[Added], list[Added]]:
+    """Effects at unpredictable times, and the others."""
+    unpredictable = [each for each in effects if not library()[each.term.id].predictable]
+    return unpredictable, [each for each in effects if library()[each.term.id].predictable]
+
+
+def _share(base: Predictor, effect: Added, subject: Subject) -> float:
+    """Share of an effect's power that a network has not learned yet: slope of the residual on that power, 0 to 1."""
+    segments: list[Segment] = subject.fit
+    with_effect = predictions(Augmented.of(base, subject.carrier, [effect.term]), segments)
+    pairs = zip(with_effect, predictions(base, segments), strict=True)
+    power = np.concatenate([with_term - without for with_term, without in pairs])
+    error = np.concatenate(errors_of(base, segments))
     power = power - power.mean()
     return float(np.clip((power @ error) / max(float(power @ power), 1e-9), 0.0, 1.0))

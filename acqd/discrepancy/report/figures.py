@@ -1,4 +1,4 @@
-"""What convinces: error over time, ranking of hypotheses, effects against what they explain, where the rest lives."""
+"""Figures of the closing report: error over time, ranking of hypotheses, explained power, residual along quantities."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.discrepancy.loop import Closed
-from acqd.discrepancy.residual.quality import Aspect, aspects
+from acqd.discrepancy.residual.aspects import Aspect, aspects
 from acqd.discrepancy.residual.whitening import autocorrelation
+from acqd.discrepancy.selection.named import Named
 from acqd.discrepancy.selection.ranking import Finding
-from acqd.discrepancy.selection.stepwise import Named
 from acqd.models.metrics import predictions
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_BEFORE, _AFTER, _QUIET = "#b45309", "#1d6fa5", "#9aa5b1"
+_BEFORE, _AFTER, _UNNAMED = "#b45309", "#1d6fa5", "#9aa5b1"
 _SHOWN_S = 40.0
 
 
@@ -28,7 +28,7 @@ def _figure(width: float, height: float) -> Figure:
 
 
 def example(closed: Closed) -> Figure:
-    """Measured power and the model before and after, where the loop has helped most."""
+    """Measured power, and predicted power before and after, where the loop helped most."""
     held_out, step_s = closed.subject.held_out, closed.subject.data.step_s
     gains = [
         float((b**2).mean() - (a**2).mean()) for b, a in zip(closed.errors_before, closed.errors_after, strict=True)
@@ -51,13 +51,13 @@ def example(closed: Closed) -> Figure:
     bottom.plot(t, closed.errors_before[k][rows], color=_BEFORE, lw=0.8)
     bottom.plot(t, closed.errors_after[k][rows], color=_AFTER, lw=0.8)
     bottom.axhline(0, color="black", lw=0.5)
-    bottom.set_ylabel("left over [W]")
+    bottom.set_ylabel("residual [W]")
     bottom.set_xlabel(f"time in {segment.recording} [s]")
     return figure
 
 
 def by_recording(closed: Closed) -> Figure:
-    """RMS error of every held-out recording in the order of time."""
+    """RMS residual of the held-out recordings in the order of time."""
     held_out = closed.subject.held_out
     order = np.argsort([segment.start_s for segment in held_out])
     figure = _figure(9.5, 2.8)
@@ -72,13 +72,13 @@ def by_recording(closed: Closed) -> Figure:
     if closed.reference_rmse is not None:
         axes.axhline(closed.reference_rmse, color="black", lw=1, ls="--", label="when the model was made")
     axes.set_xticks(x, [held_out[k].recording for k in order], rotation=60, ha="right", fontsize=7)
-    axes.set_ylabel("RMS left over [W]")
+    axes.set_ylabel("residual, RMS [W]")
     axes.legend(frameon=False, ncols=3)
     return figure
 
 
 def ranking(findings: list[Finding], chosen: str | None) -> Figure:
-    """How much every hypothesis explains beyond chance; one bar an effect or rival."""
+    """Evidence for every hypothesis: one bar per effect or unnamed alternative."""
     best: dict[str, Finding] = {}
     for finding in findings:
         name = finding.candidate.id or f"unnamed: {finding.candidate.label}"
@@ -86,55 +86,54 @@ def ranking(findings: list[Finding], chosen: str | None) -> Figure:
     shown = [(name, finding) for name, finding in best.items() if finding.evidence > 0][:12][::-1]
     figure = _figure(9.5, 0.6 + 0.3 * max(len(shown), 1))
     axes = figure.subplots()
-    colours = [_AFTER if name == chosen else (_QUIET if name.startswith("unnamed") else _BEFORE) for name, _ in shown]
+    colours = [_AFTER if name == chosen else (_UNNAMED if name.startswith("unnamed") else _BEFORE) for name, _ in shown]
     axes.barh(range(len(shown)), [finding.evidence for _, finding in shown], color=colours)
     axes.set_yticks(
         range(len(shown)), [f"{n} ({f.candidate.label})" if f.candidate.id else n for n, f in shown], fontsize=8
     )
     axes.set_xscale("symlog", linthresh=10)
-    axes.set_xlabel("white squared error explained beyond chance")
+    axes.set_xlabel("evidence: white squared error explained beyond chance")
     return figure
 
 
 def explained(closed: Closed, named: Named) -> Figure:
-    """Left: what the rest of the model leaves against what the effect says, binned. Right: recording by recording."""
-    design, tracing = closed.design, closed.tracing
-    assert tracing.model is not None
-    beta = tracing.model.solve()
-    own = set(named.finding.candidate.places.tolist())
-    mine = np.array([c.place in own for c in tracing.model.columns])
-    contribution, partial, share, names = [], [], [], []
+    """Left: residual without the effect against the power of the effect, in bins. Right: block by block."""
+    tracing = closed.tracing
+    design, regression = tracing.design, tracing.regression
+    beta = regression.solve()
+    mine = np.array([column.owner == named.key for column in regression.columns])
+    contribution, partial, share, starts = [], [], [], []
     for number, part in enumerate(design.parts):
         if not named.gate.open[number]:
             continue
-        raw = design.raw[part.segment][part.rows][:, tracing.model.places]
-        weights = beta * tracing.model.gates[:, number]
-        effect = raw @ np.where(mine, weights, 0.0)
-        rest = design.residual[part.segment][part.rows] - raw @ np.where(mine, 0.0, weights)
+        values = design.values(part.segment, regression.places)[part.rows]
+        weights = beta * regression.gates[:, number]
+        effect = values @ np.where(mine, weights, 0.0)
+        rest = design.columns.residual[part.segment][part.rows] - values @ np.where(mine, 0.0, weights)
         contribution.append(effect)
         partial.append(rest)
         power = float(effect @ effect)
         if power > 0:
             share.append(float(effect @ rest) / power)
-            names.append(part.start_s)
+            starts.append(part.start_s)
     x: Floats = np.concatenate(contribution).astype(np.float64)
     y: Floats = np.concatenate(partial).astype(np.float64)
     figure = _figure(9.5, 3.4)
     left, right = figure.subplots(1, 2, width_ratios=[1, 1])
     middle, mean, error = _bins(x, y)
-    left.errorbar(middle, mean, 2 * error, fmt="o", ms=4, color=_AFTER, label="measured, mean of bins")
+    left.errorbar(middle, mean, 2 * error, fmt="o", ms=4, color=_AFTER, label="mean of bins")
     limits = np.array([x.min(), x.max()])
-    left.plot(limits, limits, color="black", lw=0.8, label="if the effect is all of it")
-    left.set_xlabel(f"{named.id} as fitted [W]")
-    left.set_ylabel("left over without it [W]")
+    left.plot(limits, limits, color="black", lw=0.8, label="line of equality")
+    left.set_xlabel(f"power of {named.id} as fitted [W]")
+    left.set_ylabel("residual without the effect [W]")
     left.legend(frameon=False, fontsize=8)
-    order = np.argsort(names)
+    order = np.argsort(starts)
     right.axhline(1, color="black", lw=0.8)
-    right.axhline(0, color=_QUIET, lw=0.8)
+    right.axhline(0, color=_UNNAMED, lw=0.8)
     right.plot(np.array(share)[order], "o", ms=4, color=_AFTER)
     right.set_ylim(*np.clip([min(np.min(share), -0.2), max(np.max(share), 1.4)], -3, 5))
-    right.set_xlabel("minute-long pieces of the recordings, in time")
-    right.set_ylabel("strength there (1: as fitted)")
+    right.set_xlabel("blocks of a minute, in time")
+    right.set_ylabel("strength relative to the fit")
     return figure
 
 
@@ -149,8 +148,8 @@ def _bins(x: Floats, y: Floats, count: int = 15) -> tuple[Floats, Floats, Floats
     return np.bincount(which, x, len(edges) - 1) / size, mean, spread / np.sqrt(size)
 
 
-def where(closed: Closed) -> Figure:
-    """The residual along everything that was recorded, before and after."""
+def along(closed: Closed) -> Figure:
+    """The residual along recorded quantities, before and after."""
     held_out, step_s = closed.subject.held_out, closed.subject.data.step_s
     predicted = predictions(closed.subject.model, held_out)
     before = aspects(held_out, closed.errors_before, predicted, step_s)
@@ -175,12 +174,12 @@ def _along(axes: object, aspect: Aspect, colour: str) -> None:
     axes.plot(aspect.middle, aspect.mean, color=colour, lw=1.2)  # type: ignore[attr-defined]
 
 
-def memory(closed: Closed, step_s: float) -> Figure:
-    """Autocorrelation of what is left over."""
+def correlation(closed: Closed) -> Figure:
+    """Autocorrelation of the residual."""
     lags = 50
     figure = _figure(9.5, 2.5)
     axes = figure.subplots()
-    t = step_s * np.arange(1, lags + 1)
+    t = closed.subject.data.step_s * np.arange(1, lags + 1)
     axes.plot(t, autocorrelation(closed.errors_before, lags), color=_BEFORE, label="before")
     axes.plot(t, autocorrelation(closed.errors_after, lags), color=_AFTER, label="after")
     axes.axhline(0, color="black", lw=0.5)

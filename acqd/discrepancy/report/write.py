@@ -1,70 +1,85 @@
-"""Report, pictures and the augmented bundle, all of them or none."""
+"""Report and augmented bundle, written completely or not at all."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import orjson
 
 from acqd.atomic import complete_folder
 from acqd.discrepancy.config import CloseConfig
-from acqd.discrepancy.loop import Closed, provenance
-from acqd.discrepancy.report.page import as_json, write_report
+from acqd.discrepancy.loop import Closed
+from acqd.discrepancy.repair.refit import groups_of
+from acqd.discrepancy.report.page import write_report
+from acqd.discrepancy.report.summary import as_json
 from acqd.errors import UserError
 from acqd.models.bundle.bundle import Bundle, save_bundle
 from acqd.models.bundle.reference import reference_arrays
 from acqd.models.greybox.bundle_io import arrays_of
 from acqd.models.greybox.model import GreyBox
-from acqd.models.greybox.parameters import DENIABLE
 
 BUNDLE = "model"
 
 
 def require_writable(folder: Path) -> None:
-    """A place that holds nothing, or an earlier report. Raises UserError."""
+    """A folder that is absent, empty or an earlier report. Raises UserError."""
     if folder.exists() and not (folder / "report.json").exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise UserError(f"{folder} exists and is no earlier report: it would be lost; choose another --out")
+        raise UserError(f"{folder} exists and is not an earlier report: it would be lost; choose another --out")
 
 
-def write_all(order: CloseConfig, closed: Closed) -> None:
-    """Fill `order.out`. Raises UserError, OperationError."""
-    with complete_folder(order.out) as folder:
-        write_report(folder / "report.html", order, closed)
-        text = orjson.dumps(as_json(order, closed), option=orjson.OPT_INDENT_2 | orjson.OPT_SERIALIZE_NUMPY)
+def write_all(config: CloseConfig, closed: Closed) -> None:
+    """Fill `config.out`. Raises UserError, OperationError."""
+    with complete_folder(config.out) as folder:
+        write_report(folder / "report.html", config, closed)
+        text = orjson.dumps(as_json(config, closed), option=orjson.OPT_INDENT_2 | orjson.OPT_SERIALIZE_NUMPY)
         (folder / "report.json").write_bytes(text)
-        save_bundle(folder / BUNDLE, augmented_bundle(order, closed))
+        save_bundle(folder / BUNDLE, augmented_bundle(config, closed))
 
 
-def augmented_bundle(order: CloseConfig, closed: Closed) -> Bundle:
-    """The model with its effects; if there are any, it remembers the recordings that it was closed on."""
-    subject = closed.subject
+def augmented_bundle(config: CloseConfig, closed: Closed) -> Bundle:
+    """The model with its effects.
+
+    With new effects, the bundle remembers the recordings that it was closed on. Without, it keeps its reference: what
+    was not explained must remain a change.
+    """
+    subject, improved = closed.subject, closed.improved
     metadata = dict(subject.bundle.metadata)
     arrays = dict(subject.bundle.arrays)
-    base, improved = closed.improved.base, closed.improved.model(subject)
+    base, model = improved.base, improved.model(subject)
     if isinstance(base, GreyBox):
         arrays |= arrays_of(base)
-        if (
-            base is not subject.model and "parameters" in metadata
-        ):  # intervals of the old fit are not those of the new one
-            names = zip(base.layout.names(), base.values, strict=True)
-            metadata["parameters"] = [{"name": n, "value": float(v), "unit": u, "ci95": None} for (n, u), v in names]
-        restored = {group for each in closed.kept if each.restored for group in DENIABLE[each.term.id]}
-        metadata["withheld"] = sorted(subject.withheld - restored)
+        _describe_refit(metadata, base, closed)
     terms = [each.term for each in closed.kept if not each.restored]
     if terms and (not isinstance(base, GreyBox) or base is not subject.carrier):
         metadata["carrier"] = {"signals": list(subject.carrier.signals)}
         arrays |= {f"carrier.{name}": array for name, array in arrays_of(subject.carrier).items()}
-    earlier = list(metadata.get("effects", []))
-    metadata["effects"] = [*earlier, *(term.as_json() for term in terms)]
+    metadata["effects"] = [*metadata.get("effects", []), *(term.as_json() for term in terms)]
     known = {each["name"] for each in metadata["inputs"]}
-    metadata["inputs"] = [
-        *metadata["inputs"],
-        *({"name": name, "unit": "V" if name == "Vrms" else "0/1"} for name in improved.signals if name not in known),
-    ]
-    metadata["look_ahead_rows"] = improved.radius
+    new = [{"name": n, "unit": "V" if n == "Vrms" else "0/1"} for n in model.signals if n not in known]
+    metadata["inputs"] = [*metadata["inputs"], *new]
+    metadata["look_ahead_rows"] = model.radius
     if closed.kept:
-        metadata["provenance"] = metadata["provenance"] | provenance(order, closed)
-    metadata["loop"] = {"before": closed.before.as_json(), "after": closed.after.as_json(), "verdict": closed.verdict}
-    # what was not explained must stay a change: only a model that has taken it up may forget how things were
+        metadata["provenance"] = metadata["provenance"] | _provenance(config, closed)
+    metadata["loop"] = {
+        "before": closed.before.as_json(), "after": closed.after.as_json(), "verdict": closed.verdict
+    }  # fmt: skip
     remembered = [*subject.held_out, *subject.fit] if closed.kept else subject.reference or subject.fit
     return Bundle(metadata, arrays, reference_arrays(remembered))
+
+
+def _describe_refit(metadata: dict[str, Any], base: GreyBox, closed: Closed) -> None:
+    """Parameters without intervals after a re-fit, because the intervals belong to the earlier fit."""
+    if base is not closed.subject.model and "parameters" in metadata:
+        names = zip(base.layout.names(), base.values, strict=True)
+        metadata["parameters"] = [{"name": n, "value": float(v), "unit": u, "ci95": None} for (n, u), v in names]
+    restored = {group for each in closed.kept if each.restored for group in groups_of(each)}
+    metadata["withheld"] = sorted(closed.subject.withheld - restored)
+
+
+def _provenance(config: CloseConfig, closed: Closed) -> dict[str, Any]:
+    return {
+        "closed_on": str(config.dataset),
+        "closed_manifest_sha256": closed.subject.data.digest,
+        "closed_fit_recordings": sorted({segment.recording for segment in closed.subject.fit}),
+    }

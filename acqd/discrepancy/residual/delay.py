@@ -1,6 +1,6 @@
-"""How late power is against motion, recording by recording: looked at before anything else.
+"""Delay of the measured power behind the motion, per recording; estimated before any effect is searched.
 
-A clock that is off by a tenth of a second makes every other effect look guilty, and is no effect of the robot.
+A clock offset of a tenth of a second would be explained by many effects, but is not an effect of the robot.
 """
 
 from __future__ import annotations
@@ -11,19 +11,15 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from acqd.arrays import Floats
+from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.effects.scene import Scene
 from acqd.models.segments import Segment
 from acqd.numerics import mad_sigma, theil_sen_slope
 
-_REACH_S, _STEP_S = 0.8, 0.02
-_LEAST_S = 0.012  # less is left to the tracing, where it competes
-_LEAST_GAIN = 0.15  # of the residual's variance
-_LEAST_MOVING_W = 3.0
-
 
 @dataclass(frozen=True, slots=True)
 class Delay:
-    """Power is later than motion says by offset_s + rate * (t - origin_s)."""
+    """Power is later than motion by offset_s + rate (t - origin_s)."""
 
     offset_s: float
     rate: float
@@ -42,18 +38,22 @@ class Delay:
 
     @property
     def drifts(self) -> bool:
-        """Whether it is a drift rather than a jump."""
+        """Whether the delay changes in time."""
         return self.rate != 0.0
 
 
 def find_delay(scenes: list[Scene], segments: list[Segment]) -> Delay | None:
-    """None where power and motion are together."""
-    found = [(scene, *_best(scene, segment.P)) for scene, segment in zip(scenes, segments, strict=True)]
-    usable = [(float(scene.t.mean()), delay, gain) for scene, delay, gain, moving in found if moving > _LEAST_MOVING_W]
-    if len(usable) < 3:
+    """A drift, or a constant delay, of all recordings; None if power and motion are aligned."""
+    measured = [(scene, *_best(scene, segment.P)) for scene, segment in zip(scenes, segments, strict=True)]
+    usable = [
+        (float(scene.t.mean()), delay, gain)
+        for scene, delay, gain, moving in measured
+        if moving > THRESHOLDS.delay_least_moving_W
+    ]
+    if len(usable) < THRESHOLDS.delay_fewest_recordings:
         return None
     t, delays, gains = (np.array(each) for each in zip(*usable, strict=True))
-    if np.median(gains) < _LEAST_GAIN:
+    if np.median(gains) < THRESHOLDS.delay_least_gain:
         return None
     origin = float(t.min())
     middle = float(np.median(delays))
@@ -62,28 +62,32 @@ def find_delay(scenes: list[Scene], segments: list[Segment]) -> Delay | None:
     left = mad_sigma(delays - offset - rate * (t - origin), 0.0) + 1e-4
     span = float(np.ptp(t))
     single = list(zip(t.tolist(), delays.tolist(), strict=True))
-    if abs(rate) * span > _LEAST_S and abs(rate) > 5 * rate_error and left < 0.6 * spread:
+    if (
+        abs(rate) * span > THRESHOLDS.delay_smallest_s
+        and abs(rate) > THRESHOLDS.drift_significance * rate_error
+        and left < THRESHOLDS.drift_least_gain * spread
+    ):
         return Delay(offset, rate, origin, left / np.sqrt(len(t)), rate_error, single)
     error = spread / np.sqrt(len(t))
-    if abs(middle) > _LEAST_S and abs(middle) > 4 * error:
+    if abs(middle) > THRESHOLDS.delay_smallest_s and abs(middle) > THRESHOLDS.delay_significance * error:
         return Delay(middle, 0.0, origin, error, 0.0, single)
     return None
 
 
 def single_delay(scene: Scene, P: Floats) -> float | None:
-    """s that the power of one recording is later than its motion; None where nothing moves."""
+    """s that the power of a recording is later than its motion; None if the power hardly changes."""
     delay, _, moving = _best(scene, P)
-    return delay if moving > _LEAST_MOVING_W else None
+    return delay if moving > THRESHOLDS.delay_least_moving_W else None
 
 
 def corrected(segment: Segment, delay: Delay, step_s: float) -> Segment:
-    """The stretch with power where the motion is."""
+    """The segment with its power shifted to the motion."""
     t: Floats = segment.start_s + step_s * np.arange(len(segment.P), dtype=np.float64)
     return replace(segment, P=np.interp(t + delay.at(t), t, segment.P))
 
 
 def _line(t: Floats, delays: Floats) -> tuple[float, float, float]:
-    """Slope, value at 0 and the slope's standard error, robust to single recordings (Theil, Sen)."""
+    """Slope (Theil-Sen), value at 0 and standard error of the slope."""
     slope = theil_sen_slope(t, delays, least_apart=1.0)
     offset = float(np.median(delays - slope * t))
     left = delays - offset - slope * t
@@ -92,19 +96,23 @@ def _line(t: Floats, delays: Floats) -> tuple[float, float, float]:
 
 
 def _best(scene: Scene, P: Floats) -> tuple[float, float, float]:
-    """Delay, the share of the residual's variance that it takes away, and how much power moves (W)."""
     return delay_of(scene.predicted, P, scene.step_s)
 
 
 def delay_of(predicted: Floats, P: Floats, step_s: float) -> tuple[float, float, float]:
-    """s that P [T] is later than `predicted` [T], the share of the residual's variance, how much power moves (W)."""
+    """Delay of P [T] W behind `predicted` [T] W.
+
+    Delay in s, share of the residual's variance that the delay explains, standard deviation of `predicted` in W.
+    """
     moving = float(predicted.std())
     t = step_s * np.arange(len(P))
-    inside = slice(int(_REACH_S / step_s) + 1, -int(_REACH_S / step_s) - 1)
-    if len(t[inside]) < 50 or moving <= _LEAST_MOVING_W:
+    inside = slice(int(THRESHOLDS.delay_reach_s / step_s) + 1, -int(THRESHOLDS.delay_reach_s / step_s) - 1)
+    if len(t[inside]) < THRESHOLDS.delay_fewest_rows or moving <= THRESHOLDS.delay_least_moving_W:
         return 0.0, 0.0, moving
     curve = CubicSpline(t, predicted)
-    tried = np.arange(-_REACH_S, _REACH_S + _STEP_S / 2, _STEP_S)
+    tried = np.arange(
+        -THRESHOLDS.delay_reach_s, THRESHOLDS.delay_reach_s + THRESHOLDS.delay_step_s / 2, THRESHOLDS.delay_step_s
+    )
     left = np.array([float(np.var(P[inside] - curve(t[inside] - delay))) for delay in tried])
     at = int(left.argmin())
     gain = 1 - left[at] / max(float(np.var((P - predicted)[inside])), 1e-12)

@@ -1,6 +1,6 @@
-"""How residuals of one row depend on those before: estimated, and taken out.
+"""Whitening: an autoregressive model of the residual, and its inverse filter.
 
-Rows 40 ms apart are not independent; every method that takes them to be finds "effects" in clean data.
+Residuals of rows 40 ms apart are correlated. A method that assumes independent rows detects effects in clean data.
 """
 
 from __future__ import annotations
@@ -14,10 +14,8 @@ from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 
 from acqd.arrays import Floats
+from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.numerics import mad_sigma
-
-ORDER = 30
-_BLOCK = 1250  # rows
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,16 +26,18 @@ class Whitener:
     """[order + 1]."""
 
     @classmethod
-    def of(cls, residuals: list[Floats], order: int = ORDER) -> Whitener:
-        """From residuals [T] W of stretches without gaps; few outliers do no harm.
+    def of(cls, residuals: list[Floats], order: int = THRESHOLDS.noise_order) -> Whitener:
+        """By the Yule-Walker equations from residuals [T] W of segments without gaps; outliers are clipped.
 
-        Levels that differ from minute to minute are not this noise: who uses it gives every block its own.
+        Levels that differ from minute to minute are not part of this noise; blocks have random intercepts for them.
         """
         residuals = [
-            part - part.mean() for each in residuals for part in np.array_split(each, max(1, len(each) // _BLOCK))
+            part - part.mean()
+            for each in residuals
+            for part in np.array_split(each, max(1, len(each) // THRESHOLDS.noise_piece_rows))
         ]
         spread = mad_sigma(np.concatenate(residuals), 0.0) + 1e-9
-        clipped = [np.clip(each, -5 * spread, 5 * spread) for each in residuals]
+        clipped = [np.clip(each, -THRESHOLDS.noise_clip * spread, THRESHOLDS.noise_clip * spread) for each in residuals]
         lags = np.zeros(order + 1)
         counts = np.zeros(order + 1)
         for each in clipped:
@@ -52,16 +52,16 @@ class Whitener:
 
     @property
     def innovation(self) -> float:
-        """Standard deviation [W] of what cannot be foreseen from the rows before."""
+        """Standard deviation [W] of a row given the rows before it."""
         return float(1 / self.taps[0])
 
     def apply(self, values: NDArray[Any]) -> NDArray[np.float32]:
-        """White rows [T - order, ...] of a stretch."""
+        """White rows [T - order, ...] of a segment."""
         return np.asarray(lfilter(self.taps, [1.0], values, axis=0)[len(self.taps) - 1 :], dtype=np.float32)
 
 
 def autocorrelation(residuals: list[Floats], lags: int) -> Floats:
-    """[lags] at rows 1, 2 ... of pooled residuals, each stretch about the common mean."""
+    """[lags] autocorrelation at 1, 2 ... rows of pooled residuals [T] W, about their common mean."""
     mean = float(np.concatenate(residuals).mean())
     zero = sum(float(((each - mean) ** 2).sum()) for each in residuals)
     found = [

@@ -1,194 +1,218 @@
-"""Which candidate explains most of what is left, and whether that can be chance."""
+"""Ranking of candidates: evidence, held-out gain, agreement of recordings, and how large a surprise is by chance."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from acqd.arrays import Floats
-from acqd.discrepancy.regression.design_matrix import Candidate, Design
-from acqd.discrepancy.regression.gram import Model
+from acqd.discrepancy.regression.design_columns import Candidate
+from acqd.discrepancy.regression.design_matrix import Design
+from acqd.discrepancy.regression.gram import Competition, Places, Regression
+from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.numerics import solve_scaled_ridge
 
-_DRAWS = 999
-_ACTIVE_SHARE = 0.01  # of the power that it has in the recording where it has most
-_MIN_COLUMN_POWER = 1e-3  # white sum of squares of a column that never acts, or that the model has already
+_RIDGE = 1e-8
+
+
+@dataclass(frozen=True, slots=True)
+class Support:
+    """What single recordings say of a candidate."""
+
+    gains: Floats
+    """[recordings] reduction of the white squared error of a recording, by coefficients from the others."""
+    plain: float
+    """The same gains together, of the error in W [W^2 rows]."""
+    plain_error: float
+    """Standard error of `plain`, from the spread over recordings."""
+    acting: int
+    """Number of recordings in which the effect acts."""
+    consistency: float
+    """Share of those recordings that agree in sign with the pooled estimate."""
+    surprise: float
+    """-log of the probability of so much agreement by chance, for this candidate alone."""
+
+    @property
+    def held_out(self) -> float:
+        """Reduction of the white squared error on recordings that did not take part."""
+        return float(self.gains.sum())
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One candidate under one gate."""
+    """A candidate under a gate, with its coefficients."""
 
     candidate: Candidate
     coefficients: Floats
     drop: float
-    """White sum of squares that it takes away."""
+    """Reduction of the white squared error."""
     evidence: float
-    """The drop, less what so many free numbers take away by chance: k log n."""
-    gains: Floats
-    """[recordings] drop on each recording where it acts, by coefficients from the others."""
-    plain: float
-    """The same gains together, of the error as it is, not whitened [W^2 rows]."""
-    plain_error: float
-    """Standard error of that, as recordings differ."""
-    acting: int
-    """Recordings in which it acts."""
-    consistency: float
-    """Share of the recordings, among those where it acts, that say the same as all together."""
-    surprise: float
-    """-log of the probability that a candidate alone is so consistent by chance; the maximum is calibrated apart."""
+    """The drop minus k log n, what k free coefficients explain by chance (BIC, Schwarz 1978)."""
+    support: Support | None = None
+    """None: not computed, the candidate was ranked on pooled recordings only."""
 
-    @property
-    def held_out(self) -> float:
-        """Drop on recordings that did not take part."""
-        return float(self.gains.sum())
+    def supported(self) -> Support:
+        """The support. Raises ValueError when it was not computed."""
+        if self.support is None:
+            raise ValueError(f"{self.candidate.key}: ranked on pooled recordings only")
+        return self.support
 
 
-Places: TypeAlias = NDArray[np.int64]
+@dataclass(frozen=True, slots=True)
+class _Contest:
+    """Candidates that compete under a gate; their columns are taken from the Gram matrices once."""
+
+    used: Places
+    owns: list[Places]
+    """Per candidate: indices into `used`."""
+
+    @classmethod
+    def of(cls, candidates: list[Candidate]) -> _Contest:
+        used = np.unique(np.concatenate([candidate.places for candidate in candidates]))
+        return cls(used, [np.searchsorted(used, candidate.places) for candidate in candidates])
 
 
-def _columns(candidates: list[Candidate]) -> tuple[Places, list[Places]]:
-    used = np.unique(np.concatenate([candidate.places for candidate in candidates]))
-    return used, [np.searchsorted(used, candidate.places) for candidate in candidates]
-
-
-def solve_part(S: Floats, r: Floats) -> Floats:
-    """Coefficients of candidates that compete with each other only."""
-    return solve_scaled_ridge(S, r, 1e-8)
-
-
-def _part(S: Floats, r: Floats, own: Places, candidate: Candidate) -> tuple[Floats, Floats]:
-    S, r = S[np.ix_(own, own)], r[own]
-    if candidate.mix is not None:
-        S, r = candidate.mix.T @ S @ candidate.mix, candidate.mix.T @ r
-    return S, r
-
-
-def rank(design: Design, model: Model, gate: Floats, candidates: list[Candidate]) -> list[Finding]:
-    """All candidates under a gate, the one with most evidence first."""
-    used, owns = _columns(candidates)
-    found = model.compete(used, gate)
-    scores = model.scores(found, used, gate)
-    gains, plain = held_out(design, model, gate, used, owns, candidates)
+def rank(design: Design, regression: Regression, gate: Floats, candidates: list[Candidate]) -> list[Finding]:
+    """All possible candidates under a gate with their support, the largest evidence first."""
+    contest = _Contest.of(candidates)
+    competition = regression.compete(contest.used, gate)
+    scores = regression.scores(competition, contest.used, gate)
+    gains, plain = _held_out(design, regression, gate, contest, candidates)
     rows = float((design.blocks.rows * gate).sum())
     findings = []
-    for number, (candidate, own) in enumerate(zip(candidates, owns, strict=True)):
-        S, r = _part(found.S, found.r, own, candidate)
-        if not S.size or np.diag(S).min() < _MIN_COLUMN_POWER:
-            continue  # never acts here, or the model has it already
-        theta = solve_part(S, r)
-        if not _possible(candidate, theta, S):
-            continue
-        drop = float(r @ theta)
-        E = scores[:, own] if candidate.mix is None else scores[:, own] @ candidate.mix
-        findings.append(
-            Finding(
-                candidate,
-                theta,
-                drop,
-                drop - (candidate.size + candidate.cost) * np.log(rows),
-                gains[number],
-                float(plain[number].sum()),
-                float(plain[number].std() * np.sqrt(len(plain[number]))),
-                *_consistency(design, gate, candidate, E @ theta),
-                _surprise(E, S),
-            )
-        )
+    for number, schur, finding in _pooled(contest, competition, candidates, rows):
+        candidate = finding.candidate
+        own = scores[:, contest.owns[number]]
+        own = own if candidate.mix is None else own @ candidate.mix
+        acting, consistency = _consistency(design, gate, candidate, own @ finding.coefficients)
+        support = Support(
+            gains=gains[number], plain=float(plain[number].sum()),
+            plain_error=float(plain[number].std() * np.sqrt(len(plain[number]))), acting=acting,
+            consistency=consistency, surprise=_surprise(own, schur),
+        )  # fmt: skip
+        findings.append(Finding(candidate, finding.coefficients, finding.drop, finding.evidence, support))
     return sorted(findings, key=lambda finding: -finding.evidence)
 
 
 def rank_pooled(
-    design: Design, model: Model, gate: Floats, candidates: list[Candidate], weights: Floats | None = None
+    design: Design, regression: Regression, gate: Floats, candidates: list[Candidate], weights: Floats | None = None
 ) -> list[Finding]:
-    """The same without a look at single recordings; `weights` [blocks] as in Model.compete."""
-    used, owns = _columns(candidates)
-    found = model.compete(used, gate, weights)
+    """The ranking without support; `weights` [blocks] as in `Regression.compete`."""
+    contest = _Contest.of(candidates)
+    competition = regression.compete(contest.used, gate, weights)
     rows = float((design.blocks.rows * gate).sum())
-    findings = []
-    for candidate, own in zip(candidates, owns, strict=True):
-        S, r = _part(found.S, found.r, own, candidate)
-        if not S.size or np.diag(S).min() < _MIN_COLUMN_POWER:
-            continue
-        theta = solve_part(S, r)
-        if not _possible(candidate, theta, S):
-            continue
-        drop = float(r @ theta)
-        evidence = drop - (candidate.size + candidate.cost) * np.log(rows)
-        findings.append(Finding(candidate, theta, drop, evidence, np.empty(0), 0.0, 0.0, 0, 0.0, 0.0))
+    findings = [finding for _, _, finding in _pooled(contest, competition, candidates, rows)]
     return sorted(findings, key=lambda finding: -finding.evidence)
 
 
-def _possible(candidate: Candidate, theta: Floats, S: Floats) -> bool:
-    """Whether a lone parameter lies within its physical bounds, or not clearly outside."""
-    if candidate.variant is None or candidate.size > 1:
-        return True
-    parameter = candidate.variant.place.parameters[0]
-    slack = 2.0 / np.sqrt(S[0, 0])
-    return bool(parameter.low - slack <= theta[0] <= parameter.high + slack)
+def chance(regression: Regression, gate: Floats, candidates: list[Candidate], seed: int) -> Floats:
+    """[draws] the largest surprise of any candidate when the signs of whole blocks are random.
 
-
-def _consistency(design: Design, gate: Floats, candidate: Candidate, agreement: Floats) -> tuple[int, float]:
-    """In how many recordings it acts, and the share of them that pull in the direction of all together."""
-    names = np.array([part.recording for part in design.parts])
-    own = design.blocks.plain[:, candidate.places, candidate.places].sum(axis=1)
-    recordings = [(names == name) & (gate > 0) for name in np.unique(names[gate > 0])]
-    power = np.array([own[blocks].sum() for blocks in recordings])
-    pulls = np.array([agreement[blocks].sum() for blocks in recordings])
-    acting = power > _ACTIVE_SHARE * power.max()
-    if not acting.any():  # only in rows that are left out
-        return 0, 0.0
-    return int(acting.sum()), float((pulls[acting] > 0).mean())
-
-
-def _surprise(E: Floats, S: Floats) -> float:
-    V = E.T @ E + 1e-3 * S
-    u = E.sum(axis=0)
-    return float(-chi2.logsf(u @ np.linalg.solve(V, u), len(u)))
-
-
-def chance(model: Model, gate: Floats, candidates: list[Candidate], seed: int) -> Floats:
-    """[draws] the largest surprise of any candidate when the signs of whole blocks are random (wild bootstrap)."""
-    used, owns = _columns(candidates)
-    found = model.compete(used, gate)
-    scores = model.scores(found, used, gate)
-    signs = np.random.default_rng(seed).choice([-1.0, 1.0], size=(_DRAWS, len(scores)))
-    largest = np.zeros(_DRAWS)
-    for candidate, own in zip(candidates, owns, strict=True):
-        S, _ = _part(found.S, found.r, own, candidate)
-        if not S.size or np.diag(S).min() < _MIN_COLUMN_POWER:
+    Wild bootstrap with Rademacher signs (Liu 1988), blocks as clusters.
+    """
+    contest = _Contest.of(candidates)
+    competition = regression.compete(contest.used, gate)
+    scores = regression.scores(competition, contest.used, gate)
+    draws = THRESHOLDS.chance_draws
+    signs = np.random.default_rng(seed).choice([-1.0, 1.0], size=(draws, len(scores)))
+    largest = np.zeros(draws)
+    for candidate, own in zip(candidates, contest.owns, strict=True):
+        schur, _ = _part(competition.schur, competition.products, own, candidate)
+        if not _acts(schur):
             continue
         E = scores[:, own] if candidate.mix is None else scores[:, own] @ candidate.mix
-        V = E.T @ E + 1e-3 * S
+        V = E.T @ E + 1e-3 * schur
         u = signs @ E
         statistic = np.einsum("dk,dk->d", u, np.linalg.solve(V, u.T).T)
         largest = np.maximum(largest, -chi2.logsf(statistic, E.shape[1]))
     return largest
 
 
-def held_out(
-    design: Design, model: Model, gate: Floats, used: Places, owns: list[Places], candidates: list[Candidate]
-) -> tuple[list[Floats], list[Floats]]:
-    """Per candidate, the drop in each recording under the gate with coefficients from all others: white, and plain."""
+def solve_part(schur: Floats, products: Floats) -> Floats:
+    """Coefficients of candidates that compete with each other only."""
+    return solve_scaled_ridge(schur, products, _RIDGE)
+
+
+def _pooled(
+    contest: _Contest, competition: Competition, candidates: list[Candidate], rows: float
+) -> Iterator[tuple[int, Floats, Finding]]:
+    """Index, Schur complement and finding of candidates that act and have physically possible coefficients."""
+    for number, (candidate, own) in enumerate(zip(candidates, contest.owns, strict=True)):
+        schur, products = _part(competition.schur, competition.products, own, candidate)
+        if not _acts(schur):
+            continue
+        coefficients = solve_part(schur, products)
+        if not _possible(candidate, coefficients, schur):
+            continue
+        drop = float(products @ coefficients)
+        evidence = drop - (candidate.size + candidate.cost) * np.log(rows)
+        yield number, schur, Finding(candidate, coefficients, drop, float(evidence))
+
+
+def _part(schur: Floats, products: Floats, own: Places, candidate: Candidate) -> tuple[Floats, Floats]:
+    schur, products = schur[np.ix_(own, own)], products[own]
+    if candidate.mix is not None:
+        schur, products = candidate.mix.T @ schur @ candidate.mix, candidate.mix.T @ products
+    return schur, products
+
+
+def _acts(schur: Floats) -> bool:
+    """False for columns that never act under the gate, or that the regression explains already."""
+    return bool(schur.size and np.diag(schur).min() >= THRESHOLDS.least_column_power)
+
+
+def _possible(candidate: Candidate, coefficients: Floats, schur: Floats) -> bool:
+    """Whether a single parameter lies within its physical bounds, or at most two standard errors outside."""
+    if candidate.variant is None or candidate.size > 1:
+        return True
+    parameter = candidate.variant.place.parameters[0]
+    slack = 2.0 / np.sqrt(schur[0, 0])
+    return bool(parameter.low - slack <= coefficients[0] <= parameter.high + slack)
+
+
+def _consistency(design: Design, gate: Floats, candidate: Candidate, agreement: Floats) -> tuple[int, float]:
+    """Number of recordings in which the candidate acts, and the share of them that agree with the pooled estimate."""
+    names = np.array([part.recording for part in design.parts])
+    block_power = design.blocks.plain.diagonal()[:, candidate.places].sum(axis=1)
+    recordings = [(names == name) & (gate > 0) for name in np.unique(names[gate > 0])]
+    power = np.array([block_power[blocks].sum() for blocks in recordings])
+    direction = np.array([agreement[blocks].sum() for blocks in recordings])
+    acting = power > THRESHOLDS.active_share * power.max()
+    if not acting.any():  # only in rows that are left out
+        return 0, 0.0
+    return int(acting.sum()), float((direction[acting] > 0).mean())
+
+
+def _surprise(E: Floats, schur: Floats) -> float:
+    """-log p of the score test with the blocks' own covariance; E [blocks, k] are their scores."""
+    V = E.T @ E + 1e-3 * schur
+    u = E.sum(axis=0)
+    return float(-chi2.logsf(u @ np.linalg.solve(V, u), len(u)))
+
+
+def _held_out(
+    design: Design, regression: Regression, gate: Floats, contest: _Contest, candidates: list[Candidate]
+) -> tuple[Floats, Floats]:
+    """[candidates, recordings] gain of a recording by coefficients from the others: white, and in W."""
     names = [part.recording for part in design.parts]
     recordings = sorted({name for name, open_ in zip(names, gate, strict=True) if open_})
     gains = np.zeros((2, len(candidates), len(recordings)))
     for number, recording in enumerate(recordings):
-        own_blocks = np.array([name == recording for name in names])
-        found = model.compete(used, gate, (~own_blocks).astype(float))
+        out = np.array([name == recording for name in names])
+        competition = regression.compete(contest.used, gate, (~out).astype(float))
         sides = [
-            model.held_out_products(found, used, gate, np.flatnonzero(own_blocks), grams)
-            for grams in (design.blocks.grams, design.blocks.plain)
+            regression.held_out_products(competition, contest.used, gate, np.flatnonzero(out), gram)
+            for gram in (design.blocks.white, design.blocks.plain)
         ]
-        for k, (candidate, own) in enumerate(zip(candidates, owns, strict=True)):
-            S, r = _part(found.S, found.r, own, candidate)
-            if not S.size or np.diag(S).min() < _MIN_COLUMN_POWER:
+        for k, (candidate, own) in enumerate(zip(candidates, contest.owns, strict=True)):
+            schur, products = _part(competition.schur, competition.products, own, candidate)
+            if not _acts(schur):
                 continue
-            theta = solve_part(S, r)
+            coefficients = solve_part(schur, products)
             for side, (Q, s) in enumerate(sides):
                 Qk, sk = _part(Q, s, own, candidate)
-                gains[side, k, number] = 2 * theta @ sk - theta @ Qk @ theta
-    return list(gains[0]), list(gains[1])
+                gains[side, k, number] = 2 * coefficients @ sk - coefficients @ Qk @ coefficients
+    return gains[0], gains[1]

@@ -1,16 +1,18 @@
-"""The shape of an effect between the scanned values, and its columns as large as the effect turned out to be."""
+"""The shape of an effect between scanned values, and its columns at the secant slope of the fitted size."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import minimize_scalar
 
 from acqd.arrays import Floats
-from acqd.discrepancy.regression.design_matrix import Candidate, Design, extend, replace_columns
-from acqd.discrepancy.regression.gram import Model
-from acqd.discrepancy.selection.detectors.candidates import Detected
+from acqd.discrepancy.regression.design_columns import Candidate
+from acqd.discrepancy.regression.design_matrix import Design
+from acqd.discrepancy.regression.gram import Regression
+from acqd.discrepancy.selection.detectors.candidates import Detection
 from acqd.discrepancy.selection.ranking import Finding, rank_pooled
 from acqd.models.effects import library
 from acqd.models.effects.effect import Effect, effect_rows, effect_rows_at
@@ -22,79 +24,92 @@ _SECANT_ITERATIONS = 3
 
 
 @dataclass(frozen=True, slots=True)
+class ShapeFit:
+    """A design that holds the fitted columns, the finding on them, and the shape."""
+
+    design: Design
+    finding: Finding
+    shape: dict[str, float]
+
+
+@dataclass(frozen=True, slots=True)
 class _Columns:
-    """Of one effect at one place, where the gate is open."""
+    """Columns of an effect at a place, in the segments of a gate."""
 
     design: Design
     effect: Effect
     place: Place
     open: frozenset[int]
-    """Stretches."""
+    """Segments."""
 
-    def __call__(self, shape: Shape, theta: Floats | None = None) -> list[Floats]:
-        """Per stretch, W per unit of each parameter; for an effect as large as `theta`, or a very small one."""
+    def __call__(self, shape: Shape, coefficients: Floats | None = None) -> list[Floats]:
+        """[T, parameters] W per unit, per segment: of an effect of that size, or of a small one."""
+        count = len(self.place.parameters)
         return [
-            self._rows(scene, shape, theta) if k in self.open else np.zeros((scene.rows, len(self.place.parameters)))
-            for k, scene in enumerate(self.design.scenes)
+            self._rows(scene, shape, coefficients) if k in self.open else np.zeros((scene.rows, count))
+            for k, scene in enumerate(self.design.columns.scenes)
         ]
 
-    def _rows(self, scene: Scene, shape: Shape, theta: Floats | None) -> Floats:
+    def _rows(self, scene: Scene, shape: Shape, coefficients: Floats | None) -> Floats:
         mix = np.eye(len(self.place.columns)) if self.place.mix is None else self.place.mix
-        if theta is None:
+        if coefficients is None:
             return np.asarray(effect_rows(self.effect, scene, shape)[:, list(self.place.columns)] @ mix)
-        return np.asarray(effect_rows_at(self.effect, scene, shape, self.place.columns, mix @ theta) @ mix)
+        return np.asarray(effect_rows_at(self.effect, scene, shape, self.place.columns, mix @ coefficients) @ mix)
 
 
-def refine(
-    design: Design, model: Model, gate: Floats, finding: Finding, detected: Detected | None
-) -> tuple[Finding, dict[str, float]]:
-    """The finding with columns of its own (one per parameter), its shape searched between neighbours."""
+def fit_shape(
+    design: Design, regression: Regression, gate: Floats, finding: Finding, detection: Detection | None
+) -> ShapeFit:
+    """The finding with columns that belong to its parameters, its shape fitted between scanned neighbours."""
     candidate = finding.candidate
     assert candidate.variant is not None
     shape = dict(candidate.variant.shape)
-    if detected is not None and detected.ripple is None:
-        return finding, shape
+    if detection is not None and not detection.refinable:
+        return ShapeFit(design, finding, shape)
     effect, place = library()[candidate.id], candidate.variant.place
-    open_ = frozenset(part.segment for part, own in zip(design.parts, gate, strict=True) if own)
-    rows = _Columns(design, effect, place, open_)
-    places = extend(design, rows(shape))
-    own = Candidate(candidate.id, candidate.label, places, Variant(
-        type(place)(place.where, tuple(range(len(places))), place.parameters), tuple(range(len(places))), shape
-    ))  # fmt: skip
+    segments = frozenset(part.segment for part, open_ in zip(design.parts, gate, strict=True) if open_)
+    columns = _Columns(design, effect, place, segments)
+    design, places = design.with_columns(columns(shape))
+    own_place = Place(place.where, tuple(range(len(places))), place.parameters)
+    own = replace(
+        candidate, places=places, variant=Variant(own_place, own_place.columns, shape), detected=False, cost=0.0
+    )
     if shape and effect.bounds:
-        shape = _searched(design, model, gate, own, rows, finding.drop)
-    found = rank_pooled(design, model, gate, [own])
+        design, shape = _searched(design, regression, gate, own, columns, finding.drop)
+    found = rank_pooled(design, regression.on(design.blocks), gate, [own])
     for _ in range(_SECANT_ITERATIONS if effect.acts_on == "torque" else 0):
         if found:
-            replace_columns(design, places, rows(shape, found[0].coefficients))
-            found = rank_pooled(design, model, gate, [own])
-    again = found[0] if found else replace(finding, candidate=own)
-    return replace(
-        finding, candidate=own, coefficients=again.coefficients, drop=again.drop, evidence=again.evidence
-    ), shape
+            design = design.with_replaced(places, columns(shape, found[0].coefficients))
+            found = rank_pooled(design, regression.on(design.blocks), gate, [own])
+    fitted = found[0] if found else finding
+    finding = replace(
+        finding, candidate=own, coefficients=fitted.coefficients, drop=fitted.drop, evidence=fitted.evidence
+    )
+    return ShapeFit(design, finding, shape)
 
 
 def _searched(
-    design: Design, model: Model, gate: Floats, own: Candidate, rows: _Columns, drop: float
-) -> dict[str, float]:
-    """The shape that explains most; the candidate's columns are left as that shape has them."""
+    design: Design, regression: Regression, gate: Floats, own: Candidate, columns: _Columns, drop: float
+) -> tuple[Design, dict[str, float]]:
+    """The shape that explains most, by Brent's bounded search, and the design with its columns."""
     assert own.variant is not None
     name, value = next(iter(own.variant.shape.items()))
-    low, high = _between(rows.effect.shapes, name, value, rows.effect.bounds[name])
+    low, high = _between(columns.effect.shapes, name, value, columns.effect.bounds[name])
 
-    def left(trial: float) -> float:
-        replace_columns(design, own.places, rows({name: trial}))
-        found = rank_pooled(design, model, gate, [own])
+    def negative_drop(trial: float) -> float:
+        changed = design.with_replaced(own.places, columns({name: trial}))
+        found = rank_pooled(changed, regression.on(changed.blocks), gate, [own])
         return -found[0].drop if found else 0.0
 
-    best = minimize_scalar(left, bounds=(low, high), method="bounded", options={"maxiter": _EVALUATIONS})
+    best = minimize_scalar(negative_drop, bounds=(low, high), method="bounded", options={"maxiter": _EVALUATIONS})
     shape = {name: float(best.x) if -best.fun > drop else value}
-    replace_columns(design, own.places, rows(shape))
-    return shape
+    return design.with_replaced(own.places, columns(shape)), shape
 
 
-def _between(shapes: tuple[object, ...], name: str, value: float, bounds: tuple[float, float]) -> tuple[float, float]:
-    values = sorted({float(each[name]) for each in shapes})  # type: ignore[index]
+def _between(
+    shapes: tuple[Mapping[str, float], ...], name: str, value: float, bounds: tuple[float, float]
+) -> tuple[float, float]:
+    values = sorted({float(shape[name]) for shape in shapes})
     at = values.index(value)
     low = values[at - 1] if at else bounds[0]
     high = values[at + 1] if at + 1 < len(values) else bounds[1]

@@ -182,7 +182,7 @@ FMI2_EXPORT fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real step,
     if (slave->state.phase != STEPPING)
         return complain(slave, "fmi2DoStep: not initialized, or terminated");
     if (!(step >= 0.0) || !(time - slave->state.time < 1e-5 && slave->state.time - time < 1e-5))
-        return complain(slave, "fmi2DoStep: a step goes on where the last one ended, forward");
+        return complain(slave, "fmi2DoStep: a step must start where the last one ended, and go forward");
     if (!(step < LONGEST_STEP))
         return complain(slave, "fmi2DoStep: no step that has an end");
     if (slave->has_stop && time + step > slave->stop + 1e-6)

@@ -181,7 +181,7 @@ FMI3_EXPORT fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 time, fmi3Float64 
     if (unit->state.phase != STEPPING)
         return complain(unit, "fmi3DoStep: not initialized, or terminated");
     if (!(step > 0.0) || !(time - unit->state.time < 1e-5 && unit->state.time - time < 1e-5))
-        return complain(unit, "fmi3DoStep: a step goes on where the last one ended, forward");
+        return complain(unit, "fmi3DoStep: a step must start where the last one ended, and go forward");
     if (!(step < LONGEST_STEP))
         return complain(unit, "fmi3DoStep: no step that has an end");
     if (unit->has_stop && time + step > unit->stop + 1e-6)

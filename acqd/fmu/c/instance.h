@@ -21,7 +21,7 @@ typedef struct {
     double time;       /* s, where the last step ended */
     double rows_taken; /* since the start; a double, so that the bytes hold no padding */
     double since_reset; /* rows */
-    double reset;      /* input: not 0 begins anew with the next row */
+    double reset;      /* input: not 0 restarts with the next row */
     double was_reset;  /* it was so in a step in which no row began */
     double phase;      /* a phase_t: a master that asks for a state back asks for this, too */
     row_t row[WINDOW];
@@ -33,7 +33,7 @@ void state_begin(state_t *state);
 void state_start(state_t *state);
 /* What power is likely to be before the first row is through: the arm standing where it is. */
 void state_preview(state_t *state);
-/* Rows that begin within [time, time + seconds) see the inputs as they are now. */
+/* Rows that start within [time, time + seconds) see the inputs as they are now. */
 void state_step(state_t *state, double time, double seconds);
 
 /* A copy for the master, in *kept if that is one already; 0: no memory. */

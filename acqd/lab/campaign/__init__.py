@@ -1,1 +1,1 @@
-"""Campaigns: many sessions with logs, rows in SQL, manifest and truth."""
+"""Campaigns: many sessions with robot logs, rows in SQL, a public manifest and a separate truth record."""

@@ -1,4 +1,4 @@
-"""A set of source trajectories on disk: CSV files, tally, and the check they have passed."""
+"""A set of source trajectories: drawn at random, written as CSV files with a manifest."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ _LIMITED, _ALL = 101, 102  # streams of random numbers
 
 
 @dataclass(frozen=True, slots=True)
-class Generated:
-    """What was drawn."""
+class TrajectorySet:
+    """Trajectories of both algorithms, with the counts of rejected draws."""
 
     limited: list[Trajectory]
     all_space: list[Trajectory]
     limited_tally: Tally
     all_space_tally: Tally
     thesis: bool
-    """Checked at 10 points a motion only."""
+    """Collisions were checked at only 10 points of each motion."""
 
     def summary(self) -> dict[str, Any]:
-        """For manifest and report."""
+        """Counts for the manifest and the report."""
         return {
             "limited": {"trajectories": len(self.limited)} | asdict(self.limited_tally),
             "all": {"trajectories": len(self.all_space)} | asdict(self.all_space_tally),
@@ -44,26 +44,26 @@ def draw(
     all_space: int,
     thesis: bool = False,
     progress: Callable[[float], None] | None = None,
-) -> Generated:
-    """Draw trajectories for one cell's robot and scene. Raises UserError."""
-    told = progress or (lambda _: None)
+) -> TrajectorySet:
+    """Draw trajectories for one cell's robot and scene. `progress` takes the share done. Raises UserError."""
+    report_progress = progress or (lambda _: None)
     drawn: dict[str, list[Trajectory]] = {"limited": [], "all": []}
     confined, free = cell.excitation(thesis=thesis), cell.excitation(thesis=thesis)
     for number in range(1, limited + 1):
         name = f"limited_{number:02d}"
         drawn["limited"].append(confined.limited_space(name, cell.cube(), cell.settings.random(_LIMITED, number)))
-        told(number / (limited + all_space))
+        report_progress(number / (limited + all_space))
     for number in range(1, all_space + 1):
         drawn["all"].append(free.all_space(f"all_{number:02d}", cell.settings.random(_ALL, number)))
-        told((limited + number) / (limited + all_space))
-    return Generated(drawn["limited"], drawn["all"], confined.tally, free.tally, thesis)
+        report_progress((limited + number) / (limited + all_space))
+    return TrajectorySet(drawn["limited"], drawn["all"], confined.tally, free.tally, thesis)
 
 
-def write(generated: Generated, cell: Cell, folder: Path) -> None:
-    """CSV files, and last the manifest: a folder with one is complete."""
+def write(trajectories: TrajectorySet, cell: Cell, folder: Path) -> None:
+    """Write the CSV files, and the manifest last: a folder with a manifest is complete."""
     folder.mkdir(parents=True, exist_ok=True)
-    for trajectory in [*generated.limited, *generated.all_space]:
+    for trajectory in [*trajectories.limited, *trajectories.all_space]:
         write_trajectory(folder / f"{trajectory.name}.csv", trajectory, cell.robot)
-    about = {"acqd": __version__, "robot": cell.robot.name, "scene": cell.scene.name}
-    about["checked_at"] = "10 points" if generated.thesis else "2 deg"
-    (folder / MANIFEST).write_bytes(orjson.dumps(about | generated.summary(), option=orjson.OPT_INDENT_2))
+    manifest = {"acqd": __version__, "robot": cell.robot.name, "scene": cell.scene.name}
+    manifest["checked_at"] = "10 points" if trajectories.thesis else "2 deg"
+    (folder / MANIFEST).write_bytes(orjson.dumps(manifest | trajectories.summary(), option=orjson.OPT_INDENT_2))

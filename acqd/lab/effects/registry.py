@@ -1,4 +1,4 @@
-"""Which effects there are, and how they are ordered."""
+"""The registry of effects, and the specification of an effect in settings and options."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from acqd.robot.description import Section
 
 
 class EffectSpec(Section):
-    """One effect to switch on."""
+    """One effect to switch on: its parameters and its onset."""
 
     id: str
     values: dict[str, float] = Field(default={})
     recording: Annotated[int, Field(ge=1, le=1_000_000)] = 1
-    """Number of the recording in which it begins."""
+    """Number of the recording in which it starts."""
     at_s: Annotated[float, Field(ge=0)] = 0.0
-    """Seconds after that recording's begin."""
+    """Seconds after the start of that recording."""
     declared: bool = True
     """Whether the campaign's public manifest mentions it."""
 
@@ -48,29 +48,29 @@ class EffectSpec(Section):
             if not least <= value <= greatest:
                 raise ValueError(f"effect {self.id}: {name}={value:g} is outside {least:g} .. {greatest:g}")
         if effect.whole_recordings and self.at_s > 0:
-            raise ValueError(f"effect {self.id}: at={self.at_s:g}: it can only begin with a recording (from=)")
+            raise ValueError(f"effect {self.id}: at={self.at_s:g}: it can only start with a recording (from=)")
         return self
 
 
 @cache
 def known_effects() -> dict[str, type[Effect]]:
-    """All effects by id."""
+    """All effects by id, of this package and of entry points."""
     package = importlib.import_module(__package__)
-    found: list[type[Effect]] = []
+    effects: list[type[Effect]] = []
     for module_info in pkgutil.iter_modules(package.__path__):
         module = importlib.import_module(f"{__package__}.{module_info.name}")
         classes = inspect.getmembers(module, inspect.isclass)
-        found += [
+        effects += [
             cls
             for _, cls in classes
             if issubclass(cls, Effect) and cls.__module__ == module.__name__ and hasattr(cls, "id")
         ]
-    found += [entry.load() for entry in entry_points(group="acqd.lab.effects")]
-    return {cls.id: cls for cls in sorted(found, key=lambda cls: cls.id)}
+    effects += [entry.load() for entry in entry_points(group="acqd.lab.effects")]
+    return {cls.id: cls for cls in sorted(effects, key=lambda cls: cls.id)}
 
 
 def parse_effect(text: str, *, declared: bool = True) -> EffectSpec:
-    """`payload:mass_kg=1.5,from=20,at=3.5` as an order. Raises UserError."""
+    """Parse an option such as `payload:mass_kg=1.5,from=20,at=3.5`. Raises UserError."""
     name, _, rest = (part.strip() for part in text.partition(":"))
     values: dict[str, float] = {}
     for item in filter(None, (part.strip() for part in rest.split(","))):
@@ -80,29 +80,31 @@ def parse_effect(text: str, *, declared: bool = True) -> EffectSpec:
         except ValueError:
             raise UserError(f"effect {name}: {item!r} is not like name=1.5{'' if equals else ' (no =)'}") from None
         if not np.isfinite(values[key]):
-            raise UserError(f"effect {name}: {item} is no finite number")
-    begin, at = values.pop("from", 1.0), values.pop("at", 0.0)
-    if not 1 <= begin <= 1e6 or begin != int(begin) or at < 0:
-        raise UserError(f"effect {name}: from={begin:g},at={at:g}: expected a recording number from 1 and seconds >= 0")
+            raise UserError(f"effect {name}: {item} is not a finite number")
+    recording, at_s = values.pop("from", 1.0), values.pop("at", 0.0)
+    if not 1 <= recording <= 1e6 or recording != int(recording) or at_s < 0:
+        raise UserError(
+            f"effect {name}: from={recording:g},at={at_s:g}: expected a recording number from 1 and seconds >= 0"
+        )
     try:
-        return EffectSpec(id=name, values=values, recording=int(begin), at_s=at, declared=declared)
+        return EffectSpec(id=name, values=values, recording=int(recording), at_s=at_s, declared=declared)
     except ValidationError as error:
         raise UserError(error.errors()[0]["msg"].removeprefix("Value error, ")) from None
 
 
-def check_axes(orders: Sequence[EffectSpec], axes: int) -> None:
-    """Raises UserError for an effect on an axis that the robot does not have."""
-    for order in orders:
-        axis = order.values.get("axis", 0)
+def check_axes(specs: Sequence[EffectSpec], axes: int) -> None:
+    """Raise UserError for an effect on an axis that the robot does not have."""
+    for spec in specs:
+        axis = spec.values.get("axis", 0)
         if axis != int(axis) or axis > axes:
-            raise UserError(f"effect {order.id}: axis={axis:g}, but the robot has the axes 1 to {axes}")
+            raise UserError(f"effect {spec.id}: axis={axis:g}, but the robot has the axes 1 to {axes}")
 
 
-def make_effects(orders: Sequence[EffectSpec], seed: Sequence[int]) -> list[Effect]:
-    """Fresh effects for one session; each has random numbers of its own."""
+def make_effects(specs: Sequence[EffectSpec], seed: Sequence[int]) -> list[Effect]:
+    """New effects for one session, with independent random numbers."""
     known = known_effects()
     effects = []
-    for place, order in enumerate(orders):
-        random = np.random.default_rng([*seed, place, zlib.crc32(order.id.encode())])
-        effects.append(known[order.id](order.values, (order.recording, order.at_s), random))
+    for number, spec in enumerate(specs):
+        random = np.random.default_rng([*seed, number, zlib.crc32(spec.id.encode())])
+        effects.append(known[spec.id](spec.values, (spec.recording, spec.at_s), random))
     return effects

@@ -1,1 +1,1 @@
-"""Instruments of the virtual cell: mains and meter, the PLC at full speed, data recorder, row file."""
+"""Instruments of the virtual cell: mains and meter, the PLC at full speed, the data recorder, the row file."""

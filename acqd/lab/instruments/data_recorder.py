@@ -1,4 +1,4 @@
-"""The controller's DataRecorder (Listing 4.1): joint data on the controller's own, wrong clock."""
+"""The controller's DataRecorder (thesis, Listing 4.1): joint data, stamped by the controller's inaccurate clock."""
 
 from __future__ import annotations
 
@@ -14,50 +14,50 @@ from acqd.robot.description import LogColumns, RobotDescription
 
 @dataclass(frozen=True, slots=True)
 class ControllerClock:
-    """How the controller's time follows from true time."""
+    """A clock with constant offset and rate error."""
 
     offset_s: float = 0.0
-    """Controller minus UTC at the campaign's begin."""
+    """Controller minus UTC at the start of the campaign."""
     drift_ppm: float = 0.0
-    """How much faster than UTC it runs."""
+    """Rate of the controller's clock minus the rate of UTC."""
     origin_utc_ns: int = 0
-    """The campaign's begin."""
+    """UTC of the start of the campaign."""
 
     def reading(self, utc_s: Floats) -> Floats:
-        """Controller time [s since the campaign's begin] at `utc_s` [s since the campaign's begin]."""
+        """Time on the controller's clock at the true time `utc_s`; both in s since the start of the campaign."""
         return utc_s * (1 + self.drift_ppm * 1e-6) + self.offset_s
 
 
 @dataclass(frozen=True, slots=True)
 class RecorderSettings:
-    """How a log is taken."""
+    """Sampling and sensor noise of a log."""
 
     period_s: float = 0.04
-    """From 1 ms up; 40 ms in the thesis."""
+    """At least 1 ms; 40 ms in the thesis."""
     timeout_s: float = 400.0
-    """Longest recording."""
+    """The recorder stops after this time."""
     jitter_s: float = 0.0005
-    """Standard deviation of when a sample is really taken; at most an eighth of the period."""
+    """Standard deviation of the sampling instants; limited to an eighth of the period."""
     missing: float = 0.0
-    """Share of rows that are lost."""
+    """Share of lost rows."""
     angle_noise_rad: float = 2e-6
-    """RMS; resolution of the joint encoders."""
+    """RMS, from the resolution of the joint encoders."""
     torque_noise_Nm: float = 0.15
     """RMS of the joint torque sensors."""
     signals: bool = True
-    """Record tool and brake signals too; the thesis' logs had none."""
+    """Record tool and brake signals as well; the logs of the thesis had none."""
 
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """What the recorder can see of a motion, at 1 kHz."""
+    """The signals available to the recorder, at 1 kHz."""
 
     q: Floats
     """[T, axes] rad."""
     tau: Floats
-    """[T, axes] Nm: torque sensors after the gear."""
+    """[T, axes] Nm, from torque sensors after the gear."""
     current: Floats
-    """[T, axes] A: motor currents."""
+    """[T, axes] A of the motors."""
     temperature: Floats
     """[T, axes] degC."""
     tool_on: Floats
@@ -69,23 +69,28 @@ class Recorded:
 def record(
     path: Path,
     robot: RobotDescription,
-    seen: Recorded,
-    begin_utc_s: float,
+    signals: Recorded,
+    start_s: float,
     clock: ControllerClock,
     settings: RecorderSettings,
     random: np.random.Generator,
 ) -> int:
-    """Write one log; `begin_utc_s` is the true time of its first sample. Returns its number of rows."""
-    seconds = min(len(seen.q) / RATE, settings.timeout_s)
+    """Write one log and return its number of rows.
+
+    `start_s` is the true time of the first sample, in s since the start of the campaign.
+    """
+    seconds = min(len(signals.q) / RATE, settings.timeout_s)
     ideal = np.arange(int(seconds / settings.period_s)) * settings.period_s
-    jitter_s = min(settings.jitter_s, settings.period_s / 8)  # a late sample does not overtake the next
-    taken = np.clip(ideal + random.normal(0, jitter_s, len(ideal)), 0, (len(seen.q) - 1) / RATE)
+    jitter_s = min(settings.jitter_s, settings.period_s / 8)  # a late sample must not overtake the next
+    taken = np.clip(ideal + random.normal(0, jitter_s, len(ideal)), 0, (len(signals.q) - 1) / RATE)
     taken = np.maximum.accumulate(taken)[random.random(len(ideal)) >= settings.missing]
-    stamps = [clock.origin_utc_ns + round(s * 1e9) for s in clock.reading(begin_utc_s + taken).tolist()]
-    q, tau, current, temperature = (_at(v, taken) for v in (seen.q, seen.tau, seen.current, seen.temperature))
+    stamps = [clock.origin_utc_ns + round(s * 1e9) for s in clock.reading(start_s + taken).tolist()]
+    q, tau, current, temperature = (
+        _at(values, taken) for values in (signals.q, signals.tau, signals.current, signals.temperature)
+    )
     q += random.normal(0, settings.angle_noise_rad, q.shape)
     tau += random.normal(0, settings.torque_noise_Nm, tau.shape)
-    tool, brake = (np.round(_at(switch[:, None], taken)) for switch in (seen.tool_on, seen.brake_open))
+    tool, brake = (np.round(_at(switch[:, None], taken)) for switch in (signals.tool_on, signals.brake_open))
     layout = next((layout for layout in robot.log if layout.format == "datarecorder"), None)
     if layout is not None:
         columns = {layout.q: q, layout.tau: tau}
@@ -103,7 +108,7 @@ def log_suffix(robot: RobotDescription) -> str:
 
 
 def _at(values: Floats, seconds: Floats) -> Floats:
-    """Rows of 1 kHz `values` [T, n] at `seconds`, linear in between."""
+    """1 kHz `values` [T, n] at `seconds`, linearly interpolated."""
     position = seconds * RATE
     before = np.minimum(position.astype(int), len(values) - 2)
     share = (position - before)[:, None]
@@ -113,18 +118,18 @@ def _at(values: Floats, seconds: Floats) -> Floats:
 def _write_datarecorder(
     path: Path, layout: LogColumns, columns: dict[str | None, Floats], stamps_ns: list[int]
 ) -> None:
-    """Whitespace separated, header after %, time as seconds and nanoseconds to the millisecond (thesis 4.2)."""
+    """Columns separated by spaces, header after %, time as seconds and nanoseconds with 1 ms steps (thesis 4.2)."""
     names, table = _table({name: values for name, values in columns.items() if name})
     lines = [" ".join(["%", str(layout.time_s), str(layout.time_ns), *names])]
     ms = 0
     for stamp, row in zip(stamps_ns, table.tolist(), strict=True):
-        ms = max(stamp // 1_000_000, ms + 1)  # never the same millisecond twice
+        ms = max(stamp // 1_000_000, ms + 1)  # no millisecond is repeated
         lines.append(f"{ms // 1000} {ms % 1000 * 1_000_000} " + " ".join([f"{value:.7g}" for value in row]))
     path.write_text("\n".join([*lines, ""]), encoding="utf-8")
 
 
 def _write_csv(path: Path, columns: dict[str, Floats], stamps_ns: list[int]) -> None:
-    """The generic header: time in Unix seconds; motor currents and temperatures instead of joint torques."""
+    """Generic CSV: time in Unix seconds, motor currents and temperatures instead of joint torques."""
     names, table = _table(columns)
     lines = [",".join(["time", *names])]
     for stamp, row in zip(stamps_ns, table.tolist(), strict=True):
@@ -134,6 +139,6 @@ def _write_csv(path: Path, columns: dict[str, Floats], stamps_ns: list[int]) -> 
 
 
 def _table(columns: dict[str, Floats]) -> tuple[list[str], Floats]:
-    """Names and values side by side; {0} and {1} in a name become axis numbers from 0 and from 1."""
+    """Column names and values; {0} and {1} in a name become axis numbers from 0 and from 1."""
     names = [name.format(k, k + 1) for name, values in columns.items() for k in range(values.shape[1])]
     return names, np.concatenate(list(columns.values()), axis=1)

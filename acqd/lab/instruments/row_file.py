@@ -1,4 +1,4 @@
-"""Rows of a session on their way to SQL: a file beside the campaign, then one transaction."""
+"""Rows of a session on their way to SQL: first a file of JSON lines, then batches of inserts."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _BATCH = 20_000
 
 
 class RowFile:
-    """Rows as JSON lines, exactly as the daemon would publish them."""
+    """Rows as JSON lines, identical to the daemon's messages."""
 
     def __init__(self, path: Path, device: str, boot: str) -> None:
         self._path, self._part = path, path.with_name(f".{path.name}.{os.getpid()}")
@@ -31,7 +31,7 @@ class RowFile:
         self._file.write(b"".join(row.to_json() + b"\n" for row in rows_of(batch, self._device, self._boot)))
 
     def close(self, *, complete: bool) -> None:
-        """Complete: the file appears under its name. Otherwise nothing is left of it."""
+        """Rename the file to its final name if complete, else delete it."""
         self._file.close()
         if complete:
             self._part.replace(self._path)
@@ -40,7 +40,10 @@ class RowFile:
 
 
 def store_rows(path: Path, engine: sa.Engine) -> int:
-    """Write a row file into the database; rows that are there already are left alone. Returns their number."""
+    """Write a row file into the database and return its number of rows. Existing rows are kept.
+
+    Raises InputError for a damaged file, OperationError when the database refuses the rows.
+    """
     writer = Writer(engine)
     messages: list[Received] = []
     count = 0
@@ -61,7 +64,7 @@ def store_rows(path: Path, engine: sa.Engine) -> int:
 
 
 def rows_stored(engine: sa.Engine, device: str, boot: str) -> int:
-    """Rows of one session that the database holds."""
+    """Number of rows of one session in the database."""
     query = sa.select(sa.func.count()).where(power.c.device == device, power.c.boot == boot)
     with engine.connect() as connection:
         return int(connection.execute(query).scalar_one())
@@ -72,4 +75,6 @@ def _commit(writer: Writer, messages: list[Received]) -> None:
         writer.write(messages)
     except sa.exc.DatabaseError as error:
         reason = str(error.orig).strip().splitlines()[0] if error.orig else str(error)
-        raise OperationError(f"the database refused the rows ({reason}); run the same command again to go on") from None
+        raise OperationError(
+            f"the database refused the rows ({reason}); run the same command again to continue"
+        ) from None

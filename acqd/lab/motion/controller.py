@@ -1,4 +1,4 @@
-"""The virtual robot controller: programs in, joint motion and signals at 1 kHz out."""
+"""The virtual robot controller: it turns programs into joint motion and signals at 1 kHz."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acqd.arrays import Floats
-from acqd.lab.motion.profile import Chain, Move, plan_chain
+from acqd.lab.motion.chain import Chain, Move, plan_chain
 from acqd.robot.description import RobotDescription
 
 RATE = 1000
-"""Samples/s of motion and plant."""
+"""Samples per second of motion and plant."""
 
 
 @dataclass(frozen=True, slots=True)
 class Wait:
-    """Stand still."""
+    """Program step: stand still."""
 
     seconds: float
 
 
 @dataclass(frozen=True, slots=True)
 class SwitchTool:
-    """Close (True) or open the gripper, and wait until it has."""
+    """Program step: close (`on`) or open the gripper and wait `seconds` until it has moved."""
 
     on: bool
     seconds: float = 0.4
@@ -33,7 +33,7 @@ class SwitchTool:
 
 @dataclass(frozen=True, slots=True)
 class Phase:
-    """From here on, the program does this: a name for people and for effects that act in it."""
+    """Program step: name the steps that follow. Some effects act only in phases of certain names."""
 
     name: str
 
@@ -43,17 +43,17 @@ Step: TypeAlias = Move | Wait | SwitchTool | Phase
 
 @dataclass(frozen=True, slots=True)
 class BrakeSettings:
-    """When the holding brakes open and close."""
+    """Timing of the holding brakes."""
 
     release_s: float = 0.25
-    """From the order to open until motion may begin."""
+    """From the command to open until the arm may move."""
     close_after_s: float = 10.0
-    """Of standstill."""
+    """Standstill after which the brakes close."""
 
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """What the arm did, at 1 kHz."""
+    """Motion and signals of the arm at 1 kHz."""
 
     q: Floats
     """[T, axes] rad."""
@@ -79,7 +79,7 @@ class Motion:
         return len(self) / RATE
 
     def part(self, first: int, last: int) -> Motion:
-        """Samples `first` to `last`."""
+        """Samples from `first` up to, but not including, `last`."""
         part = slice(first, last)
         return replace(
             self,
@@ -93,7 +93,7 @@ class Motion:
 
 
 class Controller:
-    """Executes programs one after the other; position, brakes and tool stay as they were left."""
+    """Executes programs one after the other; the state of position, brakes and tool carries over."""
 
     def __init__(self, robot: RobotDescription, position: Floats, brakes: BrakeSettings | None = None) -> None:
         self.robot = robot
@@ -104,7 +104,7 @@ class Controller:
         self._standstill = self._brakes.close_after_s
 
     def run(self, program: list[Step]) -> Motion:
-        """Motion of a whole program. Ends where its last step ends; brakes close during later waits."""
+        """Motion of a whole program, from its first to its last step. The brakes close during long waits."""
         pieces: list[_Piece] = []
         phases = [""]
         number = 0
@@ -162,7 +162,7 @@ class _Piece:
 
 
 def end_of(chain: Chain) -> Floats:
-    """Where a chain comes to rest [axes]."""
+    """Final position of a chain, [axes] rad."""
     end: Floats = chain.origin + sum(leg.distance for leg in chain.legs)
     return end
 
@@ -170,13 +170,13 @@ def end_of(chain: Chain) -> Floats:
 def _join(pieces: list[_Piece], phases: list[str], axes: int) -> Motion:
     lengths = [len(piece.q) for piece in pieces]
 
-    def joined(name: str) -> Floats:
+    def concatenated(name: str) -> Floats:
         return np.concatenate([np.empty((0, axes)), *(getattr(piece, name) for piece in pieces)])
 
     return Motion(
-        joined("q"),
-        joined("qd"),
-        joined("qdd"),
+        concatenated("q"),
+        concatenated("qd"),
+        concatenated("qdd"),
         np.concatenate([np.empty(0, bool), *(piece.brake_open for piece in pieces)]),
         np.repeat(np.array([piece.tool_on for piece in pieces], bool), lengths),
         phases,

@@ -1,4 +1,4 @@
-"""Excitation trajectories: limited-space random (Algorithm 1) and all-space random (Algorithm 2 of the thesis)."""
+"""Random excitation trajectories in limited space (Algorithm 1 of the thesis) and in all space (Algorithm 2)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.errors import UserError
-from acqd.lab.motion.profile import Move, plan_chain
+from acqd.lab.motion.chain import Move, plan_chain
 from acqd.lab.motion.trajectory import Trajectory
 from acqd.robot.arm import Arm
 from acqd.robot.collision import CollisionChecker, dense_path, require_free
@@ -18,8 +18,8 @@ TOOL_DOWN = np.array([[-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]])
 """End-effector orientation of Algorithm 1."""
 CHECK_STEP = np.radians(2.0)
 """Largest axis step between two collision checks."""
-_PATIENCE = 600  # draws in a row that may fail before a space is called impossible
-_FIRST_PATIENCE = 60  # the same while nothing has been reached yet: an unreachable point takes long to give up on
+_MAX_FAILURES = 600  # consecutive rejected draws after which a space counts as impossible
+_MAX_FAILURES_AT_START = 60  # before the first accepted draw; inverse kinematics of unreachable points is slow
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,11 +31,12 @@ class Cube:
     edge: float = 0.3
     """m."""
     points: tuple[int, int] = (40, 60)
+    """Least and greatest number of points."""
 
 
 @dataclass(slots=True)
 class Tally:
-    """How often a draw was thrown away, and why."""
+    """Number of accepted points, and of rejected draws by reason."""
 
     points: int = 0
     unreachable: int = 0
@@ -45,24 +46,24 @@ class Tally:
 
 @dataclass(frozen=True, slots=True)
 class Excitation:
-    """Draws trajectories for one arm in one scene; the tally runs over all of them."""
+    """Draws trajectories for one arm in one scene; the tally counts over all of them."""
 
     arm: Arm
     checker: CollisionChecker
     scene: str
     thesis: bool = False
-    """Check Algorithm 2's paths at 10 evenly spaced points only, as the thesis did."""
+    """Check the paths at only 10 evenly spaced points, as in the thesis."""
     tally: Tally = field(default_factory=Tally)
 
     def limited_space(self, name: str, cube: Cube, random: np.random.Generator) -> Trajectory:
-        """Algorithm 1: 40 to 60 points in the cube, tool down. Raises UserError for a cube out of reach."""
+        """Algorithm 1: random points in the cube with the tool down. Raises UserError for an unreachable cube."""
         count = int(random.integers(cube.points[0], cube.points[1] + 1))
         centre, half = np.array(cube.centre), cube.edge / 2
-        seed = self._comfortable(centre, random)
+        seed = self._central_configuration(centre, random)
         waypoints: list[Floats] = []
         failures = 0
         while len(waypoints) < count:
-            if failures >= (_PATIENCE if waypoints else _FIRST_PATIENCE):
+            if failures >= (_MAX_FAILURES if waypoints else _MAX_FAILURES_AT_START):
                 raise UserError(
                     f"cube at {_metres(centre)} with edge {cube.edge:g} m: {failures} points in a row could not be "
                     f"reached by {self.arm.description.name} with the tool down and without collision; "
@@ -73,14 +74,14 @@ class Excitation:
             q = inverse_kinematics(self.arm, pose, waypoints[-1] if waypoints else seed, random)
             if q is None:
                 self.tally.unreachable += 1
-            elif self._free(waypoints, q):
+            elif self._accepts(waypoints, q):
                 waypoints.append(q)
                 failures = 0
         self.tally.points += count
         return Trajectory(name, np.array(waypoints))
 
     def all_space(self, name: str, random: np.random.Generator) -> Trajectory:
-        """Algorithm 2: 10 to 20 random configurations after the start at zero. Raises UserError."""
+        """Algorithm 2: 10 to 20 random configurations after the start with all axes at 0. Raises UserError."""
         robot = self.arm.description
         start = np.zeros(robot.axes)
         require_free(self.checker, start, "the start position (all axes 0)", self.scene)
@@ -89,52 +90,51 @@ class Excitation:
         waypoints = [start]
         failures = 0
         while len(waypoints) <= count:
-            if failures > _PATIENCE:
+            if failures > _MAX_FAILURES:
                 raise UserError(
                     f"scene {self.scene}: {failures} random positions in a row of {robot.name} collide; "
                     "the boxes leave no room to move"
                 )
             failures += 1
             q = random.uniform(lower, upper)
-            if self._free(waypoints, q):
+            if self._accepts(waypoints, q):
                 waypoints.append(q)
                 failures = 0
         self.tally.points += count
         return Trajectory(name, np.array(waypoints))
 
-    def _comfortable(self, centre: Floats, random: np.random.Generator) -> Floats:
-        """A configuration at the cube's centre, the one of several that is farthest from the axis limits."""
+    def _central_configuration(self, centre: Floats, random: np.random.Generator) -> Floats:
+        """The configuration [axes] at the cube's centre that, of 12 tries, is farthest from the axis limits."""
         robot = self.arm.description
-        middle, width = (robot.upper + robot.lower) / 2, (robot.upper - robot.lower) / 2
-        best, found = np.inf, middle
+        middle, half_range = (robot.upper + robot.lower) / 2, (robot.upper - robot.lower) / 2
+        least_strain, best = np.inf, middle
         for _ in range(12):
             start = random.uniform(np.maximum(robot.lower, -np.pi), np.minimum(robot.upper, np.pi)) * 0.6
             q = inverse_kinematics(self.arm, Pose(centre, TOOL_DOWN), start, random, restarts=10)
-            if q is not None:  # a turn more would have to be made by every way there
+            if q is not None:  # every path to this point would repeat a superfluous turn
                 q = unwound(q, middle, robot.lower, robot.upper)
             if q is not None and not self.checker.collides(q):
-                strain = float(np.max(np.abs(q - middle) / width))
-                if strain < best:
-                    best, found = strain, q
-        return found
+                strain = float(np.max(np.abs(q - middle) / half_range))
+                if strain < least_strain:
+                    least_strain, best = strain, q
+        return best
 
-    def _free(self, before: list[Floats], q: Floats) -> bool:
-        """Whether `q` and the way to it, blended or not, are free; counts why not."""
-        if not before:
+    def _accepts(self, waypoints: list[Floats], q: Floats) -> bool:
+        """Whether `q` and the path to it, with and without blending, are free of collisions. Counts a collision."""
+        if not waypoints:
             collides = self.checker.collides(q)
         elif self.thesis:
-            collides = any(
-                self.checker.collides(p) for p in before[-1] + np.linspace(0, 1, 10)[:, None] * (q - before[-1])
-            )
+            start = waypoints[-1]
+            collides = any(self.checker.collides(p) for p in start + np.linspace(0, 1, 10)[:, None] * (q - start))
         else:
-            corner = np.array([*before[-2:], q])
+            corner = np.array([*waypoints[-2:], q])
             collides = self.checker.path_collides(dense_path(corner[-2:], CHECK_STEP)) or self._corner_collides(corner)
         if collides:
             self.tally.colliding += 1
         return not collides
 
     def _corner_collides(self, corner: Floats) -> bool:
-        """The widest blend that an execution may choose cuts the corner furthest; lesser ones lie between."""
+        """Whether the widest blend of a corner [3, axes] collides; narrower blends lie between it and the corner."""
         if len(corner) < 3:
             return False
         robot = self.arm.description
@@ -147,7 +147,7 @@ class Excitation:
 
 
 def planned_path(q: Floats) -> Floats:
-    """Every so-manieth row of a sampled path [T, axes], no axis moving more than CHECK_STEP between rows."""
+    """Rows of a sampled path [T, axes] between which no axis moves more than CHECK_STEP."""
     if len(q) < 2:
         return q
     travelled = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(q, axis=0)).max(axis=1))])

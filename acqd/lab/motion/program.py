@@ -1,4 +1,4 @@
-"""Programs for the virtual controller: a source trajectory with random motion parameters (Listing 5.1)."""
+"""Programs for the virtual controller: a source trajectory with random motion parameters (thesis, Listing 5.1)."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.errors import UserError
+from acqd.lab.motion.chain import Chain, Move, plan_chain
 from acqd.lab.motion.controller import Step, Wait
 from acqd.lab.motion.excitation import CHECK_STEP, planned_path
-from acqd.lab.motion.path_planning import find_way
-from acqd.lab.motion.profile import Chain, Move, plan_chain
+from acqd.lab.motion.path_planning import find_path
 from acqd.lab.motion.trajectory import Trajectory
 from acqd.robot.arm import Arm
 from acqd.robot.collision import CollisionChecker
@@ -21,7 +21,7 @@ from acqd.robot.kinematics import forward_kinematics
 
 @dataclass(frozen=True, slots=True)
 class MotionParameters:
-    """Ranges that each motion's parameters are drawn from, as in Listing 5.1."""
+    """Ranges of the random parameters of each motion (thesis, Listing 5.1)."""
 
     relative_speed: tuple[float, float] = (0.2, 0.5)
     relative_blending: tuple[float, float] = (0.0, 0.5)
@@ -30,14 +30,14 @@ class MotionParameters:
 
 @dataclass(frozen=True, slots=True)
 class Planner:
-    """Turns trajectories into programs that collide with nothing."""
+    """Turns trajectories into collision-free programs."""
 
     arm: Arm
     checker: CollisionChecker
     parameters: MotionParameters = MotionParameters()
 
     def program(self, trajectory: Trajectory, random: np.random.Generator, before_s: float = 1.0) -> list[Step]:
-        """Wait, visit all waypoints from the first on with random speed and blending, wait."""
+        """Program of a trajectory: wait, visit its waypoints with random speed and blending, wait. Raises UserError."""
         steps: list[Step] = [Wait(before_s)]
         try:
             steps += self.moves(trajectory.waypoints, random)
@@ -46,10 +46,10 @@ class Planner:
         return [*steps, Wait(1.0)]
 
     def moves(self, waypoints: Floats, random: np.random.Generator) -> list[Move]:
-        """Blended motions through `waypoints` [N, axes]; a corner whose blend would collide is not blended."""
+        """Motions through `waypoints` [N, axes], blended at every corner whose blend is free. Raises UserError."""
         moves = []
         for start, end in pairwise(waypoints):
-            if np.abs(end - start).max() <= 1e-9:  # twice the same position is no motion
+            if np.abs(end - start).max() <= 1e-9:  # a repeated position needs no motion
                 continue
             moves.append(
                 Move(
@@ -62,35 +62,38 @@ class Planner:
         return self.without_collisions(waypoints[0], moves)
 
     def blend_after(self, start: Floats, end: Floats, relative_blending: float) -> float:
-        """Path parameter at which the last `relative_blending` of the Cartesian way begins (thesis 5.3)."""
+        """Path parameter at which the last share `relative_blending` of the Cartesian path starts (thesis 5.3)."""
         s = np.linspace(0.0, 1.0, 33)
         positions, _ = forward_kinematics(self.arm, start + s[:, None] * (end - start))
-        way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(positions, axis=0), axis=1))])
-        if way[-1] < 1e-6:  # turns on the spot
+        length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(positions, axis=0), axis=1))])
+        if length[-1] < 1e-6:  # the flange turns on the spot
             return 1.0 - relative_blending
-        return float(np.interp((1.0 - relative_blending) * way[-1], way, s))
+        return float(np.interp((1.0 - relative_blending) * length[-1], length, s))
 
     def connect(self, start: Floats, end: Floats) -> list[Move]:
-        """A free way between two positions, round what stands in the direct one. Raises UserError."""
+        """Collision-free motions from `start` to `end`, with a detour where needed. Raises UserError."""
         robot = self.arm.description
         limits = np.maximum(robot.lower, -np.pi), np.minimum(robot.upper, np.pi)
-        way = find_way(self.checker, start, end, limits, CHECK_STEP)
-        if way is None:
-            raise UserError("no collision-free way from one trajectory to the next was found; change the scene")
-        return [Move(q, 0.3, self.parameters.relative_acceleration) for q in way]
+        path = find_path(self.checker, start, end, limits, CHECK_STEP)
+        if path is None:
+            raise UserError("no collision-free path from one trajectory to the next was found; change the scene")
+        return [Move(q, 0.3, self.parameters.relative_acceleration) for q in path]
 
     def without_collisions(self, origin: Floats, moves: list[Move]) -> list[Move]:
-        """The same motions (none of them of no length), unblended where the blend would collide. Raises UserError."""
+        """The same motions, unblended where the blend would collide. No motion may have zero length.
+
+        Raises UserError when a motion collides even without blending.
+        """
         robot = self.arm.description
-        while True:  # each round takes one blend away, or raises
+        while True:  # each round removes one blend, or raises
             chain = plan_chain(origin, moves, robot.speed, robot.acceleration)
-            where = self._first_collision(chain)
-            if where is None:
+            time = self._first_collision(chain)
+            if time is None:
                 return moves
-            moves = self._unblended(moves, chain, where)
+            moves = self._unblended(moves, chain, time)
 
     def _first_collision(self, chain: Chain) -> float | None:
-        """Time of the first collision along a chain, None when it is free."""
+        """Time (s) of the first collision along a chain, None without a collision."""
         t = np.arange(0.0, chain.duration, 4e-3)
         q = chain.sample(t)[0]
         path = planned_path(q)
@@ -98,14 +101,14 @@ class Planner:
             return None
         return next(float(t[k]) for k in range(len(q)) if self.checker.collides(q[k]))
 
-    def _unblended(self, moves: list[Move], chain: Chain, where: float) -> list[Move]:
-        """Without the blend that is under way at time `where`."""
-        active = [k for k, leg in enumerate(chain.legs) if leg.start <= where <= leg.end]
+    def _unblended(self, moves: list[Move], chain: Chain, time: float) -> list[Move]:
+        """The motions without the blend that is active at `time` (s). Raises UserError if there is none."""
+        active = [k for k, leg in enumerate(chain.legs) if leg.start <= time <= leg.end]
         before = min(active)
         if len(active) < 2 or moves[before].blend_after >= 1.0:
             target = " ".join(f"{angle:.0f}" for angle in np.degrees(moves[before].target))
             raise UserError(
-                f"the straight way to {target} deg collides (checked every {np.degrees(CHECK_STEP):g} deg); "
-                "make the trajectories with this scene, or choose the scene they were made with (--scene)"
+                f"the straight path to {target} deg collides (checked every {np.degrees(CHECK_STEP):g} deg); "
+                "draw the trajectories with this scene, or choose the scene that they were drawn with (--scene)"
             )
         return [replace(move, blend_after=1.0) if k == before else move for k, move in enumerate(moves)]

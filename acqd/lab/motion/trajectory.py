@@ -1,4 +1,4 @@
-"""Source trajectories: waypoints as CSV, one row a position, one column an axis, degrees (thesis 5.1, 5.2)."""
+"""Source trajectories as CSV files: one row per position, one column per axis, in degrees (thesis 5.1, 5.2)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from acqd.robot.table import read_table
 
 @dataclass(frozen=True, slots=True)
 class Trajectory:
-    """Positions to visit, in order."""
+    """A named sequence of joint positions."""
 
     name: str
     waypoints: Floats
@@ -23,18 +23,18 @@ class Trajectory:
 
 
 def header(robot: RobotDescription) -> list[str]:
-    """Column names of a trajectory file: the axes, in degrees."""
+    """Column names of a trajectory file."""
     return [f"{joint.name}_deg" for joint in robot.joint]
 
 
 def write_trajectory(path: Path, trajectory: Trajectory, robot: RobotDescription) -> None:
-    """Write as CSV, to 1e-6 deg."""
+    """Write a trajectory with a resolution of 1e-6 deg."""
     rows = [",".join(f"{value:.6f}" for value in row) for row in np.degrees(trajectory.waypoints)]
     path.write_text("\n".join([",".join(header(robot)), *rows, ""]), encoding="utf-8")
 
 
 def read_trajectory(path: Path, robot: RobotDescription) -> Trajectory:
-    """Read and check against the robot's axes and limits. Raises InputError."""
+    """Read a trajectory and check it against the robot's axes and limits. Raises InputError."""
     table = read_table(path)
     axes = robot.axes
     if table.header is not None and table.header != header(robot):
@@ -43,7 +43,7 @@ def read_trajectory(path: Path, robot: RobotDescription) -> Trajectory:
         raise InputError(path, f"has {table.values.shape[1]} columns, but {robot.name} has {axes} axes")
     bad = np.argwhere(~np.isfinite(table.values))
     if len(bad):
-        raise InputError(path, f"row {table.line(int(bad[0][0]))}: column {bad[0][1] + 1} is no number")
+        raise InputError(path, f"row {table.line(int(bad[0][0]))}: column {bad[0][1] + 1} is not a number")
     lower, upper = np.degrees(robot.lower), np.degrees(robot.upper)
     beyond = np.argwhere((table.values < lower - 1e-6) | (table.values > upper + 1e-6))
     if len(beyond):

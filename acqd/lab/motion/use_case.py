@@ -1,4 +1,4 @@
-"""The use case of thesis chapter 9: assembling a fidget spinner, and its imitation in the twin software."""
+"""The use case of thesis chapter 9: the assembly of a fidget spinner, and its imitation by the digital twin."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.errors import UserError
+from acqd.lab.motion.chain import Move
 from acqd.lab.motion.controller import Phase, Step, SwitchTool, Wait
 from acqd.lab.motion.excitation import TOOL_DOWN
-from acqd.lab.motion.profile import Move
 from acqd.lab.motion.program import Planner
 from acqd.robot.arm import Arm
 from acqd.robot.kinematics import Pose, inverse_kinematics
 
 Controller = Literal["robot", "twin"]
 
-_FEEDER, _FIXTURE, _TRAY = (0.50, -0.30), (0.58, 0.02), (0.45, 0.32)  # m, x and y over the table
+_FEEDER, _FIXTURE, _TRAY = (0.50, -0.30), (0.58, 0.02), (0.45, 0.32)  # m, x and y on the table
 _ABOVE, _DOWN = 0.36, 0.24  # m, height of the flange
-_PARTS = 3  # bearings pressed into the spinner's body
+_PARTS = 3  # bearings that are pressed into the body of the spinner
 
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """A flange position over the table, tool down, turned about the vertical."""
+    """A flange position (m) above the table with the tool down, turned about the vertical axis."""
 
     x: float
     y: float
@@ -33,31 +33,31 @@ class Place:
     turn_deg: float = 0.0
 
     def pose(self) -> Pose:
-        """In the base frame."""
+        """The place as a pose in the base frame."""
         angle = np.radians(self.turn_deg)
         about_z = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
         return Pose(np.array([self.x, self.y, self.z]), about_z @ TOOL_DOWN)
 
 
 class Assembly:
-    """Programs of one cell. The twin's controller solves the redundancy of the arm in its own way (Figure 9.3)."""
+    """Assembly programs of one cell. The twin resolves the redundancy of the arm differently (thesis, Figure 9.3)."""
 
     def __init__(self, arm: Arm, planner: Planner, controller: Controller = "robot") -> None:
         self._arm = arm
         self._planner = planner
         self._random = np.random.default_rng(9 if controller == "robot" else 11)
         twin = controller == "twin"
-        # elbow to one side or the other: axes 3 and 5 differ, the flange does not
+        # the elbow points to the other side: axes 3 and 5 differ at the same flange pose
         self._seed = np.radians([0, 35, 25 if twin else -12, -80, 20 if twin else 8, 65, 0][: arm.axes])
         self._speed_factor = 0.97 if twin else 1.0
         self._settle_s = 0.12 if twin else 0.2
 
     def home(self) -> Floats:
-        """Where an assembly begins and ends [axes] (rad)."""
+        """Position at the start and the end of an assembly, [axes] rad. Raises UserError."""
         return self._reach(Place(0.5, 0.0, 0.45), self._seed)
 
     def program(self, random: np.random.Generator) -> list[Step]:
-        """One assembly; part positions and speeds vary a little from time to time."""
+        """One assembly with small random variations of part positions and speeds. Raises UserError."""
         steps: list[Step] = [Phase("start"), Wait(1.2)]
         at = self.home()
         for number in range(_PARTS):
@@ -78,13 +78,13 @@ class Assembly:
         self,
         steps: list[Step],
         at: Floats,
-        where: tuple[float, float],
+        part: tuple[float, float],
         random: np.random.Generator,
         phase: str = "pick",
     ) -> Floats:
-        at = self._go(steps, at, [Place(*where, _ABOVE), Place(*where, _DOWN)], 0.45, random, phase=phase)
+        at = self._go(steps, at, [Place(*part, _ABOVE), Place(*part, _DOWN)], 0.45, random, phase=phase)
         steps.append(SwitchTool(True))
-        return self._go(steps, at, [Place(*where, _ABOVE)], 0.4, random, phase="carry")
+        return self._go(steps, at, [Place(*part, _ABOVE)], 0.4, random, phase="carry")
 
     def _insert(self, steps: list[Step], at: Floats, seat: tuple[float, float], random: np.random.Generator) -> Floats:
         at = self._go(steps, at, [Place(*seat, _ABOVE), Place(*seat, _DOWN + 0.03)], 0.45, random)
@@ -93,7 +93,7 @@ class Assembly:
         return self._go(steps, at, [Place(*seat, _ABOVE)], 0.4, random, phase="retract")
 
     def _screw(self, steps: list[Step], at: Floats, random: np.random.Generator) -> Floats:
-        """Turn the cap in: down slowly, to and fro about the vertical."""
+        """Screw in the cap: turn to and fro about the vertical axis."""
         at = self._go(steps, at, [Place(*_FIXTURE, _ABOVE), Place(*_FIXTURE, _DOWN + 0.02)], 0.4, random, phase="cap")
         for turn in (55.0, -55.0, 55.0, 0.0):
             at = self._go(steps, at, [Place(*_FIXTURE, _DOWN + 0.015, turn)], 0.35, random, phase="screw")
@@ -108,7 +108,7 @@ class Assembly:
         random: np.random.Generator,
         phase: str | None = None,
     ) -> Floats:
-        """Append blended motions to the last of `places`; returns the configuration there."""
+        """Append blended motions through `places`; returns the configuration at the last one, [axes] rad."""
         if phase:
             steps.append(Phase(phase))
         targets: list[Floats] = []
@@ -124,7 +124,7 @@ class Assembly:
                 continue
             relative = float(speed * self._speed_factor * random.uniform(0.94, 1.06))
             moves.append(Move(end, relative, 0.2, self._planner.blend_after(start, end, 0.2)))
-        moves[-1] = replace(moves[-1], blend_after=1.0)  # what comes next is planned apart
+        moves[-1] = replace(moves[-1], blend_after=1.0)  # the next motions are planned separately
         return self._planner.without_collisions(at, moves)
 
     def _reach(self, place: Place, near: Floats) -> Floats:

@@ -1,6 +1,6 @@
 """The physics of the virtual cell, from joint motion to power drawn from the mains.
 
-Apart from everything that analyses: nothing outside `acqd.lab` and `acqd.cli` may import it.
+Separate from all analyses: only `acqd.lab` and `acqd.cli` may import it.
 """
 
 from acqd.lab.plant.plant import Plant, PlantTrace

@@ -22,59 +22,62 @@ class Motors:
         self._losses = losses
 
     def current(self, tau: Floats) -> Floats:
-        """[T, axes] A for torques at the output [T, axes] (Nm)."""
+        """[T, axes] A for torques [T, axes] (Nm) at the output of the gears."""
         return np.asarray(tau / self._constant)
 
     def copper_loss(self, current: Floats) -> Floats:
-        """[T, axes] W."""
+        """Power I^2 R in the windings, [T, axes] W."""
         return np.asarray(self._resistance * current * current)
 
     def inverter_loss(self, current: Floats, power: Floats, enabled: Floats) -> Floats:
-        """[T] W: idling while enabled [T], conduction with the current, switching with the power."""
+        """[T] W: constant while `enabled` [T], conduction proportional to current, switching proportional to power."""
         per_axis = self._losses.per_ampere_W * np.abs(current) + self._losses.share * np.abs(power)
         return np.asarray(per_axis.sum(axis=1) + self._losses.enabled_W * power.shape[1] * enabled)
 
 
 class DcStorage:
-    """The link's capacitor takes up what the drives give back; when it is full, the chopper burns the rest."""
+    """The capacitor of the DC link stores regenerated power; when it is full, the brake chopper dissipates it."""
 
     def __init__(self, link: DcLink) -> None:
         self._limit = link.capacitor_J
         self.energy = 0.0
-        """J above the supply's set point."""
+        """J above the set point of the supply."""
 
     def run(self, net: Floats) -> tuple[Floats, Floats, Floats]:
-        """From net power [T] (W, negative: given back): drawn from the supply, burnt, stored, each [T] W."""
-        burnt = np.zeros_like(net)
+        """Power drawn from the supply, dissipated and stored, each [T] W, for the net power [T] W of all DC loads.
+
+        Negative net power is regenerated.
+        """
+        dissipated = np.zeros_like(net)
         stored = np.zeros_like(net)
-        for k in self._busy(net):
-            change = -net[k] * _DT  # what flows into the capacitor if the supply gives nothing
+        for k in self._active_samples(net):
+            change = -net[k] * _DT  # flow into the capacitor while the supply delivers nothing
             new = min(max(self.energy + change, 0.0), self._limit)
             if self.energy + change > self._limit:
-                burnt[k] = (self.energy + change - self._limit) / _DT
+                dissipated[k] = (self.energy + change - self._limit) / _DT
             stored[k] = (new - self.energy) / _DT
             self.energy = new
-        return net + stored + burnt, burnt, stored
+        return net + stored + dissipated, dissipated, stored
 
-    def _busy(self, net: Floats) -> list[int]:
-        """Samples at which power comes back or is left in the capacitor: mostly none."""
+    def _active_samples(self, net: Floats) -> list[int]:
+        """Samples with regenerated power or a charged capacitor; only these few need the loop in `run`."""
         if self.energy == 0.0 and net.min() >= 0:
             return []
-        busy: list[int] = []
+        active: list[int] = []
         energy = self.energy
         for k in np.flatnonzero(net < 0) if energy == 0.0 else range(len(net)):
-            if busy and k <= busy[-1]:
+            if active and k <= active[-1]:
                 continue
             at = int(k)
             while at < len(net) and (net[at] < 0 or energy > 0):
                 energy = min(max(energy - net[at] * _DT, 0.0), self._limit)
-                busy.append(at)
+                active.append(at)
                 at += 1
-        return busy
+        return active
 
 
 class Standby:
-    """What the cabinet takes beside the drives: constant but for what its computer and fans are up to."""
+    """Standby power of the cabinet: a constant with the fluctuation of its computer and fans."""
 
     def __init__(self, load: ControllerLoad, random: np.random.Generator) -> None:
         self._power = load.power_W
@@ -84,17 +87,17 @@ class Standby:
         ]
 
     def run(self, samples: int) -> Floats:
-        """[samples] W."""
+        """Standby power, [samples] W, continuing the last call."""
         return self._power + sum((part.run(samples) for part in self._parts), np.zeros(samples))
 
 
 class _Fluctuation:
-    """Noise of a given RMS and correlation time."""
+    """First-order autoregressive noise of a given RMS and correlation time."""
 
     def __init__(self, rms: float, tau_s: float, random: np.random.Generator) -> None:
         self._keep = float(np.exp(-_DT / tau_s))
         self._drive = rms * np.sqrt(1 - self._keep**2)
-        self._random = np.random.default_rng(random.integers(2**63))  # its own: pieces of any length give the same
+        self._random = np.random.default_rng(random.integers(2**63))  # the noise must not depend on the call lengths
         self._value = rms * float(self._random.standard_normal())
 
     def run(self, samples: int) -> Floats:
@@ -105,7 +108,7 @@ class _Fluctuation:
 
 
 class PowerSupply:
-    """Losses that grow with the load, and the mains side's lag behind it."""
+    """Losses that grow with the load, and a first-order lag between load and mains."""
 
     def __init__(self, supply: Supply) -> None:
         self._supply = supply
@@ -115,13 +118,13 @@ class PowerSupply:
         self._last = 0.0
 
     def loss(self, output: Floats) -> Floats:
-        """[T] W."""
+        """[T] W of loss at `output` [T] (W)."""
         s = self._supply
         return np.asarray(s.fixed_W + s.linear * output + s.quadratic_per_W * output * output)
 
     def lagged(self, demand: Floats) -> Floats:
-        """[T] W: the demand as the mains see it, first order by the trapezoidal rule."""
-        if self._state is None:  # at rest since long ago
+        """[T] W drawn from the mains for `demand` [T] (W): first-order lag, discretised by the trapezoidal rule."""
+        if self._state is None:  # steady state before the first sample
             self._state = np.array([demand[0] * (1 - self._b[0])])
         power, self._state = lfilter(self._b, self._a, demand, zi=self._state)
         self._last = float(power[-1])
@@ -129,5 +132,5 @@ class PowerSupply:
 
     @property
     def stored(self) -> float:
-        """Energy (J) that the bulk capacitor holds beyond that at zero power: the lag's other side."""
+        """Energy (J) in the bulk capacitor, relative to zero power; its discharge causes the lag."""
         return -self._supply.lag_s * self._last

@@ -1,4 +1,4 @@
-"""What the plant is made of: one TOML file a robot in `acqd/lab/plants`, with a seeded spread."""
+"""Parameters of the plant: one TOML file per robot in `acqd/lab/plants`, and the random spread of the true robot."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _NotNegative = Annotated[float, Field(ge=0)]
 
 
 class Friction(Section):
-    """Of gears and bearings, at the output, per axis."""
+    """Friction of gears and bearings at the output, per axis."""
 
     coulomb_Nm: list[_NotNegative]
     stribeck_Nm: list[_NotNegative]
@@ -37,7 +37,7 @@ class Thermal(Section):
 
 
 class DriveLosses(Section):
-    """Of the inverters."""
+    """Losses of the inverters."""
 
     enabled_W: _NotNegative
     per_ampere_W: _NotNegative
@@ -45,14 +45,14 @@ class DriveLosses(Section):
 
 
 class DcLink(Section):
-    """Between supply and inverters; nothing flows back to the mains."""
+    """The DC link between supply and inverters; no power flows back to the mains."""
 
     electronics_W: _NotNegative
     capacitor_J: _NotNegative
 
 
 class Supply(Section):
-    """P_in = P_out + fixed + linear P_out + quadratic P_out^2, behind the load by a first-order lag."""
+    """P_in = P_out + fixed + linear P_out + quadratic P_out^2, followed by a first-order lag."""
 
     fixed_W: _NotNegative
     linear: Annotated[float, Field(ge=0, lt=0.5)]
@@ -61,17 +61,17 @@ class Supply(Section):
 
 
 class ControllerLoad(Section):
-    """Standby load beside the drives."""
+    """Standby load of the cabinet."""
 
     power_W: _NotNegative
     fast_fluctuation_W: _NotNegative
-    """RMS, correlated over 0.15 s: what the cabinet PC is busy with."""
+    """RMS, correlated over 0.15 s: work of the cabinet PC."""
     slow_fluctuation_W: _NotNegative
     """RMS, correlated over 30 s: fans and temperature."""
 
 
 class PlantParameters(Section):
-    """All of it."""
+    """All parameters of a plant."""
 
     robot: str
     parameter_spread: Annotated[float, Field(ge=0, le=0.3)]
@@ -84,10 +84,12 @@ class PlantParameters(Section):
 
 
 def load_plant(robot: RobotDescription, path: Path | None = None) -> PlantParameters:
-    """The plant of a shipped robot, or one from a file. Raises UserError or InputError."""
+    """Parameters from a file, by default the one shipped for the robot. Raises UserError or InputError."""
     path = path or _FOLDER / f"{robot.name}.toml"
     if not path.exists() and path.parent == _FOLDER:
-        raise UserError(f"robot {robot.name} has no plant; write one like those in {_FOLDER} and name it with --plant")
+        raise UserError(
+            f"robot {robot.name} has no plant file; write one like those in {_FOLDER} and set `plant` in --settings"
+        )
     parameters = read_toml(path, PlantParameters)
     per_axis = {
         "friction": ("coulomb_Nm", "stribeck_Nm", "viscous_Nms_rad"),
@@ -102,7 +104,10 @@ def load_plant(robot: RobotDescription, path: Path | None = None) -> PlantParame
 
 
 def true_robot(robot: RobotDescription, spread: float, random: np.random.Generator) -> RobotDescription:
-    """The robot as it really is: masses, centres of mass and rotors off the description's by `spread`."""
+    """The robot as it really is: masses, centres of mass and rotors deviate randomly from the description.
+
+    `spread` is the relative standard deviation; centres of mass shift by 0.1 m times `spread`.
+    """
 
     def factor() -> float:
         return float(np.exp(spread * np.clip(random.standard_normal(), -2.5, 2.5)))
@@ -120,5 +125,5 @@ def true_robot(robot: RobotDescription, spread: float, random: np.random.Generat
 
 
 def per_axis(values: list[float]) -> Floats:
-    """As an array that multiplies [T, axes]."""
+    """Values [axes] as an array that broadcasts with [T, axes]."""
     return np.array(values)

@@ -1,4 +1,4 @@
-"""What an effect sees of the plant while it works, and where it may intervene."""
+"""The interface of effects: the state of the plant that they see, and the hooks at which they act."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from acqd.robot.arm import Arm
 
 @dataclass(frozen=True, slots=True)
 class Stretch:
-    """Where in a campaign a stretch of motion lies."""
+    """Position of a stretch of motion within a campaign."""
 
     start_s: float = 0.0
-    """Since the session's begin."""
+    """Since the start of the session."""
     recording: int = 1
-    """Number of the recording that this belongs to or comes before, from 1, over the whole campaign."""
+    """Number, from 1, of the recording that the stretch belongs to or precedes."""
     recorded: bool = True
     """Whether the robot's recorder is running."""
 
 
 @dataclass(slots=True)
 class Situation:
-    """One stretch of motion; the quantities below `voltage` fill up as the plant computes them."""
+    """One stretch of motion. The plant fills in the fields from `tau_rigid` on, in this order."""
 
     stretch: Stretch
     motion: Motion
@@ -40,53 +40,53 @@ class Situation:
     voltage: Floats
     """[T] Vrms of the mains."""
     nominal_V: float
-    """What the mains should have."""
+    """Nominal Vrms of the mains."""
     tau_rigid: Floats = field(default_factory=lambda: np.empty(0))
-    """[T, axes] Nm: rigid body with payload."""
+    """[T, axes] Nm of the rigid body with payload."""
     tau_friction: Floats = field(default_factory=lambda: np.empty(0))
     """[T, axes] Nm."""
     current: Floats = field(default_factory=lambda: np.empty(0))
-    """[T, axes] A."""
+    """[T, axes] A of the motors."""
     joint_power: Floats = field(default_factory=lambda: np.empty(0))
-    """[T, axes] W into the motors: shaft and copper."""
+    """[T, axes] W into the motors: shaft power and copper loss."""
     dc_power: Floats = field(default_factory=lambda: np.empty(0))
-    """[T] W from the DC link: drives and electronics, after storage and chopper."""
+    """[T] W that drives and electronics draw from the supply, after capacitor and chopper."""
     mains_power: Floats = field(default_factory=lambda: np.empty(0))
-    """[T] W demanded from the mains before effects on the supply."""
+    """[T] W demanded from the mains, without effects on the mains side."""
 
     @property
     def t(self) -> Floats:
-        """[T] s since the session's begin."""
+        """[T] s since the start of the session."""
         return self.stretch.start_s + np.arange(len(self.motion)) / RATE
 
 
 class Effect(ABC):
-    """A physical effect that the undisturbed plant does not have. Additive: every hook returns what is added.
+    """A physical effect that the undisturbed plant does not have. Every hook returns what the effect adds.
 
-    Subclasses set `id`, `about`, `strength` and `defaults`, and override the hooks they need.
-    Adding an effect is one class in one file of `acqd.lab.effects`.
+    A subclass sets `id`, `summary`, `strength` and `defaults`, and overrides the hooks that it needs.
     """
 
     id: ClassVar[str]
     summary: ClassVar[str]
+    """One sentence for `acqd lab effects`."""
     strength: ClassVar[tuple[str, str]]
-    """Name and unit of the parameter that says how strong it is."""
+    """Name and unit of the parameter that scales the effect."""
     defaults: ClassVar[Mapping[str, float]]
-    """Every parameter with its default, the strength first."""
+    """Default values of all parameters, the strength first."""
     limits: ClassVar[Mapping[str, tuple[float, float]]] = {}
-    """Least and greatest value of the parameters that cannot have any."""
+    """Least and greatest values; +-1e6 for other parameters."""
     whole_recordings: ClassVar[bool] = False
-    """It begins with a recording, never within one."""
+    """Whether the effect can only start together with a recording."""
 
     def __init__(self, values: Mapping[str, float], onset: tuple[int, float], random: np.random.Generator) -> None:
-        """`onset`: recording number (from 1) and seconds within it."""
+        """`onset` is a recording number (from 1) and the seconds within it."""
         self.values = {**self.defaults, **values}
         self.onset = onset
         self.random = random
         self.begin()
 
     def begin(self) -> None:
-        """Set up whatever state the effect carries from stretch to stretch of one session."""
+        """Set up the state that the effect carries from stretch to stretch of a session."""
         return
 
     def __getitem__(self, name: str) -> float:
@@ -99,38 +99,41 @@ class Effect(ABC):
         stretch = situation.stretch
         if stretch.recording != number or (not stretch.recorded and seconds <= 0):
             return np.full(samples, float(stretch.recording >= number))
-        if not stretch.recorded:  # on the way to the recording in which it begins
+        if not stretch.recorded:  # on the way to the recording of the onset
             return np.zeros(samples)
         return (np.arange(samples) / RATE >= seconds).astype(float)
 
     def payload(self, situation: Situation) -> Floats | None:
-        """[T] kg at the flange."""
+        """Additional mass at the flange, [T] kg."""
         return None
 
     def external_torque(self, situation: Situation) -> Floats | None:
-        """[T, axes] Nm on the arm from outside: the torque sensors see it too."""
+        """Motor torque against external forces, [T, axes] Nm; the torque sensors measure it."""
         return None
 
     def torque(self, situation: Situation) -> Floats | None:
-        """[T, axes] Nm that the motor must supply on its side of the torque sensor."""
+        """Motor torque on the motor side of the torque sensor, [T, axes] Nm; the sensors do not measure it."""
         return None
 
     def dc_load(self, situation: Situation) -> Floats | None:
-        """[T] W from the DC link."""
+        """Additional power from the DC link, [T] W."""
         return None
 
     def mains_load(self, situation: Situation) -> Floats | None:
-        """[T] W from the mains."""
+        """Additional power from the mains, [T] W."""
         return None
 
     def metered(self, situation: Situation) -> tuple[Floats, Floats] | None:
-        """[T] factor on the measured current, and [T] current (A) at which the sensor saturates."""
+        """Gain of the current sensor [T], and the current [T] (A) at which it saturates."""
         return None
 
     def logged(self, recorded: Recorded, situation: Situation) -> Recorded:
-        """What the robot's log shows."""
+        """The signals as the robot's log shows them."""
         return recorded
 
-    def clock(self, clock: ControllerClock, recording: int, begin_s: Callable[[int], float]) -> ControllerClock:
-        """The controller's clock during a recording; `begin_s` tells when a recording's session begins."""
+    def clock(self, clock: ControllerClock, recording: int, session_start_s: Callable[[int], float]) -> ControllerClock:
+        """The controller's clock during a recording.
+
+        `session_start_s` gives the start of a recording's session, in s since the start of the campaign.
+        """
         return clock

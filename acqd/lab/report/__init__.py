@@ -1,1 +1,1 @@
-"""HTML reports of the laboratory and their figures."""
+"""HTML reports of the laboratory, with their figures."""

@@ -1,4 +1,4 @@
-"""Workspaces and trajectories in space (thesis Figures 5.1 to 5.3)."""
+"""Figures of workspaces, trajectories and executions (thesis Figures 5.1 to 5.4)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from acqd.robot.kinematics import forward_kinematics, joint_origins
 from acqd.robot.scene import Box, Scene
 
 _ROBOT, _PATH, _CUBE, _BOX = "#d97706", "#2563eb", "#059669", "#64748b"
-_GROUND = -0.1  # m: nothing is drawn below
+_GROUND = -0.1  # m, lower limit of what is drawn
 _EDGES = [
     (a, b)
     for a, b in combinations(product((-0.5, 0.5), repeat=3), 2)
@@ -27,7 +27,7 @@ _EDGES = [
 
 
 def limited_space(arm: Arm, scene: Scene, cube: Cube, trajectories: Sequence[Trajectory]) -> Figure:
-    """The cube, every point in it, and the robot at some of them (Figure 5.1)."""
+    """The cube with all points, and the robot at some of them (thesis Figure 5.1)."""
     figure = Figure(figsize=(11, 5))
     axes: Any = figure.add_subplot(1, 2, 1, projection="3d")
     first = trajectories[0].waypoints
@@ -39,18 +39,18 @@ def limited_space(arm: Arm, scene: Scene, cube: Cube, trajectories: Sequence[Tra
     axes.scatter(*positions.T, s=1.5, color=_PATH, alpha=0.5)
     _frame(axes, f"{len(trajectories)} trajectories, {len(positions)} points")
     zoomed: Any = figure.add_subplot(1, 2, 2, projection="3d")
-    way = forward_kinematics(arm, dense_path(first, np.radians(2)))[0]
-    zoomed.plot(*way.T, color=_PATH, linewidth=0.8)
+    path = forward_kinematics(arm, dense_path(first, np.radians(2)))[0]
+    zoomed.plot(*path.T, color=_PATH, linewidth=0.8)
     zoomed.scatter(*forward_kinematics(arm, first)[0].T, s=14, facecolors="none", edgecolors="black")
     _draw_cube(zoomed, cube)
-    zoomed.set(title=f"{trajectories[0].name}: points and PTP ways", xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
+    zoomed.set(title=f"{trajectories[0].name}: points and PTP paths", xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
     zoomed.set_box_aspect((1, 1, 1))
     figure.tight_layout()
     return figure
 
 
 def all_space(arm: Arm, scene: Scene, trajectories: Sequence[Trajectory]) -> Figure:
-    """The collision boxes, the robot in random poses, and where its flange goes (Figure 5.2)."""
+    """The collision boxes, the robot in random poses, and the paths of its flange (thesis Figure 5.2)."""
     figure = Figure(figsize=(11, 5))
     axes: Any = figure.add_subplot(1, 2, 1, projection="3d")
     _draw_scene(axes, scene)
@@ -60,16 +60,16 @@ def all_space(arm: Arm, scene: Scene, trajectories: Sequence[Trajectory]) -> Fig
     paths: Any = figure.add_subplot(1, 2, 2, projection="3d")
     _draw_scene(paths, scene, alpha=0.05)
     for trajectory in trajectories[:12]:
-        way = forward_kinematics(arm, dense_path(trajectory.waypoints, np.radians(3)))[0]
-        paths.plot(*way.T, linewidth=0.6, alpha=0.7)
+        path = forward_kinematics(arm, dense_path(trajectory.waypoints, np.radians(3)))[0]
+        paths.plot(*path.T, linewidth=0.6, alpha=0.7)
     points = sum(len(t.waypoints) - 1 for t in trajectories)
-    _frame(paths, f"flange ways of {min(12, len(trajectories))} of {len(trajectories)} trajectories, {points} points")
+    _frame(paths, f"flange paths of {min(12, len(trajectories))} of {len(trajectories)} trajectories, {points} points")
     figure.tight_layout()
     return figure
 
 
 def blending(arm: Arm, trajectory: Trajectory, executed: Floats) -> Figure:
-    """Straight PTP ways between the points against the executed, blended path (Figure 5.3)."""
+    """PTP paths without blending, and the executed path with blending (thesis Figure 5.3)."""
     figure = Figure(figsize=(6, 5))
     axes: Any = figure.add_subplot(projection="3d")
     straight = forward_kinematics(arm, dense_path(trajectory.waypoints, np.radians(2)))[0]
@@ -83,15 +83,15 @@ def blending(arm: Arm, trajectory: Trajectory, executed: Floats) -> Figure:
 
 
 def two_executions(names: Sequence[str], executions: Sequence[Floats], rate: float) -> Figure:
-    """Joint angles of one trajectory executed twice with random blending and speed (Figure 5.4)."""
+    """Joint angles of a trajectory executed twice with random blending and speed (thesis Figure 5.4)."""
     axes_count = executions[0].shape[1]
     figure = Figure(figsize=(10, 1.25 * axes_count + 0.6))
     panels: Any = figure.subplots(axes_count, 1, sharex=True, squeeze=False)[:, 0]
     for axis, panel in enumerate(panels):
         for number, (q, colour) in enumerate(zip(executions, (_PATH, _ROBOT), strict=True), start=1):
-            name = f"execution {number}"
-            panel.plot(np.arange(len(q)) / rate, np.degrees(q[:, axis]), color=colour, linewidth=1, label=name)
-        panel.set_ylabel(f"{names[axis]} [°]", fontsize=8)
+            label = f"execution {number}"
+            panel.plot(np.arange(len(q)) / rate, np.degrees(q[:, axis]), color=colour, linewidth=1, label=label)
+        panel.set_ylabel(f"angle {names[axis]} [°]", fontsize=8)
         panel.grid(alpha=0.3)
     panels[0].legend(fontsize=8, ncol=2, loc="upper right")
     panels[-1].set_xlabel("time [s]")
@@ -106,8 +106,8 @@ def _draw_robot(axes: Any, arm: Arm, q: Floats, alpha: float) -> None:
 
 def _draw_cube(axes: Any, cube: Cube) -> None:
     centre = np.array(cube.centre)
-    for one, other in _EDGES:
-        axes.plot(*(centre + cube.edge * np.array([one, other])).T, color=_CUBE, linewidth=1)
+    for start, end in _EDGES:
+        axes.plot(*(centre + cube.edge * np.array([start, end])).T, color=_CUBE, linewidth=1)
 
 
 def _draw_scene(axes: Any, scene: Scene, alpha: float = 0.18) -> None:
@@ -129,7 +129,7 @@ def _faces(box: Box) -> list[Floats]:
             corners[:, axis] = side
             corners[:, others] = [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]
             face = np.array(box.centre) + (corners * box.size) @ turn.T
-            face[:, 2] = np.maximum(face[:, 2], _GROUND)  # of solid tables and floors the top will do
+            face[:, 2] = np.maximum(face[:, 2], _GROUND)  # the top of a solid table or floor is enough
             faces.append(face)
     return faces
 

@@ -1,1 +1,1 @@
-"""Trained models on disk: format, restoring, remembered recordings, envelope."""
+"""Trained models on disk: file format, restoring, reference recordings, envelope."""

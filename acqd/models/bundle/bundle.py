@@ -1,4 +1,4 @@
-"""A trained model as a directory: bundle.json says everything about it, weights.safetensors holds its arrays."""
+"""A trained model as a folder: metadata in bundle.json, arrays in weights.safetensors."""
 
 from __future__ import annotations
 
@@ -24,26 +24,26 @@ Arrays: TypeAlias = dict[str, NDArray[Any]]
 
 @dataclass(frozen=True, slots=True)
 class Bundle:
-    """What was read from disk, or is to be written."""
+    """Contents of a bundle, read from disk or to be written."""
 
     metadata: dict[str, Any]
     """kind, name, robot, axes, step_s, units, architecture, normalisation, envelope, metrics, provenance."""
     arrays: Arrays
     reference: Arrays | None = None
-    """Recordings to remember (see models.reference); None when read, or to keep none."""
+    """Reference recordings (see `bundle.reference`) to be written; None: none. They are not read with a bundle."""
 
 
 def require_free(path: Path) -> None:
-    """A place where a bundle may be written: nothing, an empty folder or a bundle. Raises UserError."""
+    """Raise UserError unless a bundle may be written to `path`: nothing there, an empty folder or a bundle."""
     if path.exists() and not is_bundle(path) and not (path.is_dir() and not any(path.iterdir())):
-        raise UserError(f"{path} exists and is no bundle: it would be lost; choose another --out")
-    parent = next(each for each in path.absolute().parents if each.exists())
+        raise UserError(f"{path} exists and is not a bundle: it would be overwritten; choose another --out")
+    parent = next(folder for folder in path.absolute().parents if folder.exists())
     if not parent.is_dir() or not os.access(parent, os.W_OK):
-        raise UserError(f"{path}: {parent} is no folder that can be written to; choose another --out")
+        raise UserError(f"{path}: {parent} is not a writable folder; choose another --out")
 
 
 def save_bundle(path: Path, bundle: Bundle) -> None:
-    """Write a directory at once; a bundle that is there is replaced. Raises UserError, OperationError."""
+    """Write a bundle completely or not at all; an existing bundle is replaced. Raises UserError, OperationError."""
     require_free(path)
     contiguous = {name: np.ascontiguousarray(array) for name, array in bundle.arrays.items()}
     weights = save(contiguous)
@@ -58,29 +58,30 @@ def save_bundle(path: Path, bundle: Bundle) -> None:
 
 
 def load_bundle(path: Path) -> Bundle:
-    """Read a directory. Raises InputError."""
+    """Read a bundle without its reference recordings. Raises InputError."""
     file = path / "bundle.json"
     try:
         metadata = orjson.loads(file.read_bytes())
     except FileNotFoundError:
-        raise InputError(path, "is no bundle: it has no bundle.json; acqd train makes one") from None
+        raise InputError(path, "is not a bundle: it has no bundle.json; acqd train writes bundles") from None
     except (OSError, orjson.JSONDecodeError) as error:
         raise InputError(file, f"is damaged ({error}); train the model again, or copy the bundle again") from None
     if not isinstance(metadata, dict) or metadata.get("format") != FORMAT:
-        raise InputError(file, f"has another format than {FORMAT}; it was written by another version of acqd")
+        raise InputError(file, f"has another format than {FORMAT}: it is from another version of acqd")
     file = path / "weights.safetensors"
     try:
         weights = file.read_bytes()
         arrays = load(weights)
     except (OSError, SafetensorError) as error:
         raise InputError(file, f"cannot be read ({error}); copy the bundle again") from None
-    if metadata.get("weights_sha256") not in (None, hashlib.sha256(weights).hexdigest()):  # None: of an earlier version
-        raise InputError(file, "is not what bundle.json was written with; copy the bundle again")
+    # bundles of earlier versions have no hash
+    if metadata.get("weights_sha256") not in (None, hashlib.sha256(weights).hexdigest()):
+        raise InputError(file, "does not match the hash in bundle.json; copy the bundle again")
     return Bundle(metadata, arrays)
 
 
 def fingerprint(path: Path) -> str:
-    """SHA-256 of what a bundle predicts with: another fit, or another effect, is another one."""
+    """SHA-256 of bundle.json and weights.safetensors: it changes with every fit and every added effect."""
     digest = hashlib.sha256()
     for name in ("bundle.json", "weights.safetensors"):
         digest.update((path / name).read_bytes())
@@ -88,5 +89,5 @@ def fingerprint(path: Path) -> str:
 
 
 def is_bundle(path: Path) -> bool:
-    """Whether a path looks like one."""
+    """Whether the folder `path` contains a bundle.json."""
     return (path / "bundle.json").is_file()

@@ -1,4 +1,4 @@
-"""What a model has seen in training, so that predictions beyond it can be flagged."""
+"""Range of motion in the training data, to flag predictions outside it."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ from acqd.models.features import motion
 if TYPE_CHECKING:
     from acqd.models.segments import Segment
 
-_SLACK = 0.05  # of a range's width: a hair's breadth outside is still inside
+_SLACK = 0.05  # of the width of a range: tolerance on either side
 _NAMES = ("q_rad", "qd_rad_s", "qdd_rad_s2")
 
 
 @dataclass(frozen=True, slots=True)
 class Envelope:
-    """Ranges per axis."""
+    """Lowest and highest angle, velocity and acceleration per axis."""
 
     low: Floats
-    """[3, axes]: q, qd, qdd."""
+    """[3, axes]: q rad, qd rad/s, qdd rad/s^2."""
     high: Floats
     """[3, axes]."""
 
     @classmethod
     def of(cls, segments: list[Segment], step_s: float) -> Envelope:
-        """Of training data."""
-        seen = [np.concatenate(parts) for parts in zip(*(motion(s.q, step_s) for s in segments), strict=True)]
-        return cls(np.array([each.min(axis=0) for each in seen]), np.array([each.max(axis=0) for each in seen]))
+        """Ranges of training segments."""
+        moved = [np.concatenate(parts) for parts in zip(*(motion(s.q, step_s) for s in segments), strict=True)]
+        return cls(np.array([x.min(axis=0) for x in moved]), np.array([x.max(axis=0) for x in moved]))
 
     def outside(self, q: Floats, step_s: float) -> NDArray[np.bool_]:
-        """[T]: rows whose angle, velocity or acceleration lies beyond what was seen."""
+        """[T], True for rows of `q` [T, axes] rad with an angle, velocity or acceleration outside the ranges."""
         slack = _SLACK * (self.high - self.low) + 1e-9
         rows = np.zeros(len(q), dtype=bool)
         for order, values in enumerate(motion(q, step_s)):
@@ -42,10 +42,10 @@ class Envelope:
         return rows
 
     def as_json(self) -> dict[str, Any]:
-        """For bundle.json."""
+        """The entry of bundle.json."""
         return {n: {"low": self.low[k].tolist(), "high": self.high[k].tolist()} for k, n in enumerate(_NAMES)}
 
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> Envelope:
-        """Back from bundle.json."""
+        """The inverse of `as_json`."""
         return cls(np.array([data[n]["low"] for n in _NAMES]), np.array([data[n]["high"] for n in _NAMES]))

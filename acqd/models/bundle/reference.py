@@ -1,7 +1,7 @@
-"""The recordings that a bundle remembers: what the model's residual was when it was made.
+"""Reference recordings in a bundle: rows on which the residual of the new model can be computed again later.
 
-Whoever asks later what has changed compares with these rows, not with a number: the same physics is fitted to
-both, and what both lack cancels.
+`acqd close-loop` fits the same effects to these rows and to new recordings. What the model lacks on both cancels,
+so that only what has changed since the training counts.
 """
 
 from __future__ import annotations
@@ -17,44 +17,44 @@ from acqd.errors import InputError
 from acqd.models.bundle.bundle import REFERENCE, Arrays
 from acqd.models.segments import Segment
 
-_MOST_ROWS = 60_000  # 40 minutes: a few MB
+_MAX_ROWS = 60_000  # 40 minutes: a few MB
 _SIGNALS = ("brake", "tool")
 
 
 def reference_arrays(segments: list[Segment]) -> Arrays:
-    """Whole recordings as arrays, held-out ones first, up to 40 minutes; every source has its turn."""
-    order = sorted(range(len(segments)), key=lambda k: (segments[k].split == "train", _turn(segments, k)))
+    """Up to 40 minutes of whole segments as arrays: held-out ones first, taking the sources in turn."""
+    by_turn = sorted(range(len(segments)), key=lambda k: (segments[k].split == "train", _turn(segments, k)))
     chosen: list[Segment] = []
     rows = 0
-    for k in order:
-        if rows + len(segments[k].P) <= _MOST_ROWS or not chosen:
+    for k in by_turn:
+        if rows + len(segments[k].P) <= _MAX_ROWS or not chosen:
             chosen.append(segments[k])
             rows += len(segments[k].P)
-    found: Arrays = {
-        "rows": np.array([len(each.P) for each in chosen]),
-        "start_s": np.array([each.start_s for each in chosen]),
+    arrays: Arrays = {
+        "rows": np.array([len(s.P) for s in chosen]),
+        "start_s": np.array([s.start_s for s in chosen]),
         "names": np.frombuffer("\n".join(f"{s.recording}\t{s.source}\t{s.split}" for s in chosen).encode(), np.uint8),
-        "q": np.concatenate([each.q for each in chosen]).astype(np.float32),
-        "P": np.concatenate([each.P for each in chosen]).astype(np.float32),
+        "q": np.concatenate([s.q for s in chosen]).astype(np.float32),
+        "P": np.concatenate([s.P for s in chosen]).astype(np.float32),
     }
     for name in _SIGNALS:
-        if all(name in each.signals for each in chosen):
-            found[f"signal.{name}"] = np.concatenate([each.signals[name] for each in chosen]).astype(np.float32)
+        if all(name in s.signals for s in chosen):
+            arrays[f"signal.{name}"] = np.concatenate([s.signals[name] for s in chosen]).astype(np.float32)
     for name in ("Vrms", "current", "temperature"):
-        if all(name in each.channels for each in chosen):
-            found[f"channel.{name}"] = np.concatenate([each.channels[name] for each in chosen]).astype(np.float32)
-    if all(each.tau is not None for each in chosen):
-        found["tau"] = np.concatenate([each.tau for each in chosen if each.tau is not None]).astype(np.float32)
-    return found
+        if all(name in s.channels for s in chosen):
+            arrays[f"channel.{name}"] = np.concatenate([s.channels[name] for s in chosen]).astype(np.float32)
+    if all(s.tau is not None for s in chosen):
+        arrays["tau"] = np.concatenate([s.tau for s in chosen if s.tau is not None]).astype(np.float32)
+    return arrays
 
 
 def _turn(segments: list[Segment], k: int) -> int:
-    """How many earlier recordings are of the same source."""
+    """Number of earlier segments of the same source."""
     return sum(1 for other in segments[:k] if other.source == segments[k].source)
 
 
 def load_reference(bundle: Path) -> list[Segment]:
-    """What the bundle remembers; nothing for one that does not. Raises InputError."""
+    """The reference recordings of a bundle; empty for a bundle without any. Raises InputError."""
     path = bundle / REFERENCE
     if not path.exists():
         return []
@@ -68,7 +68,7 @@ def load_reference(bundle: Path) -> list[Segment]:
 def _segments(arrays: Arrays) -> list[Segment]:
     names = arrays["names"].tobytes().decode().split("\n")
     ends = np.cumsum(arrays["rows"])
-    found = []
+    segments = []
     for k, (name, end) in enumerate(zip(names, ends, strict=True)):
         recording, source, split = name.split("\t")
         rows = slice(int(end - arrays["rows"][k]), int(end))
@@ -76,7 +76,7 @@ def _segments(arrays: Arrays) -> list[Segment]:
         def part(values: Floats, rows: slice = rows) -> Floats:
             return np.asarray(values[rows], dtype=np.float64)
 
-        found.append(
+        segments.append(
             Segment(
                 recording,
                 source,
@@ -90,4 +90,4 @@ def _segments(arrays: Arrays) -> list[Segment]:
                 {key.removeprefix("channel."): part(a) for key, a in arrays.items() if key.startswith("channel.")},
             )
         )
-    return found
+    return segments

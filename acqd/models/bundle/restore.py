@@ -1,4 +1,4 @@
-"""A bundle as something that predicts."""
+"""Predictors from bundles."""
 
 from __future__ import annotations
 
@@ -19,41 +19,41 @@ from acqd.models.predictor import Predictor
 
 
 def open_model(path: Path) -> tuple[Bundle, Predictor]:
-    """The bundle and its predictor. Raises InputError."""
+    """Read a bundle and make its predictor. Raises InputError."""
     bundle = load_bundle(path)
     try:
         model = restore(bundle)
-        _try_out(model)
+        _check(model)
         return bundle, model
     except (KeyError, ValueError, TypeError, IndexError, UserError) as error:
         reason = f"{type(error).__name__}: {error}" if not isinstance(error, UserError) else str(error)
         raise InputError(path, f"does not hold what its kind of model needs ({reason}); train it again") from None
 
 
-def _try_out(model: Predictor) -> None:
-    """Arrays of a wrong shape show when they are used. Raises ValueError, IndexError."""
+def _check(model: Predictor) -> None:
+    """Predict a few rows: arrays of a wrong shape raise ValueError or IndexError."""
     if not 0 < model.step_s < 3600:
-        raise ValueError(f"rows of {model.step_s} s")
+        raise ValueError(f"a step of {model.step_s} s")
     rows = 2 * model.radius + 3
     signals = np.tile(model.usual_signals(), (rows, 1))
     if signals.shape[1] != len(model.signals):
-        raise ValueError(f"{signals.shape[1]} usual values of {len(model.signals)} signals")
+        raise ValueError(f"{signals.shape[1]} usual values for {len(model.signals)} signals")
     if not np.isfinite(model.sequence(np.zeros((rows, model.axes)), signals)).all():
-        raise ValueError("numbers that are not finite")
+        raise ValueError("its predictions are not finite")
 
 
 def restore(bundle: Bundle) -> Predictor:
-    """By the kind that bundle.json names, with the effects that were added."""
+    """The predictor of a bundle, with its added effects. Raises UserError, KeyError, ValueError."""
     base = _base(bundle)
-    terms = [Term.from_json(each) for each in bundle.metadata.get("effects", [])]
+    terms = [Term.from_json(effect) for effect in bundle.metadata.get("effects", [])]
     return Augmented(base, carrier_of(bundle, base), terms) if terms else base
 
 
 def carrier_of(bundle: Bundle, base: Predictor) -> GreyBox:
-    """The grey box whose torques effects act on: the one beside a network, or the base itself. Raises ValueError."""
+    """The grey box on whose torques added effects act: a network's carrier, or `base` itself. Raises ValueError."""
     if "carrier" in bundle.metadata:
-        own = {name.removeprefix("carrier."): a for name, a in bundle.arrays.items() if name.startswith("carrier.")}
-        return restore_grey_box(bundle.metadata | bundle.metadata["carrier"], own)
+        arrays = {name.removeprefix("carrier."): a for name, a in bundle.arrays.items() if name.startswith("carrier.")}
+        return restore_grey_box(bundle.metadata | bundle.metadata["carrier"], arrays)
     if isinstance(base, GreyBox):
         return base
     raise ValueError("effects without a grey box to act on")
@@ -68,13 +68,13 @@ def _base(bundle: Bundle) -> Predictor:
     if metadata["kind"] != "network":
         raise UserError(f"unknown kind of model {metadata['kind']!r}")
     chosen = architecture(metadata["architecture"]["name"])
-    theta = np.asarray(arrays["theta"], dtype=np.float32)
-    if len(theta) != chosen.learnables(metadata["axes"]):
-        raise UserError(f"{len(theta)} learnables where {chosen.name} has {chosen.learnables(metadata['axes'])}")
+    parameters = np.asarray(arrays["theta"], dtype=np.float32)
+    if len(parameters) != chosen.learnables(metadata["axes"]):
+        raise UserError(f"{len(parameters)} learnables where {chosen.name} has {chosen.learnables(metadata['axes'])}")
     return NetworkPredictor(
         chosen,
         int(metadata["axes"]),
         float(metadata["step_s"]),
-        theta,
+        parameters,
         Normalisation.from_json(metadata["normalisation"]),
     )

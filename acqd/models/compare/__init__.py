@@ -1,1 +1,1 @@
-"""Models beside each other on the same held-out recordings (thesis chapter 8)."""
+"""Comparison of models on the same held-out recordings (thesis chapter 8)."""

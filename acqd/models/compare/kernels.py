@@ -1,4 +1,4 @@
-"""Learned convolution kernels beside known ones: shape and frequency response (what the thesis left open)."""
+"""Learned convolution kernels compared with known differentiators: shape and frequency response."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ _FREQUENCIES = 256
 
 
 def difference_of_gaussian(length: int) -> Floats:
-    """[length] first derivative of a Gaussian, norm 1 (Eq. 7.18); for length 3 the centred difference."""
+    """First derivative of a Gaussian [length], norm 1 (thesis Eq. 7.18); for length 3 the central difference."""
     t = np.arange(length) - length // 2
     kernel = t * np.exp(-(t**2) / (2 * (length / 5) ** 2))
     return np.asarray(kernel / np.linalg.norm(kernel))
 
 
 def laplacian_of_gaussian(length: int) -> Floats:
-    """[length] second derivative of a Gaussian, without mean, norm 1 (Eq. 7.19)."""
+    """Second derivative of a Gaussian [length], zero mean, norm 1 (thesis Eq. 7.19)."""
     t = np.arange(length) - length // 2
     spread = (length / 5) ** 2
     kernel = (t**2 / spread - 1) * np.exp(-(t**2) / (2 * spread))
@@ -28,7 +28,7 @@ def laplacian_of_gaussian(length: int) -> Floats:
 
 
 def response(kernel: Floats, step_s: float) -> tuple[Floats, Floats]:
-    """Frequency [Hz] and magnitude of the response."""
+    """Frequency [Hz] and magnitude of the frequency response, up to half the sampling rate."""
     f = np.linspace(0, 0.5 / step_s, _FREQUENCIES)
     t = (np.arange(len(kernel)) - len(kernel) // 2) * step_s
     return f, np.abs(np.exp(-2j * np.pi * np.outer(f, t)) @ kernel)
@@ -36,26 +36,27 @@ def response(kernel: Floats, step_s: float) -> tuple[Floats, Floats]:
 
 @dataclass(frozen=True, slots=True)
 class Likeness:
-    """Shares of a kernel's energy."""
+    """Shares of a kernel's squared norm along three orthogonal reference kernels."""
 
     smoothing: float
-    """In its mean."""
+    """Along the constant kernel."""
     first: float
-    """Along the difference of Gaussian."""
+    """Along the difference of Gaussian (DoG)."""
     second: float
-    """Along the Laplacian of Gaussian."""
+    """Along the Laplacian of Gaussian (LoG)."""
     rest: float
+    """Along none of them."""
 
     @property
     def name(self) -> str:
-        """What it is most like, if that is more than half of it."""
+        """Quantity that the kernel computes by more than half of its squared norm, else "mixed"."""
         shares = {"angle": self.smoothing, "velocity": self.first, "acceleration": self.second}
         best = max(shares, key=lambda name: shares[name])
         return best if shares[best] > 0.5 else "mixed"
 
 
 def likeness(kernel: Floats) -> Likeness:
-    """The three references are orthogonal: constant, odd, even without mean."""
+    """Project a kernel on the references, which are orthogonal: constant, odd, and even with zero mean."""
     total = float(kernel @ kernel) or 1.0
     length = len(kernel)
     flat = np.full(length, 1 / np.sqrt(length))

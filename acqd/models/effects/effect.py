@@ -21,7 +21,7 @@ Detector = Literal["", "ripple", "rhythm", "bursts", "contact"]
 
 
 class Effect(ABC):
-    """A physical effect that a model may lack. A new effect is a new class in a file of its own in `catalogue`."""
+    """A physical effect that a model may lack. A new effect is a new class in a new file in `catalogue`."""
 
     id: ClassVar[str]
     """Name in reports, bundles and FMUs; also the name of the file."""

@@ -1,4 +1,4 @@
-"""Grey boxes in and out of bundles."""
+"""Training of grey boxes, and their entries in bundles."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from acqd.errors import UserError
 from acqd.models.bundle.bundle import Arrays
-from acqd.models.config import Made, Progress, TrainConfig
+from acqd.models.config import Progress, TrainConfig, TrainedModel
 from acqd.models.greybox.model import TERMS, GreyBox
 from acqd.models.greybox.parameters import Layout, table
 from acqd.robot.description import load_description
@@ -19,33 +19,35 @@ if TYPE_CHECKING:
     from acqd.models.segments import Dataset
 
 
-def make_grey_box(order: TrainConfig, data: Dataset, progress: Progress) -> Made:
-    """Fit one."""
-    fit = fitted(order, data, progress)
-    metadata = describe(fit) | ({"withheld": list(order.withheld)} if order.withheld else {})
-    return Made("grey_box", fit.model, metadata, arrays_of(fit.model), "Gauss-Newton")
+def train_grey_box(config: TrainConfig, data: Dataset, progress: Progress) -> TrainedModel:
+    """Fit a grey box. Raises UserError."""
+    fit = fitted(config, data, progress)
+    metadata = describe(fit) | ({"withheld": list(config.withheld)} if config.withheld else {})
+    return TrainedModel("grey_box", fit.model, metadata, arrays_of(fit.model), "Gauss-Newton")
 
 
-def fitted(order: TrainConfig, data: Dataset, progress: Progress) -> Fit:
-    """The fit alone."""
-    from acqd.models.greybox.fit import fit_grey_box  # needs a robot library; predicting does not
+def fitted(config: TrainConfig, data: Dataset, progress: Progress) -> Fit:
+    """The fit of a grey box with its covariance. Raises UserError when robot and dataset differ in axes."""
+    from acqd.models.greybox.fit import fit_grey_box  # needs pinocchio, which prediction does not
 
-    robot = load_description(order.robot or data.description)
+    robot = load_description(config.robot or data.description)
     if robot.axes != data.axes:
-        raise UserError(f"{order.dataset}: has {data.axes} axes, {robot.name} has {robot.axes}; name its own --robot")
-    training = data.part("train", order.kinds)
+        raise UserError(
+            f"{config.dataset}: has {data.axes} axes, {robot.name} has {robot.axes}; choose another --robot"
+        )
+    training = data.part("train", config.kinds)
     return fit_grey_box(
         robot,
         training,
         data.step_s,
-        order.seed,
+        config.seed,
         lambda share: progress("fitting the grey box", share, float("nan")),
-        order.withheld,
+        config.withheld,
     )
 
 
 def describe(fit: Fit) -> dict[str, Any]:
-    """What bundle.json says of the parameters."""
+    """Terms, signals and parameters for bundle.json."""
     return {
         "terms": [*TERMS, "signals", "standby"],
         "signals": list(fit.model.signals),
@@ -55,7 +57,7 @@ def describe(fit: Fit) -> dict[str, Any]:
 
 
 def arrays_of(model: GreyBox) -> Arrays:
-    """For weights.safetensors."""
+    """Arrays for weights.safetensors."""
     return {
         "parameters": model.values,
         "chain_xyz": model.chain.xyz,
@@ -67,15 +69,15 @@ def arrays_of(model: GreyBox) -> Arrays:
 
 
 def restore(metadata: dict[str, Any], arrays: Arrays) -> GreyBox:
-    """Back from a bundle."""
+    """The grey box of a bundle. Raises KeyError or ValueError when an array is missing or has a wrong shape."""
     chain = Chain(arrays["chain_xyz"], arrays["chain_rotation"], arrays["chain_axis"], arrays["chain_tip"])
     layout = Layout(int(metadata["axes"]), tuple(metadata["signals"]))
     values = np.asarray(arrays["parameters"], dtype=np.float64)
     if len(values) != layout.size or len(chain.xyz) != layout.axes:
         raise ValueError(
-            f"{len(values)} parameters and {len(chain.xyz)} joints where {layout.size} and {layout.axes} belong"
+            f"{len(values)} parameters and {len(chain.xyz)} joints, expected {layout.size} and {layout.axes}"
         )
     shapes = [chain.xyz.shape, chain.rotation.shape, chain.axis.shape, chain.tip.shape]
     if shapes != [(layout.axes, 3), (layout.axes, 3, 3), (layout.axes, 3), (2, 3)]:
-        raise ValueError(f"a chain of shapes {shapes}")
+        raise ValueError(f"a kinematic chain of shapes {shapes}")
     return GreyBox(chain, layout, values, float(metadata["step_s"]), arrays["usual_signals"])

@@ -1,10 +1,10 @@
-"""Power of an arm as a sum of physical terms, each of them addressable.
+"""Power of an arm as a sum of physical terms, each accessible by name.
 
     P = standby + signals + lag{ on [gain (rigid body + rotors + Coulomb + viscous) + copper + conduction] }
 
-Motor torque is that of the rigid body, the rotors and friction together; copper loss goes with its square, the
-inverters' conduction loss with its magnitude. The lag is the supply's, first order. `on` is the brake signal, where
-there is one: while the brakes are closed, they hold the arm and the drives carry nothing.
+The motor torque is the sum of rigid-body, rotor and friction torque. Copper loss is proportional to its square, the
+conduction loss of the inverters to its magnitude. The supply is a first-order lag. `on` is the brake signal, where it
+was logged: closed brakes hold the arm, and the drives carry nothing.
 """
 
 from __future__ import annotations
@@ -22,29 +22,30 @@ from acqd.models.predictor import Predictor
 from acqd.robot.newton_euler import Chain, joint_torque
 
 SIGN_SPEED = 0.02
-"""rad/s within which dry friction turns round."""
-SMALL_TORQUE = 0.5  # Nm within which the magnitude of a torque is rounded off
+"""Speed in rad/s over which Coulomb friction changes its sign."""
+SMALL_TORQUE = 0.5
+"""Torque in Nm below which the magnitude of a torque is smoothed."""
 TERMS = ("rigid_body", "rotor", "coulomb", "viscous", "copper", "conduction")
 
 
 def direction(qd: Floats) -> Floats:
-    """Sign of the speed, smooth through standstill."""
+    """Sign of the speed qd [rad/s], smoothed around standstill."""
     return np.asarray(np.tanh(qd / SIGN_SPEED))
 
 
 def magnitude(tau: Floats) -> Floats:
-    """|tau|, smooth through zero."""
+    """|tau| in Nm, smoothed around zero."""
     return np.asarray(np.sqrt(tau * tau + SMALL_TORQUE**2) - SMALL_TORQUE)
 
 
 def lag_filter(lag_s: float, step_s: float) -> tuple[Floats, Floats]:
-    """First-order lag by the trapezoidal rule: b, a."""
+    """Coefficients b, a of a first-order lag (bilinear transform)."""
     c = 2 * lag_s / step_s
     return np.array([1.0, 1.0]) / (1 + c), np.array([1.0, (1 - c) / (1 + c)])
 
 
 def lagged(values: Floats, lag_s: float, step_s: float) -> Floats:
-    """Behind the lag, along the first axis, from rest at the first row."""
+    """`values` behind a first-order lag along the first axis, in steady state at the first row."""
     b, a = lag_filter(lag_s, step_s)
     out, _ = lfilter(b, a, values, axis=0, zi=values[:1] * (1 - b[0]))
     return np.asarray(out)
@@ -53,12 +54,13 @@ def lagged(values: Floats, lag_s: float, step_s: float) -> Floats:
 @dataclass(slots=True)
 class _State:
     before: float | None = None
-    """Sum of the terms one row ago."""
+    """W, sum of the undelayed terms one row ago."""
     lagged: float = 0.0
+    """W, the same sum behind the lag."""
 
 
 class GreyBox(Predictor):
-    """See the module."""
+    """The sum of terms above, with its parameters [p] in `values`."""
 
     radius = 1
 
@@ -70,30 +72,30 @@ class GreyBox(Predictor):
         self._usual = np.zeros(len(layout.signals)) if usual_signals is None else usual_signals
 
     def usual_signals(self) -> Floats:
-        """See Predictor."""
+        """Medians of the training data."""
         return self._usual
 
     def group(self, name: str) -> Floats:
-        """Values of a parameter group."""
+        """Values of a parameter group (see `Layout.place`)."""
         return self.values[self.layout.place(name)]
 
     def terms(self, q: Floats, signals: Floats) -> dict[str, Floats]:
-        """[T] W of each term at the mains, for angles [T + 2, axes]; they add up to the prediction."""
-        found = {name: lagged(value, self._lag, self.step_s) for name, value in self._undelayed(q, signals).items()}
-        found["signals"] = signals @ self.group("signals")
-        found["standby"] = np.full(len(signals), self.group("standby")[0])
-        return found
+        """Mains power [T] W of each term, of angles [T + 2, axes] and signals [T, k]; the sum is the prediction."""
+        terms = {name: lagged(value, self._lag, self.step_s) for name, value in self._undelayed(q, signals).items()}
+        terms["signals"] = signals @ self.group("signals")
+        terms["standby"] = np.full(len(signals), self.group("standby")[0])
+        return terms
 
     def run(self, q: Floats, signals: Floats) -> Floats:
-        """See Predictor."""
+        """The sum of all terms."""
         return np.sum(list(self.terms(q, signals).values()), axis=0)  # type: ignore[no-any-return]
 
     def start(self) -> _State:
-        """See Predictor."""
+        """The lag is in steady state at the first row."""
         return _State()
 
     def step(self, state: _State, window: Floats, signals: Floats) -> float:
-        """See Predictor."""
+        """One row of the terms, behind the lag."""
         now = float(sum(value[0] for value in self._undelayed(window, signals[None]).values()))
         if state.before is None:
             state.lagged = now
@@ -108,13 +110,13 @@ class GreyBox(Predictor):
         return float(self.group("lag")[0])
 
     def motor_torque(self, q: Floats, qd: Floats, qdd: Floats) -> tuple[Floats, Floats]:
-        """Of the rigid body, and at the motors (both at the output, [T, axes] Nm)."""
+        """Rigid-body torque and motor torque, both at the gear output [T, axes] Nm."""
         tau = joint_torque(self.chain, self.group("inertial"), q, qd, qdd)
         friction = self.group("coulomb") * direction(qd) + self.group("viscous") * qd
         return tau, tau + self.group("rotor") * qdd + friction
 
     def drives_on(self, signals: Mapping[str, Floats]) -> Floats | float:
-        """[T] share of each row in which the drives carry the arm; 1 for a model that was fitted without brakes."""
+        """Share [T] of each row in which the drives carry the arm; 1 for a model without a brake signal."""
         return signals["brake"] if "brake" in self.signals and "brake" in signals else 1.0
 
     def _undelayed(self, q: Floats, signals: Floats) -> dict[str, Floats]:
@@ -122,7 +124,7 @@ class GreyBox(Predictor):
         tau, motor = self.motor_torque(q[1:-1], qd, qdd)
         gain = self.group("gain")[0]
         on = self.drives_on(dict(zip(self.signals, signals.T, strict=True)))
-        found = {
+        powers = {
             "rigid_body": gain * (tau * qd).sum(axis=1),
             "rotor": gain * (qdd * qd) @ self.group("rotor"),
             "coulomb": gain * (direction(qd) * qd) @ self.group("coulomb"),
@@ -130,4 +132,4 @@ class GreyBox(Predictor):
             "copper": (motor * motor) @ self.group("copper"),
             "conduction": magnitude(motor) @ self.group("conduction"),
         }
-        return {name: on * power for name, power in found.items()}
+        return {name: on * power for name, power in powers.items()}

@@ -1,4 +1,4 @@
-"""Parameters of a grey box: names, units, bounds and what is known of them beforehand."""
+"""Parameters of a grey box: names, units, bounds and prior."""
 
 from __future__ import annotations
 
@@ -19,27 +19,20 @@ _PER_JOINT = {
     "copper": "W/Nm^2",
     "conduction": "W/Nm",
 }
-DENIABLE = {
-    "copper_loss": ("copper", "conduction"),
-    "coulomb_friction": ("coulomb",),
-    "viscous_friction": ("viscous",),
-    "mechanical_power": ("gain",),
-}
-"""Effects that a grey box can be denied for a trial, with their parameters."""
-_MASS_SPREAD = 0.25  # published parameter sets of one robot differ by so much
+_MASS_SPREAD = 0.25  # relative difference between published parameter sets of one robot
 _COM_SPREAD_M = 0.03
-_GAIN, _GAIN_SPREAD = 1.05, 0.05  # mains power per power at the joints; with torques logged it is measured
+_GAIN, _GAIN_SPREAD = 1.05, 0.05  # mains power per joint power; logged torques determine it much better
 
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Where each parameter lies in the flat vector; all powers are at the mains."""
+    """Positions of the parameters in the flat vector [p]. All powers are at the mains."""
 
     axes: int
     signals: tuple[str, ...]
 
     def place(self, group: str) -> slice:
-        """A group's slice: inertial, rotor, coulomb, viscous, copper, conduction, signals, standby, gain, lag."""
+        """Slice of a group: inertial, rotor, coulomb, viscous, copper, conduction, signals, standby, gain or lag."""
         first = 0
         for name, size in self._sizes().items():
             if name == group:
@@ -53,22 +46,22 @@ class Layout:
 
     @property
     def size(self) -> int:
-        """Parameters in all."""
+        """Number of parameters."""
         return sum(self._sizes().values())
 
     def names(self) -> list[tuple[str, str]]:
-        """Name and unit of each."""
-        found = [
+        """Name and unit of each parameter."""
+        names = [
             (f"{name}.link{k + 1}", unit)
             for k in range(self.axes)
             for name, unit in zip(INERTIAL, _INERTIAL_UNITS, strict=True)
         ]
-        found += [(f"{name}.joint{k + 1}", unit) for name, unit in _PER_JOINT.items() for k in range(self.axes)]
-        found += [(f"signal.{name}", "W") for name in self.signals]
-        return [*found, ("standby", "W"), ("gain", "-"), ("lag", "s")]
+        names += [(f"{name}.joint{k + 1}", unit) for name, unit in _PER_JOINT.items() for k in range(self.axes)]
+        names += [(f"signal.{name}", "W") for name in self.signals]
+        return [*names, ("standby", "W"), ("gain", "-"), ("lag", "s")]
 
     def lowest(self) -> Floats:
-        """What each parameter may not fall below."""
+        """Lower bounds [p]."""
         low = np.full(self.size, -np.inf)
         for group in _PER_JOINT:
             low[self.place(group)] = 0.0
@@ -79,14 +72,19 @@ class Layout:
 
 @dataclass(frozen=True, slots=True)
 class Prior:
-    """Independent normal beliefs: what data say nothing about stays where it was believed to be."""
+    """Independent normal prior. It holds the parameters that the data do not determine."""
 
     mean: Floats
+    """[p]."""
     deviation: Floats
+    """[p], infinite without prior knowledge."""
 
 
 def prior(layout: Layout, robot: RobotDescription, inertial: Floats, standby_W: float, step_s: float) -> Prior:
-    """From the description: inertial parameters [10 axes], drives; the rest wide open."""
+    """Prior from the robot description, its inertial parameters [10 axes] and a rough standby power.
+
+    Parameters that a description does not give get a wide deviation.
+    """
     mean, deviation = np.zeros(layout.size), np.full(layout.size, np.inf)
     mean[layout.place("inertial")] = inertial
     mass = inertial[::10]
@@ -112,7 +110,7 @@ def prior(layout: Layout, robot: RobotDescription, inertial: Floats, standby_W: 
 
 
 def table(layout: Layout, values: Floats, covariance: Floats) -> list[dict[str, Any]]:
-    """For bundle.json: name, value, unit, 95 % confidence interval."""
+    """Entries of bundle.json: name, value, unit and 95 % confidence interval of each parameter."""
     half = 1.96 * np.sqrt(np.maximum(np.diag(covariance), 0.0))
     return [
         {"name": name, "value": float(value), "unit": unit, "ci95": [float(value - width), float(value + width)]}

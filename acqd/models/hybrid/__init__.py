@@ -1,1 +1,1 @@
-"""A grey box, and a small network for what it leaves over."""
+"""A grey box and a small network that predicts its residual."""

@@ -1,4 +1,4 @@
-"""Power as physics says, plus what a small network has seen it get wrong."""
+"""A grey box plus a small network that predicts the residual of the grey box."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from acqd.models.predictor import Predictor
 
 @dataclass(frozen=True, slots=True)
 class Perceptron:
-    """One hidden layer of tanh; input normalised q, qd, qdd, output W."""
+    """Perceptron with one hidden tanh layer. Inputs: normalised q, qd, qdd; output: W."""
 
     W: Floats
     """[hidden, 3 axes]."""
@@ -26,18 +26,18 @@ class Perceptron:
     """[hidden] W."""
 
     def __call__(self, features: Floats) -> Floats:
-        """[T] W for features [T, 3 axes]."""
+        """Power [T] W of features [T, 3 axes]."""
         return np.asarray(np.tanh(features @ self.W.T + self.b) @ self.out)
 
 
 def residual_features(normal: Normalisation, q: Floats, step_s: float) -> Floats:
-    """[T, 3 axes] of angles [T + 2, axes]."""
+    """Normalised q, qd, qdd [T, 3 axes] of angles [T + 2, axes]."""
     qd, qdd = derivatives(q, step_s)
     return np.concatenate([normal.inputs(0, q[1:-1]), normal.inputs(1, qd), normal.inputs(2, qdd)], axis=1)
 
 
 class Hybrid(Predictor):
-    """See the module; the grey box's terms stay addressable."""
+    """Sum of a grey box (`grey`) and the network for its residual."""
 
     radius = 1
 
@@ -46,18 +46,18 @@ class Hybrid(Predictor):
         self.axes, self.step_s, self.signals = grey.axes, grey.step_s, grey.signals
 
     def usual_signals(self) -> Floats:
-        """See Predictor."""
+        """The grey box's usual signals."""
         return self.grey.usual_signals()
 
     def run(self, q: Floats, signals: Floats) -> Floats:
-        """See Predictor."""
+        """Grey box plus network."""
         return self.grey.run(q, signals) + self.network(residual_features(self.normal, q, self.step_s))
 
     def start(self) -> Any:
-        """See Predictor."""
+        """The grey box's state; the network has none."""
         return self.grey.start()
 
     def step(self, state: Any, window: Floats, signals: Floats) -> float:
-        """See Predictor."""
-        rest = self.network(residual_features(self.normal, window, self.step_s))
-        return self.grey.step(state, window, signals) + float(rest[0])
+        """Grey box plus network, for one row."""
+        correction = self.network(residual_features(self.normal, window, self.step_s))
+        return self.grey.step(state, window, signals) + float(correction[0])

@@ -15,7 +15,7 @@ Inputs = Literal["q", "q,qd", "q,qd,qdd", "frames"]
 
 @dataclass(frozen=True, slots=True)
 class Architecture:
-    """What the LSTM is fed with; LSTM(10) and head are the same for all."""
+    """Inputs of the LSTM. The LSTM(10) and the head behind it are the same in all eight."""
 
     name: str
     inputs: Inputs
@@ -28,15 +28,18 @@ class Architecture:
 
     @property
     def radius(self) -> int:
-        """Rows to either side that a row's features need."""
+        """Rows before and after a row that its features need."""
         return {"q": 0, "q,qd": 1, "q,qd,qdd": 1, "frames": self.length // 2}[self.inputs]
 
     def width(self, axes: int) -> int:
-        """Inputs of the LSTM."""
+        """Number of inputs of the LSTM."""
         return axes * (self.kernels or self.inputs.count(",") + 1)
 
     def shapes(self, axes: int) -> dict[str, tuple[int, ...]]:
-        """Learnable arrays in their order; gates in the order i, f, g, o; one bias per gate, as in MATLAB."""
+        """Shapes of the learnable arrays, in the order of the flat vector.
+
+        Gates are in the order i, f, g, o, with one bias per gate as in MATLAB.
+        """
         shapes: dict[str, tuple[int, ...]] = {}
         if self.kernels:
             shapes |= {"kernel": (self.kernels, self.length), "kernel_bias": (self.kernels,)}
@@ -59,8 +62,8 @@ class Architecture:
 
 
 ARCHITECTURES = {
-    each.name: each
-    for each in (
+    structure.name: structure
+    for structure in (
         Architecture("7x1dim", "q", betas=(0.99, 0.9)),
         Architecture("14x1dim", "q,qd"),
         Architecture("21x1dim", "q,qd,qdd"),
@@ -74,7 +77,7 @@ ARCHITECTURES = {
 
 
 def architecture(name: str) -> Architecture:
-    """By name. Raises UserError."""
+    """The structure of that name. Raises UserError."""
     if name not in ARCHITECTURES:
-        raise UserError(f"no network {name!r}; there are {', '.join(ARCHITECTURES)}")
+        raise UserError(f"no network {name!r}; the networks are {', '.join(ARCHITECTURES)}")
     return ARCHITECTURES[name]

@@ -1,4 +1,4 @@
-"""A training run on disk, so that one that was stopped goes on as if it had not been."""
+"""Checkpoints: an interrupted training run continues with the same result as an uninterrupted one."""
 
 from __future__ import annotations
 
@@ -11,29 +11,31 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 
 from acqd.models.networks.adam import Adam
-from acqd.models.networks.flat_parameters import Singles
+from acqd.models.networks.flat_parameters import Float32s
 
 
 @dataclass(slots=True)
 class Run:
-    """Everything that changes while training."""
+    """Everything that changes during training."""
 
-    theta: Singles
-    best: Singles
-    """The learnables that did best on validation."""
+    parameters: Float32s
+    """[p], at the present step."""
+    best: Float32s
+    """[p], with the lowest validation loss so far."""
     adam: Adam
     epoch: int = 0
-    """Epochs done."""
+    """Completed epochs."""
     best_loss: float = float("inf")
     """Mean squared normalised error on validation."""
     looks_since: int = 0
+    """Validations since the best one."""
     seconds: float = 0.0
     history: list[tuple[int, float, float]] = field(default_factory=list)
     """Epoch, training loss, validation loss."""
 
 
 def save_run(path: Path, run: Run, fingerprint: str) -> None:
-    """Replace the checkpoint at once."""
+    """Write the checkpoint; a reader sees the old file or the new one, never a part."""
     state = {
         "epoch": run.epoch,
         "best_loss": run.best_loss if run.best_loss < float("inf") else None,
@@ -43,23 +45,23 @@ def save_run(path: Path, run: Run, fingerprint: str) -> None:
         "history": run.history,
     }
     path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_suffix(".new")
-    arrays = {"theta": run.theta, "best": run.best, "mean": run.adam.mean, "square": run.adam.square}
-    save_file(arrays, beside, metadata={"state": orjson.dumps(state).decode(), "fingerprint": fingerprint})
-    os.replace(beside, path)
+    unfinished = path.with_suffix(".new")
+    arrays = {"theta": run.parameters, "best": run.best, "mean": run.adam.mean, "square": run.adam.square}
+    save_file(arrays, unfinished, metadata={"state": orjson.dumps(state).decode(), "fingerprint": fingerprint})
+    os.replace(unfinished, path)
 
 
 def load_run(path: Path, fingerprint: str) -> Run | None:
-    """The run to go on with; None when there is none, or it was of other data or settings."""
+    """The run to continue. None without a checkpoint, or when its fingerprint (data and settings) differs."""
     try:
         with safe_open(path, framework="numpy") as file:
-            about = file.metadata()
-            if about.get("fingerprint") != fingerprint:
+            metadata = file.metadata()
+            if metadata.get("fingerprint") != fingerprint:
                 return None
             arrays = {name: file.get_tensor(name) for name in ("theta", "best", "mean", "square")}
     except (OSError, SafetensorError):
         return None
-    state = orjson.loads(about["state"])
+    state = orjson.loads(metadata["state"])
     best_loss = float("inf") if state["best_loss"] is None else float(state["best_loss"])
     history = [(int(epoch), float(train), float(validation)) for epoch, train, validation in state["history"]]
     return Run(

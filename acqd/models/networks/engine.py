@@ -1,4 +1,4 @@
-"""Where loss and gradient of a batch come from: one interface, two engines."""
+"""Interface of the engines that compute loss and gradient of a batch."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from typing import Any
 
 from acqd.models.networks.architecture import Architecture
 from acqd.models.networks.batches import Batch
-from acqd.models.networks.flat_parameters import Singles
+from acqd.models.networks.flat_parameters import Float32s
 
 
 class Engine(ABC):
-    """Squared error over a batch, for the learnables as a flat vector."""
+    """Mean squared error of a batch as a function of the flat parameter vector."""
 
     name: str
 
@@ -21,12 +21,12 @@ class Engine(ABC):
 
     @abstractmethod
     def prepare(self, batch: Batch) -> Any:
-        """The batch in the engine's own layout; done once."""
+        """The batch in the memory layout of the engine. Called once per batch, before training."""
 
     @abstractmethod
-    def gradient(self, theta: Singles, prepared: Any) -> tuple[float, Singles]:
-        """Mean squared error over the batch, and its gradient in the order of `theta`."""
+    def gradient(self, parameters: Float32s, prepared: Any) -> tuple[float, Float32s]:
+        """Mean squared error over the batch, and its gradient [p] in the order of `parameters` [p]."""
 
     @abstractmethod
-    def loss(self, theta: Singles, prepared: Any) -> float:
-        """Mean squared error alone."""
+    def loss(self, parameters: Float32s, prepared: Any) -> float:
+        """Mean squared error without the gradient."""

@@ -1,4 +1,4 @@
-"""A trained network in plain numpy."""
+"""Prediction with a trained network, in plain numpy."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ import numpy as np
 from acqd.arrays import Floats
 from acqd.models.features import derivatives, padded
 from acqd.models.networks.architecture import HIDDEN, Architecture
-from acqd.models.networks.flat_parameters import Head, Singles, views
+from acqd.models.networks.flat_parameters import Float32s, Head, views
 from acqd.models.normalisation import Normalisation
 from acqd.models.predictor import Predictor
 
 
 def network_inputs(architecture: Architecture, normal: Normalisation, q: Floats, step_s: float) -> Floats:
-    """What the network is trained on: normalised features [T, width], or angles [T + 2 radius, axes] for frames.
+    """Normalised inputs of the network, of angles `q` [T + 2 radius, axes].
 
-    From angles [T + 2 radius, axes].
+    Convolution kernels get normalised angles [T + 2 radius, axes], the other structures features [T, width].
     """
     if architecture.inputs == "frames":
         return normal.inputs(0, q)
@@ -35,23 +35,23 @@ class _State:
 
 
 class NetworkPredictor(Predictor):
-    """LSTM(10) behind manual features or convolution kernels, with the folded head."""
+    """LSTM(10) on manual features or convolution kernels, with the folded head."""
 
     def __init__(
-        self, architecture: Architecture, axes: int, step_s: float, theta: Singles, normal: Normalisation
+        self, architecture: Architecture, axes: int, step_s: float, parameters: Float32s, normal: Normalisation
     ) -> None:
         self.architecture = architecture
         self.axes = axes
         self.step_s = step_s
         self.radius = architecture.radius
         self.normal = normal
-        self.arrays = views(architecture, axes, theta)
+        self.arrays = views(architecture, axes, parameters)
         self._W, self._R, self._b = (self.arrays[name].astype(np.float64) for name in ("W", "R", "b"))
         head = Head.fold(self.arrays)
         self._out, self._out_bias = head.weight.astype(np.float64), head.bias
 
     def run(self, q: Floats, signals: Floats) -> Floats:
-        """See Predictor."""
+        """The LSTM over the whole sequence, from zero state."""
         state = self.start()
         driven = self._features(q) @ self._W.T + self._b
         hidden = np.empty((len(driven), HIDDEN))
@@ -60,16 +60,16 @@ class NetworkPredictor(Predictor):
         return np.asarray((hidden @ self._out + self._out_bias) * self.normal.P_scale + self.normal.P_offset)
 
     def start(self) -> _State:
-        """See Predictor."""
+        """Zero hidden and cell state."""
         return _State(np.zeros(HIDDEN), np.zeros(HIDDEN))
 
     def step(self, state: _State, window: Floats, signals: Floats) -> float:
-        """See Predictor."""
+        """One step of the LSTM."""
         hidden = self._advance(state, self._W @ self._features(window)[0] + self._b)
         return float(hidden @ self._out + self._out_bias) * self.normal.P_scale + self.normal.P_offset
 
     def head(self) -> tuple[Floats, float]:
-        """The folded affine head, in normalised power: [HIDDEN] weights and bias."""
+        """Weights [HIDDEN] and bias of the folded affine head, in normalised power."""
         return self._out, float(self._out_bias)
 
     def _features(self, q: Floats) -> Floats:
@@ -93,6 +93,6 @@ def _sigmoid(x: Floats) -> Floats:
     return np.asarray(0.5 * (1.0 + np.tanh(0.5 * x)))
 
 
-def example_inputs(architecture: Architecture, normal: Normalisation, q: Floats, step_s: float) -> Singles:
-    """Training inputs of a stretch's angles [T, axes]."""
+def example_inputs(architecture: Architecture, normal: Normalisation, q: Floats, step_s: float) -> Float32s:
+    """Training inputs of a segment with angles [T, axes], the ends padded."""
     return network_inputs(architecture, normal, padded(q, architecture.radius), step_s).astype(np.float32)

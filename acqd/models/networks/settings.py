@@ -1,4 +1,4 @@
-"""How a network is trained: Table 7.3 of the thesis, and what it leaves open."""
+"""Settings of a training run: Table 7.3 of the thesis, and what the table does not state."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ Compute = Literal["auto", "fused", "torch"]
 
 @dataclass(frozen=True, slots=True)
 class TrainingSettings:
-    """Defaults are the thesis'; what it does not state is MATLAB's default."""
+    """Defaults are the thesis'. Where the thesis states none, they are MATLAB's."""
 
     epochs: int = 2000
     batch: int = 11
@@ -20,13 +20,13 @@ class TrainingSettings:
     drop_period: int = 100
     epsilon: float = 1e-8
     l2: float = 1e-4
-    """On weights, not on biases: MATLAB's default."""
+    """Factor of the L2 penalty on weights, not on biases (MATLAB's default)."""
     gradient_limit: float = 1.0
-    """Norm that a gradient is scaled down to. The thesis sets none; over a thousand steps some then explode."""
+    """Gradients of a larger norm are scaled down to it. The thesis sets none, and some networks then diverge."""
     validation_every: int = 100
-    """Optimiser steps between looks at the validation recordings."""
+    """Optimiser steps between evaluations on the validation recordings."""
     patience: int | None = None
-    """Looks without improvement after which training stops; None: never. The best look's network is kept."""
+    """Evaluations without improvement after which training stops; None: never. The best network is kept."""
     normalisation: Literal["fitted", "thesis"] = "fitted"
     compute: Compute = "auto"
     device: str = "cpu"

@@ -1,4 +1,4 @@
-"""`torch.nn.LSTM` behind the engine's interface: portable, on CPU or CUDA."""
+"""`torch.nn.LSTM` as an engine, on a CPU or a CUDA device."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from acqd.errors import UserError
 from acqd.models.networks.architecture import HEAD, HIDDEN, Architecture
 from acqd.models.networks.batches import Batch
 from acqd.models.networks.engine import Engine
-from acqd.models.networks.flat_parameters import Singles
+from acqd.models.networks.flat_parameters import Float32s
 
 
 class Network(torch.nn.Module):
-    """One of the eight structures."""
+    """One of the eight structures as a torch module."""
 
     def __init__(self, architecture: Architecture, axes: int) -> None:
         super().__init__()
@@ -24,7 +24,7 @@ class Network(torch.nn.Module):
         if architecture.kernels:
             self.kernels = torch.nn.Conv1d(1, architecture.kernels, architecture.length)
         self.lstm = torch.nn.LSTM(architecture.width(axes), HIDDEN, batch_first=True)
-        # torch keeps two biases per gate; MATLAB one: the second stays zero
+        # torch has two biases per gate, MATLAB one: the second is held at zero
         second = dict(self.lstm.named_parameters())["bias_hh_l0"]
         torch.nn.init.zeros_(second)
         second.requires_grad_(False)
@@ -32,21 +32,21 @@ class Network(torch.nn.Module):
         self.head = torch.nn.Sequential(*(torch.nn.Linear(a, b) for a, b in itertools.pairwise(sizes)))
 
     def learnables(self) -> list[torch.Tensor]:
-        """In the order of Architecture.shapes."""
-        found: list[torch.Tensor] = []
+        """Learnable tensors in the order of `Architecture.shapes`."""
+        tensors: list[torch.Tensor] = []
         if self._architecture.kernels:
             assert self.kernels.bias is not None
-            found += [self.kernels.weight, self.kernels.bias]
+            tensors += [self.kernels.weight, self.kernels.bias]
         named = dict(self.lstm.named_parameters())
-        found += [named[f"{name}_l0"] for name in ("weight_ih", "weight_hh", "bias_ih")]
-        return found + list(self.head.parameters())
+        tensors += [named[f"{name}_l0"] for name in ("weight_ih", "weight_hh", "bias_ih")]
+        return tensors + list(self.head.parameters())
 
     def forward(self, inputs: torch.Tensor) -> torch.Tensor:
-        """[B, T or T + 2 radius, columns] -> [B, T]."""
+        """Normalised power [B, T] of inputs [B, T or T + 2 radius, columns]."""
         if self._architecture.kernels:
             count, rows, axes = inputs.shape
-            each = inputs.transpose(1, 2).reshape(count * axes, 1, rows)
-            maps = self.kernels(each).reshape(count, axes, self._architecture.kernels, -1)
+            by_axis = inputs.transpose(1, 2).reshape(count * axes, 1, rows)
+            maps = self.kernels(by_axis).reshape(count, axes, self._architecture.kernels, -1)
             inputs = maps.permute(0, 3, 2, 1).flatten(2)
         hidden, _ = self.lstm(inputs)
         out: torch.Tensor = self.head(hidden)
@@ -60,7 +60,7 @@ class _Prepared:
 
 
 class TorchEngine(Engine):
-    """One thread on a CPU: with more, networks so small only wait for each other."""
+    """Uses one thread on a CPU: networks this small gain nothing from more."""
 
     def __init__(self, architecture: Architecture, axes: int, device: str = "cpu") -> None:
         super().__init__(architecture, axes)
@@ -74,27 +74,27 @@ class TorchEngine(Engine):
         self._learnables = self._network.learnables()
 
     def prepare(self, batch: Batch) -> _Prepared:
-        """On the device."""
+        """Copy the batch to the device."""
         return _Prepared(*(torch.from_numpy(array).to(self._device) for array in (batch.inputs, batch.target)))
 
-    def gradient(self, theta: Singles, prepared: _Prepared) -> tuple[float, Singles]:
-        """See Engine."""
-        self._load(theta)
+    def gradient(self, parameters: Float32s, prepared: _Prepared) -> tuple[float, Float32s]:
+        """By autograd."""
+        self._load(parameters)
         error = torch.mean((self._network(prepared.inputs) - prepared.target) ** 2)
-        found = torch.autograd.grad(error, self._learnables)
-        gradient = torch.cat([each.reshape(-1) for each in found])
+        gradients = torch.autograd.grad(error, self._learnables)
+        gradient = torch.cat([tensor.reshape(-1) for tensor in gradients])
         return float(error.detach()), gradient.cpu().numpy()
 
-    def loss(self, theta: Singles, prepared: _Prepared) -> float:
-        """See Engine."""
-        self._load(theta)
+    def loss(self, parameters: Float32s, prepared: _Prepared) -> float:
+        """Forward pass only."""
+        self._load(parameters)
         with torch.no_grad():
             return float(torch.mean((self._network(prepared.inputs) - prepared.target) ** 2))
 
-    def _load(self, theta: Singles) -> None:
-        flat = torch.from_numpy(np.array(theta)).to(self._device)
+    def _load(self, parameters: Float32s) -> None:
+        flat = torch.from_numpy(np.array(parameters)).to(self._device)
         with torch.no_grad():
             first = 0
-            for each in self._learnables:
-                each.copy_(flat[first : first + each.numel()].view_as(each))
-                first += each.numel()
+            for tensor in self._learnables:
+                tensor.copy_(flat[first : first + tensor.numel()].view_as(tensor))
+                first += tensor.numel()

@@ -1,4 +1,4 @@
-"""The ring of a PLC as a source: read the head, fetch what is new, mind the sequence."""
+"""The ring of a PLC as a source: read the head, fetch what is new, check the sequence."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from acqd.sources import el3783
 from acqd.sources.ethercat.layout import Block
 from acqd.sources.ethercat.settings import EthercatSettings
 
-_KEPT = 4  # blocks of each terminal that wait for those of the others
+_KEPT = 4  # blocks kept per terminal until the other terminals deliver theirs
 _COUNTS = 1 << 16
 _CHANNEL = ("U1", "I1", "U2", "I2", "U3", "I3")
 

@@ -41,7 +41,7 @@ def configure(master: Any, terminals: list[Any], settings: EthercatSettings) -> 
     except pysoem.ConfigMapError as error:
         raise SegmentError(f"the process image cannot be mapped ({error})") from None
     for terminal, layout in zip(terminals, layouts, strict=True):
-        # A lost SDO reply makes SOEM take a wrong size without a word.
+        # After a lost SDO reply SOEM takes a wrong size and reports no error.
         if len(terminal.input) != layout.size:
             raise SegmentError(f"{terminal.name} maps {len(terminal.input)} bytes, its objects say {layout.size}")
     return layouts

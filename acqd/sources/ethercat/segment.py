@@ -91,7 +91,7 @@ class Segment:
         return True
 
     def close(self) -> None:
-        """Leave the terminals in INIT and the interface alone."""
+        """Leave the terminals in INIT and release the interface."""
         close_master(self._master)
 
     def _synchronise(self) -> None:

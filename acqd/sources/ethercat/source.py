@@ -1,4 +1,4 @@
-"""EL3783 terminals as a source: one exchange a cycle, blocks told apart by their DC time, recovery step by step."""
+"""EL3783 terminals as a source: one exchange a cycle, blocks recognised by their DC time, recovery step by step."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _PATIENCE_NS = 30_000_000  # of wrong working counters: single lost frames are n
 _CHECK_NS = 500_000_000  # between looks at the slaves' states
 _START_TRIES = 3
 _STANDSTILL_NS = 1_000_000_000  # without a new block, while frames come back: SYNC starts 0.1 s after OP
-_ACKNOWLEDGE_NS = 1_500_000_000  # for slaves to come back to OP before the segment is started afresh
+_ACKNOWLEDGE_NS = 1_500_000_000  # for slaves to come back to OP before the segment is started again
 
 
 class EthercatSource(DeviceSource):
@@ -141,7 +141,7 @@ class EthercatSource(DeviceSource):
             self._restart()
 
     def _restart(self) -> None:
-        """Give the segment up; `exchange` starts it again. Its clock is set again then, so time places the samples."""
+        """Give the segment up; `exchange` starts it again. That sets its clock, so time places the samples."""
         self.close()
         self._trouble = ""
         self._numbering.restart()

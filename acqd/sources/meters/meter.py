@@ -37,7 +37,7 @@ class MeterSettings:
 
 
 class Meter:
-    """Reads one meter; knows whether it has made sense so far."""
+    """Reads one meter; remembers whether its registers have been plausible so far."""
 
     def __init__(self, settings: MeterSettings, profile: Profile) -> None:
         if settings.word_order is not None:
@@ -72,7 +72,7 @@ class Meter:
             raise UserError(fault)
 
     def _check_identity(self, client: ModbusClient) -> None:
-        """Refuse a meter that names itself as another model; one that does not know the registers may pass."""
+        """Refuse a meter that identifies itself as another model; accept one without identification registers."""
         identity, profile = self.profile.identity, self.profile
         if identity is None:
             return
@@ -92,7 +92,7 @@ class Meter:
             )
 
     def _persistent_fault(self, client: ModbusClient) -> str:
-        """A fault of every one of some rounds: a load may change between two reads of one round."""
+        """A fault that every one of several rounds shows: a load may change between two reads of one round."""
         fault = ""
         for _ in range(_ROUNDS):
             fault = self._fault(self._access.read(client))
@@ -101,7 +101,7 @@ class Meter:
         return fault
 
     def read(self, client: ModbusClient, now_ns: int, utc: Callable[[], int]) -> Reading | None:
-        """One round, None when it failed: then `trouble` says why, and the meter is asked less often."""
+        """One round; None when it failed: then `trouble` says why, and the meter is read less often."""
         if self._first_due_ns is None:
             self._first_due_ns = now_ns
         seq = (now_ns - self._first_due_ns + self.period_ns // 2) // self.period_ns
@@ -122,7 +122,7 @@ class Meter:
         return Reading(self.settings.name, self.profile.phases, seq, utc(), values, flags)
 
     def _fail(self, trouble: str, now_ns: int) -> None:
-        """Ask again after a growing pause, but never sooner than it would have been asked anyway."""
+        """Read again after a growing pause, but never sooner than the regular reading is due."""
         self.trouble = trouble
         self._backoff.due(now_ns)
         self.next_due_ns = max(self.next_due_ns, self._backoff.next_ns)

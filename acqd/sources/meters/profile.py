@@ -43,7 +43,7 @@ class Register:
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """Registers that tell the model; older firmware may lack them."""
+    """Registers that identify the model; older firmware may lack them."""
 
     register: Register
     values: tuple[int, ...]

@@ -1,4 +1,4 @@
-"""The waveform bridge's register map (a profile of acqd's own, docs/modbus-bridge): header and slots."""
+"""The waveform bridge's register map (acqd's profile, docs/modbus-bridge): header and slots."""
 
 from __future__ import annotations
 

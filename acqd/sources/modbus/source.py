@@ -1,4 +1,4 @@
-"""A waveform bridge as a source: read how far it is, fetch the new blocks, mind their numbers."""
+"""A waveform bridge as a source: read how far it is, fetch the new blocks, check their numbers."""
 
 from __future__ import annotations
 

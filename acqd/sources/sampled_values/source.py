@@ -30,7 +30,7 @@ class SampledValuesSource(DeviceSource):
         self._settings = settings
         self._wire: PacketSocket | None = None
         self._heard_ns = 0
-        self._changed = ""  # why frames of our stream are not ours any more
+        self._changed = ""  # why frames of our stream are no longer accepted
         self._backoff = Backoff()
 
     def connect(self) -> None:
@@ -77,7 +77,7 @@ class SampledValuesSource(DeviceSource):
             )
 
     def close(self) -> None:
-        """Leave the interface alone."""
+        """Stop listening to the interface."""
         if self._wire is not None:
             self._wire.close()
             self._wire = None

@@ -16,9 +16,9 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from acqd.discrepancy.monitor.baseline import baseline_of
 from acqd.discrepancy.monitor.cusum import Alarm, Baseline, Monitor
-from acqd.discrepancy.monitor.watch import baseline_of
-from acqd.discrepancy.repair.terms import errors_of
+from acqd.discrepancy.residual.errors import errors_of
 from acqd.models.bundle.restore import open_model
 from acqd.models.metrics import predictions
 from acqd.models.predictor import Predictor
@@ -78,7 +78,7 @@ def first_alarm(model: Predictor, baseline: Baseline, segments: list[Segment]) -
 
 
 def false_alarms(model: Predictor, baseline: Baseline, segments: list[Segment]) -> int:
-    """In recordings without an effect; after each the sums begin anew."""
+    """In recordings without an effect; after an alarm the charts start again at zero."""
     monitor, count = Monitor(baseline), 0
     for segment, errors, guess in zip(segments, errors_of(model, segments), predictions(model, segments), strict=True):
         if monitor.update(errors, guess, segment.start_s, model.step_s) is not None:

@@ -48,7 +48,7 @@ def run_case(world: World, bundle: Path, base: str, case: Case) -> dict[str, Any
     os.environ["OMP_NUM_THREADS"] = "1"
     from acqd.discrepancy.config import CloseConfig
     from acqd.discrepancy.loop import close_loop
-    from acqd.discrepancy.report.page import as_json
+    from acqd.discrepancy.report.summary import as_json
     from acqd.discrepancy.report.write import write_all
 
     result_file = world.folder / "results" / base / f"{case.name}.json"

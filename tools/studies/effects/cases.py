@@ -16,11 +16,12 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.dataset.build import BuildConfig, build
-from acqd.lab.campaign.run_session import Folders, run_session
+from acqd.lab.campaign.folders import Folders
+from acqd.lab.campaign.run_session import run_session
 from acqd.lab.campaign.trajectory_set import draw, write
 from acqd.lab.cell import build_cell
 from acqd.lab.effects import EffectSpec, known_effects
-from acqd.lab.schedule import RecordingPlan, SessionPlan, session_begin_s
+from acqd.lab.schedule import RecordingPlan, SessionPlan, session_start_s
 from acqd.lab.session import windows_within
 from acqd.lab.settings import CampaignSettings
 from tools.studies.effects.outside import OUTSIDE, register
@@ -42,7 +43,7 @@ class World:
     all_space: int = 12
     assemblies: int = 8
     tests: int = 1
-    """Test campaigns that can be made, each with trajectories of its own."""
+    """Number of test campaigns, with different trajectories."""
 
     def settings(self, effects: list[EffectSpec]) -> CampaignSettings:
         """Of all its campaigns."""
@@ -74,7 +75,7 @@ class World:
             chosen += [(kind, 0 if kind == "assembly" else number) for number in numbers]
         order = np.random.default_rng([self.seed, test, 77]).permutation(len(chosen))
         recordings = tuple(RecordingPlan(test * self.size + k + 1, *chosen[which]) for k, which in enumerate(order))
-        start_s = session_begin_s(self.settings([]), test * self.size + 1)
+        start_s = session_start_s(self.settings([]), test * self.size + 1)
         return SessionPlan(0, test, start_s, recordings)
 
 
@@ -129,7 +130,7 @@ def make_reference(world: World) -> Path:
 
 
 def make_case(world: World, case: Case) -> dict[str, Any]:
-    """One test dataset, and the truth beside it (never inside)."""
+    """A test dataset; the truth is kept outside of the dataset."""
     register()
     truth_file = world.folder / "truth" / f"{case.name}.json"
     if truth_file.exists():
@@ -219,7 +220,7 @@ def _order(effect: str, values: dict[str, float]) -> EffectSpec:
 
 
 def _acting_rms(with_effect: tuple[Floats, Floats], without: tuple[Floats, Floats]) -> float:
-    """RMS of the hidden power while it acts: true power, or where that knows nothing of it, metered."""
+    """RMS of the hidden power while it acts, from the true power, or from the metered power for faults of the meter."""
     size = min(len(with_effect[0]), len(without[0]))
     hidden = with_effect[1][:size]
     if np.abs(hidden).max() < 1e-6:

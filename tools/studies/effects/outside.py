@@ -17,7 +17,7 @@ class SpeedBand(Effect):
     """A resonance: an axis takes more power within a band of speeds, none beside it."""
 
     id = "outside_speed_band"
-    about = "extra power while one axis is within a band of speeds"
+    summary = "extra power while one axis is within a band of speeds"
     strength = ("power_W", "W")
     defaults: ClassVar = {"power_W": 20.0, "axis": 2.0, "speed_rad_s": 0.45, "width_rad_s": 0.08}
 
@@ -32,7 +32,7 @@ class LaggingFan(Effect):
     """A fan that follows the drives' power half a minute late."""
 
     id = "outside_lagging_fan"
-    about = "extra power in proportion to the drives' power, averaged over the last seconds"
+    summary = "extra power in proportion to the drives' power, averaged over the last seconds"
     strength = ("share", "of the drives' power")
     defaults: ClassVar = {"share": 0.3, "tau_s": 12.0}
 
@@ -53,7 +53,7 @@ class Zone(Effect):
     """A heater or light that is on while an axis stands in a zone, whatever the arm does."""
 
     id = "outside_zone"
-    about = "extra power while one axis' angle lies within a zone"
+    summary = "extra power while one axis' angle lies within a zone"
     strength = ("power_W", "W")
     defaults: ClassVar = {"power_W": 10.0, "axis": 1.0, "middle_rad": 0.3, "half_rad": 0.5}
 

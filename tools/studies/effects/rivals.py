@@ -54,7 +54,7 @@ class Task:
 
 def task_of(dataset: Path, bundle: Path) -> Task:
     """Residual and columns."""
-    from acqd.discrepancy.repair.terms import errors_of
+    from acqd.discrepancy.residual.errors import errors_of
     from acqd.models.bundle.restore import carrier_of, open_model
     from acqd.models.effects import library
     from acqd.models.effects.effect import effect_rows
@@ -202,8 +202,8 @@ def main() -> None:
         counts: dict[str, int] = {}
         for each, _ in cases:
             counts[each] = counts.get(each, 0) + 1
-        told = ", ".join(f"{count} {what}" for what, count in sorted(counts.items(), key=lambda x: -x[1]))
-        table.add_row(level, name, str(len(cases)), told, f"{np.median([taken for _, taken in cases]):.0f}")
+        outcomes = ", ".join(f"{count} {what}" for what, count in sorted(counts.items(), key=lambda x: -x[1]))
+        table.add_row(level, name, str(len(cases)), outcomes, f"{np.median([taken for _, taken in cases]):.0f}")
     console.print(table)
 
 

@@ -68,9 +68,9 @@ def _rates(results: list[dict[str, Any]]) -> Table:
             reports = [result["report"] for result in own]
             worse = sum(r["after"]["rmse"] > r["before"]["rmse"] + 1e-9 for r in reports)
             seconds = [result["seconds"] for result in own]
-            told = ", ".join(f"{count} {name}" for name, count in sorted(outcomes.items(), key=lambda x: -x[1]))
+            counted = ", ".join(f"{count} {name}" for name, count in sorted(outcomes.items(), key=lambda x: -x[1]))
             found.add_row(
-                level + (" outside" if outside else ""), str(len(own)), told,
+                level + (" outside" if outside else ""), str(len(own)), counted,
                 f"{np.median([r['before']['rmse'] for r in reports]):.2f}",
                 f"{np.median([r['after']['rmse'] for r in reports]):.2f}",
                 f"{np.median([r['reference_rmse'] or np.nan for r in reports]):.2f}",

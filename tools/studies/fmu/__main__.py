@@ -1,8 +1,9 @@
-"""FMUs judged by others: importers, valgrind, step times from a C host; the same network by onnx2fmu and pythonfmu.
+"""Independent tests of FMUs: importers, valgrind, step times in a C host, FMUs of the same network by other tools.
 
     python -m tools.studies.fmu BUNDLE... [--steps 20000] [--json FILE]
 
-Needs acqd[fmu-check]; valgrind and a C compiler are used where they are there. onnx2fmu downloads ONNX Runtime.
+Needs acqd[fmu-check] and a C compiler; valgrind is used if it is installed. The other tools are onnx2fmu, which
+downloads ONNX Runtime, and pythonfmu.
 """
 
 from __future__ import annotations
@@ -27,16 +28,16 @@ from acqd.models.augmented import Augmented
 from acqd.models.bundle.restore import open_model
 from acqd.models.networks.predictor import NetworkPredictor
 from acqd.models.predictor import Predictor
-from tools.studies.fmu.importers import IMPORTERS, STEP_S, Floats, apart
-from tools.studies.fmu.rivals import RIVALS, Plain
-from tools.studies.fmu.timing import VALGRIND, Stage, Timed, compiled, timed
-from tools.studies.fmu.trials import TRIALS, judged
+from tools.studies.fmu.importers import IMPORTERS, STEP_S, Floats, run_importer
+from tools.studies.fmu.rivals import RIVALS, FoldedNetwork
+from tools.studies.fmu.timing import VALGRIND, StepTime, UnpackedFmu, compiled_host, step_time
+from tools.studies.fmu.trials import TRIALS, run_trials
 
 VERSIONS: tuple[Version, ...] = ("2.0", "3.0")
 
 
 def motion(model: Predictor, rows: int = 1500) -> Floats:
-    """[rows, inputs] a minute of smooth motion; brakes open after a second, the tool switches now and then."""
+    """A minute of smooth motion [rows, inputs]. The brakes open after a second, the tool switches every 3 s."""
     random = np.random.default_rng(1)
     t = STEP_S * np.arange(rows)
     q = np.zeros((rows, model.axes))
@@ -48,8 +49,8 @@ def motion(model: Predictor, rows: int = 1500) -> Floats:
     return np.column_stack([q, *(signals[name] for name in model.signals)])
 
 
-def wanted(model: Predictor, inputs: Floats) -> Floats:
-    """The bundle's own prediction, of what an FMU holds."""
+def expected(model: Predictor, inputs: Floats) -> Floats:
+    """Power [T] W by the bundle in Python, with those effects that an FMU contains."""
     from acqd.fmu.variables import exported_terms
 
     if isinstance(model, Augmented):
@@ -58,95 +59,97 @@ def wanted(model: Predictor, inputs: Floats) -> Floats:
 
 
 def imported(fmu: Path, model: Predictor, folder: Path, rows: Floats) -> dict[str, float | str]:
-    """W apart from the bundle's own prediction by importer, or why it cannot."""
+    """Largest difference in W from the prediction in Python, or an error message, by importer."""
     np.save(folder / "inputs.npy", rows)
-    right = wanted(model, rows)[: len(rows) - model.radius]
+    reference = expected(model, rows)[: len(rows) - model.radius]
     names = [f"q{k + 1}" for k in range(model.axes)] + list(model.signals)
-    found: dict[str, float | str] = {}
+    results: dict[str, float | str] = {}
     for importer in (name for name in IMPORTERS if find_spec(name) is not None):
         out = folder / "power.npy"
-        reason = apart(importer, fmu, names, folder / "inputs.npy", out)
-        found[importer] = reason or float(np.abs(np.load(out)[model.radius :] - right).max())
-    return found
+        error = run_importer(importer, fmu, names, folder / "inputs.npy", out)
+        results[importer] = error or float(np.abs(np.load(out)[model.radius :] - reference).max())
+    return results
 
 
-def check(bundle: Path, folder: Path, steps: int, say: Any) -> dict[str, Any]:
-    """Everything about one bundle."""
+def check(bundle: Path, folder: Path, steps: int, progress: Any) -> dict[str, Any]:
+    """All results for one bundle."""
     folder.mkdir()
     _, model = open_model(bundle)
-    master = compiled(folder)
-    found: dict[str, Any] = {"versions": {}, "others": {}}
+    host = compiled_host(folder)
+    results: dict[str, Any] = {"versions": {}, "others": {}}
     rows = motion(model)
     for version in VERSIONS:
-        say(f"{bundle.name}, FMI {version}")
-        made = export_fmu(bundle, folder / f"{version}.fmu", version, ["linux64"], lambda _: None)
-        found["versions"][version] = {"bytes": made.bytes, "importers": imported(made.path, model, folder, rows)}
+        progress(f"{bundle.name}, FMI {version}")
+        exported = export_fmu(bundle, folder / f"{version}.fmu", version, ["linux64"], lambda _: None)
+        differences = imported(exported.path, model, folder, rows)
+        results["versions"][version] = {"bytes": exported.bytes, "importers": differences}
     fmus = {"acqd": folder / "2.0.fmu"}
     if isinstance(model, NetworkPredictor):
         for name, build in RIVALS.items():
             if find_spec(name) is None:
                 continue
-            say(f"{bundle.name} by {name}")
+            progress(f"{bundle.name} by {name}")
             try:
-                fmus[name] = build(Plain.of(model), folder / name)
+                fmus[name] = build(FoldedNetwork.of(model), folder / name)
             except RuntimeError as error:
-                found["others"][name] = {"failed": str(error)}
+                results["others"][name] = {"failed": str(error)}
     np.save(folder / "trial.npy", rows[:600])
     for name, fmu in fmus.items():
-        say(f"{bundle.name}: a C host and trials on the FMU of {name}")
-        stage = Stage.of(fmu, folder / f"{name}.d")
-        cost = timed(master, stage, steps)
-        found["others"][name] = {
-            "bytes": fmu.stat().st_size, "step": asdict(cost) if isinstance(cost, Timed) else cost,
-            "trials": judged(fmu, folder / "trial.npy"),
+        progress(f"{bundle.name}: C host and trials with the FMU of {name}")
+        unpacked = UnpackedFmu.of(fmu, folder / f"{name}.d")
+        time = step_time(host, unpacked, steps)
+        results["others"][name] = {
+            "bytes": fmu.stat().st_size, "step": asdict(time) if isinstance(time, StepTime) else time,
+            "trials": run_trials(fmu, folder / "trial.npy"),
         }  # fmt: skip
         if name == "acqd":
-            clean = timed(master, stage, 300, VALGRIND) if shutil.which("valgrind") else "not installed"
-            found["valgrind"] = "clean" if isinstance(clean, Timed) else clean
-    return found
+            checked = step_time(host, unpacked, 300, VALGRIND) if shutil.which("valgrind") else "not installed"
+            results["valgrind"] = "clean" if isinstance(checked, StepTime) else checked
+    return results
 
 
-def show(console: Console, found: dict[str, Any]) -> None:
-    """Two tables."""
+def show(console: Console, results: dict[str, Any]) -> None:
+    """Print a table of importers and a table of other tools."""
     names = [name for name in IMPORTERS if find_spec(name) is not None]
-    matrix = Table("bundle", "FMI", "kB", *names, "valgrind", title="importers: W apart from the bundle, at most")
-    others = Table("bundle", "FMU of", "kB", "us a step", "p99", *TRIALS, title="C host, FMI 2.0; trials: W off")
-    for bundle, one in found.items():
-        for version, about in one["versions"].items():
-            told = [cell(about["importers"].get(name, "")) for name in names]
-            matrix.add_row(bundle, version, f"{about['bytes'] / 1000:.0f}", *told, one["valgrind"])
-        for name, about in one["others"].items():
-            if "failed" in about:
-                others.add_row(bundle, name, "", about["failed"])
+    matrix = Table("bundle", "FMI", "kB", *names, "valgrind", title="importers: largest difference from the bundle [W]")
+    title = "C host, FMI 2.0; trials: largest error [W]"
+    others = Table("bundle", "FMU by", "kB", "us per step", "p99 [us]", *TRIALS, title=title)
+    for bundle, result in results.items():
+        for version, fmu in result["versions"].items():
+            differences = [cell(fmu["importers"].get(name, "")) for name in names]
+            matrix.add_row(bundle, version, f"{fmu['bytes'] / 1000:.0f}", *differences, result["valgrind"])
+        for name, fmu in result["others"].items():
+            if "failed" in fmu:
+                others.add_row(bundle, name, "", fmu["failed"])
                 continue
-            step = about["step"]
-            cost = [f"{step['median_us']:.2f}", f"{step['p99_us']:.2f}"] if isinstance(step, dict) else [step, ""]
-            others.add_row(bundle, name, f"{about['bytes'] / 1000:.0f}", *cost, *map(cell, about["trials"].values()))
+            step = fmu["step"]
+            times = [f"{step['median_us']:.2f}", f"{step['p99_us']:.2f}"] if isinstance(step, dict) else [step, ""]
+            others.add_row(bundle, name, f"{fmu['bytes'] / 1000:.0f}", *times, *map(cell, fmu["trials"].values()))
     console.print(matrix)
     console.print(others)
 
 
 def cell(value: float | str) -> str:
-    """A number or a reason."""
+    """A number, or an error message as it is."""
     return value if isinstance(value, str) else f"{value:.1e}" if value else "0"
 
 
 def main() -> None:
-    """Print the tables."""
+    """Check all bundles and print the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("bundles", type=Path, nargs="+")
     parser.add_argument("--steps", type=int, default=20_000)
-    parser.add_argument("--json", type=Path, help="also write the figures there")
+    parser.add_argument("--json", type=Path, help="file for the results as JSON")
     arguments = parser.parse_args()
     console = Console(stderr=True)
     with tempfile.TemporaryDirectory() as scratch, console.status("") as status:
-        found = {
+        results = {
             bundle.name: check(bundle, Path(scratch) / str(k), arguments.steps, status.update)
             for k, bundle in enumerate(arguments.bundles)
         }
-    show(Console(width=150), found)
+    show(Console(width=150), results)
     if arguments.json:
-        arguments.json.write_text(json.dumps(found, indent=1))
+        arguments.json.write_text(json.dumps(results, indent=1))
 
 
 if __name__ == "__main__":

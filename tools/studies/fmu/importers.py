@@ -1,4 +1,4 @@
-"""The same inputs through independent importers; each gives the power after every step."""
+"""Independent FMU importers: each steps an FMU through given inputs and returns the power after every step."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ STEP_S = 0.04
 
 
 def with_fmpy(fmu: Path, names: list[str], values: Floats) -> Floats:
-    """[T] W; inputs [T, k] hold from one row to the next."""
+    """Power [T] W for inputs [T, k] that are held from row to row."""
     import fmpy
 
     rows = [(row * STEP_S, *line) for row, line in enumerate(values)]
@@ -29,34 +29,34 @@ def with_fmpy(fmu: Path, names: list[str], values: Floats) -> Floats:
 
 
 def _held(signals: NDArray[Any]) -> NDArray[Any]:
-    """fmpy draws lines between rows: every value twice, so that they become steps."""
+    """Every value twice: fmpy interpolates linearly between rows, and so gets steps."""
     doubled = np.repeat(signals, 2)
     doubled["time"][1::2] += 0.9 * STEP_S
     return doubled
 
 
 def with_ecospy(fmu: Path, names: list[str], values: Floats) -> Floats:
-    """[T] W."""
-    for library in (Path(sys.prefix) / "lib").glob("libtbb.so.12"):  # of the wheel tbb
+    """Power [T] W for inputs [T, k] that are held from row to row."""
+    for library in (Path(sys.prefix) / "lib").glob("libtbb.so.12"):  # from the wheel of tbb
         ctypes.CDLL(str(library), mode=ctypes.RTLD_GLOBAL)
     from ecospy import EcosSimulation, EcosSimulationStructure
 
     structure = EcosSimulationStructure()
     structure.add_model("one", str(fmu))
-    found = []
+    power = []
     with EcosSimulation(structure=structure, step_size=STEP_S) as simulation:
         simulation.init()
         for line in values:
             for name, value in zip(names, line.tolist(), strict=True):
                 simulation.set_real(f"one::{name}", value)
             simulation.step()
-            found.append(simulation.get_real("one::power"))
+            power.append(simulation.get_real("one::power"))
         simulation.terminate()
-    return np.array(found)
+    return np.array(power)
 
 
 def with_libcosimpy(fmu: Path, names: list[str], values: Floats) -> Floats:
-    """[T] W; FMI 2 only."""
+    """Power [T] W for inputs [T, k] that are held from row to row; FMI 2 only."""
     from libcosimpy.CosimExecution import CosimExecution
     from libcosimpy.CosimManipulator import CosimManipulator
     from libcosimpy.CosimObserver import CosimObserver
@@ -68,19 +68,19 @@ def with_libcosimpy(fmu: Path, names: list[str], values: Floats) -> Floats:
     execution.add_manipulator(manipulator)
     execution.add_observer(observer)
     references = list(range(len(names)))
-    found = []
+    power = []
     for line in values:
         manipulator.slave_real_values(slave, references, line.tolist())
         execution.step()
-        found.append(observer.last_real_values(slave, [len(names)])[0])
-    return np.array(found)
+        power.append(observer.last_real_values(slave, [len(names)])[0])
+    return np.array(power)
 
 
 IMPORTERS = {"fmpy": with_fmpy, "ecospy": with_ecospy, "libcosimpy": with_libcosimpy}
 
 
-def apart(importer: str, fmu: Path, names: list[str], inputs: Path, out: Path) -> str:
-    """In a process of its own: an importer that crashes says so. "" or the reason."""
+def run_importer(importer: str, fmu: Path, names: list[str], inputs: Path, out: Path) -> str:
+    """Run an importer in a separate process, because it may crash. Returns an error message or ""."""
     done = subprocess.run(
         [
             sys.executable, "-m", "tools.studies.fmu.importers", importer, str(fmu), ",".join(names), str(inputs),
@@ -89,11 +89,11 @@ def apart(importer: str, fmu: Path, names: list[str], inputs: Path, out: Path) -
         capture_output=True, text=True, check=False,
     )  # fmt: skip
     if done.returncode:
-        lines = done.stderr.strip().splitlines() or [f"ended with {done.returncode}"]
+        lines = done.stderr.strip().splitlines() or [f"exit code {done.returncode}"]
         return lines[-1][:90]
     return ""
 
 
 if __name__ == "__main__":
-    _, chosen, file, listed, given, into = sys.argv
-    np.save(into, IMPORTERS[chosen](Path(file), listed.split(","), np.load(given)))
+    _, importer, file, names, inputs, out = sys.argv
+    np.save(out, IMPORTERS[importer](Path(file), names.split(","), np.load(inputs)))

@@ -1,9 +1,10 @@
-"""The same network as an FMU of onnx2fmu and of pythonfmu, as far as each of them can.
+"""FMUs of the same network by onnx2fmu and by pythonfmu, as far as these tools allow.
 
-Both get the network in its shortest form: features are one affine map of the window of rows, the head is folded. What a
-network remembers (window, hidden and cell state) goes through onnx2fmu's "local" variables, as its manual has it.
+Both get the network in its shortest form, in which the features are one affine map of the window of rows and the head
+is folded. The state of the network (window, hidden and cell state) is kept in onnx2fmu's "local" variables, as its
+manual describes.
 
-onnx2fmu downloads ONNX Runtime from GitHub when it builds (into /tmp/onnxruntime, where it can be put beforehand).
+onnx2fmu downloads ONNX Runtime from GitHub into /tmp/onnxruntime when it builds, unless it is already there.
 """
 
 from __future__ import annotations
@@ -61,23 +62,28 @@ class Network(Fmi2Slave):
 
 
 @dataclass(frozen=True, slots=True)
-class Plain:
-    """A network's numbers, in W."""
+class FoldedNetwork:
+    """Features A window + a, LSTM with W, R and b, power out hidden + bias in W."""
 
     axes: int
     A: Floats
     """[width, window x axes]."""
     a: Floats
+    """[width]."""
     W: Floats
-    """[4 hidden, width], gates i f g o."""
+    """[4 hidden, width], gates in the order i, f, g, o."""
     R: Floats
+    """[4 hidden, hidden]."""
     b: Floats
+    """[4 hidden]."""
     out: Floats
+    """[hidden] W."""
     bias: float
+    """W."""
 
     @classmethod
-    def of(cls, model: NetworkPredictor) -> Plain:
-        """Features are affine in the window: told by one row at a time."""
+    def of(cls, model: NetworkPredictor) -> FoldedNetwork:
+        """Determine the affine features from the unit vectors of the window."""
         rows = 2 * model.radius + 1
         a = model._features(np.zeros((rows, model.axes)))[0]
         units = np.eye(rows * model.axes).reshape(-1, rows, model.axes)
@@ -89,8 +95,8 @@ class Plain:
         )  # fmt: skip
 
 
-def with_pythonfmu(network: Plain, folder: Path) -> Path:
-    """Build it. Raises RuntimeError."""
+def with_pythonfmu(network: FoldedNetwork, folder: Path) -> Path:
+    """Build an FMU of FMI 2.0 with pythonfmu. Raises RuntimeError."""
     folder.mkdir(parents=True)
     (folder / "network_slave.py").write_text(_SLAVE)
     arrays: dict[str, Any] = {name: getattr(network, name) for name in ("axes", "A", "a", "W", "R", "b", "out", "bias")}
@@ -102,17 +108,17 @@ def with_pythonfmu(network: Plain, folder: Path) -> Path:
     return folder / "Network.fmu"
 
 
-def with_onnx2fmu(network: Plain, folder: Path) -> Path:
-    """Build it, FMI 2.0. Raises RuntimeError."""
+def with_onnx2fmu(network: FoldedNetwork, folder: Path) -> Path:
+    """Build an FMU of FMI 2.0 with onnx2fmu. Raises RuntimeError."""
     folder.mkdir(parents=True)
     (folder / "network.onnx").write_bytes(onnx_bytes(network))
     state = [("past", "past_next"), ("hidden", "hidden_next"), ("cell", "cell_next")]
-    described = {
+    description = {
         "name": "Network", "description": "LSTM", "FMIVersion": "2.0",
         "inputs": [{"name": "q", "start": "0.0"}], "outputs": [{"name": "power"}],
         "locals": [{"nameIn": old, "nameOut": new, "start": "0.0"} for old, new in state],
     }  # fmt: skip
-    (folder / "network.json").write_text(json.dumps(described))
+    (folder / "network.json").write_text(json.dumps(description))
     _run(
         [sys.executable, "-m", "onnx2fmu.app", "build", str(folder / "network.onnx"), str(folder / "network.json"),
          str(folder / "target"), "--destination", str(folder)]
@@ -120,17 +126,17 @@ def with_onnx2fmu(network: Plain, folder: Path) -> Path:
     return folder / "Network.fmu"
 
 
-def onnx_bytes(network: Plain) -> bytes:
-    """One step: angles and what is remembered in, power and what is remembered out; single precision."""
+def onnx_bytes(network: FoldedNetwork) -> bytes:
+    """ONNX model of one step in single precision, from angles and state to power and next state."""
     import onnx
     from onnx import TensorProto, helper, numpy_helper
 
     window = network.A.shape[1]
     past = window // network.axes - 1
-    change = np.r_[0:HIDDEN, 3 * HIDDEN : 4 * HIDDEN, HIDDEN : 3 * HIDDEN]  # ONNX: i o f c
+    gates = np.r_[0:HIDDEN, 3 * HIDDEN : 4 * HIDDEN, HIDDEN : 3 * HIDDEN]  # ONNX orders them i, o, f, c
     constants = {
-        "A": network.A.T, "a": network.a, "W": network.W[change][None], "R": network.R[change][None],
-        "b": np.concatenate([network.b[change], np.zeros(4 * HIDDEN)])[None],
+        "A": network.A.T, "a": network.a, "W": network.W[gates][None], "R": network.R[gates][None],
+        "b": np.concatenate([network.b[gates], np.zeros(4 * HIDDEN)])[None],
         "out": network.out[:, None], "bias": np.array([network.bias]),
     }  # fmt: skip
     integers = {
@@ -157,9 +163,9 @@ def onnx_bytes(network: Plain) -> bytes:
         helper.make_tensor_value_info(f"{name}_next", TensorProto.FLOAT, shapes[name])
         for name in ("past", "hidden", "cell")
     ]
-    held = [numpy_helper.from_array(value.astype(np.float32), name) for name, value in constants.items()]
-    held += [numpy_helper.from_array(np.array(value, dtype=np.int64), name) for name, value in integers.items()]
-    graph = helper.make_graph(nodes, "network", inputs, outputs, held)
+    initial = [numpy_helper.from_array(value.astype(np.float32), name) for name, value in constants.items()]
+    initial += [numpy_helper.from_array(np.array(value, dtype=np.int64), name) for name, value in integers.items()]
+    graph = helper.make_graph(nodes, "network", inputs, outputs, initial)
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 14)], ir_version=8)
     onnx.checker.check_model(model)
     return bytes(model.SerializeToString())
@@ -169,8 +175,8 @@ def _run(command: list[str]) -> None:
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
         lines = [line for line in (done.stderr + done.stdout).splitlines() if line.strip()]
-        told = next((line for line in lines if "rror" in line), lines[-1] if lines else "silent")
-        raise RuntimeError(told.strip()[:160])
+        message = next((line for line in lines if "rror" in line), lines[-1] if lines else "no error message")
+        raise RuntimeError(message.strip()[:160])
 
 
 RIVALS = {"onnx2fmu": with_onnx2fmu, "pythonfmu": with_pythonfmu}

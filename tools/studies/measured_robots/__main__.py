@@ -1,6 +1,6 @@
 """Measured robots end to end: power rows and logs out of public recordings, then acqd's own commands on them.
 
-    python tools/studies/measured_robots/__main__.py OUT [--data ../shared/data/robots] [--epochs N]
+    python -m tools.studies.measured_robots OUT [--data ../shared/data/robots] [--epochs N]
 
 The UR3e's power is measured at its 48 V bus. That of the UR10e and the Kinova Gen3 is derived from motor currents:
 P = P0 + sum(k i qd) + sum(R i^2), and its rows say so. Nothing here is simulated.
@@ -10,22 +10,22 @@ from __future__ import annotations
 
 import argparse
 import json
-import subprocess
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
 from rich.table import Table
 
+from acqd.cli.main import for_people
 from acqd.models.greybox.fit import fit_grey_box
 from acqd.models.metrics import predictions
 from acqd.models.segments import load_dataset
 from acqd.robot.description import RobotDescription, load_description
 from acqd.robot.log import RobotLog, read_log
 from acqd.robot.table import read_table
+from tools.common.commands import acqd as acqd  # re-exported: other studies import it from here
+from tools.common.tables import show
 
 Floats = NDArray[np.float64]
 _EPOCH_S = 1_700_000_000.0  # the recordings have no date
@@ -91,14 +91,6 @@ def prepare(robot: Robot, data: Path, out: Path) -> None:
         lines = [f"{when:.6f}," + ",".join(f"{x:.7f}" for x in q) for when, q in zip(t, log.q, strict=True)]
         (out / "logs" / path.name).write_text("\n".join([names, *lines, ""]))
     (out / "power.csv").write_text("\n".join([*rows, ""]))
-
-
-def acqd(*arguments: str) -> str:
-    """Run a command as a user would."""
-    done = subprocess.run([sys.executable, "-m", "acqd", *arguments], capture_output=True, text=True, check=False)
-    if done.returncode:
-        raise SystemExit(f"acqd {' '.join(arguments)}: {done.stderr.strip()}")
-    return done.stdout
 
 
 def cross_validated(dataset: Path, folds: int = 5) -> tuple[float, float, int]:
@@ -172,8 +164,8 @@ def main() -> None:
         power = "48 V bus" if found["measured"] == "mains" else found["measured"]
         table.add_row(robot.name, power, "grey-box, 5 folds", str(pieces), f"{r2:.3f}", f"{mae:.2f}", "", "", "")
         table.add_section()
-    Console(width=130).print(table)
+    show(table, width=130)
 
 
 if __name__ == "__main__":
-    main()
+    for_people(main)

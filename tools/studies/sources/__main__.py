@@ -1,9 +1,9 @@
-"""Minutes of samples through every device source in lockstep with its double: nothing lost, nothing repeated.
+"""Runs minutes of samples through every device source in lockstep with its double: no sample lost or repeated.
 
     python -m tools.studies.sources --minutes 10
 
-Virtual time: the double samples as fast as it is read, so the result does not depend on this computer's load. Every
-sample is compared bit by bit with what the double computed; with faults, every gap must be as long as the loss.
+Time is virtual: the double samples as fast as it is read, so the result does not depend on this computer's load. Every
+sample is compared bit by bit with the double's sample. With faults, every gap must be as long as the loss.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from acqd.errors import UserError
 from acqd.metering import SampleBlock
 from tests.doubles.veth import may_create_veth
 from tests.sources.bench import KINDS, Bench, EthercatBench
+from tools.common.tables import show, verdict
 
 _FAULT_EVERY = 400  # steps
 
@@ -38,7 +39,7 @@ class BlockwiseEthercatBench(EthercatBench):
     oversampling, step_samples, advance_ns = 100, 25, 1_250_000
 
     def lose(self) -> int:
-        """Where in a block the loss falls decides whether it costs one block more: the double counts what it showed."""
+        """Depending on its place in a block, a loss may cost one block more: the double counts the blocks it sent."""
         missing = self._missing()
         super().lose()
         self.step()
@@ -77,7 +78,7 @@ class Result:
 
 
 class Check:
-    """Compares a stream with the double's samples while it comes."""
+    """Compares a stream with the double's samples, block by block."""
 
     def __init__(self, bench: Bench, result: Result) -> None:
         self._bench, self._result = bench, result
@@ -85,7 +86,7 @@ class Check:
         self._next = 0
 
     def add(self, block: SampleBlock) -> None:
-        """One more block of the stream."""
+        """Compare the next block."""
         count, result = len(block.codes), self._result
         if self._offset is None:
             self._offset, self._next = self._locate(block), block.index
@@ -102,13 +103,13 @@ class Check:
         for start in np.flatnonzero(table[: -count or None, 0] == block.codes[0, 0]):
             if np.array_equal(table[start : start + count], block.codes):
                 return int(start) - block.index
-        raise UserError("the first block is none of the double's")
+        raise UserError("the first block is not among the double's samples")
 
 
 def campaign(
     minutes: Annotated[float, typer.Option(min=0.01, help="Minutes of samples for each source.")] = 10.0,
     only: Annotated[list[str] | None, typer.Option(help=f"Sources: {', '.join(_KINDS)}.")] = None,
-    seed: Annotated[int, typer.Option(help="Of the faults.")] = 2026,
+    seed: Annotated[int, typer.Option(help="Seed of the faults.")] = 2026,
     json: Annotated[bool, typer.Option("--json", help="Machine-readable output on stdout.")] = False,
 ) -> None:
     """Run every source in lockstep with its double, without and with faults.
@@ -130,7 +131,7 @@ def campaign(
     if json:
         print(json_.dumps([asdict(result) | {"good": result.good} for result in results]))
     else:
-        Console(width=130).print(_table(results))
+        show(_table(results), width=130)
     raise SystemExit(0 if all(result.good for result in results) else 1)
 
 
@@ -155,13 +156,13 @@ def _run(name: str, minutes: float, faults: bool, seed: int, progress: Callable[
             if step % 500 == 0:
                 progress(result.samples / bench.source.form.rate / 60)
         if faults:
-            bench.step(_FAULT_EVERY // 4)  # what was lost last shows with the next samples
+            bench.step(_FAULT_EVERY // 4)  # the last loss shows with the next samples
         result.times_real = minutes * 60 / (time.perf_counter() - begun)
     return result
 
 
 def _disturb(bench: Bench, result: Result, chance: random.Random) -> None:
-    """A loss, or a moment of over-range, which must not cost a sample."""
+    """Lose samples, or set a moment of over-range, which must not cost any."""
     if chance.random() < 0.7:
         result.lost += bench.lose()
     else:
@@ -175,8 +176,8 @@ def _table(results: list[Result]) -> Table:
     for result in results:
         numbers = (result.samples, result.lost, result.gaps, result.wrong, result.repeated)
         shown = [f"{number:,}" for number in numbers]
-        verdict = "[green]exact[/]" if result.good else "[red]NOT EXACT[/]"
-        table.add_row(result.source, "yes" if result.faults else "no", *shown, f"{result.times_real:.1f}", verdict)
+        exact = verdict(result.good, "exact", "NOT EXACT")
+        table.add_row(result.source, "yes" if result.faults else "no", *shown, f"{result.times_real:.1f}", exact)
     return table
 
 

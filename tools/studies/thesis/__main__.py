@@ -1,10 +1,10 @@
-"""The thesis from its campaign to its use case, and on to the closed loop: one command, one report.
+"""The thesis reproduced by one command, from its measurement campaign to its use case and the closed loop.
 
     python -m tools.studies.thesis OUT [--quick] [--seed 1] [--json]
 
-Campaign -> dataset -> the 14 networks of Table 7.1 -> comparison -> FMU -> use case -> closed loop. Each step is done
-once: an interrupted run goes on where it stood. OUT/report.html puts the thesis' figures beside ours; all data are
-simulated. `--quick` does everything on a tiny scale, to see that it works.
+Campaign -> dataset -> the 14 networks of Table 7.1 -> comparison -> FMU -> use case -> closed loop. Steps with results
+are not repeated, so an interrupted run can be continued. OUT/report.html compares the results with the thesis. All
+data are simulated. `--quick` runs everything on a tiny scale, to see that it works.
 """
 
 from __future__ import annotations
@@ -27,43 +27,43 @@ from tools.studies.thesis.steps import make_folder, run, seconds
 
 
 def main() -> None:
-    """All of it."""
+    """Run all steps, write the report and print its table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("out", type=Path)
     parser.add_argument("--quick", action="store_true", help="tiny campaign, few epochs")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--json", action="store_true", help="the table as JSON on stdout")
-    given = parser.parse_args()
-    places, size = Places(given.out.resolve()), plan.QUICK if given.quick else plan.FULL
+    arguments = parser.parse_args()
+    places, size = Places(arguments.out.resolve()), plan.QUICK if arguments.quick else plan.FULL
     make_folder(places.out)
-    _require_same(places.out / "size.json", asdict(size) | {"seed": given.seed})
+    _require_same(places.out / "size.json", asdict(size) | {"seed": arguments.seed})
     steps = [
-        *plan.training(places, size, given.seed),
+        *plan.training(places, size, arguments.seed),
         plan.table_7_1(places, size),
         plan.one_model(places, GREY_BOX, size),
         plan.compared(places),
         plan.exported(places, size),
-        *plan.assembly(places, size, given.seed),
+        *plan.assembly(places, size, arguments.seed),
     ]
     run(steps, places.out, Console(stderr=True))
     case = Case.of(places)
-    found = evaluate(case, places)
-    use_case_page(found, case, places.out / "use-case.html")
+    use_case = evaluate(case, places)
+    use_case_page(use_case, case, places.out / "use-case.html")
     rows = claims(
         Results(
             places,
             manifest=json.loads((places.training / "manifest.json").read_text()),
             compared=json.loads((places.out / "compare.json").read_text()),
             fmu=json.loads((places.out / "fmu.json").read_text()),
-            assembly=found,
+            assembly=use_case,
         )
     )
     report = places.out / "report.html"
-    thesis_page(rows, chapters(places), seconds(places.out), report, quick=given.quick)
-    if given.json:
-        print(json.dumps({"report": str(report), "claims": [asdict(row) for row in rows], "use_case": found}))
+    thesis_page(rows, chapters(places), seconds(places.out), report, quick=arguments.quick)
+    if arguments.json:
+        print(json.dumps({"report": str(report), "claims": [asdict(row) for row in rows], "use_case": use_case}))
         return
-    table = Table("thesis", "it says", "here", "")
+    table = Table("thesis", "statement of the thesis", "reproduced", "agrees")
     for row in rows:
         table.add_row(row.figure, row.thesis, row.here, {True: "yes", False: "NO", None: ""}[row.agrees])
     console = Console()
@@ -72,18 +72,18 @@ def main() -> None:
 
 
 def chapters(places: Places) -> list[tuple[str, Path]]:
-    """Reports of the steps, in the thesis' order."""
+    """Titles and reports of the steps, in the order of the thesis."""
     return [
         ("Chapter 5: excitation and the measured campaign", places.out / "training" / "report.html"),
         ("Chapter 6: data preparation", places.training / "report.html"),
         ("Chapter 8: models compared", places.models / "report.html"),
         ("Chapter 9: use case", places.out / "use-case.html"),
-        ("Beyond: the loop closed", places.loop / "report.html"),
+        ("Beyond the thesis: closing the loop", places.loop / "report.html"),
     ]
 
 
 def _require_same(path: Path, size: dict[str, int]) -> None:
-    """One folder, one reproduction."""
+    """Raise UserError when the folder holds a reproduction of another size or seed."""
     if path.exists() and json.loads(path.read_text()) != size:
         raise UserError(f"{path.parent} holds a reproduction of another size or seed; name another folder")
     path.write_text(json.dumps(size))

@@ -1,4 +1,4 @@
-"""The assembly of thesis chapter 9: predicted from measured angles, simulated from the twin's; what the loop adds."""
+"""The assembly of thesis chapter 9: power predicted from measured angles and simulated from the twin's angles."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from acqd.discrepancy.repair.terms import rms
+from acqd.discrepancy.residual.errors import rms
 from acqd.models.bundle.restore import open_model
 from acqd.models.metrics import predictions
 from acqd.models.predictor import Predictor
@@ -23,76 +23,79 @@ from acqd.robot.log import read_log
 
 Floats = NDArray[np.float64]
 _PEAK_S = 0.6
-"""After the brakes have opened: the initial peak (thesis Figures 6.2 and 9.4)."""
+"""Duration of the initial peak after the brakes open, s (thesis Figures 6.2, 9.4)."""
 _MOVING = 0.02  # rad/s
 NETWORK, GREY_BOX, CLOSED = "21x1dim", "grey-box", "grey-box, loop closed"
 
 
 @dataclass(frozen=True, slots=True)
 class Places:
-    """Where everything of one reproduction lies."""
+    """Folders of one reproduction."""
 
     out: Path
 
     @property
     def training(self) -> Path:
-        """Dataset of random motions."""
+        """Dataset of the random motions."""
         return self.out / "ds0"
 
     @property
     def models(self) -> Path:
+        """Folder of bundles."""
         return self.out / "models"
 
     @property
     def assembly(self) -> Path:
-        """Campaign."""
+        """Campaign of the assembly."""
         return self.out / "assembly"
 
     @property
     def executions(self) -> Path:
-        """Dataset of assemblies."""
+        """Dataset of the assembly."""
         return self.out / "ds1"
 
     @property
     def loop(self) -> Path:
+        """Results of `acqd close-loop`."""
         return self.out / "loop"
 
     def bundle(self, network: str) -> Path:
-        """As `acqd train` names it."""
+        """Bundle of a network that was trained on everything with seed 1."""
         return self.models / f"{network}-everything-s1"
 
 
 @dataclass(frozen=True, slots=True)
 class Twin:
-    """The twin's motion of one execution, at the rows of the measured one."""
+    """Motion of the twin in one execution, resampled to the measured rows."""
 
     q: Floats
     """[T, axes] rad."""
     pace: float
-    """The twin's time over the cell's: it was played so much faster."""
+    """Duration of the twin's motion over that of the measured one."""
 
 
 def twin_of(assembly: Path, segment: Segment, robot: str, step_s: float) -> Twin:
-    """Both begin and end to move at the same rows: the twin's time is scaled to the cell's pace."""
+    """Read the twin's motion and scale its time, so that it moves in the same rows as the measured arm."""
     path = next((assembly / "twin").rglob(f"{segment.recording}.csv"))
     log = read_log(path, load_description(robot))
     grid = np.arange(log.time[0], log.time[-1], step_s)
     q = np.column_stack([np.interp(grid, log.time, column) for column in log.q.T])
-    (begin, end), (start, stop) = span_of(segment.q, step_s), span_of(q, step_s)
-    pace = (stop - start) / (end - begin)
-    at = np.clip(start + (np.arange(len(segment.P)) - begin) * pace, 0, len(q) - 1)
-    angles = CubicSpline(np.arange(len(q)), q)(at)
+    first, last = span_of(segment.q, step_s)
+    twin_first, twin_last = span_of(q, step_s)
+    pace = (twin_last - twin_first) / (last - first)
+    rows = np.clip(twin_first + (np.arange(len(segment.P)) - first) * pace, 0, len(q) - 1)
+    angles = CubicSpline(np.arange(len(q)), q)(rows)
     return Twin(np.asarray(angles), pace)
 
 
 def span_of(q: Floats, step_s: float) -> tuple[int, int]:
-    """First and last row that move."""
+    """First and last row with motion."""
     moving = np.flatnonzero(np.abs(np.gradient(q, step_s, axis=0)).max(axis=1) > _MOVING)
     return int(moving[0]), int(moving[-1])
 
 
 def without_peak(segment: Segment, step_s: float) -> NDArray[np.bool_]:
-    """Rows outside of the time after the brakes opened."""
+    """[T], True for rows outside the initial peak."""
     rises = np.flatnonzero(np.diff(segment.signals["brake"], prepend=0.0) > 0)
     rows = np.ones(len(segment.P), dtype=bool)
     for row in rises:
@@ -102,19 +105,19 @@ def without_peak(segment: Segment, step_s: float) -> NDArray[np.bool_]:
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """Held-out executions and what each model says of them."""
+    """Held-out executions, and the models to be evaluated on them."""
 
     data: Dataset
     held_out: list[Segment]
     spared: bool
-    """Whether no effect was fitted on them; with few executions the loop spares none."""
+    """Whether no effect was fitted on them. With few executions the loop fits on all of them."""
     models: dict[str, Predictor]
     twins: list[Twin]
     arm: Arm
 
     @classmethod
     def of(cls, places: Places) -> Case:
-        """Executions that no effect was fitted on; the models have seen none of them."""
+        """Load models and executions. No model was trained on the executions."""
         data = load_dataset(places.executions)
         opened, closed = open_model(places.loop / "model")
         fitted = set(opened.metadata["provenance"].get("closed_fit_recordings", ()))
@@ -125,45 +128,45 @@ class Case:
         return cls(data, held_out, bool(spared), models, twins, Arm(load_description(data.robot)))
 
     def simulated(self, name: str) -> list[Floats]:
-        """[rows] W from the twin's motion, by execution."""
+        """Power [T] W from the twin's motion, by execution."""
         pairs = zip(self.twins, self.held_out, strict=True)
         return [of_twin(self.models[name], twin, segment) for twin, segment in pairs]
 
     def predicted(self, name: str) -> list[Floats]:
-        """[rows] W from measured angles, by execution."""
+        """Power [T] W from measured angles, by execution."""
         return predictions(self.models[name], self.held_out)
 
 
 def evaluate(case: Case, places: Places) -> dict[str, Any]:
-    """MAE and RMSE by model, with and without the peak; the twin; the loop."""
-    found: dict[str, Any] = {"executions": len(case.held_out), "spared": case.spared, "models": {}}
+    """Errors by model with and without the peak, distance of the twin, and the result of the loop."""
+    results: dict[str, Any] = {"executions": len(case.held_out), "spared": case.spared, "models": {}}
     for name in case.models:
-        found["models"][name] = {
+        results["models"][name] = {
             "predicted": errors_of(case.predicted(name), case.held_out, case.data.step_s),
             "simulated": errors_of(case.simulated(name), case.held_out, case.data.step_s),
         }
     report = json.loads((places.loop / "report.json").read_text())
-    found["loop"] = {key: report[key] for key in ("verdict", "effects", "before", "after", "reference_rmse")}
+    results["loop"] = {key: report[key] for key in ("verdict", "effects", "before", "after", "reference_rmse")}
     pairs = list(zip(case.twins, case.held_out, strict=True))
-    found["pace"] = float(np.median([twin.pace for twin in case.twins]))
-    found["end_effector_m"] = float(np.median([distance(case.arm, t, s).mean() for t, s in pairs]))
-    apart = np.median([np.abs(t.q - s.q).mean(axis=0) for t, s in pairs], axis=0)
-    found["axes_deg"] = np.degrees(apart).tolist()
-    return found
+    results["pace"] = float(np.median([twin.pace for twin in case.twins]))
+    results["end_effector_m"] = float(np.median([distance(case.arm, t, s).mean() for t, s in pairs]))
+    differences = np.median([np.abs(t.q - s.q).mean(axis=0) for t, s in pairs], axis=0)
+    results["axes_deg"] = np.degrees(differences).tolist()
+    return results
 
 
 def of_twin(model: Predictor, twin: Twin, segment: Segment) -> Floats:
-    """[rows] W; signals are those of the cell: the twin knows when it opens brakes and grips."""
+    """Power [T] W from the twin's motion and the cell's signals: a twin knows its brake and gripper commands."""
     known = segment.signals | {"Vrms": np.full(len(segment.P), 230.0)}
     signals = np.column_stack([np.zeros((len(segment.P), 0)), *(known[name] for name in model.signals)])
     return model.sequence(twin.q, signals, segment.start_s)
 
 
-def errors_of(guesses: list[Floats], segments: list[Segment], step_s: float) -> dict[str, float]:
-    """MAE and RMSE with and without the peak [W] (thesis Eq. 8.2, 8.3)."""
-    pairs = list(zip(guesses, segments, strict=True))
-    errors = [guess - segment.P[: len(guess)] for guess, segment in pairs]
-    calm = np.concatenate([without_peak(segment, step_s)[: len(guess)] for guess, segment in pairs])
+def errors_of(powers: list[Floats], segments: list[Segment], step_s: float) -> dict[str, float]:
+    """MAE and RMSE in W, with and without the peak (thesis Eq. 8.2, 8.3)."""
+    pairs = list(zip(powers, segments, strict=True))
+    errors = [power - segment.P[: len(power)] for power, segment in pairs]
+    calm = np.concatenate([without_peak(segment, step_s)[: len(power)] for power, segment in pairs])
     e = np.concatenate(errors)
     return {
         "mae": float(np.abs(e).mean()), "rmse": rms([e]),
@@ -172,11 +175,11 @@ def errors_of(guesses: list[Floats], segments: list[Segment], step_s: float) -> 
 
 
 def distance(arm: Arm, twin: Twin, segment: Segment) -> Floats:
-    """[rows] m between measured and simulated flange."""
-    one, other = (flange(arm, q) for q in (segment.q, twin.q))
-    return np.asarray(np.linalg.norm(one - other, axis=1))
+    """Distance [T] m between measured and simulated flange."""
+    measured, simulated = (flange(arm, q) for q in (segment.q, twin.q))
+    return np.asarray(np.linalg.norm(measured - simulated, axis=1))
 
 
 def flange(arm: Arm, q: Floats) -> Floats:
-    """[T, 3] m."""
+    """Flange positions [T, 3] m."""
     return forward_kinematics(arm, q)[0]

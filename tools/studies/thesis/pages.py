@@ -1,4 +1,4 @@
-"""Reports of the use case and of the whole thesis."""
+"""HTML reports of the use case and of the whole reproduction."""
 
 from __future__ import annotations
 
@@ -11,49 +11,51 @@ from tools.studies.thesis import pictures
 from tools.studies.thesis.assembly import CLOSED, NETWORK, Case
 from tools.studies.thesis.claims import Claim
 
-HEADER = ("model", "angles", "MAE [W]", "RMSE [W]", "MAE without the peak", "RMSE without the peak")
+HEADER = ("model", "angles", "MAE [W]", "RMSE [W]", "MAE without the peak [W]", "RMSE without the peak [W]")
 
 
-def table(found: dict[str, Any]) -> list[list[object]]:
+def table(results: dict[str, Any]) -> list[list[object]]:
     """Rows under HEADER."""
     return [
         [name, kind, *values[kind].values()]
-        for name, values in found["models"].items()
+        for name, values in results["models"].items()
         for kind in ("predicted", "simulated")
     ]
 
 
-def loop_text(found: dict[str, Any]) -> str:
-    """What it named."""
-    effects = ", ".join(f"{e['id']} ({e['where']}, confidence {e['confidence']:.0%})" for e in found["loop"]["effects"])
-    return effects or str(found["loop"]["verdict"])
+def loop_text(results: dict[str, Any]) -> str:
+    """Effects that the loop identified, or its verdict."""
+    loop = results["loop"]
+    effects = ", ".join(f"{e['id']} ({e['where']}, confidence {e['confidence']:.0%})" for e in loop["effects"])
+    return effects or str(loop["verdict"])
 
 
-def use_case_page(found: dict[str, Any], case: Case, path: Path) -> None:
-    """Chapter 9. Raises UserError."""
+def use_case_page(results: dict[str, Any], case: Case, path: Path) -> None:
+    """Write the report of chapter 9 to `path`. Raises UserError."""
     page = Page("Use case: an assembly (thesis chapter 9)", simulated=True)
     page.text(
-        f"{found['executions']} executions that no model was fitted on"
+        f"{results['executions']} executions, on which no model was trained. "
         + (
-            ", nor any effect. "
-            if found["spared"]
-            else "; the loop's effects WERE fitted on them: too few to spare any. "
+            "No effect was fitted on them either. "
+            if results["spared"]
+            else "The effects of the loop WERE fitted on them, because there are too few to hold any out. "
         )
-        + "Predicted: from the angles that the robot logged; simulated: from the twin's own motion."
+        + "Predicted: from the logged angles of the robot. Simulated: from the motion of the twin."
     )
-    page.table(HEADER, table(found))
+    page.table(HEADER, table(results))
     page.text(
-        f"The flange of the twin is {1000 * found['end_effector_m']:.0f} mm from the measured one in the mean: "
-        f"its time is scaled to the cell's pace ({found['pace']:.3f})."
+        f"The flange of the twin is {1000 * results['end_effector_m']:.0f} mm from the measured one on average. "
+        f"The time of the twin is scaled to the pace of the cell by {results['pace']:.3f}."
     )
-    page.text(f"What the loop found: {loop_text(found)}.")
-    page.figure(pictures.motion_picture(case), "Figure 9.3: measured and simulated angles, and where the flange goes.")
+    page.text(f"Result of the loop: {loop_text(results)}.")
+    page.figure(
+        pictures.motion_picture(case), "Measured and simulated joint angles and flange positions. Thesis Figure 9.3."
+    )
     for name in (NETWORK, CLOSED):
-        what = f"power predicted by {name} from measured angles (top) and simulated from the twin's (bottom)"
-        page.figure(pictures.power_picture(case, name, peak=True), f"Figure 9.4: {what}.")
-        page.figure(
-            pictures.power_picture(case, name, peak=False), f"Figure C.2: the same without the initial peak; {name}."
-        )
+        caption = f"Power by {name}, predicted from measured angles (top) and simulated from the twin's angles (bottom)"
+        page.figure(pictures.power_picture(case, name, peak=True), f"{caption}. Thesis Figure 9.4.")
+        caption += ", without the initial peak"
+        page.figure(pictures.power_picture(case, name, peak=False), f"{caption}. Thesis Figure C.2.")
     page.figure(pictures.peak_picture(case), "The initial peak, before and after closing the loop.")
     page.write(path)
 
@@ -61,22 +63,23 @@ def use_case_page(found: dict[str, Any], case: Case, path: Path) -> None:
 def thesis_page(
     claims: Sequence[Claim], chapters: Sequence[tuple[str, Path]], took: dict[str, float], path: Path, *, quick: bool
 ) -> None:
-    """The whole. Raises UserError."""
+    """Write the report of the reproduction to `path`. Raises UserError."""
     page = Page("The thesis, reproduced", simulated=True)
     page.text(
-        "Every figure below comes from acqd's virtual laboratory: no robot, no mains. The thesis' figures are of a "
-        "real KUKA iiwa. What can be compared is the order of models and the size of errors, not the watts."
+        "All results below are from acqd's virtual laboratory, without a real robot or mains. The thesis measured a "
+        "KUKA iiwa. The order of the models and the magnitude of errors can be compared, the exact values cannot."
     )
     if quick:
-        page.text("A quick run with a tiny campaign and a few epochs: it shows that every step works, nothing else.")
+        page.text("This is a quick run with a tiny campaign and a few epochs. It only shows that every step works.")
     page.heading("Figure by figure")
-    words = {True: "as in the thesis", False: "NOT as in the thesis", None: ""}
-    page.table(("thesis", "it says", "here", ""), [[c.figure, c.thesis, c.here, words[c.agrees]] for c in claims])
+    words = {True: "agrees", False: "DISAGREES", None: ""}
+    header = ("thesis", "statement of the thesis", "reproduced", "")
+    page.table(header, [[c.figure, c.thesis, c.here, words[c.agrees]] for c in claims])
     judged = [claim.agrees for claim in claims if claim.agrees is not None]
-    page.text(f"{sum(judged)} of {len(judged)} statements hold here. Chapter 8 prints its numbers as pictures only.")
-    page.heading("Every step's own report")
+    page.text(f"{sum(judged)} of {len(judged)} statements agree. Chapter 8 of the thesis has pictures without numbers.")
+    page.heading("Reports of the steps")
     for title, report in chapters:
         page.chapter(title, report)
-    page.heading("What it took")
+    page.heading("Run time")
     page.table(("step", "seconds"), [[title, round(seconds)] for title, seconds in took.items()])
     page.write(path)

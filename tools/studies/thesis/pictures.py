@@ -1,4 +1,4 @@
-"""Pictures of the use case: Figures 9.3, 9.4 and C.2 of the thesis, and the initial peak."""
+"""Figures of the use case: motion, power and initial peak."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from tools.studies.thesis.assembly import CLOSED, GREY_BOX, NETWORK, Case, flang
 
 
 def motion_picture(case: Case) -> Figure:
-    """As Figure 9.3."""
+    """Measured and simulated joint angles and flange positions (thesis Figure 9.3)."""
     arm, twin, segment, step_s = case.arm, case.twins[0], case.held_out[0], case.data.step_s
     figure = Figure(figsize=(11, 9))
     axes = figure.subplots(segment.q.shape[1], 2, sharex=True)
@@ -18,14 +18,14 @@ def motion_picture(case: Case) -> Figure:
         axes[k, 0].plot(t, np.degrees(segment.q[:, k]), color="#1f5f8b", lw=1)
         axes[k, 0].plot(t, np.degrees(twin.q[:, k]), color="#b45309", lw=1)
         axes[k, 0].set_ylabel(f"q{k + 1} [deg]", fontsize=8)
-    one, other = flange(arm, segment.q), flange(arm, twin.q)
+    measured, simulated = flange(arm, segment.q), flange(arm, twin.q)
     for k, name in enumerate("xyz"):
-        axes[k, 1].plot(t, one[:, k], color="#1f5f8b", lw=1, label="measured")
-        axes[k, 1].plot(t, other[:, k], color="#b45309", lw=1, label="twin")
+        axes[k, 1].plot(t, measured[:, k], color="#1f5f8b", lw=1, label="measured")
+        axes[k, 1].plot(t, simulated[:, k], color="#b45309", lw=1, label="twin")
         axes[k, 1].set_ylabel(f"{name} [m]", fontsize=8)
     axes[0, 1].legend(fontsize=8)
-    axes[3, 1].plot(t, 1000 * np.linalg.norm(one - other, axis=1), color="#444", lw=1)
-    axes[3, 1].set_ylabel("apart [mm]", fontsize=8)
+    axes[3, 1].plot(t, 1000 * np.linalg.norm(measured - simulated, axis=1), color="#444", lw=1)
+    axes[3, 1].set_ylabel("distance [mm]", fontsize=8)
     for k in range(4, segment.q.shape[1]):
         axes[k, 1].axis("off")
     axes[-1, 0].set_xlabel("time [s]")
@@ -34,24 +34,24 @@ def motion_picture(case: Case) -> Figure:
 
 
 def power_picture(case: Case, name: str, *, peak: bool) -> Figure:
-    """As Figure 9.4, or as Figure C.2 without the initial peak."""
+    """Measured, predicted and simulated power, with or without the peak (thesis Figures 9.4, C.2)."""
     figure = Figure(figsize=(11, 6))
     axes = figure.subplots(2, 1, sharex=True)
     segment = case.held_out[0]
     shown = np.ones(len(segment.P), dtype=bool) if peak else without_peak(segment, case.data.step_s)
     t = case.data.step_s * np.arange(len(segment.P))
     both = (("predicted", case.predicted(name)[0]), ("simulated", case.simulated(name)[0]))
-    for axis, (kind, guess) in zip(axes, both, strict=True):
+    for axis, (kind, power) in zip(axes, both, strict=True):
         axis.plot(t, np.where(shown, segment.P, np.nan), color="#1f5f8b", lw=1, label="measured")
-        axis.plot(t[: len(guess)], np.where(shown[: len(guess)], guess, np.nan), color="#b45309", lw=1, label=kind)
-        axis.set_ylabel("P [W]")
+        axis.plot(t[: len(power)], np.where(shown[: len(power)], power, np.nan), color="#b45309", lw=1, label=kind)
+        axis.set_ylabel("power [W]")
         axis.legend(fontsize=8)
     axes[1].set_xlabel("time [s]")
     return figure
 
 
 def peak_picture(case: Case) -> Figure:
-    """Around the brakes' opening."""
+    """Measured and predicted power around the opening of the brakes."""
     figure = Figure(figsize=(9, 4))
     axis = figure.subplots()
     segment, step_s = case.held_out[0], case.data.step_s
@@ -62,6 +62,6 @@ def peak_picture(case: Case) -> Figure:
     for name, color in ((NETWORK, "#9ca3af"), (GREY_BOX, "#15803d"), (CLOSED, "#b45309")):
         axis.plot(t[rows], case.predicted(name)[0][rows], color=color, lw=1.2, label=name)
     axis.set_xlabel("time since the brakes opened [s]")
-    axis.set_ylabel("P [W]")
+    axis.set_ylabel("power [W]")
     axis.legend(fontsize=8)
     return figure

@@ -1,4 +1,4 @@
-"""Which commands make up the thesis."""
+"""The commands that reproduce the thesis."""
 
 from __future__ import annotations
 
@@ -15,31 +15,34 @@ ROBOT = "iiwa7_r800"
 
 @dataclass(frozen=True, slots=True)
 class Size:
-    """How much of everything."""
+    """Amount of data and training."""
 
     limited: int
+    """Recordings in limited space."""
     all_space: int
+    """Recordings in all space."""
     assemblies: int
+    """Executions of the assembly."""
     epochs: int
     fmu_steps: int
 
 
 FULL = Size(202, 135, 24, 2000, 20_000)
-"""Thesis sections 5.3, 7.5 and 9."""
+"""The thesis' amounts (sections 5.3, 7.5 and 9)."""
 QUICK = Size(8, 8, 6, 4, 2000)
-"""Shows that every step works; its figures mean nothing."""
+"""For a test of every step. The results mean nothing."""
 
 
 def training(places: Places, size: Size, seed: int) -> list[Step]:
-    """Excite, measure, merge (chapters 4 to 6)."""
+    """Measured campaign of random motions and its dataset (thesis chapters 4 to 6)."""
     campaign = places.out / "training"
     counts = ("--limited", str(size.limited), "--all", str(size.all_space))
     return [
         Step(
-            "campaign: random trajectories, measured", (campaign / "report.html",),
+            "campaign: measure random trajectories", (campaign / "report.html",),
             (("acqd", "lab", "campaign", "--out", str(campaign), *counts, "--seed", str(seed)),),
         ),
-        _dataset("dataset: clocks aligned, split by source", campaign, places.training),
+        _dataset("dataset: align clocks, split by source", campaign, places.training),
     ]  # fmt: skip
 
 
@@ -52,14 +55,14 @@ def _dataset(title: str, campaign: Path, out: Path) -> Step:
 
 
 def one_model(places: Places, network: str, size: Size) -> Step:
-    """Of everything there is."""
+    """Train one model on all training recordings."""
     train = ("acqd", "train", str(places.training), "--network", network, "--out", str(places.bundle(network)))
     epochs = () if network == GREY_BOX else ("--epochs", str(size.epochs))
     return Step(f"train {network}", (places.bundle(network) / "bundle.json",), ((*train, *epochs),))
 
 
 def table_7_1(places: Places, size: Size) -> Step:
-    """The 14 combinations of networks and training data."""
+    """Train the 14 combinations of networks and training data."""
     manual = product(("7x1dim", "14x1dim", "21x1dim"), ("all", "limited", "everything"))
     names = [*manual, *((n, "everything") for n in ARCHITECTURES if "conv" in n)]
     command = ("acqd", "train", str(places.training), "--table-7-1", "--models", str(places.models))
@@ -71,17 +74,17 @@ def table_7_1(places: Places, size: Size) -> Step:
 
 
 def compared(places: Places) -> Step:
-    """Chapter 8."""
+    """Compare the models (thesis chapter 8)."""
     page, figures = places.models / "report.html", places.out / "compare.json"
     command = ("acqd", "compare", str(places.training), "--models", str(places.models), "--json")
-    return Step("compare on recordings that none has seen", (page, figures), (command,), told=figures)
+    return Step("compare models on held-out recordings", (page, figures), (command,), output=figures)
 
 
 def exported(places: Places, size: Size) -> Step:
-    """Section 9.1 and appendix C.1: the FMU, judged by others."""
+    """Export a network as FMU and test it with other importers (thesis section 9.1, appendix C.1)."""
     figures, bundle = places.out / "fmu.json", str(places.bundle(NETWORK))
     return Step(
-        f"FMU of {NETWORK}, judged by others",
+        f"export {NETWORK} as FMU, test it with other importers",
         (places.out / "21x1dim-fmi2.fmu", places.out / "21x1dim-fmi3.fmu", figures),
         (
             *(("acqd", "export-fmu", bundle, "--fmi", f"{v}.0", "--out", f"{places.out}/21x1dim-fmi{v}.fmu")
@@ -92,15 +95,15 @@ def exported(places: Places, size: Size) -> Step:
 
 
 def assembly(places: Places, size: Size, seed: int) -> list[Step]:
-    """Chapter 9 and beyond: the assembly measured, and the loop closed on it."""
+    """Measure the assembly (thesis chapter 9) and close the loop on it."""
     campaign = places.assembly
     count = ("--profile", "use-case", "--assemblies", str(size.assemblies), "--seed", str(seed))
     loop = ("acqd", "close-loop", str(places.executions), "--model", str(places.bundle(GREY_BOX)))
     return [
         Step(
-            "assembly measured, and its twin", (campaign / "report.html",),
+            "campaign: measure the assembly, simulate its twin", (campaign / "report.html",),
             (("acqd", "lab", "campaign", "--out", str(campaign), *count),),
         ),
-        _dataset("assembly aligned", campaign, places.executions),
-        Step("loop closed", (places.loop / "report.json",), ((*loop, "--out", str(places.loop)),)),
+        _dataset("dataset of the assembly", campaign, places.executions),
+        Step("close the loop", (places.loop / "report.json",), ((*loop, "--out", str(places.loop)),)),
     ]  # fmt: skip

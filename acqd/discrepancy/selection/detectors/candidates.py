@@ -1,4 +1,4 @@
-"""Candidates whose columns are found by looking at the residual: ripple, switching loads, contact."""
+"""Effects that are detected in the residual: ripple, switching loads, contact."""
 
 from __future__ import annotations
 
@@ -9,161 +9,158 @@ from functools import partial
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.discrepancy.regression.design_matrix import Candidate, Design, extend
-from acqd.discrepancy.regression.gram import Column, Model
+from acqd.discrepancy.regression.design_columns import Candidate
+from acqd.discrepancy.regression.design_matrix import Design
+from acqd.discrepancy.regression.gram import Column, Places, Regression
 from acqd.discrepancy.residual.whitening import Whitener
 from acqd.discrepancy.selection.detectors import ripple, switching
+from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.effects import library
-from acqd.models.effects.effect import effect_rows
-from acqd.models.effects.places import Parameter, Place, Variant
-from acqd.models.effects.scene import Scene
+from acqd.models.effects.effect import Effect, effect_rows
+from acqd.models.effects.places import Shape, Variant
 from acqd.models.effects.substeps import averaged
 
-_MOSTLY = 0.6  # of the time
-_REGULAR = 0.33  # of a rhythm
-
 
 @dataclass(frozen=True, slots=True)
-class Detected:
-    """A candidate and what was found."""
+class Detection:
+    """An effect with its shape and columns, as the residual suggests them."""
 
-    candidate: Candidate
-    ripple: ripple.Ripple | None = None
+    effect: Effect
+    shape: Shape
+    columns: list[Floats]
+    """[T, k] W per unit parameter, per segment of the design."""
+    cost: float
+    """Parameters charged for the search."""
+    refinable: bool = False
+    """Whether columns follow from the shape, so that the columns of a large effect can be computed."""
     by_chance: Callable[[], float] = lambda: 0.0
-    """Log-likelihood that the same search wins in as many rows where there is nothing to find."""
-    regular: float = 0.0
+    """Log-likelihood gain of the same search in as many rows of the reference."""
+
+    def candidate(self, places: Places, key: str) -> Candidate:
+        """The hypothesis, once the design holds its columns at `places`."""
+        place = self.effect.detected_place(self.shape)
+        variant = Variant(place, place.columns, self.shape)
+        return Candidate(self.effect.id, place.where, places, variant, detected=True, cost=self.cost, key=key)
+
+    def reference_evidence(self) -> float:
+        """Evidence that the same search must exceed, because it has that much in the reference."""
+        return THRESHOLDS.reference_factor * self.by_chance()
 
 
-def detect(design: Design, model: Model, gate: Floats, known: set[str]) -> list[Detected]:
-    """Everything that a look at the residual suggests."""
-    residuals = residuals_of(design, model)
-    open_ = sorted({part.segment for part, own in zip(design.parts, gate, strict=True) if own})
-    found: list[Detected] = []
-    if "gear_ripple" in design.chosen and "gear_ripple" not in known:
-        found.append(_ripple(design, [residuals[k] for k in open_], open_))
-    kinds = {"thermostat", "process_load", "contact_force"} & design.chosen - known
-    flat = [np.ones(len(off)) for off in design.residual]
+def detect(design: Design, regression: Regression, gate: Floats, known: set[str]) -> list[Detection]:
+    """Everything that the residual of `regression` suggests, except effects that are `known` already."""
+    residuals = residuals_of(design, regression)
+    segments = sorted({part.segment for part, open_ in zip(design.parts, gate, strict=True) if open_})
+    wanted: dict[str, Effect] = {
+        e.detected: e for e in library().values() if e.id in design.columns.chosen - known and e.detected
+    }
+    detections: list[Detection] = []
+    if "ripple" in wanted:
+        detections.append(_ripple(design, wanted["ripple"], residuals, segments))
+    scenes, ones = design.columns.scenes, [np.ones(len(residual)) for residual in residuals]
     searches: list[tuple[Whitener, list[Floats], tuple[int, ...]]] = []
-    if kinds & {"thermostat", "process_load"}:
-        searches += [(design.whitener, flat, (1,)), (design.patient, flat, (1,))]
-    if "contact_force" in kinds:
-        searches.append(
-            (
-                design.whitener,
-                [
-                    effect_rows(library()["contact_force"], scene, {"share_of_time": 1.0})[:, 0]
-                    for scene in design.scenes
-                ],
-                (1, -1),
-            )
-        )
-    for whitener, shapes, signs in searches:
-        look = _Look(design, model, gate, open_, whitener, shapes, signs)
-        states = look.states(residuals)
-        each = None if states is None else _described(look, states, kinds, residuals)
-        found += [each] if each is not None else []
-    return found
+    if {"rhythm", "bursts"} & set(wanted):
+        searches += [(design.whitener, ones, (1,)), (design.slow_whitener, ones, (1,))]
+    if "contact" in wanted:
+        force = [effect_rows(wanted["contact"], scene, {"share_of_time": 1.0})[:, 0] for scene in scenes]
+        searches.append((design.whitener, force, (1, -1)))
+    for whitener, levels, signs in searches:
+        search = _Search(design, regression, gate, segments, whitener, levels, signs)
+        states = search.states(residuals)
+        detection = None if states is None else _described(search, states, wanted, residuals)
+        detections += [detection] if detection is not None else []
+    return detections
 
 
 @dataclass(frozen=True, slots=True)
-class _Look:
-    """One way to look for something that is on or off."""
+class _Search:
+    """A search for something that is on or off."""
 
     design: Design
-    model: Model
+    regression: Regression
     gate: Floats
-    open: list[int]
+    segments: list[int]
+    """Segments in question."""
     whitener: Whitener
-    shapes: list[Floats]
+    levels: list[Floats]
+    """[T] per segment: power per unit while on."""
     signs: tuple[int, ...]
 
     def states(self, residuals: list[Floats]) -> switching.States | None:
-        """The base model has taken over part of what switches: once it is known roughly, both are fitted anew."""
-        first = self.among(residuals, self.open)
+        """States after a second search: the base model explains part of the load until the load competes with it."""
+        first = self.among(residuals, self.segments)
         if first is None:
             return None
-        columns = self.columns(first)
-        places = extend(self.design, columns)
-        beside = Model(self.design.blocks, [*self.model.columns, Column(int(places[0]), self.gate)])
-        again = self.among(residuals_of(self.design, beside, {int(places[0])}), self.open)
+        extended, places = self.design.with_columns(self.columns(first))
+        column = Column(int(places[0]), self.gate, owner="search")
+        both = self.regression.with_columns(extended.blocks, [column])
+        again = self.among(residuals_of(extended, both, omit="search"), self.segments)
         return again if again is not None and again.gain > first.gain else first
 
-    def among(self, residuals: list[Floats], which: list[int]) -> switching.States | None:
-        """Of some stretches."""
+    def among(self, residuals: list[Floats], segments: list[int]) -> switching.States | None:
+        """States in some segments."""
         return switching.search(
-            [residuals[k] for k in which], self.whitener, [self.shapes[k] for k in which], self.signs
+            [residuals[k] for k in segments], self.whitener, [self.levels[k] for k in segments], self.signs
         )
 
     def columns(self, states: switching.States) -> list[Floats]:
-        """[T, 1] per stretch of the design."""
-        on = [np.zeros(len(off), dtype=bool) for off in self.design.residual]
-        for k, found in zip(self.open, states.on, strict=True):
-            on[k] = found
-        return [(shape * each)[:, None] for shape, each in zip(self.shapes, on, strict=True)]
+        """[T, 1] per segment of the design."""
+        on = [np.zeros(len(level), dtype=bool) for level in self.levels]
+        for k, state in zip(self.segments, states.on, strict=True):
+            on[k] = state
+        return [(level * state)[:, None] for level, state in zip(self.levels, on, strict=True)]
 
     def by_chance(self, residuals: list[Floats]) -> float:
-        """Log-likelihood that the same look wins where there is nothing to find, in as many rows."""
-        closed = sorted(set(range(len(self.design.residual))) - set(self.open))
-        found = self.among(residuals, closed) if closed else None
-        if found is None:
+        """Log-likelihood gain of the same search in the reference, scaled to as many rows."""
+        others = sorted(set(range(len(residuals))) - set(self.segments))
+        states = self.among(residuals, others) if others else None
+        if states is None:
             return 0.0
-        rows = [sum(len(residuals[k]) for k in which) for which in (self.open, closed)]
-        return max(found.gain, 0.0) * rows[0] / rows[1]
+        rows = [sum(len(residuals[k]) for k in which) for which in (self.segments, others)]
+        return max(states.gain, 0.0) * rows[0] / rows[1]
 
 
-def _described(look: _Look, states: switching.States, kinds: set[str], residuals: list[Floats]) -> Detected | None:
-    """As a candidate, with the name that its rhythm and shape give it."""
-    design = look.design
-    regular = 0.0
+def _described(
+    search: _Search, states: switching.States, wanted: dict[str, Effect], residuals: list[Floats]
+) -> Detection | None:
+    """The detection, with the effect that rhythm and level suggest; None when that effect is not wanted."""
     shape = {"share_of_time": states.share}
-    if len(look.signs) > 1:
-        if states.share > _MOSTLY:
-            return None  # what is always there is no contact but a load
-        identity, place = "contact_force", Place("flange", (0,), (Parameter("force up", "N"),))
+    if len(search.signs) > 1:
+        if states.share > THRESHOLDS.contact_longest:
+            return None
+        kind = "contact"
     else:
-        period, regular = switching.rhythm(states.on, [averaged(design.scenes[k].t) for k in look.open])
-        identity, place = "process_load", Place("cabinet", (0,), (Parameter("power", "W", 0.0),))
-        if regular > _REGULAR:
-            identity, shape = "thermostat", shape | {"period_s": period}
-    if identity not in kinds:
+        scenes = search.design.columns.scenes
+        period_s, regularity = switching.rhythm(states.on, [averaged(scenes[k].t) for k in search.segments])
+        kind = "rhythm" if regularity > THRESHOLDS.rhythm_regular else "bursts"
+        shape |= {"period_s": period_s} if kind == "rhythm" else {}
+    if kind not in wanted:
         return None
-    places = extend(design, look.columns(states))
-    candidate = Candidate(
-        identity, place.where, places, Variant(place, (0,), shape), detected=True, cost=states.switchings
-    )
-    return Detected(candidate, None, partial(look.by_chance, residuals), regular)
+    columns = search.columns(states)
+    chance = partial(search.by_chance, residuals)
+    return Detection(wanted[kind], shape, columns, cost=float(states.switchings), by_chance=chance)
 
 
-def reference_gain(detected: Detected) -> float:
-    """Evidence that the same search found in the reference, scaled to the rows; half as much again is asked for."""
-    return 3 * detected.by_chance()
+def residuals_of(design: Design, regression: Regression, omit: str = "") -> list[Floats]:
+    """[T] W per segment: residual of the regression, not whitened.
 
-
-def residuals_of(design: Design, model: Model, omit: set[int] | None = None) -> list[Floats]:
-    """[T] W per stretch: what the model leaves, not whitened; levels that wander stay in, and raw columns `omit`."""
-    beta = model.solve()
-    beta = np.where([c.block_intercept or c.place in (omit or ()) for c in model.columns], 0.0, beta)
-    found = [off.copy() for off in design.residual]
+    Random intercepts, and the columns of the effect `omit`, stay in the residual.
+    """
+    beta = regression.solve()
+    outside = [c.block_intercept or (bool(omit) and c.owner == omit) for c in regression.columns]
+    beta = np.where(outside, 0.0, beta)
+    residuals = [residual.copy() for residual in design.columns.residual]
     for number, part in enumerate(design.parts):
-        weights = beta * model.gates[:, number]
-        rows = part.rows
-        found[part.segment][rows] = (
-            design.residual[part.segment][rows] - design.raw[part.segment][rows][:, model.places] @ weights
-        )
-    return found
+        values = design.values(part.segment, regression.places)[part.rows]
+        measured = design.columns.residual[part.segment][part.rows]
+        residuals[part.segment][part.rows] = measured - values @ (beta * regression.gates[:, number])
+    return residuals
 
 
-def _ripple(design: Design, residuals: list[Floats], open_: list[int]) -> Detected:
-    scenes = [design.scenes[k] for k in open_]
-    likeliest = ripple.scan(scenes, residuals, design.whitener)
-    best = ripple.refined(likeliest[0], scenes, residuals, design.whitener)
-    effect = library()["gear_ripple"]
-    places = extend(design, [effect_rows(effect, scene, best.shape) for scene in design.scenes])
-    parameters = (Parameter("sine", "Nm"), Parameter("cosine", "Nm"))
-    place = Place(f"joint {best.joint + 1}", (0, 1), parameters)
-    variant = Variant(place, (0, 1), best.shape)
-    return Detected(Candidate("gear_ripple", place.where, places, variant, detected=True, cost=6.0), ripple=best)
-
-
-def _contact(scene: Scene) -> Floats:
-    return effect_rows(library()["contact_force"], scene, {"share_of_time": 1.0})[:, 0]
+def _ripple(design: Design, effect: Effect, residuals: list[Floats], segments: list[int]) -> Detection:
+    scenes = [design.columns.scenes[k] for k in segments]
+    own = [residuals[k] for k in segments]
+    likeliest = ripple.scan(scenes, own, design.whitener)
+    best = ripple.refined(effect, likeliest[0], scenes, own, design.whitener)
+    columns = [effect_rows(effect, scene, best.shape) for scene in design.columns.scenes]
+    return Detection(effect, best.shape, columns, cost=THRESHOLDS.ripple_cost, refinable=True)

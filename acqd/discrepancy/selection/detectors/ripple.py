@@ -1,4 +1,4 @@
-"""Torque periodic in one joint's angle: how many periods a turn, searched in the residual."""
+"""Torque ripple in the residual: the joint, and the number of periods per turn."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from scipy.signal import lfilter
 
 from acqd.arrays import Floats
 from acqd.discrepancy.residual.whitening import Whitener
-from acqd.models.effects import library
-from acqd.models.effects.effect import effect_rows
+from acqd.discrepancy.thresholds import THRESHOLDS
+from acqd.models.effects.effect import Effect, effect_rows
 from acqd.models.effects.scene import Scene
 from acqd.models.effects.substeps import SUBSTEPS, Lag
 
 _BINS = 8192  # of a turn and a half to each side
 _SPAN = 3 * np.pi
-_FEWEST, _MOST = 3.0, 130.0
 _SHORTLIST = 4
+_RESOLUTION = 0.01  # periods per turn
 
 
 @dataclass(frozen=True, slots=True)
 class Ripple:
-    """One frequency at one joint."""
+    """A frequency at a joint."""
 
     joint: int
     """From 0."""
@@ -36,41 +36,41 @@ class Ripple:
 
 
 def scan(scenes: list[Scene], residuals: list[Floats], whitener: Whitener) -> list[Ripple]:
-    """The likeliest few, over all joints and frequencies.
+    """The frequencies with the largest spectral power over all joints, largest first.
 
-    The residual is taken back through whitening and lag to the fine points; there the product with every sine is
-    a Fourier transform over the joint's angle, which one histogram per joint gives for all frequencies at once.
+    The adjoint of whitening, lag and averaging maps the residual to substeps. There, the product with a sine of any
+    frequency is a Fourier transform over the joint's angle: one histogram per joint gives all frequencies at once.
     """
     axes = scenes[0].axes
     sums, energy = np.zeros((axes, _BINS)), np.zeros((axes, _BINS))
     for scene, residual in zip(scenes, residuals, strict=True):
-        back = _taken_back(residual, whitener, float(scene.model.group("lag")[0]), scene.step_s)
+        adjoint = _adjoint(residual, whitener, float(scene.model.group("lag")[0]), scene.step_s)
         for joint in range(axes):
             place = ((scene.q[:, joint] + _SPAN) / (2 * _SPAN) * _BINS).astype(int) % _BINS
-            weight = back * scene.power_per_torque[:, joint]
+            weight = adjoint * scene.power_per_torque[:, joint]
             sums[joint] += np.bincount(place, weight, _BINS)
             energy[joint] += np.bincount(place, weight**2, _BINS)
     spectrum = np.abs(np.fft.rfft(sums, axis=1)) ** 2 / np.maximum(energy.sum(axis=1), 1e-12)[:, None]
     periods = np.fft.rfftfreq(_BINS, 2 * _SPAN / _BINS) * 2 * np.pi
-    spectrum[:, (periods < _FEWEST) | (periods > _MOST)] = 0.0
-    found: list[Ripple] = []
-    while len(found) < _SHORTLIST:
+    spectrum[:, (periods < THRESHOLDS.ripple_fewest_periods) | (periods > THRESHOLDS.ripple_most_periods)] = 0.0
+    likeliest: list[Ripple] = []
+    while len(likeliest) < _SHORTLIST:
         joint, at = (int(k) for k in np.unravel_index(int(spectrum.argmax()), spectrum.shape))
         around = slice(max(at - 1, 0), at + 2)
         height = spectrum[joint, around]
         periods_at = float((periods[around] * height).sum() / max(height.sum(), 1e-12))
-        found.append(Ripple(joint, periods_at))
+        likeliest.append(Ripple(joint, periods_at))
         spectrum[joint, max(0, at - 4) : at + 5] = 0.0
-    return found
+    return likeliest
 
 
-def refined(ripple: Ripple, scenes: list[Scene], residuals: list[Floats], whitener: Whitener) -> Ripple:
-    """The frequency near `ripple` that explains most."""
+def refined(effect: Effect, ripple: Ripple, scenes: list[Scene], residuals: list[Floats], whitener: Whitener) -> Ripple:
+    """The frequency near `ripple` that explains most, by a search with halved steps."""
     best, step = ripple, 0.5
-    score = _explained(best, scenes, residuals, whitener)
-    while step > 0.01:
+    score = _explained(effect, best, scenes, residuals, whitener)
+    while step > _RESOLUTION:
         tried = [Ripple(ripple.joint, best.periods + sign * step) for sign in (-1, 1)]
-        scores = [_explained(each, scenes, residuals, whitener) for each in tried]
+        scores = [_explained(effect, each, scenes, residuals, whitener) for each in tried]
         if max(scores) > score:
             best, score = tried[int(np.argmax(scores))], max(scores)
         else:
@@ -78,18 +78,20 @@ def refined(ripple: Ripple, scenes: list[Scene], residuals: list[Floats], whiten
     return best
 
 
-def _explained(ripple: Ripple, scenes: list[Scene], residuals: list[Floats], whitener: Whitener) -> float:
+def _explained(
+    effect: Effect, ripple: Ripple, scenes: list[Scene], residuals: list[Floats], whitener: Whitener
+) -> float:
     G, b = np.zeros((2, 2)), np.zeros(2)
     for scene, residual in zip(scenes, residuals, strict=True):
-        white = whitener.apply(effect_rows(library()["gear_ripple"], scene, ripple.shape))
+        white = whitener.apply(effect_rows(effect, scene, ripple.shape))
         G += white.T @ white
         b += white.T @ whitener.apply(residual)
     return float(b @ np.linalg.solve(G + 1e-9 * np.eye(2), b))
 
 
-def _taken_back(residual: Floats, whitener: Whitener, lag_s: float, step_s: float) -> Floats:
-    """[SUB T] the adjoint of averaging, lag and whitening, applied to the white residual."""
+def _adjoint(residual: Floats, whitener: Whitener, lag_s: float, step_s: float) -> Floats:
+    """[N] the adjoint of averaging, lag and whitening, applied to the white residual."""
     white = lfilter(whitener.taps, [1.0], residual)
-    adjoint = lfilter(whitener.taps, [1.0], white[::-1])[::-1]
-    fine = np.repeat(adjoint, SUBSTEPS) / SUBSTEPS
-    return np.asarray(Lag(lag_s, step_s).run(fine[::-1, None])[::-1, 0])
+    backward = lfilter(whitener.taps, [1.0], white[::-1])[::-1]
+    at_substeps = np.repeat(backward, SUBSTEPS) / SUBSTEPS
+    return np.asarray(Lag(lag_s, step_s).run(at_substeps[::-1, None])[::-1, 0])

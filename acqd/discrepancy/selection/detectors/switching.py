@@ -1,8 +1,8 @@
-"""Something that is either on or off, searched in the residual: when, and how much.
+"""Loads that are either on or off, detected in the residual: when, and how much.
 
-A path of on and off by Viterbi, in white noise: what a step looks like after whitening is known, so every row says
-how much likelier it is that something switches on or off there. The level may have a shape of its own: 1 for a load
-in the cabinet, the power of 1 N for a contact.
+The path of on and off is the Viterbi path in white noise. The response of the whitener to a step is known, so that
+every row has a likelihood that the load switches there. The level may vary in time: 1 for a load in the cabinet, the
+power of 1 N for a contact.
 """
 
 from __future__ import annotations
@@ -14,76 +14,77 @@ from numpy.typing import NDArray
 
 from acqd.arrays import Floats
 from acqd.discrepancy.residual.whitening import Whitener
+from acqd.discrepancy.thresholds import THRESHOLDS
 
-_PRICE = 7.0  # log-likelihood that a switching must earn
-_SIZES = (1.0, 2.0, 4.0, 8.0, 16.0)  # first guesses of the level, in standard deviations of the innovation
+_SIZES = (1.0, 2.0, 4.0, 8.0, 16.0)  # starting values of the size, in standard deviations of the innovation
 _ROUNDS = 4
-_DWELLS = (10, 100)  # rows that a state lasts at least: equipment that is used, and what heats or cools
+_LONGEST_GRID = 2_000_000  # points of 0.5 s
+_DWELLS = (10, 100)  # shortest state in rows: equipment in use, heaters and coolers
 
 
 @dataclass(frozen=True, slots=True)
 class States:
-    """On and off in every stretch."""
+    """On and off in all segments."""
 
     on: list[NDArray[np.bool_]]
-    """[T] each."""
+    """[T] per segment."""
     size: float
-    """W (or units of the shape) between off and on."""
+    """Difference between on and off, in W or units of the shape."""
     gain: float
-    """Log-likelihood won, switchings paid."""
+    """Penalised log-likelihood ratio of the path against always off."""
 
     @property
     def switchings(self) -> int:
-        """In all stretches."""
+        """Number of switchings in all segments."""
         return sum(int(np.abs(np.diff(on.astype(int))).sum()) for on in self.on)
 
     @property
     def share(self) -> float:
-        """Of the rows that are on."""
+        """Share of rows that are on."""
         return float(np.concatenate(self.on).mean())
 
 
 @dataclass(frozen=True, slots=True)
 class _White:
-    """One stretch after whitening; row k is the stretch's row k + order."""
+    """A segment after whitening; row k is row k + order of the segment."""
 
     residual: Floats
     level: Floats
-    """The shape, white: what a row is worth while on."""
+    """The whitened shape."""
     step: Floats
-    """The residual's product with a step's transient that begins in the row, times the shape there."""
+    """Product of the residual with the transient of a step at the row, times the shape there."""
     cost: Floats
-    """That transient's square."""
+    """Square of the transient."""
     cross: Floats
-    """And its product with `level`."""
+    """Product of the transient with `level`."""
 
 
 def search(
     residuals: list[Floats], whitener: Whitener, shapes: list[Floats] | None = None, signs: tuple[int, ...] = (1,)
 ) -> States | None:
-    """The likeliest states of residuals [T] W per stretch; None when there are none worth their switchings."""
+    """The likeliest states of residuals [T] W per segment; None if no switching pays its price."""
     shapes = shapes or [np.ones(len(each)) for each in residuals]
     white = [_prepared(each, shape, whitener) for each, shape in zip(residuals, shapes, strict=True)]
     unit = whitener.innovation / max(float(np.sqrt(np.mean(np.concatenate(shapes) ** 2))), 1e-9)
-    guesses = [sign * size * unit for size in _SIZES for sign in signs]
-    best: _Found | None = None
+    starts = [sign * size * unit for size in _SIZES for sign in signs]
+    best: _Optimum | None = None
     for dwell in _DWELLS:
-        for found in _settle(white, guesses, dwell):
-            if found.won > 0 and (best is None or found.won > best.won):
+        for found in _settle(white, starts, dwell):
+            if found.gain > 0 and (best is None or found.gain > best.gain):
                 best = found
     if best is None:
         return None
     lost = len(whitener.taps) - 1
     on = [np.concatenate([np.full(lost, path[0]), path]) for path in best.paths]
-    states = States(on, best.size, best.won)
-    return states if 0.005 < states.share < 0.995 else None
+    states = States(on, best.size, best.gain)
+    return states if THRESHOLDS.switching_rarest < states.share < 1 - THRESHOLDS.switching_rarest else None
 
 
 @dataclass(frozen=True, slots=True)
-class _Found:
-    """One local optimum."""
+class _Optimum:
+    """A local optimum."""
 
-    won: float
+    gain: float
     size: float
     paths: list[NDArray[np.bool_]]
 
@@ -102,18 +103,18 @@ def _prepared(residual: Floats, shape: Floats, whitener: Whitener) -> _White:
     return _White(w, level, c * z, c**2 * float(transient @ transient), c * cross)
 
 
-def _settle(white: list[_White], guesses: list[float], dwell: int) -> list[_Found]:
-    """Paths and levels in turn, from every first guess."""
-    sizes = np.array(guesses)
-    found: list[_Found | None] = [None] * len(guesses)
-    alive = np.arange(len(guesses))
+def _settle(white: list[_White], starts: list[float], dwell: int) -> list[_Optimum]:
+    """Alternate between path and size, from every starting value."""
+    sizes = np.array(starts)
+    found: list[_Optimum | None] = [None] * len(starts)
+    alive = np.arange(len(starts))
     for _ in range(_ROUNDS):
         paths = _viterbi(white, sizes[alive])
         going = []
         for k, own in zip(alive, paths, strict=True):
             lasting = [_lasting(path, dwell) for path in own]
-            won = sum(_won(each, path, sizes[k]) for each, path in zip(white, lasting, strict=True))
-            found[k] = _Found(won, float(sizes[k]), lasting)
+            gain = sum(_gain(each, path, sizes[k]) for each, path in zip(white, lasting, strict=True))
+            found[k] = _Optimum(gain, float(sizes[k]), lasting)
             again = _level(white, lasting)
             if again * sizes[k] > 0 and abs(again - sizes[k]) > 1e-2 * abs(sizes[k]):
                 sizes[k] = again
@@ -125,7 +126,7 @@ def _settle(white: list[_White], guesses: list[float], dwell: int) -> list[_Foun
 
 
 def _level(white: list[_White], paths: list[NDArray[np.bool_]]) -> float:
-    """The size that fits a path best."""
+    """Least-squares size for a path."""
     projected = energy = 0.0
     for each, path in zip(white, paths, strict=True):
         change = np.diff(path.astype(int), prepend=int(path[0]))
@@ -135,18 +136,18 @@ def _level(white: list[_White], paths: list[NDArray[np.bool_]]) -> float:
     return projected / energy if energy > 1e-9 else 0.0
 
 
-def _won(white: _White, path: NDArray[np.bool_], size: float) -> float:
-    """Log-likelihood that a path wins over always off, switchings paid."""
+def _gain(white: _White, path: NDArray[np.bool_], size: float) -> float:
+    """Penalised log-likelihood ratio of the path against always off."""
     half = size * size / 2
     change = np.diff(path.astype(int), prepend=int(path[0]))
     rises, switched = change > 0, change != 0
-    won = size * (white.residual * white.level)[path].sum() - half * (white.level**2)[path].sum()
-    won += size * (white.step[rises].sum() - white.step[change < 0].sum()) - half * white.cost[switched].sum()
-    return float(won - size * size * white.cross[rises].sum() - _PRICE * switched.sum())
+    gain = size * (white.residual * white.level)[path].sum() - half * (white.level**2)[path].sum()
+    gain += size * (white.step[rises].sum() - white.step[change < 0].sum()) - half * white.cost[switched].sum()
+    return float(gain - size * size * white.cross[rises].sum() - THRESHOLDS.switching_price * switched.sum())
 
 
 def _lasting(path: NDArray[np.bool_], dwell: int) -> NDArray[np.bool_]:
-    """Without states shorter than `dwell` rows, the shortest first; those at the ends may have begun before."""
+    """The path without states shorter than `dwell` rows, shortest first; states at the ends may be cut."""
     path = path.copy()
     while True:
         edges = np.flatnonzero(np.diff(path.astype(int))) + 1
@@ -158,15 +159,15 @@ def _lasting(path: NDArray[np.bool_], dwell: int) -> NDArray[np.bool_]:
 
 
 def _viterbi(white: list[_White], sizes: Floats) -> list[list[NDArray[np.bool_]]]:
-    """The best path of every stretch, for every size; all of them step through time together."""
+    """Viterbi paths of all segments for all sizes, computed together row by row."""
     longest = max(len(each.residual) for each in white)
     stay, rise, fall = (np.zeros((longest, len(sizes), len(white))) for _ in range(3))
     for k, each in enumerate(white):
         rows = len(each.residual)
         size, half = sizes[:, None], sizes[:, None] ** 2 / 2
         stay[:rows, :, k] = (size * each.residual * each.level - half * each.level**2).T
-        rise[:rows, :, k] = (size * each.step - half * each.cost - 2 * half * each.cross - _PRICE).T
-        fall[:rows, :, k] = (-size * each.step - half * each.cost - _PRICE).T
+        rise[:rows, :, k] = (size * each.step - half * each.cost - 2 * half * each.cross - THRESHOLDS.switching_price).T
+        fall[:rows, :, k] = (-size * each.step - half * each.cost - THRESHOLDS.switching_price).T
         rise[rows:, :, k] = fall[rows:, :, k] = -np.inf  # after its end, a stretch stays as it is
     came_from_on, came_from_off = (np.zeros(stay.shape, dtype=bool) for _ in range(2))
     off, on = np.zeros(stay.shape[1:]), stay[0] - 1.0
@@ -185,25 +186,27 @@ def _viterbi(white: list[_White], sizes: Floats) -> list[list[NDArray[np.bool_]]
 
 
 def rhythm(on: list[NDArray[np.bool_]], t: list[Floats]) -> tuple[float, float]:
-    """(period [s], how regular 0..1) of the states: a thermostat has a rhythm, equipment that is used has none.
+    """Period [s] and regularity (0 to 1) of the states: a thermostat has a rhythm, equipment in use has none.
 
-    The correlation of states half a period apart must be as negative as that of states a period apart is
-    positive; time between recordings is unknown and left out.
+    Regular states correlate positively a period apart and as much negatively half a period apart. Time between
+    recordings is unknown and left out.
     """
-    begin = min(float(each[0]) for each in t)
+    start = min(float(each[0]) for each in t)
     grid_s = 0.5
-    size = int((max(float(each[-1]) for each in t) - begin) / grid_s) + 1
-    if size > 2_000_000:  # days between recordings: no phase lasts so long
+    size = int((max(float(each[-1]) for each in t) - start) / grid_s) + 1
+    if size > _LONGEST_GRID:  # days between recordings: no phase lasts so long
         return 0.0, 0.0
     known, state = np.zeros(size), np.zeros(size)
     mean = float(np.concatenate(on).mean())
     for states, times in zip(on, t, strict=True):
-        place = ((times - begin) / grid_s).astype(int)
+        place = ((times - start) / grid_s).astype(int)
         known[place], state[place] = 1.0, states - mean
     length = 2 ** int(np.ceil(np.log2(2 * size)))
     products = np.fft.irfft(np.abs(np.fft.rfft(state, length)) ** 2)[:size]
     pairs = np.fft.irfft(np.abs(np.fft.rfft(known, length)) ** 2)[:size]
-    correlation = np.where(pairs > 100, products / np.maximum(pairs, 1), 0.0) / max(mean * (1 - mean), 1e-9)
+    correlation = np.where(pairs > THRESHOLDS.rhythm_fewest_pairs, products / np.maximum(pairs, 1), 0.0) / max(
+        mean * (1 - mean), 1e-9
+    )
     lowest = -max(mean, 1 - mean) / max(min(mean, 1 - mean), 1e-9)  # not reached: a square wave has -d / (1 - d)
     floor = 1 / lowest
     found: list[tuple[float, float]] = []
@@ -212,4 +215,6 @@ def rhythm(on: list[NDArray[np.bool_]], t: list[Floats]) -> tuple[float, float]:
         if whole < size:
             found.append((float(period), float(min(correlation[whole], correlation[half] / floor))))
     most = max((regular for _, regular in found), default=0.0)
-    return next(((period, regular) for period, regular in found if regular >= 0.85 * most), (0.0, 0.0))
+    return next(
+        ((period, regular) for period, regular in found if regular >= THRESHOLDS.rhythm_near_best * most), (0.0, 0.0)
+    )

@@ -63,7 +63,7 @@ class LineVoltage(Effect):
 
 
 def nominal_voltage(volts: Sequence[Floats]) -> float:
-    """The nominal voltage whose logarithm is nearest to that of the median measured voltage; 230 V without any."""
+    """The nominal voltage nearest to the median measured voltage on a logarithmic scale; 230 V without measurements."""
     measured = np.concatenate(list(volts)) if volts else np.empty(0)
     measured = measured[np.isfinite(measured) & (measured > 0)]
     if not len(measured):

@@ -6,10 +6,10 @@ from acqd.models.effects.switching_load import SwitchingLoad
 
 
 class Thermostat(SwitchingLoad):
-    """A load that switches with a period of its own."""
+    """A load that switches periodically."""
 
     id = "thermostat"
-    summary = "a fan or heater that switches on and off in a rhythm of its own"
+    summary = "a fan or heater that switches on and off periodically"
     equation = "P = P_h while on"
     neighbours = ("offset_shift", "process_load")
     experiment = "an hour at rest"

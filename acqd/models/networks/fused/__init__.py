@@ -1,1 +1,1 @@
-"""LSTM(10) with a folded head in one C function, forward and backward, compiled where it runs."""
+"""LSTM(10) with a folded head, forward and backward in one C function that is compiled at first use."""

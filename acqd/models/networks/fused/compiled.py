@@ -1,4 +1,4 @@
-"""Compiles `lstm.c` with the system's compiler at first use, for the widest vectors this processor has."""
+"""Compile `lstm.c` at first use with the system's compiler, for the widest vectors of the processor."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _FLAGS = ("-O3", "-std=gnu11", "-fPIC", "-shared", "-ffp-contract=fast", "-fno-m
 
 @dataclass(frozen=True, slots=True)
 class InstructionSet:
-    """What the compiler is told, and how many sequences a vector holds."""
+    """Compiler options, and the number of sequences in a vector."""
 
     name: str
     needs: tuple[str, ...]
@@ -30,22 +30,22 @@ INSTRUCTION_SETS = (
     InstructionSet("avx2", ("avx2", "fma"), ("-mavx2", "-mfma"), 8),
     InstructionSet("portable", (), (), 4),
 )
-"""Widest first. "portable" is what the compiler assumes anyway: SSE2 on x86-64, NEON on ARM."""
+"""Widest first. "portable" takes the compiler's default: SSE2 on x86-64, NEON on ARM."""
 
 
 def best_instruction_set() -> InstructionSet:
-    """The widest that this processor has."""
+    """The widest instruction set of this processor."""
     try:
         text = Path("/proc/cpuinfo").read_text(encoding="ascii", errors="replace")
     except OSError:
         text = ""
     flags = set(next((line for line in text.splitlines() if line.startswith("flags")), "").split())
-    return next(each for each in INSTRUCTION_SETS if flags.issuperset(each.needs))
+    return next(candidate for candidate in INSTRUCTION_SETS if flags.issuperset(candidate.needs))
 
 
 @functools.cache
 def library(instructions: InstructionSet | None = None) -> ctypes.CDLL:
-    """The compiled function, from the cache or built now. Raises OperationError."""
+    """The compiled library, from the cache or freshly built. Raises OperationError."""
     chosen = instructions or best_instruction_set()
     flags = [*_FLAGS, *chosen.options, f"-DV={chosen.lanes}"]
     try:

@@ -1,4 +1,4 @@
-"""The fused C function behind the engine's interface."""
+"""The fused C function as an engine."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from acqd.models.networks.architecture import HIDDEN, Architecture
 from acqd.models.networks.batches import Batch
 from acqd.models.networks.engine import Engine
-from acqd.models.networks.flat_parameters import Head, Singles, views
+from acqd.models.networks.flat_parameters import Float32s, Head, views
 from acqd.models.networks.fused.compiled import InstructionSet, best_instruction_set, library
 
 _HEAD = HIDDEN + 1
@@ -23,14 +23,14 @@ class _Shape(ctypes.Structure):
 @dataclass(frozen=True, slots=True)
 class _Prepared:
     shape: _Shape
-    inputs: Singles
-    target: Singles
-    weight: Singles
+    inputs: Float32s
+    target: Float32s
+    weight: Float32s
     samples: int
 
 
 class FusedEngine(Engine):
-    """Sequences side by side in vector lanes. Raises OperationError without a compiler."""
+    """Computes several sequences at once, one per vector lane. Raises OperationError without a compiler."""
 
     def __init__(self, architecture: Architecture, axes: int, instructions: InstructionSet | None = None) -> None:
         super().__init__(architecture, axes)
@@ -46,7 +46,7 @@ class FusedEngine(Engine):
         return [(name, int(np.prod(shape))) for name, shape in self.architecture.shapes(self.axes).items()]
 
     def prepare(self, batch: Batch) -> _Prepared:
-        """[groups, T, columns, lanes]: neighbouring sequences are neighbours in memory."""
+        """Inputs as [groups, T, columns, lanes]: the lanes of a vector are neighbours in memory."""
         count, rows = batch.target.shape
         groups = -(-count // self._lanes)
         inputs = np.zeros((groups * self._lanes, *batch.inputs.shape[1:]), dtype=np.float32)
@@ -64,26 +64,26 @@ class FusedEngine(Engine):
             count * rows,
         )
 
-    def gradient(self, theta: Singles, prepared: _Prepared) -> tuple[float, Singles]:
-        """See Engine."""
-        head = Head.fold(views(self.architecture, self.axes, theta))
+    def gradient(self, parameters: Float32s, prepared: _Prepared) -> tuple[float, Float32s]:
+        """The C function gives the gradient of the folded head, which is unfolded onto the four layers."""
+        head = Head.fold(views(self.architecture, self.axes, parameters))
         folded = np.zeros(self._body + _HEAD, dtype=np.float32)
-        total = self._call(self._packed(theta, head), prepared, folded)
+        total = self._call(self._packed(parameters, head), prepared, folded)
         folded /= prepared.samples
-        gradient = np.empty_like(theta)
+        gradient = np.empty_like(parameters)
         gradient[: self._body] = folded[: self._body]
         head.unfold(folded[self._body : -1], float(folded[-1]), views(self.architecture, self.axes, gradient))
         return total / prepared.samples, gradient
 
-    def loss(self, theta: Singles, prepared: _Prepared) -> float:
-        """See Engine."""
-        head = Head.fold(views(self.architecture, self.axes, theta))
-        return self._call(self._packed(theta, head), prepared, None) / prepared.samples
+    def loss(self, parameters: Float32s, prepared: _Prepared) -> float:
+        """Forward pass only."""
+        head = Head.fold(views(self.architecture, self.axes, parameters))
+        return self._call(self._packed(parameters, head), prepared, None) / prepared.samples
 
-    def _packed(self, theta: Singles, head: Head) -> Singles:
-        return np.concatenate([theta[: self._body], head.weight, [head.bias]], dtype=np.float32)
+    def _packed(self, parameters: Float32s, head: Head) -> Float32s:
+        return np.concatenate([parameters[: self._body], head.weight, [head.bias]], dtype=np.float32)
 
-    def _call(self, packed: Singles, prepared: _Prepared, gradient: Singles | None) -> float:
+    def _call(self, packed: Float32s, prepared: _Prepared, gradient: Float32s | None) -> float:
         needed = self._library.acqd_scratch(ctypes.byref(prepared.shape)) * self._lanes
         if len(self._scratch) < needed:
             self._scratch = _aligned(needed)
@@ -100,18 +100,18 @@ class FusedEngine(Engine):
         return total
 
 
-def _address(array: Singles) -> ctypes.c_void_p:
+def _address(array: Float32s) -> ctypes.c_void_p:
     return ctypes.c_void_p(array.ctypes.data)
 
 
-def _aligned(count: int) -> Singles:
-    """[count] on a 64-byte boundary: what the widest vectors need."""
+def _aligned(count: int) -> Float32s:
+    """[count] zeros on a 64-byte boundary, as AVX-512 loads require."""
     raw = np.zeros(4 * count + 64, dtype=np.uint8)
     first = -raw.ctypes.data % 64
     return raw[first : first + 4 * count].view(np.float32)
 
 
-def _copied(array: Singles) -> Singles:
+def _copied(array: Float32s) -> Float32s:
     flat = _aligned(array.size)
     flat[:] = np.ascontiguousarray(array, dtype=np.float32).ravel()
     return flat

@@ -1,10 +1,10 @@
 /* LSTM(10) with an affine head, optionally behind shared convolution kernels: loss and gradient of one mini-batch.
  *
- * A vector holds the same quantity of V sequences, so that every weight is a broadcast factor and no lane ever
- * waits for another. V is chosen at compile time for the instruction set: 16 for AVX-512, 8 for AVX2, 4 otherwise.
+ * A vector holds the same quantity of V sequences: every weight is a broadcast factor, and no lane waits for another.
+ * V is chosen at compile time for the instruction set: 16 for AVX-512, 8 for AVX2, 4 otherwise.
  *
- * Arrays, per group of V sequences:  x [T + 2r][axes or width][V],  y [T][V],  weight [V] (0: no sequence there).
- * theta: kernel [Q][L], kernel_bias [Q], W [40][width], R [40][10], b [40], head [10], head_bias [1].
+ * Arrays, per group of V sequences:  x [T + 2r][axes or width][V],  y [T][V],  weight [V] (0: an unused lane).
+ * parameters: kernel [Q][L], kernel_bias [Q], W [40][width], R [40][10], b [40], head [10], head_bias [1].
  */
 #include <stddef.h>
 #include <string.h>
@@ -14,9 +14,9 @@
 #endif
 #define H 10
 #define G (4 * H)
-#define CHUNK 32 /* steps whose gradients are summed at once: they stay in the second-level cache */
+#define CHUNK 32 /* steps whose gradients are summed at once: they stay in the L2 cache */
 #if V == 16
-#define ROWS 4 /* gates a block of accumulators takes: what the registers hold */
+#define ROWS 4 /* gates per block of accumulators: as many as the registers hold */
 #else
 #define ROWS 1
 #endif
@@ -126,7 +126,7 @@ static inline __attribute__((always_inline)) void gate_block(const float *W, con
 
 static void convolve(const Shape *s, const float *kernel, const float *bias, const vf *x, vf *feature) {
     for (int q = 0; q < s->kernels; q++)
-        for (int a = 0; a < s->axes; a += 8) { /* axes side by side: one chain of additions would wait for itself */
+        for (int a = 0; a < s->axes; a += 8) { /* axes side by side: independent chains of additions */
             int last = s->axes - a < 8 ? s->axes - a : 8;
             vf sum[8];
             for (int u = 0; u < 8; u++) sum[u] = splat(bias[q]);
@@ -153,20 +153,18 @@ static inline __attribute__((always_inline)) void correlate(const vf *d, int wid
     for (int u = 0; u < taps; u++) sums[u] = sum[u];
 }
 
-/* Vectors of scratch that one call needs. */
+/* Scratch memory of one call, in vectors. */
 long acqd_scratch(const Shape *s) {
     long per_step = G + 2 * H + (s->kernels ? 2 * s->width : 0);
     return (long)(s->steps + 1) * per_step + G * (s->width + H) + G + s->kernels * (s->length + 1) + 64;
 }
 
-int acqd_lanes(void) { return V; }
-
-/* Adds the gradient of sum(weight (y^ - y)^2) to grad (unless NULL), writes predictions (unless NULL), returns the sum. */
-double acqd_lstm(const Shape *s, const float *theta, const vf *x, const vf *y, const vf *weight, vf *scratch, float *grad,
-                 vf *predicted) {
+/* Returns sum(weight (y^ - y)^2). Adds its gradient to grad and writes the predictions, each unless NULL. */
+double acqd_lstm(const Shape *s, const float *parameters, const vf *x, const vf *y, const vf *weight, vf *scratch,
+                 float *grad, vf *predicted) {
     const int T = s->steps, width = s->width, conv = s->kernels > 0;
     const int taps = s->kernels * s->length, margin = conv ? s->length - 1 : 0, columns = conv ? s->axes : width;
-    const float *kernel = theta, *kernel_bias = kernel + taps, *W = kernel_bias + s->kernels, *R = W + G * width;
+    const float *kernel = parameters, *kernel_bias = kernel + taps, *W = kernel_bias + s->kernels, *R = W + G * width;
     const float *b = R + G * H, *head = b + G, *head_bias = head + H;
     vf *gates = scratch, *cells = gates + (size_t)T * G, *hidden = cells + (size_t)T * H;
     vf *features = hidden + (size_t)(T + 1) * H, *d_features = features + (conv ? (size_t)T * width : 0);
@@ -245,7 +243,7 @@ double acqd_lstm(const Shape *s, const float *theta, const vf *x, const vf *y, c
             for (; l + 4 <= s->length; l += 4) correlate(d, width, xs + (size_t)l * columns, columns, T, sums + l, 4);
             for (; l < s->length; l++) correlate(d, width, xs + (size_t)l * columns, columns, T, sums + l, 1);
             for (int t = 0; t < T; t++)
-                for (int a = 0; a < s->axes; a++) sum_kernel[taps + q] += d_features[(size_t)t * width + q * s->axes + a];
+                for (int a = 0; a < s->axes; a++) sum_kernel[taps + q] += d[(size_t)t * width + a];
         }
     }
     if (grad) {

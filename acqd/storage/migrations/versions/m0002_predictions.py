@@ -1,4 +1,4 @@
-"""What the sidecar writes: logs that are done, predictions, its memory."""
+"""Tables of the sidecar: finished logs, predictions, and its state."""
 
 from typing import Any
 

@@ -1,0 +1,61 @@
+"""The sink as a child process of the daemon: started, watched and stopped together with it."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import sys
+
+from acqd.daemon.config import Config
+from acqd.errors import OperationError, UserError
+
+_log = logging.getLogger(__name__)
+_STOP_S = 1.0
+
+
+class EmbeddedSink:
+    """One `acqd sink` with the daemon's configuration, handed over on stdin: passwords are no arguments."""
+
+    def __init__(self, config: Config) -> None:
+        self._config = config
+        self._process: asyncio.subprocess.Process | None = None
+
+    async def start(self) -> None:
+        """Start the process. Raises UserError when its database cannot be used."""
+        process = await asyncio.create_subprocess_exec(
+            *(sys.executable, "-P", "-m", "acqd", "sink", "--embedded"),
+            stdin=asyncio.subprocess.PIPE,
+            stdout=asyncio.subprocess.PIPE,
+            stderr=asyncio.subprocess.PIPE,
+            start_new_session=True,
+        )
+        assert process.stdin is not None and process.stdout is not None and process.stderr is not None
+        process.stdin.write(self._config.model_dump_json().encode())
+        process.stdin.close()
+        if not await process.stdout.readline():
+            message = (await process.stderr.read()).decode().strip()
+            raise UserError(message.removeprefix("acqd: ") or "the sink did not start")
+        self._log_lines = asyncio.create_task(_relay(process.stderr))
+        self._process = process
+
+    async def watch(self) -> None:
+        """Raises OperationError when the process ends: it must outlive the metering."""
+        assert self._process is not None
+        code = await self._process.wait()
+        raise OperationError(f"the embedded sink ended with exit code {code}; its last log line says why")
+
+    async def stop(self) -> None:
+        """Terminate the process; kill it if it takes longer than a second."""
+        if self._process is None or self._process.returncode is not None:
+            return
+        self._process.terminate()
+        try:
+            await asyncio.wait_for(self._process.wait(), _STOP_S)
+        except TimeoutError:
+            self._process.kill()
+
+
+async def _relay(stream: asyncio.StreamReader) -> None:
+    """Copy the sink's log lines to the daemon's log."""
+    while line := await stream.readline():
+        _log.info("sink: %s", line.decode(errors="replace").rstrip().removeprefix("acqd: "))

@@ -1,0 +1,48 @@
+"""What `acqd dataset build` is asked for, and what it reports."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from acqd.dataset.power import Measured
+from acqd.dataset.regressors import TorqueSource
+
+
+@dataclass(frozen=True, slots=True)
+class BuildConfig:
+    """Inputs and options of one build."""
+
+    power: str
+    logs: Path
+    out: Path
+    robot: str
+    device: str | None = None
+    channel: str | None = None
+    torque: TorqueSource | None = None
+    search_s: float = 2.4
+    step_s: float = 0.04
+    seed: int = 1
+    lag_s: float | None = None
+    """Lag of all logs if known; nothing is searched then."""
+    cut_s: float | None = None
+    """Length of the pieces into which long logs are cut, each of which is a source."""
+
+
+@dataclass(slots=True)
+class BuildReport:
+    """Result of one build."""
+
+    out: str
+    robot: str
+    recordings: int = 0
+    seconds: float = 0.0
+    refused: list[str] = field(default_factory=list)
+    """Logs that could not be placed, with the reason."""
+    notes: list[str] = field(default_factory=list)
+    offset_s: float | None = None
+    drift_ppm: float | None = None
+    scatter_ms: float | None = None
+    supply_lag_ms: float = 0.0
+    split: dict[str, int] = field(default_factory=dict)
+    measured: Measured = "mains"

@@ -1,0 +1,120 @@
+"""Reads power rows from CSV, JSON lines and Parquet files."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import orjson
+import pyarrow as pa
+import pyarrow.csv
+import pyarrow.parquet
+
+from acqd.dataset.power_source import BLOCK_ROWS, PowerRows, choose
+from acqd.errors import InputError
+from acqd.timestamps import parse_times
+
+Reader = Callable[[Path], Iterator[pa.RecordBatch]]
+
+
+def read_file(path: Path, reader: Reader, device: str | None, channel: str | None) -> Iterator[PowerRows]:
+    """Rows of one device and channel; columns time (or filetime) and P, and device, channel, Vrms, flags if present.
+
+    Raises UserError, InputError.
+    """
+    if not path.is_file():
+        raise InputError(path, "no such file")
+    present: set[tuple[str, str]] = set()
+    for table in reader(path):  # the first pass finds what there is to choose from
+        present |= set(zip(*_devices_and_channels(table), strict=True))
+    chosen = choose(str(path), present, device, channel)
+    for table in reader(path):
+        rows = [k for k, pair in enumerate(zip(*_devices_and_channels(table), strict=True)) if pair == chosen]
+        clock = _clock_column(path, table.schema.names)
+        if rows:
+            yield _power_rows(path, table, clock, rows)
+
+
+def parquet_batches(path: Path) -> Iterator[pa.RecordBatch]:
+    """Batches of a Parquet file. Raises InputError."""
+    try:
+        yield from pyarrow.parquet.ParquetFile(path).iter_batches(BLOCK_ROWS)
+    except (pa.ArrowInvalid, OSError) as error:
+        raise InputError(path, f"is not a Parquet file ({str(error).splitlines()[0]})") from None
+
+
+def csv_batches(path: Path) -> Iterator[pa.RecordBatch]:
+    """Batches of a CSV file. Raises InputError."""
+    try:
+        yield from pyarrow.csv.open_csv(path)
+    except pa.ArrowInvalid as error:
+        raise InputError(path, str(error).splitlines()[0]) from None
+
+
+def json_line_batches(path: Path) -> Iterator[pa.RecordBatch]:
+    """Batches of a file with one JSON object a line. Raises InputError."""
+    rows: list[dict[str, object]] = []
+    with path.open("rb") as file:
+        for number, line in enumerate(file, start=1):
+            try:
+                row = orjson.loads(line)
+            except orjson.JSONDecodeError as error:
+                raise InputError(path, f"line {number} is not JSON ({error})") from None
+            if not isinstance(row, dict):
+                raise InputError(path, f"line {number} is not a JSON object with time and P")
+            rows.append(row)
+            if len(rows) == BLOCK_ROWS:
+                yield _batch(path, rows, number)
+                rows = []
+    if rows:
+        yield _batch(path, rows, number)
+
+
+def _batch(path: Path, rows: list[dict[str, object]], last: int) -> pa.RecordBatch:
+    try:
+        return pa.RecordBatch.from_pylist(rows)
+    except (pa.ArrowInvalid, pa.ArrowTypeError) as error:
+        lines = f"lines {last - len(rows) + 1} to {last}"
+        raise InputError(path, f"{lines}: a column changes its type ({str(error).splitlines()[0]})") from None
+
+
+def _devices_and_channels(table: pa.RecordBatch) -> tuple[list[str], list[str]]:
+    """Device and channel of each row; empty texts where a file has no such column."""
+    names = table.schema.names
+    device, channel = (
+        table.column(name).to_pylist() if name in names else [""] * len(table) for name in ("device", "channel")
+    )
+    return device, channel
+
+
+def _clock_column(path: Path, names: list[str]) -> str:
+    clock = next((name for name in ("filetime", "time") if name in names), None)
+    if clock is None or "P" not in names:
+        raise InputError(path, f"needs the columns time (or filetime) and P; it has {', '.join(names[:8])}")
+    return clock
+
+
+def _power_rows(path: Path, table: pa.RecordBatch, clock: str, rows: list[int]) -> PowerRows:
+    data = table.to_pydict()
+    volts = data.get("Vrms", [None] * len(table))
+    flags = [_flag_names(data["flags"][k]) for k in rows] if "flags" in data else [()] * len(rows)
+    stamps = parse_times(path, clock, [_timestamp(data[clock][k]) for k in rows])
+    try:
+        return PowerRows.of(stamps, [_number(data["P"][k]) for k in rows], [_number(volts[k]) for k in rows], flags)
+    except ValueError as error:
+        raise InputError(path, f"column P or Vrms: {error}") from None
+
+
+def _timestamp(cell: object) -> object:
+    return cell.isoformat() if hasattr(cell, "isoformat") else cell
+
+
+def _number(cell: object) -> float:
+    return float("nan") if cell is None or cell == "" else float(cell)  # type: ignore[arg-type]
+
+
+def _flag_names(cell: object) -> tuple[str, ...]:
+    if isinstance(cell, str):
+        return tuple(re.findall(r"\w+", cell))  # a JSON list, or words
+    return tuple(cell or ())  # type: ignore[arg-type]

@@ -1,0 +1,51 @@
+"""Blocks of power rows as they come from a database or a file, and the choice of device and channel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from acqd.arrays import Floats
+from acqd.errors import UserError
+from acqd.timestamps import Nanoseconds
+
+BLOCK_ROWS = 100_000
+_UNUSABLE = frozenset({"gap", "overrange", "no_mains", "invalid", "stale", "test"})
+"""P of rows with one of these flags cannot be used."""
+
+
+@dataclass(frozen=True, slots=True)
+class PowerRows:
+    """A block of rows of one channel, in any order."""
+
+    time_ns: Nanoseconds
+    P: Floats
+    Vrms: Floats
+    flags: frozenset[str]
+    """Flags that occur in the block."""
+
+    @classmethod
+    def of(cls, time_ns: Nanoseconds, P: object, Vrms: object, flags: object) -> PowerRows:
+        """From sequences of one value, or one list of flags, per row; P of unusable rows becomes NaN."""
+        values, volts = np.array(P, dtype=np.float64), np.array(Vrms, dtype=np.float64)
+        sets = [frozenset(row or ()) for row in flags]  # type: ignore[attr-defined]
+        values[[bool(row & _UNUSABLE) for row in sets]] = np.nan
+        return cls(time_ns, values, volts, frozenset().union(*sets))
+
+
+def choose(origin: str, present: set[tuple[str, str]], device: str | None, channel: str | None) -> tuple[str, str]:
+    """Device and channel among the present pairs: the only device, and total, else L1. Raises UserError."""
+    devices = sorted({name for name, _ in present})
+    if not devices:
+        raise UserError(f"power {origin}: holds no rows")
+    if device is None and len(devices) > 1:
+        raise UserError(f"power {origin}: holds several devices; choose one with --device: {', '.join(devices)}")
+    device = device or devices[0]
+    channels = sorted(name for owner, name in present if owner == device)
+    if not channels:
+        raise UserError(f"power {origin}: has no device {device!r}; it has {', '.join(devices)}")
+    channel = channel or ("total" if "total" in channels else channels[0])
+    if channel not in channels:
+        raise UserError(f"power {origin}: {device} has no channel {channel!r}; it has {', '.join(channels)}")
+    return device, channel

@@ -1,0 +1,36 @@
+"""The baseline of a model's residual, from the recordings that its bundle remembers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from acqd.discrepancy.monitor.cusum import Baseline
+from acqd.discrepancy.residual.errors import errors_of, rms
+from acqd.errors import UserError
+from acqd.models.bundle.reference import load_reference
+from acqd.models.metrics import predictions
+from acqd.models.predictor import Predictor
+
+
+def baseline_of(bundle: Path, model: Predictor, between_s: float) -> Baseline:
+    """For one false alarm in `between_s` recorded seconds. Raises UserError when the bundle remembers too little.
+
+    The residual is smaller on recordings that the model was fitted on. There, it is scaled to the residual on the other
+    recordings.
+    """
+    remembered = load_reference(bundle)
+    errors = errors_of(model, remembered) if remembered else []
+    fitted = [segment.split == "train" for segment in remembered]
+    unseen = [residual for residual, own in zip(errors, fitted, strict=True) if not own]
+    seen = [residual for residual, own in zip(errors, fitted, strict=True) if own]
+    factor = max(1.0, rms(unseen) / max(rms(seen), 1e-9)) if seen and unseen else 1.0
+    errors = [residual * (factor if own else 1.0) for residual, own in zip(errors, fitted, strict=True)]
+    if errors:
+        starts = [segment.start_s for segment in remembered]
+        baseline = Baseline.of(errors, predictions(model, remembered), starts, model.step_s, between_s)
+        if baseline is not None:
+            return baseline
+    raise UserError(
+        f"{bundle} remembers too few recordings to distinguish a change from chance (at least two minutes); "
+        "train it on a dataset with more, or close the loop on it once"
+    )

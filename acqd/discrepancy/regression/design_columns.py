@@ -1,0 +1,178 @@
+"""The columns of all recordings in W, and which hypothesis owns which of them."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acqd.arrays import Floats
+from acqd.discrepancy.regression.gram import Places
+from acqd.discrepancy.regression.grey_box_columns import grey_box_columns
+from acqd.discrepancy.regression.smooth_alternatives import Ranges, alternatives, smooth_columns
+from acqd.discrepancy.thresholds import THRESHOLDS
+from acqd.models.effects import library
+from acqd.models.effects.effect import Effect, effect_rows
+from acqd.models.effects.places import Variant
+from acqd.models.effects.scene import Scene, scene_of
+from acqd.models.effects.substeps import Lag, averaged
+from acqd.models.greybox.model import GreyBox
+from acqd.models.segments import Segment
+from acqd.robot.arm import Arm
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A hypothesis: an effect in one shape at one place, or an unnamed smooth alternative."""
+
+    id: str
+    """Of the effect; "" for an unnamed alternative."""
+    label: str
+    """Place of the effect, or the quantity that an alternative depends on."""
+    places: Places
+    """Indices of columns."""
+    variant: Variant | None = None
+    detected: bool = False
+    """Whether the columns were detected in the residual."""
+    cost: float = 0.0
+    """Parameters charged for the detection."""
+    key: str = ""
+    """Identity within a design; equal keys are the same hypothesis."""
+
+    @property
+    def size(self) -> int:
+        """Number of free coefficients."""
+        return self.variant.size if self.variant else len(self.places)
+
+    @property
+    def mix(self) -> Floats | None:
+        """[columns, coefficients]."""
+        return self.variant.place.mix if self.variant else None
+
+    def weights(self, coefficients: Floats) -> Floats:
+        """[columns] weights of the columns for coefficients of the parameters."""
+        return coefficients if self.mix is None else np.asarray(self.mix @ coefficients)
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A block of rows."""
+
+    recording: str
+    in_question: bool
+    """Of the dataset in question; else of the reference."""
+    start_s: float
+    segment: int
+    rows: slice
+    """Within the segment; the first `noise_order` rows are lost to whitening."""
+
+
+@dataclass(frozen=True, slots=True)
+class DesignColumns:
+    """Columns and residuals before whitening."""
+
+    model: GreyBox
+    base: int
+    """Number of columns of the base model; they come first."""
+    candidates: tuple[Candidate, ...]
+    parts: tuple[Part, ...]
+    segments: tuple[Segment, ...]
+    scenes: tuple[Scene, ...]
+    values: tuple[NDArray[np.float32], ...]
+    """[T, p] per segment."""
+    residual: tuple[Floats, ...]
+    """[T] W per segment: measured minus predicted by the base model."""
+    chosen: frozenset[str]
+    """Ids of effects that compete."""
+
+    @property
+    def dynamic_range(self) -> float:
+        """p99 - p1 of the measured power, W."""
+        return float(np.ptp(np.percentile(np.concatenate([s.P for s in self.segments]), [1, 99])))
+
+    @property
+    def in_question(self) -> Floats:
+        """[blocks] 1 for the dataset in question."""
+        return np.array([part.in_question for part in self.parts]) * 1.0
+
+    def with_withheld(self, groups: Iterable[str]) -> DesignColumns:
+        """Residuals of the base model without some groups of its parameters: what they explain is to be found."""
+        layout = self.model.layout
+        residual = list(self.residual)
+        for group in groups:
+            place = layout.place(group)
+            for number, values in enumerate(self.values):
+                residual[number] = residual[number] + values[:, place] @ self.model.values[place]
+        return replace(self, residual=tuple(residual))
+
+
+def design_columns(
+    model: GreyBox,
+    arm: Arm,
+    segments: list[tuple[Segment, bool]],
+    chosen: frozenset[str],
+    withheld: frozenset[str],
+    progress: Callable[[float], None],
+) -> DesignColumns:
+    """Columns of the base model, of the chosen effects and of all alternatives.
+
+    `segments`: with whether they are in question; `withheld`: groups of parameters that the model was denied.
+    """
+    only = [segment for segment, _ in segments]
+    scenes = [scene_of(model, s.q, s.signals, s.start_s, s.channels) for s in only]
+    _set_origin(scenes, [in_question for _, in_question in segments])
+    ranges = Ranges.of(scenes)
+    effects = [e for name, e in library().items() if name in chosen and all(e.possible(scene) for scene in scenes)]
+    values: list[NDArray[np.float32]] = []
+    for number, scene in enumerate(scenes):
+        lag = Lag(float(model.group("lag")[0]), scene.step_s)
+        columns = [grey_box_columns(arm, scene, withheld), *(effect_rows(effect, scene) for effect in effects)]
+        columns.append(averaged(lag.run(smooth_columns(scene, ranges))))
+        values.append(np.concatenate(columns, axis=1).astype(np.float32))
+        progress((number + 1) / len(scenes))
+    residual = [s.P - scene.predicted for s, scene in zip(only, scenes, strict=True)]
+    return DesignColumns(
+        model=model, base=model.layout.size, candidates=tuple(_candidates(model, effects, scenes[0])),
+        parts=tuple(_parts(segments, model.step_s)), segments=tuple(only), scenes=tuple(scenes), values=tuple(values),
+        residual=tuple(residual), chosen=chosen,
+    )  # fmt: skip
+
+
+def _candidates(model: GreyBox, effects: list[Effect], scene: Scene) -> list[Candidate]:
+    candidates: list[Candidate] = []
+    place = model.layout.size
+    for effect in effects:
+        for number, variant in enumerate(effect.variants(scene)):
+            where = variant.place.where
+            places = place + np.array(variant.columns)
+            candidates.append(Candidate(effect.id, where, places, variant, key=f"{effect.id} {number}"))
+        place += effect_rows(effect, scene).shape[1]
+    unnamed = alternatives(model.axes)
+    return candidates + [Candidate("", g.name, place + np.array(g.columns), key=g.name) for g in unnamed]
+
+
+def _set_origin(scenes: list[Scene], in_question: list[bool]) -> None:
+    """The start of the session, for effects that follow the clock."""
+    for side in (True, False):
+        own = [scene for scene, question in zip(scenes, in_question, strict=True) if question == side]
+        origin = min((float(scene.t[0]) for scene in own), default=0.0)
+        for scene in own:
+            scene.memory["origin_s"] = origin
+
+
+def _parts(segments: list[tuple[Segment, bool]], step_s: float) -> list[Part]:
+    order = THRESHOLDS.noise_order
+    parts = []
+    for number, (segment, in_question) in enumerate(segments):
+        rows = len(segment.P)
+        count = max(1, round(rows / THRESHOLDS.block_rows))
+        edges = np.linspace(0, rows, count + 1).astype(int).tolist()
+        for first, last in itertools.pairwise(edges):
+            first = max(0, first - order)  # rows lost to whitening come from the block before
+            if last - first >= THRESHOLDS.block_least_rows:
+                start_s = segment.start_s + first * step_s
+                parts.append(Part(segment.recording, in_question, start_s, number, slice(first, last)))
+    return parts

@@ -1,0 +1,112 @@
+"""The result of the loop for machines (report.json), and its sentences."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from acqd.discrepancy.config import CloseConfig
+from acqd.discrepancy.loop import Closed
+from acqd.discrepancy.repair.terms import described
+from acqd.discrepancy.thresholds import THRESHOLDS
+from acqd.discrepancy.thresholds import described as described_thresholds
+from acqd.models.effects import library
+
+VERDICTS = {
+    "effects_found": "An effect that the model lacks was found.",
+    "nothing_left": "The residual shows no credible effect.",
+    "unknown_structure": "The residual has a structure that no effect of the library explains.",
+    "not_identifiable": "The residual has a structure, but these recordings cannot identify its cause.",
+}
+_SHOWN_CONFIDENCE = 0.02
+"""Alternatives with less confidence are not worth an experiment."""
+
+
+def as_json(config: CloseConfig, closed: Closed) -> dict[str, Any]:
+    """report.json: documented keys first."""
+    subject = closed.subject
+    return {
+        "target": "P",
+        "unit": "W",
+        "measured": subject.data.measured,
+        "recordings": {
+            "fit": len({segment.recording for segment in subject.fit}),
+            "held_out": len({segment.recording for segment in subject.held_out}),
+        },
+        "noise_floor": closed.floor_W,
+        "before": closed.before.as_json(),
+        "after": closed.after.as_json(),
+        "verdict": closed.verdict,
+        "effects": [_effect(closed, number) for number in range(len(closed.named))],
+        "unexplained": unexplained(closed),
+        "question": subject.question,
+        "noise_floor_from": closed.floor_source,
+        "reference_rmse": closed.reference_rmse,
+        "joint_level": None if closed.joints is None else closed.joints.as_text(),
+        "next": next_steps(closed),
+        "notes": closed.notes,
+        "model": {"name": subject.bundle.metadata["name"], "bundle": str(config.bundle)},
+        "dataset": str(config.dataset),
+        "seed": config.seed,
+        "thresholds": described_thresholds(set(closed.stages)),
+    }
+
+
+def _effect(closed: Closed, number: int) -> dict[str, Any]:
+    each = closed.named[number]
+    after = closed.after.rmse
+    before = after + held_out_gain(closed, number)
+    lowest = min(closed.after.rmse, closed.reference_rmse or np.inf)
+    explainable = max(closed.before.rmse**2 - lowest**2, 1e-12)
+    return {
+        "id": each.term.id,
+        "where": each.term.where,
+        "parameters": each.term.parameters,
+        "delta_rmse": before - after,
+        "share_of_explainable": float(np.clip((before**2 - after**2) / explainable, 0.0, 1.0)),
+        "confidence": each.confidence,
+        "rivals": [{"id": name, "confidence": share} for name, share in each.alternatives],
+        "evidence": described(each),
+        "begins": each.start,
+        "added": number < len(closed.kept),
+    }
+
+
+def held_out_gain(closed: Closed, number: int) -> float:
+    """W RMS by which an effect reduces the held-out error; 0 for an effect that was not added."""
+    return closed.improved.gains[number] if number < len(closed.kept) else 0.0
+
+
+def unexplained(closed: Closed) -> str:
+    """What remains, in words."""
+    unknown = closed.tracing.unknown
+    if unknown is not None:
+        since = f", {unknown.gate.label}" if unknown.gate.start else ""
+        return (
+            f"a structure that follows {unknown.finding.candidate.label}{since}: {unknown.finding.evidence:.0f} units "
+            "of white squared error that no effect of the library explains as well"
+        )
+    rest = f"{closed.after.rmse:.2f} W RMS on held-out recordings, noise {closed.floor_W:.2f} W"
+    if closed.reference_rmse is not None:
+        return f"{rest}; the model's residual was {closed.reference_rmse:.2f} W when it was made"
+    return rest
+
+
+def next_steps(closed: Closed) -> list[str]:
+    """What to do, most useful first."""
+    steps = []
+    for each in closed.named:
+        effect = library()[each.term.id]
+        near = [name for name, share in each.alternatives if share > _SHOWN_CONFIDENCE] or list(effect.neighbours[:1])
+        steps.append(f"to distinguish {each.term.id} from {' or '.join(near)}: {effect.experiment}")
+    if closed.verdict == "unknown_structure":
+        steps.append(
+            "ask what was changed in the cell, and record what may cause it; the figures show what the residual follows"
+        )
+    if closed.verdict == "not_identifiable":
+        seconds = closed.subject.fit_s
+        few = seconds < THRESHOLDS.enough_s
+        reason = f"{seconds:.0f} s are too few to distinguish an effect from noise: " if few else ""
+        steps.append(f"{reason}record a dozen more recordings of a minute each, with other motions")
+    return steps

@@ -1,0 +1,48 @@
+"""Residuals of a model, measured minus predicted power, on recordings."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from acqd.arrays import Floats
+from acqd.models.augmented import Augmented
+from acqd.models.effects.substeps import RADIUS
+from acqd.models.features import padded
+from acqd.models.metrics import predictions, signals_of
+from acqd.models.predictor import Predictor
+from acqd.models.segments import Segment
+
+
+def errors_of(model: Predictor, segments: list[Segment]) -> list[Floats]:
+    """[T] W per segment: measured minus predicted, see `residuals`."""
+    return residuals(predictions(model, segments), segments)
+
+
+def residuals(predicted: list[Floats], segments: list[Segment]) -> list[Floats]:
+    """[T] W per segment: measured minus predicted.
+
+    The motion outside a log that starts or ends in motion is unknown. Its outermost rows take the residual of their
+    neighbours.
+    """
+    errors = [segment.P - prediction for segment, prediction in zip(segments, predicted, strict=True)]
+    for own in errors:
+        own[:RADIUS], own[-RADIUS:] = own[RADIUS], own[-RADIUS - 1]
+    return errors
+
+
+def without_known_effects(model: Predictor, segments: list[Segment]) -> list[Segment]:
+    """Segments without the power of the effects that the model holds already."""
+    if not isinstance(model, Augmented):
+        return segments
+    known = [model.known(signals_of(model, s), len(s.P)) for s in segments]
+    return [
+        replace(s, P=s.P - model.effects(padded(s.q, RADIUS), signals, s.start_s))
+        for s, signals in zip(segments, known, strict=True)
+    ]
+
+
+def rms(errors: list[Floats]) -> float:
+    """Root mean square of all rows, W."""
+    return float(np.sqrt((np.concatenate(errors) ** 2).mean()))

@@ -1,0 +1,133 @@
+"""Which finding is credible: evidence, relevance, chance, agreement, and the comparison with unnamed alternatives."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from acqd.discrepancy.regression.design_matrix import Design
+from acqd.discrepancy.regression.gram import Regression
+from acqd.discrepancy.regression.onset import Gate
+from acqd.discrepancy.residual.delay import single_delay
+from acqd.discrepancy.selection.detectors.candidates import Detection
+from acqd.discrepancy.selection.named import Named
+from acqd.discrepancy.selection.ranking import Finding
+from acqd.discrepancy.selection.shape_fit import fit_shape
+from acqd.discrepancy.thresholds import THRESHOLDS
+from acqd.models.effects import library
+from acqd.models.effects.clocks import slope
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """Rows and a regression that findings are judged in."""
+
+    design: Design
+    regression: Regression
+    prior_findings: Sequence[Named]
+    """Effects whose shape may be wrong in these rows."""
+    detections: dict[str, Detection]
+    """By key of their candidates."""
+    complete: bool
+    """All rows of the design take part, so that shapes can be refined."""
+
+
+def worth(finding: Finding) -> float:
+    """Order of findings: the smaller one of evidence and held-out gain; less for detected effects."""
+    factor = THRESHOLDS.detected_worth if finding.candidate.detected else 1.0
+    return min(finding.evidence, finding.supported().held_out) / factor
+
+
+def credible(view: View, finding: Finding, limit: float) -> bool:
+    """Whether a finding passes all hurdles; `limit`: surprise that clean recordings exceed rarely."""
+    support = finding.supported()
+    return (
+        finding.evidence > _least_evidence(view, finding)
+        and relevant(view.design, finding)
+        and (support.surprise > limit or _unanimous(finding))
+        and support.held_out > 0
+        and support.plain > -THRESHOLDS.plain_errors * support.plain_error
+        and support.consistency >= THRESHOLDS.consistent_share
+    )
+
+
+def _least_evidence(view: View, finding: Finding) -> float:
+    candidate = finding.candidate
+    least = float(THRESHOLDS.least_evidence)
+    if candidate.detected:
+        if finding.evidence <= THRESHOLDS.detected_evidence:
+            return np.inf
+        least = max(THRESHOLDS.detected_evidence, view.detections[candidate.key].reference_evidence())
+    for earlier in view.prior_findings:
+        near = candidate.id in ("", earlier.id) or candidate.id in library()[earlier.id].neighbours
+        share = THRESHOLDS.neighbour_share if near else THRESHOLDS.later_share
+        least = max(least, share * earlier.finding.evidence)
+    return least
+
+
+def serious(design: Design, finding: Finding) -> bool:
+    """Whether a finding is an alternative explanation at all."""
+    support = finding.supported()
+    return support.held_out > 0 and support.plain > 0 and relevant(design, finding)
+
+
+def relevant(design: Design, finding: Finding) -> bool:
+    """Whether the effect is more than a trace of power while it acts, or more than a difference of two alignments."""
+    candidate = finding.candidate
+    weights = candidate.weights(finding.coefficients)
+    scenes = design.columns.scenes
+    power = np.concatenate([design.values(k, candidate.places) @ weights for k in range(len(scenes))])
+    size = np.abs(power)
+    if candidate.id and library()[candidate.id].acts_on == "clock":
+        steepest = float(np.abs(np.concatenate([slope(scene) for scene in scenes])).max())
+        seconds = size.max() / max(steepest, 1e-9)
+        return bool(seconds > THRESHOLDS.clock_smallest_s and _recordings_shifted(design, finding.coefficients[0]))
+    acting = power[size > THRESHOLDS.acting_share * size.max()]
+    least = THRESHOLDS.least_share_of_range * design.columns.dynamic_range
+    return bool(np.sqrt(np.mean(acting**2)) > least)
+
+
+def _recordings_shifted(design: Design, seconds: float) -> bool:
+    """Whether shifts of whole recordings agree; a slope also explains motion that is sharper than logged."""
+    columns = design.columns
+    segments = sorted({part.segment for part in columns.parts if part.in_question})
+    delays = [single_delay(columns.scenes[k], columns.segments[k].P) for k in segments]
+    known = [delay for delay in delays if delay is not None]
+    tolerance = THRESHOLDS.clock_agreement * abs(seconds)
+    return bool(known) and abs(float(np.median(known)) - seconds) < tolerance
+
+
+def _unanimous(finding: Finding) -> bool:
+    """Nearly all recordings agree: few recordings, or a few loud ones, cannot surprise otherwise."""
+    support = finding.supported()
+    if support.acting >= THRESHOLDS.unanimous_recordings:
+        agree = support.consistency >= THRESHOLDS.unanimous_share
+        return agree and finding.evidence > THRESHOLDS.unanimous_evidence
+    loud = (
+        finding.evidence > THRESHOLDS.few_evidence
+        and support.held_out > THRESHOLDS.few_held_out_share * finding.evidence
+    )
+    return support.acting >= THRESHOLDS.few_recordings and support.consistency == 1.0 and loud
+
+
+def refuted(view: View, gate: Gate, best: Finding, alternative: Finding) -> bool:
+    """Whether an unnamed alternative explains clearly more than the best effect with a fitted shape.
+
+    Scanned shapes are coarse, and their columns hold for a small effect.
+    """
+    if not _outdone(best, alternative):
+        return False
+    coarse = alternative.evidence <= THRESHOLDS.coarse_factor * best.evidence
+    if not view.complete or best.candidate.detected or not coarse:
+        return True
+    fitted = fit_shape(view.design, view.regression, gate.open, best, None)
+    return _outdone(replace(best, evidence=fitted.finding.evidence), alternative)
+
+
+def _outdone(best: Finding, alternative: Finding) -> bool:
+    if best.candidate.detected:  # anything that predicts half as much is the better explanation
+        return alternative.evidence > THRESHOLDS.predictive_share * best.evidence
+    margin = THRESHOLDS.alternative_margin + THRESHOLDS.alternative_share * best.evidence
+    return alternative.evidence > best.evidence + margin

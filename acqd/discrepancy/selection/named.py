@@ -1,0 +1,66 @@
+"""Accepted effects, and what a selection has found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from acqd.discrepancy.regression.design_matrix import Design
+from acqd.discrepancy.regression.gram import Column, Regression
+from acqd.discrepancy.regression.onset import Gate
+from acqd.discrepancy.selection.ranking import Finding
+from acqd.models.effects.places import Place
+
+Verdict = Literal["effects_found", "nothing_left", "unknown_structure", "not_identifiable"]
+
+
+@dataclass(frozen=True, slots=True)
+class Named:
+    """An accepted effect."""
+
+    finding: Finding
+    gate: Gate
+    place: Place
+    """With indices into the columns of `Effect.at`, for the bundle."""
+    shape: dict[str, float]
+    alternatives: list[Finding]
+    """The best finding of every other effect, given the effects before."""
+    regression: Regression
+    """What the effect competed with."""
+
+    @property
+    def id(self) -> str:
+        """Of the effect."""
+        return self.finding.candidate.id
+
+    @property
+    def key(self) -> str:
+        """Identity of the hypothesis; owner of its columns in a regression."""
+        return self.finding.candidate.key
+
+    def columns(self) -> list[Column]:
+        """Columns of the effect for a regression: one per parameter."""
+        return [Column(int(place), self.gate.open, owner=self.key) for place in self.finding.candidate.places]
+
+
+@dataclass(frozen=True, slots=True)
+class Unknown:
+    """An unnamed alternative that explains more than every effect."""
+
+    finding: Finding
+    gate: Gate
+
+
+@dataclass(slots=True)
+class Tracing:
+    """Result of a selection."""
+
+    design: Design
+    """With the columns of the accepted effects."""
+    regression: Regression
+    """The base model and all accepted effects."""
+    verdict: Verdict = "nothing_left"
+    effects: list[Named] = field(default_factory=list)
+    unknown: Unknown | None = None
+    last_ranking: list[Finding] = field(default_factory=list)
+    """The last ranking, in which no candidate was credible."""

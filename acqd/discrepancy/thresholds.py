@@ -1,0 +1,285 @@
+"""Every number that decides a verdict: its value, unit, meaning, and where it comes from.
+
+Sources: "convention" is common statistical practice; "definition" follows from a definition in this package; "study"
+was set by hand while `python -m tools.studies.effects` ran on simulated plants with other seeds than the
+published tables, and is judged by the tables, not fitted to them; "physics" follows from the plant.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+from typing import Any, Literal
+
+Stage = Literal["recordings", "delay", "noise", "detectors", "selection", "uncertainty", "verdict", "joints", "monitor"]
+
+
+def _threshold(value: float, unit: str, stage: Stage, source: str, meaning: str) -> Any:
+    metadata = {"unit": unit, "stage": stage, "source": source, "meaning": meaning}
+    return field(default=value, metadata=metadata)
+
+
+@dataclass(frozen=True, slots=True)
+class Thresholds:
+    """The thresholds of the loop and of the monitor."""
+
+    # recordings
+    fewest_recordings: int = _threshold(
+        4,
+        "recordings",
+        "recordings",
+        "definition",
+        "fewest recordings for which a jackknife over recordings has a spread",
+    )
+    shortest_total_s: float = _threshold(
+        20.0, "s", "recordings", "study", "shortest duration of all recordings together"
+    )
+    fewest_for_one_in_five: int = _threshold(
+        12,
+        "recordings",
+        "recordings",
+        "convention",
+        "with fewer recordings, every fourth is held out instead of every fifth",
+    )
+    held_out_share: float = _threshold(0.2, "-", "recordings", "convention", "share of recordings that are held out")
+    # delay between power and motion
+    delay_reach_s: float = _threshold(0.8, "s", "delay", "study", "longest delay that is tried")
+    delay_step_s: float = _threshold(0.02, "s", "delay", "definition", "distance of tried delays, half a row")
+    delay_smallest_s: float = _threshold(
+        0.012, "s", "delay", "study", "smaller delays compete as an effect with the other effects"
+    )
+    delay_least_gain: float = _threshold(
+        0.15, "-", "delay", "study", "least share of the residual's variance that the delay must explain"
+    )
+    delay_least_moving_W: float = _threshold(
+        3.0, "W", "delay", "study", "least standard deviation of the predicted power for a delay to be measurable"
+    )
+    delay_fewest_recordings: int = _threshold(3, "recordings", "delay", "definition", "fewest recordings with a delay")
+    delay_fewest_rows: int = _threshold(50, "rows", "delay", "study", "fewest rows inside the range of tried delays")
+    delay_significance: float = _threshold(4.0, "standard errors", "delay", "study", "significance of a constant delay")
+    drift_significance: float = _threshold(5.0, "standard errors", "delay", "study", "significance of a drifting delay")
+    drift_least_gain: float = _threshold(
+        0.6, "-", "delay", "study", "scatter about the drift, relative to the scatter about a constant, at most"
+    )
+    # noise model and outliers
+    noise_order: int = _threshold(30, "rows", "noise", "study", "order of the autoregressive noise model (1.2 s)")
+    noise_piece_rows: int = _threshold(
+        1250, "rows", "noise", "definition", "pieces whose mean is removed before the noise model is fitted (50 s)"
+    )
+    noise_clip: float = _threshold(
+        5.0, "sigma", "noise", "convention", "residuals are clipped there for the noise model"
+    )
+    fewest_for_noise: int = _threshold(
+        4, "recordings", "noise", "study", "with fewer reference recordings, the noise model uses all recordings"
+    )
+    block_rows: int = _threshold(
+        1500, "rows", "noise", "study", "longest block: unit of cross-validation and bootstrap (60 s)"
+    )
+    block_least_rows: int = _threshold(120, "rows", "noise", "definition", "shortest block, four times the noise order")
+    outlier: float = _threshold(
+        6.0, "sigma", "noise", "convention", "white residuals of a fit of everything beyond are left out"
+    )
+    intercept_least_W: float = _threshold(
+        1e-3, "W", "noise", "definition", "least standard deviation of the random intercepts of blocks"
+    )
+    lag_deviation_s: float = _threshold(
+        0.003, "s", "noise", "study", "prior deviation of the supply's lag, which else trades against clock offsets"
+    )
+    withheld_deviation: float = _threshold(
+        1e-9, "unit of the parameter", "noise", "definition", "prior deviation that holds a withheld parameter at zero"
+    )
+    common_share: float = _threshold(
+        0.01,
+        "-",
+        "noise",
+        "study",
+        "mean power of a column in the reference, relative to the recordings in question, "
+        "above which both share the column",
+    )
+    # detectors in the residual
+    detected_evidence: float = _threshold(
+        250.0, "white squared error", "detectors", "study", "least evidence of an effect detected in the residual"
+    )
+    reference_factor: float = _threshold(
+        3.0, "-", "detectors", "study", "a detected effect must exceed the reference's gain by this factor (2 x 1.5)"
+    )
+    detected_worth: float = _threshold(
+        1.33, "-", "detectors", "study", "evidence of a detected effect is divided by this factor in the ranking"
+    )
+    predictive_share: float = _threshold(
+        0.5,
+        "-",
+        "detectors",
+        "study",
+        "an unnamed alternative with more than this share of its evidence refutes a detected effect",
+    )
+    ripple_cost: float = _threshold(
+        6.0, "parameters", "detectors", "study", "parameters charged for the search of a ripple"
+    )
+    ripple_fewest_periods: float = _threshold(
+        3.0, "per turn", "detectors", "physics", "slowest ripple that is searched"
+    )
+    ripple_most_periods: float = _threshold(
+        130.0, "per turn", "detectors", "physics", "fastest ripple that is searched"
+    )
+    switching_price: float = _threshold(
+        7.0, "log-likelihood", "detectors", "study", "price of a switching in the Viterbi path"
+    )
+    switching_rarest: float = _threshold(0.005, "-", "detectors", "study", "least share of time on, and of time off")
+    contact_longest: float = _threshold(
+        0.6, "-", "detectors", "study", "a contact for a larger share of the time is a load, not a contact"
+    )
+    rhythm_regular: float = _threshold(
+        0.33, "correlation", "detectors", "study", "regularity from which a load has a rhythm"
+    )
+    rhythm_fewest_pairs: int = _threshold(
+        100, "pairs", "detectors", "study", "fewest pairs of states for a correlation at a distance in time"
+    )
+    rhythm_near_best: float = _threshold(
+        0.85, "-", "detectors", "study", "the shortest period with this share of the best regularity is the period"
+    )
+    # selection and acceptance
+    least_evidence: float = _threshold(
+        20.0,
+        "white squared error",
+        "selection",
+        "study",
+        "least evidence; with so many rows, significance is no hurdle",
+    )
+    chance: float = _threshold(
+        0.02,
+        "probability",
+        "selection",
+        "convention",
+        "probability that clean recordings surprise more (wild block bootstrap)",
+    )
+    chance_draws: int = _threshold(999, "draws", "selection", "convention", "draws of the wild block bootstrap")
+    consistent_share: float = _threshold(
+        0.6, "-", "selection", "study", "least share of recordings that agree with the pooled estimate"
+    )
+    plain_errors: float = _threshold(
+        2.0, "standard errors", "selection", "convention", "held-out gain of the error in W may be negative by so much"
+    )
+    active_share: float = _threshold(
+        0.01, "-", "selection", "study", "a recording counts if the effect has this share of its largest power there"
+    )
+    least_column_power: float = _threshold(
+        1e-3, "white squared error", "selection", "definition", "columns below never act, or the model has them already"
+    )
+    unanimous_recordings: int = _threshold(5, "recordings", "selection", "study", "fewest recordings for unanimity")
+    unanimous_share: float = _threshold(0.9, "-", "selection", "study", "share of recordings that is called unanimous")
+    unanimous_evidence: float = _threshold(
+        120.0, "white squared error", "selection", "study", "unanimous recordings with more evidence need no surprise"
+    )
+    few_recordings: int = _threshold(3, "recordings", "selection", "study", "fewest recordings, all agreeing and loud")
+    few_evidence: float = _threshold(
+        1000.0, "white squared error", "selection", "study", "evidence of few recordings that counts as loud"
+    )
+    few_held_out_share: float = _threshold(
+        0.5, "-", "selection", "study", "held-out gain of few recordings, relative to their evidence, at least"
+    )
+    alternative_margin: float = _threshold(
+        40.0, "white squared error", "selection", "study", "an unnamed alternative wins with more than this ..."
+    )
+    alternative_share: float = _threshold(
+        0.06, "-", "selection", "study", "... plus this share of the effect's evidence beyond the effect"
+    )
+    coarse_factor: float = _threshold(
+        1.3, "-", "selection", "study", "refining a shape cannot gain more evidence than this factor"
+    )
+    later_share: float = _threshold(
+        0.03,
+        "-",
+        "selection",
+        "study",
+        "least evidence of a later effect, relative to an earlier one: the error of its shape",
+    )
+    neighbour_share: float = _threshold(
+        0.12, "-", "selection", "study", "the same for a neighbour of the earlier effect"
+    )
+    onset_factor: float = _threshold(1.05, "-", "selection", "study", "an onset must explain more by this factor ...")
+    onset_margin: float = _threshold(40.0, "white squared error", "selection", "study", "... and this margin")
+    onset_fewest: int = _threshold(3, "recordings", "selection", "study", "fewest recordings before and after an onset")
+    clock_smallest_s: float = _threshold(
+        0.006, "s", "selection", "study", "smaller clock offsets are differences of two alignments, not effects"
+    )
+    clock_agreement: float = _threshold(
+        0.5, "-", "selection", "study", "a clock offset must agree with the shift of whole recordings to this share"
+    )
+    least_share_of_range: float = _threshold(
+        0.0025,
+        "-",
+        "selection",
+        "physics",
+        "least RMS while acting, relative to the dynamic range: nobody would act on less",
+    )
+    acting_share: float = _threshold(
+        0.05, "-", "selection", "definition", "an effect acts where its power exceeds this share of its largest power"
+    )
+    event_share: float = _threshold(
+        0.15, "-", "selection", "study", "an effect in a smaller share of rows is transient"
+    )
+    event_power: float = _threshold(
+        0.01, "-", "selection", "study", "a transient effect's rows: above this share of its largest power"
+    )
+    # uncertainty
+    resamples: int = _threshold(
+        40, "draws", "uncertainty", "convention", "bootstrap draws of recordings for the confidence"
+    )
+    contenders: int = _threshold(
+        6, "effects", "uncertainty", "study", "alternative effects that take part in the bootstrap"
+    )
+    interval_width: float = _threshold(
+        1.96, "standard errors", "uncertainty", "convention", "half width of a 95 % interval"
+    )
+    clock_confidence: float = _threshold(
+        0.99,
+        "-",
+        "uncertainty",
+        "definition",
+        "confidence of a clock effect that whole recordings show; assigned, not measured",
+    )
+    # verdict
+    enough_s: float = _threshold(
+        120.0, "s", "verdict", "study", "with shorter recordings, silence does not prove absence"
+    )
+    least_confidence: float = _threshold(
+        0.5, "-", "verdict", "definition", "with less confidence, two effects cannot be distinguished"
+    )
+    # logged joint torques
+    torque_significance: float = _threshold(
+        6.0, "standard errors", "joints", "study", "significance of a shift of logged torques against the reference"
+    )
+    torque_least_Nm: float = _threshold(0.3, "Nm", "joints", "physics", "least shift of a logged torque")
+    # sequential test
+    cusum_block_s: float = _threshold(10.0, "s", "monitor", "study", "duration of a block of the charts")
+    cusum_clip: float = _threshold(
+        4.0, "sigma", "monitor", "study", "bound of one block's contribution: a protective stop is no change"
+    )
+    cusum_slack: float = _threshold(
+        0.75, "sigma", "monitor", "convention", "slack k of the CUSUM: half the shift of interest"
+    )
+    cusum_moving_W: float = _threshold(
+        2.0, "W", "monitor", "study", "standard deviation of predicted power of a moving block"
+    )
+    cusum_fewest_blocks: int = _threshold(12, "blocks", "monitor", "study", "fewest blocks of a baseline")
+    cusum_step: float = _threshold(1.0, "sigma", "monitor", "study", "least step that dates the onset")
+    cusum_remembered: int = _threshold(2000, "blocks", "monitor", "definition", "blocks kept since a chart left zero")
+
+
+THRESHOLDS = Thresholds()
+"""The values in use."""
+
+
+def described(stages: set[Stage]) -> list[dict[str, Any]]:
+    """Name, value, unit, meaning and source of the thresholds of some stages, for report.json."""
+    return [
+        {
+            "name": each.name,
+            "value": getattr(THRESHOLDS, each.name),
+            "unit": each.metadata["unit"],
+            "meaning": each.metadata["meaning"],
+            "source": each.metadata["source"],
+        }
+        for each in fields(Thresholds)
+        if each.metadata["stage"] in stages
+    ]

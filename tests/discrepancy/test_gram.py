@@ -1,0 +1,81 @@
+"""Gram matrices and projections against direct least squares; a frozen design."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from acqd.discrepancy.regression.gram import Blocks, Column, Gram, Regression
+from acqd.discrepancy.regression.setup import Question, set_up
+from tests.builders import recording
+
+BLOCKS, ROWS, FIXED = 3, 40, 4
+
+
+def blocks(random, added):
+    """Blocks of random rows with `added` columns behind the residual, and the rows themselves."""
+    rows = random.normal(size=(BLOCKS, ROWS, FIXED + 1 + added))
+    whole = np.einsum("bri,brj->bij", rows, rows)
+    gram = Gram(whole[:, : FIXED + 1, : FIXED + 1], whole[:, :, FIXED + 1 :])
+    return Blocks(gram, gram, np.full(BLOCKS, float(ROWS))), rows, whole
+
+
+@given(seed=st.integers(0, 2**32 - 1), added=st.integers(0, 3), data=st.data())
+@settings(deadline=None, max_examples=60)
+def test_any_part_of_the_gram_matrix_can_be_taken(seed, added, data):
+    b, _, whole = blocks(np.random.default_rng(seed), added)
+    index = st.lists(st.integers(0, FIXED + added), min_size=1, max_size=5)
+    rows, columns = np.array(data.draw(index)), np.array(data.draw(index))
+    block = data.draw(st.integers(0, BLOCKS - 1))
+    np.testing.assert_array_equal(b.white.take(block, rows, columns), whole[block][np.ix_(rows, columns)])
+    several = np.array([0, 2])
+    np.testing.assert_array_equal(b.white.take(several, rows, columns), whole[np.ix_(several, rows, columns)])
+    np.testing.assert_array_equal(b.white.diagonal(), np.einsum("bkk->bk", whole))
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+@settings(deadline=None, max_examples=30)
+def test_replaced_columns_have_the_products_of_their_values(seed):
+    random = np.random.default_rng(seed)
+    b, rows, _ = blocks(random, 1)
+    values = random.normal(size=(BLOCKS, ROWS, 2))  # column 5 is replaced, column 6 is new
+    changed = np.concatenate([rows[:, :, :5], values], axis=2)
+    products = list(np.einsum("bri,brj->bij", changed, values))
+    gram = b.white.replaced(np.array([5, 6]), products)
+    everything = np.arange(7)
+    expected = np.einsum("bri,brj->bij", changed, changed)
+    np.testing.assert_allclose(gram.take(slice(None), everything, everything), expected, atol=1e-9)
+    assert b.white.size == 6  # the old one is what it was
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+@settings(deadline=None, max_examples=30)
+def test_projected_candidates_explain_what_direct_least_squares_explains(seed):
+    b, rows, _ = blocks(np.random.default_rng(seed), 1)
+    everywhere = np.ones(BLOCKS)
+    regression = Regression(b, [Column(k, everywhere) for k in range(2)])
+    competition = regression.compete(np.array([2, 5]), everywhere)
+    coefficients = np.linalg.solve(competition.schur, competition.products)
+    flat = rows.reshape(-1, rows.shape[2])
+    y, own, both = flat[:, FIXED], flat[:, :2], flat[:, [0, 1, 2, 5]]
+    left = [np.sum((y - X @ np.linalg.lstsq(X, y, rcond=None)[0]) ** 2) for X in (own, both)]
+    assert competition.products @ coefficients == pytest.approx(left[0] - left[1], rel=1e-6)
+    np.testing.assert_allclose(coefficients, np.linalg.lstsq(both, y, rcond=None)[0][2:], rtol=1e-6, atol=1e-9)
+    scores = regression.scores(competition, np.array([2, 5]), everywhere)
+    np.testing.assert_allclose(scores.sum(axis=0), competition.products, rtol=1e-6, atol=1e-6)
+
+
+def test_a_design_with_more_columns_leaves_the_design_unchanged(model, robot):
+    segments = [recording(model, k, rows=200) for k in range(2)]
+    only = frozenset({"offset_shift"})
+    design = set_up(Question(model, robot, segments, [], only, frozenset()), lambda _: None).design
+    before = design.blocks.white.take(slice(None), np.arange(5), np.arange(5)).copy()
+    ramp = [np.linspace(0, 1, len(s.P))[:, None] for s in segments]
+    more, places = design.with_columns(ramp)
+    assert (design.blocks.white.size, more.blocks.white.size) == (places[0], places[0] + 1)
+    np.testing.assert_allclose(more.values(1, places), ramp[1], atol=1e-6)
+    other = more.with_replaced(places, [2 * values for values in ramp])
+    np.testing.assert_allclose(more.values(1, places), ramp[1], atol=1e-6)
+    ratio = other.blocks.white.diagonal()[:, places] / more.blocks.white.diagonal()[:, places]
+    np.testing.assert_allclose(ratio, 4.0, rtol=1e-6)
+    np.testing.assert_array_equal(before, design.blocks.white.take(slice(None), np.arange(5), np.arange(5)))
