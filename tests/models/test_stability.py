@@ -8,6 +8,7 @@ import pytest
 
 from acqd.models.compare.stability import unstable_share
 from acqd.models.metrics import measure
+from acqd.models.noise_floor import noise_floor
 from tests.models.motions import STEP, angles, iiwa_power, segment
 
 
