@@ -28,6 +28,11 @@ settings.register_profile("any machine", deadline=None, suppress_health_check=[H
 settings.load_profile("any machine")
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Long tests first, so that no worker is left alone with one at the end."""
+    items.sort(key=lambda item: -max((mark.kwargs["seconds"] for mark in item.iter_markers("long")), default=0))
+
+
 @pytest.fixture(scope="session")
 def waveforms() -> Path:
     if not WAVEFORMS.is_dir():

@@ -12,6 +12,7 @@ from tests.commands import acqd_here
 from tests.waiting import LIMIT_S
 
 
+@pytest.mark.long(seconds=30)
 def test_close_loop_names_the_payload_and_writes_what_the_design_says(closed):
     folder, report = closed
     fixed = {"target", "unit", "measured", "recordings", "noise_floor", "before", "after", "verdict", "effects"}
@@ -37,6 +38,7 @@ def test_close_loop_names_the_payload_and_writes_what_the_design_says(closed):
     assert "simulated data" in page and "payload" in page and page.count("data:image/png") >= 6
 
 
+@pytest.mark.long(seconds=15)
 def test_the_augmented_bundle_predicts_and_can_be_closed_on_again(closed, tmp_path):
     folder, report = closed
     augmented = folder / "now" / "ds.loop" / "model"
@@ -126,6 +128,7 @@ def test_a_watch_by_command_tells_line_by_line_until_it_is_asked_to_stop(closed,
     assert not [line for line in rest.splitlines() if json.loads(line)["event"] == "alarm"]
 
 
+@pytest.mark.long(seconds=15)
 def test_a_withheld_term_is_named_and_comes_back(closed, tmp_path):
     folder, _ = closed
     ds = folder / "before" / "ds"

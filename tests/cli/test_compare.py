@@ -2,9 +2,12 @@
 
 import json
 
+import pytest
+
 from tests.commands import acqd
 
 
+@pytest.mark.long(seconds=20)
 def test_models_are_trained_compared_and_the_grey_box_is_best(study, trained, tmp_path):
     models, results = trained
     assert set(results) == {

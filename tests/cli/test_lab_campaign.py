@@ -31,6 +31,7 @@ def test_workers_end_with_a_killed_parent(tmp_path):
     wait_for(lambda: not any(w.is_running() and w.status() != "zombie" for w in workers), "the workers' end")
 
 
+@pytest.mark.long(seconds=20)
 def test_a_killed_campaign_goes_on_where_it_was(tmp_path):
     arguments = ["lab", "campaign", "--out", tmp_path / "c", "--limited", "2", "--all", "2", "--session", "1"]
     command = [sys.executable, "-P", "-m", "acqd", *map(str, [*arguments, "--jobs", "2"])]
@@ -48,6 +49,7 @@ def test_a_killed_campaign_goes_on_where_it_was(tmp_path):
     assert len(list((tmp_path / "c" / "logs").rglob("*.log"))) == 4
 
 
+@pytest.mark.long(seconds=20)
 def test_a_fleet_on_a_real_ray_cluster(tmp_path):
     out = tmp_path / "fleet"
     arguments = ["--limited", "1", "--all", "0", "--cells", "2", "--engine", "ray", "--json"]

@@ -59,6 +59,7 @@ def run_until(enough: Callable[[], bool], folder: Path, source: str) -> None:
     assert code == 0 and "Traceback" not in log.read_text(), log.read_text()
 
 
+@pytest.mark.long(seconds=8)
 @pytest.mark.parametrize("kind", [kind for kind in DEVICES if kind != "meters"])
 def test_the_daemon_meters_every_wire_into_sql(kind, tmp_path):
     if kind in ON_ETHERNET and not may_create_veth():

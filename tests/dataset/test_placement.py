@@ -13,6 +13,7 @@ from acqd.robot.log import read_log
 from tests.campaigns import build_dataset, order, quiet, true_lags, write_power
 
 
+@pytest.mark.long(seconds=25)
 def test_lags_are_found_to_milliseconds_with_torques_and_without(campaign, dataset, tmp_path):
     made, true = campaign
     settings = made.settings
@@ -51,6 +52,7 @@ def test_a_clock_just_beyond_the_search_range_is_not_met_at_its_edge(campaign, t
         assert entry["own_lag"]["s"] == pytest.approx(true[entry["name"]], abs=0.03)
 
 
+@pytest.mark.long(seconds=12)
 @pytest.mark.parametrize("step_ms", [5.0, 25.0, 100 / 3])
 def test_windows_of_any_length_are_aligned(cell, tmp_path, step_ms):
     made, true, time_ns, P = cell
@@ -70,6 +72,7 @@ def test_windows_of_any_length_are_aligned(cell, tmp_path, step_ms):
         assert entry["lag_s"] == pytest.approx(true[entry["name"]], abs=0.008)
 
 
+@pytest.mark.long(seconds=10)
 def test_the_same_assembly_again_and_again_with_the_peak_of_its_brakes_is_placed(tmp_path):
     """Every execution fits in many places of the stream, and the peak is more than all that motion explains."""
     made = order(tmp_path, profile="use-case", assemblies=6, session=6, seed=9, clock={"offset_s": 1.24})

@@ -92,6 +92,7 @@ def test_logged_torques_are_those_of_the_rigid_body(campaign):
     assert 0.2 < error.max() < 40
 
 
+@pytest.mark.long(seconds=8)
 def test_campaigns_share_a_database_without_mixing(tmp_path):
     database = f"sqlite:///{tmp_path}/both.sqlite"
     total = 0

@@ -27,6 +27,7 @@ def test_a_finished_campaign_is_not_run_again(copied):
     assert again.spaces == report.spaces
 
 
+@pytest.mark.long(seconds=20)
 def test_two_processes_make_the_same_campaign_as_one(campaign, campaign_settings, tmp_path):
     the_order, _ = campaign
     other = order(tmp_path, jobs=2, **campaign_settings)

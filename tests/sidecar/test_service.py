@@ -9,6 +9,7 @@ import subprocess
 import time
 
 import paho.mqtt.client as paho
+import pytest
 from paho.mqtt.enums import CallbackAPIVersion
 
 from acqd.sidecar.lock import exclusive
@@ -39,6 +40,7 @@ def test_one_sidecar_a_database_and_one_device(tmp_path, bundle, database):
     assert several.returncode == 2 and "choose one with --device: cell, other" in several.stderr
 
 
+@pytest.mark.long(seconds=20)
 def test_every_log_is_done_exactly_once_whoever_is_killed(tmp_path, bundle, mosquitto):
     url, logs, coming = str(tmp_path / "p.sqlite"), tmp_path / "logs", tmp_path / "coming"
     logs.mkdir()
@@ -72,6 +74,7 @@ def test_every_log_is_done_exactly_once_whoever_is_killed(tmp_path, bundle, mosq
     listener.loop_stop()
 
 
+@pytest.mark.long(seconds=8)
 def test_a_change_raises_the_alarm_on_the_broker_and_is_kept(tmp_path, bundle, mosquitto):
     url, logs = str(tmp_path / "p.sqlite"), tmp_path / "logs"
     logs.mkdir()
