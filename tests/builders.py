@@ -1,8 +1,4 @@
-"""A small grey box of a UR10e, recordings of it, and datasets of those, without training; `acqd` as a user runs it."""
-
-import os
-import subprocess
-import sys
+"""A small grey box of a UR10e, recordings of it, and datasets of those, without training."""
 
 import numpy as np
 from scipy.signal import lfilter
@@ -18,6 +14,7 @@ from acqd.robot import load_description
 from acqd.robot.arm import Arm
 from acqd.robot.dynamics import inertial_parameters
 from acqd.robot.newton_euler import Chain
+from tests.commands import acqd_here
 
 STEP = 0.04
 ROBOT = load_description("ur10e")
@@ -81,20 +78,6 @@ def term(name, shape=None, coefficient=2.0):
     return Term(name, "somewhere", dict(shape or {}), (0,), np.array([coefficient]), {})
 
 
-# ---------------------------------------------------------------- as a user
-
-
-def acqd(*arguments):
-    done = subprocess.run(
-        [sys.executable, "-m", "acqd", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        env=os.environ | {"OMP_NUM_THREADS": "1", "COLUMNS": "160"},
-    )
-    assert "Traceback" not in done.stderr, done.stderr
-    return done
-
-
 def write_dataset(folder, segments):
     """Power rows and logs as anybody could have them, and acqd's own merge."""
     logs = folder / "logs"
@@ -112,6 +95,6 @@ def write_dataset(folder, segments):
         (logs / f"{segment.recording}.csv").write_text("\n".join([header, *lines, ""]))
     (folder / "power.csv").write_text("\n".join([*rows, ""]))
     merge = ("dataset", "build", "--power", folder / "power.csv", "--logs", logs, "--robot", "ur10e", "--lag", 0)
-    done = acqd(*merge, "--out", folder / "ds")
+    done = acqd_here(*merge, "--out", folder / "ds")
     assert done.returncode == 0, done.stderr
     return folder / "ds"

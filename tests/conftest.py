@@ -1,4 +1,4 @@
-"""Real servers on private ports, real recordings, and synthetic mains with a known truth."""
+"""Real servers on private ports, real recordings, and the products that many tests look at."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import os
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy: many small matrices, two cores
 
 import json
-import os
 import shutil
 import signal
 import socket
@@ -15,16 +14,23 @@ import subprocess
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-import numpy as np
 import pytest
+from hypothesis import HealthCheck, settings
 
 from acqd.telemetry.broker import free_port
-from tests.builders import acqd, grey, recording, write_dataset
-from tests.discrepancy.independent import added_payload
-from tests.waiting import wait_for
+from tests.once import Once
+from tests.places import WAVEFORMS
+from tests.waiting import LIMIT_S, wait_for
 
-WAVEFORMS = Path(__file__).parents[1].parent / "shared" / "data" / "waveforms"
+settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("any machine")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Long tests first, so that no worker is left alone with one at the end."""
+    items.sort(key=lambda item: -max((mark.kwargs["seconds"] for mark in item.iter_markers("long")), default=0))
 
 
 @pytest.fixture(scope="session")
@@ -67,7 +73,7 @@ class Mosquitto:
     def stop(self) -> None:
         if self.process is not None:
             self.process.terminate()
-            self.process.wait(10)
+            self.process.wait(LIMIT_S)
             self.process = None
 
 
@@ -94,8 +100,8 @@ def postgres_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     port = free_port()
     as_user: dict[str, object] = {}
     if os.geteuid() == 0:  # PostgreSQL refuses to run as root
-        for parent in (folder, *folder.parents[:3]):
-            parent.chmod(0o755)
+        for parent in (folder, *folder.parents[:3]):  # the server must reach its folder; /tmp keeps its sticky bit
+            parent.chmod(parent.stat().st_mode | 0o055)
         shutil.chown(folder, "postgres")
         as_user = {"user": "postgres", "cwd": "/"}
     data = folder / "data"
@@ -107,10 +113,10 @@ def postgres_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     options = ["-p", str(port), "-k", str(folder), "-c", "listen_addresses=127.0.0.1", "-c", "fsync=off"]
     server = subprocess.Popen([programs / "postgres", "-D", data, *options], **quiet, **as_user)
     ready = [programs / "pg_isready", "-h", "127.0.0.1", "-p", str(port)]
-    wait_for(lambda: subprocess.run(ready, check=False, **quiet).returncode == 0, "PostgreSQL answers", 30)
+    wait_for(lambda: subprocess.run(ready, check=False, **quiet).returncode == 0, "PostgreSQL answers")
     yield f"postgresql://acqd@127.0.0.1:{port}"
     server.send_signal(signal.SIGINT)  # fast shutdown: do not wait for pooled connections
-    server.wait(20)
+    server.wait(LIMIT_S)
 
 
 @pytest.fixture
@@ -131,78 +137,65 @@ def database(request: pytest.FixtureRequest, tmp_path: Path) -> str:
     return f"sqlite:///{tmp_path / 'test.sqlite'}"
 
 
-EN50160 = {
-    2: 0.02, 3: 0.05, 4: 0.01, 5: 0.06, 6: 0.005, 7: 0.05, 8: 0.005, 9: 0.015, 10: 0.005, 11: 0.035, 13: 0.03,
-    15: 0.005, 17: 0.02, 19: 0.015, 21: 0.005, 23: 0.015, 25: 0.015,
-}  # fmt: skip
-"""EN 50160 limits, all at once: worse than any mains."""
-
-
-@dataclass
-class Mains:
-    """Synthetic mains as codes, with the exact answers."""
-
-    codes: np.ndarray
-    scale: tuple[float, ...]
-    rate: float
-    Vrms: float
-    Irms: float
-    P: float
-
-
-def make_mains(
-    f: float,
-    *,
-    seconds: float = 4.0,
-    rate: float = 20_000.0,
-    phases: int = 3,
-    harmonics: dict[int, float] | None = None,
-    noise: float = 0.0,
-    dc: float = 0.0,
-    volts: float = 230.0,
-    amperes: float = 3.0,
-    lag: float = 0.5,
-    seed: int = 0,
-) -> Mains:
-    """u with `harmonics`, DC and noise (shares of the fundamental), i a lagging sine with some H3."""
-    random = np.random.default_rng(seed)
-    harmonics = harmonics or {}
-    count = int(seconds * rate)
-    t = np.arange(count) / rate
-    scale = (737.2575 / 32768, 9.207527 / 32768)
-    codes = np.empty((count, 2 * phases), dtype=np.int16)
-    angles = {h: random.uniform(0, 2 * np.pi) for h in {*harmonics, 3}}
-    for phase in range(phases):
-        angle = 2 * np.pi * f * t - 2 * np.pi * phase / 3 + 0.3
-        u = np.cos(angle) + dc
-        for h, share in harmonics.items():
-            u = u + share * np.cos(h * angle + angles[h])
-        i = np.cos(angle - lag) + 0.1 * np.cos(3 * (angle - lag))
-        u = u + noise * random.standard_normal(count)
-        codes[:, 2 * phase] = np.rint(u * volts * np.sqrt(2) / scale[0])
-        codes[:, 2 * phase + 1] = np.rint(i * amperes * np.sqrt(2) / scale[1])
-    # cos carries volts^2 of mean square; DC of `dc` amplitudes carries (dc * sqrt 2 * volts)^2.
-    square = 1 + sum(share**2 for share in harmonics.values()) + 2 * dc**2
-    third = harmonics.get(3, 0.0) * 0.1 * np.cos(angles[3] + 3 * lag)
-    power = volts * amperes * (np.cos(lag) + third)
-    return Mains(codes, scale * phases, rate, volts * np.sqrt(square), amperes * np.sqrt(1.01), float(power))
+@pytest.fixture(scope="session")
+def once(tmp_path_factory: pytest.TempPathFactory) -> Once:
+    """Makes a product that several tests look at, once for all workers of pytest-xdist."""
+    base = tmp_path_factory.getbasetemp()
+    return Once(base.parent if "PYTEST_XDIST_WORKER" in os.environ else base)
 
 
 @pytest.fixture(scope="session")
 def model():
     """A grey box with drives as a small robot has them."""
+    from tests.builders import grey  # here, because it takes a second and not every test needs it
+
     return grey()
 
 
 @pytest.fixture(scope="session")
-def closed(model, tmp_path_factory):
+def closed(model, once):
     """A folder: a reference (before/ds), a model, recordings with a payload (now/ds) and the loop closed on them."""
-    folder = tmp_path_factory.mktemp("loop")
-    reference = write_dataset(folder / "before", [recording(model, k, seed=1, rows=900) for k in range(9)])
-    in_question = [recording(model, k, added_payload, seed=2, rows=900, start_s=1e9 + 9000) for k in range(12)]
-    now = write_dataset(folder / "now", in_question)
-    done = acqd("train", reference, "--network", "grey-box", "--out", folder / "model")
-    assert done.returncode == 0, done.stderr
-    done = acqd("close-loop", now, "--model", folder / "model", "--json")
-    assert done.returncode == 0, done.stderr
-    return folder, json.loads(done.stdout)
+    from tests.builders import recording, write_dataset
+    from tests.commands import acqd, acqd_here
+    from tests.discrepancy.independent import added_payload
+
+    def make(folder: Path) -> dict[str, Any]:
+        reference = write_dataset(folder / "before", [recording(model, k, seed=1, rows=900) for k in range(9)])
+        in_question = [recording(model, k, added_payload, seed=2, rows=900, start_s=1e9 + 9000) for k in range(12)]
+        now = write_dataset(folder / "now", in_question)
+        done = acqd_here("train", reference, "--network", "grey-box", "--out", folder / "model")
+        assert done.returncode == 0, done.stderr
+        done = acqd("close-loop", now, "--model", folder / "model", "--json")
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout)
+
+    return once("closed", make)
+
+
+@pytest.fixture(scope="session")
+def bundle(once):
+    """A bundle that remembers recordings to compare with."""
+    from tests.sidecar.cell import write_bundle
+
+    return once("bundle", lambda folder: write_bundle(folder / "bundle"))[0] / "bundle"
+
+
+@pytest.fixture(scope="session")
+def study(once):
+    """The quick reproduction of the thesis as far as its models of Table 7.1: the study's own steps, in its places."""
+    from rich.console import Console
+
+    from tools.studies.thesis import plan
+    from tools.studies.thesis.assembly import Places
+    from tools.studies.thesis.steps import run
+
+    def make(folder: Path) -> None:
+        places = Places(folder)
+        steps = [
+            *plan.training(places, plan.QUICK, 1),
+            plan.table_7_1(places, plan.QUICK),
+            plan.assembly(places, plan.QUICK, 1)[0],
+        ]
+        run(steps, folder, Console(quiet=True))
+
+    return Places(once("study", make)[0])

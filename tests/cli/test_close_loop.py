@@ -7,9 +7,12 @@ import sys
 import pytest
 
 from acqd.models.bundle.bundle import load_bundle
-from tests.builders import acqd, recording, write_dataset
+from tests.builders import recording, write_dataset
+from tests.commands import acqd_here
+from tests.waiting import LIMIT_S
 
 
+@pytest.mark.long(seconds=30)
 def test_close_loop_names_the_payload_and_writes_what_the_design_says(closed):
     folder, report = closed
     fixed = {"target", "unit", "measured", "recordings", "noise_floor", "before", "after", "verdict", "effects"}
@@ -35,14 +38,17 @@ def test_close_loop_names_the_payload_and_writes_what_the_design_says(closed):
     assert "simulated data" in page and "payload" in page and page.count("data:image/png") >= 6
 
 
+@pytest.mark.long(seconds=15)
 def test_the_augmented_bundle_predicts_and_can_be_closed_on_again(closed, tmp_path):
     folder, report = closed
     augmented = folder / "now" / "ds.loop" / "model"
     assert [each["id"] for each in load_bundle(augmented).metadata["effects"]] == [e["id"] for e in report["effects"]]
     log = next((folder / "now" / "logs").iterdir())
-    before, after = (json.loads(acqd("predict", b, log, "--json").stdout) for b in (folder / "model", augmented))
+    before, after = (json.loads(acqd_here("predict", b, log, "--json").stdout) for b in (folder / "model", augmented))
     assert after["mean_W"] != pytest.approx(before["mean_W"], abs=0.05)
-    again = acqd("close-loop", folder / "before" / "ds", "--model", augmented, "--out", tmp_path / "again", "--json")
+    again = acqd_here(
+        "close-loop", folder / "before" / "ds", "--model", augmented, "--out", tmp_path / "again", "--json"
+    )
     assert again.returncode == 0, again.stderr
     found = json.loads(again.stdout)
     assert [e["id"] for e in found["effects"]][:1] == ["payload"]  # it has gone again: a mass of minus two kg
@@ -52,7 +58,9 @@ def test_the_augmented_bundle_predicts_and_can_be_closed_on_again(closed, tmp_pa
 @pytest.mark.slow
 def test_the_same_seed_gives_the_same_report(closed, tmp_path):
     folder, report = closed
-    again = acqd("close-loop", folder / "now" / "ds", "--model", folder / "model", "--out", tmp_path / "twin", "--json")
+    again = acqd_here(
+        "close-loop", folder / "now" / "ds", "--model", folder / "model", "--out", tmp_path / "twin", "--json"
+    )
     second = json.loads(again.stdout)
     assert {k: v for k, v in second.items() if k != "out"} == {k: v for k, v in report.items() if k != "out"}
 
@@ -61,7 +69,7 @@ def test_the_same_seed_gives_the_same_report(closed, tmp_path):
 def test_only_and_exclude(closed, tmp_path):
     folder, _ = closed
     common = ("close-loop", folder / "now" / "ds", "--model", folder / "model", "--json", "--out")
-    without = json.loads(acqd(*common, tmp_path / "w", "--exclude", "payload", "--max-effects", 1).stdout)
+    without = json.loads(acqd_here(*common, tmp_path / "w", "--exclude", "payload", "--max-effects", 1).stdout)
     assert "payload" not in [each["id"] for each in without["effects"]]
     assert without["after"]["rmse"] <= without["before"]["rmse"]
 
@@ -79,7 +87,7 @@ def test_only_and_exclude(closed, tmp_path):
 def test_bad_input_is_one_line_and_exit_2(closed, arguments, said):
     folder, _ = closed
     places = {"model": folder / "model", "ds": folder / "now" / "ds"}
-    done = acqd("close-loop", *(each.format(**places) for each in arguments))
+    done = acqd_here("close-loop", *(each.format(**places) for each in arguments))
     assert done.returncode == 2
     assert said in done.stderr and len(done.stderr.strip().splitlines()) == 1
 
@@ -87,21 +95,21 @@ def test_bad_input_is_one_line_and_exit_2(closed, arguments, said):
 def test_too_few_recordings_are_refused(model, closed, tmp_path):
     folder, _ = closed
     few = write_dataset(tmp_path, [recording(model, k, seed=6) for k in range(3)])
-    done = acqd("close-loop", few, "--model", folder / "model")
+    done = acqd_here("close-loop", few, "--model", folder / "model")
     assert done.returncode == 2 and "too few" in done.stderr
 
 
 def test_many_pieces_that_are_too_short_are_refused(model, closed, tmp_path):
     folder, _ = closed
     short = write_dataset(tmp_path, [recording(model, k, seed=6, rows=60) for k in range(14)])
-    done = acqd("close-loop", short, "--model", folder / "model")
+    done = acqd_here("close-loop", short, "--model", folder / "model")
     assert done.returncode == 2 and "0 recordings of at least 4.8 s" in done.stderr
 
 
 @pytest.mark.parametrize("words", [("--watch", "--since", "2026-01-01"), ("--every", "2")])
 def test_options_that_would_do_nothing_are_refused(closed, words):
     folder, _ = closed
-    done = acqd("close-loop", folder / "now" / "ds", "--model", folder / "model", *words)
+    done = acqd_here("close-loop", folder / "now" / "ds", "--model", folder / "model", *words)
     assert done.returncode == 2 and "--watch" in done.stderr and len(done.stderr.strip().splitlines()) == 1
 
 
@@ -115,18 +123,19 @@ def test_a_watch_by_command_tells_line_by_line_until_it_is_asked_to_stop(closed,
         first = json.loads(process.stdout.readline())
         assert first["event"] == "recording"
         process.terminate()
-        rest, errors = process.communicate(timeout=60)
+        rest, errors = process.communicate(timeout=LIMIT_S)
     assert process.returncode == 0 and not errors
     assert not [line for line in rest.splitlines() if json.loads(line)["event"] == "alarm"]
 
 
+@pytest.mark.long(seconds=15)
 def test_a_withheld_term_is_named_and_comes_back(closed, tmp_path):
     folder, _ = closed
     ds = folder / "before" / "ds"
     poor = tmp_path / "poor"
-    done = acqd("train", ds, "--network", "grey-box", "--without", "coulomb_friction", "--out", poor)
+    done = acqd_here("train", ds, "--network", "grey-box", "--without", "coulomb_friction", "--out", poor)
     assert done.returncode == 0, done.stderr
-    report = json.loads(acqd("close-loop", ds, "--model", poor, "--out", tmp_path / "poor.loop", "--json").stdout)
+    report = json.loads(acqd_here("close-loop", ds, "--model", poor, "--out", tmp_path / "poor.loop", "--json").stdout)
     assert [each["id"] for each in report["effects"]][:1] == ["coulomb_friction"]
     assert report["after"]["rmse"] < 0.9 * report["before"]["rmse"]
     assert load_bundle(tmp_path / "poor.loop" / "model").metadata["withheld"] == []

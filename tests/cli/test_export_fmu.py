@@ -5,10 +5,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from acqd.models.bundle.bundle import save_bundle
 from tests.builders import grey_bundle
 
 
+@pytest.mark.long(seconds=8)
 def test_the_command_as_a_user_has_it(tmp_path):
     bundle = tmp_path / "b"
     save_bundle(bundle, grey_bundle())

@@ -10,7 +10,7 @@ from acqd.errors import InputError
 from acqd.models.bundle.bundle import load_bundle
 
 
-@pytest.mark.timeout(300)
+@pytest.mark.long(seconds=8)
 def test_a_watch_raises_the_alarm_proposes_and_goes_on_after_a_restart(closed, tmp_path):
     folder, _ = closed
     order = CloseConfig(folder / "now" / "ds", folder / "model", tmp_path / "watch", only=("payload", "offset_shift"))

@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 from acqd.discrepancy.residual.whitening import Whitener, autocorrelation
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(st.floats(0.0, 0.95), st.integers(0, 1000))
 def test_whitened_noise_is_white(memory, seed):
     random = np.random.default_rng(seed)

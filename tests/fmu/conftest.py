@@ -8,16 +8,16 @@ from tests.fmu.bundles import make
 
 
 @pytest.fixture(scope="session")
-def made(tmp_path_factory):
+def made(once):
     """Bundles and their FMUs, made when they are asked for."""
-    folder, cache = tmp_path_factory.mktemp("fmu"), {}
 
     def get(kind, version="2.0"):
-        if kind not in cache:
-            cache[kind] = make(kind, folder)
-        file = folder / f"{kind}-{version}.fmu"
-        if not file.exists():
-            export_fmu(cache[kind], file, version, ["linux64"], lambda _: None)
-        return open_model(cache[kind])[1], file
+        bundle = once(f"bundle-{kind}", lambda folder: make(kind, folder))[1]
+        name = f"{kind}-{version}.fmu"
+        folder, _ = once(
+            name.removesuffix(".fmu"),
+            lambda folder: export_fmu(bundle, folder / name, version, ["linux64"], lambda _: None),
+        )
+        return open_model(bundle)[1], folder / name
 
     return get

@@ -1,11 +1,14 @@
 """Bundles that cannot be opened as a model."""
 
+import numpy as np
 import pytest
 
-from acqd.errors import InputError
-from acqd.models.bundle.bundle import save_bundle
-from acqd.models.bundle.restore import open_model
+from acqd.errors import InputError, UserError
+from acqd.models.bundle.bundle import Bundle, save_bundle
+from acqd.models.bundle.restore import open_model, restore
+from acqd.models.normalisation import Normalisation
 from tests.builders import grey_bundle
+from tests.models.motions import STEP
 
 
 @pytest.mark.parametrize(
@@ -30,3 +33,17 @@ def test_weights_and_steps_that_cannot_be_are_told(tmp_path):
     weights.write_bytes(damaged)
     with pytest.raises(InputError, match="does not match the hash"):
         open_model(tmp_path / "c")
+
+
+def test_a_network_with_other_learnables_is_refused():
+    about = {
+        "kind": "network",
+        "axes": 7,
+        "step_s": STEP,
+        "architecture": {"name": "21x1dim"},
+        "normalisation": Normalisation.thesis(7).as_json(),
+    }
+    with pytest.raises(UserError, match="1463"):
+        restore(Bundle(about, {"theta": np.zeros(1462, np.float32)}))
+    with pytest.raises(UserError, match="22x1dim"):
+        restore(Bundle(about | {"architecture": {"name": "22x1dim"}}, {"theta": np.zeros(1463, np.float32)}))

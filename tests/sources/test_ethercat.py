@@ -1,4 +1,4 @@
-"""EL3783 terminals: start-up, process image, recovery and range, against the slave segment's double."""
+"""Beckhoff terminals on an EtherCAT segment."""
 
 from __future__ import annotations
 
@@ -13,14 +13,15 @@ import numpy as np
 import pytest
 
 from acqd.errors import UserError
-from acqd.sources.ethercat import EthercatSettings, EthercatSource, objects
+from acqd.sources.ethercat import EthercatSettings, EthercatSource
 from acqd.sources.ethercat.bus import close_master, open_master, scan
-from acqd.sources.ethercat.layout import build_layout
 from tests.doubles.ethercat.control import EtherCatDouble
 from tests.doubles.veth import may_create_veth, veth_pair
 from tests.doubles.waveform import WaveTable
 from tests.sources.bench import START_NS, Tape, VirtualClock
 
+PATIENT_US = 3_000_000
+"""The double answers in lockstep; a busy machine may keep it from the processor for a while."""
 pytestmark = pytest.mark.skipif(not may_create_veth(), reason="veth pairs need CAP_NET_ADMIN (root)")
 
 
@@ -30,7 +31,7 @@ class Rig:
     def __init__(self, stack: ExitStack, **double: object) -> None:
         self.near, far = stack.enter_context(veth_pair("acqdtst"))
         self.double = stack.enter_context(EtherCatDouble(far, **double))  # type: ignore[arg-type]
-        self.settings = EthercatSettings(self.near, oversampling=20, receive_us=300_000)
+        self.settings = EthercatSettings(self.near, oversampling=20, receive_us=PATIENT_US)
         self.clock, self.tape, self.stack = VirtualClock(), Tape(), stack
 
     def start(self, **changes: object) -> EthercatSource:
@@ -90,9 +91,9 @@ def test_lost_frames_are_a_gap_of_exactly_their_blocks_and_no_outage(rig: Rig):
     rig.step(150)
     source._segment._receive_us = 2_000
     rig.double.command(drop_frames=3)
-    rig.step(20)
-    source._segment._receive_us = 300_000
-    rig.step(50)
+    rig.step(3)
+    source._segment._receive_us = PATIENT_US
+    rig.step(67)
     assert rig.tape.lost == 60 and source.health().connected and source.health().reconnects == 0
     rig.tape.offset(WaveTable(seed=1).codes, 60_000)
 
@@ -200,7 +201,7 @@ def test_scan_lists_the_slaves(rig: Rig):
 
 def test_the_command_scan_reads_the_assignment_of_terminals_that_were_in_init(rig: Rig):
     command = [sys.executable, "-m", "acqd", "ethercat", "scan", rig.near, "--pdos", "--json"]
-    result = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
     assert result.returncode == 0, result.stderr
     coupler, terminal = json.loads(result.stdout)
     assert coupler["title"] == "EK1100" and coupler["pdos"] is None
@@ -222,35 +223,3 @@ def test_a_cable_out_at_the_start_is_one_clear_line(rig: Rig):
     rig.double.command(cable="out")
     with pytest.raises(UserError, match="no EtherCAT slave answers"):
         rig.start()
-
-
-def mapping(pdo: int, oversampling: int = 20, next_sync1_bits: int = 64) -> list[int]:
-    if pdo == objects.NEXT_SYNC1_PDO:
-        return [0x6060_0100 | next_sync1_bits]
-    if pdo in (objects.SAMPLE_COUNT_PDO, objects.RANGE_PDO):
-        return [0x6061_0110]
-    if pdo & 0x0F == 0:
-        return [0x6000_0110]
-    return [0x6002_0010 | k << 8 for k in range(1, oversampling + 1)]
-
-
-@pytest.mark.parametrize(("bits", "size"), [(64, 264), (32, 260)])
-def test_the_layout_follows_the_mapping_that_the_terminal_reports(bits, size):
-    layout = build_layout(objects.assignment(7), lambda pdo: mapping(pdo, next_sync1_bits=bits))
-    assert layout.size == size and layout.next_sync1 == (252, bits // 8) and layout.oversampling == 20
-    image = bytearray(size)
-    image[layout.samples[5] : layout.samples[5] + 2] = (-2).to_bytes(2, "little", signed=True)
-    image[252:256] = (7).to_bytes(4, "little")
-    block = layout.decode(bytes(image), 3)
-    assert block.samples[5, 0] == -2 and block.next_sync1_ns == 7 and block.samples.shape == (6, 20)
-    if bits == 32:  # the low half of a time that has left 32 bits long ago
-        image[252:256] = (5).to_bytes(4, "little")
-        assert layout.decode(bytes(image), (9 << 32) - 100).next_sync1_ns == (9 << 32) + 5
-        assert layout.decode(bytes(image), (9 << 32) + 100).next_sync1_ns == (9 << 32) + 5
-
-
-def test_a_mapping_that_lacks_a_part_is_refused():
-    for missing in (objects.NEXT_SYNC1_PDO, objects.STATUS_PDO, objects.SAMPLES_PDO + 7):
-        assigned = [pdo for pdo in objects.assignment(7) if pdo != missing]
-        with pytest.raises(UserError, match="EL3783"):
-            build_layout(assigned, mapping)

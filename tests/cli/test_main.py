@@ -1,0 +1,116 @@
+"""The commands as a user types them: help and mistakes."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+
+import pytest
+
+from acqd.telemetry.broker import EmbeddedBroker, free_port
+from tests.commands import ACQD, acqd, acqd_here, refused
+from tests.sources.files import write_csv
+
+
+def test_every_command_has_help_with_an_example_and_json(tmp_path):
+    for command in (
+        ["run"],
+        ["replay"],
+        ["sink"],
+        ["sink", "maintain"],
+        ["watch"],
+        ["doctor"],
+        ["jitter"],
+        ["broker"],
+        ["ethercat", "scan"],
+        ["modbus", "probe"],
+    ):
+        result = acqd_here(*command, "--help", cwd=tmp_path)
+        assert result.returncode == 0 and "Example:" in result.stdout and "--json" in result.stdout, command
+
+
+def test_config_mistakes_are_exit_2_and_one_line(tmp_path):
+    cases = {
+        "[metering]\nmod = 'fixed'\n": "did you mean metering.mode",
+        "[mqtt]\npassword_file = '/nowhere'\n": "password file",
+    }
+    for text, complaint in cases.items():
+        (tmp_path / "c.toml").write_text(text)
+        assert complaint in refused(acqd_here("run", "--config", "c.toml", "--duration", "1", cwd=tmp_path)), text
+    assert "no such file" in refused(acqd_here("run", "--config", "none.toml", cwd=tmp_path))
+
+
+def test_mistakes_in_the_source_are_exit_2_and_one_line(tmp_path):
+    cases = {
+        "[source]\nkind = 'replay'\nfile = 'none.npz'\n": "no such file",
+        "[source]\nkind = 'replay'\nfile = 'none.npz'\nmap = 'x'\n": "source.map",
+        "[source]\nkind = 'ethercat'\ninterface = 'nowhere0'\n": "no network interface 'nowhere0'",
+        "[source]\nkind = 'sampled-values'\ninterface = 'nowhere0'\n": "no network interface 'nowhere0'",
+        "[source]\nkind = 'ads'\nhost = '127.0.0.99'\nams_net_id = '1.2.3.4.1.1'\n": "is the TwinCAT PC on",
+        "[source]\nkind = 'modbus'\nserial_port = '/dev/ttyNOWHERE'\n": "there is no /dev/ttyNOWHERE",
+        "[source]\nkind = 'meters'\nhost = 'h'\n[[source.meters]]\nname = 'm'\nprofile = 'x'\n": "no profile 'x'",
+    }
+    for text, complaint in cases.items():
+        (tmp_path / "c.toml").write_text(text)
+        assert complaint in refused(acqd("run", "--config", "c.toml", "--duration", "1", cwd=tmp_path)), text
+
+
+@pytest.mark.skipif(os.geteuid() != 0 or shutil.which("setpriv") is None, reason="drops the rights of root by setpriv")
+@pytest.mark.parametrize("kind", ["ethercat", "sampled-values"])
+def test_a_user_without_the_right_is_told_which_one(kind, tmp_path):
+    (tmp_path / "c.toml").write_text(f"[mqtt]\nenabled = false\n[source]\nkind = '{kind}'\ninterface = 'lo'\n")
+    command = ["setpriv", "--inh-caps=-all", "--bounding-set=-all", *ACQD, "run", "--config", "c.toml"]
+    result = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert "CAP_NET_RAW" in refused(result)
+
+
+def test_environment_mistakes_are_named(tmp_path):
+    import asyncio
+
+    (tmp_path / "blocked").write_text("a file where a folder should be")
+    refused(acqd_here("replay", "x.npz", "--out", "r.jsonl", cwd=tmp_path))
+    write_csv(tmp_path / "a.csv")
+    assert "cannot be written" in refused(acqd_here("replay", "a.csv", "--out", "blocked/r.jsonl", cwd=tmp_path))
+    assert "does not exist" in refused(acqd_here("sink", "--database", "no/where/x.sqlite", cwd=tmp_path))
+    assert "--start" in refused(acqd_here("replay", "a.csv", "--start", "noon", cwd=tmp_path))
+    port = free_port()
+    assert "does not answer" in refused(acqd("replay", "a.csv", "--publish", "--port", port, cwd=tmp_path))
+    assert "is it running" in refused(acqd("watch", "--port", port, cwd=tmp_path))
+
+    async def with_busy_port():
+        server = EmbeddedBroker("127.0.0.1", port)
+        await server.start()
+        config = tmp_path / "c.toml"
+        config.write_text(f"[mqtt]\nport = {port}\n[broker]\nembedded = true\n")
+        results = [
+            await asyncio.to_thread(acqd, *words, cwd=tmp_path)
+            for words in (["broker", "--port", port], ["run", "--config", config])
+        ]
+        await server.stop()
+        return results
+
+    for result in asyncio.run(with_busy_port()):
+        assert str(port) in refused(result)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.csv", "blocked", "c.toml"]
+
+
+def test_a_wrong_password_is_exit_2_everywhere(tmp_path, mosquitto):
+    mosquitto.stop()
+    passwords = mosquitto.folder / "passwords"
+    passwords.touch(mode=0o600)
+    subprocess.run(["mosquitto_passwd", "-b", passwords, "acqd", "right"], check=True)
+    mosquitto.extra = f"allow_anonymous false\npassword_file {passwords}\n"
+    mosquitto.start()
+    config = tmp_path / "c.toml"
+    config.write_text(f"[mqtt]\nport = {mosquitto.port}\nusername = 'acqd'\npassword = 'wrong'\n")
+    write_csv(tmp_path / "a.csv")
+    for words in (["run"], ["sink"], ["watch"], ["replay", "a.csv", "--publish"]):
+        result = acqd(*words, "--config", config, cwd=tmp_path)
+        assert "password" in refused_last(result), words
+
+
+def refused_last(result):
+    """Like `refused`, after log lines."""
+    assert result.returncode == 2, result.stderr
+    return result.stderr.strip().splitlines()[-1]

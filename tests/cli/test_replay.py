@@ -1,0 +1,81 @@
+"""`acqd replay` as a user runs it."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+import subprocess
+
+import numpy as np
+
+from tests.commands import ACQD, acqd, acqd_here, refused
+from tests.sources.files import write_csv
+from tests.waiting import LIMIT_S, wait_for
+
+
+def test_replay_writes_rows_that_agree_with_the_reference(tmp_path, waveforms):
+    folder = waveforms / "microwave_1ph_20k"
+    result = acqd(
+        "replay", folder / "replay_20k_el3783.npz", "--mode", "fixed", "--out", "r.jsonl", "--json", cwd=tmp_path
+    )
+    assert result.returncode == 0, result.stderr
+    rows = [json.loads(line) for line in (tmp_path / "r.jsonl").read_text().splitlines()]
+    reference = np.genfromtxt(folder / "ref_40ms.csv", delimiter=",", names=True)
+    np.testing.assert_allclose([row["Vrms"] for row in rows], reference["U_fix"], rtol=1e-6)
+    np.testing.assert_allclose([row["W"] * 1000 for row in rows], reference["E_Wh"], rtol=1e-6)
+    assert [row["seq"] for row in rows] == list(range(325))
+    assert json.loads(result.stdout)["rows"] == 325
+
+
+def test_replay_of_several_files_keeps_keys_unique_and_recorded_time(tmp_path, waveforms):
+    source = waveforms / "generator_3ph" / "source" / "test3.cfg"
+    write_csv(tmp_path / "a.csv", t0=1_700_000_000.0)
+    result = acqd("replay", source, "a.csv", "--out", "-", cwd=tmp_path)
+    rows = [json.loads(line) for line in result.stdout.splitlines()]
+    assert rows[0]["time"].startswith("2007-06-25T19:13:57.78") and rows[-10]["time"].startswith("2023-11-14T22:13:20")
+    keys = [(row["channel"], row["boot"], row["seq"]) for row in rows]
+    assert len(set(keys)) == len(keys)
+
+
+def test_replay_in_real_time_gives_the_same_rows(tmp_path):
+    write_csv(tmp_path / "a.csv", rows=10_000)
+    options = ["a.csv", "--start", "2021-07-13T10:15:00Z", "--out"]
+    assert acqd("replay", *options, "max.jsonl", cwd=tmp_path).returncode == 0
+    result = acqd("replay", *options, "real.jsonl", "--speed", "1", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    fast, real = (
+        [json.loads(line) for line in (tmp_path / f"{name}.jsonl").read_text().splitlines()] for name in ("max", "real")
+    )
+    assert len(fast) == 25 and fast[0]["time"] == "2021-07-13T10:15:00.000000Z"
+    # A machine that is busy for longer than MAIN_FAST can catch up loses samples and says so; the other rows are equal.
+    whole = [row for row in real if "gap" not in row["flags"]]
+    assert len(whole) == 25 or len(whole) < len(real)
+    same = {row["time"]: row["P"] for row in fast}
+    np.testing.assert_allclose([row["P"] for row in whole], [same[row["time"]] for row in whole], rtol=1e-6)
+
+
+def test_replay_publishes_every_row_to_the_sink(tmp_path, mosquitto, waveforms):
+    log = tmp_path / "sink.log"
+    words = [*ACQD, "sink", "--database", "s.sqlite", "--port", str(mosquitto.port)]
+    with log.open("wb") as stderr:
+        sink = subprocess.Popen(words, cwd=tmp_path, stderr=stderr)
+    wait_for(lambda: "connected to broker" in log.read_text(), "the sink has subscribed")
+    npz = waveforms / "fridge_1ph_20k" / "replay_20k_el3783.npz"
+    result = acqd("replay", npz, "--publish", "--port", mosquitto.port, "--device", "fridge", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+
+    def stored():
+        with sqlite3.connect(tmp_path / "s.sqlite") as connection:
+            return connection.execute("SELECT count(*) FROM power WHERE device='fridge'").fetchone()[0]
+
+    wait_for(lambda: stored() == 475, "475 rows in SQL")
+    sink.terminate()
+    assert sink.wait(LIMIT_S) == 0, log.read_text()
+
+
+def test_broken_input_leaves_no_output_behind(tmp_path):
+    write_csv(tmp_path / "good.csv")
+    (tmp_path / "bad.csv").write_text("time,u1,i1\n0,1,2\n0.0001,x,2\n")
+    message = refused(acqd_here("replay", "good.csv", "bad.csv", "--out", "r.jsonl", cwd=tmp_path))
+    assert "bad.csv: row 3, column 2" in message
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["bad.csv", "good.csv"]

@@ -1,0 +1,108 @@
+"""acqd.toml: the shipped file is true and complete, mistakes are named."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+
+import pytest
+from pydantic import BaseModel
+
+from acqd.daemon.config import Config, known_keys, load_config
+from acqd.daemon.source_sections import SECTIONS
+from acqd.errors import InputError
+from tests.places import ROOT
+
+SHIPPED = ROOT / "config" / "acqd.toml"
+
+
+def blocks() -> dict[str, str]:
+    """Each commented [source] block of the shipped file as text without its comment signs."""
+    found = {}
+    for text in re.split(r"\n(?=# \[source\])", SHIPPED.read_text())[1:]:
+        lines = [line[2:].removeprefix("# ") for line in text.split("\n\n")[0].splitlines() if line.startswith("# ")]
+        kind = next(line.split('"')[1] for line in lines if line.startswith("kind"))
+        found[kind] = "\n".join(lines)
+    return found
+
+
+def keys(section: dict[str, object], prefix: str) -> set[str]:
+    return {f"{prefix}.{key}" for key in section}
+
+
+def test_the_shipped_file_is_all_defaults():
+    assert load_config(SHIPPED).model_dump() == Config().model_dump()
+
+
+def test_the_shipped_file_has_every_key_of_every_kind():
+    uncommented = "\n".join(
+        line.removeprefix("# ") if line.startswith("# ") and " = " in line.split("#")[1] else line
+        for line in re.sub(r"(?ms)^# For another kind.*?(?=^\[metering\])", "", SHIPPED.read_text()).splitlines()
+    )
+    found = set()
+    for name, value in tomllib.loads(uncommented).items():
+        found |= keys(value, name) if isinstance(value, dict) else {name}
+    for text in blocks().values():
+        found |= keys(tomllib.loads(text)["source"], "source")
+    assert found == set(known_keys())
+
+
+@pytest.mark.parametrize("kind", list(blocks()))
+def test_each_block_can_be_taken_as_it_is_and_shows_the_defaults(kind, tmp_path):
+    text = blocks()[kind]
+    if kind in ("modbus", "meters"):  # host or serial_port, not both
+        text = re.sub(r"(?m)^serial_port.*$" if kind == "modbus" else r"(?m)^host.*$", "", text)
+    (tmp_path / "c.toml").write_text(text)
+    source = load_config(tmp_path / "c.toml").source
+    assert source.kind == kind
+    shown = tomllib.loads(blocks()[kind])["source"]
+    for name, field in type(source).model_fields.items():
+        if not field.is_required() and field.default is not None and not isinstance(field.default, BaseModel):
+            assert shown[name] == field.default, f"{name} is shown with another value than its default"
+
+
+def test_every_kind_has_its_block():
+    assert set(blocks()) | {"simulated"} == {
+        section.model_fields["kind"].annotation.__args__[0] for section in SECTIONS
+    }
+
+
+MISTAKES = {
+    "[metring]\n": "unknown key metring; did you mean metering",
+    "[metering]\nmod = 'fixed'\n": "unknown key metering.mod; did you mean metering.mode",
+    "[metering]\nmode = 'sync'\n": "metering.mode",
+    "[mqtt]\nport = 99999\n": "mqtt.port",
+    "device = 'a b'\n": "device",
+    "[source\n": "not valid TOML",
+    "[source]\nkind = 'replay'\n": "source.file is missing",
+    "[source]\nkind = 'profinet'\n": "source.kind: 'profinet' is unknown, expected one of simulated, replay",
+    "[source]\nkind = 'ethercat'\n": "source.interface is missing",
+    "[source]\nkind = 'ads'\nhost = 'h'\nams_net_id = '1.2.3.4.1.1'\nseed = 3\n": "seed belongs to kind simulated",
+    "[source]\nloops = 3\n": "source.loops belongs to kind replay, here kind is simulated",
+    "[source]\nkind = 'ethercat'\ninterface = 'e'\noversampling = 21\n": "source.oversampling",
+    "[source]\nkind = 'ethercat'\ninterfaces = 'e'\n": "source.interface",
+    "[source]\nkind = 'ads'\nhost = 'h'\nams_net_id = '1.2.3'\n": "source.ams_net_id",
+    "[source]\nkind = 'modbus'\n": "either host (Modbus TCP) or serial_port (Modbus RTU)",
+    "[source]\nkind = 'sampled-values'\ninterface = 'e'\nchannels = [1, 2, 3]\n": "channels",
+    "[source]\nkind = 'meters'\nhost = 'h'\nmeters = []\n": "source.meters",
+    "[source]\nkind = 'meters'\nhost = 'h'\n[[source.meters]]\nname = 'm'\n": "source.meters.0.profile is missing",
+}
+
+
+@pytest.mark.parametrize("text", MISTAKES)
+def test_mistakes_are_named_in_one_line(text, tmp_path):
+    path = tmp_path / "c.toml"
+    path.write_text(text)
+    with pytest.raises(InputError) as caught:
+        load_config(path)
+    assert MISTAKES[text] in str(caught.value) and "\n" not in str(caught.value) and str(path) in str(caught.value)
+
+
+def test_replay_takes_map_scales_and_rate(tmp_path):
+    (tmp_path / "c.toml").write_text(
+        "[source]\nkind = 'replay'\nfile = 'a.csv'\nmap = 'u1=A,i1=B'\nu_scale = 200\nrate = 10000\nf_nominal = 60\n"
+    )
+    config = load_config(tmp_path / "c.toml")
+    channels = config.source.spec()["channels"]
+    assert channels["columns"] == {"u1": "A", "i1": "B"} and channels["u_scale"] == 200 and channels["rate"] == 10_000
+    assert config.window == 0.05

@@ -1,0 +1,102 @@
+"""Power rows from files of any kind."""
+
+import json
+
+import numpy as np
+import pyarrow.parquet
+import pytest
+
+from acqd.dataset.power import open_power
+from acqd.errors import UserError
+
+
+def rows(count=200):
+    t = np.arange(count) * 0.04
+    return t, 150 + 20 * np.sin(t)
+
+
+@pytest.mark.parametrize("form", ["rfc3339", "s", "ms", "ns", "filetime", "jsonl", "parquet"])
+def test_rows_are_read_from_any_file_with_any_clock(tmp_path, form):
+    t, P = rows()
+    base = 1_626_163_200
+    clock = {
+        "rfc3339": [f"2021-07-13T08:00:{s:09.6f}Z" for s in t],
+        "s": [f"{base + s:.6f}" for s in t],
+        "ms": [str(round((base + s) * 1000)) for s in t],
+        "ns": [str(base * 10**9 + round(s * 1e9)) for s in t],
+        "filetime": [str((base + 11_644_473_600) * 10**7 + round(s * 1e7)) for s in t],
+    }.get(form, [f"2021-07-13T08:00:{s:09.6f}Z" for s in t])
+    name = "filetime" if form == "filetime" else "time"
+    if form == "jsonl":
+        path = tmp_path / "p.jsonl"
+        path.write_text(
+            "".join(json.dumps({"time": a, "P": b, "flags": []}) + "\n" for a, b in zip(clock, P, strict=True))
+        )
+    elif form == "parquet":
+        path = tmp_path / "p.parquet"
+        pyarrow.parquet.write_table(pyarrow.table({"time": clock, "P": P}), path)
+    else:
+        path = tmp_path / "p.csv"
+        path.write_text("\n".join([f"{name},P", *(f"{a},{b}" for a, b in zip(clock, P, strict=True)), ""]))
+    stream = open_power(str(path), None, None)
+    np.testing.assert_allclose(stream.time_ns * 1e-9 - base, t, atol=1e-6)
+    np.testing.assert_allclose(stream.P, P)
+    assert stream.window_ns == 40_000_000
+
+
+def test_duplicates_and_disorder_are_put_right_and_flagged_rows_are_left_out(tmp_path):
+    t, P = rows()
+    order = [5, 4, *range(200), 7, 7]
+    flags = {9: '"[""gap""]"'}
+    lines = [f"{1_626_163_200 + t[k]:.3f},{P[k]},{flags.get(k, '[]')}" for k in order]
+    (tmp_path / "p.csv").write_text("\n".join(["time,P,flags", *lines, ""]))
+    stream = open_power(str(tmp_path / "p.csv"), None, None)
+    assert len(stream.time_ns) == 200 and stream.dropped == 4
+    assert (np.diff(stream.time_ns) > 0).all()
+    assert np.flatnonzero(np.isnan(stream.P)).tolist() == [9]
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("time,power\n1,2\n2,3\n3,4\n", "needs the columns time .or filetime. and P; it has time, power"),
+        ("time,P\nsoon,1\nlater,2\nnever,3\n", "time 'soon' is neither RFC 3339 nor a number"),
+        ("time,P\n1,5\n2,5\n3,5\n4,5\n", "P is constant or missing"),
+        ("time,P\n1,5\n", "fewer than three rows"),
+        ("time,P,device\n1,5,a\n2,6,b\n3,6,a\n", "holds several devices; choose one with --device: a, b"),
+    ],
+)
+def test_rows_that_cannot_be_used_are_named(tmp_path, text, complaint):
+    (tmp_path / "p.csv").write_text(text)
+    with pytest.raises(UserError, match=complaint):
+        open_power(str(tmp_path / "p.csv"), None, None)
+
+
+def test_channels_that_come_one_after_the_other_are_told_apart(tmp_path):
+    rows_ = [
+        f"{1_626_163_200 + 0.04 * k:.3f},{channel},{P + k % 7}"
+        for channel, P in (("L1", 50), ("total", 150))
+        for k in range(120_000)
+    ]
+    (tmp_path / "p.csv").write_text("\n".join(["time,channel,P", *rows_, ""]))
+    stream = open_power(str(tmp_path / "p.csv"), None, None)
+    assert len(stream.P) == 120_000 and stream.P.min() == 150
+    assert open_power(str(tmp_path / "p.csv"), None, "L1").P.max() == 56
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "expected"),
+    [
+        ("a.parquet", "", "is not a Parquet file"),
+        ("a.jsonl", '{"time": null, "P": 1}\n', "row 1 has no time"),
+        ("a.jsonl", "[1, 2]\n", "line 1 is not a JSON object"),
+        ("a.csv", "filetime,P\n,1\n", "has no time"),
+        ("a.csv", "filetime,P\nx,1\n", "column filetime"),
+        ("a.sqlite", "", "is empty"),
+    ],
+)
+def test_broken_power_files_are_named(tmp_path, name, text, expected):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(UserError, match=expected):
+        open_power(str(tmp_path / name), None, None)
+    assert (tmp_path / name).read_text() == text

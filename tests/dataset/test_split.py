@@ -1,0 +1,27 @@
+"""Training, validation and test."""
+
+import numpy as np
+
+from acqd.dataset.split import source_of, split
+
+
+def test_no_source_is_on_two_sides_and_shares_are_kept():
+    sources = {f"limited_{k:02d}": 200.0 + k for k in range(46)} | {f"all_{k:02d}": 320.0 for k in range(30)}
+    parts = split(sources, 1)
+    for kind, total in (("limited", 46), ("all", 30)):
+        counts = [
+            sum(part == side and name.startswith(kind) for name, part in parts.items())
+            for side in ("train", "validation", "test")
+        ]
+        assert sum(counts) == total
+        np.testing.assert_allclose(np.array(counts) / total, [0.74, 0.12, 0.14], atol=0.06)
+    assert split(sources, 1) == parts != split(sources, 2)
+    assert source_of("limited_07_0123") == "limited_07" and source_of("run1") == "run1"
+
+
+def test_one_log_cut_into_pieces_is_split_by_its_pieces_many_by_their_source():
+    from acqd.dataset.split import sources_of
+
+    assert len(set(sources_of([f"run_p{k:03d}" for k in range(9)]).values())) == 9
+    many = [f"all_{k:02d}_{n:04d}_p{p:03d}" for k in range(3) for n in range(4) for p in range(5)]
+    assert set(sources_of(many).values()) == {"all_00", "all_01", "all_02"}

@@ -1,0 +1,51 @@
+"""Programs that collide with nothing."""
+
+import numpy as np
+import pytest
+
+from acqd.errors import UserError
+from acqd.lab.motion.controller import Controller
+from acqd.lab.motion.excitation import planned_path
+from acqd.lab.motion.program import Planner
+from acqd.lab.motion.trajectory import Trajectory
+from acqd.robot.arm import Arm
+from acqd.robot.collision import CollisionChecker, dense_path
+from acqd.robot.scene import Box, Scene
+from tests.lab.moved import IIWA
+
+
+def test_a_position_given_twice_hides_no_collision(cell):
+    """Found by review: a leg of no length shifted the blends that were taken away."""
+    random = np.random.default_rng(3)
+    for _ in range(6):
+        trajectory = cell.excitation().all_space("x", random)
+        twice = Trajectory("twice", np.concatenate([trajectory.waypoints[:1], trajectory.waypoints]))
+        programs = [cell.planner.program(t, np.random.default_rng(5)) for t in (trajectory, twice)]
+        motions = [Controller(IIWA, trajectory.waypoints[0]).run(program) for program in programs]
+        np.testing.assert_allclose(motions[0].q, motions[1].q)
+        assert not cell.checker.path_collides(planned_path(motions[1].q))
+
+
+def test_transfers_go_round_what_stands_in_the_way(cell):
+    wall = Scene(name="wall", box=[Box(name="wall", centre=(0.5, 0.0, 0.4), size=(0.02, 0.5, 1.0))])
+    planner = Planner(cell.arm, CollisionChecker(cell.arm, wall))
+    side = np.radians([60, 60, 0, -40, 0, 0, 0])
+    start, end = side, side * [-1, 1, 1, 1, 1, 1, 1]
+    assert planner.checker.path_collides(dense_path(np.array([start, end]), np.radians(1)))
+    moves = planner.connect(start, end)
+    assert len(moves) > 1
+    way = np.array([start, *(move.target for move in moves)])
+    np.testing.assert_array_equal(way[-1], end)
+    assert not planner.checker.path_collides(dense_path(way, np.radians(0.5)))
+    again = planner.connect(start, end)
+    np.testing.assert_array_equal(way[1:], [move.target for move in again])
+
+
+def test_a_trajectory_through_a_box_is_refused_with_the_place(cell):
+    arm = Arm(IIWA)
+    wall = Scene(name="wall", box=[Box(name="wall", centre=(0.5, 0.0, 0.6), size=(0.02, 0.4, 0.6))])
+    planner = Planner(arm, CollisionChecker(arm, wall))
+    side = np.radians([60, 60, 0, -40, 0, 0, 0])
+    through = Trajectory("through", np.array([side, side * [-1, 1, 1, 1, 1, 1, 1]]))
+    with pytest.raises(UserError, match="the straight path to -60 60 0 -40 0 0 0 deg collides"):
+        planner.program(through, np.random.default_rng(0))

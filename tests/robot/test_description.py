@@ -1,0 +1,36 @@
+"""Descriptions of robots, shipped and wrong ones."""
+
+import pytest
+
+from acqd.errors import InputError, UserError
+from acqd.robot import load_description
+from tests.robot.states import ROBOTS
+
+
+def test_four_robots_are_shipped():
+    assert ROBOTS == ["iiwa7_r800", "kinova_gen3", "ur10e", "ur3e"]
+
+
+def test_an_unknown_robot_is_named_with_those_there_are():
+    with pytest.raises(UserError, match="robot 'r2d2' is unknown; known: iiwa7_r800"):
+        load_description("r2d2")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "complaint"),
+    [
+        ("mass = 3.394011", "mass = -3.4", r"joint\.0\.link\.mass: .*greater than 0"),
+        ("limits_deg = [-170, 170]", "limits_deg = [170, -170]", r"joint\.0\.limits_deg: expected \[lower, upper\]"),
+        ('name = "A2"', 'name = "A1"', "joint names .* are not all different"),
+        ("axis = [0, 0, 1]", "axes = [0, 0, 1]", r"joint\.0\.axes: there is no such key"),
+        ("[base]", "[base", "is not valid TOML"),
+    ],
+)
+def test_a_wrong_description_is_named_by_key(tmp_path, old, new, complaint):
+    from acqd.robot import description
+
+    text = (description._FOLDER / "iiwa7_r800.toml").read_text()
+    path = tmp_path / "mine.toml"
+    path.write_text(text.replace(old, new, 1))
+    with pytest.raises(InputError, match=complaint):
+        load_description(str(path))

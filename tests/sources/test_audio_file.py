@@ -1,0 +1,29 @@
+"""Sound files."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import soundfile
+
+from acqd.errors import InputError
+from acqd.sources import ChannelMap, load_waveform
+from tests.mains import make_mains
+
+
+@pytest.mark.parametrize("kind", ["wav", "flac"])
+def test_sound_files_are_exact(tmp_path, kind):
+    mains = make_mains(50.0, seconds=0.5, rate=44_100.0, phases=2)
+    path = tmp_path / f"a.{kind}"
+    soundfile.write(path, mains.codes, 44_100, subtype="PCM_16")
+    waveform = load_waveform(path, ChannelMap(u_scale=mains.scale[0] * 32768, i_scale=mains.scale[1] * 32768))
+    np.testing.assert_array_equal(waveform.codes, mains.codes)
+    assert waveform.form.scale == pytest.approx(mains.scale)
+
+
+def test_a_truncated_sound_file_is_noticed(tmp_path):
+    path = tmp_path / "a.wav"
+    soundfile.write(path, make_mains(50.0, seconds=0.5, phases=1).codes, 20_000, subtype="PCM_16")
+    path.write_bytes(path.read_bytes()[:30_000])
+    with pytest.raises(InputError, match="truncated"):
+        load_waveform(path, ChannelMap(u_scale=400.0, i_scale=10.0))

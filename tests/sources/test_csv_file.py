@@ -1,0 +1,69 @@
+"""CSV files, good and broken."""
+
+from __future__ import annotations
+
+import pytest
+
+from acqd.errors import InputError
+from acqd.metering import Meter, SampleBlock
+from acqd.sources import ChannelMap, load_waveform
+from tests.sources.files import write_csv
+
+
+def test_csv_gives_the_values_it_holds(tmp_path):
+    mains = write_csv(tmp_path / "a.csv")
+    waveform = load_waveform(tmp_path / "a.csv")
+    assert waveform.form.rate == pytest.approx(10_000, rel=1e-6) and waveform.start_utc_ns is None
+    batch = Meter(waveform.form).feed(SampleBlock(waveform.codes, 0, 0))
+    assert batch.Vrms[0, -1] == pytest.approx(mains.Vrms, rel=2e-4)
+    assert batch.P[0, -1] == pytest.approx(mains.P, rel=4e-4)
+
+
+def test_csv_with_semicolons_decimal_commas_and_unix_time(tmp_path):
+    path = tmp_path / "a.csv"
+    write_csv(path, t0=1_700_000_000.0, delimiter=";")
+    path.write_text(path.read_text().replace(".", ","))
+    waveform = load_waveform(path)
+    assert waveform.start_utc_ns == 1_700_000_000_000_000_000
+    assert waveform.form.rate == pytest.approx(10_000, rel=1e-4)
+
+
+def test_csv_columns_by_map_and_scale(tmp_path):
+    path = tmp_path / "a.csv"
+    write_csv(path, header="t,Ch A,Ch B")
+    waveform = load_waveform(path, ChannelMap({"u1": "Ch A", "i1": "Ch B"}, u_scale=100.0, i_scale=10.0))
+    plain = load_waveform(path, ChannelMap({"u1": "1", "i1": "2"}))
+    assert waveform.form.scale[0] == pytest.approx(100 * plain.form.scale[0])
+    assert waveform.form.scale[1] == pytest.approx(10 * plain.form.scale[1])
+
+
+BROKEN_CSV = {
+    "time,u1,i1\n0,1,2\n0.0001,x,2\n": "row 3, column 2: 'x' is not a number",
+    "time,u1,i1\n0,1,2\n0.0001,1\n": "row 3 has 2 columns, expected 3",
+    "time,u1,i1\n0,1,2\n0.0001,nan,2\n": "row 3, column 2",
+    "time,u1,i1\n": "no samples",
+    "time,u1\n0,1\n0.1,2\n": "u1 but no i1",
+    "time,a,b\n0,1,2\n": "no voltage and current",
+    "0,1,2\n0.0001,1,2\n": "row 1 has no names",
+    "u1,i1\n1,2\n": "--rate",
+    "time,u1,i1\n0,1,2\n0,1,2\n": "does not advance",
+    "time,u1,i1\n0,1,2\n0.0001,1,2\n0.0005,1,2\n0.0006,1,1\n": "equidistant",
+    "time,u1,i1\n0,1,2\n0.01,1,2\n0.02,1,2\n": "2 kHz",
+}
+
+
+@pytest.mark.parametrize("text", BROKEN_CSV)
+def test_broken_csv_is_named_with_its_row(tmp_path, text):
+    path = tmp_path / "a.csv"
+    path.write_text(text)
+    with pytest.raises(InputError, match=BROKEN_CSV[text]):
+        load_waveform(path)
+
+
+def test_a_hole_in_a_csv_is_named_at_its_row(tmp_path):
+    path = tmp_path / "a.csv"
+    write_csv(path)
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join(lines[:2_001] + lines[2_501:]))
+    with pytest.raises(InputError, match="row 2002"):
+        load_waveform(path)

@@ -1,0 +1,41 @@
+"""The process data of a terminal."""
+
+from __future__ import annotations
+
+import pytest
+
+from acqd.errors import UserError
+from acqd.sources.ethercat import objects
+from acqd.sources.ethercat.layout import build_layout
+
+
+def mapping(pdo: int, oversampling: int = 20, next_sync1_bits: int = 64) -> list[int]:
+    if pdo == objects.NEXT_SYNC1_PDO:
+        return [0x6060_0100 | next_sync1_bits]
+    if pdo in (objects.SAMPLE_COUNT_PDO, objects.RANGE_PDO):
+        return [0x6061_0110]
+    if pdo & 0x0F == 0:
+        return [0x6000_0110]
+    return [0x6002_0010 | k << 8 for k in range(1, oversampling + 1)]
+
+
+@pytest.mark.parametrize(("bits", "size"), [(64, 264), (32, 260)])
+def test_the_layout_follows_the_mapping_that_the_terminal_reports(bits, size):
+    layout = build_layout(objects.assignment(7), lambda pdo: mapping(pdo, next_sync1_bits=bits))
+    assert layout.size == size and layout.next_sync1 == (252, bits // 8) and layout.oversampling == 20
+    image = bytearray(size)
+    image[layout.samples[5] : layout.samples[5] + 2] = (-2).to_bytes(2, "little", signed=True)
+    image[252:256] = (7).to_bytes(4, "little")
+    block = layout.decode(bytes(image), 3)
+    assert block.samples[5, 0] == -2 and block.next_sync1_ns == 7 and block.samples.shape == (6, 20)
+    if bits == 32:  # the low half of a time that has left 32 bits long ago
+        image[252:256] = (5).to_bytes(4, "little")
+        assert layout.decode(bytes(image), (9 << 32) - 100).next_sync1_ns == (9 << 32) + 5
+        assert layout.decode(bytes(image), (9 << 32) + 100).next_sync1_ns == (9 << 32) + 5
+
+
+def test_a_mapping_that_lacks_a_part_is_refused():
+    for missing in (objects.NEXT_SYNC1_PDO, objects.STATUS_PDO, objects.SAMPLES_PDO + 7):
+        assigned = [pdo for pdo in objects.assignment(7) if pdo != missing]
+        with pytest.raises(UserError, match="EL3783"):
+            build_layout(assigned, mapping)

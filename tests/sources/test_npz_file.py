@@ -1,0 +1,41 @@
+"""NPZ files."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from acqd.errors import InputError
+from acqd.sources import load_waveform
+
+GOOD = {
+    "u_code": np.ones((1, 4_000), np.int16), "i_code": np.ones((1, 4_000), np.int16),
+    "u_V_per_digit": 0.0225, "i_A_per_digit": 0.000281, "fs": 20_000,
+}  # fmt: skip
+
+
+BROKEN_NPZ = {
+    "no u_code": ({"u_code": None}, "lacks u_code"),
+    "NaN": ({"u_code": np.full((1, 4_000), np.nan)}, "NaN"),
+    "text": ({"u_code": np.full((1, 4_000), "x")}, "expected int16"),
+    "one channel": ({"i_code": None}, "lacks i_code"),
+    "unequal": ({"i_code": np.ones((1, 3_999), np.int16)}, "differ"),
+    "four phases": ({k: np.ones((4, 100), np.int16) for k in ("u_code", "i_code")}, "1 to 3"),
+    "no samples": ({k: np.ones((1, 0), np.int16) for k in ("u_code", "i_code")}, "no samples"),
+    "no int16": ({"u_code": np.full((1, 4_000), 40_000)}, "int16"),
+    "too slow": ({"fs": 1_000}, "2 kHz"),
+    "no rate": ({"fs": float("nan")}, "fs is"),
+    "absurd scale": ({"u_V_per_digit": 1e9}, "full scale"),
+    "zero scale": ({"i_A_per_digit": 0.0}, "full scale"),
+    "negative scale": ({"i_A_per_digit": -1.0}, "full scale"),
+}
+
+
+@pytest.mark.parametrize("case", BROKEN_NPZ)
+def test_broken_npz_is_named(tmp_path, case):
+    changes, complaint = BROKEN_NPZ[case]
+    content = {key: value for key, value in (GOOD | changes).items() if value is not None}
+    np.savez(tmp_path / "a.npz", **content)
+    with pytest.raises(InputError, match=complaint) as caught:
+        load_waveform(tmp_path / "a.npz")
+    assert str(tmp_path / "a.npz") in str(caught.value) and "\n" not in str(caught.value)

@@ -1,0 +1,60 @@
+"""Opening a database and its schema."""
+
+from __future__ import annotations
+
+import threading
+
+import pytest
+from alembic.autogenerate import compare_metadata
+from alembic.runtime.migration import MigrationContext
+
+from acqd.errors import UserError
+from acqd.storage.database import open_database
+from acqd.storage.schema import metadata
+from tests.storage.rows import count
+
+
+def test_migrations_give_exactly_the_declared_schema(database):
+    engine = open_database(database)
+    with engine.connect() as connection:
+        options = {"compare_type": False}
+        difference = compare_metadata(MigrationContext.configure(connection, opts=options), metadata)
+    assert [entry for entry in difference if entry[0] != "remove_index"] == []
+
+
+def test_opening_again_and_from_several_sinks_at_once_is_harmless(database):
+    errors = []
+
+    def open_it():
+        try:
+            open_database(database).dispose()
+        except Exception as error:
+            errors.append(error)
+
+    threads = [threading.Thread(target=open_it) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not errors
+    assert count(open_database(database)) == 0
+
+
+@pytest.mark.parametrize(
+    ("url", "complaint"),
+    [("sqlite:////nowhere/at/all/x.sqlite", "does not exist"), ("oracle://x/y", "expected sqlite"),
+     ("://", "cannot be understood"),
+     ("postgresql://u:x@h:abc/z", "cannot be understood"),
+     ("postgresql://acqd@127.0.0.1:1/x", "check host")],
+)  # fmt: skip
+def test_unusable_databases_are_named(url, complaint):
+    with pytest.raises(UserError, match=complaint):
+        open_database(url)
+
+
+def test_a_file_that_is_no_database_is_named_and_left_alone(tmp_path):
+    path = tmp_path / "a.sqlite"
+    path.write_bytes(b"not a database, but somebody's file" * 100)
+    with pytest.raises(UserError, match=r"a\.sqlite"):
+        open_database(str(path))
+    assert path.read_bytes().startswith(b"not a database")

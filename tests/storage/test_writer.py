@@ -1,0 +1,64 @@
+"""Rows from messages to the table, on SQLite and on a real PostgreSQL."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+
+import sqlalchemy as sa
+
+from acqd.storage.database import open_database
+from acqd.storage.schema import power, quarantine
+from acqd.storage.writer import Received, Writer
+from tests.storage.rows import count, message, row
+
+
+def test_rows_come_back_as_they_went_in(database):
+    engine = open_database(database)
+    sent = [row(0), row(1, flags=["gap", "late"], f=None, PF=None), row(2, channel="total")]
+    Writer(engine).write([message(r) for r in sent])
+    with engine.connect() as connection:
+        stored = connection.execute(sa.select(power).order_by(power.c.seq)).mappings().all()
+    for r, s in zip(sent, stored, strict=True):
+        expected = dataclasses.asdict(r)
+        if engine.dialect.name == "postgresql":
+            assert s["time"].isoformat() == "2023-11-14T22:15:00+00:00"
+        else:
+            assert s["time"] == r.time
+        assert {k: v for k, v in s.items() if k != "time"} == {k: v for k, v in expected.items() if k != "time"}
+
+
+def test_the_same_rows_twice_are_stored_once(database):
+    engine = open_database(database)
+    writer = Writer(engine)
+    messages = [message(row(k)) for k in range(100)]
+    writer.write(messages)
+    written = writer.write([*messages[50:], message(row(100)), message(row(100))])
+    assert written.rows == 52 and count(engine) == 101
+
+
+def test_malformed_messages_go_to_quarantine_with_the_reason_and_stop_nothing(database):
+    engine = open_database(database)
+    wrong_topic = Received("acqd/other/L1/power", row(1).to_json())
+    bad = [Received("acqd/cell1/L1/power", b'{"device": 3}'), Received("acqd/x/L1/power", b"\x00\xff"), wrong_topic]
+    written = Writer(engine).write([message(row(0)), *bad])
+    assert (written.rows, written.quarantined) == (1, 3) and count(engine) == 1
+    with engine.connect() as connection:
+        stored = connection.execute(sa.select(quarantine).order_by(quarantine.c.id)).all()
+    assert "device" in stored[0].reason and stored[1].payload == b"\x00\xff" and "another topic" in stored[2].reason
+
+
+def test_a_row_the_database_cannot_hold_is_set_aside_alone(database):
+    engine = open_database(database)
+    poison = [message(row(50, time="0000-01-01T00:00:00Z")), message(row(51, boot="a\0b"))]
+    messages = [*(message(row(k)) for k in range(100, 200)), *poison, *(message(row(k)) for k in range(40))]
+    written = Writer(engine).write(messages)
+    assert written.rows + written.quarantined == 142 and count(engine) == written.rows >= 140
+    assert count(engine, quarantine) == written.quarantined >= 1
+
+
+def test_flags_are_json(tmp_path):
+    engine = open_database(str(tmp_path / "a.sqlite"))
+    Writer(engine).write([message(row(0, flags=["gap"]))])
+    with engine.connect() as connection:
+        assert json.loads(connection.exec_driver_sql("SELECT flags FROM power").scalar()) == ["gap"]

@@ -1,0 +1,31 @@
+"""The units of systemd."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+
+import pytest
+
+from tests.places import ROOT
+
+
+@pytest.mark.parametrize("unit", ["acqd", "acqd-sink", "acqd-broker"])
+def test_units_are_valid_and_strict(unit, tmp_path):
+    import re
+
+    if shutil.which("systemd-analyze") is None:
+        pytest.skip("no systemd here")
+    text = (ROOT / "systemd" / f"{unit}.service").read_text()
+    path = tmp_path / f"{unit}.service"
+    # The program is not installed in /opt on this machine: verify with one that exists.
+    text = text.replace("/opt/acqd/.venv/bin/acqd", "/bin/true").replace("file:/opt/acqd/README.md", "man:true")
+    path.write_text(text)
+    verified = subprocess.run(["systemd-analyze", "verify", path], capture_output=True, text=True, check=False)
+    assert verified.returncode == 0 and unit not in verified.stderr, verified.stderr
+    result = subprocess.run(
+        ["systemd-analyze", "security", "--offline=true", path], capture_output=True, text=True, check=False
+    )
+    if "nrecognized option" in result.stderr:
+        pytest.skip("this systemd cannot analyse offline")
+    assert float(re.search(r"exposure level.*: ([\d.]+)", result.stdout).group(1)) <= 2.5
