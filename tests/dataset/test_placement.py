@@ -57,7 +57,8 @@ def test_a_clock_just_beyond_the_search_range_is_not_met_at_its_edge(campaign, t
 def test_windows_of_any_length_are_aligned(cell, tmp_path, step_ms):
     made, true, time_ns, P = cell
     session = min((made.out / "logs").iterdir())  # four logs are enough
-    end = read_log(max(session.iterdir()), load_description("iiwa7_r800")).time[-1] - made.settings.clock.offset_s
+    ends = [read_log(path, load_description("iiwa7_r800")).time[-1] for path in session.iterdir()]
+    end = max(ends) - made.settings.clock.offset_s
     needed = time_ns * 1e-9 < end + 5
     time_ns, P = time_ns[needed], P[needed]
     t, step = (time_ns - time_ns[0]) * 1e-9, step_ms / 1000
