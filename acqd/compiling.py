@@ -27,14 +27,19 @@ def cache_folder() -> Path:
 
 
 def compile_shared(
-    command: Sequence[str], arguments: Sequence[str], out: Path, environment: dict[str, str] | None = None
+    command: Sequence[str],
+    arguments: Sequence[str],
+    out: Path,
+    *,
+    environment: dict[str, str] | None = None,
+    what: str = "",
 ) -> None:
-    """Run `command arguments -o out`. Raises OperationError with the compiler's first complaint."""
+    """Run `command arguments -o out`. Raises OperationError with the compiler's first complaint about `what`."""
     call = [*command, *arguments, "-o", str(out), "-lm"]
     done = subprocess.run(call, capture_output=True, text=True, check=False, env=environment)
     if done.returncode or not out.exists():
         lines = [line for line in done.stderr.splitlines() if "error" in line] or done.stderr.splitlines()
-        raise OperationError(f"{command[0]} cannot compile {out.name}: {lines[0] if lines else 'no message'}")
+        raise OperationError(f"{command[0]} cannot compile {what or out.name}: {lines[0] if lines else 'no message'}")
 
 
 def cached_library(name: str, source: Path, flags: Sequence[str]) -> Path:

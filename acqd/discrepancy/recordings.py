@@ -24,8 +24,6 @@ from acqd.robot.description import RobotDescription, load_description
 
 Question = Literal["change", "structure"]
 """What has changed since the reference; what the model lacks in all recordings."""
-_FEW_EVERY = 4
-"""With few recordings, every fourth is held out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,7 +170,7 @@ def _hold_out(
         starts[segment.recording] = min(segment.start_s, starts.get(segment.recording, np.inf))
     in_time = sorted(sorted(starts), key=lambda name: starts[name])
     many = len(in_time) >= THRESHOLDS.fewest_for_one_in_five
-    every = round(1 / THRESHOLDS.held_out_share) if many else _FEW_EVERY
+    every = round(1 / THRESHOLDS.held_out_share) if many else THRESHOLDS.few_every
     order = np.random.default_rng(seed).permutation(every)
     first = max(order, key=lambda start: _switching(unseen, set(in_time[start::every])))
     names = set(in_time[first::every])

@@ -1,8 +1,10 @@
-"""Every number that decides a verdict: its value, unit, meaning, and where it comes from.
+"""The thresholds that decide a verdict: value, unit, meaning and where the value comes from.
 
-Sources: "convention" is common statistical practice; "definition" follows from a definition in this package; "study"
-was set by hand while `python -m tools.studies.effects` ran on simulated plants with other seeds than the
-published tables, and is judged by the tables, not fitted to them; "physics" follows from the plant.
+Grids of searches (starting values, dwell times) and numerical floors stay with their methods.
+
+Sources: "convention" is common statistical practice; "choice" is a definition that could have been made otherwise;
+"study" was set by hand on simulated plants while the methods were developed, with seeds that nobody recorded, and
+`python -m tools.studies.effects` judges the result on other campaigns; "physics" follows from what robots do.
 """
 
 from __future__ import annotations
@@ -27,7 +29,7 @@ class Thresholds:
         4,
         "recordings",
         "recordings",
-        "definition",
+        "choice",
         "fewest recordings for which a jackknife over recordings has a spread",
     )
     shortest_total_s: float = _threshold(
@@ -41,9 +43,10 @@ class Thresholds:
         "with fewer recordings, every fourth is held out instead of every fifth",
     )
     held_out_share: float = _threshold(0.2, "-", "recordings", "convention", "share of recordings that are held out")
+    few_every: int = _threshold(4, "recordings", "recordings", "choice", "every which recording is held out of few")
     # delay between power and motion
     delay_reach_s: float = _threshold(0.8, "s", "delay", "study", "longest delay that is tried")
-    delay_step_s: float = _threshold(0.02, "s", "delay", "definition", "distance of tried delays, half a row")
+    delay_step_s: float = _threshold(0.02, "s", "delay", "choice", "distance of tried delays")
     delay_smallest_s: float = _threshold(
         0.012, "s", "delay", "study", "smaller delays compete as an effect with the other effects"
     )
@@ -53,7 +56,7 @@ class Thresholds:
     delay_least_moving_W: float = _threshold(
         3.0, "W", "delay", "study", "least standard deviation of the predicted power for a delay to be measurable"
     )
-    delay_fewest_recordings: int = _threshold(3, "recordings", "delay", "definition", "fewest recordings with a delay")
+    delay_fewest_recordings: int = _threshold(3, "recordings", "delay", "choice", "fewest recordings with a delay")
     delay_fewest_rows: int = _threshold(50, "rows", "delay", "study", "fewest rows inside the range of tried delays")
     delay_significance: float = _threshold(4.0, "standard errors", "delay", "study", "significance of a constant delay")
     drift_significance: float = _threshold(5.0, "standard errors", "delay", "study", "significance of a drifting delay")
@@ -61,9 +64,9 @@ class Thresholds:
         0.6, "-", "delay", "study", "scatter about the drift, relative to the scatter about a constant, at most"
     )
     # noise model and outliers
-    noise_order: int = _threshold(30, "rows", "noise", "study", "order of the autoregressive noise model (1.2 s)")
+    noise_order: int = _threshold(30, "rows", "noise", "study", "order of the autoregressive noise model")
     noise_piece_rows: int = _threshold(
-        1250, "rows", "noise", "definition", "pieces whose mean is removed before the noise model is fitted (50 s)"
+        1250, "rows", "noise", "choice", "pieces whose mean is removed before the noise model is fitted"
     )
     noise_clip: float = _threshold(
         5.0, "sigma", "noise", "convention", "residuals are clipped there for the noise model"
@@ -72,20 +75,20 @@ class Thresholds:
         4, "recordings", "noise", "study", "with fewer reference recordings, the noise model uses all recordings"
     )
     block_rows: int = _threshold(
-        1500, "rows", "noise", "study", "longest block: unit of cross-validation and bootstrap (60 s)"
+        1500, "rows", "noise", "study", "longest block: unit of cross-validation and bootstrap"
     )
-    block_least_rows: int = _threshold(120, "rows", "noise", "definition", "shortest block, four times the noise order")
+    block_least_rows: int = _threshold(120, "rows", "noise", "choice", "shortest block, four times the noise order")
     outlier: float = _threshold(
-        6.0, "sigma", "noise", "convention", "white residuals of a fit of everything beyond are left out"
+        6.0, "sigma", "noise", "choice", "white residuals of a fit of everything beyond are left out"
     )
     intercept_least_W: float = _threshold(
-        1e-3, "W", "noise", "definition", "least standard deviation of the random intercepts of blocks"
+        1e-3, "W", "noise", "choice", "least standard deviation of the random intercepts of blocks"
     )
     lag_deviation_s: float = _threshold(
         0.003, "s", "noise", "study", "prior deviation of the supply's lag, which else trades against clock offsets"
     )
     withheld_deviation: float = _threshold(
-        1e-9, "unit of the parameter", "noise", "definition", "prior deviation that holds a withheld parameter at zero"
+        1e-9, "unit of the parameter", "noise", "choice", "prior deviation that holds a withheld parameter at zero"
     )
     common_share: float = _threshold(
         0.01,
@@ -163,7 +166,13 @@ class Thresholds:
         0.01, "-", "selection", "study", "a recording counts if the effect has this share of its largest power there"
     )
     least_column_power: float = _threshold(
-        1e-3, "white squared error", "selection", "definition", "columns below never act, or the model has them already"
+        1e-3, "white squared error", "selection", "choice", "columns below never act, or the model has them already"
+    )
+    bounds_slack: float = _threshold(
+        2.0, "standard errors", "selection", "convention", "a single parameter may lie outside of its bounds by so much"
+    )
+    score_ridge: float = _threshold(
+        1e-3, "-", "selection", "choice", "share of the Schur complement added to the blocks' covariance of scores"
     )
     unanimous_recordings: int = _threshold(5, "recordings", "selection", "study", "fewest recordings for unanimity")
     unanimous_share: float = _threshold(0.9, "-", "selection", "study", "share of recordings that is called unanimous")
@@ -178,13 +187,15 @@ class Thresholds:
         0.5, "-", "selection", "study", "held-out gain of few recordings, relative to their evidence, at least"
     )
     alternative_margin: float = _threshold(
-        40.0, "white squared error", "selection", "study", "an unnamed alternative wins with more than this ..."
+        40.0,
+        "white squared error",
+        "selection",
+        "study",
+        "an unnamed alternative wins if it exceeds the effect by this plus alternative_share of the effect",
     )
-    alternative_share: float = _threshold(
-        0.06, "-", "selection", "study", "... plus this share of the effect's evidence beyond the effect"
-    )
+    alternative_share: float = _threshold(0.06, "-", "selection", "study", "see alternative_margin")
     coarse_factor: float = _threshold(
-        1.3, "-", "selection", "study", "refining a shape cannot gain more evidence than this factor"
+        1.3, "-", "selection", "study", "refining a shape is assumed to gain no more evidence than this factor"
     )
     later_share: float = _threshold(
         0.03,
@@ -196,8 +207,10 @@ class Thresholds:
     neighbour_share: float = _threshold(
         0.12, "-", "selection", "study", "the same for a neighbour of the earlier effect"
     )
-    onset_factor: float = _threshold(1.05, "-", "selection", "study", "an onset must explain more by this factor ...")
-    onset_margin: float = _threshold(40.0, "white squared error", "selection", "study", "... and this margin")
+    onset_factor: float = _threshold(
+        1.05, "-", "selection", "study", "an onset must explain more by this factor and by onset_margin"
+    )
+    onset_margin: float = _threshold(40.0, "white squared error", "selection", "study", "see onset_factor")
     onset_fewest: int = _threshold(3, "recordings", "selection", "study", "fewest recordings before and after an onset")
     clock_smallest_s: float = _threshold(
         0.006, "s", "selection", "study", "smaller clock offsets are differences of two alignments, not effects"
@@ -213,7 +226,7 @@ class Thresholds:
         "least RMS while acting, relative to the dynamic range: nobody would act on less",
     )
     acting_share: float = _threshold(
-        0.05, "-", "selection", "definition", "an effect acts where its power exceeds this share of its largest power"
+        0.05, "-", "selection", "choice", "an effect acts where its power exceeds this share of its largest power"
     )
     event_share: float = _threshold(
         0.15, "-", "selection", "study", "an effect in a smaller share of rows is transient"
@@ -223,7 +236,7 @@ class Thresholds:
     )
     # uncertainty
     resamples: int = _threshold(
-        40, "draws", "uncertainty", "convention", "bootstrap draws of recordings for the confidence"
+        40, "draws", "uncertainty", "choice", "bootstrap draws of recordings for the confidence"
     )
     contenders: int = _threshold(
         6, "effects", "uncertainty", "study", "alternative effects that take part in the bootstrap"
@@ -231,11 +244,12 @@ class Thresholds:
     interval_width: float = _threshold(
         1.96, "standard errors", "uncertainty", "convention", "half width of a 95 % interval"
     )
+    jackknife_fewest: int = _threshold(3, "recordings", "uncertainty", "choice", "fewest recordings for a jackknife")
     clock_confidence: float = _threshold(
         0.99,
         "-",
         "uncertainty",
-        "definition",
+        "choice",
         "confidence of a clock effect that whole recordings show; assigned, not measured",
     )
     # verdict
@@ -243,7 +257,7 @@ class Thresholds:
         120.0, "s", "verdict", "study", "with shorter recordings, silence does not prove absence"
     )
     least_confidence: float = _threshold(
-        0.5, "-", "verdict", "definition", "with less confidence, two effects cannot be distinguished"
+        0.5, "-", "verdict", "choice", "with less confidence, two effects cannot be distinguished"
     )
     # logged joint torques
     torque_significance: float = _threshold(
@@ -256,14 +270,14 @@ class Thresholds:
         4.0, "sigma", "monitor", "study", "bound of one block's contribution: a protective stop is no change"
     )
     cusum_slack: float = _threshold(
-        0.75, "sigma", "monitor", "convention", "slack k of the CUSUM: half the shift of interest"
+        0.75, "sigma", "monitor", "convention", "slack k of the CUSUM: shifts of twice this size are found soonest"
     )
     cusum_moving_W: float = _threshold(
         2.0, "W", "monitor", "study", "standard deviation of predicted power of a moving block"
     )
     cusum_fewest_blocks: int = _threshold(12, "blocks", "monitor", "study", "fewest blocks of a baseline")
     cusum_step: float = _threshold(1.0, "sigma", "monitor", "study", "least step that dates the onset")
-    cusum_remembered: int = _threshold(2000, "blocks", "monitor", "definition", "blocks kept since a chart left zero")
+    cusum_remembered: int = _threshold(2000, "blocks", "monitor", "choice", "blocks kept since a chart left zero")
 
 
 THRESHOLDS = Thresholds()

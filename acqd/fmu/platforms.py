@@ -56,7 +56,8 @@ def build(target: Platform, sources: Sequence[Path], include: Path, out: Path) -
     """
     command = _compiler(target)
     environment = os.environ | {"ZIG_GLOBAL_CACHE_DIR": str(cache_folder() / "zig")}
-    compile_shared(command, [*_FLAGS, f"-I{include}", *map(str, sources)], out, environment)
+    arguments = [*_FLAGS, f"-I{include}", *map(str, sources)]
+    compile_shared(command, arguments, out, environment=environment, what=f"the model for {target.name}")
     return "zig cc" if command[0] == sys.executable else command[0]
 
 

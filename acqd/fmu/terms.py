@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import textwrap
 from collections.abc import Sequence
 
@@ -85,4 +86,4 @@ def _constant(name: str, value: float | Floats) -> str:
 
 
 def _ascii(text: str) -> str:
-    return text.encode("ascii", "replace").decode().replace("*/", "")
+    return re.sub(r"[^A-Za-z0-9 ,.()_-]", "?", text)

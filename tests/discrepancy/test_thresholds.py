@@ -17,7 +17,7 @@ def test_a_threshold_says_unit_meaning_and_source():
     for each in fields(Thresholds):
         assert {"unit", "meaning", "source", "stage"} <= set(each.metadata), each.name
         assert each.metadata["stage"] in get_args(Stage)
-        assert each.metadata["source"] in ("convention", "definition", "study", "physics")
+        assert each.metadata["source"] in ("convention", "choice", "study", "physics")
 
 
 def test_the_report_lists_the_stages_that_ran():

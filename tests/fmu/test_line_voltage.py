@@ -58,6 +58,17 @@ def test_the_loop_keeps_the_nominal_voltage_of_the_recordings(volts, nominal):
     assert library()["line_voltage"].fixed_shape([scene]) == {"nominal_V": nominal}
 
 
+def test_recordings_between_two_nominal_voltages_share_one_of_them():
+    q, signals = recording(100)
+    volts = (109.2, 109.6, 110.0)
+    scenes = [scene_of(grey(), q, {"brake": signals["brake"]}, 0.0, {"Vrms": np.full(100, v)}) for v in volts]
+    effect = library()["line_voltage"]
+    for scene in scenes:
+        scene.memory.update(effect.fixed_shape(scenes))
+    relative = [effect.at(scene, {})[0, 1] + 1 for scene in scenes]
+    assert np.ptp(np.array(volts) / relative) < 1e-9
+
+
 def test_an_older_bundle_without_the_nominal_voltage_is_exported_with_a_word(tmp_path):
     save_bundle(tmp_path / "bundle", bundle({}))
     _, model = open_model(tmp_path / "bundle")

@@ -10,6 +10,7 @@ from acqd.errors import UserError
 from acqd.fmu.package import export_fmu
 from acqd.models.bundle.bundle import save_bundle
 from tests.builders import grey_bundle
+from tests.fmu.bundles import make
 
 
 def test_the_sources_alone_make_the_same_binary(made, tmp_path):
@@ -48,3 +49,12 @@ def test_bad_input_is_named_and_nothing_is_left(made, tmp_path, monkeypatch):
     with pytest.raises(UserError, match="needs zig"):
         export_fmu(bundle, out, "2.0", ["win64"], lambda _: None)
     assert not list(tmp_path.glob("*.fmu")) and not list(tmp_path.glob(".x*"))
+
+
+@pytest.mark.long(seconds=15)
+@pytest.mark.parametrize("platform", ["linux64", "darwin64"])
+def test_clang_compiles_effects_for_processors_with_and_without_avx2(tmp_path, monkeypatch, platform):
+    pytest.importorskip("ziglang")
+    monkeypatch.setattr("acqd.fmu.platforms.system_compiler", lambda: None)
+    exported = export_fmu(make("effects", tmp_path), tmp_path / "power.fmu", "2.0", [platform], lambda _: None)
+    assert exported.compilers == {platform: "zig cc"}

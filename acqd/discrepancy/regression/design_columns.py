@@ -126,6 +126,10 @@ def design_columns(
     _set_origin(scenes, [in_question for _, in_question in segments])
     ranges = Ranges.of(scenes)
     effects = [e for name, e in library().items() if name in chosen and all(e.possible(scene) for scene in scenes)]
+    for effect in effects:
+        fixed = effect.fixed_shape(scenes)  # one value for all recordings, not one per recording
+        for scene in scenes:
+            scene.memory.update(fixed)
     values: list[NDArray[np.float32]] = []
     for number, scene in enumerate(scenes):
         lag = Lag(float(model.group("lag")[0]), scene.step_s)

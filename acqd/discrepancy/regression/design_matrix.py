@@ -53,13 +53,14 @@ class Design:
         """Blocks of rows."""
         return self.columns.parts
 
-    def values(self, segment: int, places: Places) -> Floats:
-        """[T, k] W of some columns in a segment."""
+    def values(self, segment: int, places: Places, rows: slice = slice(None)) -> Floats:
+        """[rows, k] W of some columns in a segment, or in part of a segment."""
         y = self.blocks.white.y
-        values = np.empty((len(self.columns.residual[segment]), len(places)))
+        own, more = self.columns.values[segment][rows], self.added[segment][rows]
+        values = np.empty((len(own), len(places)))
         added = places > y
-        values[:, ~added] = self.columns.values[segment][:, places[~added]]
-        values[:, added] = self.added[segment][:, places[added] - y - 1]
+        values[:, ~added] = own[:, places[~added]]
+        values[:, added] = more[:, places[added] - y - 1]
         return values
 
     def with_trusted(self, trusted: tuple[NDArray[np.bool_], ...]) -> Design:

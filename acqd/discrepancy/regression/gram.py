@@ -142,6 +142,7 @@ class Regression:
 
     def on(self, blocks: Blocks) -> Regression:
         """The same columns on the blocks of a design with more columns, whose own columns have the same values."""
+        assert blocks.white.fixed is self.blocks.white.fixed, "another design, or other rows"
         other = Regression(blocks, self.columns)
         self._block_products()
         other._normal = self._normal

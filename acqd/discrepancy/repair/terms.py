@@ -44,8 +44,8 @@ class Added:
 
     @property
     def key(self) -> str:
-        """Identity within a report: an effect is added once at a place."""
-        return f"{self.term.id} {self.term.where}"
+        """Identity within a report: an effect is added once at a place, or once from shifts of whole recordings."""
+        return f"{self.term.id} {self.term.where}{' (whole recordings)' if self.evidence is None else ''}"
 
 
 def added(tracing: Tracing, named: Named, seed: int) -> Added:
@@ -97,7 +97,7 @@ def clock_term(delay: Delay) -> Added:
         parameters = {"power later by": offset}
     term = Term.of(_clock(drifts=delay.drifts).id, place, shape, np.ones(1), parameters)
     sure = THRESHOLDS.clock_confidence
-    alternatives = [(_clock(drifts=not delay.drifts).id, 1 - sure)]
+    alternatives = [(_clock(drifts=not delay.drifts).id, round(1 - sure, 6))]
     return Added(
         term=term, evidence=None, confidence=sure, alternatives=alternatives, start=None, consistency=agree,
         recordings=len(delays),

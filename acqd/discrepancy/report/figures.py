@@ -106,7 +106,7 @@ def explained(closed: Closed, named: Named) -> Figure:
     for number, part in enumerate(design.parts):
         if not named.gate.open[number]:
             continue
-        values = design.values(part.segment, regression.places)[part.rows]
+        values = design.values(part.segment, regression.places, part.rows)
         weights = beta * regression.gates[:, number]
         effect = values @ np.where(mine, weights, 0.0)
         rest = design.columns.residual[part.segment][part.rows] - values @ np.where(mine, 0.0, weights)

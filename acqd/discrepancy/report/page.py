@@ -93,7 +93,7 @@ def _effect(page: Page, closed: Closed, each: Added, number: int) -> None:
     rows = []
     for name, parameter in each.term.parameters.items():
         interval = parameter["ci95"]
-        shown = f"{interval[0]:.4g} to {interval[1]:.4g}" if interval else "no interval: found by a search"
+        shown = f"{interval[0]:.4g} to {interval[1]:.4g}" if interval else "no interval"
         rows.append([name, float(parameter["value"]), parameter["unit"], shown])
     page.table(["parameter", "value", "unit", "95 % interval"], rows)
     page.text(_confidence(closed, each, number))

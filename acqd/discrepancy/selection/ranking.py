@@ -124,7 +124,7 @@ def chance(regression: Regression, gate: Floats, candidates: list[Candidate], se
         if not _acts(schur):
             continue
         E = scores[:, own] if candidate.mix is None else scores[:, own] @ candidate.mix
-        V = E.T @ E + 1e-3 * schur
+        V = E.T @ E + THRESHOLDS.score_ridge * schur
         u = signs @ E
         statistic = np.einsum("dk,dk->d", u, np.linalg.solve(V, u.T).T)
         largest = np.maximum(largest, -chi2.logsf(statistic, E.shape[1]))
@@ -169,7 +169,7 @@ def _possible(candidate: Candidate, coefficients: Floats, schur: Floats) -> bool
     if candidate.variant is None or candidate.size > 1:
         return True
     parameter = candidate.variant.place.parameters[0]
-    slack = 2.0 / np.sqrt(schur[0, 0])
+    slack = THRESHOLDS.bounds_slack / np.sqrt(schur[0, 0])
     return bool(parameter.low - slack <= coefficients[0] <= parameter.high + slack)
 
 
@@ -188,7 +188,7 @@ def _consistency(design: Design, gate: Floats, candidate: Candidate, agreement: 
 
 def _surprise(E: Floats, schur: Floats) -> float:
     """-log p of the score test with the blocks' own covariance; E [blocks, k] are their scores."""
-    V = E.T @ E + 1e-3 * schur
+    V = E.T @ E + THRESHOLDS.score_ridge * schur
     u = E.sum(axis=0)
     return float(-chi2.logsf(u @ np.linalg.solve(V, u), len(u)))
 

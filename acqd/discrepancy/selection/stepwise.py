@@ -197,5 +197,5 @@ def _prune(tracing: Tracing) -> None:
         without = tracing.regression.without(named.key)
         again = rank_pooled(tracing.design, without, named.gate.open, [named.finding.candidate])
         if not again or again[0].evidence < THRESHOLDS.least_evidence:
-            tracing.effects.remove(named)
+            tracing.effects = [other for other in tracing.effects if other.key != named.key]
             tracing.regression = without

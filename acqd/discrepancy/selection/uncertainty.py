@@ -58,7 +58,7 @@ def intervals(tracing: Tracing, named: Named) -> tuple[Floats, Floats]:
         weights = np.array([float(part.recording != name) for part in design.parts])
         left.append(_fit(regression, candidate, named.gate, weights)[0])
     spread = np.zeros_like(whole)
-    if len(left) > 2:
+    if len(left) >= THRESHOLDS.jackknife_fewest:
         deviations = np.array(left) - np.mean(left, axis=0)
         spread = (len(left) - 1) / len(left) * (deviations**2).sum(axis=0)
     return whole, THRESHOLDS.interval_width * np.sqrt(spread + variance)

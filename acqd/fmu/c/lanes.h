@@ -6,11 +6,13 @@
 #include <math.h>
 #include <string.h>
 
+#include "vectors.h"
+
 #if defined(__GNUC__) && !defined(__clang__)
 #pragma GCC diagnostic ignored "-Wpsabi" /* vectors never cross the border of a translation unit */
 #endif
 
-#if defined(__GNUC__) && !defined(ACQD_ONE_LANE)
+#if VECTORS
 #define LANES 4
 #define INLINE static inline __attribute__((always_inline))
 typedef double lanes_t __attribute__((vector_size(32)));

@@ -52,7 +52,7 @@ static void switches_of(const row_t *middle, memory_t *memory, switches_t *s)
     (void)memory, (void)middle, (void)at_substeps, (void)ages;
 }
 
-#if LANES > 1 && defined(__x86_64__)
+#if WITH_AVX2
 #include <cpuid.h>
 
 /* AVX2 with registers that the operating system saves. The answer is kept: a virtual machine traps the question. */
@@ -61,11 +61,12 @@ static int has_avx2(void)
     static int known = -1;
     if (known < 0) {
         unsigned a, b, c, d, low = 0, high;
-        known = 0;
+        int answer = 0;
         if (__get_cpuid(1, &a, &b, &c, &d) && (c & bit_OSXSAVE) && (c & bit_AVX))
             __asm__("xgetbv" : "=a"(low), "=d"(high) : "c"(0));
         if ((low & 6) == 6 && __get_cpuid_count(7, 0, &a, &b, &c, &d))
-            known = (b & bit_AVX2) != 0;
+            answer = (b & bit_AVX2) != 0;
+        known = answer; /* threads may ask at once: they get the same answer */
     }
     return known;
 }

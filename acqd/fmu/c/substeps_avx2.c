@@ -1,11 +1,15 @@
-/* substep_lanes.h for processors with AVX2: four lanes in one register. */
+/* substep_lanes.h for processors with AVX2: four lanes in one register. All functions of lanes.h must have the target,
+   so that lanes.h is included only after the target is set. */
 #include "acqd_model.h"
 
 #if TERMS
-#include "lanes.h"
-#include "switches.h"
+#include <math.h>
+#include <string.h>
 
-#if LANES > 1 && defined(__x86_64__)
+#include "switches.h"
+#include "vectors.h"
+
+#if WITH_AVX2
 #if defined(__clang__)
 #pragma clang attribute push(__attribute__((target("avx2"))), apply_to = function)
 #else

@@ -151,7 +151,7 @@ def residuals_of(design: Design, regression: Regression, omit: str = "") -> list
     beta = np.where(outside, 0.0, beta)
     residuals = [residual.copy() for residual in design.columns.residual]
     for number, part in enumerate(design.parts):
-        values = design.values(part.segment, regression.places)[part.rows]
+        values = design.values(part.segment, regression.places, part.rows)
         measured = design.columns.residual[part.segment][part.rows]
         residuals[part.segment][part.rows] = measured - values @ (beta * regression.gates[:, number])
     return residuals

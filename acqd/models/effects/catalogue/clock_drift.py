@@ -30,7 +30,7 @@ class ClockDrift(Effect):
 
     def at(self, scene: Scene, shape: Shape) -> Floats:
         """[T, 1] W per s/h for a small drift; with `seconds` and `seconds_per_hour`, W for exactly that drift."""
-        if shape:
+        if "seconds" in shape:
             passed = averaged(scene.t) - scene.memory.get("origin_s", float(scene.t[0]))
             delays = shape["seconds"] + shape["seconds_per_hour"] * passed / 3600
             return (later(scene, delays) - scene.predicted)[:, None]

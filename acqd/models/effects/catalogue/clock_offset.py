@@ -28,7 +28,7 @@ class ClockOffset(Effect):
 
     def at(self, scene: Scene, shape: Shape) -> Floats:
         """[T, 1] W/s for a small offset; with `seconds` in the shape, W for exactly that offset."""
-        if shape:
+        if "seconds" in shape:
             return (later(scene, np.full(scene.rows, shape["seconds"])) - scene.predicted)[:, None]
         return -slope(scene)[:, None]
 

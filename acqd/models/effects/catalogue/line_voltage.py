@@ -37,7 +37,7 @@ class LineVoltage(Effect):
     def at(self, scene: Scene, shape: Shape) -> Floats:
         """[T, 2] W per unit of exponent, and per W of a constant load."""
         assert scene.volts is not None
-        nominal = shape.get("nominal_V") or nominal_voltage([scene.volts])
+        nominal = shape.get("nominal_V") or scene.memory.get("nominal_V") or nominal_voltage([scene.volts])
         deviation = np.nan_to_num(scene.volts / nominal - 1)
         return np.column_stack([deviation * scene.predicted, deviation])
 
