@@ -100,8 +100,8 @@ def postgres_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     port = free_port()
     as_user: dict[str, object] = {}
     if os.geteuid() == 0:  # PostgreSQL refuses to run as root
-        for parent in (folder, *folder.parents[:3]):
-            parent.chmod(0o755)
+        for parent in (folder, *folder.parents[:3]):  # the server must reach its folder; /tmp keeps its sticky bit
+            parent.chmod(parent.stat().st_mode | 0o055)
         shutil.chown(folder, "postgres")
         as_user = {"user": "postgres", "cwd": "/"}
     data = folder / "data"

@@ -13,9 +13,9 @@ from acqd.discrepancy.regression.setup import Question, set_up
 from acqd.discrepancy.repair.guard import Improved, improve
 from acqd.discrepancy.repair.terms import Added, added, clock_term
 from acqd.discrepancy.residual.delay import Delay, corrected, find_delay
-from acqd.discrepancy.residual.errors import errors_of, rms, without_known_effects
 from acqd.discrepancy.residual.quality import Quality, quality
-from acqd.discrepancy.selection.named import Tracing, Verdict
+from acqd.discrepancy.residual.residuals import errors_of, rms, without_known_effects
+from acqd.discrepancy.selection.accepted import Tracing, Verdict
 from acqd.discrepancy.selection.stepwise import Limits, trace
 from acqd.discrepancy.thresholds import THRESHOLDS, Stage
 from acqd.models.effects import library

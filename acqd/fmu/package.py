@@ -24,8 +24,8 @@ from acqd.models.bundle.restore import open_model
 from acqd.models.predictor import Predictor
 
 _C = Path(__file__).parent / "c"
-_COMMON = ("model.c", "network.c", "greybox.c", "effects.c", "effects_avx2.c", "instance.c")
-_HEADERS = ("acqd_model.h", "model_parts.h", "lanes.h", "rigid_body.h", "switches.h", "effects_lanes.h", "instance.h")
+_COMMON = ("model.c", "network.c", "greybox.c", "substeps.c", "substeps_avx2.c", "instance.c")
+_HEADERS = ("acqd_model.h", "model_parts.h", "lanes.h", "rigid_body.h", "switches.h", "substep_lanes.h", "instance.h")
 _OWN: dict[str, tuple[str, str]] = {"2.0": ("fmi2.c", "fmi2_abi.h"), "3.0": ("fmi3.c", "fmi3_abi.h")}
 
 

@@ -11,7 +11,7 @@ from acqd.arrays import Floats
 from acqd.discrepancy.monitor.baseline import baseline_of
 from acqd.discrepancy.monitor.cusum import Monitor
 from acqd.discrepancy.residual.delay import delay_of
-from acqd.discrepancy.residual.errors import residuals, rms
+from acqd.discrepancy.residual.residuals import residuals, rms
 from acqd.errors import UserError
 from acqd.models.predictor import Predictor
 from acqd.models.segments import Segment

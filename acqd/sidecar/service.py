@@ -14,11 +14,11 @@ import paho.mqtt.client as paho
 import sqlalchemy as sa
 
 from acqd.errors import UserError
-from acqd.sidecar.arrivals import Arrivals
 from acqd.sidecar.contents import Contents
 from acqd.sidecar.folder_watch import FolderWatch
 from acqd.sidecar.late_logs import LateLogs
 from acqd.sidecar.live import Live
+from acqd.sidecar.log_arrivals import Arrivals
 from acqd.sidecar.log_file import printable
 from acqd.sidecar.power_rows import PowerRowsMissingError
 from acqd.sidecar.result import log_result

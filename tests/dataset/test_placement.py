@@ -10,7 +10,7 @@ from acqd.errors import UserError
 from acqd.lab.campaign.run import run_campaign
 from acqd.robot import load_description
 from acqd.robot.log import read_log
-from tests.campaigns import build_dataset, campaign_config, quiet, true_lags, write_power
+from tests.campaigns import build_dataset, order, quiet, true_lags, write_power
 
 
 @pytest.mark.long(seconds=25)
@@ -56,22 +56,14 @@ def test_a_clock_just_beyond_the_search_range_is_not_met_at_its_edge(campaign, t
 @pytest.mark.parametrize("step_ms", [5.0, 25.0, 100 / 3])
 def test_windows_of_any_length_are_aligned(cell, tmp_path, step_ms):
     made, true, time_ns, P = cell
-    logs = [log for log in made.out.rglob("logs/*/*") if log.name.startswith("limited")]  # half of them are enough
-    (tmp_path / "logs").mkdir()
-    for log in logs:
-        (tmp_path / "logs" / log.name).symlink_to(log)
-    ends = [read_log(log, load_description("iiwa7_r800")).time[-1] for log in logs]
-    end = max(ends) - made.settings.clock.offset_s
-    needed = time_ns * 1e-9 < end + 5
-    time_ns, P = time_ns[needed], P[needed]
     t, step = (time_ns - time_ns[0]) * 1e-9, step_ms / 1000
     energy = np.concatenate([[0.0], np.cumsum(P * 0.04)])
     grid = np.arange(int(t[-1] / step)) * step
     mean = np.diff(np.interp(np.append(grid, grid[-1] + step), np.append(t, t[-1] + 0.04), energy)) / step
     power = write_power(tmp_path / "p.csv", time_ns[0] + np.rint(grid * 1e9), mean)
-    build(BuildConfig(power, tmp_path / "logs", tmp_path / "ds", "iiwa7_r800"), quiet)
+    build(BuildConfig(power, made.out / "logs", tmp_path / "ds", "iiwa7_r800"), quiet)
     recordings = load_manifest(tmp_path / "ds")["recordings"]
-    assert len(recordings) == 4
+    assert len(recordings) == 8
     for entry in recordings:
         assert entry["lag_s"] == pytest.approx(true[entry["name"]], abs=0.008)
 
@@ -79,7 +71,7 @@ def test_windows_of_any_length_are_aligned(cell, tmp_path, step_ms):
 @pytest.mark.long(seconds=10)
 def test_the_same_assembly_again_and_again_with_the_peak_of_its_brakes_is_placed(tmp_path):
     """Every execution fits in many places of the stream, and the peak is more than all that motion explains."""
-    made = campaign_config(tmp_path, profile="use-case", assemblies=6, session=6, seed=9, clock={"offset_s": 1.24})
+    made = order(tmp_path, profile="use-case", assemblies=6, session=6, seed=9, clock={"offset_s": 1.24})
     run_campaign(made, quiet)
     report = build_dataset(made, tmp_path / "ds")
     assert report.refused == []

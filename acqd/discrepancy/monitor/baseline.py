@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from acqd.discrepancy.monitor.cusum import Baseline
-from acqd.discrepancy.residual.errors import errors_of, rms
+from acqd.discrepancy.residual.residuals import errors_of, rms
 from acqd.errors import UserError
 from acqd.models.bundle.reference import load_reference
 from acqd.models.metrics import predictions

@@ -18,7 +18,7 @@ from acqd.discrepancy.monitor.cusum import Alarm, Monitor
 from acqd.discrepancy.recordings import trained_recordings
 from acqd.discrepancy.report.summary import as_json
 from acqd.discrepancy.report.write import write_all
-from acqd.discrepancy.residual.errors import residuals, rms
+from acqd.discrepancy.residual.residuals import residuals, rms
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.errors import InputError, UserError
 from acqd.models.bundle.bundle import Bundle, fingerprint

@@ -10,7 +10,7 @@ from acqd.arrays import Floats
 from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.repair.refit import refitted
 from acqd.discrepancy.repair.terms import Added, scaled
-from acqd.discrepancy.residual.errors import errors_of, rms
+from acqd.discrepancy.residual.residuals import errors_of, rms
 from acqd.models.augmented import Augmented
 from acqd.models.effects import library
 from acqd.models.greybox.model import GreyBox

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.repair.terms import Added
-from acqd.discrepancy.residual.errors import without_known_effects
+from acqd.discrepancy.residual.residuals import without_known_effects
 from acqd.models.augmented import Augmented
 from acqd.models.effects import library
 from acqd.models.greybox.fit import fit_grey_box

@@ -9,7 +9,7 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.discrepancy.residual.delay import Delay
-from acqd.discrepancy.selection.named import Named, Tracing
+from acqd.discrepancy.selection.accepted import Named, Tracing
 from acqd.discrepancy.selection.uncertainty import confidence, intervals
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.augmented import Term

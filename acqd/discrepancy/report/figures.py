@@ -10,7 +10,7 @@ from acqd.arrays import Floats
 from acqd.discrepancy.loop import Closed
 from acqd.discrepancy.residual.aspects import Aspect, aspects
 from acqd.discrepancy.residual.whitening import autocorrelation
-from acqd.discrepancy.selection.named import Named
+from acqd.discrepancy.selection.accepted import Named
 from acqd.discrepancy.selection.ranking import Finding
 from acqd.models.metrics import predictions
 

@@ -11,8 +11,8 @@ from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.gram import Regression
 from acqd.discrepancy.regression.onset import Gate
 from acqd.discrepancy.residual.delay import single_delay
+from acqd.discrepancy.selection.accepted import Named
 from acqd.discrepancy.selection.detectors.candidates import Detection
-from acqd.discrepancy.selection.named import Named
 from acqd.discrepancy.selection.ranking import Finding
 from acqd.discrepancy.selection.shape_fit import fit_shape
 from acqd.discrepancy.thresholds import THRESHOLDS

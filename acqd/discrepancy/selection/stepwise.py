@@ -13,9 +13,9 @@ from acqd.discrepancy.regression.gram import Column, Regression
 from acqd.discrepancy.regression.onset import Gate
 from acqd.discrepancy.regression.setup import Setup
 from acqd.discrepancy.selection.acceptance import View, credible, refuted, serious, worth
+from acqd.discrepancy.selection.accepted import Named, Tracing, Unknown
 from acqd.discrepancy.selection.detectors.candidates import Detection, detect
 from acqd.discrepancy.selection.masking import transient, without_rows_of
-from acqd.discrepancy.selection.named import Named, Tracing, Unknown
 from acqd.discrepancy.selection.ranking import Finding, chance, rank, rank_pooled
 from acqd.discrepancy.selection.shape_fit import fit_shape
 from acqd.discrepancy.thresholds import THRESHOLDS

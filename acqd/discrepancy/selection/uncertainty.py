@@ -9,7 +9,7 @@ from acqd.discrepancy.regression.design_columns import Candidate
 from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.gram import Regression
 from acqd.discrepancy.regression.onset import Gate
-from acqd.discrepancy.selection.named import Named, Tracing
+from acqd.discrepancy.selection.accepted import Named, Tracing
 from acqd.discrepancy.selection.ranking import rank_pooled, solve_part
 from acqd.discrepancy.thresholds import THRESHOLDS
 

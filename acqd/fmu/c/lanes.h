@@ -6,6 +6,10 @@
 #include <math.h>
 #include <string.h>
 
+#if defined(__GNUC__) && !defined(__clang__)
+#pragma GCC diagnostic ignored "-Wpsabi" /* vectors never cross the border of a translation unit */
+#endif
+
 #if defined(__GNUC__) && !defined(ACQD_ONE_LANE)
 #define LANES 4
 #define INLINE static inline __attribute__((always_inline))

@@ -1,4 +1,4 @@
-/* Switched signals at the substeps of a row, and the powers that effects.c and effects_avx2.c compute from them. */
+/* Switched signals at the substeps of a row, and the powers that substeps.c and substeps_avx2.c compute from them. */
 #ifndef ACQD_SWITCHES_H
 #define ACQD_SWITCHES_H
 

@@ -9,16 +9,9 @@ from pathlib import Path
 from typing import Literal, TypeAlias
 
 from acqd.errors import UserError
-from acqd.lab.campaign.bookkeeping import (
-    SessionReport,
-    claimed,
-    finished_report,
-    ingest,
-    session_logs,
-    write_manifest,
-    write_truth,
-)
+from acqd.lab.campaign.bookkeeping import SessionReport, claimed, finished_report, ingest, session_logs
 from acqd.lab.campaign.folders import Folders
+from acqd.lab.campaign.manifest import write_manifest, write_truth
 from acqd.lab.campaign.run_session import run_session
 from acqd.lab.campaign.summary import CampaignReport, metered_powers, summarise
 from acqd.lab.campaign.trajectory_set import MANIFEST, TrajectorySet, draw, write

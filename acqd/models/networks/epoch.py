@@ -70,6 +70,7 @@ def run_epoch(task: Task, run: Run) -> float:
         norm = float(np.linalg.norm(gradient.astype(np.float64)))
         if not math.isfinite(norm):
             continue  # an overflowed gradient has no direction
+        # gradient clipping by norm (Pascanu, Mikolov, Bengio 2013)
         gradient *= np.float32(min(1.0, settings.gradient_limit / max(norm, 1e-12)))
         gradient += task.decay * run.parameters
         run.adam.step(run.parameters, gradient, rate, architecture.betas, settings.epsilon)

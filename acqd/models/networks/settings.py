@@ -22,7 +22,8 @@ class TrainingSettings:
     l2: float = 1e-4
     """Factor of the L2 penalty on weights, not on biases (MATLAB's default)."""
     gradient_limit: float = 1.0
-    """Gradients of a larger norm are scaled down to it. The thesis sets none, and some networks then diverge."""
+    """Gradient clipping: gradients of a larger norm are scaled down to this norm. The thesis clips none, and some
+    networks then diverge."""
     validation_every: int = 100
     """Optimiser steps between evaluations on the validation recordings."""
     patience: int | None = None

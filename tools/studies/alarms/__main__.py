@@ -18,7 +18,7 @@ from rich.table import Table
 
 from acqd.discrepancy.monitor.baseline import baseline_of
 from acqd.discrepancy.monitor.cusum import Alarm, Baseline, Monitor
-from acqd.discrepancy.residual.errors import errors_of
+from acqd.discrepancy.residual.residuals import errors_of
 from acqd.models.bundle.restore import open_model
 from acqd.models.metrics import predictions
 from acqd.models.predictor import Predictor

@@ -54,7 +54,7 @@ class Task:
 
 def task_of(dataset: Path, bundle: Path) -> Task:
     """Residual and columns."""
-    from acqd.discrepancy.residual.errors import errors_of
+    from acqd.discrepancy.residual.residuals import errors_of
     from acqd.models.bundle.restore import carrier_of, open_model
     from acqd.models.effects import library
     from acqd.models.effects.effect import effect_rows

@@ -27,7 +27,8 @@ from acqd.cli.main import for_people
 from acqd.errors import UserError
 from acqd.metering import SampleBlock
 from tests.doubles.veth import may_create_veth
-from tests.sources.bench import KINDS, Bench, EthercatBench
+from tests.sources.bench import Bench
+from tests.sources.benches import KINDS, EthercatBench
 from tools.common.tables import show, verdict
 
 _FAULT_EVERY = 400  # steps

@@ -1,7 +1,7 @@
-/* Power of the drives and of all added effects at the substeps of a row. This file is compiled twice: in effects.c for
-   every processor, in effects_avx2.c for processors with AVX2. Both do the same operations in the same order, so that
-   results do not depend on the processor. SUBSTEP_POWERS is the name of the function that is left. terms.h, which is
-   generated, holds one function per term. */
+/* Power of the drives and of all added effects at the substeps of a row. This file is compiled twice: in substeps.c for
+   every processor, in substeps_avx2.c for processors with AVX2. Both do the same operations in the same order, so that
+   results do not depend on the processor. SUBSTEP_POWERS is the name of the compiled function. The effects themselves are
+   in terms.h, which acqd/fmu/terms.py generates from `c_body` of the classes in acqd/models/effects/catalogue. */
 #include "acqd_model.h"
 #include "lanes.h"
 #include "switches.h"

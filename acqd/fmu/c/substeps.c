@@ -1,9 +1,10 @@
-/* Added effects: signals at substeps, the power of all terms (effects_lanes.h), the supply's lag. */
+/* Added effects, whatever they are: signals at substeps, the power of all terms (substep_lanes.h), the supply's lag.
+   The effects' C is in acqd/models/effects/catalogue. */
 #include "acqd_model.h"
 
 #if TERMS
 #define SUBSTEP_POWERS substep_powers
-#include "effects_lanes.h"
+#include "substep_lanes.h"
 
 #define NEVER 1e30 /* substeps */
 

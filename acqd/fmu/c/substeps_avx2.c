@@ -1,4 +1,4 @@
-/* effects_lanes.h for processors with AVX2: four lanes in one register. */
+/* substep_lanes.h for processors with AVX2: four lanes in one register. */
 #include "acqd_model.h"
 
 #if TERMS
@@ -12,7 +12,7 @@
 #pragma GCC target("avx2")
 #endif
 #define SUBSTEP_POWERS substep_powers_avx2
-#include "effects_lanes.h"
+#include "substep_lanes.h"
 #if defined(__clang__)
 #pragma clang attribute pop
 #endif

@@ -4,8 +4,8 @@ import os
 
 import pytest
 
-from acqd.sidecar import arrivals as module
-from acqd.sidecar.arrivals import Arrivals
+from acqd.sidecar import log_arrivals as module
+from acqd.sidecar.log_arrivals import Arrivals
 
 
 class Clock:
