@@ -44,7 +44,7 @@ def grey_bundle(reference=None, **more):
 
 
 def motion(rows, axes, seed):
-    """Smooth motion with a rest at the begin and at the end."""
+    """Smooth motion that starts and ends at rest."""
     random = np.random.default_rng(seed)
     t = np.arange(rows) * STEP
     q = np.zeros((rows, axes))

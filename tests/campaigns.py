@@ -11,7 +11,7 @@ from acqd.lab.campaign.run import CampaignConfig
 from acqd.lab.settings import CampaignSettings
 
 
-def order(folder: Path, jobs=1, **settings):
+def campaign_config(folder: Path, jobs=1, **settings):
     """What `run_campaign` needs for a campaign in `folder`: campaign/, truth/, campaign/power.sqlite."""
     out = folder / "campaign"
     return CampaignConfig(CampaignSettings(**settings), out, folder / "truth", f"sqlite:///{out}/power.sqlite", jobs)
@@ -40,7 +40,7 @@ def true_lags(settings, truth):
 
 
 def build_dataset(campaign, folder, **options):
-    """The dataset of a campaign that `order` described."""
+    """The dataset of a campaign that `campaign_config` described."""
     robot = campaign.settings.robot
     return build(
         BuildConfig(str(campaign.out / "power.sqlite"), campaign.out / "logs", folder, robot, **options), quiet

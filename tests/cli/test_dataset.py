@@ -5,13 +5,15 @@ import json
 from tests.commands import acqd, acqd_here
 
 
-def test_the_command_builds_shows_and_refuses(study, tmp_path):
+def test_the_command_builds_shows_and_refuses(study, logs, tmp_path):
     campaign, out = study.out / "training", tmp_path / "ds"
-    session = min((campaign / "logs").iterdir())
-    common = ("dataset", "build", "--logs", session, "--robot", "iiwa7_r800", "--out")
+    (tmp_path / "logs").mkdir()
+    for log in logs[:4]:
+        (tmp_path / "logs" / log.name).symlink_to(log)
+    common = ("dataset", "build", "--logs", tmp_path / "logs", "--robot", "iiwa7_r800", "--out")
     built = acqd(*common, out, "--power", campaign / "power.sqlite", "--json")
     assert built.returncode == 0, built.stderr
-    assert json.loads(built.stdout)["recordings"] == len(list(session.iterdir()))
+    assert json.loads(built.stdout)["recordings"] == 4
     shown = acqd_here("dataset", "show", study.training)
     assert shown.returncode == 0 and "clock line" in shown.stdout and "simulated" in shown.stdout
     again = acqd_here(*common, out, "--power", campaign / "power.sqlite")

@@ -5,7 +5,7 @@ import pytest
 
 from acqd.dataset.power import open_power
 from acqd.lab.campaign.run import run_campaign
-from tests.campaigns import build_dataset, order, quiet, true_lags
+from tests.campaigns import build_dataset, campaign_config, quiet, true_lags
 
 CASES = {
     "iiwa7_r800": {"clock": {"offset_s": 30.0, "drift_ppm": 50.0}, "seed": 11},
@@ -18,8 +18,8 @@ SMALL = {"limited": 4, "all_space": 4}
 def clocked(robot, once):
     """What was ordered."""
     settings = {"robot": robot, "session": 4, "recorder": {"missing": 0.05}, **SMALL, **CASES[robot]}
-    folder, _ = once(f"clocked-{robot}", lambda folder: run_campaign(order(folder, **settings), quiet))
-    return order(folder, **settings)
+    folder, _ = once(f"clocked-{robot}", lambda folder: run_campaign(campaign_config(folder, **settings), quiet))
+    return campaign_config(folder, **settings)
 
 
 @pytest.fixture(scope="session", params=list(CASES))

@@ -10,7 +10,7 @@ from acqd.errors import UserError
 from acqd.lab.campaign.run import run_campaign
 from acqd.robot import load_description
 from acqd.robot.log import read_log
-from tests.campaigns import build_dataset, order, quiet, true_lags, write_power
+from tests.campaigns import build_dataset, campaign_config, quiet, true_lags, write_power
 
 
 @pytest.mark.long(seconds=25)
@@ -71,7 +71,7 @@ def test_windows_of_any_length_are_aligned(cell, tmp_path, step_ms):
 @pytest.mark.long(seconds=10)
 def test_the_same_assembly_again_and_again_with_the_peak_of_its_brakes_is_placed(tmp_path):
     """Every execution fits in many places of the stream, and the peak is more than all that motion explains."""
-    made = order(tmp_path, profile="use-case", assemblies=6, session=6, seed=9, clock={"offset_s": 1.24})
+    made = campaign_config(tmp_path, profile="use-case", assemblies=6, session=6, seed=9, clock={"offset_s": 1.24})
     run_campaign(made, quiet)
     report = build_dataset(made, tmp_path / "ds")
     assert report.refused == []

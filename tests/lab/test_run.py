@@ -16,8 +16,8 @@ from tests.campaigns import quiet, rows_of
 
 
 def test_every_window_of_every_stream_is_in_the_database(campaign):
-    the_order, report = campaign
-    rows = rows_of(the_order.out / "power.sqlite")
+    config, report = campaign
+    rows = rows_of(config.out / "power.sqlite")
     assert len(rows) == report.rows == pytest.approx(report.streamed_s / 0.04, abs=6)
     for boot in {row["boot"] for row in rows}:
         numbers = [row["seq"] for row in rows if row["boot"] == boot]
@@ -27,22 +27,22 @@ def test_every_window_of_every_stream_is_in_the_database(campaign):
 
 
 def test_the_public_part_tells_of_no_undeclared_effect_clock_or_seed(campaign):
-    the_order, _ = campaign
-    for path in the_order.out.rglob("*"):
+    config, _ = campaign
+    for path in config.out.rglob("*"):
         if path.is_file() and path.suffix in (".json", ".html", ".csv", ".log"):
             text = re.sub('data:image/png;base64,[^"]*', "", path.read_text())
             assert "payload" not in text and "seed" not in text and "ppm" not in text, path
-    manifest = json.loads((the_order.out / "campaign.json").read_text())
+    manifest = json.loads((config.out / "campaign.json").read_text())
     assert manifest["simulated"] is True
     assert [effect["id"] for effect in manifest["effects"]] == ["offset_shift"]
     assert len(manifest["recordings"]) == 5
-    truth = json.loads((the_order.truth / "truth.json").read_text())
+    truth = json.loads((config.truth / "truth.json").read_text())
     assert {effect["id"] for effect in truth["effects"]} == {"payload", "offset_shift"}
 
 
 def test_the_truth_accounts_for_energy_and_hidden_power(campaign):
-    the_order, report = campaign
-    truth = json.loads((the_order.truth / "truth.json").read_text())
+    config, report = campaign
+    truth = json.loads((config.truth / "truth.json").read_text())
     assert report.energy_unaccounted < 1e-6
     hidden = {
         recording["number"]: recording["hidden_W"]["rms"]
@@ -55,19 +55,19 @@ def test_the_truth_accounts_for_energy_and_hidden_power(campaign):
 
 
 def test_logs_are_the_motion_on_the_controllers_own_clock(campaign):
-    the_order, _ = campaign
-    truth = json.loads((the_order.truth / "truth.json").read_text())
+    config, _ = campaign
+    truth = json.loads((config.truth / "truth.json").read_text())
     robot = load_description("iiwa7_r800")
-    rows = rows_of(the_order.out / "power.sqlite")
+    rows = rows_of(config.out / "power.sqlite")
     powers = {}
     for row in rows:
         powers.setdefault(row["boot"], []).append((row["filetime"] / 1e7 - 11_644_473_600, row["P"]))
-    begin = the_order.settings.start_utc_ns * 1e-9
+    begin = config.settings.start_utc_ns * 1e-9
     for session in truth["sessions"]:
-        with np.load(the_order.truth / f"{session['session']}.npz") as arrays:
+        with np.load(config.truth / f"{session['session']}.npz") as arrays:
             start = float(arrays["start_utc_ns"]) * 1e-9
         for recording in session["recordings"]:
-            log = read_log(next(the_order.out.glob(f"logs/*/{recording['name']}.log")), robot)
+            log = read_log(next(config.out.glob(f"logs/*/{recording['name']}.log")), robot)
             true_begin = start + recording["start_s"]
             expected = true_begin + (true_begin - begin) * 50e-6 - 7.0
             assert log.time[0] == pytest.approx(expected, abs=5e-3)
@@ -81,9 +81,9 @@ def test_logs_are_the_motion_on_the_controllers_own_clock(campaign):
 
 
 def test_logged_torques_are_those_of_the_rigid_body(campaign):
-    the_order, _ = campaign
+    config, _ = campaign
     robot = load_description("iiwa7_r800")
-    log = read_log(next(the_order.out.glob("logs/*/all_*_0004.log")), robot)
+    log = read_log(next(config.out.glob("logs/*/all_*_0004.log")), robot)
     still = np.abs(np.gradient(log.q, axis=0)).max(axis=1) < 1e-5
     zero = np.zeros_like(log.q[still])
     described = inverse_dynamics(Arm(robot), log.q[still], zero, zero)

@@ -46,7 +46,7 @@ def test_a_slow_bridge_on_a_serial_line(tmp_path):
 def test_a_damaged_answer_loses_nothing_that_is_still_in_the_ring(damage):
     bridge = WaveformBridge(WaveTable(), clock="lockstep")
     with ModbusTcpDouble({1: bridge}) as double:
-        rig = Rig(ModbusLink("127.0.0.1", double.port, timeout_s=0.5), connections=2)
+        rig = Rig(ModbusLink("127.0.0.1", double.port, timeout_s=3.0), connections=2)
         rig.step(5)
         double.damage_next(damage)
         rig.step(1)
