@@ -103,7 +103,7 @@ lint)
 test)
     install_servers
     install dev
-    [ $# -gt 0 ] || say "lint, types, layers and all tests: about six minutes on two idle cores"
+    [ $# -gt 0 ] || say "lint, types, layers and all tests: several minutes on two idle cores"
     begun=$(date +%s)
     trap 'took=$(($(date +%s) - begun)); say "make test took $((took / 60)) min $((took % 60)) s"' EXIT
     lint

@@ -31,8 +31,7 @@ class Placer:
         """The log compared with its power at the lag of the clock line, or at its own lag. Raises UserError.
 
         The log is merged and predicted once, at the lag that the earlier logs let expect. The prediction refines the
-        log's own lag. It is then shifted to the final lag: by about 1 ms in steady operation, by up to 30 ms while
-        offset or drift of the clock are not known yet.
+        log's own lag. It is then shifted to the final lag. The shift is small once the clock line is known.
         """
         regressors = regressors_of(log, self._robot)
         search_s = self._clock.search_s(self._clocks_apart_s)
