@@ -4,6 +4,7 @@ import shutil
 
 import pytest
 
+from acqd.sidecar import comparison
 from acqd.sidecar.power_rows import PowerRowsMissingError
 from acqd.sidecar.settings import Settings
 from acqd.sidecar.worker import Worker
@@ -36,3 +37,21 @@ def test_another_model_begins_the_drift_anew(tmp_path, bundle):
     changed.restore(first.memory())
     assert again.drift.monitor.sums.max() == 7.0 and changed.drift.monitor.sums.max() == 0.0
     again.restore({"model": first.memory()["model"], "lags": [[1]], "monitor": {}})  # of an earlier version
+
+
+def test_a_log_is_merged_and_predicted_once(tmp_path, bundle, monkeypatch):
+    url, logs = str(tmp_path / "p.sqlite"), tmp_path / "logs"
+    logs.mkdir()
+    engine = open_database(url)
+    cell(logs, url, 1)
+    worker = Worker(Settings(bundle, url, None, None, 0.3), engine)
+    calls = []
+
+    def counted(name, real):
+        return lambda *arguments, **options: calls.append(name) or real(*arguments, **options)
+
+    monkeypatch.setattr("acqd.sidecar.comparison.merge", counted("merge", comparison.merge))
+    monkeypatch.setattr("acqd.sidecar.comparison.predictions", counted("predict", comparison.predictions))
+    path = min(logs.iterdir())
+    assert worker.run(path, path.name, "x").status == "ok"
+    assert calls == ["merge", "predict"]
