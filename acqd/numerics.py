@@ -50,3 +50,15 @@ def ridge_regression(X: Floats, y: Floats, ridge: float) -> Floats:
     gram = scaled.T @ scaled
     gram[np.diag_indices_from(gram)] += ridge * len(y)
     return np.asarray(np.linalg.solve(gram, scaled.T @ y) / scale)
+
+
+def quadratic_form(V: Floats, u: Floats, tolerance: float = 1e-9) -> tuple[Floats, int]:
+    """u' V^+ u for every row of u [..., k], and the rank of the covariance V [k, k].
+
+    The pseudoinverse (Moore-Penrose) of V scaled to a unit diagonal: directions in which nothing varies do not count.
+    """
+    scale = np.sqrt(np.maximum(np.diag(V), 1e-300))
+    values, vectors = np.linalg.eigh(V / np.outer(scale, scale))
+    kept = values > tolerance * max(float(values[-1]), 1e-300)
+    turned = (u / scale) @ vectors[:, kept]
+    return np.asarray((turned**2 / values[kept]).sum(axis=-1)), int(kept.sum())

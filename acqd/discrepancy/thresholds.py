@@ -77,7 +77,9 @@ class Thresholds:
     block_rows: int = _threshold(
         1500, "rows", "noise", "study", "longest block: unit of cross-validation and bootstrap"
     )
-    block_least_rows: int = _threshold(120, "rows", "noise", "choice", "shortest block, four times the noise order")
+    block_least_rows: int = _threshold(
+        40, "rows", "noise", "choice", "shortest block; a segment of two seconds has more rows of known motion"
+    )
     outlier: float = _threshold(
         6.0, "sigma", "noise", "choice", "white residuals of a fit of everything beyond are left out"
     )

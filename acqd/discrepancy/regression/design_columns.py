@@ -18,10 +18,14 @@ from acqd.models.effects import library
 from acqd.models.effects.effect import Effect, effect_rows
 from acqd.models.effects.places import Variant
 from acqd.models.effects.scene import Scene, scene_of
-from acqd.models.effects.substeps import Lag, averaged
+from acqd.models.effects.substeps import RADIUS, Lag, averaged
 from acqd.models.greybox.model import GreyBox
 from acqd.models.segments import Segment
 from acqd.robot.arm import Arm
+
+
+EDGE_ROWS = RADIUS + 1
+"""Rows at the begin of a segment whose power may belong to motion before the log."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +71,14 @@ class Part:
     start_s: float
     segment: int
     rows: slice
-    """Within the segment; the first `noise_order` rows are lost to whitening."""
+    """Within the segment: the block's own rows, and before them the rows of its past."""
+    past: int
+    """Number of rows before the block's own: the noise order, or 0 for the first block of a segment."""
+
+    @property
+    def own(self) -> slice:
+        """The block's own rows, within the segment."""
+        return slice(self.rows.start + self.past, self.rows.stop)
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,18 +134,19 @@ def design_columns(
     """
     only = [segment for segment, _ in segments]
     scenes = [scene_of(model, s.q, s.signals, s.start_s, s.channels) for s in only]
-    _set_origin(scenes, [in_question for _, in_question in segments])
-    ranges = Ranges.of(scenes)
+    sides = [in_question for _, in_question in segments]
+    _set_origin(scenes, sides)
+    ranges = Ranges.of(scenes, sides)
     effects = [e for name, e in library().items() if name in chosen and all(e.possible(scene) for scene in scenes)]
     for effect in effects:
         fixed = effect.fixed_shape(scenes)  # one value for all recordings, not one per recording
         for scene in scenes:
             scene.memory.update(fixed)
     values: list[NDArray[np.float32]] = []
-    for number, scene in enumerate(scenes):
+    for number, (scene, side) in enumerate(zip(scenes, sides, strict=True)):
         lag = Lag(float(model.group("lag")[0]), scene.step_s)
         columns = [grey_box_columns(arm, scene, withheld), *(effect_rows(effect, scene) for effect in effects)]
-        columns.append(averaged(lag.run(smooth_columns(scene, ranges))))
+        columns.append(averaged(lag.run(smooth_columns(scene, ranges, in_question=side))))
         values.append(np.concatenate(columns, axis=1).astype(np.float32))
         progress((number + 1) / len(scenes))
     residual = [s.P - scene.predicted for s, scene in zip(only, scenes, strict=True)]
@@ -168,15 +180,15 @@ def _set_origin(scenes: list[Scene], in_question: list[bool]) -> None:
 
 
 def _parts(segments: list[tuple[Segment, bool]], step_s: float) -> list[Part]:
-    order = THRESHOLDS.noise_order
     parts = []
     for number, (segment, in_question) in enumerate(segments):
-        rows = len(segment.P)
-        count = max(1, round(rows / THRESHOLDS.block_rows))
-        edges = np.linspace(0, rows, count + 1).astype(int).tolist()
+        # the motion before and after a log is unknown: its outermost rows say nothing
+        inside = (EDGE_ROWS, len(segment.P) - RADIUS)
+        count = max(1, round((inside[1] - inside[0]) / THRESHOLDS.block_rows))
+        edges = np.linspace(*inside, count + 1).astype(int).tolist()
         for first, last in itertools.pairwise(edges):
-            first = max(0, first - order)  # rows lost to whitening come from the block before
             if last - first >= THRESHOLDS.block_least_rows:
-                start_s = segment.start_s + first * step_s
-                parts.append(Part(segment.recording, in_question, start_s, number, slice(first, last)))
+                past = THRESHOLDS.noise_order if first > inside[0] else 0
+                start_s = segment.start_s + (first - past) * step_s
+                parts.append(Part(segment.recording, in_question, start_s, number, slice(first - past, last), past))
     return parts

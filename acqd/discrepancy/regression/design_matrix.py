@@ -13,7 +13,6 @@ from acqd.discrepancy.regression.design_columns import DesignColumns, Part
 from acqd.discrepancy.regression.gram import Blocks, Gram, Places
 from acqd.discrepancy.residual.whitening import Whitener
 from acqd.discrepancy.thresholds import THRESHOLDS
-from acqd.models.effects.substeps import RADIUS
 from acqd.numerics import mad_sigma
 
 
@@ -28,7 +27,7 @@ class Design:
     white: tuple[NDArray[np.float32], ...]
     """[rows, p + 1] per block: columns and residual."""
     trusted: tuple[NDArray[np.bool_], ...]
-    """[rows] per block: False for outliers and unknown motion."""
+    """[rows] per block: False for outliers."""
     blocks: Blocks
     added: tuple[NDArray[np.float32], ...] = ()
     """[T, e] per segment: columns that were added to the design's own."""
@@ -37,9 +36,9 @@ class Design:
 
     @classmethod
     def of(cls, columns: DesignColumns, whitener: Whitener, slow_whitener: Whitener | None = None) -> Design:
-        """Whitened by one noise model; all rows of known motion are trusted."""
-        white = tuple(whitener.apply(_block(columns, part)) for part in columns.parts)
-        trusted = tuple(_known_motion(columns, part) for part in columns.parts)
+        """Whitened by one noise model; all rows are trusted."""
+        white = tuple(_whitened(whitener, part, _block(columns, part)) for part in columns.parts)
+        trusted = tuple(np.ones(len(rows), dtype=bool) for rows in white)
         nothing = Gram(np.empty((0, 1, 1)), np.empty((0, 1, 0)))
         design = cls(
             columns, whitener, slow_whitener or whitener, white, trusted, Blocks(nothing, nothing, np.empty(0)),
@@ -68,7 +67,7 @@ class Design:
         white: list[Floats] = []
         plain: list[Floats] = []
         for part, rows, good in zip(self.parts, self.white, trusted, strict=True):
-            for values, grams in ((rows, white), (_block(self.columns, part)[THRESHOLDS.noise_order :], plain)):
+            for values, grams in ((rows, white), (_block(self.columns, part)[part.past :], plain)):
                 exact = values[good].astype(np.float64)
                 grams.append(exact.T @ exact)
         counts = np.array([int(good.sum()) for good in trusted], dtype=float)
@@ -107,7 +106,7 @@ class Design:
         for number, part in enumerate(self.parts):
             values = columns[part.segment][part.rows]
             silent = not values.any()
-            rows = np.zeros_like(values[THRESHOLDS.noise_order :]) if silent else self.whitener.apply(values)
+            rows = np.zeros_like(values[part.past :]) if silent else _whitened(self.whitener, part, values)
             white.append(_grown(self.added_white[number], size - first, own, rows))
             if silent:
                 for grams in products:
@@ -117,8 +116,8 @@ class Design:
             everything = np.concatenate([self.white[number], white[-1]], axis=1)[good].astype(np.float64)
             products[0].append(everything.T @ white[-1][good][:, own].astype(np.float64))
             block = np.concatenate([_block(self.columns, part), added[part.segment][part.rows]], axis=1)
-            everything = block[THRESHOLDS.noise_order :][good].astype(np.float64)
-            products[1].append(everything.T @ values[THRESHOLDS.noise_order :][good])
+            everything = block[part.past :][good].astype(np.float64)
+            products[1].append(everything.T @ values[part.past :][good])
         blocks = Blocks(
             self.blocks.white.replaced(places, products[0]), self.blocks.plain.replaced(places, products[1]),
             self.blocks.rows,
@@ -139,7 +138,6 @@ def _block(columns: DesignColumns, part: Part) -> NDArray[np.float32]:
     return np.concatenate([columns.values[part.segment][part.rows], residual.astype(np.float32)], axis=1)
 
 
-def _known_motion(columns: DesignColumns, part: Part) -> NDArray[np.bool_]:
-    """[rows] False for the last rows of a segment, where the motion after the log is unknown."""
-    last = len(columns.residual[part.segment]) - RADIUS
-    return np.arange(part.rows.start + THRESHOLDS.noise_order, part.rows.stop) < last
+def _whitened(whitener: Whitener, part: Part, values: NDArray[Any]) -> NDArray[np.float32]:
+    """White rows of a block from its rows and its past."""
+    return whitener.apply(values) if part.past else whitener.from_start(values)

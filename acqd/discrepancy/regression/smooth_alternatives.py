@@ -38,11 +38,14 @@ class Ranges:
     """[axes] rad/s, the largest."""
     power: Floats
     """[4] W: quantiles of the predicted power."""
-    origin_s: float
-    end_s: float
+    calendar_s: dict[bool, tuple[float, float]]
+    """UTC of the begin and the end of the recordings in question (True) and of the reference (False).
+
+    Slow time is scaled to the recordings of one side: months between the sides must not change a verdict.
+    """
 
     @classmethod
-    def of(cls, scenes: list[Scene]) -> Ranges:
+    def of(cls, scenes: list[Scene], in_question: list[bool]) -> Ranges:
         """Ranges of all recordings."""
         q = np.concatenate([scene.q[::4] for scene in scenes])
         speed = np.concatenate([np.abs(scene.qd[::4]) for scene in scenes])
@@ -50,11 +53,15 @@ class Ranges:
         return cls(
             q.min(axis=0), q.max(axis=0), np.maximum(np.percentile(speed, 99.5, axis=0), 1e-3),
             np.percentile(power, [50, 75, 90, 97]),
-            min(float(scene.t[0]) for scene in scenes), max(float(scene.t[-1]) for scene in scenes),
+            {
+                side: (min(float(scene.t[0]) for scene in members), max(float(scene.t[-1]) for scene in members))
+                for side in set(in_question)
+                for members in [[s for s, own in zip(scenes, in_question, strict=True) if own == side]]
+            },
         )  # fmt: skip
 
 
-def smooth_columns(scene: Scene, ranges: Ranges) -> Floats:
+def smooth_columns(scene: Scene, ranges: Ranges, *, in_question: bool) -> Floats:
     """[N, k] at substeps, in the order of `alternatives`."""
     columns = [np.ones(len(scene.q)) * _moving(scene)]
     phase = np.pi * (scene.q - ranges.low) / np.maximum(ranges.high - ranges.low, 1e-6)
@@ -73,11 +80,9 @@ def smooth_columns(scene: Scene, ranges: Ranges) -> Floats:
     columns += list(bins(since(stops, scene, "stop_age"), _AFTER_S).T)
     into = (scene.t - scene.t[0]) / 60.0
     columns += [into, np.exp(-into * 6)]
-    columns += list(
-        np.cos(
-            np.pi * np.outer((scene.t - ranges.origin_s) / max(ranges.end_s - ranges.origin_s, 1.0), np.arange(1, 5))
-        ).T
-    )
+    begin_s, end_s = ranges.calendar_s[in_question]
+    share_of_time = (scene.t - begin_s) / max(end_s - begin_s, 1.0)
+    columns += list(np.cos(np.pi * np.outer(share_of_time, np.arange(1, 5))).T)
     return np.column_stack(columns)
 
 

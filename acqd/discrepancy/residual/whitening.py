@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_toeplitz
+from scipy.linalg import cholesky, solve_toeplitz, solve_triangular, toeplitz
 from scipy.signal import lfilter
 
 from acqd.arrays import Floats
@@ -24,6 +24,8 @@ class Whitener:
 
     taps: Floats
     """[order + 1]."""
+    start: Floats
+    """[order, order] lower triangular: rows of a segment without a past become white by the rows before them."""
 
     @classmethod
     def of(cls, residuals: list[Floats], order: int = THRESHOLDS.noise_order) -> Whitener:
@@ -48,7 +50,7 @@ class Whitener:
         covariance[0] *= 1 + 1e-6
         weights = solve_toeplitz(covariance[:-1], covariance[1:])
         variance = max(float(covariance[0] - weights @ covariance[1:]), 1e-12)
-        return cls(np.concatenate([[1.0], -weights]) / np.sqrt(variance))
+        return cls(np.concatenate([[1.0], -weights]) / np.sqrt(variance), _stationary_start(covariance[:-1]))
 
     @property
     def innovation(self) -> float:
@@ -56,8 +58,25 @@ class Whitener:
         return float(1 / self.taps[0])
 
     def apply(self, values: NDArray[Any]) -> NDArray[np.float32]:
-        """White rows [T - order, ...] of a segment."""
+        """White rows [T - order, ...]; the first `order` rows are only the past of the others."""
         return np.asarray(lfilter(self.taps, [1.0], values, axis=0)[len(self.taps) - 1 :], dtype=np.float32)
+
+    def from_start(self, values: NDArray[Any]) -> NDArray[np.float32]:
+        """White rows [T, ...] of a segment without a past: its begin is a draw of the stationary process."""
+        order = len(self.taps) - 1
+        first = np.asarray(values[:order], dtype=np.float64)
+        begin = self.start[: len(first), : len(first)] @ first.reshape(len(first), -1)
+        return np.concatenate([begin.reshape(first.shape).astype(np.float32), self.apply(values)])
+
+
+def _stationary_start(covariance: Floats) -> Floats:
+    """Inverse Cholesky factor [n, n] of the Toeplitz matrix of autocovariances [n].
+
+    Counts that differ from lag to lag may make the matrix indefinite: its eigenvalues are bounded from below.
+    """
+    values, vectors = np.linalg.eigh(toeplitz(covariance))
+    matrix = (vectors * np.maximum(values, 1e-4 * values[-1])) @ vectors.T
+    return np.asarray(solve_triangular(cholesky(matrix, lower=True), np.eye(len(covariance)), lower=True))
 
 
 def autocorrelation(residuals: list[Floats], lags: int) -> Floats:

@@ -22,7 +22,7 @@ def transient(design: Design, finding: Finding, gate: Floats) -> bool:
     acting = _acting(design, finding)
     if acting is None:
         return False
-    own = [acting[part.segment][part.rows] for part, open_ in zip(design.parts, gate, strict=True) if open_]
+    own = [acting[part.segment][part.own] for part, open_ in zip(design.parts, gate, strict=True) if open_]
     return bool(np.concatenate(own).mean() < THRESHOLDS.event_share)
 
 
@@ -38,7 +38,7 @@ def without_rows_of(design: Design, findings: list[Finding]) -> Design:
             continue
         for number, part in enumerate(design.parts):
             # rows before the block count too: the first white rows depend on them
-            touched = binary_dilation(acting[part.segment], reach)[part.rows][order:]
+            touched = binary_dilation(acting[part.segment], reach)[part.own]
             trusted[number] &= ~touched
     return design.with_trusted(tuple(trusted))
 

@@ -13,7 +13,7 @@ from acqd.discrepancy.regression.design_columns import Candidate
 from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.gram import Competition, Places, Regression
 from acqd.discrepancy.thresholds import THRESHOLDS
-from acqd.numerics import solve_scaled_ridge
+from acqd.numerics import quadratic_form, solve_scaled_ridge
 
 _RIDGE = 1e-8
 
@@ -125,9 +125,8 @@ def chance(regression: Regression, gate: Floats, candidates: list[Candidate], se
             continue
         E = scores[:, own] if candidate.mix is None else scores[:, own] @ candidate.mix
         V = E.T @ E + THRESHOLDS.score_ridge * schur
-        u = signs @ E
-        statistic = np.einsum("dk,dk->d", u, np.linalg.solve(V, u.T).T)
-        largest = np.maximum(largest, -chi2.logsf(statistic, E.shape[1]))
+        statistic, rank = quadratic_form(V, signs @ E)
+        largest = np.maximum(largest, -chi2.logsf(statistic, rank))
     return largest
 
 
@@ -189,8 +188,8 @@ def _consistency(design: Design, gate: Floats, candidate: Candidate, agreement: 
 def _surprise(E: Floats, schur: Floats) -> float:
     """-log p of the score test with the blocks' own covariance; E [blocks, k] are their scores."""
     V = E.T @ E + THRESHOLDS.score_ridge * schur
-    u = E.sum(axis=0)
-    return float(-chi2.logsf(u @ np.linalg.solve(V, u), len(u)))
+    statistic, rank = quadratic_form(V, E.sum(axis=0))
+    return float(-chi2.logsf(float(statistic), rank))
 
 
 def _held_out(

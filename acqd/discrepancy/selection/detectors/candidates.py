@@ -150,10 +150,16 @@ def residuals_of(design: Design, regression: Regression, omit: str = "") -> list
     outside = [c.block_intercept or (bool(omit) and c.owner == omit) for c in regression.columns]
     beta = np.where(outside, 0.0, beta)
     residuals = [residual.copy() for residual in design.columns.residual]
+    inside: dict[int, tuple[int, int]] = {}
     for number, part in enumerate(design.parts):
+        first, last = inside.get(part.segment, (part.rows.start, part.rows.stop))
+        inside[part.segment] = min(first, part.rows.start), max(last, part.rows.stop)
         values = design.values(part.segment, regression.places, part.rows)
         measured = design.columns.residual[part.segment][part.rows]
         residuals[part.segment][part.rows] = measured - values @ (beta * regression.gates[:, number])
+    for segment, (first, last) in inside.items():  # rows of unknown motion take the residual of their neighbours
+        residuals[segment][:first] = residuals[segment][first]
+        residuals[segment][last:] = residuals[segment][last - 1]
     return residuals
 
 

@@ -64,6 +64,12 @@ def search(
 ) -> States | None:
     """The likeliest states of residuals [T] W per segment; None if no switching pays its price."""
     shapes = shapes or [np.ones(len(each)) for each in residuals]
+    lost = len(whitener.taps) - 1
+    long = [k for k, each in enumerate(residuals) if len(each) > 2 * lost]  # in shorter segments the load stays off
+    if not long:
+        return None
+    everywhere = residuals
+    residuals, shapes = [residuals[k] for k in long], [shapes[k] for k in long]
     white = [_prepared(each, shape, whitener) for each, shape in zip(residuals, shapes, strict=True)]
     unit = whitener.innovation / max(float(np.sqrt(np.mean(np.concatenate(shapes) ** 2))), 1e-9)
     starts = [sign * size * unit for size in _SIZES for sign in signs]
@@ -74,8 +80,9 @@ def search(
                 best = found
     if best is None:
         return None
-    lost = len(whitener.taps) - 1
-    on = [np.concatenate([np.full(lost, path[0]), path]) for path in best.paths]
+    on = [np.zeros(len(each), dtype=bool) for each in everywhere]
+    for k, path in zip(long, best.paths, strict=True):
+        on[k] = np.concatenate([np.full(lost, path[0]), path])
     states = States(on, best.size, best.gain)
     return states if THRESHOLDS.switching_rarest < states.share < 1 - THRESHOLDS.switching_rarest else None
 
