@@ -6,7 +6,7 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.models.effects.scene import Scene
-from acqd.robot.newton_euler import Frames, frames, joint_torque, weight_torque
+from acqd.robot.newton_euler import Chain, Frames, frames, joint_torque, weight_torque
 
 GRAVITY = 9.81
 
@@ -36,6 +36,36 @@ def point_mass_power(scene: Scene, reach_m: float) -> Floats:
         scene.computed["point_mass"] = polynomial
     constant, linear, square = scene.computed["point_mass"]
     return np.asarray(constant + reach_m * linear + reach_m**2 * square)
+
+
+def first_moment_power(scene: Scene, reach_m: float) -> Floats:
+    """[N, 2] W per kg m of first moment beside the flange's axis, `reach_m` beyond the flange.
+
+    The derivative of a point mass with respect to a shift along each of `across_flange`.
+    """
+    key = f"first_moments {reach_m:.9g}"
+    if key not in scene.moved:
+        scene.moved[key] = [_last_link_torque(scene, body) for body in first_moments(scene.model.chain, reach_m)]
+    return np.column_stack([torque_power(scene, torque) for torque in scene.moved[key]])
+
+
+def first_moments(chain: Chain, reach_m: float) -> Floats:
+    """[2, 10] inertial parameters per kg m of first moment beside the flange's axis."""
+    place = chain.beyond_flange(reach_m)
+    # a point mass is quadratic in its place: central differences are exact
+    return np.array([(point_mass(place + u) - point_mass(place - u)) / 2 for u in across_flange(chain)])
+
+
+def across_flange(chain: Chain) -> Floats:
+    """[2, 3] two unit vectors at right angles to the flange's axis, in the last joint's frame.
+
+    The first one lies in the plane of the flange's axis and that axis of the frame which it resembles least.
+    """
+    along = chain.tip[1]
+    start = np.eye(3)[int(np.argmin(np.abs(along)))]
+    first = start - (start @ along) * along
+    first /= np.linalg.norm(first)
+    return np.array([first, np.cross(along, first)])
 
 
 def point_mass(place: Floats) -> Floats:

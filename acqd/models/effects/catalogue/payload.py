@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.models.effects.bodies import point_mass, point_mass_power
+from acqd.models.effects.bodies import first_moment_power, first_moments, point_mass, point_mass_power
 from acqd.models.effects.effect import Effect
 from acqd.models.effects.places import Parameter, Place, Shape
 from acqd.models.effects.scene import Scene
@@ -16,7 +16,7 @@ from acqd.models.greybox.model import GreyBox
 
 
 class Payload(Effect):
-    """A mass on the flange's axis: always, or while the tool is on."""
+    """A body at the flange: always, on or beside the flange's axis, or while the tool is on."""
 
     id = "payload"
     summary = "the arm carries a mass that the model does not know"
@@ -31,22 +31,37 @@ class Payload(Effect):
     last_link_torque_lanes(&p->posture, body, torque);
     for (int k = 0; k < AXES; k++)
         torque[k] *= mass;
+    for (int side = 0; side < 2; side++) {
+        lanes_t moment[AXES];
+        if (c[2 + side] == 0.0)
+            continue;
+        last_link_torque_lanes(&p->posture, first_moment[side], moment);
+        for (int k = 0; k < AXES; k++)
+            torque[k] += c[2 + side] * moment[k];
+    }
     """
 
     def at(self, scene: Scene, shape: Shape) -> Floats:
-        """[N, 1 or 2] W/kg: always, and while the tool is on if the recording has a tool signal."""
+        """[N, 4] W/kg always and while the tool is on (0 without a tool signal), 2 W/(kg m) beside the axis."""
         always = point_mass_power(scene, shape["centre_of_mass_m"])
-        return np.column_stack([always, *([always * scene.signals["tool"]] if "tool" in scene.signals else [])])
+        tool = scene.signals.get("tool", np.zeros(len(always)))
+        return np.column_stack([always, always * tool, first_moment_power(scene, shape["centre_of_mass_m"])])
 
     def places(self, scene: Scene) -> Iterator[Place]:
-        """The flange, always or with the tool."""
+        """The flange: on its axis, beside its axis, or on its axis with the tool."""
         yield Place("flange", (0,), (Parameter("mass", "kg"),))
+        moments = tuple(Parameter(f"first moment {side}", "kg m") for side in "xy")
+        yield Place("flange, beside its axis", (0, 2, 3), (Parameter("mass", "kg"), *moments))
         if "tool" in scene.signals:
             yield Place("flange, while the tool is on", (1,), (Parameter("mass", "kg"),))
 
     def c_constants(self, carrier: GreyBox, shape: Shape) -> dict[str, float | Floats]:
-        """Inertial parameters [10] of 1 kg."""
-        return {"body": point_mass(carrier.chain.beyond_flange(shape["centre_of_mass_m"]))}
+        """Inertial parameters [10] of 1 kg, and [2, 10] of 1 kg m beside the axis."""
+        reach_m = shape["centre_of_mass_m"]
+        return {
+            "body": point_mass(carrier.chain.beyond_flange(reach_m)),
+            "first_moment": first_moments(carrier.chain, reach_m),
+        }
 
     def signals_of(self, columns: Sequence[int]) -> set[str]:
         """The tool, for the mass that comes and goes with the tool."""
