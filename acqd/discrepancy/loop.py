@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from acqd.arrays import Floats
 from acqd.discrepancy.config import CloseConfig
-from acqd.discrepancy.joint_torque import JointTorque, joint_torque
+from acqd.discrepancy.joints.summary import JointLevel, joint_level
 from acqd.discrepancy.recordings import Subject, subject_of
 from acqd.discrepancy.regression.setup import Question, set_up
 from acqd.discrepancy.repair.guard import Improved, improve
@@ -41,7 +41,7 @@ class Closed:
     """Where the noise floor was measured."""
     reference_rmse: float | None
     """W: error of the same model on the reference recordings."""
-    joints: JointTorque | None
+    joints: JointLevel | None
     verdict: Verdict
     stages: frozenset[Stage]
     """Stages that ran."""
@@ -79,7 +79,7 @@ def close_loop(config: CloseConfig, progress: Progress) -> Closed:
         subject=subject, tracing=tracing, improved=improved, before=quality(errors_before),
         after=quality(improved.errors), errors_before=errors_before, floor_W=floor_W, floor_source=floor_source,
         reference_rmse=rms(errors_of(subject.model, subject.reference)) if subject.reference else None,
-        joints=joint_torque(subject), verdict=_verdict(subject, tracing, improved), stages=_stages(subject),
+        joints=joint_level(tracing.witness), verdict=_verdict(subject, tracing, improved), stages=_stages(subject),
         notes=[*subject.notes, *_notes(improved)],
     )  # fmt: skip
 

@@ -262,10 +262,32 @@ class Thresholds:
         0.5, "-", "verdict", "choice", "with less confidence, two effects cannot be distinguished"
     )
     # logged joint torques
-    torque_significance: float = _threshold(
-        6.0, "standard errors", "joints", "study", "significance of a shift of logged torques against the reference"
+    stick_rad_s: float = _threshold(
+        0.03, "rad/s", "joints", "physics", "a slower joint may stick, and its motor carries any torque up to breakaway"
     )
-    torque_least_Nm: float = _threshold(0.3, "Nm", "joints", "physics", "least shift of a logged torque")
+    joint_least_rows: int = _threshold(12, "rows", "joints", "choice", "shortest run of motion of a joint")
+    joint_noise_order: int = _threshold(10, "rows", "joints", "choice", "order of the noise model of a joint's torque")
+    joint_longest_s: float = _threshold(
+        1200.0, "s", "joints", "choice", "longest duration of logged torques of one side that is used"
+    )
+    friction_spread: float = _threshold(
+        0.15, "-", "joints", "study", "relative standard deviation of friction from session to session (UR10e)"
+    )
+    usual_dispersion: float = _threshold(
+        30.0, "-", "joints", "study", "mean square of z in unchanged sessions (UR10e), before sessions were compared"
+    )
+    few_sessions: float = _threshold(
+        3.0, "sessions", "joints", "choice", "weight of usual values against the spread of the reference sessions"
+    )
+    torque_least_Nm: float = _threshold(
+        0.3, "Nm", "joints", "physics", "least RMS difference of a logged torque that is called a change"
+    )
+    joint_growth: float = _threshold(
+        1.5, "-", "joints", "choice", "a joint has changed if its RMS difference has grown by this factor"
+    )
+    joint_evidence: float = _threshold(
+        12.0, "twice log-likelihood ratio", "joints", "convention", "logged torques show an effect (p < 0.001)"
+    )
     # sequential test
     cusum_block_s: float = _threshold(10.0, "s", "monitor", "study", "duration of a block of the charts")
     cusum_clip: float = _threshold(

@@ -23,7 +23,6 @@ from acqd.models.greybox.model import GreyBox
 from acqd.models.segments import Segment
 from acqd.robot.arm import Arm
 
-
 EDGE_ROWS = RADIUS + 1
 """Rows at the begin of a segment whose power may belong to motion before the log."""
 
@@ -45,6 +44,8 @@ class Candidate:
     """Parameters charged for the detection."""
     key: str = ""
     """Identity within a design; equal keys are the same hypothesis."""
+    fitted: Variant | None = None
+    """With a fitted shape, and columns as in `Effect.at`; None: a scanned shape."""
 
     @property
     def size(self) -> int:

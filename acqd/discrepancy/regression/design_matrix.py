@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acqd.arrays import Floats
-from acqd.discrepancy.regression.design_columns import DesignColumns, Part
+from acqd.discrepancy.joints.observations import session_of
+from acqd.discrepancy.joints.witness import Information, Witness
+from acqd.discrepancy.regression.design_columns import Candidate, DesignColumns, Part
 from acqd.discrepancy.regression.gram import Blocks, Gram, Places
 from acqd.discrepancy.residual.whitening import Whitener
 from acqd.discrepancy.thresholds import THRESHOLDS
@@ -33,6 +35,8 @@ class Design:
     """[T, e] per segment: columns that were added to the design's own."""
     added_white: tuple[NDArray[np.float32], ...] = ()
     """[rows, e] per block."""
+    witness: Witness | None = None
+    """Logged joint torques, if there are any on both sides."""
 
     @classmethod
     def of(cls, columns: DesignColumns, whitener: Whitener, slow_whitener: Whitener | None = None) -> Design:
@@ -61,6 +65,18 @@ class Design:
         values[:, ~added] = own[:, places[~added]]
         values[:, added] = more[:, places[added] - y - 1]
         return values
+
+    def at_joints(self, candidate: Candidate, weights: Floats) -> Information | None:
+        """What logged torques say about a candidate; `weights` [blocks]: how often a block counts. None: nothing."""
+        witness, variant = self.witness, candidate.fitted or candidate.variant
+        if witness is None or variant is None or candidate.detected or not witness.sees(candidate.id):
+            return None
+        shares: dict[str, list[float]] = {}
+        for part, weight in zip(self.parts, weights, strict=True):
+            if part.in_question:
+                shares.setdefault(session_of(part.recording), []).append(float(weight))
+        sessions = {name: float(np.mean(each)) for name, each in shares.items()}
+        return witness.information(candidate.id, variant, sessions, scanned=candidate.fitted is None)
 
     def with_trusted(self, trusted: tuple[NDArray[np.bool_], ...]) -> Design:
         """With other trusted rows; all Gram matrices are computed again."""

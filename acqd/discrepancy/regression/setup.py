@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from acqd.arrays import Floats
+from acqd.discrepancy.joints.witness import Witness
 from acqd.discrepancy.regression.design_columns import EDGE_ROWS, DesignColumns, design_columns
 from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.gram import Column, Regression
@@ -68,6 +69,7 @@ def set_up(question: Question, progress: Callable[[float], None]) -> Setup:
     left = _left_by_everything(design, base, noise_weights)
     design = Design.of(columns, Whitener.of(left), Whitener.of(left, 3 * THRESHOLDS.noise_order))
     design = _without_outliers(design, base, bool(question.reference))
+    design = replace(design, witness=Witness.of(question.model, arm, segments, columns.scenes))
     common = _common(design) if question.reference else []
     free = [*base, *(Column(k, everywhere) for k in common), *block_intercepts(columns, noise_weights)]
     return Setup(design, Regression(design.blocks, free), onset_gates(list(columns.parts)))

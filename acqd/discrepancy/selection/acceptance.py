@@ -35,9 +35,12 @@ class View:
 
 
 def worth(finding: Finding) -> float:
-    """Order of findings: the smaller one of evidence and held-out gain; less for detected effects."""
+    """Order of findings: the smaller one of evidence and held-out gain; less for detected effects.
+
+    Logged torques are a witness of their own: their part counts on both sides.
+    """
     factor = THRESHOLDS.detected_worth if finding.candidate.detected else 1.0
-    return min(finding.evidence, finding.supported().held_out) / factor
+    return min(finding.evidence, finding.supported().held_out + finding.at_joints) / factor
 
 
 def credible(view: View, finding: Finding, limit: float) -> bool:
@@ -46,7 +49,7 @@ def credible(view: View, finding: Finding, limit: float) -> bool:
     return (
         finding.evidence > _least_evidence(view, finding)
         and relevant(view.design, finding)
-        and (support.surprise > limit or _unanimous(finding))
+        and (support.surprise > limit or _unanimous(finding) or finding.at_joints > THRESHOLDS.joint_evidence)
         and support.held_out > 0
         and support.plain > -THRESHOLDS.plain_errors * support.plain_error
         and support.consistency >= THRESHOLDS.consistent_share

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
+from acqd.discrepancy.joints.witness import Witness
 from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.gram import Column, Regression
 from acqd.discrepancy.regression.onset import Gate
@@ -27,6 +28,8 @@ class Named:
     """The best finding of every other effect, given the effects before."""
     regression: Regression
     """What the effect competed with."""
+    witness: Witness | None = None
+    """Logged torques, given the effects before."""
 
     @property
     def id(self) -> str:
@@ -59,6 +62,8 @@ class Tracing:
     """With the columns of the accepted effects."""
     regression: Regression
     """The base model and all accepted effects."""
+    witness: Witness | None = None
+    """Logged torques before any effect."""
     verdict: Verdict = "nothing_left"
     effects: list[Named] = field(default_factory=list)
     unknown: Unknown | None = None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import chi2
@@ -51,6 +51,8 @@ class Finding:
     """Reduction of the white squared error."""
     evidence: float
     """The drop minus k log n, what k free coefficients explain by chance (BIC, Schwarz 1978)."""
+    at_joints: float = 0.0
+    """Part of the drop that logged torques contribute; negative where they contradict the power."""
     support: Support | None = None
     """None: not computed, the candidate was ranked on pooled recordings only."""
 
@@ -81,9 +83,8 @@ def rank(design: Design, regression: Regression, gate: Floats, candidates: list[
     competition = regression.compete(contest.used, gate)
     scores = regression.scores(competition, contest.used, gate)
     gains, plain = _held_out(design, regression, gate, contest, candidates)
-    rows = float((design.blocks.rows * gate).sum())
     findings = []
-    for number, schur, finding in _pooled(contest, competition, candidates, rows):
+    for number, schur, finding in _pooled(design, contest, competition, candidates, gate):
         candidate = finding.candidate
         own = scores[:, contest.owns[number]]
         own = own if candidate.mix is None else own @ candidate.mix
@@ -93,7 +94,7 @@ def rank(design: Design, regression: Regression, gate: Floats, candidates: list[
             plain_error=float(plain[number].std() * np.sqrt(len(plain[number]))), acting=acting,
             consistency=consistency, surprise=_surprise(own, schur),
         )  # fmt: skip
-        findings.append(Finding(candidate, finding.coefficients, finding.drop, finding.evidence, support))
+        findings.append(replace(finding, support=support))
     return sorted(findings, key=lambda finding: -finding.evidence)
 
 
@@ -103,8 +104,8 @@ def rank_pooled(
     """The ranking without support; `weights` [blocks] as in `Regression.compete`."""
     contest = _Contest.of(candidates)
     competition = regression.compete(contest.used, gate, weights)
-    rows = float((design.blocks.rows * gate).sum())
-    findings = [finding for _, _, finding in _pooled(contest, competition, candidates, rows)]
+    counted = gate if weights is None else gate * weights
+    findings = [finding for _, _, finding in _pooled(design, contest, competition, candidates, counted)]
     return sorted(findings, key=lambda finding: -finding.evidence)
 
 
@@ -136,19 +137,28 @@ def solve_part(schur: Floats, products: Floats) -> Floats:
 
 
 def _pooled(
-    contest: _Contest, competition: Competition, candidates: list[Candidate], rows: float
+    design: Design, contest: _Contest, competition: Competition, candidates: list[Candidate], weights: Floats
 ) -> Iterator[tuple[int, Floats, Finding]]:
-    """Index, Schur complement and finding of candidates that act and have physically possible coefficients."""
+    """Index, Schur complement and finding of candidates that act and have physically possible coefficients.
+
+    `weights` [blocks]. The Schur complement is that of the power; coefficients and evidence are those of power and
+    logged torques together, two independent witnesses of the same parameters.
+    """
+    rows = float((design.blocks.rows * (weights > 0)).sum())
     for number, (candidate, own) in enumerate(zip(candidates, contest.owns, strict=True)):
         schur, products = _part(competition.schur, competition.products, own, candidate)
         if not _acts(schur):
             continue
-        coefficients = solve_part(schur, products)
-        if not _possible(candidate, coefficients, schur):
+        at_joints = design.at_joints(candidate, weights)
+        both = schur if at_joints is None else schur + at_joints.precision
+        projected = products if at_joints is None else products + at_joints.product
+        coefficients = solve_part(both, projected)
+        if not _possible(candidate, coefficients, both):
             continue
-        drop = float(products @ coefficients)
+        drop = float(projected @ coefficients)
         evidence = drop - (candidate.size + candidate.cost) * np.log(rows)
-        yield number, schur, Finding(candidate, coefficients, drop, float(evidence))
+        joints = 0.0 if at_joints is None else at_joints.gain(coefficients)
+        yield number, schur, Finding(candidate, coefficients, drop, float(evidence), joints)
 
 
 def _part(schur: Floats, products: Floats, own: Places, candidate: Candidate) -> tuple[Floats, Floats]:

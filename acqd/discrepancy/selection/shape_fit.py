@@ -72,10 +72,12 @@ def fit_shape(
     design, places = design.with_columns(columns(shape))
     own_place = Place(place.where, tuple(range(len(places))), place.parameters)
     own = replace(
-        candidate, places=places, variant=Variant(own_place, own_place.columns, shape), detected=False, cost=0.0
-    )
+        candidate, places=places, variant=Variant(own_place, own_place.columns, shape), detected=False, cost=0.0,
+        fitted=Variant(place, place.columns, shape),
+    )  # fmt: skip
     if shape and effect.bounds:
         design, shape = _searched(design, regression, gate, own, columns, finding.drop)
+        own = replace(own, fitted=Variant(place, place.columns, shape))
     found = rank_pooled(design, regression.on(design.blocks), gate, [own])
     for _ in range(_SECANT_ITERATIONS if effect.acts_on == "torque" else 0):
         if found:
@@ -98,7 +100,8 @@ def _searched(
 
     def negative_drop(trial: float) -> float:
         changed = design.with_replaced(own.places, columns({name: trial}))
-        found = rank_pooled(changed, regression.on(changed.blocks), gate, [own])
+        at_trial = replace(own, fitted=Variant(columns.place, columns.place.columns, {name: trial}))
+        found = rank_pooled(changed, regression.on(changed.blocks), gate, [at_trial])
         return -found[0].drop if found else 0.0
 
     best = minimize_scalar(negative_drop, bounds=(low, high), method="bounded", options={"maxiter": _EVALUATIONS})

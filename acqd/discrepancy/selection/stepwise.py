@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -42,7 +42,7 @@ class _Winner:
 def trace(setup: Setup, limits: Limits, progress: Callable[[str], None]) -> Tracing:
     """Select effects one after the other."""
     regression = _without_small_clock(setup)
-    tracing = Tracing(setup.design, setup.regression)
+    tracing = Tracing(setup.design, setup.regression, setup.design.witness)
     while len(tracing.effects) < limits.max_effects:
         progress(f"looking for effect {len(tracing.effects) + 1}")
         step = _Step(tracing, regression, setup.gates, limits)
@@ -173,10 +173,17 @@ class _Step:
         gate = self._gates[0] if candidate.detected else winner.gate
         detection = self._detections.get(candidate.key)
         fitted = fit_shape(tracing.design, self._regression, gate.open, winner.finding, detection)
-        tracing.design = fitted.design
+        before = tracing.design.witness
+        found = fitted.finding.candidate
+        if before is not None and found.fitted is not None and before.sees(found.id):
+            tracing.design = replace(fitted.design, witness=before.given(found.id, found.fitted))
+        else:
+            tracing.design = fitted.design
         assert candidate.variant is not None
         shape = fitted.shape | library()[candidate.id].fixed_shape(tracing.design.columns.scenes)
-        return Named(fitted.finding, gate, candidate.variant.place, shape, winner.alternatives, self._regression)
+        return Named(
+            fitted.finding, gate, candidate.variant.place, shape, winner.alternatives, self._regression, before
+        )
 
 
 def _best_of_each(named: list[Finding], best: Finding) -> list[Finding]:
@@ -195,7 +202,8 @@ def _prune(tracing: Tracing) -> None:
         if len(tracing.effects) < 2:
             return
         without = tracing.regression.without(named.key)
-        again = rank_pooled(tracing.design, without, named.gate.open, [named.finding.candidate])
+        design = replace(tracing.design, witness=named.witness)
+        again = rank_pooled(design, without, named.gate.open, [named.finding.candidate])
         if not again or again[0].evidence < THRESHOLDS.least_evidence:
             tracing.effects = [other for other in tracing.effects if other.key != named.key]
             tracing.regression = without

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from acqd.arrays import Floats
@@ -18,7 +20,7 @@ _SHOWN = 3  # alternatives in a report
 
 def confidence(tracing: Tracing, named: Named, seed: int) -> tuple[float, list[tuple[str, float]]]:
     """Share of resampled sets of recordings in which the effect explains most, and the shares of its alternatives."""
-    design, regression = tracing.design, named.regression.on(tracing.design.blocks)
+    design, regression = replace(tracing.design, witness=named.witness), named.regression.on(tracing.design.blocks)
     others = named.alternatives[: THRESHOLDS.contenders]
     candidates = [finding.candidate for finding in (named.finding, *others)]
     first = dict.fromkeys([candidate.id for candidate in candidates], 0)
@@ -49,14 +51,14 @@ def intervals(tracing: Tracing, named: Named) -> tuple[Floats, Floats]:
 
     Delete-one-recording jackknife (Tukey 1958), and at least the width for white noise.
     """
-    design, regression = tracing.design, tracing.regression.without(named.key)
+    design, regression = replace(tracing.design, witness=named.witness), tracing.regression.without(named.key)
     candidate = named.finding.candidate
-    whole, variance = _fit(regression, candidate, named.gate, np.ones(len(design.parts)))
+    whole, variance = _fit(design, regression, candidate, named.gate, np.ones(len(design.parts)))
     names = sorted({part.recording for part, open_ in zip(design.parts, named.gate.open, strict=True) if open_})
     left = []
     for name in names:
         weights = np.array([float(part.recording != name) for part in design.parts])
-        left.append(_fit(regression, candidate, named.gate, weights)[0])
+        left.append(_fit(design, regression, candidate, named.gate, weights)[0])
     spread = np.zeros_like(whole)
     if len(left) >= THRESHOLDS.jackknife_fewest:
         deviations = np.array(left) - np.mean(left, axis=0)
@@ -64,7 +66,12 @@ def intervals(tracing: Tracing, named: Named) -> tuple[Floats, Floats]:
     return whole, THRESHOLDS.interval_width * np.sqrt(spread + variance)
 
 
-def _fit(regression: Regression, candidate: Candidate, gate: Gate, weights: Floats) -> tuple[Floats, Floats]:
+def _fit(
+    design: Design, regression: Regression, candidate: Candidate, gate: Gate, weights: Floats
+) -> tuple[Floats, Floats]:
     competition = regression.compete(candidate.places, gate.open, weights)
-    coefficients = solve_part(competition.schur, competition.products)
-    return coefficients, np.diag(np.linalg.pinv(competition.schur))
+    schur, products = competition.schur, competition.products
+    at_joints = design.at_joints(candidate, gate.open * weights)
+    if at_joints is not None:
+        schur, products = schur + at_joints.precision, products + at_joints.product
+    return solve_part(schur, products), np.diag(np.linalg.pinv(schur))

@@ -43,10 +43,13 @@ def first_moment_power(scene: Scene, reach_m: float) -> Floats:
 
     The derivative of a point mass with respect to a shift along each of `across_flange`.
     """
-    key = f"first_moments {reach_m:.9g}"
-    if key not in scene.moved:
-        scene.moved[key] = [_last_link_torque(scene, body) for body in first_moments(scene.model.chain, reach_m)]
-    return np.column_stack([torque_power(scene, torque) for torque in scene.moved[key]])
+    if "first_moments" not in scene.moved:  # linear in the reach: two samples determine them
+        bodies = [body for reach in (0.0, 1.0) for body in first_moments(scene.model.chain, reach)]
+        scene.moved["first_moments"] = [_last_link_torque(scene, body) for body in bodies]
+    if "first_moments" not in scene.computed:
+        scene.computed["first_moments"] = [torque_power(scene, torque) for torque in scene.moved["first_moments"]]
+    x, y, x_beyond, y_beyond = scene.computed["first_moments"]
+    return np.column_stack([x + reach_m * (x_beyond - x), y + reach_m * (y_beyond - y)])
 
 
 def first_moments(chain: Chain, reach_m: float) -> Floats:

@@ -33,6 +33,8 @@ class Effect(ABC):
     neighbours: ClassVar[tuple[str, ...]] = ()
     """Ids of effects that are easily confused with this one."""
     acts_on: ClassVar[ActsOn] = "load"
+    at_link: ClassVar[bool] = False
+    """A torque that a sensor behind the gear sees too; friction is before the gear."""
     needs: ClassVar[tuple[str, ...]] = ()
     """Signals or channels without which the effect cannot be observed."""
     predictable: ClassVar[bool] = True

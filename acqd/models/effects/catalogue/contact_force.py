@@ -25,6 +25,7 @@ class ContactForce(Effect):
     equation = "tau = -J(q)^T F while in contact"
     neighbours = ("process_load", "payload")
     experiment = "log the joint torques, or the times of contact"
+    at_link = True
     predictable = False
     structural = False
     detected = "contact"

@@ -26,6 +26,7 @@ class GravityBias(Effect):
     neighbours = ("payload",)
     experiment = "hold ten postures for ten seconds each, and move each joint alone through the vertical"
     acts_on = "torque"
+    at_link = True
     c_body = """
     for (int link = 1; link < AXES; link++) {
         lanes_t weight[AXES];

@@ -1,0 +1,1 @@
+"""Logged joint torques or motor currents as a second witness beside the power."""

@@ -1,0 +1,117 @@
+"""Joint torques as columns: measured, of the base model, and of effects; per row, as means over the substeps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from acqd.arrays import Floats
+from acqd.models.effects.effect import Effect
+from acqd.models.effects.places import Shape
+from acqd.models.effects.scene import Scene
+from acqd.models.effects.substeps import averaged
+from acqd.models.greybox.model import direction
+from acqd.models.segments import Segment
+from acqd.robot.arm import Arm
+from acqd.robot.description import RobotDescription
+from acqd.robot.dynamics import inertial_parameters, regressor
+
+Side = Literal["link", "motor"]
+"""A torque sensor behind the gear sees the link; a motor current sees friction and rotor too."""
+
+
+def side_of(segments: list[Segment]) -> Side | None:
+    """Where all segments have a torque; None if some have none."""
+    if segments and all(segment.tau is not None for segment in segments):
+        return "link"
+    if segments and all(_complete(segment.channels.get("current")) for segment in segments):
+        return "motor"
+    return None
+
+
+def _complete(current: Floats | None) -> bool:
+    return current is not None and bool(np.isfinite(current).all()) and bool(np.abs(current).max(initial=0.0) > 0)
+
+
+def measured_torque(segment: Segment, side: Side, robot: RobotDescription) -> Floats:
+    """[T, axes] Nm: logged, or motor current times the nominal torque constant at the output."""
+    if side == "link":
+        assert segment.tau is not None
+        return segment.tau
+    constant = [joint.drive.torque_constant_Nm_A * joint.drive.gear_ratio for joint in robot.joint]
+    return np.asarray(segment.channels["current"] * np.array(constant))
+
+
+@dataclass(frozen=True, slots=True)
+class BaseLayout:
+    """Places of the base model's parameters: inertial, zero of every sensor, and on the motor side friction."""
+
+    axes: int
+    side: Side
+
+    @property
+    def size(self) -> int:
+        """Number of parameters."""
+        return (11 if self.side == "link" else 15) * self.axes
+
+    def place(self, group: str) -> slice:
+        """inertial, offset; on the motor side also coulomb, viscous, rotor and load (load-dependent friction)."""
+        first = 10 * self.axes
+        if group == "inertial":
+            return slice(0, first)
+        number = ("offset", "coulomb", "viscous", "rotor", "load").index(group)
+        return slice(first + number * self.axes, first + (number + 1) * self.axes)
+
+    @property
+    def of_a_session(self) -> slice:
+        """Parameters that differ from session to session: zeros, and friction (temperature, grease)."""
+        return slice(10 * self.axes, (11 if self.side == "link" else 13) * self.axes)
+
+    def prior(self, arm: Arm) -> tuple[Floats, Floats]:
+        """Mean and standard deviation [size], from the description; wide where the description says nothing."""
+        robot = arm.description
+        torque = np.array([joint.torque_Nm for joint in robot.joint])
+        mean, deviation = np.zeros(self.size), np.zeros(self.size)
+        inertial = inertial_parameters(arm)
+        mean[self.place("inertial")] = inertial
+        mass = np.repeat(inertial[::10], 10)
+        deviation[self.place("inertial")] = 0.25 * np.abs(inertial) + 0.03 * mass + 1e-6
+        deviation[self.place("offset")] = 0.05 * torque
+        if self.side == "motor":
+            rotor = np.array([joint.drive.rotor_inertia_kgm2 for joint in robot.joint])
+            mean[self.place("rotor")], deviation[self.place("rotor")] = rotor, 0.5 * rotor + 0.01
+            deviation[self.place("coulomb")] = 0.3 * torque
+            deviation[self.place("viscous")] = 0.5 * torque
+            deviation[self.place("load")] = 0.2
+        return mean, deviation
+
+
+def base_columns(arm: Arm, scene: Scene, layout: BaseLayout, inertial: Floats) -> Floats:
+    """[T, axes, size] Nm per unit; `inertial` [10 axes]: whose torque load-dependent friction follows."""
+    Y = averaged(regressor(arm, scene.q, scene.qd, scene.qdd))
+    X = np.zeros((scene.rows, scene.axes, layout.size))
+    X[:, :, layout.place("inertial")] = Y
+    own = np.arange(scene.axes)
+    X[:, own, layout.place("offset").start + own] = 1.0
+    if layout.side == "motor":
+        forward = averaged(direction(scene.qd))
+        X[:, own, layout.place("coulomb").start + own] = forward
+        X[:, own, layout.place("viscous").start + own] = averaged(scene.qd)
+        X[:, own, layout.place("rotor").start + own] = averaged(scene.qdd)
+        X[:, own, layout.place("load").start + own] = forward * np.abs(Y @ inertial)
+    return X
+
+
+def effect_columns(effect: Effect, scene: Scene, shape: Shape | None) -> Floats:
+    """[T, axes, k] Nm per unit of each parameter; `shape` None: of all shapes side by side."""
+    joints = []
+    for joint in range(scene.axes):
+        alone = scene.unit_torque(joint)
+        memory = dict(scene.memory)
+        columns = effect.columns(alone) if shape is None else effect.at(alone, shape)
+        scene.memory.clear()
+        scene.memory.update(memory)
+        joints.append(averaged(columns))
+    return np.stack(joints, axis=1)

@@ -1,0 +1,203 @@
+"""White rows of joint torques: runs of motion, their noise model, and sums of products per session."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from acqd.arrays import Floats
+from acqd.discrepancy.joints.columns import BaseLayout, base_columns, measured_torque, side_of
+from acqd.discrepancy.joints.sessions import Products, Session
+from acqd.discrepancy.residual.whitening import Whitener
+from acqd.discrepancy.thresholds import THRESHOLDS
+from acqd.models.effects.scene import Scene
+from acqd.models.effects.substeps import RADIUS, averaged
+from acqd.models.greybox.model import GreyBox
+from acqd.models.segments import Segment
+from acqd.numerics import runs_of_true
+from acqd.robot.arm import Arm
+
+_EDGE = RADIUS + 1
+_ANY_SIZE = 1e3
+"""Prior deviation of a selected effect's parameters: wide enough to be free."""
+
+
+def session_of(recording: str) -> str:
+    """The log that a recording is a piece of: friction and zeros are the same in all of its pieces."""
+    return re.sub(r"_p\d{3}$", "", recording)
+
+
+def runs_of_motion(speed: Floats, *, all_rows: bool) -> list[tuple[int, int]]:
+    """First row, and the row after the last, of runs of known motion of a joint with `speed` [T] rad/s.
+
+    A joint at rest sticks: its motor may carry any torque up to the breakaway torque, so that only moving rows say
+    something about the load (`all_rows`: a sensor behind the gear has no such rows).
+    """
+    known = np.ones(len(speed), dtype=bool) if all_rows else np.abs(speed) > THRESHOLDS.stick_rad_s
+    known[:_EDGE] = False
+    known[len(known) - RADIUS :] = False
+    return [(first, last) for first, last in runs_of_true(known) if last - first >= THRESHOLDS.joint_least_rows]
+
+
+@dataclass(frozen=True, slots=True)
+class JointRows:
+    """One joint in one segment."""
+
+    session: str
+    in_question: bool
+    segment: int
+    joint: int
+    runs: list[tuple[int, int]]
+    base: Floats
+    """[rows of all runs, b], not white."""
+    torque: Floats
+    """[rows of all runs] Nm."""
+
+    def of_runs(self, values: Floats) -> Floats:
+        """Rows of all runs from rows [T, ...] of the segment."""
+        return np.concatenate([values[first:last] for first, last in self.runs])
+
+    def split(self, values: Floats) -> list[Floats]:
+        """Values [rows of all runs, ...] per run."""
+        lengths = np.cumsum([last - first for first, last in self.runs])[:-1]
+        return list(np.split(values, lengths))
+
+    def white(self, whitener: Whitener, values: Floats) -> Floats:
+        """White rows; every run starts without a past."""
+        return np.concatenate([whitener.from_start(run) for run in self.split(values)]).astype(np.float64)
+
+
+@dataclass(frozen=True, slots=True)
+class Observed:
+    """Joint torques of all drawn segments, with the base model of the reference and a noise model per joint."""
+
+    layout: BaseLayout
+    rows: list[JointRows]
+    white: list[tuple[Floats, Floats]]
+    """Base columns and residual, white, of every element of `rows`."""
+    scenes: dict[int, Scene]
+    """By number of the segment."""
+    noise: list[Whitener]
+    """Per joint."""
+    mean: Floats
+    """[b] prior of the base model."""
+    deviation: Floats
+    beta: Floats
+    """[b] base model of the reference."""
+    ratio: float
+    """Logged torques relative to the model's torques: a drive gain or the supply's gain may be off by some percent."""
+
+    @classmethod
+    def of(
+        cls, model: GreyBox, arm: Arm, segments: list[tuple[Segment, bool]], scenes: Sequence[Scene]
+    ) -> Observed | None:
+        """`segments` with whether they are in question, and their scenes; None without torques on both sides."""
+        side = side_of([segment for segment, _ in segments])
+        if side is None:
+            return None
+        layout = BaseLayout(model.axes, side)
+        drawn = {number: scenes[number] for number in _drawn(segments, model.step_s)}
+        rows: list[JointRows] = []
+        for number, scene in drawn.items():
+            segment, in_question = segments[number]
+            X = base_columns(arm, scene, layout, model.group("inertial"))
+            torque = measured_torque(segment, side, arm.description)
+            speed = averaged(scene.qd)
+            for joint in range(model.axes):
+                runs = runs_of_motion(speed[:, joint], all_rows=side == "link")
+                if runs:
+                    each = JointRows(
+                        session_of(segment.recording), in_question, number, joint, runs, X[:0, joint], speed[:0]
+                    )
+                    rows.append(replace(each, base=each.of_runs(X[:, joint]), torque=each.of_runs(torque[:, joint])))
+        before = [each for each in rows if not each.in_question]
+        if not before or len(before) == len(rows):
+            return None
+        mean, deviation = layout.prior(arm)
+        beta = _base_fit(before, mean, deviation, None)
+        for _ in range(2):
+            noise = _noise_models(before, beta, layout.axes)
+            beta = _base_fit(before, mean, deviation, noise)
+        white = [
+            (each.white(noise[each.joint], each.base), each.white(noise[each.joint], each.torque - each.base @ beta))
+            for each in rows
+        ]
+        return cls(layout, rows, white, drawn, noise, mean, deviation, beta, _ratio(model, before, layout, beta))
+
+    def with_base_columns(self, columns: dict[int, Floats]) -> Observed:
+        """With more base columns [T, axes, k] Nm per segment: free in the recordings in question, else 0."""
+        rows, white = [], []
+        for each, (X, y) in zip(self.rows, self.white, strict=True):
+            more = each.of_runs(columns[each.segment][:, each.joint]) * each.in_question
+            rows.append(replace(each, base=np.column_stack([each.base, more])))
+            white.append((np.column_stack([X, each.white(self.noise[each.joint], more)]), y))
+        count = next(iter(columns.values())).shape[2]
+        wide = np.full(count, _ANY_SIZE)
+        return replace(
+            self, rows=rows, white=white, mean=np.append(self.mean, np.zeros(count)),
+            deviation=np.append(self.deviation, wide), beta=np.append(self.beta, np.zeros(count)),
+        )  # fmt: skip
+
+    def session(self, name: str) -> Session:
+        """Sums over the session's rows."""
+        base, residual = np.zeros((len(self.beta), len(self.beta))), np.zeros(len(self.beta))
+        in_question = False
+        for each, (X, y) in zip(self.rows, self.white, strict=True):
+            if each.session == name:
+                base += X.T @ X
+                residual += X.T @ y
+                in_question = each.in_question
+        return Session(name, in_question, base, residual)
+
+    def products(self, columns: dict[int, Floats]) -> dict[str, Products]:
+        """Per session, of columns [T, axes, k] Nm per segment."""
+        sums: dict[str, Products] = {}
+        for each, (X, y) in zip(self.rows, self.white, strict=True):
+            C = each.white(self.noise[each.joint], each.of_runs(columns[each.segment][:, each.joint]))
+            own = Products(C.T @ C, C.T @ X, C.T @ y)
+            sums[each.session] = sums[each.session] + own if each.session in sums else own
+        return sums
+
+
+def _drawn(segments: list[tuple[Segment, bool]], step_s: float) -> list[int]:
+    """Numbers of segments, evenly over each side, of at most `joint_longest_s` together."""
+    drawn: list[int] = []
+    for side in (False, True):
+        numbers = [number for number, (_, in_question) in enumerate(segments) if in_question == side]
+        seconds = sum(len(segments[number][0].P) for number in numbers) * step_s
+        every = max(1, math.ceil(seconds / THRESHOLDS.joint_longest_s))
+        drawn += numbers[::every]
+    return sorted(drawn)
+
+
+def _ratio(model: GreyBox, rows: list[JointRows], layout: BaseLayout, beta: Floats) -> float:
+    """Slope of the rigid-body torque of `beta` on that of the grey box, over all joints."""
+    inertial = layout.place("inertial")
+    logged = np.concatenate([each.base[:, inertial] @ beta[inertial] for each in rows])
+    modelled = np.concatenate([each.base[:, inertial] @ model.group("inertial") for each in rows])
+    return float(logged @ modelled / max(float(modelled @ modelled), 1e-9))
+
+
+def _base_fit(rows: list[JointRows], mean: Floats, deviation: Floats, noise: list[Whitener] | None) -> Floats:
+    """[b] parameters of the base model with a normal prior; `noise` per joint, None for rows of unit variance."""
+    A, b = np.diag(deviation**-2.0), mean * deviation**-2.0
+    for each in rows:
+        values = np.column_stack([each.base, each.torque])
+        values = values if noise is None else each.white(noise[each.joint], values)
+        A += values[:, :-1].T @ values[:, :-1]
+        b += values[:, :-1].T @ values[:, -1]
+    return np.asarray(np.linalg.solve(A, b))
+
+
+def _noise_models(rows: list[JointRows], beta: Floats, axes: int) -> list[Whitener]:
+    """Per joint, from the residuals of parameters `beta` [b]."""
+    models = []
+    for joint in range(axes):
+        own = [each for each in rows if each.joint == joint]
+        left = [run for each in own for run in each.split(each.torque - each.base @ beta)]
+        models.append(Whitener.of(left or [np.array([-1.0, 1.0] * 20)], THRESHOLDS.joint_noise_order))
+    return models

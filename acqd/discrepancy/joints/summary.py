@@ -1,0 +1,110 @@
+"""What the logged torques show, joint by joint, for the report."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from acqd.arrays import Floats
+from acqd.discrepancy.joints.witness import Witness
+from acqd.discrepancy.thresholds import THRESHOLDS
+from acqd.models.effects import library
+
+
+@dataclass(frozen=True, slots=True)
+class JointLevel:
+    """Logged torque minus the torque of the base model that was fitted to the reference's torques."""
+
+    measured_at: str
+    """link: torque sensors; motor: currents times the nominal torque constant."""
+    rms_reference: Floats
+    """[axes] Nm RMS in the reference."""
+    rms: Floats
+    """[axes] Nm RMS in the recordings in question."""
+    logged: list[Floats]
+    """Per joint: [rows] Nm of the recordings in question, while the joint moves."""
+    modelled: list[Floats]
+    """Per joint: [rows] Nm, the base model's torque in the same rows."""
+    explains: str
+    """Id of the mechanical effect that explains most of the difference; "" if none explains more than chance."""
+    evidence: float
+    """Twice its log-likelihood ratio against no change, minus k log n."""
+
+    @property
+    def changed(self) -> list[int]:
+        """Joints (from 1) whose difference has grown clearly against the reference."""
+        grown = self.rms > THRESHOLDS.joint_growth * self.rms_reference
+        return [int(k) + 1 for k in np.flatnonzero(grown & (self.rms > THRESHOLDS.torque_least_Nm))]
+
+    def as_text(self) -> str:
+        """A sentence for the report."""
+        source = "logged torques" if self.measured_at == "link" else "torques from the logged currents"
+        joints = ", ".join(
+            f"joint {k} by {self.rms[k - 1]:.2f} Nm RMS ({self.rms_reference[k - 1]:.2f} Nm in the reference)"
+            for k in self.changed
+        )
+        if self.explains:
+            where = f": {joints}" if joints else ""
+            return (
+                f"{source} show a mechanical change{where}; {self.explains} explains most of it "
+                f"(evidence {self.evidence:.0f})"
+            )
+        if joints:
+            return f"{source} have changed, and no mechanical effect of the library explains it: {joints}"
+        worst = int(np.argmax(self.rms / np.maximum(self.rms_reference, 1e-9)))
+        return (
+            f"{source} follow the reference's model as they did (at most {self.rms[worst]:.2f} Nm RMS at joint "
+            f"{worst + 1}, {self.rms_reference[worst]:.2f} Nm in the reference): they show no mechanical change"
+        )
+
+    def as_json(self) -> list[dict[str, float]]:
+        """One entry per joint."""
+        pairs = zip(self.rms_reference.tolist(), self.rms.tolist(), strict=True)
+        return [{"joint": k + 1, "rms_reference_Nm": before, "rms_Nm": now} for k, (before, now) in enumerate(pairs)]
+
+
+def joint_level(witness: Witness | None) -> JointLevel | None:
+    """None without torques on both sides."""
+    if witness is None:
+        return None
+    observed = witness.observed
+    axes = observed.layout.axes
+    logged: list[list[Floats]] = [[] for _ in range(axes)]
+    modelled: list[list[Floats]] = [[] for _ in range(axes)]
+    reference: list[list[Floats]] = [[] for _ in range(axes)]
+    for each in observed.rows:
+        predicted = each.base @ observed.beta
+        if each.in_question:
+            logged[each.joint].append(each.torque)
+            modelled[each.joint].append(predicted)
+        else:
+            reference[each.joint].append(each.torque - predicted)
+    now = [np.concatenate(parts) if parts else np.zeros(0) for parts in logged]
+    model = [np.concatenate(parts) if parts else np.zeros(0) for parts in modelled]
+    before = [np.concatenate(parts) if parts else np.zeros(0) for parts in reference]
+    explains, evidence = _best(witness, sum(len(values) for values in now))
+    return JointLevel(
+        observed.layout.side, _rms(before), _rms([a - b for a, b in zip(now, model, strict=True)]), now, model,
+        explains, evidence,
+    )  # fmt: skip
+
+
+def _rms(values: list[Floats]) -> Floats:
+    return np.array([float(np.sqrt(np.mean(np.square(each)))) if len(each) else 0.0 for each in values])
+
+
+def _best(witness: Witness, rows: int) -> tuple[str, float]:
+    """The effect with the largest evidence above the limit, and that evidence."""
+    scene = next(iter(witness.observed.scenes.values()))
+    weights = {session.name: 1.0 for session in witness.sessions if session.in_question}
+    best, most = "", float(THRESHOLDS.joint_evidence)
+    for effect_id, effect in library().items():
+        if not witness.sees(effect_id):
+            continue
+        for variant in effect.variants(scene):
+            information = witness.information(effect_id, variant, weights, scanned=True)
+            evidence = information.evidence - variant.size * float(np.log(max(rows, 2)))
+            if evidence > most:
+                best, most = effect_id, evidence
+    return best, most if best else 0.0
