@@ -64,13 +64,16 @@ def inverse_kinematics(
     """
     lower, upper = arm.description.lower, arm.description.upper
     start = np.clip(seed, lower, upper)
+    sliding = list(arm.description.sliding)
+    low, high = np.maximum(lower, -np.pi), np.minimum(upper, np.pi)
+    low[sliding], high[sliding] = lower[sliding], upper[sliding]
     for _ in range(restarts + 1):
         solution = _iterate(arm, pose, start, lower, upper, tolerance)
         if solution is not None:
             whole = unwound(solution, seed, lower, upper)
-            whole[list(arm.description.sliding)] = solution[list(arm.description.sliding)]  # metres have no turns
+            whole[sliding] = solution[sliding]  # metres have no turns
             return whole
-        start = random.uniform(np.maximum(lower, -np.pi), np.minimum(upper, np.pi))
+        start = random.uniform(low, high)
     return None
 
 

@@ -66,7 +66,9 @@ def joint_torque(chain: Chain, parameters: Floats, q: Floats, qd: Floats, qdd: F
     links = parameters.reshape(-1, 10)
     rows, axes = q.shape
     # per link: its place in its parent; angular velocity, angular and linear acceleration [T,3] in its frame
-    origins, rotations, omega, alpha, acceleration = [], [], [], [], []
+    origins: list[Floats] = []
+    rotations: list[Floats] = []
+    moving: list[tuple[Floats, Floats, Floats]] = []
     w, dw, dv = np.zeros((rows, 3)), np.zeros((rows, 3)), np.tile([0.0, 0.0, _GRAVITY], (rows, 1))
     for k in range(axes):
         p, R = chain.pose(k, q[:, k])
@@ -78,13 +80,14 @@ def joint_torque(chain: Chain, parameters: Floats, q: Floats, qd: Floats, qdd: F
         else:
             dw = dw + rate * (w @ _cross_matrix(axis)) + axis * change
             w = w + axis * rate
-        for known, value in zip((origins, rotations, omega, alpha, acceleration), (p, R, w, dw, dv), strict=True):
-            known.append(value)
+        origins.append(p)
+        rotations.append(R)
+        moving.append((w, dw, dv))
     tau = np.empty_like(q)
     force, moment = np.zeros((rows, 3)), np.zeros((rows, 3))
     for k in range(axes - 1, -1, -1):
         mass, first, tensor = links[k, 0], links[k, 1:4], _tensor(links[k, 4:])
-        w, dw, dv, first_cross = omega[k], alpha[k], acceleration[k], _cross_matrix(first)
+        (w, dw, dv), first_cross = moving[k], _cross_matrix(first)
         if k < axes - 1:
             force = _to_parent(rotations[k + 1], force)
             moment = _to_parent(rotations[k + 1], moment) - _cross_place(force, origins[k + 1])
