@@ -39,7 +39,7 @@ class Base(Section):
 
     mass: float
     """kg."""
-    capsules: list[Capsule] = []
+    capsules: list[Capsule] = Field(default=[])
 
 
 class Flange(Section):
@@ -54,7 +54,7 @@ class LogColumns(Section):
 
     format: Literal["datarecorder", "csv"]
     header: bool = True
-    columns: list[str] = []
+    columns: list[str] = Field(default=[])
     """Of a log without a header: the quantities in order. A per-axis quantity has as many columns as there are axes."""
     time: str = "time"
     time_unit_s: Positive = 1.0
@@ -76,12 +76,12 @@ class RobotDescription(Section):
     name: Annotated[str, Field(pattern=r"^[a-z0-9_]+$")]
     title: str
     sources: list[str]
-    ignore_pairs: list[tuple[int, int]] = []
+    ignore_pairs: list[tuple[int, int]] = Field(default=[])
     """Pairs of links (0: base) whose capsules touch by construction."""
     base: Base
     joint: Annotated[list[Joint], Field(min_length=1)]
     flange: Flange
-    log: list[LogColumns] = []
+    log: list[LogColumns] = Field(default=[])
 
     @model_validator(mode="after")
     def _names_differ(self) -> RobotDescription:

@@ -99,8 +99,8 @@ class Joint(Section):
     drive: Drive
     friction: Friction | None = None
     link: Link
-    capsules: list[Capsule] = []
-    guessed: list[str] = []
+    capsules: list[Capsule] = Field(default=[])
+    guessed: list[str] = Field(default=[])
     """Keys of this joint whose values nobody has published or measured: `drive`, `drive.resistance_Ohm` ..."""
 
     @model_validator(mode="before")
@@ -136,7 +136,7 @@ class Joint(Section):
         return self.kind == "prismatic"
 
     @property
-    def torque_Nm(self) -> float:
+    def torque_Nm(self) -> float:  # noqa: N802 (the unit's name)
         """The effort: Nm, or N of a prismatic joint."""
         return self.effort
 

@@ -42,7 +42,7 @@ def joint_origins(arm: Arm, q: Floats) -> Floats:
 
 
 def flange_jacobian(arm: Arm, q: Floats) -> Floats:
-    """Jacobian [T, 6, axes] of the flange: three linear rows (m/rad or m/m), then three angular ones, along the base axes."""
+    """Jacobian [T, 6, axes] of the flange: three linear rows (m/rad or m/m), then three angular ones; base axes."""
     frame = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
     return np.array([pin.computeFrameJacobian(arm.model, arm.data, row, arm.flange, frame) for row in q])
 

@@ -5,12 +5,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from acqd.errors import InputError
 from acqd.robot.arm import Arm, Payload
-from acqd.robot.dynamics import gravity_torque, inertial_parameters, inverse_dynamics, payload_parameters
-from acqd.robot.dynamics import payload_regressor, regressor
+from acqd.robot.dynamics import (
+    gravity_torque,
+    inertial_parameters,
+    inverse_dynamics,
+    payload_parameters,
+    payload_regressor,
+    regressor,
+)
 from acqd.robot.kinematics import Pose, forward_kinematics, inverse_kinematics
+from acqd.robot.log import read_log
 from acqd.robot.newton_euler import Chain, frames, joint_torque, weight_torque
-from tests.robot.sliding import link, robot, scara, slide, turn
+from tests.robot.sliding import SLIDE, link, robot, scara, slide, turn
 from tests.robot.states import states
 from tools.common import mujoco_oracle
 
@@ -21,7 +29,8 @@ number = st.floats(-3, 3, allow_nan=False)
 @given(number, number, number, number, number, st.floats(0.1, 20), st.floats(0.1, 5), st.floats(0.1, 2))
 def test_a_cart_with_a_pendulum_moves_as_lagrange_says(x, angle, speed, rate, change, cart, bob, length):
     """Point mass `bob` at `length` below a cart on rails along x; the pendulum turns about y."""
-    made = robot(slide("rail", [1, 0, 0], link(cart)), turn("pendulum", [0, 1, 0], link(bob, (0, 0, -length), (0,) * 6)))
+    swinging = link(bob, (0, 0, -length), (0,) * 6)
+    made = robot(slide("rail", [1, 0, 0], link(cart)), turn("pendulum", [0, 1, 0], swinging))
     accelerate = 0.7
     motion = [np.array([pair]) for pair in ((x, angle), (speed, rate), (accelerate, change))]
     force, torque = joint_torque(Chain.of(made), inertial_parameters(Arm(made)), *motion)[0]
@@ -77,3 +86,26 @@ def test_limits_of_a_slide_are_metres():
     np.testing.assert_allclose(made.upper, [np.pi, np.pi, 1, np.pi])
     np.testing.assert_allclose(made.speed, [np.pi / 2, np.pi / 2, 1, np.pi / 2])
     assert made.effort.tolist() == [50, 50, 500, 50]
+
+
+@pytest.mark.parametrize(
+    ("change", "complaint"),
+    [
+        ({"limits_deg": [-1, 1]}, "limits_deg is no key of a prismatic joint; write limits_m"),
+        ({"drive": {**SLIDE, "gear_ratio": 3}}, "drive.gear_ratio is no key of a prismatic joint"),
+        ({"friction": {"coulomb_N": 3}}, "friction.viscous_Ns_m is missing"),
+        ({"limits_m": [1, -1]}, r"expected \[lower, upper\]"),
+        ({"guessed": ["drive.gear_ratio"]}, "guessed names 'drive.gear_ratio', which is no key of this joint"),
+        ({"axis": [0, 0, 0]}, "an axis needs a direction"),
+    ],
+)
+def test_a_wrong_key_of_a_slide_is_named(change, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        robot(slide(**({"name": "z", "axis": [0, 0, 1], "body": link(1)} | change)))
+
+
+def test_a_log_in_millimetres_is_refused(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("time,q1,q2,q3,q4\n0,0,0,500,0\n1,0,0,501,0\n")
+    with pytest.raises(InputError, match="j3 reaches 501 m, but its limit is 1 m; write metres"):
+        read_log(path, scara())
