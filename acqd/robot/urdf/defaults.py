@@ -11,13 +11,13 @@ from dataclasses import dataclass
 
 from acqd.robot.joint import DRIVE_UNITS, FRICTION_UNITS, UNITS
 
-RAMP_S = 0.22
+RAMP_S = 0.21
 """Seconds from standstill to rated speed."""
-ROTOR_SHARE = 0.15
+ROTOR_SHARE = 0.14
 """Share of the rated effort that accelerates the rotor at full acceleration."""
-COPPER_SHARE = 0.2
+COPPER_SHARE = 0.16
 """Copper loss at rated effort per rated mechanical power."""
-COULOMB_SHARE, VISCOUS_SHARE = 0.06, 0.12
+COULOMB_SHARE, VISCOUS_SHARE = 0.057, 0.19
 """Coulomb friction, and viscous friction at rated speed, per rated effort."""
 PLAUSIBLE_FRICTION = (0.01, 0.6)
 """Friction at rated speed per rated effort: outside, a URDF's <dynamics> is a simulator's setting."""
@@ -25,7 +25,7 @@ GRAVITY_MARGIN = 3.0
 """Rated effort per greatest effort that holds the arm, where a URDF gives none."""
 _GEAR_RATIO = 100.0  # strain wave gears of arms have 50 to 160
 _SCREW_RAD_M = 314.0  # a ball screw with a lead of 20 mm per turn
-_TORQUE_CONSTANT = 0.1  # Nm/A before the gear; 0.04 to 0.11 in the shipped descriptions
+_TORQUE_CONSTANT = 0.08  # Nm/A before the gear; 0.035 to 0.108 in the shipped descriptions
 SPEED = {"revolute": 90.0, "prismatic": 0.5}
 """deg/s and m/s."""
 

@@ -14,6 +14,9 @@ from acqd.robot.urdf.describe import describe_urdf
 from tests.robot.urdf.files import CYLINDER, GRIPPER, arm, joint, link
 
 
+XACRO = "<robot xmlns:xacro='http://www.ros.org/wiki/xacro'><xacro:macro/></robot>"
+
+
 def described(tmp_path, text, **options):
     path = tmp_path / "little.urdf"
     path.write_text(text)
