@@ -53,7 +53,11 @@ class Arm:
 
 def _inertia(link: Link) -> Any:
     turn = _rotation(link.inertia_rpy_deg)
-    return pin.Inertia(link.mass, np.array(link.com), turn @ _tensor(link.inertia) @ turn.T)
+    tensor = turn @ _tensor(link.inertia) @ turn.T
+    np.fill_diagonal(
+        tensor, np.maximum(np.diag(tensor), 0.0)
+    )  # a rounded zero may be below
+    return pin.Inertia(link.mass, np.array(link.com), tensor)
 
 
 def _tensor(six: tuple[float, float, float, float, float, float]) -> Floats:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import AliasChoices, Field, field_validator, model_validator
 
 from acqd.robot.section import Section
@@ -22,6 +24,16 @@ UNITS = {
 """Keys of a revolute and of a prismatic joint, by attribute."""
 DRIVE_UNITS = {"gear_ratio": ("gear_ratio", "gear_ratio_rad_m"), "rotor": ("rotor_inertia_kgm2", "rotor_mass_kg")}
 FRICTION_UNITS = {"coulomb": ("coulomb_Nm", "coulomb_N"), "viscous": ("viscous_Nms_rad", "viscous_Ns_m")}
+
+
+_ROUNDING = 0.01  # of the largest moment: published tensors are rounded
+
+
+def has_negative_moment(six: Sequence[float]) -> bool:
+    """Whether a tensor xx, yy, zz, xy, xz, yz has a principal moment below zero by more than rounding."""
+    xx, yy, zz, xy, xz, yz = six
+    moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    return bool(moments[0] < -_ROUNDING * max(abs(moments[2]), 1e-9))
 
 
 def _either(keys: tuple[str, str]) -> Any:
@@ -50,6 +62,13 @@ class Link(Section):
     """xx, yy, zz, xy, xz, yz at the centre of mass [kg m^2]."""
     inertia_rpy_deg: Vector = (0.0, 0.0, 0.0)
     """Orientation of the axes of `inertia` in the link frame."""
+
+    @field_validator("inertia")
+    @classmethod
+    def _of_a_body(cls, inertia: tuple[float, ...]) -> tuple[float, ...]:
+        if has_negative_moment(inertia):
+            raise ValueError("xx, yy, zz, xy, xz, yz have a negative principal moment, which no body has")
+        return inertia
 
 
 class Drive(Section):

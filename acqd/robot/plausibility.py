@@ -59,10 +59,7 @@ def _bodies(arm: Arm, reach: float) -> Iterator[Finding]:
         body = arm.model.inertias[k + 1]
         moments = np.linalg.eigvalsh(body.inertia)
         key = f"{joint.name}.link.inertia"
-        if moments[0] < -1e-9:
-            text = f"principal moments {_listed(moments)} kg m^2: one is negative"
-            yield Finding("wrong", key, text, "check the signs and the order xx, yy, zz, xy, xz, yz")
-        elif moments[2] > (1 + _TRIANGLE_SLACK) * (moments[0] + moments[1]) + 1e-9:
+        if moments[2] > (1 + _TRIANGLE_SLACK) * (moments[0] + moments[1]) + 1e-9:
             text = f"principal moments {_listed(moments)} kg m^2: no body has one that exceeds the sum of the others"
             yield Finding("wrong", key, text, "check the order xx, yy, zz, xy, xz, yz and where the tensor counts from")
         radius = float(np.sqrt(max(moments.sum(), 0.0) / 2 / joint.link.mass))
@@ -117,7 +114,8 @@ def _drives(robot: RobotDescription) -> Iterator[Finding]:
             )
         copper = drive.resistance_Ohm * (joint.effort / drive.effort_per_ampere) ** 2
         if copper > 3 * joint.effort * speed:
-            text = f"copper loss of {copper:.3g} W at rated effort, {copper / (joint.effort * speed):.1f} times the rated power"
+            times = copper / (joint.effort * speed)
+            text = f"copper loss of {copper:.3g} W at rated effort, {times:.1f} times the rated power"
             yield Finding("doubtful", f"{joint.name}.drive", text, "check gear ratio, torque constant and resistance")
         if joint.speed > (_FASTEST_M_S if joint.slides else _FASTEST_DEG_S):
             key = f"{joint.name}.{'speed_m_s' if joint.slides else 'speed_deg_s'}"

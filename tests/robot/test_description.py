@@ -6,7 +6,6 @@ from acqd.errors import InputError, UserError
 from acqd.robot import load_description
 from tests.robot.states import ROBOTS
 
-
 SHIPPED = ["fr3", "franka_panda", "iiwa7_r800", "kinova_gen3", "kuka_iiwa14", "ur10e", "ur3e", "ur5e"]
 
 

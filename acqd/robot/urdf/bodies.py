@@ -85,6 +85,7 @@ def _add(body: Body, link: UrdfLink, at: Any) -> None:
         xx, yy, zz, xy, xz, yz = link.inertial.tensor
         tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         turned = frame.rotation @ tensor @ frame.rotation.T
+        np.fill_diagonal(turned, np.maximum(np.diag(turned), 0.0))  # a rounded zero may be negative
         body.inertia += pin.Inertia(link.inertial.mass, frame.translation, turned)
     for shape in link.shapes:
         if shape.kind == "mesh":

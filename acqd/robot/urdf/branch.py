@@ -30,7 +30,7 @@ def choose_branch(urdf: Urdf, base: str | None, tip: str | None) -> Branch:
     start = base or urdf.root
     for option, name in (("--base", base), ("--tip", tip)):
         if name is not None and name not in urdf.links:
-            raise InputError(urdf.path, f"has no link {name!r} for {option}; its links are {_listed(list(urdf.links))}")
+            raise InputError(urdf.path, f"has no link {name!r} for {option}; its links are {listed(list(urdf.links))}")
     joints = _only_way(urdf, start) if tip is None else _up_to(urdf, start, tip)
     for joint in joints:
         _require_independent(urdf, joint, base is None)
@@ -64,12 +64,12 @@ def _only_way(urdf: Urdf, start: str) -> list[UrdfJoint]:
             return path
         if len(following) > 1:
             ends = [end for joint in following for end in _ends(urdf, joint)]
-            candidates = ([link] if path else []) + ends
+            candidates = ([joint.parent for joint in following] if path else []) + ends
             raise InputError(
                 urdf.path,
                 f"branches after {path[-1].name if path else start!r} into joints "
-                f"{_listed([joint.name for joint in following])}; choose the arm's last link with --tip: "
-                f"{_listed(list(dict.fromkeys(candidates)))}",
+                f"{listed([joint.name for joint in following])}; choose the arm's last link with --tip: "
+                f"{listed(list(dict.fromkeys(candidates)))}",
             )
         path.append(following[0])
         link = following[0].child
@@ -107,9 +107,10 @@ def _flange(urdf: Urdf, last: str) -> tuple[str, list[str]]:
     if len(leaves) == 1:
         return leaves[0], []
     chosen = named[0] if named else last
-    return chosen, [f"flange: {chosen}, of {_listed(leaves)}; --tip chooses another"]
+    return chosen, [f"flange: {chosen}, of {listed(leaves)}; --tip chooses another"]
 
 
-def _listed(names: list[str]) -> str:
+def listed(names: list[str]) -> str:
+    """Names for a line of text; the first of them, and how many more there are."""
     more = f" and {len(names) - _MOST_CANDIDATES} more" if len(names) > _MOST_CANDIDATES else ""
     return ", ".join(names[:_MOST_CANDIDATES]) + more

@@ -18,7 +18,7 @@ from acqd.robot.description import RobotDescription
 from acqd.robot.dynamics import gravity_torque
 from acqd.robot.section import complaint
 from acqd.robot.urdf.bodies import Bodies, Body, merge_bodies, rounded, triple
-from acqd.robot.urdf.branch import Branch, choose_branch
+from acqd.robot.urdf.branch import Branch, choose_branch, listed
 from acqd.robot.urdf.defaults import (
     GRAVITY_MARGIN,
     PLAUSIBLE_FRICTION,
@@ -74,13 +74,13 @@ def describe_urdf(path: Path, name: str | None = None, base: str | None = None, 
 def _notes(branch: Branch, merged: Bodies) -> list[str]:
     notes = []
     if merged.locked:
-        notes.append(f"held still at zero, their links added to the arm: {', '.join(merged.locked)}")
+        notes.append(f"held still at zero, their links added to the arm: {listed(merged.locked)}")
     unlimited = [joint.name for joint in branch.joints if joint.kind == "continuous"]
     if unlimited:
-        notes.append(f"continuous, described with limits of one turn either way: {', '.join(unlimited)}")
+        notes.append(f"continuous, described with limits of one turn either way: {listed(unlimited)}")
     meshes = sorted({link for body in merged.bodies for link in body.meshes})
     if meshes:
-        notes.append(f"no capsules for collision meshes of {', '.join(meshes)}; acqd lab needs capsules")
+        notes.append(f"no capsules for collision meshes of {listed(meshes)}; acqd lab needs capsules")
     return notes
 
 

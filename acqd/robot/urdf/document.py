@@ -16,6 +16,7 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 from acqd.errors import InputError
+from acqd.robot.joint import has_negative_moment
 
 Kind = Literal["fixed", "revolute", "continuous", "prismatic", "floating", "planar"]
 Triple = tuple[float, float, float]
@@ -213,6 +214,8 @@ class _Reader:
         xx, yy, zz, xy, xz, yz = (
             self._number(tensor, key, name) or 0.0 for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
         )
+        if has_negative_moment((xx, yy, zz, xy, xz, yz)):
+            raise InputError(self.path, f"{name!r}: <inertia> has a negative principal moment, which no body has")
         return Inertial(self._origin(element, name), mass, (xx, yy, zz, xy, xz, yz))
 
     def _shape(self, element: Element, name: str) -> Shape | None:

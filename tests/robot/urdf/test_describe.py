@@ -13,7 +13,6 @@ from acqd.robot.toml_text import description_text
 from acqd.robot.urdf.describe import describe_urdf
 from tests.robot.urdf.files import CYLINDER, GRIPPER, arm, joint, link
 
-
 XACRO = "<robot xmlns:xacro='http://www.ros.org/wiki/xacro'><xacro:macro/></robot>"
 
 
@@ -107,7 +106,7 @@ def test_the_base_may_lie_beyond_other_joints(tmp_path):
 @pytest.mark.parametrize(
     ("text", "options", "complaint"),
     [
-        (arm(*GRIPPER), {}, r"branches after 'elbow' into joints finger, other; .* --tip: lower, left, right"),
+        (arm(*GRIPPER), {}, r"branches after 'elbow' into joints finger, other; .* --tip: tool0, left, right"),
         (arm(*GRIPPER), {"tip": "right"}, r"joint 'other' mimics 'finger' .* --tip tool0"),
         (arm(), {"tip": "hand"}, r"has no link 'hand' for --tip; its links are base, cart, upper"),
         (arm(), {"base": "upper", "tip": "cart"}, r"link 'cart' \(--tip\) does not hang on 'upper' \(--base\)"),
@@ -131,6 +130,7 @@ def test_the_base_may_lie_beyond_other_joints(tmp_path):
         (arm().replace('child link="upper"', 'child link="uper"'), {}, "joint 'shoulder' names link 'uper'"),
         (arm().replace('mass value="5"', 'mass value="five"'), {}, "'upper': value='five' is no number"),
         (arm().replace('mass value="5"', 'mass value="-5"'), {}, "'upper': mass -5 kg is negative"),
+        (arm().replace('izz="0.01"', 'izz="-0.1"', 1), {}, "'base': <inertia> has a negative principal moment"),
         (arm().replace('"revolute"', '"hinge"'), {}, "joint 'shoulder' has type 'hinge'; expected one of"),
         (arm(link("alone", 1)), {}, "has 2 links without a parent"),
         (arm(joint("again", "fixed", "base", "tool0")), {}, "link 'tool0' hangs on two joints"),
