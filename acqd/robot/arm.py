@@ -54,9 +54,7 @@ class Arm:
 def _inertia(link: Link) -> Any:
     turn = _rotation(link.inertia_rpy_deg)
     tensor = turn @ _tensor(link.inertia) @ turn.T
-    np.fill_diagonal(
-        tensor, np.maximum(np.diag(tensor), 0.0)
-    )  # a rounded zero may be below
+    np.fill_diagonal(tensor, np.maximum(np.diag(tensor), 0.0))  # a rounded zero may be below
     return pin.Inertia(link.mass, np.array(link.com), tensor)
 
 
