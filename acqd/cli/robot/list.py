@@ -26,4 +26,6 @@ def show_list(json: Json = False) -> None:
     table = Table("name", "robot", "axes", "guessed")
     for row in rows:
         table.add_row(str(row["name"]), str(row["title"]), str(row["axes"]), ", ".join(row["guessed"]))  # type: ignore[arg-type]
-    Console().print(table)
+    console = Console(highlight=False)
+    console.width = max(console.width, 110)
+    console.print(table)

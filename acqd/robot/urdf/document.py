@@ -20,6 +20,7 @@ from acqd.robot.joint import has_negative_moment
 
 Kind = Literal["fixed", "revolute", "continuous", "prismatic", "floating", "planar"]
 Triple = tuple[float, float, float]
+_SMALLEST, _LARGEST = 1e-12, 1e12  # in m, kg, Nm, rad/s; beyond, products of values overflow
 _ZERO: Triple = (0.0, 0.0, 0.0)
 
 
@@ -268,6 +269,6 @@ class _Reader:
             value = float(text)
         except ValueError:
             value = math.nan
-        if not math.isfinite(value):
-            raise InputError(self.path, f"{name!r}: {key}={text!r} is no number")
-        return value
+        if not abs(value) < _LARGEST:
+            raise InputError(self.path, f"{name!r}: {key}={text!r} is no number, or larger than a robot can have")
+        return 0.0 if abs(value) < _SMALLEST else value

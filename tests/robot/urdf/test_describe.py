@@ -1,8 +1,12 @@
 """Descriptions from URDF files: against Pinocchio's own reader; what is missing is guessed and marked."""
 
+import re
+
 import numpy as np
 import pinocchio as pin
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from acqd.errors import InputError
 from acqd.robot import load_description
@@ -149,3 +153,37 @@ def test_spheres_and_boxes_become_capsules(tmp_path):
     first, second = described(tmp_path, text).robot.joint[1].capsules
     assert (first.radius, first.start, first.end) == (0.05, (0, -0.2, 0.2), (0, 0.2, 0.2))
     assert (second.radius, second.start, second.end) == (0.07, (0, 0, 0.2), (0, 0, 0.2))
+
+
+TEXT = arm(*GRIPPER)
+JUNK = st.sampled_from(
+    ["", "0", "-1", "1e400", "nan", "0 0 0", "base", "lower", '"', "<", "joint", "prismatic", "planar"]
+)
+
+
+@settings(max_examples=150)
+@given(st.integers(0, len(TEXT)), st.integers(0, 40), JUNK)
+def test_a_damaged_file_is_read_or_refused_in_one_line(tmp_path_factory, start, length, junk):
+    path = tmp_path_factory.getbasetemp() / "damaged.urdf"
+    path.write_text(TEXT[:start] + junk + TEXT[start + length :])
+    try:
+        converted = describe_urdf(path, tip="tool0")
+    except InputError as error:
+        assert "\n" not in str(error)
+    else:
+        assert np.isfinite(inverse_dynamics(Arm(converted.robot), *np.zeros((3, 1, converted.robot.axes)))).all()
+
+
+@settings(max_examples=150)
+@given(st.data())
+def test_a_damaged_value_is_read_or_refused_in_one_line(tmp_path_factory, data):
+    values = [m.span(1) for m in re.finditer(r'="([^"]*)"', TEXT)]
+    start, end = data.draw(st.sampled_from(values))
+    path = tmp_path_factory.getbasetemp() / "damaged.urdf"
+    path.write_text(TEXT[:start] + data.draw(JUNK.filter(lambda junk: junk not in '"<')) + TEXT[end:])
+    try:
+        converted = describe_urdf(path, tip="tool0")
+    except InputError as error:
+        assert "\n" not in str(error)
+    else:
+        assert np.isfinite(inverse_dynamics(Arm(converted.robot), *np.zeros((3, 1, converted.robot.axes)))).all()
