@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import orjson
 from rich.console import Console
 from rich.table import Table
@@ -15,7 +17,7 @@ def show_list(json: Json = False) -> None:
 
     Example: acqd robot list
     """
-    rows = []
+    rows: list[dict[str, Any]] = []
     for name in shipped_descriptions():
         robot = load_description(name)
         guessed = sorted({key for joint in robot.joint for key in joint.guessed})
@@ -25,7 +27,7 @@ def show_list(json: Json = False) -> None:
         return
     table = Table("name", "robot", "axes", "guessed")
     for row in rows:
-        table.add_row(str(row["name"]), str(row["title"]), str(row["axes"]), ", ".join(row["guessed"]))  # type: ignore[arg-type]
+        table.add_row(row["name"], row["title"], str(row["axes"]), ", ".join(row["guessed"]))
     console = Console(highlight=False)
     console.width = max(console.width, 110)
     console.print(table)

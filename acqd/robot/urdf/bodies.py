@@ -16,7 +16,7 @@ from acqd.arrays import Floats
 from acqd.errors import InputError
 from acqd.robot.joint import Capsule
 from acqd.robot.urdf.branch import Branch
-from acqd.robot.urdf.document import Origin, Shape, Urdf, UrdfJoint, UrdfLink
+from acqd.robot.urdf.tree import Origin, Shape, Urdf, UrdfJoint, UrdfLink
 
 
 @dataclass(slots=True)

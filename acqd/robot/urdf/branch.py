@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from acqd.errors import InputError
-from acqd.robot.urdf.document import Urdf, UrdfJoint, below
+from acqd.robot.urdf.tree import Urdf, UrdfJoint, below
 
 _TOOL_FRAMES = ("tool0", "flange")
 """Names of the mounting face by ROS-Industrial's convention (REP 199)."""

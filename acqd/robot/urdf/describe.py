@@ -28,7 +28,8 @@ from acqd.robot.urdf.defaults import (
     guessed_friction,
     key,
 )
-from acqd.robot.urdf.document import UrdfJoint, read_urdf
+from acqd.robot.urdf.document import read_urdf
+from acqd.robot.urdf.tree import UrdfJoint
 
 _POSTURES = 300
 _PLACEHOLDER = 1.0  # Nm or N, until gravity is known

@@ -8,104 +8,17 @@ reader is the oracle of the tests.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, get_args
+from typing import get_args
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 from acqd.errors import InputError
 from acqd.robot.joint import has_negative_moment
+from acqd.robot.urdf.tree import ZERO, Inertial, Kind, Origin, Shape, Triple, Urdf, UrdfJoint, UrdfLink, below
 
-Kind = Literal["fixed", "revolute", "continuous", "prismatic", "floating", "planar"]
-Triple = tuple[float, float, float]
 _SMALLEST, _LARGEST = 1e-12, 1e12  # in m, kg, Nm, rad/s; beyond, products of values overflow
-_ZERO: Triple = (0.0, 0.0, 0.0)
-
-
-@dataclass(frozen=True, slots=True)
-class Origin:
-    """A pose in the frame of the element's owner."""
-
-    xyz: Triple = _ZERO
-    """m."""
-    rpy: Triple = _ZERO
-    """rad."""
-
-
-@dataclass(frozen=True, slots=True)
-class Inertial:
-    """Mass and tensor of a link; `origin` is the centre of mass with the tensor's axes."""
-
-    origin: Origin
-    mass: float
-    """kg."""
-    tensor: tuple[float, float, float, float, float, float]
-    """xx, yy, zz, xy, xz, yz [kg m^2]."""
-
-
-@dataclass(frozen=True, slots=True)
-class Shape:
-    """A collision body: `cylinder` (radius, length), `sphere` (radius), `box` (three edges) in m, or `mesh`."""
-
-    kind: str
-    size: tuple[float, ...]
-    origin: Origin
-
-
-@dataclass(frozen=True, slots=True)
-class UrdfLink:
-    """A link."""
-
-    name: str
-    inertial: Inertial | None
-    shapes: tuple[Shape, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class UrdfJoint:
-    """A joint; what its element does not give is None. Angles in rad, lengths in m, efforts in Nm or N."""
-
-    name: str
-    kind: Kind
-    parent: str
-    child: str
-    origin: Origin
-    axis: Triple
-    lower: float | None
-    upper: float | None
-    velocity: float | None
-    effort: float | None
-    mimics: str | None
-    friction: float
-    """Coulomb friction, 0 when not given."""
-    damping: float
-    """Viscous friction, 0 when not given."""
-
-    @property
-    def moves(self) -> bool:
-        """Whether the joint has a degree of freedom."""
-        return self.kind != "fixed"
-
-
-@dataclass(frozen=True, slots=True)
-class Urdf:
-    """A tree of links."""
-
-    path: Path
-    name: str
-    links: dict[str, UrdfLink]
-    joints: list[UrdfJoint]
-    children: dict[str, list[UrdfJoint]] = field(default_factory=dict)
-    """Joints by the name of their parent link."""
-    above: dict[str, UrdfJoint] = field(default_factory=dict)
-    """The joint above a link, by the name of the link."""
-
-    @property
-    def root(self) -> str:
-        """The link without a joint above."""
-        return next(name for name in self.links if name not in self.above)
 
 
 def read_urdf(path: Path) -> Urdf:
@@ -152,13 +65,6 @@ def _connect(urdf: Urdf) -> None:
         raise InputError(urdf.path, f"has {len(roots)} links without a parent ({', '.join(roots[:4])}); expected one")
     if sum(1 for _ in below(urdf, roots[0])) < len(urdf.links):
         raise InputError(urdf.path, "has a loop of joints; a URDF is a tree")
-
-
-def below(urdf: Urdf, link: str) -> Iterator[str]:
-    """`link` and all links that hang on it."""
-    yield link
-    for joint in urdf.children.get(link, []):
-        yield from below(urdf, joint.child)
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,7 +132,7 @@ class _Reader:
             return None
         size: tuple[float, ...] = ()
         if body.tag == "box":
-            size = self._triple(body, "size", name, _ZERO)
+            size = self._triple(body, "size", name, ZERO)
         elif body.tag in ("cylinder", "capsule", "sphere"):
             size = tuple(self._number(body, key, name) or 0.0 for key in ("radius", "length"))
         kind = body.tag if body.tag in ("box", "cylinder", "capsule", "sphere") and size[0] > 0 else "mesh"
@@ -249,7 +155,7 @@ class _Reader:
         origin = element.find("origin")
         if origin is None:
             return Origin()
-        return Origin(self._triple(origin, "xyz", name, _ZERO), self._triple(origin, "rpy", name, _ZERO))
+        return Origin(self._triple(origin, "xyz", name, ZERO), self._triple(origin, "rpy", name, ZERO))
 
     def _triple(self, element: Element, key: str, name: str, default: Triple) -> Triple:
         text = element.get(key)
