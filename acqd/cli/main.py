@@ -22,6 +22,7 @@ from acqd.cli import (
     modbus,
     models,
     replay,
+    robot,
     run,
     sidecar,
     sink,
@@ -45,6 +46,7 @@ app.command("jitter")(jitter.jitter)
 app.command("broker")(broker.broker)
 app.add_typer(ethercat.app, name="ethercat")
 app.add_typer(modbus.app, name="modbus")
+app.add_typer(robot.app, name="robot")
 app.add_typer(lab.app, name="lab")
 app.add_typer(dataset.app, name="dataset")
 app.command("train")(models.train)

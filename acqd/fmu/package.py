@@ -61,12 +61,22 @@ def export_fmu(
     if out.is_dir():
         raise UserError(f"{out} is a folder; name the file with --out")
     opened, model = open_model(bundle)
+    _require_revolute(bundle, opened)
     try:
         return _export(opened, model, out, fmi, platforms, progress)
     except OSError as error:
         raise UserError(
             f"{tempfile.gettempdir()}: {error.strerror}; make room there, or name another folder with TMPDIR"
         ) from None
+
+
+def _require_revolute(path: Path, bundle: Bundle) -> None:
+    """Raises UserError for a prismatic joint: the C sources turn every joint."""
+    sliding = [each["name"] for each in bundle.metadata.get("inputs", []) if each["unit"] == "m"]
+    if sliding:
+        raise UserError(
+            f"{path}: {', '.join(sliding)} is prismatic, and an FMU knows revolute joints only; use acqd predict"
+        )
 
 
 def _export(

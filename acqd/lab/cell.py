@@ -78,6 +78,11 @@ def device_name(settings: LabSettings, number: int) -> str:
 def build_cell(settings: LabSettings, number: int = 0) -> Cell:
     """Load description, scene and plant of cell `number`. Raises UserError or InputError."""
     robot = load_description(settings.robot)
+    if robot.sliding:
+        raise UserError(
+            f"robot {robot.name}: joint {robot.joint[robot.sliding[0]].name} is prismatic, and the laboratory moves "
+            "revolute joints only; choose another --robot"
+        )
     scene = load_scene(settings.scene or ("digital_factory" if robot.name == "iiwa7_r800" else "free"))
     parameters = load_plant(robot, settings.plant)
     check_axes(settings.effects, robot.axes)

@@ -17,6 +17,7 @@ from acqd.models.config import GREY_BOX, HYBRID, Progress, TrainConfig, TrainedM
 from acqd.models.metrics import measure, predictions
 from acqd.models.networks.architecture import ARCHITECTURES, architecture
 from acqd.models.segments import Dataset, load_dataset
+from acqd.robot.description import load_description
 
 NAMES = (*ARCHITECTURES, GREY_BOX, HYBRID)
 
@@ -51,7 +52,7 @@ def train_one(config: TrainConfig, progress: Progress) -> dict[str, Any]:
         "axes": data.axes,
         "step_s": data.step_s,
         "look_ahead_rows": trained.predictor.radius,
-        "inputs": [{"name": f"q{k + 1}", "unit": "rad"} for k in range(data.axes)]
+        "inputs": [{"name": f"q{k + 1}", "unit": unit} for k, unit in enumerate(_position_units(config, data))]
         + [{"name": name, "unit": "0/1"} for name in trained.predictor.signals],
         "target": "P",
         "unit": "W",
@@ -72,6 +73,15 @@ def train_one(config: TrainConfig, progress: Progress) -> dict[str, Any]:
     save_bundle(config.out, Bundle(metadata, trained.arrays, reference_arrays(data.segments)))
     _checkpoint(config).unlink(missing_ok=True)
     return metadata
+
+
+def _position_units(config: TrainConfig, data: Dataset) -> list[str]:
+    """`rad` or `m` per axis. A network needs no description; without one its axes count as revolute."""
+    try:
+        sliding = load_description(config.robot or data.description).sliding
+    except UserError:
+        sliding = ()
+    return ["m" if k in sliding else "rad" for k in range(data.axes)]
 
 
 def _checkpoint(config: TrainConfig) -> Path:

@@ -35,7 +35,8 @@ class Arm:
         for joint in description.joint:
             placement = pin.SE3(_rotation(joint.rpy_deg), np.array(joint.xyz))
             axis = np.array(joint.axis) / np.linalg.norm(joint.axis)
-            parent = self.model.addJoint(parent, pin.JointModelRevoluteUnaligned(axis), placement, joint.name)
+            moves = pin.JointModelPrismaticUnaligned(axis) if joint.slides else pin.JointModelRevoluteUnaligned(axis)
+            parent = self.model.addJoint(parent, moves, placement, joint.name)
             self.model.appendBodyToJoint(parent, _inertia(joint.link), pin.SE3.Identity())
         flange = pin.SE3(_rotation(description.flange.rpy_deg), np.array(description.flange.xyz))
         self.flange: int = self.model.addFrame(pin.Frame("flange", parent, 0, flange, pin.FrameType.OP_FRAME))
@@ -52,7 +53,9 @@ class Arm:
 
 def _inertia(link: Link) -> Any:
     turn = _rotation(link.inertia_rpy_deg)
-    return pin.Inertia(link.mass, np.array(link.com), turn @ _tensor(link.inertia) @ turn.T)
+    tensor = turn @ _tensor(link.inertia) @ turn.T
+    np.fill_diagonal(tensor, np.maximum(np.diag(tensor), 0.0))  # a rounded zero may be below
+    return pin.Inertia(link.mass, np.array(link.com), tensor)
 
 
 def _tensor(six: tuple[float, float, float, float, float, float]) -> Floats:

@@ -11,7 +11,7 @@ from acqd.arrays import Floats
 from acqd.robot.arm import Arm
 
 _DAMPING = 1e-8
-_MAX_STEP = 0.4  # rad a joint may move per iteration: larger steps leave the region where the Jacobian holds
+_MAX_STEP = 0.4  # rad or m a joint may move per iteration: larger steps leave the region where the Jacobian holds
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +25,7 @@ class Pose:
 
 
 def forward_kinematics(arm: Arm, q: Floats) -> tuple[Floats, Floats]:
-    """Flange positions [T, 3] (m) and rotations [T, 3, 3] for joint angles `q` [T, axes] (rad)."""
+    """Flange positions [T, 3] (m) and rotations [T, 3, 3] for joint positions `q` [T, axes] (rad or m)."""
     positions, rotations = np.empty((len(q), 3)), np.empty((len(q), 3, 3))
     for k, row in enumerate(q):
         pin.framesForwardKinematics(arm.model, arm.data, row)
@@ -42,7 +42,7 @@ def joint_origins(arm: Arm, q: Floats) -> Floats:
 
 
 def flange_jacobian(arm: Arm, q: Floats) -> Floats:
-    """Jacobian [T, 6, axes] of the flange: three linear rows (m/rad), then three angular ones, along the base axes."""
+    """Jacobian [T, 6, axes] of the flange: three linear rows (m/rad or m/m), then three angular ones; base axes."""
     frame = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
     return np.array([pin.computeFrameJacobian(arm.model, arm.data, row, arm.flange, frame) for row in q])
 
@@ -64,11 +64,16 @@ def inverse_kinematics(
     """
     lower, upper = arm.description.lower, arm.description.upper
     start = np.clip(seed, lower, upper)
+    sliding = list(arm.description.sliding)
+    low, high = np.maximum(lower, -np.pi), np.minimum(upper, np.pi)
+    low[sliding], high[sliding] = lower[sliding], upper[sliding]
     for _ in range(restarts + 1):
         solution = _iterate(arm, pose, start, lower, upper, tolerance)
         if solution is not None:
-            return unwound(solution, seed, lower, upper)
-        start = random.uniform(np.maximum(lower, -np.pi), np.minimum(upper, np.pi))
+            whole = unwound(solution, seed, lower, upper)
+            whole[sliding] = solution[sliding]  # metres have no turns
+            return whole
+        start = random.uniform(low, high)
     return None
 
 

@@ -122,15 +122,20 @@ def _assemble(path: Path, table: Table, columns: Columns, layout: LogColumns, ro
 
 def _check_angles(path: Path, q: Floats, robot: RobotDescription) -> None:
     """Raises InputError for angles beyond the limits: they are in degrees, or of another robot."""
-    allowance = np.radians(2.0)
+    allowance = np.full(robot.axes, np.radians(2.0))
+    allowance[list(robot.sliding)] = 0.02  # m
     turns = np.maximum(np.abs(robot.lower), np.abs(robot.upper)) + allowance
     # axes with an unlimited or multi-turn range count further turns: a whole turn more is no error
-    turns = np.where(turns > np.radians(355), np.inf, turns)
+    revolute = np.array([not joint.slides for joint in robot.joint])
+    turns = np.where((turns > np.radians(355)) & revolute, np.inf, turns)
     worst = np.abs(q).max(axis=0)
     beyond = np.flatnonzero(worst > turns)
     if not len(beyond):
         return
     axis = int(beyond[0])
+    if not revolute[axis]:
+        name, limit = robot.joint[axis].name, max(abs(robot.lower[axis]), abs(robot.upper[axis]))
+        raise InputError(path, f"{name} reaches {worst[axis]:.4g} m, but its limit is {limit:g} m; write metres")
     limit = np.degrees(robot.upper[axis])
     advice = f"{robot.joint[axis].name} reaches {worst[axis]:.4g} rad, but its limit is {limit:.0f} deg"
     if (np.radians(worst) <= turns).all() and worst.max() > 20:

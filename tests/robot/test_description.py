@@ -6,13 +6,15 @@ from acqd.errors import InputError, UserError
 from acqd.robot import load_description
 from tests.robot.states import ROBOTS
 
+SHIPPED = ["fr3", "franka_panda", "iiwa7_r800", "kinova_gen3", "kuka_iiwa14", "ur10e", "ur3e", "ur5e"]
 
-def test_four_robots_are_shipped():
-    assert ROBOTS == ["iiwa7_r800", "kinova_gen3", "ur10e", "ur3e"]
+
+def test_eight_robots_are_shipped():
+    assert ROBOTS == SHIPPED
 
 
 def test_an_unknown_robot_is_named_with_those_there_are():
-    with pytest.raises(UserError, match="robot 'r2d2' is unknown; known: iiwa7_r800"):
+    with pytest.raises(UserError, match="robot 'r2d2' is unknown; known: fr3, franka_panda"):
         load_description("r2d2")
 
 
@@ -34,3 +36,15 @@ def test_a_wrong_description_is_named_by_key(tmp_path, old, new, complaint):
     path.write_text(text.replace(old, new, 1))
     with pytest.raises(InputError, match=complaint):
         load_description(str(path))
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_what_the_sources_call_assumed_is_marked_as_guessed(name):
+    robot = load_description(name)
+    text = " ".join(robot.sources)
+    assert all(joint.guessed for joint in robot.joint) == ("assumed" in text or "not public" in text)
+
+
+def test_drive_gains_of_the_ur10e_are_the_published_ones():
+    gains = [joint.drive.effort_per_ampere for joint in load_description("ur10e").joint]
+    assert gains == pytest.approx([10.0, 10.6956, 8.4566, 9.0029, 9.48, 10.1232], rel=1e-3)

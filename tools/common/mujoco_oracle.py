@@ -60,7 +60,9 @@ def build(description: RobotDescription, payload: Payload | None = None, scene: 
     body = head + boxes + _capsules(0, description.base.capsules)
     for number, joint in enumerate(description.joint, start=1):
         body += f'<body pos="{_numbers(joint.xyz)}" quat="{_quaternion(joint.rpy_deg)}">'
-        body += f'<joint name="{joint.name}" type="hinge" axis="{_numbers(joint.axis)}"/>'
+        body += (
+            f'<joint name="{joint.name}" type="{"slide" if joint.slides else "hinge"}" axis="{_numbers(joint.axis)}"/>'
+        )
         link = joint.link
         body += _inertial(link.mass, link.com, link.inertia, link.inertia_rpy_deg) + _capsules(number, joint.capsules)
     flange = description.flange

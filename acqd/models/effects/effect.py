@@ -9,7 +9,7 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.models.effects.places import Place, Shape, Variant
+from acqd.models.effects.places import Place, Shape, Variant, in_units_of
 from acqd.models.effects.scene import Scene
 from acqd.models.effects.substeps import Lag, averaged
 from acqd.models.greybox.model import GreyBox
@@ -101,7 +101,8 @@ class Effect(ABC):
         width = self.at(scene, self.shapes[0]).shape[1]
         for number, shape in enumerate(self.shapes):
             for place in self.places(scene):
-                yield Variant(place, tuple(number * width + k for k in place.columns), shape)
+                columns = tuple(number * width + k for k in place.columns)
+                yield Variant(in_units_of(place, scene.model.layout.sliding), columns, shape)
 
     def possible(self, scene: Scene) -> bool:
         """Whether the recording has what the effect needs."""

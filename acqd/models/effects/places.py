@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
 import numpy as np
 
 from acqd.arrays import Floats
+from acqd.models.greybox.parameters import SLIDING_UNITS
 
 Shape: TypeAlias = Mapping[str, float]
 """Parameters that are not linear: a speed, a centre of mass, a joint number."""
@@ -70,3 +71,23 @@ def per_joint(
         common = Parameter(name, unit, low) if even else Parameter(f"{name}, relative", "-", -1.0)
         yield Place("all joints", everywhere, (common,), (nominal / (nominal[0] if even else 1.0))[:, None])
     yield Place("each joint", everywhere, tuple(Parameter(f"{name} joint {k + 1}", unit) for k in range(axes)))
+
+
+def in_units_of(place: Place, sliding: Collection[int]) -> Place:
+    """The place with N and m in the units of prismatic joints `sliding` (from 0), where a parameter acts on them."""
+    if not sliding:
+        return place
+    number = place.where.removeprefix("joint ")
+    joints = [int(number) - 1 if number.isdigit() else _last_number(each.name) for each in place.parameters]
+    pairs = zip(place.parameters, joints, strict=True)
+    return replace(place, parameters=tuple(_sliding_unit(each, joint in sliding) for each, joint in pairs))
+
+
+def _last_number(name: str) -> int:
+    """Joint (from 0) at the end of a parameter's name, or -1."""
+    last = name.rpartition("joint ")[2]
+    return int(last) - 1 if last.isdigit() else -1
+
+
+def _sliding_unit(parameter: Parameter, slides: bool) -> Parameter:
+    return replace(parameter, unit=SLIDING_UNITS.get(parameter.unit, parameter.unit)) if slides else parameter

@@ -48,7 +48,8 @@ def fitted(config: TrainConfig, data: Dataset, progress: Progress) -> Fit:
 
 def describe(fit: Fit) -> dict[str, Any]:
     """Terms, signals and parameters for bundle.json."""
-    return {
+    sliding = {"sliding": list(fit.model.layout.sliding)} if fit.model.layout.sliding else {}
+    return sliding | {
         "terms": [*TERMS, "signals", "standby"],
         "signals": list(fit.model.signals),
         "sigma_W": fit.sigma_W,
@@ -70,8 +71,9 @@ def arrays_of(model: GreyBox) -> Arrays:
 
 def restore(metadata: dict[str, Any], arrays: Arrays) -> GreyBox:
     """The grey box of a bundle. Raises KeyError or ValueError when an array is missing or has a wrong shape."""
-    chain = Chain(arrays["chain_xyz"], arrays["chain_rotation"], arrays["chain_axis"], arrays["chain_tip"])
-    layout = Layout(int(metadata["axes"]), tuple(metadata["signals"]))
+    sliding = tuple(int(k) for k in metadata.get("sliding", ()))
+    chain = Chain(arrays["chain_xyz"], arrays["chain_rotation"], arrays["chain_axis"], arrays["chain_tip"], sliding)
+    layout = Layout(int(metadata["axes"]), tuple(metadata["signals"]), sliding)
     values = np.asarray(arrays["parameters"], dtype=np.float64)
     if len(values) != layout.size or len(chain.xyz) != layout.axes:
         raise ValueError(

@@ -52,7 +52,7 @@ def fit_grey_box(
     Parameters of the groups `withheld` stay zero. `progress` is called with the completed share.
     """
     signals = tuple(n for n in SIGNALS if all(n in s.signals for s in segments) and _varies(segments, n))
-    layout = Layout(robot.axes, signals)
+    layout = Layout(robot.axes, signals, robot.sliding)
     arm = Arm(robot)
     parts = [Observations.of(arm, layout, segment, step_s) for segment in _drawn(segments, seed)]
     standby_W = float(np.percentile(np.concatenate([part.P for part in parts]), 2))

@@ -19,6 +19,14 @@ _PER_JOINT = {
     "copper": "W/Nm^2",
     "conduction": "W/Nm",
 }
+SLIDING_UNITS = {
+    "kg m^2": "kg",
+    "Nm": "N",
+    "Nm s/rad": "N s/m",
+    "W/Nm^2": "W/N^2",
+    "W/Nm": "W/N",
+}
+"""Unit of the same parameter of a prismatic joint."""
 _MASS_SPREAD = 0.25  # relative difference between published parameter sets of one robot
 _COM_SPREAD_M = 0.03
 _GAIN, _GAIN_SPREAD = 1.05, 0.05  # mains power per joint power; logged torques determine it much better
@@ -30,6 +38,8 @@ class Layout:
 
     axes: int
     signals: tuple[str, ...]
+    sliding: tuple[int, ...] = ()
+    """Numbers of the prismatic joints, from 0: their efforts are in N, their positions in m."""
 
     def place(self, group: str) -> slice:
         """Slice of a group: inertial, rotor, coulomb, viscous, copper, conduction, signals, standby, gain or lag."""
@@ -56,7 +66,11 @@ class Layout:
             for k in range(self.axes)
             for name, unit in zip(INERTIAL, _INERTIAL_UNITS, strict=True)
         ]
-        names += [(f"{name}.joint{k + 1}", unit) for name, unit in _PER_JOINT.items() for k in range(self.axes)]
+        names += [
+            (f"{name}.joint{k + 1}", SLIDING_UNITS[unit] if k in self.sliding else unit)
+            for name, unit in _PER_JOINT.items()
+            for k in range(self.axes)
+        ]
         names += [(f"signal.{name}", "W") for name in self.signals]
         return [*names, ("standby", "W"), ("gain", "-"), ("lag", "s")]
 
@@ -95,10 +109,12 @@ def prior(layout: Layout, robot: RobotDescription, inertial: Floats, standby_W: 
     drives = [joint.drive for joint in robot.joint]
     rotor = np.array([drive.rotor_inertia_kgm2 for drive in drives])
     mean[layout.place("rotor")], deviation[layout.place("rotor")] = rotor, 0.5 * rotor + 0.01
-    constant = np.array([drive.torque_constant_Nm_A * drive.gear_ratio for drive in drives])
+    constant = np.array([drive.effort_per_ampere for drive in drives])
     copper = np.array([drive.resistance_Ohm for drive in drives]) / constant**2
     mean[layout.place("copper")], deviation[layout.place("copper")] = copper, 2.0 * copper
-    torque = np.array([joint.torque_Nm for joint in robot.joint])
+    torque = robot.effort
+    for group in ("coulomb", "viscous"):
+        mean[layout.place(group)] = [getattr(joint.friction, group, 0.0) for joint in robot.joint]
     deviation[layout.place("coulomb")] = 0.3 * torque
     deviation[layout.place("viscous")] = 0.5 * torque
     deviation[layout.place("conduction")] = 20.0 / torque

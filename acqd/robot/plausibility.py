@@ -1,0 +1,132 @@
+"""What in a robot description no real arm can have, or hardly has.
+
+`wrong` contradicts physics or lets the arm fall; `doubtful` is unusual and worth a look at the source.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from acqd.arrays import Floats
+from acqd.robot.arm import Arm
+from acqd.robot.description import RobotDescription
+from acqd.robot.dynamics import gravity_torque
+from acqd.robot.kinematics import joint_origins
+
+_POSTURES = 400
+_TRIANGLE_SLACK = 0.01
+"""Relative: published tensors are rounded."""
+_COM_REACH_SHARE, _COM_LEAST_M = 0.25, 0.25
+"""A centre of mass farther from its link than this share of the reach (or this length) is doubtful."""
+_HEAVIEST_KG = 5000.0
+_LARGE_MARGIN = 30.0
+"""Effort over holding effort of the most loaded joint; catalogue arms have 1.5 to 10."""
+_FASTEST_DEG_S, _FASTEST_M_S = 1000.0, 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One remark on a description."""
+
+    state: Literal["wrong", "doubtful"]
+    where: str
+    """Joint and key: `elbow.link.inertia`."""
+    finding: str
+    advice: str
+
+
+def implausible(robot: RobotDescription) -> list[Finding]:
+    """All remarks, what is wrong first."""
+    arm = Arm(robot)
+    reach = _reach(arm)
+    found = [*_bodies(arm, reach), *_masses(robot), *_efforts(arm), *_drives(robot)]
+    return sorted(found, key=lambda each: each.state != "wrong")
+
+
+def _reach(arm: Arm) -> float:
+    """Length of the arm from joint to joint [m]."""
+    origins = joint_origins(arm, np.zeros(arm.axes))
+    return float(np.linalg.norm(np.diff(origins[1:], axis=0), axis=1).sum())
+
+
+def _bodies(arm: Arm, reach: float) -> Iterator[Finding]:
+    joints = arm.description.joint
+    for k, joint in enumerate(joints):
+        body = arm.model.inertias[k + 1]
+        moments = np.linalg.eigvalsh(body.inertia)
+        key = f"{joint.name}.link.inertia"
+        if moments[2] > (1 + _TRIANGLE_SLACK) * (moments[0] + moments[1]) + 1e-9:
+            text = f"principal moments {_listed(moments)} kg m^2: no body has one that exceeds the sum of the others"
+            yield Finding("wrong", key, text, "check the order xx, yy, zz, xy, xz, yz and where the tensor counts from")
+        radius = float(np.sqrt(max(moments.sum(), 0.0) / 2 / joint.link.mass))
+        if radius > 0.5 * reach:
+            text = f"radius of gyration {radius:.3g} m in an arm of {reach:.3g} m"
+            yield Finding("doubtful", key, text, "a placeholder, or g cm^2 or mm instead of kg m^2?")
+        following = (
+            np.array(joints[k + 1].xyz) if k + 1 < len(joints) else arm.model.frames[arm.flange].placement.translation
+        )
+        away = _distance(np.array(joint.link.com), following)
+        if away > max(_COM_LEAST_M, _COM_REACH_SHARE * reach):
+            text = f"{away:.3g} m from the line to the next joint, in an arm of {reach:.3g} m"
+            yield Finding("doubtful", f"{joint.name}.link.com", text, "is it in m and in the link's own frame?")
+
+
+def _masses(robot: RobotDescription) -> Iterator[Finding]:
+    total = sum(joint.link.mass for joint in robot.joint)
+    if total > _HEAVIEST_KG or total < 0.05:
+        yield Finding("doubtful", "link.mass", f"the moved links weigh {total:.3g} kg", "are the masses in kg?")
+    masses = {joint.link.mass for joint in robot.joint}
+    if len(masses) == 1 and robot.axes > 2:
+        yield Finding("doubtful", "link.mass", f"all links weigh {masses.pop():g} kg", "a placeholder?")
+
+
+def _efforts(arm: Arm) -> Iterator[Finding]:
+    """Rated efforts against what holds the arm in random postures."""
+    robot = arm.description
+    q = np.random.default_rng(1).uniform(robot.lower, robot.upper, (_POSTURES, robot.axes))
+    holding = np.abs(gravity_torque(arm, q)).max(axis=0)
+    for joint, needed in zip(robot.joint, holding, strict=True):
+        key = f"{joint.name}.{'force_N' if joint.slides else 'torque_Nm'}"
+        unit = "N" if joint.slides else "Nm"
+        if needed > joint.effort:
+            text = f"{joint.effort:g} {unit}, but the stretched arm needs {needed:.3g} {unit} to stand still"
+            yield Finding(
+                "wrong", key, text, "check the rated effort, the masses and the gravity direction (-z of the base)"
+            )
+    margin = float((robot.effort / np.maximum(holding, 1e-9)).min())
+    if margin > _LARGE_MARGIN:
+        text = f"every joint can hold {margin:.0f} times the stretched arm"
+        yield Finding("doubtful", "torque_Nm", text, "placeholders in the URDF, or masses that are too small?")
+
+
+def _drives(robot: RobotDescription) -> Iterator[Finding]:
+    for joint, speed, acceleration in zip(robot.joint, robot.speed, robot.acceleration, strict=True):
+        drive = joint.drive
+        needed = drive.rotor_inertia_kgm2 * acceleration
+        if needed > joint.effort:
+            text = f"the rotor alone needs {needed / joint.effort:.1f} times the rated effort at full acceleration"
+            yield Finding(
+                "doubtful", f"{joint.name}.drive", text, "is the rotor inertia reflected to the joint, as it should be?"
+            )
+        copper = drive.resistance_Ohm * (joint.effort / drive.effort_per_ampere) ** 2
+        if copper > 3 * joint.effort * speed:
+            times = copper / (joint.effort * speed)
+            text = f"copper loss of {copper:.3g} W at rated effort, {times:.1f} times the rated power"
+            yield Finding("doubtful", f"{joint.name}.drive", text, "check gear ratio, torque constant and resistance")
+        if joint.speed > (_FASTEST_M_S if joint.slides else _FASTEST_DEG_S):
+            key = f"{joint.name}.{'speed_m_s' if joint.slides else 'speed_deg_s'}"
+            yield Finding("doubtful", key, f"{joint.speed:g}", "a placeholder, or rad taken for deg?")
+
+
+def _distance(point: Floats, end: Floats) -> float:
+    """Distance [m] of `point` from the segment between the origin and `end`."""
+    share = float(np.clip(point @ end / max(float(end @ end), 1e-12), 0.0, 1.0))
+    return float(np.linalg.norm(point - share * end))
+
+
+def _listed(moments: Floats) -> str:
+    return ", ".join(f"{value:.3g}" for value in moments)

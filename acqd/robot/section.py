@@ -1,0 +1,52 @@
+"""TOML files as validated sections: unknown keys, wrong types and missing keys are named by file and key."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from acqd.errors import InputError
+
+Model = TypeVar("Model", bound=BaseModel)
+
+
+class Section(BaseModel):
+    """A table of a TOML file: unknown keys are mistakes."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, frozen=True, populate_by_name=True)
+
+
+def read_toml(path: Path, model: type[Model]) -> Model:
+    """A validated TOML file. Raises InputError that names file and key."""
+    try:
+        return model.model_validate(read_toml_table(path))
+    except ValidationError as error:
+        raise InputError(path, "; ".join(complaint(fault) for fault in error.errors())) from None
+
+
+def read_toml_table(path: Path) -> dict[str, Any]:
+    """The raw content of a TOML file. Raises InputError."""
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "no UTF-8 text"
+        raise InputError(path, f"cannot be read ({reason})") from None
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(path, f"is not valid TOML: {error}") from None
+
+
+def complaint(fault: object) -> str:
+    """One pydantic error as `key: what is wrong (got ...)`."""
+    assert isinstance(fault, dict)
+    key = ".".join(str(part) for part in fault["loc"]) or "the file"
+    if fault["type"] == "extra_forbidden":
+        return f"{key}: there is no such key; is it misspelt, or in the wrong table?"
+    if fault["type"] == "missing":
+        return f"{key} is missing"
+    message = fault["msg"].removeprefix("Value error, ")
+    if isinstance(fault["input"], dict | BaseModel):  # the message names the key; the rest of the table says nothing
+        return f"{key}: {message}"
+    return f"{key}: {message} (got {fault['input']!r:.60})"

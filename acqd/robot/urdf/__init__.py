@@ -1,0 +1,1 @@
+"""Robot descriptions from URDF files."""

@@ -1,0 +1,180 @@
+"""The parts of a URDF file that a robot description needs, as they are written there (wiki.ros.org/urdf/XML).
+
+urdfdom, which Pinocchio uses, refuses a whole file when one limit is missing, without the joint's name, and reads a
+link without inertia as a link without mass. Both have to be named here, so the XML is read directly; Pinocchio's
+reader is the oracle of the tests.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import get_args
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+from acqd.errors import InputError
+from acqd.robot.joint import has_negative_moment
+from acqd.robot.urdf.tree import ZERO, Inertial, Kind, Origin, Shape, Triple, Urdf, UrdfJoint, UrdfLink, below
+
+_SMALLEST, _LARGEST = 1e-12, 1e12  # in m, kg, Nm, rad/s; beyond, products of values overflow
+
+
+def read_urdf(path: Path) -> Urdf:
+    """Read a URDF. Raises InputError that names the element."""
+    try:
+        robot = ElementTree.fromstring(path.read_bytes())
+    except OSError as error:
+        raise InputError(path, f"cannot be read ({error.strerror})") from None
+    except ElementTree.ParseError as error:
+        raise InputError(path, f"is not valid XML ({error}); expected a URDF") from None
+    if robot.tag != "robot":
+        raise InputError(path, f"starts with <{robot.tag}>; expected the <robot> of a URDF")
+    if any("xacro" in element.tag for element in robot.iter()):
+        raise InputError(path, "is a xacro file; expand it first: xacro FILE > robot.urdf")
+    read = _Reader(path)
+    links: dict[str, UrdfLink] = {}
+    for element in robot.findall("link"):
+        link = read.link(element)
+        if link.name in links:
+            raise InputError(path, f"link {link.name!r} is there twice")
+        links[link.name] = link
+    joints = [read.joint(element) for element in robot.findall("joint")]
+    urdf = Urdf(path, robot.get("name") or path.stem, links, joints)
+    _connect(urdf)
+    return urdf
+
+
+def _connect(urdf: Urdf) -> None:
+    """Fill the maps of the tree. Raises InputError unless the links are one tree."""
+    names: set[str] = set()
+    for joint in urdf.joints:
+        for end in (joint.parent, joint.child):
+            if end not in urdf.links:
+                raise InputError(urdf.path, f"joint {joint.name!r} names link {end!r}, which is not in the file")
+        if joint.child in urdf.above:
+            raise InputError(urdf.path, f"link {joint.child!r} hangs on two joints; a URDF is a tree")
+        if joint.name in names:
+            raise InputError(urdf.path, f"joint {joint.name!r} is there twice")
+        names.add(joint.name)
+        urdf.above[joint.child] = joint
+        urdf.children.setdefault(joint.parent, []).append(joint)
+    roots = [name for name in urdf.links if name not in urdf.above]
+    if len(roots) != 1:
+        raise InputError(urdf.path, f"has {len(roots)} links without a parent ({', '.join(roots[:4])}); expected one")
+    if sum(1 for _ in below(urdf, roots[0])) < len(urdf.links):
+        raise InputError(urdf.path, "has a loop of joints; a URDF is a tree")
+
+
+@dataclass(frozen=True, slots=True)
+class _Reader:
+    """Elements to dataclasses; errors name the file and the element."""
+
+    path: Path
+
+    def link(self, element: Element) -> UrdfLink:
+        name = self._name(element)
+        inertial = element.find("inertial")
+        shapes = [self._shape(each, name) for each in element.findall("collision")]
+        return UrdfLink(
+            name, None if inertial is None else self._inertial(inertial, name), tuple(s for s in shapes if s)
+        )
+
+    def joint(self, element: Element) -> UrdfJoint:
+        name, kind = self._name(element), element.get("type", "")
+        if kind not in get_args(Kind):
+            raise InputError(
+                self.path, f"joint {name!r} has type {kind!r}; expected one of {', '.join(get_args(Kind))}"
+            )
+        limit, dynamics, mimic = element.find("limit"), element.find("dynamics"), element.find("mimic")
+        axis = element.find("axis")
+        direction: Triple = (1.0, 0.0, 0.0) if axis is None else self._triple(axis, "xyz", name, (1.0, 0.0, 0.0))
+        if kind not in ("fixed", "floating") and not any(direction):
+            raise InputError(self.path, f"joint {name!r}: axis 0 0 0 has no direction")
+        lower, upper, velocity, effort = (
+            self._number(limit, key, name) for key in ("lower", "upper", "velocity", "effort")
+        )
+        return UrdfJoint(
+            name,
+            kind,  # type: ignore[arg-type]
+            self._end(element, "parent", name),
+            self._end(element, "child", name),
+            self._origin(element, name),
+            direction,
+            lower,
+            upper,
+            velocity,
+            effort,
+            None if mimic is None else mimic.get("joint", "?"),
+            self._number(dynamics, "friction", name) or 0.0,
+            self._number(dynamics, "damping", name) or 0.0,
+        )
+
+    def _inertial(self, element: Element, name: str) -> Inertial | None:
+        mass = self._number(element.find("mass"), "value", name)
+        if mass is None or mass == 0.0:
+            return None
+        if mass < 0.0:
+            raise InputError(self.path, f"{name!r}: mass {mass:g} kg is negative")
+        tensor = element.find("inertia")
+        xx, yy, zz, xy, xz, yz = (
+            self._number(tensor, key, name) or 0.0 for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+        )
+        if has_negative_moment((xx, yy, zz, xy, xz, yz)):
+            raise InputError(self.path, f"{name!r}: <inertia> has a negative principal moment, which no body has")
+        return Inertial(self._origin(element, name), mass, (xx, yy, zz, xy, xz, yz))
+
+    def _shape(self, element: Element, name: str) -> Shape | None:
+        geometry = element.find("geometry")
+        body = None if geometry is None else next(iter(geometry), None)
+        if body is None:
+            return None
+        size: tuple[float, ...] = ()
+        if body.tag == "box":
+            size = self._triple(body, "size", name, ZERO)
+        elif body.tag in ("cylinder", "capsule", "sphere"):
+            size = tuple(self._number(body, key, name) or 0.0 for key in ("radius", "length"))
+        kind = body.tag if body.tag in ("box", "cylinder", "capsule", "sphere") and size[0] > 0 else "mesh"
+        return Shape(kind, size, self._origin(element, name))
+
+    def _name(self, element: Element) -> str:
+        name = element.get("name")
+        if not name:
+            raise InputError(self.path, f"a <{element.tag}> has no name")
+        return name
+
+    def _end(self, element: Element, tag: str, name: str) -> str:
+        end = element.find(tag)
+        link = None if end is None else end.get("link")
+        if not link:
+            raise InputError(self.path, f"joint {name!r} has no <{tag} link=...>")
+        return link
+
+    def _origin(self, element: Element, name: str) -> Origin:
+        origin = element.find("origin")
+        if origin is None:
+            return Origin()
+        return Origin(self._triple(origin, "xyz", name, ZERO), self._triple(origin, "rpy", name, ZERO))
+
+    def _triple(self, element: Element, key: str, name: str, default: Triple) -> Triple:
+        text = element.get(key)
+        if text is None:
+            return default
+        values = [self._value(part, key, name) for part in text.split()]
+        if len(values) != 3:
+            raise InputError(self.path, f"{name!r}: {key}={text!r}; expected three numbers")
+        return values[0], values[1], values[2]
+
+    def _number(self, element: Element | None, key: str, name: str) -> float | None:
+        text = None if element is None else element.get(key)
+        return None if text is None else self._value(text, key, name)
+
+    def _value(self, text: str, key: str, name: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not abs(value) < _LARGEST:
+            raise InputError(self.path, f"{name!r}: {key}={text!r} is no number, or larger than a robot can have")
+        return 0.0 if abs(value) < _SMALLEST else value

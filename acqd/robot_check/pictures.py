@@ -1,0 +1,90 @@
+"""Pictures of an arm and of what its power hangs on."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from acqd.arrays import Floats
+from acqd.robot.arm import Arm
+from acqd.robot.description import RobotDescription
+from acqd.robot.kinematics import joint_origins
+from acqd.robot_check.sensitivity import Influence
+
+_ARM, _MASS, _CAPSULE, _GUESSED, _KNOWN = "#d97706", "#2563eb", "#94a3b8", "#b45309", "#64748b"
+_AXIS_M = 0.08
+_POINTS = 190  # points of the figure from edge to edge of a drawing
+
+
+def arm_picture(robot: RobotDescription) -> Figure:
+    """The arm in two postures: all joints in the middle of their limits, and a quarter of the way to the upper ones."""
+    arm = Arm(robot)
+    low, high = np.maximum(robot.lower, -np.pi), np.minimum(robot.upper, np.pi)
+    for k in robot.sliding:
+        low[k], high[k] = robot.lower[k], robot.upper[k]
+    middle = (low + high) / 2
+    postures = {
+        "all joints in the middle of their limits": middle,
+        "a quarter of the way to the upper limits": middle + (high - low) / 8,
+    }
+    figure = Figure(figsize=(11, 5.2))
+    for number, (title, q) in enumerate(postures.items()):
+        axes: Any = figure.add_subplot(1, 2, number + 1, projection="3d")
+        _draw(axes, arm, q)
+        axes.set_title(title, fontsize=10)
+    figure.tight_layout()
+    return figure
+
+
+def influence_picture(influences: list[Influence], count: int = 12) -> Figure:
+    """Bars of the largest influences."""
+    shown = influences[:count][::-1]
+    figure = Figure(figsize=(9, 0.32 * len(shown) + 1.1))
+    axes = figure.add_subplot()
+    names = [f"{each.joint}  {each.key}" for each in shown]
+    colours = [_GUESSED if each.guessed else _KNOWN for each in shown]
+    axes.barh(range(len(shown)), [each.change_W for each in shown], color=colours)
+    axes.set_yticks(range(len(shown)), names, fontsize=8)
+    axes.set_xlabel("RMS change of the predicted power [W] (brown: guessed, times 2; grey: known, times 1.1)")
+    axes.spines[["top", "right"]].set_visible(False)
+    figure.tight_layout()
+    return figure
+
+
+def _draw(axes: Any, arm: Arm, q: Floats) -> None:
+    origins = joint_origins(arm, q)
+    half = _half_width(origins)
+    bodies = [arm.description.base.capsules, *(joint.capsules for joint in arm.description.joint)]
+    for k, capsules in enumerate(bodies):
+        for capsule in capsules:
+            ends = np.array([arm.data.oMi[k].act(np.array(end)) for end in (capsule.start, capsule.end)])
+            axes.plot(
+                *ends.T, color=_CAPSULE, linewidth=_POINTS * capsule.radius / half, alpha=0.3, solid_capstyle="round"
+            )
+    axes.plot(*origins.T, color=_ARM, linewidth=2, marker="o", markersize=4)
+    for k, joint in enumerate(arm.description.joint, start=1):
+        frame = arm.data.oMi[k]
+        direction = frame.rotation @ (np.array(joint.axis) / np.linalg.norm(joint.axis))
+        ends = np.array([frame.translation - _AXIS_M * direction, frame.translation + _AXIS_M * direction])
+        axes.plot(*ends.T, color="black", linewidth=1, linestyle="--" if joint.slides else "-")
+        centre = frame.act(np.array(joint.link.com))
+        axes.scatter(*centre, s=12 * joint.link.mass + 4, color=_MASS, alpha=0.7)
+        axes.text(*(frame.translation + 1.3 * _AXIS_M * direction), joint.name, fontsize=7)
+    _equal(axes, origins)
+
+
+def _equal(axes: Any, points: Floats) -> None:
+    """The same scale along all axes, around what is drawn."""
+    centre, half = (points.max(axis=0) + points.min(axis=0)) / 2, _half_width(points)
+    for name, middle in zip("xyz", centre, strict=True):
+        getattr(axes, f"set_{name}lim")(middle - half, middle + half)
+        getattr(axes, f"set_{name}label")(f"{name} [m]", fontsize=8)
+    axes.tick_params(labelsize=7)
+    axes.set_box_aspect((1, 1, 1))
+
+
+def _half_width(points: Floats) -> float:
+    """Half the width of a drawing [m]."""
+    return max(float(np.ptp(points, axis=0).max()), 0.2) * 0.6
