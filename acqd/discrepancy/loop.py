@@ -12,6 +12,7 @@ from acqd.discrepancy.recordings import Subject, subject_of
 from acqd.discrepancy.regression.setup import Question, set_up
 from acqd.discrepancy.repair.guard import Improved, improve
 from acqd.discrepancy.repair.terms import Added, added, clock_term
+from acqd.discrepancy.repair.torque_scale import torque_scale
 from acqd.discrepancy.residual.delay import Delay, corrected, find_delay
 from acqd.discrepancy.residual.quality import Quality, quality
 from acqd.discrepancy.residual.residuals import errors_of, rms, without_known_effects
@@ -70,9 +71,10 @@ def close_loop(config: CloseConfig, progress: Progress) -> Closed:
     delay, unexplained = _without_delay(_without_known(subject))
     tracing = _select(config, unexplained, progress)
     effects: list[Added] = [clock_term(delay)] if delay is not None else []
+    scale = torque_scale(subject)
     for named in tracing.effects:
         progress(f"confidence of {named.id}", 0.0)
-        effects.append(added(tracing, named, config.seed))
+        effects.append(added(tracing, named, scale, config.seed))
     improved = improve(subject, effects, errors_before, config.seed)
     floor_W, floor_source = noise_floor([*subject.fit, *subject.held_out], subject.data.step_s)
     return Closed(

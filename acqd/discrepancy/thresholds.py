@@ -254,6 +254,25 @@ class Thresholds:
         "choice",
         "confidence of a clock effect that whole recordings show; assigned, not measured",
     )
+    described_mass_deviation: float = _threshold(
+        0.05, "-", "uncertainty", "study", "relative standard deviation of described link masses"
+    )
+    drive_scale_deviation: float = _threshold(
+        0.10, "-", "uncertainty", "study", "relative standard deviation of nominal drive gains and of the supply's gain"
+    )
+    sensor_scale_deviation: float = _threshold(
+        0.02, "-", "uncertainty", "physics", "relative standard deviation of a torque sensor's scale"
+    )
+    scale_segments: int = _threshold(
+        60, "segments", "uncertainty", "choice", "most segments that a scale is taken from"
+    )
+    column_deviation: float = _threshold(
+        0.04,
+        "-",
+        "uncertainty",
+        "study",
+        "relative error of an effect's columns by the model's wrong torques and powers",
+    )
     # verdict
     enough_s: float = _threshold(
         120.0, "s", "verdict", "study", "with shorter recordings, silence does not prove absence"

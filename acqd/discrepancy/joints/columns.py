@@ -40,7 +40,7 @@ def measured_torque(segment: Segment, side: Side, robot: RobotDescription) -> Fl
     if side == "link":
         assert segment.tau is not None
         return segment.tau
-    constant = [joint.drive.torque_constant_Nm_A * joint.drive.gear_ratio for joint in robot.joint]
+    constant = [joint.drive.effort_per_ampere for joint in robot.joint]
     return np.asarray(segment.channels["current"] * np.array(constant))
 
 
@@ -72,7 +72,7 @@ class BaseLayout:
     def prior(self, arm: Arm) -> tuple[Floats, Floats]:
         """Mean and standard deviation [size], from the description; wide where the description says nothing."""
         robot = arm.description
-        torque = np.array([joint.torque_Nm for joint in robot.joint])
+        torque = robot.effort
         mean, deviation = np.zeros(self.size), np.zeros(self.size)
         inertial = inertial_parameters(arm)
         mean[self.place("inertial")] = inertial

@@ -9,11 +9,14 @@ import numpy as np
 from scipy.signal import lfilter
 
 from acqd.arrays import Floats
+from acqd.discrepancy.regression.torque_alternatives import torque_columns, torque_groups
 from acqd.models.effects.events import bins, edges, since
 from acqd.models.effects.scene import Scene
 
 _SPEEDS = tuple(0.05 + 0.1 * k for k in range(10))  # of the largest speed seen
 _MEMORIES_S = (3.0, 10.0, 30.0, 90.0)
+_LONG_MEMORIES_S = (300.0, 1200.0)
+"""Longer than a recording: their memory lasts over the pauses between recordings."""
 _AFTER_S = (0.0, 0.2, 0.5, 1.0, 2.0, 4.0, 8.0)
 _ANGLES = 6
 
@@ -43,6 +46,8 @@ class Ranges:
 
     Slow time is scaled to the recordings of one side: months between the sides must not change a verdict.
     """
+    before: dict[tuple[float, float], float]
+    """By the begin of a recording (UTC, s) and a memory (s): W that the recordings before have left."""
 
     @classmethod
     def of(cls, scenes: list[Scene], in_question: list[bool]) -> Ranges:
@@ -58,6 +63,7 @@ class Ranges:
                 for side in set(in_question)
                 for members in [[s for s, own in zip(scenes, in_question, strict=True) if own == side]]
             },
+            _left_before(scenes, in_question),
         )  # fmt: skip
 
 
@@ -81,8 +87,11 @@ def smooth_columns(scene: Scene, ranges: Ranges, *, in_question: bool) -> Floats
     into = (scene.t - scene.t[0]) / 60.0
     columns += [into, np.exp(-into * 6)]
     begin_s, end_s = ranges.calendar_s[in_question]
+    for seconds in _LONG_MEMORIES_S:
+        columns.append(_remembered(np.abs(scene.drives), scene, seconds, ranges.before[(float(scene.t[0]), seconds)]))
     share_of_time = (scene.t - begin_s) / max(end_s - begin_s, 1.0)
     columns += list(np.cos(np.pi * np.outer(share_of_time, np.arange(1, 5))).T)
+    columns += torque_columns(scene, ranges.low, ranges.high)
     return np.column_stack(columns)
 
 
@@ -107,7 +116,38 @@ def alternatives(axes: int) -> Iterator[SmoothGroup]:
     yield take("the time since the motion started", len(_AFTER_S) - 1)
     yield take("the time since the motion stopped", len(_AFTER_S) - 1)
     yield take("the time within the recording", 2)
+    for seconds in _LONG_MEMORIES_S:
+        yield take(f"the drives' power of the last {seconds / 60:g} min, pauses counted", 1)
     yield take("the time of day", 4)
+    for name, count in torque_groups(axes):
+        yield take(name, count)
+
+
+def _left_before(scenes: list[Scene], in_question: list[bool]) -> dict[tuple[float, float], float]:
+    """The state of every long memory at the begin of every recording; the first one of a side starts cold.
+
+    A pause counts as rest. The state of a side does not depend on the other side, which may be months away.
+    """
+    left: dict[tuple[float, float], float] = {}
+    for side in set(in_question):
+        members = sorted(
+            (s for s, own in zip(scenes, in_question, strict=True) if own == side), key=lambda scene: float(scene.t[0])
+        )
+        for seconds in _LONG_MEMORIES_S:
+            state, end_s = 0.0, float(members[0].t[0])
+            for scene in members:
+                state *= float(np.exp(-max(float(scene.t[0]) - end_s, 0.0) / seconds))
+                left[(float(scene.t[0]), seconds)] = state
+                state = float(_remembered(np.abs(scene.drives), scene, seconds, state)[-1])
+                end_s = float(scene.t[-1])
+    return left
+
+
+def _remembered(values: Floats, scene: Scene, seconds: float, before: float) -> Floats:
+    """`values` [N] behind a first-order low-pass that starts at `before`."""
+    keep = float(np.exp(-scene.substep_s / seconds))
+    out, _ = lfilter([1 - keep], [1, -keep], values, zi=[keep * before])
+    return np.asarray(out)
 
 
 def _moving(scene: Scene) -> Floats:

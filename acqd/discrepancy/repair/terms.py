@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from acqd.arrays import Floats
+from acqd.discrepancy.repair.torque_scale import TorqueScale
 from acqd.discrepancy.residual.delay import Delay
 from acqd.discrepancy.selection.accepted import Named, Tracing
 from acqd.discrepancy.selection.uncertainty import confidence, intervals
@@ -48,7 +49,7 @@ class Added:
         return f"{self.term.id} {self.term.where}{' (whole recordings)' if self.evidence is None else ''}"
 
 
-def added(tracing: Tracing, named: Named, seed: int) -> Added:
+def added(tracing: Tracing, named: Named, scale: TorqueScale, seed: int) -> Added:
     """Parameters with intervals, confidence and alternatives of a selected effect."""
     sure, alternatives = confidence(tracing, named, seed)
     values, half = intervals(tracing, named)
@@ -59,7 +60,7 @@ def added(tracing: Tracing, named: Named, seed: int) -> Added:
     open_ = [part for part, own in zip(parts, named.gate.open, strict=True) if own]
     if named.gate.start is not None:
         shape["begin_s"] = min(part.start_s for part in open_)  # the key that bundles have
-    term = Term.of(named.id, named.place, shape, values, _parameters(named, values, half))
+    term = Term.of(named.id, named.place, shape, values, _parameters(named, values, half, scale))
     finding = named.finding
     return Added(
         term=term, evidence=finding.evidence, confidence=sure, alternatives=alternatives, start=named.gate.start,
@@ -67,10 +68,13 @@ def added(tracing: Tracing, named: Named, seed: int) -> Added:
     )  # fmt: skip
 
 
-def _parameters(named: Named, values: Floats, half: Floats) -> dict[str, Any]:
+def _parameters(named: Named, values: Floats, half: Floats, scale: TorqueScale) -> dict[str, Any]:
+    """In true units; the coefficients of a term are in the scale of its model's torques."""
     parameters: dict[str, Any] = {}
     for parameter, value, width in zip(named.place.parameters, values, half, strict=True):
-        parameters[parameter.name] = _shown(float(value), parameter.unit, float(width))
+        of_columns = THRESHOLDS.interval_width * THRESHOLDS.column_deviation * abs(float(value))
+        true, wide = scale.corrected(float(value), float(np.hypot(width, of_columns)), parameter.unit)
+        parameters[parameter.name] = _shown(true, parameter.unit, wide)
     for name, value in named.shape.items():
         unit = next((unit for ending, unit in _UNITS.items() if name.endswith(ending)), "-")
         parameters[name] = _shown(float(value), unit, None)

@@ -1,0 +1,59 @@
+"""Scale of a model's torques: what a kilogram or a newton metre of the model is in the world.
+
+Power alone fixes the product of torque and gain. A model of torques that are 10 % too small explains a payload of
+2 kg by 1.8 kg. The described link masses tell the scale, where no torque sensor does: by the slope of the model's
+rigid-body torque on the described one, with the nominal drives as a prior.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from acqd.discrepancy.recordings import Subject
+from acqd.discrepancy.thresholds import THRESHOLDS
+from acqd.models.features import motion
+from acqd.robot.arm import Arm
+from acqd.robot.dynamics import inertial_parameters
+from acqd.robot.newton_euler import joint_torque
+
+_POWERS = {
+    "kg": -1, "kg m": -1, "Nm": -1, "N": -1, "Nm s/rad": -1, "N s/m": -1, "W/Nm^2": 2, "W/N^2": 2, "W/Nm": 1, "W/N": 1,
+}  # fmt: skip
+"""Power of the scale by which a parameter of that unit is corrected."""
+
+
+@dataclass(frozen=True, slots=True)
+class TorqueScale:
+    """The model's torques over the true torques."""
+
+    value: float
+    deviation: float
+    """Standard deviation."""
+
+    def corrected(self, value: float, half: float, unit: str) -> tuple[float, float]:
+        """A parameter in true units, and half the width of its 95 % interval with the scale's uncertainty."""
+        power = _POWERS.get(unit, 0)
+        factor = self.value**power
+        of_scale = THRESHOLDS.interval_width * power * self.deviation / self.value * value
+        return value * factor, float(np.hypot(half, of_scale) * factor)
+
+
+def torque_scale(subject: Subject) -> TorqueScale:
+    """From the recordings in question and the robot's description."""
+    segments = [*subject.reference, *subject.fit]
+    if all(segment.tau is not None for segment in segments):
+        return TorqueScale(1.0, THRESHOLDS.sensor_scale_deviation)
+    described = inertial_parameters(Arm(subject.robot))
+    products = squares = 0.0
+    for segment in segments[:: max(1, len(segments) // THRESHOLDS.scale_segments)]:
+        moved = motion(segment.q, subject.data.step_s)
+        nominal = joint_torque(subject.carrier.chain, described, *moved)
+        products += float(
+            (joint_torque(subject.carrier.chain, subject.carrier.group("inertial"), *moved) * nominal).sum()
+        )
+        squares += float((nominal**2).sum())
+    slope = products / max(squares, 1e-9)
+    weights = np.array([THRESHOLDS.described_mass_deviation, THRESHOLDS.drive_scale_deviation]) ** -2.0
+    return TorqueScale(float(np.average([slope, 1.0], weights=weights)), float(weights.sum() ** -0.5))
