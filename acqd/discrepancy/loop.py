@@ -18,7 +18,8 @@ from acqd.discrepancy.residual.quality import Quality, quality
 from acqd.discrepancy.residual.residuals import errors_of, rms, without_known_effects
 from acqd.discrepancy.selection.accepted import Tracing, Verdict
 from acqd.discrepancy.selection.stepwise import Limits, trace
-from acqd.discrepancy.thresholds import THRESHOLDS, Stage
+from acqd.discrepancy.thresholds import Stage
+from acqd.discrepancy.verdict import settled
 from acqd.models.effects import library
 from acqd.models.effects.scene import scene_of
 from acqd.models.noise_floor import noise_floor
@@ -76,13 +77,14 @@ def close_loop(config: CloseConfig, progress: Progress) -> Closed:
         progress(f"confidence of {named.id}", 0.0)
         effects.append(added(tracing, named, scale, config.seed))
     improved = improve(subject, effects, errors_before, config.seed)
+    verdict, improved, remarks = settled(subject, tracing, improved, errors_before)
     floor_W, floor_source = noise_floor([*subject.fit, *subject.held_out], subject.data.step_s)
     return Closed(
         subject=subject, tracing=tracing, improved=improved, before=quality(errors_before),
         after=quality(improved.errors), errors_before=errors_before, floor_W=floor_W, floor_source=floor_source,
         reference_rmse=rms(errors_of(subject.model, subject.reference)) if subject.reference else None,
-        joints=joint_level(tracing.witness), verdict=_verdict(subject, tracing, improved), stages=_stages(subject),
-        notes=[*subject.notes, *_notes(improved)],
+        joints=joint_level(tracing.witness), verdict=verdict, stages=_stages(subject),
+        notes=[*subject.notes, *remarks, *_notes(improved, verdict)],
     )  # fmt: skip
 
 
@@ -118,16 +120,6 @@ def _clocks() -> set[str]:
     return {effect.id for effect in library().values() if effect.acts_on == "clock"}
 
 
-def _verdict(subject: Subject, tracing: Tracing, improved: Improved) -> Verdict:
-    effects = [*improved.kept, *improved.reported_only]
-    if effects:
-        return "effects_found" if effects[0].confidence >= THRESHOLDS.least_confidence else "not_identifiable"
-    if tracing.unknown is not None:
-        return "unknown_structure"
-    # too few rows without an effect do not prove its absence
-    return "not_identifiable" if improved.refused or subject.fit_s < THRESHOLDS.enough_s else "nothing_left"
-
-
 def _stages(subject: Subject) -> frozenset[Stage]:
     stages: set[Stage] = {"recordings", "noise", "selection", "uncertainty", "verdict"}
     if _clocks() & subject.chosen:
@@ -139,10 +131,10 @@ def _stages(subject: Subject) -> frozenset[Stage]:
     return frozenset(stages)
 
 
-def _notes(improved: Improved) -> list[str]:
+def _notes(improved: Improved, verdict: Verdict) -> list[str]:
     refused = [f"{e.term.id} was found but does not help on held-out recordings: not added" for e in improved.refused]
-    unpredictable = [
-        f"{e.term.id} acts at times that neither angles nor signals predict: reported, not added to the model"
-        for e in improved.reported_only
-    ]
-    return refused + unpredictable
+    if verdict == "not_identifiable":
+        reasons = "cannot be told from its alternatives in these recordings: reported, not added to the model"
+    else:
+        reasons = "acts at times that neither angles nor signals predict: reported, not added to the model"
+    return refused + [f"{e.term.id} {reasons}" for e in improved.reported_only]

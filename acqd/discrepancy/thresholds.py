@@ -188,6 +188,9 @@ class Thresholds:
     few_held_out_share: float = _threshold(
         0.5, "-", "selection", "study", "held-out gain of few recordings, relative to their evidence, at least"
     )
+    reference_margin: float = _threshold(
+        2.0, "-", "selection", "study", "few recordings must exceed the largest evidence in unchanged sessions so often"
+    )
     alternative_margin: float = _threshold(
         40.0,
         "white squared error",
@@ -247,13 +250,6 @@ class Thresholds:
         1.96, "standard errors", "uncertainty", "convention", "half width of a 95 % interval"
     )
     jackknife_fewest: int = _threshold(3, "recordings", "uncertainty", "choice", "fewest recordings for a jackknife")
-    clock_confidence: float = _threshold(
-        0.99,
-        "-",
-        "uncertainty",
-        "choice",
-        "confidence of a clock effect that whole recordings show; assigned, not measured",
-    )
     described_mass_deviation: float = _threshold(
         0.05, "-", "uncertainty", "study", "relative standard deviation of described link masses"
     )
@@ -276,6 +272,22 @@ class Thresholds:
     # verdict
     enough_s: float = _threshold(
         120.0, "s", "verdict", "study", "with shorter recordings, silence does not prove absence"
+    )
+    fair_share: float = _threshold(
+        0.15, "-", "verdict", "choice", "least share of the excess over the reference that found effects explain"
+    )
+    grown_quantile: float = _threshold(
+        0.95, "-", "verdict", "convention", "quantile of the errors of reference recordings: a larger error has grown"
+    )
+    grown_factor: float = _threshold(
+        1.25,
+        "-",
+        "verdict",
+        "study",
+        "by which the error of new recordings may exceed that quantile: they were not fitted",
+    )
+    family_correlation: float = _threshold(
+        0.95, "-", "verdict", "convention", "effects whose powers correlate more are one family in these recordings"
     )
     least_confidence: float = _threshold(
         0.5, "-", "verdict", "choice", "with less confidence, two effects cannot be distinguished"

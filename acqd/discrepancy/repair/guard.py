@@ -34,6 +34,10 @@ class Improved:
     errors: list[Floats]
     """[T] W on the held-out segments."""
 
+    def with_reported(self, effects: list[Added]) -> Improved:
+        """With other effects that are only reported."""
+        return replace(self, reported_only=effects)
+
     def model(self, subject: Subject) -> Predictor:
         """The base with the kept effects as terms."""
         terms = [each.term for each in self.kept if not each.restored]

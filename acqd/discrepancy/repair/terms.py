@@ -6,12 +6,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.stats import t as t_distribution
 
 from acqd.arrays import Floats
 from acqd.discrepancy.repair.torque_scale import TorqueScale
 from acqd.discrepancy.residual.delay import Delay
 from acqd.discrepancy.selection.accepted import Named, Tracing
-from acqd.discrepancy.selection.uncertainty import confidence, intervals
+from acqd.discrepancy.selection.uncertainty import confidence, family, intervals
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.augmented import Term
 from acqd.models.effects import library
@@ -40,6 +41,10 @@ class Added:
     """Share of recordings that agree."""
     recordings: int
     """Number of recordings in which the effect may act."""
+    family: tuple[tuple[str, str], ...] = ()
+    """Ids and places of effects whose power is nearly the same in these recordings."""
+    family_confidence: float = 0.0
+    """Together with the family; at least `confidence`."""
     restored: bool = False
     """The effect came back as parameters that the grey box had been denied, not as a term."""
 
@@ -52,6 +57,8 @@ class Added:
 def added(tracing: Tracing, named: Named, scale: TorqueScale, seed: int) -> Added:
     """Parameters with intervals, confidence and alternatives of a selected effect."""
     sure, alternatives = confidence(tracing, named, seed)
+    kin = family(tracing, named)
+    together = sure + sum(share for name, share in alternatives if name in {finding.candidate.id for finding in kin})
     values, half = intervals(tracing, named)
     shape = dict(named.shape)
     parts = tracing.design.parts
@@ -65,6 +72,8 @@ def added(tracing: Tracing, named: Named, scale: TorqueScale, seed: int) -> Adde
     return Added(
         term=term, evidence=finding.evidence, confidence=sure, alternatives=alternatives, start=named.gate.start,
         consistency=finding.supported().consistency, recordings=len({part.recording for part in open_}),
+        family=tuple((finding.candidate.id, finding.candidate.label) for finding in kin),
+        family_confidence=min(together, 1.0),
     )  # fmt: skip
 
 
@@ -100,12 +109,21 @@ def clock_term(delay: Delay) -> Added:
     else:
         parameters = {"power later by": offset}
     term = Term.of(_clock(drifts=delay.drifts).id, place, shape, np.ones(1), parameters)
-    sure = THRESHOLDS.clock_confidence
+    sure = _clock_confidence(delay, delays)
     alternatives = [(_clock(drifts=not delay.drifts).id, round(1 - sure, 6))]
     return Added(
         term=term, evidence=None, confidence=sure, alternatives=alternatives, start=None, consistency=agree,
-        recordings=len(delays),
+        recordings=len(delays), family_confidence=1.0,
     )  # fmt: skip
+
+
+def _clock_confidence(delay: Delay, delays: Floats) -> float:
+    """Probability that the delay drifts, or does not, as said: t test of the drift over the recordings."""
+    if len(delays) < 4:  # a drift has no error with fewer
+        return 0.5
+    rate, error = delay.line()
+    drifting = float(t_distribution.cdf(abs(rate) / max(error, 1e-12), len(delays) - 2) * 2 - 1)
+    return drifting if delay.drifts else 1 - drifting * (1 - 1 / len(delays))
 
 
 def _clock(*, drifts: bool) -> Effect:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from acqd.arrays import Floats
+from acqd.discrepancy.joints.summary import JointLevel
 from acqd.discrepancy.loop import Closed
 from acqd.discrepancy.residual.aspects import Aspect, aspects
 from acqd.discrepancy.residual.whitening import autocorrelation
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 
 _BEFORE, _AFTER, _UNNAMED = "#b45309", "#1d6fa5", "#9aa5b1"
 _SHOWN_S = 40.0
+_MOST_POINTS = 3000
 
 
 def _figure(width: float, height: float) -> Figure:
@@ -74,6 +76,29 @@ def by_recording(closed: Closed) -> Figure:
     axes.set_xticks(x, [held_out[k].recording for k in order], rotation=60, ha="right", fontsize=7)
     axes.set_ylabel("residual, RMS [W]")
     axes.legend(frameon=False, ncols=3)
+    return figure
+
+
+def joints(level: JointLevel) -> Figure:
+    """Logged torque against the torque of the reference's model, one panel per joint."""
+    count = len(level.logged)
+    columns = min(count, 4)
+    figure = _figure(9.5, 2.4 * -(-count // columns))
+    panels = np.atleast_1d(figure.subplots(-(-count // columns), columns)).ravel()
+    for number, (axes, logged, modelled) in enumerate(zip(panels, level.logged, level.modelled, strict=False)):
+        every = max(1, len(logged) // _MOST_POINTS)
+        axes.plot(modelled[::every], logged[::every], ".", ms=1.5, color=_AFTER)
+        if len(logged):
+            ends = [float(min(logged.min(), modelled.min())), float(max(logged.max(), modelled.max()))]
+            axes.plot(ends, ends, color="black", lw=0.7)
+        axes.set_title(
+            f"joint {number + 1}: {level.rms[number]:.2g} Nm ({level.rms_reference[number]:.2g})", fontsize=8
+        )
+        axes.tick_params(labelsize=7)
+    for axes in panels[count:]:
+        axes.set_axis_off()
+    figure.supxlabel("model of the reference [Nm]", fontsize=8)
+    figure.supylabel("logged [Nm]", fontsize=8)
     return figure
 
 

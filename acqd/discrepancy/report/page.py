@@ -80,6 +80,12 @@ def _rest(page: Page, closed: Closed) -> None:
         page.text(note)
     if closed.joints is not None:
         page.text("At the joints: " + closed.joints.as_text() + ".")
+    if closed.tracing.hypotheses:
+        page.heading("Hypotheses that were not accepted")
+        for hypothesis in closed.tracing.hypotheses:
+            page.text(f"{hypothesis.as_text()}. What would decide: {hypothesis.experiment}.")
+    if closed.joints is not None:
+        page.figure(figures.joints(closed.joints), "Logged torque against the reference's model, joint by joint.")
     if closed.tracing.last_ranking:
         ranking = figures.ranking(closed.tracing.last_ranking, None)
         page.figure(ranking, "The last ranking: how much every hypothesis would explain now.")
@@ -108,10 +114,13 @@ def _effect(page: Page, closed: Closed, each: Added, number: int) -> None:
 
 def _confidence(closed: Closed, each: Added, number: int) -> str:
     others = ", ".join(f"{name} {share:.0%}" for name, share in each.alternatives) or "none"
+    if each.family:
+        kin = ", ".join(f"{name} ({where})" for name, where in each.family)
+        others += f". Nearly the same power in these recordings: {kin}; together {each.family_confidence:.0%}"
     if number < len(closed.kept):
         gain = f"Without the effect, the held-out RMSE is {held_out_gain(closed, number):.2f} W higher."
     else:
-        gain = "The times at which it acts cannot be predicted: it is not part of the model."
+        gain = "The effect is reported only: it is not part of the model."
     return (
         f"Confidence {each.confidence:.0%} (share of resampled sets of recordings in which the effect explains most); "
         f"alternative explanations: {others}. {gain}"

@@ -41,6 +41,12 @@ class Delay:
         """Whether the delay changes in time."""
         return self.rate != 0.0
 
+    def line(self) -> tuple[float, float]:
+        """Slope [s/s] of the delays of the recordings over time, and its standard error."""
+        t, delays = (np.array(each) for each in zip(*self.single, strict=True))
+        slope, _, error = _line(t - t.min(), delays)
+        return slope, error
+
 
 def find_delay(scenes: list[Scene], segments: list[Segment]) -> Delay | None:
     """A drift, or a constant delay, of all recordings; None if power and motion are aligned."""

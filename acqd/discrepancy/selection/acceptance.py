@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -32,6 +32,8 @@ class View:
     """By key of their candidates."""
     complete: bool
     """All rows of the design take part, so that shapes can be refined."""
+    evidence_of_reference: Callable[[], float]
+    """Largest evidence that any candidate has in an unchanged session of the reference, scaled to as many rows."""
 
 
 def worth(finding: Finding) -> float:
@@ -45,18 +47,36 @@ def worth(finding: Finding) -> float:
 
 def credible(view: View, finding: Finding, limit: float) -> bool:
     """Whether a finding passes all hurdles; `limit`: surprise that clean recordings exceed rarely."""
+    return not missing(view, finding, limit)
+
+
+def missing(view: View, finding: Finding, limit: float) -> list[str]:
+    """The hurdles that a finding does not pass, in words."""
     support = finding.supported()
-    return (
-        finding.evidence > _least_evidence(view, finding)
-        and relevant(view.design, finding)
-        and (support.surprise > limit or _unanimous(finding) or finding.at_joints > THRESHOLDS.joint_evidence)
-        and support.held_out > 0
-        and support.plain > -THRESHOLDS.plain_errors * support.plain_error
-        and support.consistency >= THRESHOLDS.consistent_share
-    )
+    least = least_evidence(view, finding)
+    failed = []
+    if finding.evidence <= least:
+        needed = (
+            f"evidence above {least:.0f}" if np.isfinite(least) else "more evidence for something that was searched"
+        )
+        failed.append(needed)
+    if not relevant(view.design, finding):
+        failed.append("a size that matters")
+    if not (support.surprise > limit or finding.at_joints > THRESHOLDS.joint_evidence or _unanimous(view, finding)):
+        failed.append(
+            f"more agreement than by chance (surprise {support.surprise:.1f} of {limit:.1f}): more recordings"
+        )
+    if support.held_out <= 0:
+        failed.append("a gain on recordings that did not take part")
+    if support.plain <= -THRESHOLDS.plain_errors * support.plain_error:
+        failed.append("a smaller error in W")
+    if support.consistency < THRESHOLDS.consistent_share:
+        failed.append(f"agreement of the recordings ({support.consistency:.0%})")
+    return failed
 
 
-def _least_evidence(view: View, finding: Finding) -> float:
+def least_evidence(view: View, finding: Finding) -> float:
+    """Evidence that a finding must exceed; infinite for an effect that was detected too weakly."""
     candidate = finding.candidate
     least = float(THRESHOLDS.least_evidence)
     if candidate.detected:
@@ -102,7 +122,7 @@ def _recordings_shifted(design: Design, seconds: float) -> bool:
     return bool(known) and abs(float(np.median(known)) - seconds) < tolerance
 
 
-def _unanimous(finding: Finding) -> bool:
+def _unanimous(view: View, finding: Finding) -> bool:
     """Nearly all recordings agree: few recordings, or a few loud ones, cannot surprise otherwise."""
     support = finding.supported()
     if support.acting >= THRESHOLDS.unanimous_recordings:
@@ -112,7 +132,8 @@ def _unanimous(finding: Finding) -> bool:
         finding.evidence > THRESHOLDS.few_evidence
         and support.held_out > THRESHOLDS.few_held_out_share * finding.evidence
     )
-    return support.acting >= THRESHOLDS.few_recordings and support.consistency == 1.0 and loud
+    agree = support.acting >= THRESHOLDS.few_recordings and support.consistency == 1.0
+    return agree and loud and finding.evidence > THRESHOLDS.reference_margin * view.evidence_of_reference()
 
 
 def refuted(view: View, gate: Gate, best: Finding, alternative: Finding) -> bool:

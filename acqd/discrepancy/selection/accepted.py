@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from acqd.discrepancy.joints.witness import Witness
 from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.gram import Column, Regression
 from acqd.discrepancy.regression.onset import Gate
 from acqd.discrepancy.selection.ranking import Finding
+
+if TYPE_CHECKING:
+    from acqd.discrepancy.selection.hypotheses import Hypothesis
 from acqd.models.effects.places import Place
 
 Verdict = Literal["effects_found", "nothing_left", "unknown_structure", "not_identifiable"]
@@ -67,5 +70,7 @@ class Tracing:
     verdict: Verdict = "nothing_left"
     effects: list[Named] = field(default_factory=list)
     unknown: Unknown | None = None
+    hypotheses: list[Hypothesis] = field(default_factory=list)
+    """Of the last ranking."""
     last_ranking: list[Finding] = field(default_factory=list)
     """The last ranking, in which no candidate was credible."""

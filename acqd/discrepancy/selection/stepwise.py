@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache, partial
 
 import numpy as np
 
+from acqd.discrepancy.joints.observations import session_of
 from acqd.discrepancy.regression.design_columns import Candidate
 from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.gram import Column, Regression
@@ -15,6 +17,7 @@ from acqd.discrepancy.regression.setup import Setup
 from acqd.discrepancy.selection.acceptance import View, credible, refuted, serious, worth
 from acqd.discrepancy.selection.accepted import Named, Tracing, Unknown
 from acqd.discrepancy.selection.detectors.candidates import Detection, detect
+from acqd.discrepancy.selection.hypotheses import hypotheses
 from acqd.discrepancy.selection.masking import transient, without_rows_of
 from acqd.discrepancy.selection.ranking import Finding, chance, rank, rank_pooled
 from acqd.discrepancy.selection.shape_fit import fit_shape
@@ -128,7 +131,8 @@ class _Step:
         self._regression = self._regression.on(tracing.design.blocks)
 
     def _view(self, design: Design, regression: Regression, prior: list[Named], *, complete: bool) -> View:
-        return View(design, regression, list(prior), self._detections, complete)
+        of_reference = cache(partial(_evidence_of_reference, design, regression, self._gates[0], self._pool))
+        return View(design, regression, list(prior), self._detections, complete, of_reference)
 
     def _likeliest_gate(self, view: View) -> Gate:
         """No onset, unless an onset explains clearly more."""
@@ -148,13 +152,14 @@ class _Step:
         limit = self._chance_limit(gate, view)
         named = [finding for finding in findings if finding.candidate.id]
         unnamed = [finding for finding in findings if not finding.candidate.id]
+        tracing.hypotheses = hypotheses(view, findings, limit)
         best = next((finding for finding in named if credible(view, finding, limit)), None)
         alternative = next((finding for finding in unnamed if credible(view, finding, limit)), None)
         if alternative is not None and (best is None or refuted(view, gate, best, alternative)):
             if tracing.unknown is None:
                 tracing.unknown = Unknown(alternative, gate)
             return None
-        if best is None:
+        if best is None or (best.candidate.detected and _outdone_by_any(best, unnamed)):
             return None
         others = _best_of_each([finding for finding in named if serious(view.design, finding)], best)
         return _Winner(best, gate, others)
@@ -184,6 +189,28 @@ class _Step:
         return Named(
             fitted.finding, gate, candidate.variant.place, shape, winner.alternatives, self._regression, before
         )
+
+
+def _outdone_by_any(detected: Finding, unnamed: list[Finding]) -> bool:
+    """Whether an unnamed alternative, credible or not, explains more than something that was found by searching."""
+    return any(finding.evidence > detected.evidence for finding in unnamed)
+
+
+def _evidence_of_reference(design: Design, regression: Regression, gate: Gate, pool: list[Candidate]) -> float:
+    """Largest evidence of any candidate in a single session of the reference, scaled to the rows in question."""
+    sessions: dict[str, list[int]] = {}
+    for number, part in enumerate(design.parts):
+        if not part.in_question:
+            sessions.setdefault(session_of(part.recording), []).append(number)
+    rows = float((design.blocks.rows * gate.open).sum())
+    largest = 0.0
+    for blocks in sessions.values():
+        own = np.zeros(len(design.parts))
+        own[blocks] = 1.0
+        found = rank_pooled(replace(design, witness=None), regression, own, pool)[:1]
+        seen = float(design.blocks.rows[blocks].sum())
+        largest = max([largest, *(finding.drop * rows / max(seen, 1.0) for finding in found)])
+    return largest
 
 
 def _best_of_each(named: list[Finding], best: Finding) -> list[Finding]:

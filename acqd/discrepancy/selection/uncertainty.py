@@ -12,7 +12,7 @@ from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.gram import Regression
 from acqd.discrepancy.regression.onset import Gate
 from acqd.discrepancy.selection.accepted import Named, Tracing
-from acqd.discrepancy.selection.ranking import rank_pooled, solve_part
+from acqd.discrepancy.selection.ranking import Finding, rank_pooled, solve_part
 from acqd.discrepancy.thresholds import THRESHOLDS
 
 _SHOWN = 3  # alternatives in a report
@@ -32,6 +32,29 @@ def confidence(tracing: Tracing, named: Named, seed: int) -> tuple[float, list[t
     total = max(sum(first.values()), 1)
     shares = [(finding.candidate.id, first[finding.candidate.id] / total) for finding in others]
     return first[named.id] / total, sorted(shares, key=lambda share: -share[1])[:_SHOWN]
+
+
+def family(tracing: Tracing, named: Named) -> list[Finding]:
+    """Alternatives whose power is nearly the power of the effect, in all rows under the gate."""
+    design = tracing.design
+    mine = _power(design, named.finding, named.gate)
+    return [
+        finding
+        for finding in named.alternatives[: THRESHOLDS.contenders]
+        if _correlation(mine, _power(design, finding, named.gate)) > THRESHOLDS.family_correlation
+    ]
+
+
+def _power(design: Design, finding: Finding, gate: Gate) -> Floats:
+    """[rows] W of a finding under a gate."""
+    weights = finding.candidate.weights(finding.coefficients)
+    open_ = [part for part, own in zip(design.parts, gate.open, strict=True) if own]
+    return np.concatenate([design.values(part.segment, finding.candidate.places, part.own) @ weights for part in open_])
+
+
+def _correlation(a: Floats, b: Floats) -> float:
+    a, b = a - a.mean(), b - b.mean()
+    return float(a @ b / max(float(np.sqrt((a @ a) * (b @ b))), 1e-12))
 
 
 def _resampled(design: Design, random: np.random.Generator) -> Floats:

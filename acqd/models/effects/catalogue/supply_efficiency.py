@@ -36,4 +36,4 @@ class SupplyEfficiency(Effect):
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """The supply."""
-        yield Place("supply", (0,), (Parameter("loss at 100 W", "W"),))
+        yield Place("supply", (0,), (Parameter("loss at 100 W", "W", 0.0),))
