@@ -20,9 +20,17 @@ def source_of(name: str) -> str:
 
 
 def sources_of(names: list[str]) -> dict[str, str]:
-    """Recording -> source. Pieces of a log belong to the log's source, unless that leaves too few sources to split."""
-    whole = {name: source_of(re.sub(r"_p\d{3}$", "", name)) for name in names}
-    return whole if len(set(whole.values())) >= _MIN_SOURCES else {name: source_of(name) for name in names}
+    """Recording -> source: the coarsest grouping with enough sources to split.
+
+    Recordings belong to their trajectory, pieces of a log to the log's trajectory. With fewer than three trajectories,
+    each log is a source (a recorder that numbers its files names them like executions of one trajectory); with fewer
+    than three logs, each piece is.
+    """
+    logs = {name: re.sub(r"_p\d{3}$", "", name) for name in names}
+    trajectories = {name: source_of(log) for name, log in logs.items()}
+    groupings = (trajectories, logs)
+    pieces = {name: name for name in names}
+    return next((each for each in groupings if len(set(each.values())) >= _MIN_SOURCES), pieces)
 
 
 def kinds_of(sources: set[str]) -> dict[str, str]:
