@@ -44,6 +44,8 @@ class RobotLog:
     """[T] W, measured by the controller: the logged power, or voltage times current of the supply."""
     voltage: Floats | None = None
     """[T] V at the robot's supply, where the controller measures it."""
+    core: tuple[float, float] | None = None
+    """Of a piece of a log: the span [s] that is the piece; rows outside it tell how the arm came and went."""
     note: str = ""
     """Which rows were left out, and why; empty if none."""
 
