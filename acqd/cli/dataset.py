@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import StrEnum
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import orjson
 import typer
@@ -78,7 +78,7 @@ def build(
     from acqd.dataset.regressors import TorqueSource
 
     source: TorqueSource | None = torque.value if torque is not None else None
-    usual = load_manifest(out) if append else {"description": "iiwa7_r800", "step_s": 0.04}
+    usual: dict[str, Any] = load_manifest(out) if append else {"description": "iiwa7_r800", "step_s": 0.04}
     description, step_s = str(robot or usual["description"]), float(step or usual["step_s"])
     length = cut_length(cut)
     build_config = BuildConfig(

@@ -78,6 +78,9 @@ def _cut(logs: Logs, config: BuildConfig, robot: RobotDescription, before: Exist
     cuts = sum(len(several) - 1 for several, _ in results)
     moving = sum(number for _, number in results)
     logs.kept = [piece for several, _ in results for piece in several]
+    if not cuts:
+        logs.notes.append(f"nothing was cut: {len(logs.kept)} logs of at most 60 s")
+        return
     spans = [piece.core[1] - piece.core[0] for piece in logs.kept if piece.core]
     logs.notes.append(
         f"cut into {len(logs.kept)} pieces of {min(spans):.1f} to {max(spans):.1f} s: about twenty fill the split, 5 s "

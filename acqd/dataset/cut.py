@@ -49,8 +49,9 @@ def cut_at_rests(log: RobotLog, seconds: float, step_s: float, speed_limit: Floa
     Lengths differ by a quarter at most. `speed_limit` [axes] rad/s. Raises InputError from the log's clock.
     """
     time, rows = in_time(log)
-    count = max(1, int(float(np.ptp(time)) / seconds))
-    length = float(np.ptp(time)) / count
+    span = float(np.ptp(time))
+    count = max(1, int(span / seconds), int(np.ceil(span / _LONGEST_S)) if span > _LONGEST_S else 1)
+    length = span / count
     grid = np.arange(time[0], time[-1], _GRID_S)
     q = np.column_stack([resampled(grid, time, angle, _GRID_S) for angle in log.q[rows].T])
     speed = (np.abs(np.gradient(q, _GRID_S, axis=0)) / speed_limit).max(axis=1) if len(grid) > 1 else np.zeros(1)

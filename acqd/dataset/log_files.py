@@ -80,7 +80,7 @@ def read_logs(
                 logs.refused.append(str(error))
         progress((number + 1) / len(paths))
     if logs.known and not (logs.kept or logs.refused):
-        raise UserError(f"{folder}: nothing new: its {logs.known} logs are in the dataset already, whatever their names")
+        raise UserError(f"{folder}: its {logs.known} logs are in the dataset already, whatever their names")
     logs.require_any()
     logs.notes += [f"{log.path}: {log.note}" for log in logs.kept if log.note]
     return logs

@@ -119,5 +119,5 @@ def make_scene(
 def scene_of(
     model: GreyBox, q: Floats, signals: dict[str, Floats], start_s: float, channels: dict[str, Floats]
 ) -> Scene:
-    """The scene of a whole segment with angles [T, axes] rad; the arm rests before and after it."""
+    """The scene of a recording with angles [T, axes] rad; the arm rests before and after it."""
     return make_scene(model, padded(q, RADIUS), signals, start_s, channels.get("Vrms"), channels.get("temperature"))
