@@ -87,6 +87,11 @@ class Dataset:
     segments: list[Segment]
 
     @property
+    def content(self) -> str:
+        """Hash of all recordings' power and angles, whatever their names, dates and order."""
+        return hashlib.sha256("".join(sorted({segment.content for segment in self.segments})).encode()).hexdigest()
+
+    @property
     def axes(self) -> int:
         """Number of joints."""
         return int(self.segments[0].q.shape[1])
