@@ -9,7 +9,6 @@ import numpy as np
 from acqd.arrays import Floats
 from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.thresholds import THRESHOLDS
-from acqd.models.features import motion
 from acqd.models.greybox.model import GreyBox
 from acqd.models.segments import Segment
 
@@ -55,7 +54,7 @@ def _figures(model: GreyBox, segments: list[Segment]) -> tuple[Floats, Floats] |
     for segment in segments:
         if segment.tau is None:
             continue
-        q, qd, qdd = motion(segment.q, model.step_s)
+        q, qd, qdd = segment.motion(model.step_s)
         residual = segment.tau - model.motor_torque(q, qd, qdd)[0]
         figures.append((residual.mean(axis=0), np.sqrt((residual**2).mean(axis=0))))
     if not figures:

@@ -17,7 +17,7 @@ from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.effects import library
 from acqd.models.effects.effect import Effect, effect_rows
 from acqd.models.effects.places import Variant
-from acqd.models.effects.scene import Scene, scene_of
+from acqd.models.effects.scene import Scene, segment_scene
 from acqd.models.effects.substeps import Lag, averaged
 from acqd.models.greybox.model import GreyBox
 from acqd.models.segments import Segment
@@ -122,7 +122,7 @@ def design_columns(
     `segments`: with whether they are in question; `withheld`: groups of parameters that the model was denied.
     """
     only = [segment for segment, _ in segments]
-    scenes = [scene_of(model, s.q, s.signals, s.start_s, s.channels) for s in only]
+    scenes = [segment_scene(model, s) for s in only]
     _set_origin(scenes, [in_question for _, in_question in segments])
     ranges = Ranges.of(scenes)
     effects = [e for name, e in library().items() if name in chosen and all(e.possible(scene) for scene in scenes)]
