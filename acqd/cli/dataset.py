@@ -147,7 +147,8 @@ def show(path: Annotated[Path, typer.Argument(metavar="DS", help="Folder of a da
         table.add_row(entry["name"], entry["split"], *cells, f"{own['r2']:.3f}", f"{own['stands_out']:.1f}")
     console.print(table)
     label = f"{manifest['measured']}, " if manifest["measured"] != "mains" else ""
+    version = f"version {manifest['version']}, " if manifest.get("version", 1) > 1 else ""
     console.print(
-        f"{manifest['robot']}, {label}{len(manifest['recordings'])} recordings, "
+        f"{manifest['robot']}, {version}{label}{len(manifest['recordings'])} recordings, "
         f"{valid_share(manifest):.1%} of the rows valid, {len(manifest['refused'])} logs refused"
     )
