@@ -148,13 +148,14 @@ def is_training_dataset(provenance: dict[str, Any], data: Dataset) -> bool:
 
 
 def trained_recordings(provenance: dict[str, Any], data: Dataset) -> set[str]:
-    """Contents of the recordings of `data` that the model was last fitted on.
+    """Contents of the recordings of `data` that the model was fitted on: by the training, or by the loop since.
 
-    A bundle of before knows names only, which count in the dataset of its training.
+    A bundle of before knows names only, which count in the dataset of its last fit.
     """
     prefix = _last_fit(provenance)
     if f"{prefix}seen_content" in provenance:
-        return set(provenance[f"{prefix}seen_content"]) & {segment.content for segment in data.segments}
+        seen = {*provenance.get("seen_content", ()), *provenance.get("closed_seen_content", ())}
+        return seen & {segment.content for segment in data.segments}
     if not is_training_dataset(provenance, data):
         return set()
     names = {*provenance[f"{prefix}fit_recordings"], *([] if prefix else provenance["validation_recordings"])}
