@@ -79,8 +79,9 @@ def read_logs(
             except InputError as error:
                 logs.refused.append(str(error))
         progress((number + 1) / len(paths))
-    if logs.known and not (logs.kept or logs.refused):
-        raise UserError(f"{folder}: its {logs.known} logs are in the dataset already, whatever their names")
+    if logs.known and not logs.kept:
+        others = f"; {len(logs.refused)} cannot be used, the first: {logs.refused[0]}" if logs.refused else ""
+        raise UserError(f"{folder}: nothing new, {logs.known} of its logs are in the dataset by content{others}")
     logs.require_any()
     logs.notes += [f"{log.path}: {log.note}" for log in logs.kept if log.note]
     return logs

@@ -67,7 +67,7 @@ def write_dataset(
     }
     manifest = (before.manifest or first) | {
         "version": version,
-        "refused": before.manifest.get("refused", []) + report.refused,
+        "refused": list(dict.fromkeys([*before.manifest.get("refused", []), *report.refused])),
         "recordings": entries,
     }
     if before.manifest:

@@ -39,7 +39,7 @@ def test_power_from_the_log_growing_and_exit_codes(tmp_path):
     report = json.loads(grown.stdout)
     assert (report["recordings"], report["known"], report["version"]) == (2, 3, 2)
     for arguments, complaint in (
-        ((*build, "--append"), "none of|has no rows of numbers"),
+        ((*build, "--append"), "nothing new, 5 of its logs .*; 1 cannot be used, the first: "),
         ((*build[:-1], tmp_path / "two", "--cut", "soon"), "--cut soon: expected auto, 0, or at least 2.5 s"),
         ((*build[:-1], tmp_path / "two", "--robot", "kinova_gen3"), "none of 6 logs can be used; the first: "),
         ((*build, "--append", "--robot", "kinova_gen3"), "holds recordings of ur3e, not of kinova_gen3"),

@@ -39,7 +39,13 @@ def test_new_logs_are_put_in_and_the_others_stay_where_they_are(grown):
     assert all(content(ds)[name] == data for name, data in files.items() if name.suffix == ".parquet")
     assert {segment.recording for segment in load_dataset(ds).segments} == {f"rec_{k:04d}" for k in range(1, 8)}
     assert {path.name for path in ds.iterdir()} == {"manifest.json", "recordings", ".lock"}
-    with pytest.raises(UserError, match="its 7 logs are in the dataset already"):
+    (logs / "bad.csv").write_text("no,log\n")
+    with pytest.raises(
+        UserError, match=r"nothing new, 7 of its logs .*; 1 cannot be used, the first: .*bad.csv: has no r"
+    ):
+        build_from(logs, ds, append=True)
+    (logs / "bad.csv").unlink()
+    with pytest.raises(UserError, match="nothing new, 7 of its logs are in the dataset"):
         build_from(logs, ds, append=True)
     once = build_from(logs, ds.parent / "once")
     assert once.recordings == 7 and load_manifest(ds)["version"] == 2
@@ -49,7 +55,7 @@ def test_content_counts_not_names(grown, tmp_path):
     logs, ds = grown
     (tmp_path / "more").mkdir()
     shutil.copy(logs / "rec_0002.csv", tmp_path / "more" / "renamed.csv")
-    with pytest.raises(UserError, match="its 1 logs are in the dataset already, whatever their names"):
+    with pytest.raises(UserError, match="nothing new, 1 of its logs are in the dataset by content"):
         build_from(tmp_path / "more", ds, append=True)
     write_log(tmp_path / "more" / "rec_0003.csv", *motion(12, 99))
     write_log(tmp_path / "more" / "new.csv", *motion(12, 98))

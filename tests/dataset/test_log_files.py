@@ -1,9 +1,13 @@
 """Logs of which some cannot be used."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from acqd.dataset.build import BuildConfig, build
+from acqd.dataset.log_files import content_hash
+from acqd.dataset.manifest import load_manifest
 from acqd.errors import UserError
 from tests.campaigns import quiet, write_power
 from tests.dataset.logs import AXES, build_from, motion, write_log, write_logs
@@ -77,3 +81,19 @@ def test_a_folder_without_logs_or_with_two_of_a_name(tmp_path):
     write_logs(tmp_path / "logs" / "b", 1)
     with pytest.raises(UserError, match="several logs named rec_0001"):
         build_from(tmp_path / "logs", tmp_path / "ds")
+
+
+def test_a_bag_in_a_folder_is_one_log_with_a_hash_of_its_files(tmp_path):
+    bags = pytest.importorskip("tests.robot.test_bag", reason="rosbags is not installed")
+    messages = [(10_000_000 * k, bags.state(k, bags.NAMES)) for k in range(500)]
+    bags.write_bag(tmp_path / "logs" / "run1", {"/joint_states": messages})
+    at = 1.7e9 + np.arange(0, 5, 0.04)
+    power = write_power(tmp_path / "p.csv", np.rint(at * 1e9), 60 + np.sin(at))
+    config = BuildConfig(power, tmp_path / "logs", tmp_path / "ds", "ur10e", lag_s=0.0)
+    assert build(config, quiet).recordings == 1
+    entry = load_manifest(tmp_path / "ds")["recordings"][0]
+    assert entry["name"] == "run1" and entry["log"] == {
+        "path": str(tmp_path / "logs" / "run1"), "sha256": content_hash(tmp_path / "logs" / "run1"), "rows": 500,
+    }  # fmt: skip
+    with pytest.raises(UserError, match="nothing new, 1 of its logs"):
+        build(replace(config, append=True), quiet)
