@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import StrEnum
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import orjson
 import typer
@@ -15,6 +15,9 @@ from rich.table import Table
 
 from acqd.cli.options import Json
 from acqd.errors import UserError
+
+if TYPE_CHECKING:
+    from acqd.dataset.config import BuildReport
 
 app = typer.Typer(no_args_is_help=True)
 
@@ -37,53 +40,90 @@ def dataset() -> None:
 
 @app.command()
 def build(
-    power: Annotated[str, typer.Option(help="SQL URL, or a .sqlite, .csv, .jsonl or .parquet file of rows.")],
+    power: Annotated[
+        str, typer.Option(help="SQL URL; a .sqlite, .csv, .jsonl or .parquet file of rows; log: in the logs.")
+    ],
     logs: Annotated[Path, typer.Option(help="Folder of robot logs, or one log.")],
     out: Annotated[Path, typer.Option(help="Folder of the dataset.")],
-    robot: Annotated[str, typer.Option(help="Shipped robot, or a description's path.")] = "iiwa7_r800",
+    robot: Annotated[
+        str | None, typer.Option(help="Shipped robot, or a description's path (default iiwa7_r800).")
+    ] = None,
     device: Annotated[str | None, typer.Option(help="Device of the power rows, if there are several.")] = None,
     channel: Annotated[str | None, typer.Option(help="Channel of the power rows (default total, else L1).")] = None,
     torque: Annotated[
         Torque | None, typer.Option(help="Torques for the alignment (default: measured, else model).")
     ] = None,
     search: Annotated[float, typer.Option(min=0.1, help="s within which lags are searched first.")] = 2.4,
-    step: Annotated[float, typer.Option(min=0.005, max=10, help="s between rows.")] = 0.04,
+    step: Annotated[float | None, typer.Option(min=0.005, max=10, help="s between rows (default 0.04).")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the split.")] = 1,
     lag: Annotated[float | None, typer.Option(help="s that the robot's clock is ahead, if known.")] = None,
-    cut: Annotated[float | None, typer.Option(min=2.5, help="s: length of pieces to cut long logs into.")] = None,
+    cut: Annotated[
+        str | None,
+        typer.Option(metavar="SECONDS|auto", help="Cut logs into pieces; default: one long log, if aligned; 0: none."),
+    ] = None,
+    append: Annotated[
+        bool, typer.Option("--append", help="Put the recordings into the dataset, which exists.")
+    ] = False,
     json: Json = False,
 ) -> None:
     """Find each log's time shift, merge it with its power, and write Parquet with provenance.
 
+    A log that cannot be used is named and left out; the exit code is 0 if any log could be used.
+
     Example: acqd dataset build --power campaign/power.sqlite --logs campaign/logs --out ds
     """
-    from acqd.dataset.build import BuildConfig, BuildReport
+    from acqd.dataset.build import BuildConfig
     from acqd.dataset.build import build as run
+    from acqd.dataset.manifest import load_manifest
     from acqd.dataset.regressors import TorqueSource
 
     source: TorqueSource | None = torque.value if torque is not None else None
-    build_config = BuildConfig(power, logs, out, robot, device, channel, source, search, step, seed, lag, cut)
+    usual: dict[str, Any] = load_manifest(out) if append else {"description": "iiwa7_r800", "step_s": 0.04}
+    description, step_s = str(robot or usual["description"]), float(step or usual["step_s"])
+    length = cut_length(cut)
+    build_config = BuildConfig(
+        power, logs, out, description, device, channel, source, search, step_s, seed, lag, length, append
+    )
     console = Console(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
         bar = progress.add_task("reading", total=1.0)
-        report: BuildReport = run(
-            build_config, lambda what, share: progress.update(bar, description=what, completed=share)
-        )
+        report = run(build_config, lambda what, share: progress.update(bar, description=what, completed=share))
     for line in [*report.refused, *report.notes]:
         console.print(f"acqd: {line}", soft_wrap=True, highlight=False)
-    if json:
-        print(orjson.dumps(report).decode())
-        return
+    print(orjson.dumps(report).decode() if json else summary(report, lag, power))
+
+
+def cut_length(text: str | None) -> float | Literal["auto"] | None:
+    """The value of --cut. Raises UserError."""
+    if text is None:
+        return None
+    if text == "auto":
+        return "auto"
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = -1.0
+    if not (seconds == 0 or 2.5 <= seconds < float("inf")):
+        raise UserError(f"--cut {text}: expected auto, 0, or at least 2.5 s")
+    return seconds
+
+
+def summary(report: BuildReport, lag: float | None, power: str) -> str:
+    """What a build has made, in one line or two."""
     clock = "no common clock found: every recording by its own lag" if lag is None else f"lag given, {lag} s"
-    if report.offset_s is not None:
+    if power == "log":
+        clock = "power from the logs, no alignment needed"
+    elif report.offset_s is not None:
         clock = (
             f"robot clock {report.offset_s:+.3f} s off, {report.drift_ppm:+.1f} ppm, scatter {report.scatter_ms:.1f} ms"
         )
     parts = ", ".join(f"{count} {part}" for part, count in report.split.items())
     label = f" ({report.measured})" if report.measured != "mains" else ""
-    print(f"{report.out}{label}: {report.recordings} recordings, {report.seconds / 3600:.2f} h; {parts}; {clock}")
-    if report.refused:
-        print(f"{len(report.refused)} logs refused, see above")
+    more = "further " if report.version > 1 else ""
+    text = f"{report.out}{label}: {report.recordings} {more}recordings, {report.seconds / 3600:.2f} h; {parts}; {clock}"
+    if report.known:
+        text += f"; {report.known} logs were there already"
+    return text + (f"\n{len(report.refused)} logs refused, see above" if report.refused else "")
 
 
 @app.command()
@@ -107,7 +147,8 @@ def show(path: Annotated[Path, typer.Argument(metavar="DS", help="Folder of a da
         table.add_row(entry["name"], entry["split"], *cells, f"{own['r2']:.3f}", f"{own['stands_out']:.1f}")
     console.print(table)
     label = f"{manifest['measured']}, " if manifest["measured"] != "mains" else ""
+    version = f"version {manifest['version']}, " if manifest.get("version", 1) > 1 else ""
     console.print(
-        f"{manifest['robot']}, {label}{len(manifest['recordings'])} recordings, "
+        f"{manifest['robot']}, {version}{label}{len(manifest['recordings'])} recordings, "
         f"{valid_share(manifest):.1%} of the rows valid, {len(manifest['refused'])} logs refused"
     )

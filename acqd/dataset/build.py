@@ -3,93 +3,106 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 
-from acqd.dataset.column_check import check_columns
+import numpy as np
+
+from acqd.dataset.column_check import check_columns, to_check
 from acqd.dataset.config import BuildConfig, BuildReport
-from acqd.dataset.cut import cut
+from acqd.dataset.cut import AUTO, automatic_length, cut, cut_at_rests
+from acqd.dataset.growing import Existing, existing
+from acqd.dataset.log_files import Logs, read_logs
+from acqd.dataset.log_power import LOG, log_power
 from acqd.dataset.merge import merge
-from acqd.dataset.merged_log import MergedLog
+from acqd.dataset.merged_log import Batch, MergedLog
 from acqd.dataset.placement import Alignment, given, place
 from acqd.dataset.power import PowerStream, open_power
-from acqd.dataset.regressors import Regressors, TorqueSource, regressors_of
+from acqd.dataset.regressors import Regressors, regressors_of
 from acqd.dataset.report import report_writer
 from acqd.dataset.write import write_dataset
 from acqd.errors import InputError, UserError
 from acqd.robot.description import RobotDescription, load_description
-from acqd.robot.log import RobotLog, read_log
+from acqd.robot.log import RobotLog, in_time
 
 __all__ = ["BuildConfig", "BuildReport", "build"]
 
-_SUFFIXES = (".log", ".csv", ".txt")
 _MIN_VALID_S = 2.0
 _MIN_FOR_CLOCK = 4  # logs from which on a common clock is expected
+_LONG_S = 20.0  # one log of this length is cut even if nobody asked: three pieces
 _Progress = Callable[[str, float], None]
 
 
 def build(config: BuildConfig, progress: _Progress) -> BuildReport:
-    """Aligns, merges and writes; `config.out` appears complete or not at all. Raises UserError."""
-    if config.out.exists():
-        raise UserError(f"{config.out} exists; choose another --out, or remove it")
+    """Aligns, merges and writes; `config.out` appears complete or not at all, as does what is appended to it.
+
+    Raises UserError.
+    """
     robot = load_description(config.robot)
-    paths = _log_files(config.logs)
+    before = existing(config, robot)
     progress("reading power", 0.0)
-    power = open_power(config.power, config.device, config.channel)
-    logs = _read_logs(paths, robot, config.cut_s, progress)
-    regressors: list[Regressors] = []
-    refused: list[str] = []
-    if config.lag_s is not None:
-        alignment = given(len(logs), config.lag_s)
+    stream = None if config.power == LOG else open_power(config.power, config.device, config.channel)
+    logs = read_logs(config.logs, robot, before.logs, before.names, lambda share: progress("reading logs", share))
+    _cut(logs, config, robot, before)
+    if stream is None:
+        powers = logs.keep(log_power, lambda share: progress("reading power", share))
+        regressors: list[Regressors] = []
+        alignment = given(len(logs.kept), 0.0)
+        logs.notes.append("power and motion are in the same logs, with one clock: nothing was aligned")
     else:
-        logs, regressors, refused = _with_regressors(logs, robot, config.torque, progress)
-        check_columns(logs, robot)
-        alignment = place(regressors, power, config.search_s, lambda share: progress("aligning", share))
+        regressors, alignment = _align(logs, config, robot, stream, progress)
+        powers = [stream]
     _require_placements(alignment)
-    merged = _merge_all(config, logs, power, alignment)
+    merged = _merge_all(config, logs.kept, powers, alignment)
+    if alignment.line is None and config.lag_s is None and stream is not None and len(logs.kept) >= _MIN_FOR_CLOCK:
+        logs.notes.append("the logs' lags lie on no common clock line: were columns mixed up, or clocks set?")
     title = f"Power and motion of {robot.title}: {config.out.name}"
-    write_report = report_writer(title, power, alignment, merged, regressors)
-    report = write_dataset(config, robot, power, alignment, merged, refused, write_report)
-    if alignment.line is None and config.lag_s is None and len(logs) >= _MIN_FOR_CLOCK:
-        report.notes.append("the logs' lags lie on no common clock line: were columns mixed up, or clocks set?")
-    return report
+    batch = Batch(powers, alignment, merged, logs.refused, logs.notes, logs.known)
+    return write_dataset(config, robot, batch, before, report_writer(title, powers[0], alignment, merged, regressors))
 
 
-def _log_files(folder: Path) -> list[Path]:
-    if folder.is_file():
-        return [folder]
-    paths = sorted(path for path in folder.rglob("*") if path.suffix in _SUFFIXES and path.is_file())
-    if not paths:
-        raise UserError(f"{folder}: no robot logs ({', '.join(_SUFFIXES)}) there")
-    stems = [path.stem for path in paths]
-    repeated = {stem for stem in stems if stems.count(stem) > 1}
-    if repeated:
-        raise UserError(f"{folder}: several logs named {min(repeated)}; build one dataset per robot")
-    return paths
+def _cut(logs: Logs, config: BuildConfig, robot: RobotDescription, before: Existing) -> None:
+    """Cuts the logs as ordered, or by default a single long one, and notes how the length was chosen."""
+    length = config.cut_s
+    if length is None and not before.names and len(logs.kept) == 1 and np.ptp(in_time(logs.kept[0])[0]) >= _LONG_S:
+        # short pieces are harder to align than the whole
+        length = AUTO if config.power == LOG or config.lag_s is not None else None
+        if length is None:
+            logs.notes.append("one recording cannot be split into training and test: --cut auto cuts it into pieces")
+    if not length:
+        return
+    if length != AUTO:
+        pieces = logs.keep(lambda log: cut(log, float(length), config.step_s), lambda _: None)
+        logs.kept = [piece for several in pieces for piece in several]
+        return
+    chosen = automatic_length(logs.kept)
+    results = logs.keep(lambda log: cut_at_rests(log, chosen, config.step_s, robot.speed), lambda _: None)
+    cuts = sum(len(several) - 1 for several, _ in results)
+    moving = sum(number for _, number in results)
+    logs.kept = [piece for several, _ in results for piece in several]
+    if not cuts:
+        logs.notes.append(f"nothing was cut: {len(logs.kept)} logs of at most 60 s")
+        return
+    spans = [piece.core[1] - piece.core[0] for piece in logs.kept if piece.core]
+    logs.notes.append(
+        f"cut into {len(logs.kept)} pieces of {min(spans):.1f} to {max(spans):.1f} s: about twenty fill the split, 5 s "
+        f"are the least for the noise model; {cuts - moving} of {cuts} cuts are where the arm rests "
+        "(--cut SECONDS for another length, --cut 0 for none)"
+    )
 
 
-def _read_logs(paths: list[Path], robot: RobotDescription, cut_s: float | None, progress: _Progress) -> list[RobotLog]:
-    logs = []
-    for number, path in enumerate(paths):
-        logs.append(read_log(path, robot))
-        progress("reading logs", (number + 1) / len(paths))
-    return logs if cut_s is None else [piece for log in logs for piece in cut(log, cut_s)]
-
-
-def _with_regressors(
-    logs: list[RobotLog], robot: RobotDescription, torque: TorqueSource | None, progress: _Progress
-) -> tuple[list[RobotLog], list[Regressors], list[str]]:
-    """Logs with their regressors, and for the other logs the reason. Raises InputError when no log is usable."""
-    kept, regressors, refused = [], [], []
-    for number, log in enumerate(logs):
-        try:
-            regressors.append(regressors_of(log, robot, torque))
-            kept.append(log)
-        except InputError as error:
-            if number == len(logs) - 1 and not kept:
-                raise
-            refused.append(str(error))
-        progress("computing regressors", (number + 1) / len(logs))
-    return kept, regressors, refused
+def _align(
+    logs: Logs, config: BuildConfig, robot: RobotDescription, stream: PowerStream, progress: _Progress
+) -> tuple[list[Regressors], Alignment]:
+    """Regressors (none if the lag is given) and places of all logs; logs that have none are refused."""
+    if config.lag_s is not None:
+        return [], given(len(logs.kept), config.lag_s)
+    regressors = logs.keep(
+        lambda log: regressors_of(log, robot, config.torque), lambda share: progress("computing regressors", share)
+    )
+    if to_check(logs.kept, robot):
+        of_log = {id(log): columns for log, columns in zip(logs.kept, regressors, strict=True)}
+        logs.keep(lambda log: check_columns(log, robot), lambda _: None)
+        regressors = [of_log[id(log)] for log in logs.kept]
+    return regressors, place(regressors, stream, config.search_s, lambda share: progress("aligning", share))
 
 
 def _require_placements(alignment: Alignment) -> None:
@@ -101,14 +114,21 @@ def _require_placements(alignment: Alignment) -> None:
         )
 
 
-def _merge_all(config: BuildConfig, logs: list[RobotLog], power: PowerStream, alignment: Alignment) -> list[MergedLog]:
+def _merge_all(
+    config: BuildConfig, logs: list[RobotLog], powers: list[PowerStream], alignment: Alignment
+) -> list[MergedLog]:
     drift = alignment.line.drift_ppm if alignment.line else 0.0
+    streams = powers if len(powers) == len(logs) else powers * len(logs)
     merged: list[MergedLog] = []
-    for log, placement in zip(logs, alignment.placements, strict=True):
+    for log, placement, power in zip(logs, alignment.placements, streams, strict=True):
         if placement.method == "refused":
             merged.append(MergedLog(log, placement, None, placement.note))
             continue
-        recording = merge(log.path.stem, log, power, placement.lag_s, drift, config.step_s)
+        try:
+            recording = merge(log.path.stem, log, power, placement.lag_s, drift, config.step_s)
+        except InputError as error:  # the log's clock
+            merged.append(MergedLog(log, placement, None, str(error).removeprefix(f"{log.path}: ")))
+            continue
         if recording.valid.sum() * config.step_s < _MIN_VALID_S:
             merged.append(MergedLog(log, placement, None, "no power rows in its time span"))
         else:

@@ -16,35 +16,44 @@ _MIN_CORRELATION = 0.6  # of logged with computed torque, median over the joints
 _STEP_S = 0.04
 
 
-def check_columns(logs: list[RobotLog], robot: RobotDescription) -> None:
+def to_check(logs: list[RobotLog], robot: RobotDescription) -> list[RobotLog]:
+    """Logs whose columns are to be checked: a few of them, and all if one of these is wrong."""
+    some = logs[:: max(1, len(logs) // _LOGS_CHECKED)]
+    try:
+        for log in some:
+            check_columns(log, robot)
+    except InputError:
+        return logs
+    return []
+
+
+def check_columns(log: RobotLog, robot: RobotDescription) -> None:
     """Raises InputError when logged torques contradict the logged angles."""
     try:
         from acqd.robot.arm import Arm
         from acqd.robot.dynamics import inverse_dynamics
     except ModuleNotFoundError:
         return  # without a robot library there is nothing to compare with
-    arm = Arm(robot)
-    for log in logs[:: max(1, len(logs) // _LOGS_CHECKED)]:
-        if best_torque(log) != "measured":
-            continue
-        time, rows = in_time(log)
-        grid = np.arange(time[0], time[-1], _STEP_S)
-        q = _on_grid(grid, time, log.q[rows])
-        qd = np.gradient(q, _STEP_S, axis=0)
-        assert log.tau is not None
-        logged = _on_grid(grid, time, log.tau[rows])
-        computed = inverse_dynamics(arm, q, qd, np.gradient(qd, _STEP_S, axis=0))
-        moving = np.flatnonzero((logged.std(axis=0) > _MIN_DEVIATION_NM) & (computed.std(axis=0) > _MIN_DEVIATION_NM))
-        if len(moving) < 2:
-            continue
-        correlations = [abs(float(np.corrcoef(logged[:, k], computed[:, k])[0, 1])) for k in moving]
-        if np.median(correlations) < _MIN_CORRELATION:
-            worst = robot.joint[int(moving[int(np.argmin(correlations))])].name
-            raise InputError(
-                log.path,
-                f"the torques do not belong to the angles (worst joint {worst}, correlation {min(correlations):.2f}): "
-                f"are the columns in the order of {robot.name}'s axes?",
-            )
+    if best_torque(log) != "measured":
+        return
+    time, rows = in_time(log)
+    grid = np.arange(time[0], time[-1], _STEP_S)
+    q = _on_grid(grid, time, log.q[rows])
+    qd = np.gradient(q, _STEP_S, axis=0)
+    assert log.tau is not None
+    logged = _on_grid(grid, time, log.tau[rows])
+    computed = inverse_dynamics(Arm(robot), q, qd, np.gradient(qd, _STEP_S, axis=0))
+    moving = np.flatnonzero((logged.std(axis=0) > _MIN_DEVIATION_NM) & (computed.std(axis=0) > _MIN_DEVIATION_NM))
+    if len(moving) < 2:
+        return
+    correlations = [abs(float(np.corrcoef(logged[:, k], computed[:, k])[0, 1])) for k in moving]
+    if np.median(correlations) < _MIN_CORRELATION:
+        worst = robot.joint[int(moving[int(np.argmin(correlations))])].name
+        raise InputError(
+            log.path,
+            f"the torques do not belong to the angles (worst joint {worst}, correlation {min(correlations):.2f}): "
+            f"are the columns in the order of {robot.name}'s axes?",
+        )
 
 
 def _on_grid(grid: Floats, time: Floats, values: Floats) -> Floats:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Literal
 
 from acqd.dataset.power import Measured
 from acqd.dataset.regressors import TorqueSource
@@ -14,6 +15,7 @@ class BuildConfig:
     """Inputs and options of one build."""
 
     power: str
+    """URL or file; "log": measured by the controller, in the logs."""
     logs: Path
     out: Path
     robot: str
@@ -25,8 +27,11 @@ class BuildConfig:
     seed: int = 1
     lag_s: float | None = None
     """Lag of all logs if known; nothing is searched then."""
-    cut_s: float | None = None
-    """Length of the pieces into which long logs are cut, each of which is a source."""
+    cut_s: float | Literal["auto"] | None = None
+    """Length of the pieces into which long logs are cut; "auto": chosen from the motion, None: only a single long log
+    that needs no alignment is cut, 0: no log is cut."""
+    append: bool = False
+    """Put the logs into the dataset `out`, which exists."""
 
 
 @dataclass(slots=True)
@@ -35,10 +40,15 @@ class BuildReport:
 
     out: str
     robot: str
+    version: int = 1
+    """How often recordings were put into the dataset."""
     recordings: int = 0
+    """Written by this build."""
     seconds: float = 0.0
     refused: list[str] = field(default_factory=list)
-    """Logs that could not be placed, with the reason."""
+    """Logs that could not be used or placed, with the reason."""
+    known: int = 0
+    """Logs that the dataset held already."""
     notes: list[str] = field(default_factory=list)
     offset_s: float | None = None
     drift_ppm: float | None = None

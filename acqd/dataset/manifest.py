@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import orjson
 
 from acqd.errors import UserError
@@ -27,6 +26,6 @@ def load_manifest(dataset: Path) -> dict[str, Any]:
 
 
 def valid_share(manifest: dict[str, Any]) -> float:
-    """Share of the rows that hold both power and joint angles."""
-    rows = np.array([[entry["valid_s"], entry["rows"] * manifest["step_s"]] for entry in manifest["recordings"]])
-    return float(rows[:, 0].sum() / rows[:, 1].sum())
+    """Share of the recordings' rows that hold both power and joint angles."""
+    rows = sum(entry["rows"] - entry.get("context_rows", 0) for entry in manifest["recordings"])
+    return float(sum(entry["valid_s"] for entry in manifest["recordings"]) / (rows * manifest["step_s"]))

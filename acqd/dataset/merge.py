@@ -31,10 +31,13 @@ class Recording:
     """
     valid: NDArray[np.bool_]
     """[T]: rows with both power and angles."""
+    context: NDArray[np.bool_] | None = None
+    """[T], of a piece of a log: rows of its neighbours, whose angles alone may be used; None for a whole log."""
 
     def table(self) -> pa.Table:
         """The recording as a table for Parquet."""
-        return pa.table({"time_ns": self.time_ns, **self.columns, "valid": self.valid})
+        flags = {"valid": self.valid} if self.context is None else {"valid": self.valid, "context": self.context}
+        return pa.table({"time_ns": self.time_ns, **self.columns, **flags})
 
 
 def merge(name: str, log: RobotLog, power: PowerStream, lag_s: float, drift_ppm: float, step_s: float) -> Recording:
@@ -59,11 +62,17 @@ def merge(name: str, log: RobotLog, power: PowerStream, lag_s: float, drift_ppm:
                 columns[f"{quantity}{axis + 1}"] = resampled(grid, clock, values[rows, axis], step_s)
     for signal, values in log.signals.items():
         columns[signal] = resampled(grid, clock, values[rows], step_s)
-    valid = _near(grid, centres[np.isfinite(P)], _POWER_GAP * power.window_ns * 1e-9)
-    valid &= _near(grid, clock, _LOG_GAP_S / 2) & np.isfinite(columns["P"])
+    logged = _near(grid, clock, _LOG_GAP_S / 2)
+    valid = logged & _near(grid, centres[np.isfinite(P)], _POWER_GAP * power.window_ns * 1e-9)
+    valid &= np.isfinite(columns["P"])
+    context = None
+    if log.core is not None:
+        start, end = np.interp(log.core, controller, clock)
+        inside = (grid >= start) & (grid < end)
+        valid, context = valid & inside, logged & ~inside
     first_ns = int(power.time_ns[part][0]) + half_ns if count else 0
     time_ns = first_ns + np.rint(step_s * 1e9 * np.arange(count)).astype(np.int64)
-    return Recording(name, time_ns, columns, valid)
+    return Recording(name, time_ns, columns, valid, context)
 
 
 def _near(grid: Floats, t: Floats, within_s: float) -> NDArray[np.bool_]:

@@ -19,8 +19,9 @@ from acqd.dataset.power_sql import read_database
 from acqd.errors import UserError
 from acqd.timestamps import Nanoseconds
 
-Measured = Literal["mains", "derived", "simulated"]
-"""Where P comes from: a meter, a computation from other measurements (currents), or a simulation."""
+Measured = Literal["mains", "bus", "derived", "simulated"]
+"""Where P comes from: a meter, the controller's measurement of the robot's supply, a computation from other
+measurements (currents), or a simulation."""
 _LABELS: tuple[Measured, ...] = ("simulated", "derived")  # flags of rows that say so
 _READERS: dict[str, power_files.Reader] = {
     ".parquet": power_files.parquet_batches,

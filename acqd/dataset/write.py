@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,13 +10,14 @@ import orjson
 import pyarrow.parquet
 
 from acqd import __version__
-from acqd.atomic import complete_folder
 from acqd.dataset.config import BuildConfig, BuildReport
+from acqd.dataset.growing import Existing, write_more, write_new
+from acqd.dataset.log_files import content_hash
 from acqd.dataset.merge import Recording
-from acqd.dataset.merged_log import MergedLog
-from acqd.dataset.placement import Alignment
+from acqd.dataset.merged_log import Batch, MergedLog
 from acqd.dataset.power import PowerStream
-from acqd.dataset.split import kinds_of, sources_of, split
+from acqd.dataset.split import source_of, with_split
+from acqd.errors import UserError
 from acqd.robot.description import RobotDescription
 from acqd.robot.log import RobotLog
 
@@ -25,62 +25,82 @@ from acqd.robot.log import RobotLog
 def write_dataset(
     config: BuildConfig,
     robot: RobotDescription,
-    power: PowerStream,
-    alignment: Alignment,
-    merged: list[MergedLog],
-    refused: list[str],
+    batch: Batch,
+    before: Existing,
     write_report: Callable[[Path], None],
 ) -> BuildReport:
-    """Writes the whole folder `config.out`; `refused` are logs that were refused before the alignment."""
-    report = BuildReport(str(config.out), robot.name, measured=power.measured)
-    line = alignment.line
-    if line is not None:
+    """Writes the folder `config.out`, or puts the recordings into it where it exists.
+
+    Raises UserError, OperationError.
+    """
+    alignment, version = batch.alignment, before.manifest.get("version", 1) + 1 if before.manifest else 1
+    report = BuildReport(str(config.out), robot.name, version, measured=batch.powers[0].measured, known=batch.known)
+    _require_same_power(config, before, report.measured)
+    if alignment.line is not None:
+        line = alignment.line
         report.offset_s, report.drift_ppm, report.scatter_ms = line.offset_s, line.drift_ppm, 1000 * line.scatter_s
     report.supply_lag_ms = 1000 * alignment.supply_lag_s
-    report.refused = refused + [f"{single.log.path}: {single.reason}" for single in merged if single.recording is None]
-    entries: list[dict[str, Any]] = []
-    recordings = [single.recording for single in merged if single.recording is not None]
-    trajectories = _trajectories(recordings, config)
-    for single in merged:
-        if single.recording is None:
-            continue
-        if single.placement.note:
-            report.notes.append(f"{single.log.path}: {single.placement.note}")
-        entries.append(_entry(config, single, single.recording) | trajectories[single.recording.name])
-        part = entries[-1]["split"]
-        report.split[part] = report.split.get(part, 0) + 1
-    report.recordings = len(entries)
-    report.seconds = sum(entry["valid_s"] for entry in entries)
-    manifest = {
+    left_out = [f"{single.log.path}: {single.reason}" for single in batch.merged if single.recording is None]
+    report.refused = batch.refused + left_out
+    recordings = [single.recording for single in batch.merged if single.recording is not None]
+    new = [_entry(config, single, single.recording) for single in batch.merged if single.recording is not None]
+    entries = with_split([*before.manifest.get("recordings", []), *new], config.seed)
+    new = entries[len(entries) - len(new) :]
+    for entry in new:
+        report.split[entry["split"]] = report.split.get(entry["split"], 0) + 1
+    placed = [single for single in batch.merged if single.recording is not None]
+    noted = [f"{single.log.path}: {single.placement.note}" for single in placed if single.placement.note]
+    report.notes = [*noted, *batch.notes, *_about_sources(new)]
+    report.recordings, report.seconds = len(new), sum(entry["valid_s"] for entry in new)
+    provenance = {
         "acqd": __version__,
-        "robot": robot.name,
-        "description": str(Path(config.robot).resolve()) if Path(config.robot).is_file() else config.robot,
-        "measured": power.measured,
-        "step_s": config.step_s,
-        "power": _power_provenance(config, power),
+        "power": _power_provenance(config, batch.powers),
         "clock": {"offset_s": report.offset_s, "drift_ppm": report.drift_ppm, "scatter_ms": report.scatter_ms},
         "supply_lag_s": alignment.supply_lag_s,
-        "refused": report.refused,
+    }
+    first = {
+        "robot": robot.name,
+        "description": str(Path(config.robot).resolve()) if Path(config.robot).is_file() else config.robot,
+        "measured": report.measured,
+        "step_s": config.step_s,
+        **provenance,
+    }
+    manifest = (before.manifest or first) | {
+        "version": version,
+        "refused": list(dict.fromkeys([*before.manifest.get("refused", []), *report.refused])),
         "recordings": entries,
     }
-    with complete_folder(config.out) as folder:
+    if before.manifest:
+        here = provenance | {"version": version, "recordings": [entry["name"] for entry in new]}
+        manifest["appended"] = [*before.manifest.get("appended", []), here]
+    content = orjson.dumps(manifest, option=orjson.OPT_INDENT_2)
+
+    def fill(folder: Path) -> None:
         (folder / "recordings").mkdir()
         for recording in recordings:
             pyarrow.parquet.write_table(recording.table(), folder / "recordings" / f"{recording.name}.parquet")
         write_report(folder)
-        (folder / "manifest.json").write_bytes(orjson.dumps(manifest, option=orjson.OPT_INDENT_2))
+
+    if before.manifest:
+        write_more(config.out, before, content, version, fill)
+    else:
+        write_new(config.out, content, fill)
     return report
 
 
-def _trajectories(recordings: list[Recording], config: BuildConfig) -> dict[str, dict[str, str]]:
-    """Source, kind and split of each recording, by its name."""
-    sources = sources_of([recording.name for recording in recordings])
-    seconds: dict[str, float] = {}
-    for recording in recordings:
-        source = sources[recording.name]
-        seconds[source] = seconds.get(source, 0.0) + float(recording.valid.sum()) * config.step_s
-    parts, kinds = split(seconds, config.seed), kinds_of(set(seconds))
-    return {name: {"source": source, "kind": kinds[source], "split": parts[source]} for name, source in sources.items()}
+def _require_same_power(config: BuildConfig, before: Existing, measured: str) -> None:
+    present = before.manifest.get("measured", measured)
+    if present != measured:
+        raise UserError(f"{config.out} holds {present} power, the new recordings have {measured} power")
+
+
+def _about_sources(entries: list[dict[str, Any]]) -> list[str]:
+    """A note where files with the numbers of executions are sources of their own."""
+    alone = [entry for entry in entries if entry["source"] != source_of(entry["source"])]
+    if not alone:
+        return []
+    name = alone[0]["source"]
+    return [f"{name} and others are split as trajectories of their own: {source_of(name)} would be too few to split"]
 
 
 def _entry(config: BuildConfig, merged: MergedLog, recording: Recording) -> dict[str, Any]:
@@ -89,33 +109,29 @@ def _entry(config: BuildConfig, merged: MergedLog, recording: Recording) -> dict
         "name": recording.name,
         "file": f"recordings/{recording.name}.parquet",
         "rows": len(recording.valid),
+        "context_rows": 0 if recording.context is None else int(recording.context.sum()),
         "valid_s": float(recording.valid.sum()) * config.step_s,
         "lag_s": placement.lag_s,
         "lag_by": placement.method,
         "own_lag": {"s": placement.own.seconds, "r2": placement.own.r2, "stands_out": placement.own.ratio},
         "note": placement.note,
-        "log": {"path": str(file), "sha256": _digest(file), "rows": len(merged.log.time)},
+        "log": {"path": str(file), "sha256": content_hash(file), "rows": len(merged.log.time)},
     }
 
 
 def _file(log: RobotLog) -> Path:
-    """The file on disk; a piece of a log has a path below the file."""
-    return log.path if log.path.is_file() else log.path.parent
+    """The log on disk; a piece of a log has a path below it."""
+    return log.path if log.path.exists() else log.path.parent
 
 
-def _power_provenance(config: BuildConfig, power: PowerStream) -> dict[str, Any]:
+def _power_provenance(config: BuildConfig, powers: list[PowerStream]) -> dict[str, Any]:
     path = Path(config.power)
     return {
         "origin": config.power,
-        "sha256": _digest(path) if path.is_file() else None,
-        "rows": len(power.time_ns),
-        "first_ns": int(power.time_ns[0]),
-        "last_ns": int(power.time_ns[-1]),
-        "duplicates_dropped": power.dropped,
-        "window_ns": power.window_ns,
+        "sha256": content_hash(path) if path.is_file() else None,
+        "rows": sum(len(power.time_ns) for power in powers),
+        "first_ns": min(int(power.time_ns[0]) for power in powers),
+        "last_ns": max(int(power.time_ns[-1]) for power in powers),
+        "duplicates_dropped": sum(power.dropped for power in powers),
+        "window_ns": powers[0].window_ns,
     }
-
-
-def _digest(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()

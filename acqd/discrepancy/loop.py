@@ -21,7 +21,7 @@ from acqd.discrepancy.selection.stepwise import Limits, trace
 from acqd.discrepancy.thresholds import Stage
 from acqd.discrepancy.verdict import settled
 from acqd.models.effects import library
-from acqd.models.effects.scene import scene_of
+from acqd.models.effects.scene import segment_scene
 from acqd.models.noise_floor import noise_floor
 
 Progress = Callable[[str, float], None]
@@ -109,7 +109,7 @@ def _without_delay(subject: Subject) -> tuple[Delay | None, Subject]:
     """Clocks first: while power and motion are shifted, every other effect seems to explain something."""
     if not _clocks() & subject.chosen:
         return None, subject
-    scenes = [scene_of(subject.carrier, s.q, s.signals, s.start_s, s.channels) for s in subject.fit]
+    scenes = [segment_scene(subject.carrier, s) for s in subject.fit]
     delay = find_delay(scenes, subject.fit)
     if delay is None:
         return None, subject

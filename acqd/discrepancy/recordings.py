@@ -60,11 +60,12 @@ def subject_of(config: CloseConfig, progress: Callable[[str, float], None]) -> S
     data = _since(load_dataset(config.dataset), config.since_s)
     _require_same_robot(config, bundle, model, data)
     robot = load_description(config.robot or bundle.metadata["description"])
-    trained_on, digest = trained_recordings(bundle.metadata["provenance"])
-    same = data.digest == digest
-    unseen = [s for s in data.segments if not (same and s.recording in trained_on)]
+    provenance = bundle.metadata["provenance"]
+    same = is_training_dataset(provenance, data)
+    trained_on = trained_recordings(provenance, data)
+    unseen = [s for s in data.segments if s.content not in trained_on]
     _require_enough(config, data)
-    if same and not unseen:
+    if not unseen:
         raise UserError(f"{config.dataset}: the model was fitted on all of its recordings; close the loop on new ones")
     reference, notes = _reference(config, data, same=same)
     fit, held_out = _hold_out(data.segments, unseen, config.seed, same=same)
@@ -139,11 +140,31 @@ def _since(data: Dataset, since_s: float | None) -> Dataset:
     return replace(data, segments=kept)
 
 
-def trained_recordings(provenance: dict[str, Any]) -> tuple[set[str], str]:
-    """Recordings that the model was last fitted on, and the hash of their dataset's manifest."""
-    if "closed_manifest_sha256" in provenance:
-        return set(provenance["closed_fit_recordings"]), provenance["closed_manifest_sha256"]
-    return set(provenance["fit_recordings"]) | set(provenance["validation_recordings"]), provenance["manifest_sha256"]
+def is_training_dataset(provenance: dict[str, Any], data: Dataset) -> bool:
+    """Whether the model was last fitted on this dataset: the same file, or the same recordings under any name."""
+    prefix = _last_fit(provenance)
+    same_file = bool(provenance[f"{prefix}manifest_sha256"] == data.digest)
+    return same_file or provenance.get(f"{prefix}dataset_content") == data.content
+
+
+def trained_recordings(provenance: dict[str, Any], data: Dataset) -> set[str]:
+    """Contents of the recordings of `data` that the model was fitted on: by the training, or by the loop since.
+
+    A bundle of before knows names only, which count in the dataset of its last fit.
+    """
+    prefix = _last_fit(provenance)
+    if f"{prefix}seen_content" in provenance:
+        seen = {*provenance.get("seen_content", ()), *provenance.get("closed_seen_content", ())}
+        return seen & {segment.content for segment in data.segments}
+    if not is_training_dataset(provenance, data):
+        return set()
+    names = {*provenance[f"{prefix}fit_recordings"], *([] if prefix else provenance["validation_recordings"])}
+    return {segment.content for segment in data.segments if segment.recording in names}
+
+
+def _last_fit(provenance: dict[str, Any]) -> str:
+    """Prefix of the keys about the last fit: of the loop, or else of the training."""
+    return "closed_" if "closed_manifest_sha256" in provenance else ""
 
 
 def _chosen(config: CloseConfig) -> frozenset[str]:

@@ -10,7 +10,7 @@ import numpy as np
 import orjson
 
 from acqd.arrays import Floats
-from acqd.errors import UserError
+from acqd.errors import InputError, UserError
 from acqd.lab.cell import MOTION, Cell, build_cell
 from acqd.lab.instruments.data_recorder import log_suffix
 from acqd.lab.instruments.mains import Mains
@@ -106,7 +106,10 @@ def _load(cell: Cell, source: Path) -> _Task:
         require_free(cell.checker, trajectory.waypoints[0], f"the first position of {source}", cell.scene.name)
         program = cell.planner.program(trajectory, cell.random(MOTION, 1, 1))
         return _Task(trajectory.name, trajectory.waypoints[0], lambda controller: controller.run(program))
-    motion = motion_of(read_log(source, cell.robot), cell.robot)
+    recorded = read_log(source, cell.robot)
+    if recorded.note:
+        raise InputError(source, f"{recorded.note}; remove them")
+    motion = motion_of(recorded, cell.robot)
     return _Task(source.stem, motion.q[0], lambda _: motion)
 
 

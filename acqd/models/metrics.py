@@ -47,7 +47,17 @@ def signals_of(model: Predictor, segment: Segment) -> Floats | None:
 
 def predictions(model: Predictor, segments: Iterable[Segment]) -> list[Floats]:
     """Predicted power [T] W of each segment."""
-    return [model.sequence(segment.q, signals_of(model, segment), segment.start_s) for segment in segments]
+    return [_prediction(model, segment) for segment in segments]
+
+
+def _prediction(model: Predictor, segment: Segment) -> Floats:
+    """[T] W; a piece of a motion is predicted with the rows before and after it, whose signals are held."""
+    q, before, after = segment.extended()
+    signals = signals_of(model, segment)
+    if signals is not None:
+        signals = np.pad(signals, ((before, after), (0, 0)), mode="edge")
+    power = model.sequence(q, signals, segment.start_s - before * model.step_s)
+    return power[before : before + len(segment.P)]
 
 
 def measure(predicted: list[Floats], segments: list[Segment]) -> Metrics:

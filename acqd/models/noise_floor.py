@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from acqd.models.features import motion
 from acqd.models.segments import Segment
 from acqd.numerics import mad_sigma, runs_of_true
 
@@ -25,7 +24,7 @@ def noise_floor(segments: list[Segment], step_s: float) -> tuple[float, str]:
     """
     deviations = []
     for segment in segments:
-        speed = np.abs(motion(segment.q, step_s)[1]).max(axis=1)
+        speed = np.abs(segment.motion(step_s)[1]).max(axis=1)
         for first, last in runs_of_true(speed < _STILL_RAD_S):
             rest = segment.P[first + _SETTLING_ROWS : last]
             starts = range(0, len(rest) - _WINDOW_ROWS + 1, _WINDOW_ROWS)

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.models.features import motion
 
 if TYPE_CHECKING:
     from acqd.models.segments import Segment
@@ -36,7 +35,7 @@ class Normalisation:
     @classmethod
     def fitted(cls, segments: list[Segment], step_s: float) -> Normalisation:
         """Mean and standard deviation of the training segments."""
-        quantities = [np.concatenate(parts) for parts in zip(*(motion(s.q, step_s) for s in segments), strict=True)]
+        quantities = [np.concatenate(parts) for parts in zip(*(s.motion(step_s) for s in segments), strict=True)]
         P = np.concatenate([s.P for s in segments])
         offset = np.array([values.mean(axis=0) for values in quantities])
         scale = np.array([np.maximum(values.std(axis=0), _MIN_SCALE) for values in quantities])

@@ -32,6 +32,8 @@ class Prediction:
     outside: NDArray[np.bool_]
     """[T], True for motion outside the envelope of the training data."""
     step_s: float
+    note: str = ""
+    """Rows of the log that were left out; empty if none."""
 
     def energy(self) -> float:
         """Energy of all predicted rows in kWh."""
@@ -87,7 +89,7 @@ def predict(bundle: Bundle, model: Predictor, log: RobotLog) -> Prediction:
     outside = Envelope.from_json(bundle.metadata["envelope"]).outside(q, step)
     if outside.mean() > 0.5 and np.abs(q).max() > 2 * np.pi:
         raise UserError(f"{log.path}: angles reach {np.abs(q).max():.0f}: are they degrees? Expected radians")
-    return Prediction(stamps[0] + grid, P, outside, step)
+    return Prediction(stamps[0] + grid, P, outside, step, log.note)
 
 
 def _signals(model: Predictor, log: RobotLog, grid: Floats, time: Floats, rows: NDArray[np.int64]) -> Floats | None:

@@ -13,6 +13,7 @@ from acqd.arrays import Floats
 from acqd.dataset.manifest import load_manifest
 from acqd.dataset.split import Part
 from acqd.errors import InputError, UserError
+from acqd.models.features import derivatives, padded
 from acqd.numerics import runs_of_true
 
 _MIN_S = 2.0
@@ -42,6 +43,32 @@ class Segment:
     """Unix time of the first row, s."""
     channels: dict[str, Floats] = field(default_factory=dict)
     """Further measurements: "Vrms" [T] V; "current" [T, axes] A; "temperature" [T, axes] degC. NaN where unknown."""
+    before: Floats | None = None
+    """[k, axes] rad: angles of the rows before the first one, of a piece cut out of a motion; None where unknown."""
+    after: Floats | None = None
+    """[k, axes] rad: likewise after the last one."""
+    content: str = ""
+    """Hash of the recording's power and angles: the same recording under any name, at any date."""
+
+    def around(self, radius: int) -> Floats:
+        """Angles [T + 2 radius, axes] rad: the known ones before and after; beyond these the arm rests."""
+        before, after = self._context()
+        before, after = before[max(0, len(before) - radius) :], after[:radius]
+        whole = padded(np.concatenate([before, self.q, after]), radius)
+        return whole[len(before) : len(whole) - len(after)]
+
+    def motion(self, step_s: float) -> tuple[Floats, Floats, Floats]:
+        """q [rad], qd [rad/s] and qdd [rad/s^2], each [T, axes]."""
+        return (self.q, *derivatives(self.around(1), step_s))
+
+    def extended(self) -> tuple[Floats, int, int]:
+        """Angles with all that are known before and after, and the number of rows before and after."""
+        before, after = self._context()
+        return np.concatenate([before, self.q, after]), len(before), len(after)
+
+    def _context(self) -> tuple[Floats, Floats]:
+        none = self.q[:0]
+        return (none if self.before is None else self.before), (none if self.after is None else self.after)
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +85,11 @@ class Dataset:
     measured: str
     """Origin of the power: mains, derived or simulated."""
     segments: list[Segment]
+
+    @property
+    def content(self) -> str:
+        """Hash of all recordings' power and angles, whatever their names, dates and order."""
+        return hashlib.sha256("".join(sorted({segment.content for segment in self.segments})).encode()).hexdigest()
 
     @property
     def axes(self) -> int:
@@ -115,11 +147,12 @@ def segments_of(columns: dict[str, Floats], entry: dict[str, object], step_s: fl
     good = np.asarray(columns["valid"], dtype=bool) & np.isfinite(q).all(axis=1)
     if tau is not None and not np.isfinite(tau[good]).all():
         tau = None
+    content = content_of(columns, q)
     segments = []
     for first, last in runs_of_true(good):
         if (last - first) * step_s < _MIN_S:
             continue
-        rows = slice(first, last)
+        rows, (before, after) = slice(first, last), _neighbours(columns, q, first, last)
         signals = {name: columns[name][rows] for name in SIGNALS if name in columns}
         part: Part = entry["split"]  # type: ignore[assignment]
         segments.append(
@@ -134,9 +167,32 @@ def segments_of(columns: dict[str, Floats], entry: dict[str, object], step_s: fl
                 signals,
                 float(columns["time_ns"][first]) * 1e-9,
                 {name: values[rows] for name, values in _channels(columns, axes).items()},
+                before,
+                after,
+                content,
             )
         )
     return segments
+
+
+def content_of(columns: dict[str, Floats], q: Floats) -> str:
+    """SHA-256 of a recording's power and angles [T, axes]; neither names nor dates count."""
+    digest = hashlib.sha256(np.ascontiguousarray(columns["P"], dtype=np.float64).tobytes())
+    digest.update(np.ascontiguousarray(q, dtype=np.float64).tobytes())
+    return digest.hexdigest()
+
+
+def _neighbours(columns: dict[str, Floats], q: Floats, first: int, last: int) -> tuple[Floats | None, Floats | None]:
+    """Angles of the rows before and after a segment that the recording has from the neighbouring pieces of its log."""
+    if "context" not in columns:
+        return None, None
+    known = np.asarray(columns["context"], dtype=bool) & np.isfinite(q).all(axis=1)
+    start, end = first, last
+    while start > 0 and known[start - 1]:
+        start -= 1
+    while end < len(known) and known[end]:
+        end += 1
+    return q[start:first], q[last:end]
 
 
 def _channels(columns: dict[str, Floats], axes: int) -> dict[str, Floats]:

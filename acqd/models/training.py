@@ -44,6 +44,7 @@ def train_one(config: TrainConfig, progress: Progress) -> dict[str, Any]:
         segments = data.part(split, config.kinds) if split != "test" else data.part(split)
         metrics[split] = measure(predictions(trained.predictor, segments), segments).as_json()
     P = np.concatenate([segment.P for segment in training])
+    validation = data.part("validation", config.kinds)
     metadata = {
         "kind": trained.kind,
         "name": config.network,
@@ -67,7 +68,9 @@ def train_one(config: TrainConfig, progress: Progress) -> dict[str, Any]:
             "dataset": str(config.dataset),
             "manifest_sha256": data.digest,
             "fit_recordings": sorted({segment.recording for segment in training}),
-            "validation_recordings": sorted({s.recording for s in data.part("validation", config.kinds)}),
+            "validation_recordings": sorted({segment.recording for segment in validation}),
+            "dataset_content": data.content,
+            "seen_content": sorted({segment.content for segment in [*training, *validation]}),
         },
     }
     save_bundle(config.out, Bundle(metadata, trained.arrays, reference_arrays(data.segments)))

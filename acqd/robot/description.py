@@ -52,7 +52,11 @@ class Flange(Section):
 class LogColumns(Section):
     """How one kind of log names its columns. In a name, {0} is the axis counted from 0, {1} counted from 1."""
 
-    format: Literal["datarecorder", "csv"]
+    format: Literal["datarecorder", "csv", "ros"]
+    joints: list[str] = Field(default=[])
+    """Of ROS bags: the joints' names in the order of the axes, where they differ from those of the description."""
+    effort: Literal["tau", "current"] = "tau"
+    """Of ROS bags: what the driver publishes as effort, torque in Nm or current in A."""
     header: bool = True
     columns: list[str] = Field(default=[])
     """Of a log without a header: the quantities in order. A per-axis quantity has as many columns as there are axes."""
@@ -68,6 +72,11 @@ class LogColumns(Section):
     temperature: str | None = None
     tool: str | None = None
     brake: str | None = None
+    power: str | None = None
+    """Electrical power in W, if the controller measures it."""
+    bus_voltage: str | None = None
+    """With `bus_current`: V and A at the robot's supply, whose product is the power."""
+    bus_current: str | None = None
 
 
 class RobotDescription(Section):

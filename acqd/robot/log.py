@@ -2,36 +2,28 @@
 
 from __future__ import annotations
 
-import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from acqd.arrays import Floats
 from acqd.errors import InputError
+from acqd.robot.bag import is_bag, read_bag
 from acqd.robot.description import LogColumns, RobotDescription
+from acqd.robot.garbled import BEYOND, FEW, beyond_limit, clock_restart, garbled_rows, impossible_jump, limits
+from acqd.robot.log_layout import PER_AXIS, Columns, layout_of, why_not
 from acqd.robot.table import Table, read_table
 
 _DAY_S = 86_400.0
-_PER_AXIS = ("q", "qd", "tau", "current", "temperature")
-_GENERIC = LogColumns(
-    format="csv",
-    q="q{1}",
-    qd="qd{1}",
-    tau="tau{1}",
-    current="current{1}",
-    temperature="temperature{1}",
-    tool="tool",
-    brake="brake",
-)
-"""The header every robot may use: time, q1..qn, qd1..qn, tau1.., current1.., temperature1.., tool, brake."""
+_NAMED_ROWS = 5
 
 
 @dataclass(frozen=True, slots=True)
 class RobotLog:
-    """One recording with the rows of the file: not resampled, not sorted, not repaired."""
+    """One recording with the rows of the file: not resampled, not sorted; a few garbled rows may be left out."""
 
     path: Path
     time: Floats
@@ -48,120 +40,95 @@ class RobotLog:
     """[T, axes] degC."""
     signals: dict[str, Floats] = field(default_factory=dict)
     """`tool` and `brake` [T], 0 or 1, where recorded (brake 1: open)."""
+    power: Floats | None = None
+    """[T] W, measured by the controller: the logged power, or voltage times current of the supply."""
+    voltage: Floats | None = None
+    """[T] V at the robot's supply, where the controller measures it."""
+    core: tuple[float, float] | None = None
+    """Of a piece of a log: the span [s] that is the piece; rows outside it tell how the arm came and went."""
+    note: str = ""
+    """Which rows were left out, and why; empty if none."""
+
+    def part(self, rows: NDArray[np.bool_] | NDArray[np.int64], path: Path) -> RobotLog:
+        """Some rows as a log of the name `path`."""
+        names = ("time", "q", "qd", "tau", "current", "temperature", "power", "voltage")
+        values: dict[str, Any] = {
+            name: None if (column := getattr(self, name)) is None else column[rows] for name in names
+        }
+        signals = {name: column[rows] for name, column in self.signals.items()}
+        return replace(self, path=path, signals=signals, **values)
 
 
 def read_log(path: Path, robot: RobotDescription) -> RobotLog:
-    """Read a DataRecorder text, an RTDE CSV or a CSV with the generic header, as `robot` names its columns.
+    """Read a log whose columns `robot` names, or that has the generic header: text, Parquet, or a ROS bag.
 
-    Raises InputError that names the row and column of what is wrong.
+    Garbled rows are left out if they are few, and the log's `note` names them. Raises InputError that names the row
+    and column of what is wrong, UserError without the library that a format needs.
     """
-    table = read_table(path)
-    for layout in [*robot.log, _GENERIC]:
-        columns = _match(layout, table, robot.axes)
-        if columns is not None:
-            return _assemble(path, table, columns, layout, robot)
-    raise InputError(path, _why_not(table, robot))
+    table = read_bag(path, robot) if is_bag(path) else read_table(path, FEW)
+    found = layout_of(table, robot)
+    if found is None:
+        raise InputError(path, why_not(table, robot))
+    log = _assemble(path, table, *found)
+    faults = garbled_rows(log.time, log.q, robot) | table.broken
+    if len(faults) > FEW * len(log.time):
+        raise InputError(path, _refusal(table, log.q, faults, robot))
+    if faults:
+        kept = np.ones(len(log.time), bool)
+        kept[list(faults)] = False
+        log = replace(log.part(kept, path), note=_note(table, faults))
+        table = replace(table, lines=table.lines[kept])
+    restart = clock_restart(log.time, log.q)
+    if restart is not None:
+        back = f"time goes back from {log.time[restart - 1]:.3f} to {log.time[restart]:.3f} s"
+        raise InputError(path, f"row {table.line(restart)}: {back} with other angles: write one file per recording")
+    order = np.unique(log.time, return_index=True)[1]
+    jump = impossible_jump(log.time[order], log.q[order], robot)
+    if jump is not None:
+        where = f"row {table.line(order[jump[0] + 1])}"
+        raise InputError(path, f"{where}: {jump[1]}; is the log damaged, in degrees, or another robot's?")
+    return log
 
 
-Columns = dict[str, list[int]]
-
-
-def _match(layout: LogColumns, table: Table, axes: int) -> Columns | None:
-    """Column numbers per quantity, or None when this layout is not the file's."""
-    if not layout.header:
-        return _in_order(layout, table, axes) if table.header is None else None
-    if table.header is None:
-        return None
-    where = {name: number for number, name in enumerate(table.header)}
-    columns: Columns = {}
-    for name in _PER_AXIS:
-        pattern = getattr(layout, name)
-        names = [pattern.format(axis, axis + 1) for axis in range(axes)] if pattern else []
-        if names and all(column in where for column in names):
-            columns[name] = [where[column] for column in names]
-    clock = [layout.time_s, layout.time_ns] if layout.time_s and layout.time_ns else [layout.time]
-    if "q" not in columns or not all(name in where for name in clock):
-        return None
-    columns["time"] = [where[name] for name in clock if name]
-    for name in ("tool", "brake"):
-        column = getattr(layout, name)
-        if column in where:
-            columns[name] = [where[column]]
-    return columns
-
-
-def _in_order(layout: LogColumns, table: Table, axes: int) -> Columns | None:
-    columns: Columns = {}
-    at = 0
-    for name in layout.columns:
-        count = 1 if name in ("time", "tool", "brake") else axes
-        columns[name] = list(range(at, at + count))
-        at += count
-    return columns if at == table.values.shape[1] else None
-
-
-def _assemble(path: Path, table: Table, columns: Columns, layout: LogColumns, robot: RobotDescription) -> RobotLog:
+def _assemble(path: Path, table: Table, layout: LogColumns, columns: Columns) -> RobotLog:
     def values(name: str) -> Floats | None:
         return table.values[:, columns[name]] if name in columns else None
 
+    def single(name: str) -> Floats | None:
+        return table.values[:, columns[name][0]] if name in columns else None
+
     clock, q = values("time"), values("q")
     assert clock is not None and q is not None
-    for name in ("time", "q"):
-        bad = np.argwhere(~np.isfinite(table.values[:, columns[name]]))
-        if len(bad):
-            row, column = bad[0]
-            raise InputError(path, f"row {table.line(row)}: {name} column {column + 1} is empty or no number")
     time = clock[:, 0] + clock[:, 1] * 1e-9 if clock.shape[1] == 2 else clock[:, 0] * layout.time_unit_s
-    _check_angles(path, q, robot)
-    signals: dict[str, Floats] = {
-        name: table.values[:, columns[name][0]] for name in ("tool", "brake") if name in columns
-    }
-    others = {name: values(name) for name in _PER_AXIS[1:]}
-    return RobotLog(path, time, q, **others, signals=signals)
+    signals = {name: column for name in ("tool", "brake") if (column := single(name)) is not None}
+    others: dict[str, Any] = {name: values(name) for name in PER_AXIS[1:]}
+    power, voltage, current = single("power"), single("bus_voltage"), single("bus_current")
+    if power is None and voltage is not None and current is not None:
+        power = voltage * current
+    return RobotLog(path, time, q, **others, signals=signals, power=power, voltage=voltage)
 
 
-def _check_angles(path: Path, q: Floats, robot: RobotDescription) -> None:
-    """Raises InputError for angles beyond the limits: they are in degrees, or of another robot."""
-    allowance = np.full(robot.axes, np.radians(2.0))
-    allowance[list(robot.sliding)] = 0.02  # m
-    turns = np.maximum(np.abs(robot.lower), np.abs(robot.upper)) + allowance
-    # axes with an unlimited or multi-turn range count further turns: a whole turn more is no error
-    revolute = np.array([not joint.slides for joint in robot.joint])
-    turns = np.where((turns > np.radians(355)) & revolute, np.inf, turns)
-    worst = np.abs(q).max(axis=0)
-    beyond = np.flatnonzero(worst > turns)
-    if not len(beyond):
-        return
-    axis = int(beyond[0])
-    if not revolute[axis]:
-        name, limit = robot.joint[axis].name, max(abs(robot.lower[axis]), abs(robot.upper[axis]))
-        raise InputError(path, f"{name} reaches {worst[axis]:.4g} m, but its limit is {limit:g} m; write metres")
-    limit = np.degrees(robot.upper[axis])
-    advice = f"{robot.joint[axis].name} reaches {worst[axis]:.4g} rad, but its limit is {limit:.0f} deg"
-    if (np.radians(worst) <= turns).all() and worst.max() > 20:
-        raise InputError(path, f"{advice}; the angles look like degrees: write radians")
-    raise InputError(path, f"{advice}; is this a log of {robot.name}?")
+def _refusal(table: Table, q: Floats, faults: dict[int, str], robot: RobotDescription) -> str:
+    """Why a log with many garbled rows is refused: degrees, another robot, or damage."""
+    row = min(faults)
+    text = faults[row]
+    share = f" ({len(faults)} of {len(q)} rows are garbled)" if len(faults) > 1 else ""
+    worst = np.abs(q).max(axis=0, initial=0.0, where=np.isfinite(q))
+    beyond = np.flatnonzero(worst > limits(robot))
+    if BEYOND not in text or not len(beyond):
+        return f"row {table.line(row)}: {text}{share}"
+    text = beyond_limit(robot, int(beyond[0]), float(worst[beyond[0]]))
+    if (np.radians(worst) <= limits(robot)).all() and worst.max() > 20:
+        return f"{text}; the angles look like degrees: write radians"
+    return f"{text}; is this a log of {robot.name}?"
 
 
-def _why_not(table: Table, robot: RobotDescription) -> str:
-    """Why no layout of `robot` fits the table: a sentence for the user."""
-    if table.header is None:
-        return f"has no header and {table.values.shape[1]} columns; expected a header time,q1..q{robot.axes}"
-    numbered: dict[str, set[int]] = {}
-    for name in table.header:
-        digits = re.fullmatch(r"(.*?)(\d+)(\D*)", name)
-        if digits:
-            numbered.setdefault(digits[1] + "#" + digits[3], set()).add(int(digits[2]))
-    patterns = [layout.q.format("#", "#") for layout in [*robot.log, _GENERIC] if layout.header]
-    for pattern in patterns:
-        count = len(numbered.get(pattern, ()))
-        if count and count != robot.axes:
-            return f"has {count} columns {pattern.replace('#', 'N')}, but {robot.name} has {robot.axes} axes"
-    expected = " or ".join([f"time,q1..q{robot.axes}", *patterns[:-1]])
-    return (
-        f"has none of the columns a log of {robot.name} has ({expected}); "
-        f"its first columns are {', '.join(table.header[:4])}"
-    )
+def _note(table: Table, faults: dict[int, str]) -> str:
+    rows = sorted(faults)
+    named = ", ".join(str(table.line(row)) for row in rows[:_NAMED_ROWS])
+    more = f" and {len(rows) - _NAMED_ROWS} more" if len(rows) > _NAMED_ROWS else ""
+    word = "row" if len(rows) == 1 else "rows"
+    return f"{len(rows)} of {len(table.lines)} rows garbled and left out: {word} {named}{more} ({faults[rows[0]]})"
 
 
 def in_time(log: RobotLog) -> tuple[Floats, NDArray[np.int64]]:

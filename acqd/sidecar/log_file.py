@@ -15,6 +15,8 @@ _LATEST_S, _LONGEST_S = 4e9, 6 * 3600.0
 def open_log(path: Path, robot: RobotDescription, axes: int) -> RobotLog:
     """Reads a log of `axes` joints with Unix times and at most 6 h. Raises UserError, InputError."""
     log = read_log(path, robot)
+    if log.note:  # a result says nothing about rows left out, so that there is none
+        raise InputError(path, log.note)
     start_s, end_s = span_of(log)
     if not (start_s >= 0 and end_s < _LATEST_S):
         raise InputError(path, f"times from {start_s:.4g} to {end_s:.4g} s are not Unix times")

@@ -3,7 +3,7 @@
 import pytest
 
 from acqd.dataset.build import BuildConfig, build
-from acqd.errors import InputError
+from acqd.errors import UserError
 from tests.campaigns import quiet
 
 
@@ -23,6 +23,6 @@ def test_mixed_up_columns_are_named(cell, tmp_path):
             cells[one], cells[other] = cells[other], cells[one]
             swapped.append(" ".join(cells))
         (folder / path.name).write_text("\n".join([*swapped, ""]))
-    with pytest.raises(InputError, match="columns in the order"):
+    with pytest.raises(UserError, match=r"none of 3 logs can be used; the first: .*columns in the order"):
         build(BuildConfig(f"{made.out}/power.sqlite", folder, tmp_path / "ds", "iiwa7_r800"), quiet)
     assert not (tmp_path / "ds").exists()

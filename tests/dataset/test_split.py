@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from acqd.dataset.split import source_of, split
+from acqd.dataset.split import source_of, sources_of, split
 
 
 def test_no_source_is_on_two_sides_and_shares_are_kept():
@@ -20,8 +20,18 @@ def test_no_source_is_on_two_sides_and_shares_are_kept():
 
 
 def test_one_log_cut_into_pieces_is_split_by_its_pieces_many_by_their_source():
-    from acqd.dataset.split import sources_of
-
     assert len(set(sources_of([f"run_p{k:03d}" for k in range(9)]).values())) == 9
     many = [f"all_{k:02d}_{n:04d}_p{p:03d}" for k in range(3) for n in range(4) for p in range(5)]
     assert set(sources_of(many).values()) == {"all_00", "all_01", "all_02"}
+
+
+def test_numbered_logs_are_sources_when_they_would_be_one_trajectory():
+    names = [f"rec_{k:04d}" for k in range(1, 8)]
+    sources = sources_of(names)
+    assert sources == {name: name for name in names}
+    parts = split(dict.fromkeys(sources.values(), 60.0), 1)
+    assert set(parts.values()) == {"train", "validation", "test"}
+    pieces = [f"{name}_p{p:03d}" for name in names for p in range(1, 4)]
+    assert set(sources_of(pieces).values()) == set(names)  # pieces of one log stay together
+    two = [f"rec_{k:04d}_p{p:03d}" for k in (1, 2) for p in range(1, 4)]
+    assert sources_of(two) == {name: name for name in two}

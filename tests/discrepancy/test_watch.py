@@ -1,7 +1,9 @@
 """Watching a dataset that grows."""
 
+import shutil
 from pathlib import Path
 
+import orjson
 import pytest
 
 from acqd.discrepancy.config import CloseConfig
@@ -26,3 +28,30 @@ def test_a_watch_raises_the_alarm_proposes_and_goes_on_after_a_restart(closed, t
     (order.out / "watch.json").write_text("{")
     with pytest.raises(InputError, match="delete it to start again"):
         Watch(order, 200 * 3600.0)
+
+
+def judged_by(watch):
+    return [event.details["recording"] for event in watch.look(lambda *_: None) if event.kind == "recording"]
+
+
+@pytest.mark.long(seconds=3)
+def test_recordings_are_known_by_their_content_not_by_their_names(closed, tmp_path):
+    folder, _ = closed
+    trained = load_bundle(folder / "model").metadata["provenance"]["fit_recordings"]
+    ds = tmp_path / "ds"
+    shutil.copytree(folder / "now" / "ds", ds)
+    manifest = orjson.loads((ds / "manifest.json").read_bytes())
+    manifest["recordings"] = manifest["recordings"][:2]
+    for entry, name in zip(manifest["recordings"], trained, strict=False):
+        entry["name"] = name  # as the recorder numbered its files in the campaign of the training
+    (ds / "manifest.json").write_bytes(orjson.dumps(manifest))
+    order = CloseConfig(ds, folder / "model", tmp_path / "watch")
+    assert judged_by(Watch(order, 200 * 3600.0)) == trained[:2]
+    for entry in manifest["recordings"]:
+        entry["name"] += "_renamed"
+    (ds / "manifest.json").write_bytes(orjson.dumps(manifest))
+    again = Watch(order, 200 * 3600.0)
+    assert again.resumed is not None and judged_by(again) == []
+    training = CloseConfig(folder / "before" / "ds", folder / "model", tmp_path / "other")
+    seen = judged_by(Watch(training, 200 * 3600.0))
+    assert seen and not set(seen) & set(trained)  # the model's own test recordings only

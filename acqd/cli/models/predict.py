@@ -17,7 +17,7 @@ from acqd.errors import UserError
 
 def predict(
     bundle: Annotated[Path, typer.Argument(metavar="BUNDLE", help="Folder that acqd train wrote.")],
-    log: Annotated[Path, typer.Argument(metavar="LOG", help="Robot log: DataRecorder text, RTDE CSV, or CSV.")],
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="Robot log: text, CSV, Parquet, or a ROS bag.")],
     out: Annotated[Path | None, typer.Option(help="CSV file for the predicted rows.")] = None,
     robot: Annotated[
         str | None, typer.Option(help="Robot description that maps the columns of the log (default the bundle's).")
@@ -38,6 +38,8 @@ def predict(
     prediction = predict_log(opened, model, log, robot)
     if out is not None:
         prediction.write(out)
+    if prediction.note:
+        Console(stderr=True).print(f"acqd: {log}: {prediction.note}", soft_wrap=True, highlight=False)
     share = float(prediction.outside.mean())
     if share > 0:
         Console(stderr=True).print(
@@ -54,6 +56,7 @@ def predict(
         "max_W": float(prediction.P[known].max()),
         "energy_kWh": prediction.energy(),
         "outside_envelope": share,
+        "left_out": prediction.note or None,
         "out": None if out is None else str(out),
     }
     if json:

@@ -12,16 +12,16 @@ import numpy as np
 from acqd.arrays import Floats
 from acqd.discrepancy.joints.columns import BaseLayout, base_columns, measured_torque, side_of
 from acqd.discrepancy.joints.sessions import Products, Session
+from acqd.discrepancy.residual.known_rows import known_rows
 from acqd.discrepancy.residual.whitening import Whitener
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.effects.scene import Scene
-from acqd.models.effects.substeps import RADIUS, averaged
+from acqd.models.effects.substeps import averaged
 from acqd.models.greybox.model import GreyBox
 from acqd.models.segments import Segment
 from acqd.numerics import runs_of_true
 from acqd.robot.arm import Arm
 
-_EDGE = RADIUS + 1
 _ANY_SIZE = 1e3
 """Prior deviation of a selected effect's parameters: wide enough to be free."""
 
@@ -31,15 +31,15 @@ def session_of(recording: str) -> str:
     return re.sub(r"_p\d{3}$", "", recording)
 
 
-def runs_of_motion(speed: Floats, *, all_rows: bool) -> list[tuple[int, int]]:
-    """First row, and the row after the last, of runs of known motion of a joint with `speed` [T] rad/s.
+def runs_of_motion(speed: Floats, inside: slice, *, all_rows: bool) -> list[tuple[int, int]]:
+    """First row, and the row after the last, of runs of motion `inside` known rows; `speed` [T] rad/s of the joint.
 
     A joint at rest sticks: its motor may carry any torque up to the breakaway torque, so that only moving rows say
     something about the load (`all_rows`: a sensor behind the gear has no such rows).
     """
     known = np.ones(len(speed), dtype=bool) if all_rows else np.abs(speed) > THRESHOLDS.stick_rad_s
-    known[:_EDGE] = False
-    known[len(known) - RADIUS :] = False
+    known[: inside.start] = False
+    known[inside.stop :] = False
     return [(first, last) for first, last in runs_of_true(known) if last - first >= THRESHOLDS.joint_least_rows]
 
 
@@ -108,7 +108,7 @@ class Observed:
             torque = measured_torque(segment, side, arm.description)
             speed = averaged(scene.qd)
             for joint in range(model.axes):
-                runs = runs_of_motion(speed[:, joint], all_rows=side == "link")
+                runs = runs_of_motion(speed[:, joint], known_rows(segment), all_rows=side == "link")
                 if runs:
                     each = JointRows(
                         session_of(segment.recording), in_question, number, joint, runs, X[:0, joint], speed[:0]

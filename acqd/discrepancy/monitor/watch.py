@@ -27,6 +27,7 @@ from acqd.models.metrics import predictions
 from acqd.models.segments import Dataset, Segment, load_dataset
 
 STATE = "watch.json"
+_BY = "content"  # how a state knows recordings
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,8 +51,8 @@ class Watch:
         self._bundle: Bundle
         self._bundle, self._model = open_model(config.bundle)
         self._monitor = Monitor(baseline_of(config.bundle, self._model, between_s))
-        fitted, _ = trained_recordings(self._bundle.metadata["provenance"])
-        self._seen: set[str] = set(fitted)
+        self._seen: set[str] = set()
+        """Contents of the recordings that were judged, or that the model was fitted on."""
         self._tried = 0  # recordings since the onset at the last attempt
         self._settled = False
         self._digest = ""
@@ -79,7 +80,9 @@ class Watch:
         self._trouble = ""
         if data.axes != self._model.axes:
             raise UserError(f"{self._config.dataset} has {data.axes} axes, the model {self._model.axes}")
-        new = [segment for segment in data.segments if segment.recording not in self._seen]
+        # by content: recorders use the same names again
+        self._seen |= trained_recordings(self._bundle.metadata["provenance"], data)
+        new = [segment for segment in data.segments if segment.content not in self._seen]
         for recording, segments in in_time(new):
             yield from self._judge(recording, segments, data.step_s)
         self._digest = digest
@@ -92,7 +95,7 @@ class Watch:
         errors = residuals(predicted, segments)
         for segment, residual, prediction in zip(segments, errors, predicted, strict=True):
             alarm = self._monitor.update(residual, prediction, segment.start_s, step_s) or alarm
-        self._seen.add(recording)
+        self._seen |= {segment.content for segment in segments}
         yield Event("recording", {"recording": recording, "rmse": rms(errors)})
         if alarm is not None:
             yield Event("alarm", alarm.as_json() | {"recording": recording})
@@ -131,8 +134,8 @@ class Watch:
             return
         try:
             state = orjson.loads(self._state.read_bytes())
-            if state["model"] != self._model_name():
-                return  # another model judges all recordings again
+            if state["model"] != self._model_name() or state.get("seen_by") != _BY:
+                return  # another model judges all recordings again, as does a watch that knew them by name only
             self._monitor.restore(state["monitor"])
             self._seen |= set(state["seen"])
             self._tried, self._settled = int(state["tried"]), bool(state["settled"])
@@ -144,7 +147,7 @@ class Watch:
 
     def _save(self) -> None:
         state = {
-            "model": self._model_name(), "monitor": self._monitor.as_json(), "seen": sorted(self._seen),
+            "model": self._model_name(), "monitor": self._monitor.as_json(), "seen_by": _BY, "seen": sorted(self._seen),
             "tried": self._tried, "settled": self._settled,
         }  # fmt: skip
         write_complete(self._state, orjson.dumps(state, option=orjson.OPT_INDENT_2))

@@ -13,18 +13,16 @@ from acqd.arrays import Floats
 from acqd.discrepancy.regression.gram import Places
 from acqd.discrepancy.regression.grey_box_columns import grey_box_columns
 from acqd.discrepancy.regression.smooth_alternatives import Ranges, alternatives, smooth_columns
+from acqd.discrepancy.residual.known_rows import known_rows
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.effects import library
 from acqd.models.effects.effect import Effect, effect_rows
 from acqd.models.effects.places import Variant
-from acqd.models.effects.scene import Scene, scene_of
-from acqd.models.effects.substeps import RADIUS, Lag, averaged
+from acqd.models.effects.scene import Scene, segment_scene
+from acqd.models.effects.substeps import Lag, averaged
 from acqd.models.greybox.model import GreyBox
 from acqd.models.segments import Segment
 from acqd.robot.arm import Arm
-
-EDGE_ROWS = RADIUS + 1
-"""Rows at the begin of a segment whose power may belong to motion before the log."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +132,7 @@ def design_columns(
     `segments`: with whether they are in question; `withheld`: groups of parameters that the model was denied.
     """
     only = [segment for segment, _ in segments]
-    scenes = [scene_of(model, s.q, s.signals, s.start_s, s.channels) for s in only]
+    scenes = [segment_scene(model, s) for s in only]
     sides = [in_question for _, in_question in segments]
     _set_origin(scenes, sides)
     ranges = Ranges.of(scenes, sides)
@@ -183,8 +181,8 @@ def _set_origin(scenes: list[Scene], in_question: list[bool]) -> None:
 def _parts(segments: list[tuple[Segment, bool]], step_s: float) -> list[Part]:
     parts = []
     for number, (segment, in_question) in enumerate(segments):
-        # the motion before and after a log is unknown: its outermost rows say nothing
-        inside = (EDGE_ROWS, len(segment.P) - RADIUS)
+        known = known_rows(segment)
+        inside = (known.start, known.stop)
         count = max(1, round((inside[1] - inside[0]) / THRESHOLDS.block_rows))
         edges = np.linspace(*inside, count + 1).astype(int).tolist()
         for first, last in itertools.pairwise(edges):

@@ -9,14 +9,14 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.discrepancy.joints.witness import Witness
-from acqd.discrepancy.regression.design_columns import EDGE_ROWS, DesignColumns, design_columns
+from acqd.discrepancy.regression.design_columns import DesignColumns, design_columns
 from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.gram import Column, Regression
 from acqd.discrepancy.regression.onset import Gate, onset_gates
+from acqd.discrepancy.residual.known_rows import known_rows
 from acqd.discrepancy.residual.whitening import Whitener
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.effects import library
-from acqd.models.effects.substeps import RADIUS
 from acqd.models.greybox.model import GreyBox
 from acqd.models.greybox.parameters import prior
 from acqd.models.segments import Segment
@@ -122,8 +122,9 @@ def _left_by_everything(design: Design, base: list[Column], weights: Floats) -> 
     """Residuals of a fit of all columns: the only part that is noise for certain."""
     beta = _fit_of_everything(design, base, weights)
     open_ = sorted({part.segment for part, weight in zip(design.parts, weights, strict=True) if weight})
-    known = slice(EDGE_ROWS, -RADIUS)
-    return [design.columns.residual[k][known] - design.columns.values[k][known] @ beta for k in open_]
+    columns = design.columns
+    known = {k: known_rows(columns.segments[k]) for k in open_}
+    return [columns.residual[k][known[k]] - columns.values[k][known[k]] @ beta for k in open_]
 
 
 def _without_outliers(design: Design, base: list[Column], contrast: bool) -> Design:

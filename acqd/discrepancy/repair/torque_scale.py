@@ -13,7 +13,6 @@ import numpy as np
 
 from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.thresholds import THRESHOLDS
-from acqd.models.features import motion
 from acqd.robot.arm import Arm
 from acqd.robot.dynamics import inertial_parameters
 from acqd.robot.newton_euler import joint_torque
@@ -48,7 +47,7 @@ def torque_scale(subject: Subject) -> TorqueScale:
     described = inertial_parameters(Arm(subject.robot))
     products = squares = 0.0
     for segment in segments[:: max(1, len(segments) // THRESHOLDS.scale_segments)]:
-        moved = motion(segment.q, subject.data.step_s)
+        moved = segment.motion(subject.data.step_s)
         nominal = joint_torque(subject.carrier.chain, described, *moved)
         products += float(
             (joint_torque(subject.carrier.chain, subject.carrier.group("inertial"), *moved) * nominal).sum()

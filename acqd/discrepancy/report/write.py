@@ -82,4 +82,6 @@ def _provenance(config: CloseConfig, closed: Closed) -> dict[str, Any]:
         "closed_on": str(config.dataset),
         "closed_manifest_sha256": closed.subject.data.digest,
         "closed_fit_recordings": sorted({segment.recording for segment in closed.subject.fit}),
+        "closed_dataset_content": closed.subject.data.content,
+        "closed_seen_content": sorted({segment.content for segment in closed.subject.fit}),
     }

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.models.features import motion
 from acqd.models.segments import Segment
 
 _LONGEST_AGE_S = 2.0
@@ -29,7 +28,7 @@ class Aspect:
 def aspects(segments: list[Segment], errors: list[Floats], predicted: list[Floats], step_s: float) -> list[Aspect]:
     """The residual along speed and angle of every joint, load, mains voltage, time, temperature, time since events."""
     e = np.concatenate(errors)
-    moved = [motion(segment.q, step_s) for segment in segments]
+    moved = [segment.motion(step_s) for segment in segments]
     q, qd = (np.concatenate([each[k] for each in moved]) for k in (0, 1))
     t = np.concatenate([s.start_s + step_s * np.arange(len(s.P)) for s in segments])
     along = [_binned(f"speed of joint {k + 1}", "rad/s", qd[:, k], e) for k in range(q.shape[1])]

@@ -9,7 +9,6 @@ import numpy as np
 from acqd.arrays import Floats
 from acqd.models.augmented import Augmented
 from acqd.models.effects.substeps import RADIUS
-from acqd.models.features import padded
 from acqd.models.metrics import predictions, signals_of
 from acqd.models.predictor import Predictor
 from acqd.models.segments import Segment
@@ -27,8 +26,12 @@ def residuals(predicted: list[Floats], segments: list[Segment]) -> list[Floats]:
     neighbours.
     """
     errors = [segment.P - prediction for segment, prediction in zip(segments, predicted, strict=True)]
-    for own in errors:
-        own[:RADIUS], own[-RADIUS:] = own[RADIUS], own[-RADIUS - 1]
+    for own, segment in zip(errors, segments, strict=True):
+        _, before, after = segment.extended()
+        if before < RADIUS:
+            own[:RADIUS] = own[RADIUS]
+        if after < RADIUS:
+            own[-RADIUS:] = own[-RADIUS - 1]
     return errors
 
 
@@ -38,7 +41,7 @@ def without_known_effects(model: Predictor, segments: list[Segment]) -> list[Seg
         return segments
     known = [model.known(signals_of(model, s), len(s.P)) for s in segments]
     return [
-        replace(s, P=s.P - model.effects(padded(s.q, RADIUS), signals, s.start_s))
+        replace(s, P=s.P - model.effects(s.around(RADIUS), signals, s.start_s))
         for s, signals in zip(segments, known, strict=True)
     ]
 

@@ -30,7 +30,7 @@ class Envelope:
     @classmethod
     def of(cls, segments: list[Segment], step_s: float) -> Envelope:
         """Ranges of training segments."""
-        moved = [np.concatenate(parts) for parts in zip(*(motion(s.q, step_s) for s in segments), strict=True)]
+        moved = [np.concatenate(parts) for parts in zip(*(s.motion(step_s) for s in segments), strict=True)]
         return cls(np.array([x.min(axis=0) for x in moved]), np.array([x.max(axis=0) for x in moved]))
 
     def outside(self, q: Floats, step_s: float) -> NDArray[np.bool_]:

@@ -17,6 +17,7 @@ from acqd.errors import InputError
 from acqd.models.bundle.bundle import REFERENCE, Arrays
 from acqd.models.segments import Segment
 
+_AROUND = 12  # rows before and after a segment, as datasets have them
 _MAX_ROWS = 60_000  # 40 minutes: a few MB
 _SIGNALS = ("brake", "tool")
 
@@ -43,9 +44,23 @@ def reference_arrays(segments: list[Segment]) -> Arrays:
     for name in ("Vrms", "current", "temperature"):
         if all(name in s.channels for s in chosen):
             arrays[f"channel.{name}"] = np.concatenate([s.channels[name] for s in chosen]).astype(np.float32)
+    if any(s.before is not None or s.after is not None for s in chosen):
+        arrays["around"] = np.array([_around(s) for s in chosen], dtype=np.float32)
     if all(s.tau is not None for s in chosen):
         arrays["tau"] = np.concatenate([s.tau for s in chosen if s.tau is not None]).astype(np.float32)
     return arrays
+
+
+def _around(segment: Segment) -> Floats:
+    """[2, _AROUND, axes] rad: angles before and after a segment, NaN where unknown."""
+    values = np.full((2, _AROUND, segment.q.shape[1]), np.nan)
+    if segment.before is not None:
+        before = segment.before[-_AROUND:]
+        values[0, _AROUND - len(before) :] = before
+    if segment.after is not None:
+        after = segment.after[:_AROUND]
+        values[1, : len(after)] = after
+    return values
 
 
 def _turn(segments: list[Segment], k: int) -> int:
@@ -88,6 +103,15 @@ def _segments(arrays: Arrays) -> list[Segment]:
                 {key.removeprefix("signal."): part(a) for key, a in arrays.items() if key.startswith("signal.")},
                 float(arrays["start_s"][k]),
                 {key.removeprefix("channel."): part(a) for key, a in arrays.items() if key.startswith("channel.")},
+                *_known_around(arrays, k),
             )
         )
     return segments
+
+
+def _known_around(arrays: Arrays, k: int) -> tuple[Floats | None, Floats | None]:
+    """Angles before and after segment `k`; None in bundles without them."""
+    if "around" not in arrays:
+        return None, None
+    before, after = (np.asarray(side, dtype=np.float64) for side in arrays["around"][k])
+    return before[np.isfinite(before).all(axis=1)], after[np.isfinite(after).all(axis=1)]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.models.features import motion
 from acqd.models.segments import Segment
 from acqd.numerics import ridge_regression
 
@@ -27,6 +26,6 @@ def linear_physics(training: list[Segment], segments: list[Segment], step_s: flo
 
 
 def _regressors(segment: Segment, step_s: float) -> Floats:
-    q, qd, qdd = motion(segment.q, step_s)
+    q, qd, qdd = segment.motion(step_s)
     gravity = [np.sin(q) * qd, np.cos(q) * qd, np.sin(q), np.cos(q)]
     return np.column_stack([np.abs(qd), qd**2, qd * qdd, qdd**2, *gravity, np.ones(len(q))])

@@ -150,8 +150,12 @@ def _obstacle(metadata: dict[str, Any], data: Dataset, test: list[Segment]) -> s
     """Why a bundle cannot be compared on `test`; empty if it can."""
     if metadata["robot"] != data.robot or metadata["axes"] != data.axes or metadata["step_s"] != data.step_s:
         return f"it is for {metadata['robot']} at {metadata['step_s']} s"
-    fitted = metadata["provenance"]["fit_recordings"] + metadata["provenance"]["validation_recordings"]
-    seen = set(fitted) & {segment.recording for segment in test}
+    provenance = metadata["provenance"]
+    if "seen_content" in provenance:
+        seen = set(provenance["seen_content"]) & {segment.content for segment in test}
+    else:  # a bundle of before: by name
+        fitted = provenance["fit_recordings"] + provenance["validation_recordings"]
+        seen = set(fitted) & {segment.recording for segment in test}
     return f"it was trained on {len(seen)} of the test recordings" if seen else ""
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,6 +11,9 @@ from acqd.arrays import Floats
 from acqd.models.effects.substeps import RADIUS, SUBSTEPS, Lag, averaged, substep_motion, substep_switch
 from acqd.models.features import padded
 from acqd.models.greybox.model import SMALL_TORQUE, GreyBox, magnitude
+
+if TYPE_CHECKING:
+    from acqd.models.segments import Segment
 
 
 @dataclass(slots=True)
@@ -116,8 +119,15 @@ def make_scene(
     )  # fmt: skip
 
 
+def segment_scene(model: GreyBox, segment: Segment) -> Scene:
+    """The scene of a segment; the arm rests before and after it unless its motion there is known."""
+    s = segment
+    angles = s.around(RADIUS)
+    return make_scene(model, angles, s.signals, s.start_s, s.channels.get("Vrms"), s.channels.get("temperature"))
+
+
 def scene_of(
     model: GreyBox, q: Floats, signals: dict[str, Floats], start_s: float, channels: dict[str, Floats]
 ) -> Scene:
-    """The scene of a whole segment with angles [T, axes] rad; the arm rests before and after it."""
+    """The scene of a recording with angles [T, axes] rad; the arm rests before and after it."""
     return make_scene(model, padded(q, RADIUS), signals, start_s, channels.get("Vrms"), channels.get("temperature"))

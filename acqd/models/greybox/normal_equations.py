@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acqd.arrays import Floats
-from acqd.models.features import motion
 from acqd.models.greybox.model import SMALL_TORQUE, GreyBox, direction, lagged, magnitude
 from acqd.models.greybox.parameters import Layout, Prior
 from acqd.models.segments import Segment
@@ -42,7 +41,7 @@ class Observations:
     @classmethod
     def of(cls, arm: Arm, layout: Layout, segment: Segment, step_s: float) -> Observations:
         """Motion and regressor of a segment."""
-        q, qd, qdd = motion(segment.q, step_s)
+        q, qd, qdd = segment.motion(step_s)
         Y = regressor(arm, q, qd, qdd).astype(np.float32)
         columns = [segment.signals[name] for name in layout.signals]
         signals = np.column_stack([np.zeros((len(q), 0)), *columns])

@@ -10,7 +10,6 @@ from scipy.optimize import minimize
 from acqd.arrays import Floats
 from acqd.models.bundle.bundle import Arrays
 from acqd.models.config import Progress, TrainConfig, TrainedModel
-from acqd.models.features import padded
 from acqd.models.greybox.bundle_io import arrays_of, describe, fitted, restore
 from acqd.models.greybox.model import GreyBox
 from acqd.models.hybrid.model import Hybrid, Perceptron, residual_features
@@ -110,7 +109,7 @@ def _helps(network: Perceptron, grey: GreyBox, normal: Normalisation, validation
 
 
 def _rows(grey: GreyBox, normal: Normalisation, segments: list[Segment]) -> tuple[Floats, Floats]:
-    X = [residual_features(normal, padded(segment.q, 1), grey.step_s) for segment in segments]
+    X = [residual_features(normal, segment.around(1), grey.step_s) for segment in segments]
     residuals = [s.P - predicted for s, predicted in zip(segments, predictions(grey, segments), strict=True)]
     return np.concatenate(X), np.concatenate(residuals)
 

@@ -21,7 +21,7 @@ from acqd.models.networks.checkpoint import Run, load_run, save_run
 from acqd.models.networks.engine import Engine
 from acqd.models.networks.epoch import Task, run_epoch, validate
 from acqd.models.networks.flat_parameters import Float32s, initial
-from acqd.models.networks.predictor import NetworkPredictor, example_inputs
+from acqd.models.networks.predictor import NetworkPredictor, network_inputs
 from acqd.models.networks.settings import TrainingSettings
 from acqd.models.normalisation import Normalisation
 from acqd.models.segments import Dataset, Segment
@@ -102,7 +102,7 @@ def _examples(
 ) -> list[Example]:
     return [
         Example(
-            example_inputs(architecture, normal, segment.q, step_s),
+            network_inputs(architecture, normal, segment.around(architecture.radius), step_s).astype(np.float32),
             ((segment.P - normal.P_offset) / normal.P_scale).astype(np.float32),
         )
         for segment in segments

@@ -1,0 +1,45 @@
+"""Checks of a log before any alignment: rows that are too far apart, currents that are not in ampere."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from acqd.errors import InputError
+from acqd.robot.description import RobotDescription
+from acqd.robot.log import RobotLog, in_time
+
+_SLOWEST_S = 0.125
+"""Longest usual step between rows: angles are not interpolated over more than twice that (merge.py)."""
+_TOO_MUCH = 10.0  # times the current that holds the joint's greatest torque
+_MOST_ROWS = 99  # percentile: a few rows of noise are no wrong unit
+
+
+def check_log(log: RobotLog, robot: RobotDescription) -> None:
+    """Raises InputError for a log that no lag would make usable."""
+    time, _ = in_time(log)
+    if len(time) < 2:
+        raise InputError(log.path, f"has {len(time)} rows of different times; expected a recording of seconds")
+    step_s = float(np.median(np.diff(time)))
+    if step_s > _SLOWEST_S:
+        raise InputError(
+            log.path,
+            f"has a row every {step_s:.3g} s, expected one every {_SLOWEST_S} s or faster: "
+            "the motion between the rows is unknown; record at 25 Hz or more",
+        )
+    _check_currents(log, robot)
+
+
+def _check_currents(log: RobotLog, robot: RobotDescription) -> None:
+    if log.current is None or not np.isfinite(log.current).all(axis=1).any():
+        return
+    known = log.current[np.isfinite(log.current).all(axis=1)]
+    usual = np.percentile(np.abs(known), _MOST_ROWS, axis=0)
+    drives = [(joint.effort, joint.drive.effort_per_ampere) for joint in robot.joint]
+    greatest = np.array([torque / per_ampere for torque, per_ampere in drives])
+    axis = int(np.argmax(usual / greatest))
+    if usual[axis] > _TOO_MUCH * greatest[axis]:
+        raise InputError(
+            log.path,
+            f"{robot.joint[axis].name} draws a current of {usual[axis]:.4g}, but {greatest[axis]:.3g} A are its "
+            "greatest torque: are the currents in mA? Write A",
+        )

@@ -1,0 +1,97 @@
+"""Joint states out of ROS 2 bags (a folder, .mcap or .db3) and ROS 1 bags (.bag)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from acqd.arrays import Floats
+from acqd.errors import InputError, UserError
+from acqd.robot.description import LogColumns, RobotDescription
+from acqd.robot.table import Table
+
+SUFFIXES = (".mcap", ".db3", ".bag")
+_TYPE = "sensor_msgs/msg/JointState"
+_FIELDS = ("position", "velocity", "effort")
+
+
+def is_bag(path: Path) -> bool:
+    """Whether a path is a bag: a file of that kind, or a folder with the metadata of a ROS 2 bag."""
+    return path.suffix in SUFFIXES or (path.is_dir() and (path / "metadata.yaml").is_file())
+
+
+def read_bag(path: Path, robot: RobotDescription) -> Table:
+    """The states of the robot's joints, in the order of the description, with the generic header of a log.
+
+    Time is the stamp of the message's header, or the time of recording where no header has a stamp. Position, velocity
+    and effort (a torque or a current, as the description's layout `ros` says) become q, qd and tau or current.
+    Raises InputError when no topic or more than one has all joints, UserError without the library.
+    """
+    layout = next((layout for layout in robot.log if layout.format == "ros"), LogColumns(format="ros"))
+    names = layout.joints or [joint.name for joint in robot.joint]
+    topics = _topics(path)
+    if not topics:
+        raise InputError(path, f"has no messages of the type {_TYPE}")
+    complete = {topic: states for topic, states in topics.items() if any(set(names) <= set(s.name) for _, s in states)}
+    if not complete:
+        found = sorted({name for states in topics.values() for _, state in states for name in state.name})
+        raise InputError(path, f"has the joints {', '.join(found)}; expected in one message {', '.join(names)}")
+    if len(complete) > 1:
+        raise InputError(path, f"has states of the same joints in {', '.join(sorted(complete))}: record one of them")
+    states = [(ns, state) for ns, state in complete.popitem()[1] if set(names) <= set(state.name)]
+    quantities = dict(zip(_FIELDS, ("q", "qd", layout.effort), strict=True))
+    columns, header = [_stamps(states)[:, None]], ["time"]
+    for field, quantity in quantities.items():
+        values = _values(states, field, names)
+        if values is not None:
+            columns.append(values)
+            header += [f"{quantity}{axis + 1}" for axis in range(len(names))]
+    return Table(header, np.hstack(columns), np.arange(1, len(states) + 1))
+
+
+def _topics(path: Path) -> dict[str, list[tuple[int, Any]]]:
+    """Joint states of each topic, with the times of recording [ns]."""
+    try:
+        from rosbags.highlevel import AnyReader
+        from rosbags.typesys import Stores, get_typestore
+    except ModuleNotFoundError:
+        raise UserError(f"{path}: ROS bags need rosbags: install acqd[rosbag]") from None
+    topics: dict[str, list[tuple[int, Any]]] = {}
+    try:
+        with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:
+            for connection, ns, state in _states(reader):
+                topics.setdefault(connection.topic, []).append((ns, state))
+    except Exception as error:  # whatever a damaged bag makes the library raise: struct.error, KeyError, apsw.Error ...
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise InputError(path, f"is not a readable bag ({reason:.120})") from None
+    return topics
+
+
+def _states(reader: Any) -> Iterator[tuple[Any, int, Any]]:
+    wanted = [connection for connection in reader.connections if connection.msgtype == _TYPE]
+    if wanted:  # without any, the library would read all topics
+        for connection, ns, raw in reader.messages(connections=wanted):
+            yield connection, ns, reader.deserialize(raw, connection.msgtype)
+
+
+def _stamps(states: list[tuple[int, Any]]) -> Floats:
+    """[T] s of the headers, or of the recording where a header has none."""
+    stamps = [state.header.stamp.sec + state.header.stamp.nanosec * 1e-9 for _, state in states]
+    return np.array(stamps if all(stamps) else [ns * 1e-9 for ns, _ in states])
+
+
+def _values(states: list[tuple[int, Any]], field: str, names: list[str]) -> Floats | None:
+    """[T, joints] of one field; None unless every message has it for all of its joints."""
+    rows = []
+    order: dict[tuple[str, ...], list[int]] = {}
+    for _, state in states:
+        values, present = getattr(state, field), tuple(state.name)
+        if len(values) != len(present):
+            return None
+        if present not in order:
+            order[present] = [present.index(name) for name in names]
+        rows.append(np.asarray(values)[order[present]])
+    return np.array(rows, dtype=np.float64)

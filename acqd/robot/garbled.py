@@ -1,0 +1,137 @@
+"""Garbled rows of a log: impossible time stamps, angles beyond the limits, jumps that no joint can make."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acqd.arrays import Floats
+from acqd.numerics import runs_of_true
+from acqd.robot.description import RobotDescription
+
+FEW = 0.01
+"""Share of a log's rows that may be garbled; they are left out. With more, the log is refused."""
+BEYOND = "but its limit is"
+"""In the reason of every angle beyond a limit."""
+_ALLOWANCE = np.radians(2.0)  # beyond a limit
+_ALLOWANCE_M = 0.02
+_WHOLE_TURN = np.radians(355)  # axes with this range or more count further turns: a whole turn more is no error
+_MOST_TURNS = 1000.0
+_STAMPS = 101  # time stamps of which a stamp must be near the median: more than are garbled together
+_APART_S = 5.0
+_APART_STEPS = 200
+_RUN = 5  # rows with even steps: such a run is a part of the recording, wherever it lies
+_TOO_FAST = 3.0  # times the joint's speed limit
+_RESOLUTION = 0.1  # rad
+_SAME = 0.001  # rad between angles of the same time
+
+
+def limits(robot: RobotDescription) -> Floats:
+    """[axes] rad or m: the largest credible angle or travel of each axis."""
+    slides = np.array([joint.slides for joint in robot.joint])
+    turns = np.maximum(np.abs(robot.lower), np.abs(robot.upper)) + np.where(slides, _ALLOWANCE_M, _ALLOWANCE)
+    return np.asarray(np.where((turns > _WHOLE_TURN) & ~slides, _MOST_TURNS * 2 * np.pi, turns))
+
+
+def garbled_rows(time: Floats, q: Floats, robot: RobotDescription) -> dict[int, str]:
+    """Rows of `time` [T] s and `q` [T, axes] rad that cannot be, each with the reason."""
+    faults = _not_numbers(time, q)
+    good = np.flatnonzero(np.isfinite(time) & np.isfinite(q).all(axis=1))
+    for row in good[_far_from_neighbours(time[good])]:
+        faults[int(row)] = f"time {time[row]:.6g} s does not belong between its neighbours"
+    good = np.setdiff1d(good, list(faults))
+    for row, axis in zip(*np.nonzero(np.abs(q[good]) > limits(robot)), strict=True):
+        faults.setdefault(int(good[row]), beyond_limit(robot, int(axis), float(q[good[row], axis])))
+    good = np.setdiff1d(good, list(faults))
+    good = good[np.argsort(time[good], kind="stable")]
+    for row, axis in zip(*np.nonzero(_spikes(time[good], q[good], robot)), strict=True):
+        name = robot.joint[axis].name
+        faults.setdefault(int(good[row]), f"{name} is at {q[good[row], axis]:.4g} rad in this row only")
+    return dict(sorted(faults.items()))
+
+
+def impossible_jump(time: Floats, q: Floats, robot: RobotDescription) -> tuple[int, str] | None:
+    """The first row after which a joint is elsewhere faster than it can move, and what jumps; None without one.
+
+    `time` [T] s rises.
+    """
+    step = np.diff(time)
+    if not len(step):
+        return None
+    fast = np.abs(np.diff(q, axis=0)) > _farthest(np.maximum(step, np.median(step)), robot)
+    if not fast.any():
+        return None
+    row, axis = (int(index) for index in np.argwhere(fast)[0])
+    joint, moved = robot.joint[axis], q[row + 1, axis] - q[row, axis]
+    if joint.slides:
+        return row, f"{joint.name} moves {moved:+.3f} m in {step[row]:.3f} s, its limit is {joint.speed:g} m/s"
+    degrees = np.degrees(moved)
+    return row, f"{joint.name} turns {degrees:+.0f} deg in {step[row]:.3f} s, its limit is {joint.speed:g} deg/s"
+
+
+def clock_restart(time: Floats, q: Floats) -> int | None:
+    """The first row of a run whose times were there before, with other angles; None without one.
+
+    Several recordings in one file, say: sorted by time, they would be mixed. Rows that were written twice are not.
+    """
+    if len(time) < 2:
+        return None
+    for before, after in itertools.pairwise(_runs(time)):
+        both = (time[after] > time[before][0]) & (time[after] < time[before][-1])
+        if both.any():
+            known = np.column_stack([np.interp(time[after][both], time[before], angle) for angle in q[before].T])
+            if np.abs(known - q[after][both]).max() > _SAME:
+                return int(after.start)
+    return None
+
+
+def _farthest(step_s: Floats, robot: RobotDescription) -> Floats:
+    """[T, axes] rad that joints can move within steps [T] s, with an allowance."""
+    return np.asarray(_TOO_FAST * step_s[:, None] * robot.speed + _RESOLUTION)
+
+
+def _not_numbers(time: Floats, q: Floats) -> dict[int, str]:
+    faults = {int(row): "time is empty or no number" for row in np.flatnonzero(~np.isfinite(time))}
+    for row, axis in np.argwhere(~np.isfinite(q)):
+        faults.setdefault(int(row), f"q column {axis + 1} is empty or no number")
+    return faults
+
+
+def _far_from_neighbours(time: Floats) -> NDArray[np.bool_]:
+    """[T] True for stamps far from the median of the stamps around, and not in a run of even steps."""
+    if len(time) < _RUN:
+        return np.zeros(len(time), bool)
+    padded = np.pad(time, _STAMPS // 2, constant_values=np.nan)
+    median = np.nanmedian(np.lib.stride_tricks.sliding_window_view(padded, _STAMPS), axis=1)
+    usual = float(np.median(np.abs(np.diff(time))))
+    far = np.abs(time - median) > max(_APART_S, _APART_STEPS * usual)
+    for rows in _runs(time):
+        far[rows] = False
+    return np.asarray(far)
+
+
+def _runs(time: Floats) -> list[slice]:
+    """Runs of rows with even steps, as they were written."""
+    steps = np.diff(time)
+    even = (steps > 0) & (steps < _APART_STEPS * float(np.median(np.abs(steps))))
+    return [slice(first, last + 1) for first, last in runs_of_true(even) if last - first >= _RUN]
+
+
+def beyond_limit(robot: RobotDescription, axis: int, angle: float) -> str:
+    """That an axis reaches `angle` [rad], as a part of a sentence."""
+    joint = robot.joint[axis]
+    if joint.slides:
+        limit = max(abs(robot.lower[axis]), abs(robot.upper[axis]))
+        return f"{joint.name} reaches {abs(angle):.4g} m, {BEYOND} {limit:g} m; write metres"
+    return f"{joint.name} reaches {abs(angle):.4g} rad, {BEYOND} {np.degrees(robot.upper[axis]):.0f} deg"
+
+
+def _spikes(time: Floats, q: Floats, robot: RobotDescription) -> NDArray[np.bool_]:
+    """[T, axes] True where an angle is farther from the median of five rows than the joint can move meanwhile."""
+    if len(time) < 5:
+        return np.zeros(q.shape, bool)
+    windows = np.lib.stride_tricks.sliding_window_view(np.pad(q, ((2, 2), (0, 0)), mode="edge"), 5, axis=0)
+    reach = 2 * max(float(np.median(np.diff(time))), 1e-9)
+    return np.asarray(np.abs(q - np.median(windows, axis=2)) > _farthest(np.full(len(time), reach), robot))

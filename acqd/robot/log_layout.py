@@ -1,0 +1,95 @@
+"""Which column of a robot's log holds which quantity: the layouts of a description, or the generic header."""
+
+from __future__ import annotations
+
+import re
+
+from acqd.robot.description import LogColumns, RobotDescription
+from acqd.robot.table import Table
+
+PER_AXIS = ("q", "qd", "tau", "current", "temperature")
+"""Quantities with one column for each axis."""
+_SINGLE = ("tool", "brake", "power", "bus_voltage", "bus_current")
+_GENERIC = LogColumns(
+    format="csv",
+    q="q{1}",
+    qd="qd{1}",
+    tau="tau{1}",
+    current="current{1}",
+    temperature="temperature{1}",
+    tool="tool",
+    brake="brake",
+    power="power",
+    bus_voltage="bus_voltage",
+    bus_current="bus_current",
+)
+"""The header every robot may use: time, q1..qn, qd1..qn, tau1.., current1.., temperature1.., tool, brake, power ..."""
+
+Columns = dict[str, list[int]]
+
+
+def layout_of(table: Table, robot: RobotDescription) -> tuple[LogColumns, Columns] | None:
+    """The first layout that fits a table, with the column numbers of each quantity; None when none fits."""
+    for layout in [*robot.log, _GENERIC]:
+        columns = _match(layout, table, robot.axes)
+        if columns is not None:
+            return layout, columns
+    return None
+
+
+def _match(layout: LogColumns, table: Table, axes: int) -> Columns | None:
+    """Column numbers per quantity, or None when this layout is not the file's."""
+    if layout.format == "ros":
+        return None
+    if not layout.header:
+        return _in_order(layout, table, axes) if table.header is None else None
+    if table.header is None:
+        return None
+    where = {name: number for number, name in enumerate(table.header)}
+    columns: Columns = {}
+    for name in PER_AXIS:
+        pattern = getattr(layout, name)
+        names = [pattern.format(axis, axis + 1) for axis in range(axes)] if pattern else []
+        if names and all(column in where for column in names):
+            columns[name] = [where[column] for column in names]
+    clock = [layout.time_s, layout.time_ns] if layout.time_s and layout.time_ns else [layout.time]
+    if "q" not in columns or not all(name in where for name in clock):
+        return None
+    columns["time"] = [where[name] for name in clock if name]
+    for name in _SINGLE:
+        column = getattr(layout, name)
+        if column in where:
+            columns[name] = [where[column]]
+    return columns
+
+
+def _in_order(layout: LogColumns, table: Table, axes: int) -> Columns | None:
+    columns: Columns = {}
+    at = 0
+    for name in layout.columns:
+        count = 1 if name == "time" or name in _SINGLE else axes
+        columns[name] = list(range(at, at + count))
+        at += count
+    return columns if at == table.values.shape[1] else None
+
+
+def why_not(table: Table, robot: RobotDescription) -> str:
+    """Why no layout of `robot` fits the table: a sentence for the user."""
+    if table.header is None:
+        return f"has no header and {table.values.shape[1]} columns; expected a header time,q1..q{robot.axes}"
+    numbered: dict[str, set[int]] = {}
+    for name in table.header:
+        digits = re.fullmatch(r"(.*?)(\d+)(\D*)", name)
+        if digits:
+            numbered.setdefault(digits[1] + "#" + digits[3], set()).add(int(digits[2]))
+    layouts = [layout for layout in [*robot.log, _GENERIC] if layout.header and layout.format != "ros"]
+    patterns = [layout.q.format("#", "#") for layout in layouts]
+    for pattern in patterns:
+        count = len(numbered.get(pattern, ()))
+        if count and count != robot.axes:
+            return f"has {count} columns {pattern.replace('#', 'N')}, but {robot.name} has {robot.axes} axes"
+    expected = " or ".join([f"time,q1..q{robot.axes}", *patterns[:-1]])
+    return (
+        f"has none of the columns a log of {robot.name} has ({expected}); "
+        f"its first columns are {', '.join(table.header[:4])}"
+    )

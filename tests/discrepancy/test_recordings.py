@@ -1,0 +1,39 @@
+"""Which recordings a model was fitted on: by content, and by name in bundles of before."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from acqd.discrepancy.recordings import is_training_dataset, trained_recordings
+from acqd.models.segments import Dataset, Segment
+
+
+def recording(name, content):
+    return Segment(name, name, "r", "train", np.zeros((9, 6)), np.zeros(9), None, {}, content=content)
+
+
+DATA = Dataset(Path("ds"), "digest", "ur3e", "ur3e", 0.04, "mains", [recording(n, c) for n, c in ("aA", "bB", "cC")])
+NEW = {"manifest_sha256": "digest", "dataset_content": DATA.content, "seen_content": ["A", "B"],
+       "fit_recordings": ["a"], "validation_recordings": ["b"]}  # fmt: skip
+OLD = {key: value for key, value in NEW.items() if "content" not in key}
+
+
+def test_content_decides_whatever_the_names_and_the_file():
+    renamed = replace(DATA, digest="rebuilt", segments=[recording("x" + s.recording, s.content) for s in DATA.segments])
+    for data in (DATA, renamed):
+        assert is_training_dataset(NEW, data) and trained_recordings(NEW, data) == {"A", "B"}
+    grown = replace(DATA, digest="grown", segments=[*DATA.segments, recording("a", "D")])
+    assert not is_training_dataset(NEW, grown) and trained_recordings(NEW, grown) == {"A", "B"}
+    named_alike = replace(DATA, digest="other", segments=[recording(s.recording, "new") for s in DATA.segments])
+    assert not is_training_dataset(NEW, named_alike) and trained_recordings(NEW, named_alike) == set()
+
+
+def test_a_bundle_of_before_knows_names_in_its_own_dataset():
+    assert trained_recordings(OLD, DATA) == {"A", "B"} and is_training_dataset(OLD, DATA)
+    assert trained_recordings(OLD, replace(DATA, digest="other")) == set()
+
+
+def test_the_last_fit_counts_as_well_as_the_training():
+    closed = NEW | {"closed_manifest_sha256": "closed", "closed_dataset_content": "?", "closed_seen_content": ["C"]}
+    assert trained_recordings(closed, DATA) == {"A", "B", "C"} and not is_training_dataset(closed, DATA)

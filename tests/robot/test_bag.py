@@ -1,0 +1,97 @@
+"""ROS bags: joint states in another order, topics that do not fit, damaged files."""
+
+import numpy as np
+import pytest
+
+from acqd.errors import InputError, UserError
+from acqd.robot import load_description
+from acqd.robot.log import read_log
+
+rosbag2 = pytest.importorskip("rosbags.rosbag2")
+from rosbags.typesys import Stores, get_typestore  # noqa: E402
+
+STORE = get_typestore(Stores.ROS2_HUMBLE)
+STATE, HEADER = STORE.types["sensor_msgs/msg/JointState"], STORE.types["std_msgs/msg/Header"]
+TIME = STORE.types["builtin_interfaces/msg/Time"]
+NAMES = ["elbow_joint", "shoulder_lift_joint", "shoulder_pan_joint", "wrist_1_joint", "wrist_2_joint", "wrist_3_joint"]
+ROWS = 120
+
+
+def state(k, names, stamped=True, effort=True):
+    time = TIME(*divmod(1_700_000_000_000_000_000 + 10_000_000 * k if stamped else 0, 1_000_000_000))
+    position = np.array([0.1 * len(name) + 0.001 * k for name in names])
+    force = np.arange(len(names)) + 0.5 if effort else np.array([])
+    return STATE(HEADER(time, ""), names, position, np.full(len(names), 0.1), force)
+
+
+def write_bag(folder, topics, storage=rosbag2.StoragePlugin.SQLITE3):
+    """A bag with messages (times of recording in ns, message) of each topic."""
+    with rosbag2.Writer(folder, version=9, storage_plugin=storage) as writer:
+        for topic, messages in topics.items():
+            connection = writer.add_connection(topic, type(messages[0][1]).__msgtype__, typestore=STORE)
+            for ns, message in messages:
+                writer.write(connection, ns, STORE.serialize_cdr(message, connection.msgtype))
+    return folder
+
+
+def states(names=NAMES, **options):
+    return [(2_000_000_000 + 10_000_000 * k, state(k, names, **options)) for k in range(ROWS)]
+
+
+@pytest.mark.parametrize("storage", list(rosbag2.StoragePlugin))
+def test_joints_are_ordered_by_name_and_efforts_are_what_the_driver_says(tmp_path, storage):
+    gripper = (5, state(0, ["finger"]))
+    bag = write_bag(tmp_path / "bag", {"/joint_states": [gripper, *states()]}, storage)
+    file = next(path for path in bag.iterdir() if path.suffix in (".mcap", ".db3"))
+    for path in (bag, file):
+        log = read_log(path, load_description("ur10e"))
+        assert log.q.shape == log.qd.shape == log.current.shape == (ROWS, 6) and log.tau is None
+        np.testing.assert_allclose(log.q[0], [0.1 * len(name) for name in sorted_by_axis()])
+        np.testing.assert_array_equal(log.current[0], [2.5, 1.5, 0.5, 3.5, 4.5, 5.5])
+        np.testing.assert_allclose(np.diff(log.time), 0.01, atol=1e-6)
+        assert log.time[0] == 1.7e9
+
+
+def sorted_by_axis():
+    return ["shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint", *NAMES[3:]]
+
+
+def test_without_stamps_the_time_of_recording_counts_and_efforts_may_be_missing(tmp_path):
+    names = [f"joint_{k}" for k in range(1, 8)]
+    bag = write_bag(tmp_path / "bag", {"/joint_states": states(names, stamped=False, effort=False)})
+    log = read_log(bag, load_description("kinova_gen3"))
+    assert log.time[0] == pytest.approx(2.0) and log.tau is None and log.current is None
+
+
+@pytest.mark.parametrize(
+    ("topics", "complaint"),
+    [
+        ({"/joint_states": states(["a", "b"])}, "has the joints a, b; expected in one message shoulder_pan_joint, sho"),
+        ({"/a": states(), "/b": states()}, "has states of the same joints in /a, /b: record one of them"),
+        ({"/clock": [(1, TIME(1, 2))]}, "has no messages of the type sensor_msgs/msg/JointState"),
+    ],
+)
+def test_a_bag_without_exactly_this_robot_is_refused(tmp_path, topics, complaint):
+    with pytest.raises(InputError, match=complaint):
+        read_log(write_bag(tmp_path / "bag", topics), load_description("ur10e"))
+
+
+def test_damaged_bags_are_refused(tmp_path):
+    bag = write_bag(tmp_path / "bag", {"/joint_states": states()}, rosbag2.StoragePlugin.MCAP)
+    file = next(bag.glob("*.mcap"))
+    whole = file.read_bytes()
+    for number, content in enumerate((b"", b"no bag at all" * 9, whole[: len(whole) // 2])):
+        for path in (tmp_path / f"{number}.mcap", tmp_path / f"{number}.db3", tmp_path / f"{number}.bag"):
+            path.write_bytes(content)
+            with pytest.raises(InputError, match=r"is not a readable bag|has no messages of the type"):
+                read_log(path, load_description("ur10e"))
+    (bag / "metadata.yaml").write_text("rosbag2_bagfile_information: 3")
+    with pytest.raises(InputError, match="is not a readable bag"):
+        read_log(bag, load_description("ur10e"))
+
+
+def test_without_the_library_the_extra_is_named(tmp_path, monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "rosbags.highlevel", None)
+    (tmp_path / "x.mcap").write_bytes(b"")
+    with pytest.raises(UserError, match=r"install acqd\[rosbag\]"):
+        read_log(tmp_path / "x.mcap", load_description("ur10e"))
