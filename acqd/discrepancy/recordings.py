@@ -16,6 +16,7 @@ from acqd.models.bundle.bundle import Bundle
 from acqd.models.bundle.reference import load_reference
 from acqd.models.bundle.restore import carrier_of, open_model
 from acqd.models.effects import library
+from acqd.models.effects.substeps import RADIUS
 from acqd.models.greybox.fit import fit_grey_box
 from acqd.models.greybox.model import GreyBox
 from acqd.models.predictor import Predictor
@@ -62,9 +63,8 @@ def subject_of(config: CloseConfig, progress: Callable[[str, float], None]) -> S
     robot = load_description(config.robot or bundle.metadata["description"])
     provenance = bundle.metadata["provenance"]
     same = is_training_dataset(provenance, data)
-    trained_on = trained_recordings(provenance, data)
-    unseen = [s for s in data.segments if s.content not in trained_on]
-    _require_enough(config, data)
+    unseen, remarks = _unseen(provenance, data)
+    _require_enough(config, data, data.segments if same else unseen or data.segments)
     if not unseen:
         raise UserError(f"{config.dataset}: the model was fitted on all of its recordings; close the loop on new ones")
     reference, notes = _reference(config, data, same=same)
@@ -79,7 +79,7 @@ def subject_of(config: CloseConfig, progress: Callable[[str, float], None]) -> S
     return Subject(
         bundle=bundle, model=model, carrier=carrier, robot=robot, data=data,
         question="change" if reference else "structure", fit=fit, held_out=held_out, reference=reference,
-        withheld=withheld, chosen=_chosen(config), notes=notes,
+        withheld=withheld, chosen=_chosen(config), notes=[*remarks, *notes],
     )  # fmt: skip
 
 
@@ -96,9 +96,25 @@ def _require_same_robot(config: CloseConfig, bundle: Bundle, model: Predictor, d
         )
 
 
-def _require_enough(config: CloseConfig, data: Dataset) -> None:
-    least = THRESHOLDS.block_least_rows
-    long_enough = [segment for segment in data.segments if len(segment.P) >= least]
+def _unseen(provenance: dict[str, Any], data: Dataset) -> tuple[list[Segment], list[str]]:
+    """Segments that no fit has seen, and notes.
+
+    A model that was closed on later recordings may be asked about those of its training again: only its last fit
+    counts then, because the effects were fitted there.
+    """
+    trained_on = trained_recordings(provenance, data)
+    unseen = [segment for segment in data.segments if segment.content not in trained_on]
+    enough = len({segment.recording for segment in unseen}) >= THRESHOLDS.fewest_recordings
+    if enough or not _last_fit(provenance) or is_training_dataset(provenance, data):
+        return unseen, []
+    last = set(provenance.get("closed_seen_content", ()))
+    since = [segment for segment in data.segments if segment.content not in last]
+    return since, ["the training of the model has seen these recordings; the fit of its effects has not"]
+
+
+def _require_enough(config: CloseConfig, data: Dataset, segments: list[Segment]) -> None:
+    least = THRESHOLDS.block_least_rows + 2 * RADIUS + 1
+    long_enough = [segment for segment in segments if len(segment.P) >= least]
     recordings = {segment.recording for segment in long_enough}
     seconds = sum(len(segment.P) for segment in long_enough) * data.step_s
     if len(recordings) < THRESHOLDS.fewest_recordings or seconds < THRESHOLDS.shortest_total_s:
