@@ -21,7 +21,7 @@ from rich.console import Console
 from tools.common.tables import show
 from tools.studies.foreign.cases import PLANS, ROBOTS, STRENGTHS, Case, World, cases
 from tools.studies.foreign.judge import outcome
-from tools.studies.foreign.runner import Runner, StepFailed, judged_tree
+from tools.studies.foreign.runner import Runner, StepError, judged_tree, result_files
 from tools.studies.foreign.tables import summary, tables
 
 FIRST_SEED = {"tune": 1, "test": 1001}
@@ -45,6 +45,8 @@ def options() -> argparse.Namespace:
     add("--jobs", type=int, default=1, help="cases at the same time (default 1)")
     add("--acqd", type=Path, metavar="TREE", help="source tree of the acqd that is judged (default PYTHONPATH)")
     add("--label", default="base", help="folder of the results of this acqd (default base)")
+    add("--again", action="store_true", help="train again and run again what has results")
+    add("--show", action="store_true", help="only the tables of all results in OUT under this label")
     add("--list", action="store_true", help="print the names of the cases")
     add("--json", action="store_true")
     return parser.parse_args()
@@ -52,7 +54,7 @@ def options() -> argparse.Namespace:
 
 def chosen(given: argparse.Namespace) -> list[Case]:
     """The cases that were asked for."""
-    found = cases(given.robot, tuple(given.strength or STRENGTHS))
+    found = cases(given.robot, tuple(given.strength or STRENGTHS), own_clocks=given.clocks)
     return [case for case in found if not given.only or any(fnmatch(case.name, glob) for glob in given.only)]
 
 
@@ -64,7 +66,7 @@ def run_all(runners: list[Runner], wanted: list[Case], jobs: int) -> list[dict[s
         try:
             runner.prepare()
             ready.append(runner)
-        except StepFailed as error:
+        except StepError as error:
             console.print(f"{runner.world.name}: {error}", highlight=False)
     done: dict[tuple[str, str], dict[str, Any]] = {}
     with ProcessPoolExecutor(jobs) as pool:
@@ -85,6 +87,9 @@ def main() -> None:
     if given.list:
         print("\n".join(case.name for case in wanted))
         return
+    if given.show:
+        report([json.loads(path.read_text()) for path in result_files(given.out, given.label)], as_json=given.json)
+        return
     first = FIRST_SEED[given.seeds]
     worlds = [
         World(given.robot, seed, given.amount, given.torque, given.clocks)
@@ -92,8 +97,15 @@ def main() -> None:
     ]
     Console(stderr=True).print(f"judging {judged_tree(given.acqd)}", highlight=False)
     runners = [Runner(given.out.resolve(), world, given.label, given.acqd) for world in worlds]
-    results = run_all(runners, wanted, given.jobs)
-    if given.json:
+    if given.again:
+        for runner in runners:
+            runner.forget(wanted)
+    report(run_all(runners, wanted, given.jobs), as_json=given.json)
+
+
+def report(results: list[dict[str, Any]], *, as_json: bool) -> None:
+    """Print results, and what they are worth together."""
+    if as_json:
         print(json.dumps({"summary": summary(results), "results": results}))
         return
     show(*tables(results), width=_WIDTH)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from tools.studies.foreign.generator.dosing import dosed
-from tools.studies.foreign.generator.hidden.catalogue import ALL, ELECTRICAL, MECHANICAL, NEED_SIGNALS, OUTSIDE
+from tools.studies.foreign.generator.hidden.catalogue import ALL, CLOCKS, ELECTRICAL, MECHANICAL, NEED_SIGNALS, OUTSIDE
 from tools.studies.foreign.generator.hidden.effect import Dose
 from tools.studies.foreign.generator.motion import Plan
 from tools.studies.foreign.generator.plant import Plant, Session
@@ -71,9 +71,12 @@ class Case:
     strength: int
 
 
-def cases(axes: int, strengths: tuple[int, ...]) -> list[Case]:
-    """All cases of a plant: clean ones, single effects, effects outside of the library, pairs."""
-    missing = () if axes == 7 else NEED_SIGNALS
+def cases(axes: int, strengths: tuple[int, ...], *, own_clocks: bool = False) -> list[Case]:
+    """All cases of a plant: clean ones, single effects, effects outside of the library, pairs.
+
+    Clocks that the alignment has to find hide no clock effects: it would rightly remove them.
+    """
+    missing = (*(() if axes == 7 else NEED_SIGNALS), *(CLOCKS if own_clocks else ()))
     known = [name for name in MECHANICAL | ELECTRICAL if name not in missing]
     found = [Case(f"clean-{number}", (), 0) for number in range(1, CLEAN + 1)]
     for strength in strengths:

@@ -93,14 +93,21 @@ def intervals(result: Result) -> list[bool]:
     found = []
     effects = named(result)
     for true, hit in zip(result["truth"], matched(result)[0], strict=True):
-        if hit is None or true["value"] is None:
+        if hit is None or true["value"] is None or effects[hit]["id"] != true["id"]:
             continue
-        effect = effects[hit]
-        first = next(iter(effect["parameters"].values()), None)
-        same = effect["id"] == true["id"] and effect["where"] == true["where"]
-        if same and first and first["unit"] == true["unit"] and first["ci95"]:
-            found.append(bool(first["ci95"][0] <= true["value"] <= first["ci95"][1]))
+        own = _parameter_at(effects[hit], true["where"])
+        if own and own["unit"] == true["unit"] and own["ci95"]:
+            found.append(bool(own["ci95"][0] <= true["value"] <= own["ci95"][1]))
     return found
+
+
+def _parameter_at(effect: dict[str, Any], place: str) -> dict[str, Any] | None:
+    """The parameter of a place: the effect's only one, or that of the joint in an effect with one for each joint."""
+    if effect["where"] == place:
+        return next(iter(effect["parameters"].values()), None)
+    if effect["where"] == "each joint":
+        return next((value for name, value in effect["parameters"].items() if name.endswith(place)), None)
+    return None
 
 
 def said(result: Result) -> list[tuple[float, bool]]:

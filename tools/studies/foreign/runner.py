@@ -12,6 +12,7 @@ import shutil
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,7 @@ from tools.studies.foreign.cases import Case, World, make_after, make_before
 _BUNDLE = "grey-box"
 
 
-class StepFailed(Exception):
+class StepError(Exception):
     """A command of acqd ended with an error; the message is what acqd said."""
 
 
@@ -65,7 +66,7 @@ class Runner:
         }  # fmt: skip
         try:
             result["report"] = self._loop(case, seconds)
-        except StepFailed as error:
+        except StepError as error:
             result["error"] = str(error)
         result["seconds"] = seconds
         done.parent.mkdir(parents=True, exist_ok=True)
@@ -75,7 +76,7 @@ class Runner:
         return result
 
     def prepare(self) -> Path:
-        """The model of the plant as it was before, which all its cases share. Raises StepFailed."""
+        """The model of the plant as it was before, which all its cases share. Raises StepError."""
         bundle = self.work / "model"
         if bundle.exists():
             return bundle
@@ -86,6 +87,13 @@ class Runner:
         self._build(files, dataset)
         self._acqd("train", dataset, "--network", _BUNDLE, "--out", bundle, "--jobs", 1)
         return bundle
+
+    def forget(self, cases: Sequence[Case]) -> None:
+        """Remove the model and the results of some cases; the generated files stay."""
+        for folder in ("model", "before.ds"):
+            shutil.rmtree(self.work / folder, ignore_errors=True)
+        for case in cases:
+            self.result_file(case).unlink(missing_ok=True)
 
     def _loop(self, case: Case, seconds: dict[str, float]) -> dict[str, Any]:
         bundle = self.prepare()
@@ -113,11 +121,11 @@ class Runner:
     def _acqd(self, *arguments: object) -> str:
         done = subprocess.run(
             [sys.executable, "-m", "acqd", *map(str, arguments)], cwd=self.work, env=environment(self.tree),
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, check=False,
+            capture_output=True, text=True, check=False,
         )  # fmt: skip
         if done.returncode:
             lines = done.stderr.strip().splitlines() or ["no message"]
-            raise StepFailed(f"acqd {arguments[0]} ended with {done.returncode}: {' '.join(lines[-3:])}")
+            raise StepError(f"acqd {arguments[0]} ended with {done.returncode}: {' '.join(lines[-3:])}")
         return done.stdout
 
 
@@ -126,6 +134,11 @@ def environment(tree: Path | None) -> dict[str, str]:
     chosen = str(tree) if tree else os.environ.get("PYTHONPATH") or str(Path(__file__).resolve().parents[3])
     return os.environ | {"PYTHONPATH": os.pathsep.join(str(Path(part).resolve()) for part in chosen.split(os.pathsep)),
                          "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}  # fmt: skip
+
+
+def result_files(out: Path, label: str) -> list[Path]:
+    """Results of all plants under a label."""
+    return sorted(out.glob(f"*/{label}/results/*.json"))
 
 
 def judged_tree(tree: Path | None) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,7 @@ _BINS = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0 + 1e-9)
 
 def summary(results: list[Result]) -> dict[str, Any]:
     """All rates with their counts."""
-    groups = {}
+    groups: dict[str, list[Result]] = {}
     for result in results:
         groups.setdefault(_group(result), []).append(result)
     pairs = [r for r in results if kind(r) == "pair"]
@@ -52,7 +53,7 @@ def reliability(results: list[Result]) -> list[dict[str, float]]:
     """Per bin of said confidence: names, mean confidence, share of right names."""
     pairs = np.array([pair for result in results for pair in said(result)], dtype=float).reshape(-1, 2)
     rows = []
-    for low, high in zip(_BINS, _BINS[1:], strict=False):
+    for low, high in pairwise(_BINS):
         own = pairs[(pairs[:, 0] >= low) & (pairs[:, 0] < high)]
         if len(own):
             rows.append(

@@ -21,14 +21,25 @@ def dosed(session: Session, effect: Hidden, strength: float) -> tuple[Dose, floa
     """The dose, and the strength that it reaches (less than wanted where the size has a limit)."""
     clean, inside = flow(session, []).power, within(session)
     wanted = strength * float(np.ptp(np.percentile(clean[inside], [1, 99])))
-    size, reached = effect.start, 0.0
+    tried: list[tuple[float, float]] = []
+    size = effect.start
     for _ in range(_STEPS):
         hidden = (flow(session, [Dose(effect, size)]).power - clean)[inside]
         reached = float(np.sqrt((hidden**2).mean())) if effect.everywhere else acting_rms(hidden)
+        tried.append((size, reached))
         if abs(reached / wanted - 1) < _TOLERANCE or (size == effect.most and reached < wanted) or reached == 0.0:
             break
-        size = min(size * wanted / reached, effect.most)
+        size = min(size * (wanted / reached) ** (1 / _exponent(tried)), effect.most)
+    size, reached = min(tried, key=lambda pair: abs(pair[1] - wanted))
     return Dose(effect, size), strength * reached / wanted
+
+
+def _exponent(tried: list[tuple[float, float]]) -> float:
+    """Of the power law through the last two sizes and RMS; 1 for a single one."""
+    if len(tried) < 2 or tried[-1][0] == tried[-2][0]:
+        return 1.0
+    (size, rms), (last_size, last_rms) = tried[-1], tried[-2]
+    return float(np.clip(np.log(rms / last_rms) / np.log(size / last_size), 0.3, 8.0))
 
 
 def within(session: Session) -> Floats:

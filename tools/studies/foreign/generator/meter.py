@@ -41,6 +41,6 @@ def walk(count: int, deviation: float, time_s: float, step_s: float, random: np.
 def voltage(t: Floats, random: np.random.Generator) -> Floats:
     """[T] V of the mains: slow wander, and steps when neighbours switch."""
     seconds = np.arange(int(t[-1]) + 2)
-    slow = walk(len(seconds), 1.6, 400.0, 1.0, random)
-    toggles = np.cumsum(random.random(len(seconds)) < 1 / 150) % 2
-    return np.asarray(np.interp(t, seconds, 230.5 + slow - 2.2 * toggles))
+    slow = walk(len(seconds), 3.0, 300.0, 1.0, random)
+    toggles = np.cumsum(random.random(len(seconds)) < 1 / 120) % 2
+    return np.asarray(np.interp(t, seconds, 231.0 + slow - 4.0 * toggles))

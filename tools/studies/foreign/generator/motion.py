@@ -60,7 +60,8 @@ def session(arm: Arm, plan: Plan, random: np.random.Generator) -> Motion:
         inside[:edge] = inside[-edge:] = 1.0
         resting += [inside, np.ones(gap)]
     q, qd, qdd = (np.concatenate([block[k] for block in blocks]) for k in range(3))
-    return Motion(STEP_S * np.arange(len(q)), q, qd, qdd, tuple(recordings), np.concatenate(resting))
+    t = np.asarray(STEP_S * np.arange(len(q)), dtype=np.float64)
+    return Motion(t, q, qd, qdd, tuple(recordings), np.concatenate(resting))
 
 
 _Block = tuple[Floats, Floats, Floats]

@@ -84,14 +84,8 @@ class Flow:
 
 def flow(session: Session, doses: Sequence[Dose]) -> Flow:
     """Power and torques of a session with the hidden effects in their sizes."""
-    plant, on = session.plant, session.brake[:, None]
-    motor, joint = session.base_torque(), session.rigid
-    for dose in doses:
-        if dose.effect.torque is not None:
-            motor = motor + dose.size * dose.effect.torque
-            if dose.effect.behind_gear:
-                joint = joint + dose.size * dose.effect.torque
-    motor = motor * on
+    plant = session.plant
+    motor, joint = _torques(session, doses)
     drives = session.brake * plant.supply.joint_power(plant.arm, motor, session.motion.qd)
     for dose in doses:
         if dose.effect.drives is not None:
@@ -100,13 +94,30 @@ def flow(session: Session, doses: Sequence[Dose]) -> Flow:
     for dose in doses:
         if dose.effect.load is not None:
             mains = mains + dose.effect.load(drives, mains, dose.size)
+    return Flow(motor, joint, *_metered(session, mains, doses))
+
+
+def _torques(session: Session, doses: Sequence[Dose]) -> tuple[Floats, Floats]:
+    """[T, n] Nm of the motors, which closed brakes relieve, and behind the gears."""
+    motor, joint = session.base_torque(), session.rigid
+    for dose in doses:
+        if dose.effect.torque is not None:
+            motor = motor + dose.size * dose.effect.torque
+            if dose.effect.behind_gear:
+                joint = joint + dose.size * dose.effect.torque
+    return motor * session.brake[:, None], joint
+
+
+def _metered(session: Session, mains: Floats, doses: Sequence[Dose]) -> tuple[Floats, Floats]:
+    """[W] W and V in windows of the meter, from the mains power [T] W."""
+    for dose in doses:
         if dose.effect.late is not None:
             mains = np.interp(session.motion.t - dose.effect.late(dose.size), session.motion.t, mains)
     power, volts = meter.windows(mains), meter.windows(session.volts)
     for dose in doses:
         if dose.effect.meter is not None:
             power = dose.effect.meter(power, volts, dose.size)
-    return Flow(motor, joint, power, volts)
+    return power, volts
 
 
 def _toggling(t: Floats, random: np.random.Generator) -> Floats:

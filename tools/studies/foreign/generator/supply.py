@@ -62,11 +62,11 @@ def drawn(arm: Arm, random: np.random.Generator) -> Supply:
     """Supply of one plant."""
     n = arm.joints
     return Supply(
-        control_W=float(random.uniform(35, 60)),
+        control_W=float(arm.torque.max() * random.uniform(0.35, 0.55)),
         switching=random.uniform(0.3, 0.9, n),
         iron=0.01 * arm.torque * random.uniform(0.5, 1.5, n),
         rectifier=(float(random.uniform(4, 9)), float(random.uniform(0.03, 0.07)), float(random.uniform(0.4e-4, 1e-4))),
-        lowest_W=float(random.uniform(3, 10)),
+        lowest_W=float(random.uniform(0, 5)),
         cabinet_W=float(random.uniform(20, 45)),
         lag_s=float(random.uniform(0.008, 0.035)),
         pure_delay=bool(random.random() < 0.4),

@@ -42,3 +42,4 @@ OUTSIDE: dict[str, Builder] = {
 ALL = MECHANICAL | ELECTRICAL | OUTSIDE
 NEED_SIGNALS = ("brake_holding", "brake_release", "tool_actuation")
 """Effects that exist only where brakes and tool are logged."""
+CLOCKS = ("clock_offset", "clock_drift")

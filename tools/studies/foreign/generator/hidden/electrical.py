@@ -99,7 +99,7 @@ def thermostat(session: Session, random: np.random.Generator) -> Hidden:
 def line_voltage(session: Session, random: np.random.Generator) -> Hidden:
     """All power follows the mains voltage."""
     return Hidden(
-        id="line_voltage", place="all loads", unit="-", start=1.5, most=8.0, truth=lambda size: size,
+        id="line_voltage", place="all loads", unit="-", start=1.5, most=5.0, truth=lambda size: size,
         meter=lambda power, volts, size: power * (volts / _NOMINAL_V) ** size,
     )  # fmt: skip
 
@@ -118,7 +118,7 @@ def meter_saturation(session: Session, random: np.random.Generator) -> Hidden:
 
     def clipped(power: Floats, volts: Floats, size: float) -> Floats:
         low, high = np.percentile(power, [5, 99.9])
-        return np.minimum(power, high - min(size, 0.95) * (high - low))
+        return np.asarray(np.minimum(power, high - min(size, 0.95) * (high - low)))
 
     return Hidden(id="meter_saturation", place="meter", start=0.5, most=0.95, everywhere=True, meter=clipped)
 

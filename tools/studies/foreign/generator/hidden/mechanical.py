@@ -71,7 +71,7 @@ def stribeck_friction(session: Session, random: np.random.Generator) -> Hidden:
 
 
 def load_dependent_friction(session: Session, random: np.random.Generator) -> Hidden:
-    """Friction of one joint proportional to its load."""
+    """Friction of joint 2, or of all joints, proportional to the load."""
     return _rubbing(
         session, random, "load_dependent_friction", "-", lambda qd, load: direction(qd) * np.abs(load),
         start=0.1, loaded=True,
@@ -79,7 +79,7 @@ def load_dependent_friction(session: Session, random: np.random.Generator) -> Hi
 
 
 def mechanical_power(session: Session, random: np.random.Generator) -> Hidden:
-    """A share of the motor's torque is lost in one gear."""
+    """A share of the motor's torque is lost in the gear of joint 2, or in all gears."""
     whole = session.base_torque()
     return _rubbing(
         session, random, "mechanical_power", "-", lambda qd, _: direction(qd), start=0.1, loaded=True, by=np.abs(whole)
@@ -87,9 +87,9 @@ def mechanical_power(session: Session, random: np.random.Generator) -> Hidden:
 
 
 def thermal_friction(session: Session, random: np.random.Generator) -> Hidden:
-    """Cold grease in all gears at the session's start."""
-    minutes = float(random.uniform(4, 12))
-    cold = np.exp(-session.motion.t / (60 * minutes))[:, None]
+    """Cold grease in one gear at the start of the first recording."""
+    minutes, t = float(random.uniform(4, 12)), session.motion.t
+    cold = np.exp(-(t - t[session.motion.recordings[0].start]) / (60 * minutes))[:, None]
     joint = _strong_joint(session, random)
     torque = np.zeros_like(session.motion.qd)
     torque[:, joint] = (cold * session.motion.qd)[:, joint]
@@ -113,16 +113,18 @@ def _rubbing(
     session: Session, random: np.random.Generator, name: str, unit: str, law: Callable[[Floats, Floats], Floats],
     *, start: float, details: dict[str, float] | None = None, loaded: bool = False, by: Floats | None = None,
 ) -> Hidden:  # fmt: skip
-    """Friction `law` (speed, load) of one joint, times `by` [T, n]; a loaded joint is one that carries weight."""
-    joint = int(random.choice([1, 3] if session.plant.arm.joints > 6 else [1, 2])) if loaded else None
-    joint = _strong_joint(session, random) if joint is None else joint
+    """Friction `law` (speeds [T, n], loads [T, n]) times `by` [T, n]: one joint; loaded, joint 2 or all."""
+    joint: int | None = 1 if random.random() < 0.5 else None
+    if not loaded:
+        joint = _strong_joint(session, random)
+    chosen = slice(None) if joint is None else joint
     torque = np.zeros_like(session.motion.qd)
-    torque[:, joint] = law(session.motion.qd[:, joint], session.rigid[:, joint])
+    torque[:, chosen] = law(session.motion.qd, session.rigid)[:, chosen]
     if by is not None:
-        torque[:, joint] *= by[:, joint]
+        torque *= by
     return Hidden(
-        id=name, place=f"joint {joint + 1}", unit=unit, start=start, torque=torque, details=details or {},
-        truth=lambda size: size,
+        id=name, place="all joints" if joint is None else f"joint {joint + 1}", unit=unit, start=start, torque=torque,
+        details=details or {}, truth=lambda size: size,
     )  # fmt: skip
 
 
