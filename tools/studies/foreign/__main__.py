@@ -21,8 +21,9 @@ from rich.console import Console
 from tools.common.tables import show
 from tools.studies.foreign.cases import PLANS, ROBOTS, STRENGTHS, Case, World, cases
 from tools.studies.foreign.judge import outcome
+from tools.studies.foreign.picture import draw
 from tools.studies.foreign.runner import Runner, StepError, judged_tree, result_files
-from tools.studies.foreign.tables import summary, tables
+from tools.studies.foreign.tables import changes, reliability, row, summary, tables
 
 FIRST_SEED = {"tune": 1, "test": 1001}
 """Thresholds are tuned on the plants of one list only, and judged on the other."""
@@ -47,6 +48,8 @@ def options() -> argparse.Namespace:
     add("--label", default="base", help="folder of the results of this acqd (default base)")
     add("--again", action="store_true", help="train again and run again what has results")
     add("--show", action="store_true", help="only the tables of all results in OUT under this label")
+    add("--against", metavar="LABEL", help="also list the cases that another label judges otherwise")
+    add("--picture", type=Path, metavar="FILE", help="also draw the reliability diagram (.png or .svg)")
     add("--list", action="store_true", help="print the names of the cases")
     add("--json", action="store_true")
     return parser.parse_args()
@@ -88,7 +91,7 @@ def main() -> None:
         print("\n".join(case.name for case in wanted))
         return
     if given.show:
-        report([json.loads(path.read_text()) for path in result_files(given.out, given.label)], as_json=given.json)
+        report(stored(given.out, given.label), given)
         return
     first = FIRST_SEED[given.seeds]
     worlds = [
@@ -100,15 +103,24 @@ def main() -> None:
     if given.again:
         for runner in runners:
             runner.forget(wanted)
-    report(run_all(runners, wanted, given.jobs), as_json=given.json)
+    report(run_all(runners, wanted, given.jobs), given)
 
 
-def report(results: list[dict[str, Any]], *, as_json: bool) -> None:
+def stored(out: Path, label: str) -> list[dict[str, Any]]:
+    """All results in OUT under a label."""
+    return [json.loads(path.read_text()) for path in result_files(out, label)]
+
+
+def report(results: list[dict[str, Any]], given: argparse.Namespace) -> None:
     """Print results, and what they are worth together."""
-    if as_json:
-        print(json.dumps({"summary": summary(results), "results": results}))
+    if given.picture:
+        draw(reliability(results), given.picture)
+    if given.json:
+        print(json.dumps({"summary": summary(results), "rows": [row(result) for result in results]}))
         return
     show(*tables(results), width=_WIDTH)
+    if given.against:
+        show(changes(results, stored(given.out, given.against), given.against), width=_WIDTH)
 
 
 if __name__ == "__main__":

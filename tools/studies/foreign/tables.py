@@ -37,6 +37,7 @@ def summary(results: list[Result]) -> dict[str, Any]:
         "groups": {name: _counts(groups[name]) for name in sorted(groups)},
         "spurious": _rate([bool(matched(r)[1]) for r in results if kind(r) in ("single", "pair")]),
         "clean_named": _rate([bool(named(r)) for r in results if kind(r) == "clean"]),
+        "clean_named_or_unknown": _rate([outcome(r) in ("wrong", "unknown") for r in results if kind(r) == "clean"]),
         "pairs_both": _rate([both(r) for r in pairs]),
         "intervals_hold": _rate(covered),
         "harm": _rate([harmed(r) for r in results]),
@@ -47,6 +48,41 @@ def summary(results: list[Result]) -> dict[str, Any]:
             for step in ("generate", "build", "close")
         },
     }
+
+
+def row(result: Result) -> dict[str, Any]:
+    """One case for machines: truth, what was said about it, and what that is worth."""
+    report = result["report"] or {}
+    keys = ("case", "world", "axes", "seed", "amount", "torques", "strength", "truth", "clock", "error", "seconds")
+    return {key: result.get(key) for key in keys} | {
+        "outcome": outcome(result),
+        "verdict": report.get("verdict"),
+        "named": [
+            {key: effect.get(key) for key in ("id", "where", "parameters", "confidence", "evidence", "added")}
+            for effect in named(result)
+        ],
+        "spurious": [named(result)[number]["id"] for number in matched(result)[1]],
+        "intervals_hold": intervals(result),
+        "held_out_rmse_W": {key: report.get(key, {}).get("rmse") for key in ("before", "after")},
+        "reference_rmse_W": report.get("reference_rmse"),
+        "unexplained": report.get("unexplained"),
+        "joint_level": report.get("joint_level"),
+    }
+
+
+def changes(results: list[Result], others: list[Result], label: str) -> Table:
+    """Cases whose outcome or spurious names differ between two labels."""
+    table = Table("plant", "case", "outcome", "names", f"outcome of {label}", "names", title=f"against {label}")
+    before = {(other["world"], other["case"]): other for other in others}
+    for result in results:
+        other = before.get((result["world"], result["case"]))
+        if other and _standing(other) != _standing(result):
+            table.add_row(result["world"], result["case"], *_standing(result), *_standing(other))
+    return table
+
+
+def _standing(result: Result) -> tuple[str, str]:
+    return outcome(result), ", ".join(effect["id"] for effect in named(result))
 
 
 def reliability(results: list[Result]) -> list[dict[str, float]]:
@@ -92,7 +128,7 @@ def _rates(figures: dict[str, Any]) -> Table:
 
 def _overall(figures: dict[str, Any]) -> Table:
     table = Table("share", "hits", "of", "%")
-    for name in ("spurious", "clean_named", "pairs_both", "intervals_hold", "harm", "errors"):
+    for name in ("spurious", "clean_named", "clean_named_or_unknown", "pairs_both", "intervals_hold", "harm", "errors"):
         rate = figures[name]
         share = f"{100 * rate['hits'] / rate['of']:.0f}" if rate["of"] else "-"
         table.add_row(name.replace("_", " "), str(rate["hits"]), str(rate["of"]), share)
