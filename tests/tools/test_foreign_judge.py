@@ -157,6 +157,7 @@ if "payload-1" in " ".join(words):
     sys.exit("no such luck")
 out = pathlib.Path(words[words.index("--out") + 1])
 out.mkdir(parents=True)
+(out / "manifest.json").write_text(json.dumps({"recordings": [{"name": "cycle-ab", "lag_s": 0.002}]}))
 print(json.dumps({"effects": [], "verdict": "nothing_left", "before": {"rmse": 1.0}, "after": {"rmse": 1.0},
                   "reference_rmse": 1.0, "thresholds": []}))
 """
@@ -176,6 +177,7 @@ def test_cases_share_the_model_and_are_not_run_twice(fake_acqd, tmp_path, monkey
     study.main()
     printed = json.loads(capsys.readouterr().out)
     assert [row["outcome"] for row in printed["rows"]] == ["silent", "error"]
+    assert printed["rows"][0]["lag_errors_s"] == {"cycle-ab": 0.002}
     assert "no such luck" in printed["rows"][1]["error"]
     steps = [" ".join(words[:2]) if words[0] == "dataset" else words[0] for words in commands(fake_acqd)]
     assert steps == ["dataset build", "train", "dataset build", "close-loop", "dataset build"]

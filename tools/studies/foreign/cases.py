@@ -15,9 +15,9 @@ import numpy as np
 from tools.studies.foreign.generator.dosing import dosed
 from tools.studies.foreign.generator.hidden.catalogue import ALL, CLOCKS, ELECTRICAL, MECHANICAL, NEED_SIGNALS, OUTSIDE
 from tools.studies.foreign.generator.hidden.effect import Dose
-from tools.studies.foreign.generator.motion import Plan
+from tools.studies.foreign.generator.motion import STEP_S, Plan
 from tools.studies.foreign.generator.plant import Plant, Session
-from tools.studies.foreign.generator.recordings import Clock, write
+from tools.studies.foreign.generator.recordings import Clock, log_name, write
 
 ROBOTS = {7: "iiwa7_r800", 6: "ur10e"}
 PLANS = {"full": (Plan(10, 120.0), Plan(8, 120.0)), "short": (Plan(5, 60.0), Plan(5, 60.0))}
@@ -132,5 +132,7 @@ def _write(
     if world.own_clocks:
         clock = Clock(float(random.uniform(-1.8, 1.8)), float(random.normal(0, 12.0)))
     write(session, doses, partial, start_s, clock, torques=world.torques, random=random)
-    (partial / "truth.json").write_text(json.dumps(truth | {"clock": asdict(clock)}))
+    middles = [(rows.start + rows.stop) / 2 * STEP_S for rows in session.motion.recordings]
+    lags = {log_name(number): float(clock.read(np.array(t))) - t for number, t in enumerate(middles)}
+    (partial / "truth.json").write_text(json.dumps(truth | {"clock": asdict(clock), "lags_s": lags}))
     partial.rename(folder)

@@ -63,9 +63,11 @@ class Runner:
             "case": case.name, "strength": case.strength, "world": self.world.name, "axes": self.world.axes,
             "seed": self.world.seed, "amount": self.world.amount, "torques": self.world.torques,
             "truth": truth["effects"], "clock": truth["clock"], "error": None, "report": None,
+            "lag_errors_s": {},
         }  # fmt: skip
         try:
             result["report"] = self._loop(case, seconds)
+            result["lag_errors_s"] = self._lag_errors(case, truth["lags_s"])
         except StepError as error:
             result["error"] = str(error)
         result["seconds"] = seconds
@@ -107,8 +109,14 @@ class Runner:
         seconds["close"] = time.monotonic() - begun
         report: dict[str, Any] = json.loads(printed)
         report.pop("thresholds", None)
-        shutil.rmtree(folder / "ds")
         return report
+
+    def _lag_errors(self, case: Case, lags_s: dict[str, float]) -> dict[str, float]:
+        """Lag that acqd took minus the true one, s per recording; the dataset is removed."""
+        dataset = self.work / "cases" / case.name / "ds"
+        manifest = json.loads((dataset / "manifest.json").read_text())
+        shutil.rmtree(dataset)
+        return {entry["name"]: entry["lag_s"] - lags_s[entry["name"]] for entry in manifest["recordings"]}
 
     def _build(self, files: Path, dataset: Path) -> None:
         dataset.parent.mkdir(parents=True, exist_ok=True)

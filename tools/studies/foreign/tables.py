@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
+from tools.studies.foreign.generator.hidden.catalogue import CLOCKS
 from tools.studies.foreign.judge import (
     OUTCOMES,
     Result,
@@ -42,6 +43,8 @@ def summary(results: list[Result]) -> dict[str, Any]:
         "intervals_hold": _rate(covered),
         "harm": _rate([harmed(r) for r in results]),
         "errors": _rate([bool(r["error"]) for r in results]),
+        "lags_within_10_ms": _rate([abs(error) <= 0.010 for r in results for error in _lag_errors(r)]),
+        "lag_worst_ms": max((1000 * abs(error) for r in results for error in _lag_errors(r)), default=0.0),
         "reliability": reliability(results),
         "seconds_median": {
             step: float(np.median([r["seconds"][step] for r in results if step in r["seconds"]] or [np.nan]))
@@ -53,7 +56,10 @@ def summary(results: list[Result]) -> dict[str, Any]:
 def row(result: Result) -> dict[str, Any]:
     """One case for machines: truth, what was said about it, and what that is worth."""
     report = result["report"] or {}
-    keys = ("case", "world", "axes", "seed", "amount", "torques", "strength", "truth", "clock", "error", "seconds")
+    keys = (
+        "case", "world", "axes", "seed", "amount", "torques", "strength", "truth", "clock", "lag_errors_s", "error",
+        "seconds",
+    )  # fmt: skip
     return {key: result.get(key) for key in keys} | {
         "outcome": outcome(result),
         "verdict": report.get("verdict"),
@@ -110,6 +116,12 @@ def _group(result: Result) -> str:
     return f"{order} {sort}" + (f" {result['strength']:2d} %" if result["strength"] else "")
 
 
+def _lag_errors(result: Result) -> list[float]:
+    """s per recording; a hidden clock effect is no error of the alignment."""
+    hidden = any(true["id"] in CLOCKS for true in result["truth"])
+    return [] if hidden else list(result.get("lag_errors_s", {}).values())
+
+
 def _counts(results: list[Result]) -> dict[str, int]:
     found = [outcome(result) for result in results]
     return {"cases": len(results)} | {name: found.count(name) for name in OUTCOMES}
@@ -128,8 +140,9 @@ def _rates(figures: dict[str, Any]) -> Table:
 
 def _overall(figures: dict[str, Any]) -> Table:
     table = Table("share", "hits", "of", "%")
-    for name in ("spurious", "clean_named", "clean_named_or_unknown", "pairs_both", "intervals_hold", "harm", "errors"):
-        rate = figures[name]
+    for name, rate in figures.items():
+        if not isinstance(rate, dict) or "hits" not in rate:
+            continue
         share = f"{100 * rate['hits'] / rate['of']:.0f}" if rate["of"] else "-"
         table.add_row(name.replace("_", " "), str(rate["hits"]), str(rate["of"]), share)
     return table

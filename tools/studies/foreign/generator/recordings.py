@@ -51,7 +51,7 @@ def write(
         taken = slice(rows.start, rows.stop, _LOG_EVERY)
         stamps = clock.read(session.motion.t[taken]) + start_s + random.normal(0, 1e-4, len(session.motion.t[taken]))
         table = {"time": np.round(stamps, 5)} | {name: values[taken] for name, values in columns.items()}
-        csv.write_csv(pa.table(table), folder / "logs" / f"cycle-{_letters(number)}.csv")
+        csv.write_csv(pa.table(table), folder / "logs" / f"{log_name(number)}.csv")
     return shown
 
 
@@ -87,6 +87,6 @@ def _numbered(name: str, values: Floats) -> dict[str, Floats]:
     return {f"{name}{axis + 1}": np.ascontiguousarray(column) for axis, column in enumerate(values.T)}
 
 
-def _letters(number: int) -> str:
-    """a, b, c ...: names that nothing can mistake for executions of one trajectory."""
-    return "".join(chr(ord("a") + digit) for digit in divmod(number, 26))
+def log_name(number: int) -> str:
+    """cycle-aa, cycle-ab ...: names that nothing can mistake for executions of one trajectory."""
+    return "cycle-" + "".join(chr(ord("a") + digit) for digit in divmod(number, 26))

@@ -71,8 +71,8 @@ def random_walk(session: Session, random: np.random.Generator) -> Hidden:
 
 
 def pulsation(session: Session, random: np.random.Generator) -> Hidden:
-    """A load that swings like a sine with a period of 7 s."""
-    return _load("pulsation", 1 + np.sin(2 * np.pi * session.motion.t / 7.0 + random.uniform(0, 6)))
+    """A load that swings like a sine with a period of 7 s about the power that it had before."""
+    return _load("pulsation", np.sin(2 * np.pi * session.motion.t / 7.0 + random.uniform(0, 6)))
 
 
 def lagging_pump(session: Session, random: np.random.Generator) -> Hidden:
