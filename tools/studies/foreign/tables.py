@@ -156,7 +156,7 @@ def _reliability(figures: dict[str, Any]) -> Table:
 
 
 def _cases(results: list[Result]) -> Table:
-    table = Table("case", "outcome", "truth", "named", "interval", "RMSE W before > after (reference)", "s")
+    table = Table("plant", "case", "outcome", "truth", "named", "interval", "RMSE W before > after (reference)", "s")
     for result in results:
         table.add_row(*_case(result))
     return table
@@ -168,17 +168,19 @@ def _case(result: Result) -> tuple[str, ...]:
     )
     report = result["report"]
     if report is None:
-        return result["case"], outcome(result), truth, result["error"], "", "", ""
+        return result["world"], result["case"], outcome(result), truth, result["error"], "", "", ""
     names = "; ".join(_named(effect) for effect in report["effects"]) or report["verdict"]
     if report["effects"] and report["verdict"] != "effects_found":
         names += f" ({report['verdict']})"
     held = ", ".join("holds" if hit else "misses" for hit in intervals(result))
     errors = f"{report['before']['rmse']:.2f} > {report['after']['rmse']:.2f} ({report['reference_rmse'] or 0:.2f})"
     seconds = f"{sum(result['seconds'].values()):.0f}"
-    return result["case"], outcome(result), truth, names, held, errors, seconds
+    return result["world"], result["case"], outcome(result), truth, names, held, errors, seconds
 
 
 def _named(effect: dict[str, Any]) -> str:
-    first = next(iter(effect["parameters"].values()))
-    ends = f" [{first['ci95'][0]:.3g}, {first['ci95'][1]:.3g}]" if first["ci95"] else ""
-    return f"{effect['id']} {effect['where']} {first['value']:.3g}{ends} {first['unit']} {effect['confidence']:.0%}"
+    """The effect with its largest parameter."""
+    name, largest = max(effect["parameters"].items(), key=lambda item: abs(item[1]["value"]))
+    where = name if effect["where"] == "each joint" else effect["where"]
+    ends = f" [{largest['ci95'][0]:.3g}, {largest['ci95'][1]:.3g}]" if largest["ci95"] else ""
+    return f"{effect['id']} {where} {largest['value']:.3g}{ends} {largest['unit']} {effect['confidence']:.0%}"
