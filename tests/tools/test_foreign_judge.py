@@ -183,4 +183,8 @@ def test_cases_share_the_model_and_are_not_run_twice(fake_acqd, tmp_path, monkey
     assert steps == ["dataset build", "train", "dataset build", "close-loop", "dataset build"]
     study.main()
     assert len(commands(fake_acqd)) == 5
+    (tmp_path / "out" / "axes6-short-seed1" / "generator.sha256").write_text("another")
+    with pytest.raises(SystemExit, match="1"):
+        study.main()
+    assert "another version of the generator" in capsys.readouterr().err.replace("\n", " ")
     assert runner.judged_tree(fake_acqd) == str(fake_acqd / "acqd")

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from fnmatch import fnmatch
 from pathlib import Path
@@ -103,7 +104,10 @@ def main() -> None:
     if given.again:
         for runner in runners:
             runner.forget(wanted)
-    report(run_all(runners, wanted, given.jobs), given)
+    results = run_all(runners, wanted, given.jobs)
+    report(results, given)
+    if len(results) < len(runners) * len(wanted):
+        sys.exit(1)
 
 
 def stored(out: Path, label: str) -> list[dict[str, Any]]:

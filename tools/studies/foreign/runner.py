@@ -6,6 +6,7 @@ decides which acqd is judged.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import shutil
@@ -23,7 +24,7 @@ _BUNDLE = "grey-box"
 
 
 class StepError(Exception):
-    """A command of acqd ended with an error; the message is what acqd said."""
+    """A step cannot be done; the message says why, in acqd's words where acqd refused."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +80,7 @@ class Runner:
 
     def prepare(self) -> Path:
         """The model of the plant as it was before, which all its cases share. Raises StepError."""
+        self._require_this_generator()
         bundle = self.work / "model"
         if bundle.exists():
             return bundle
@@ -96,6 +98,14 @@ class Runner:
             shutil.rmtree(self.work / folder, ignore_errors=True)
         for case in cases:
             self.result_file(case).unlink(missing_ok=True)
+
+    def _require_this_generator(self) -> None:
+        """Files of two versions of the generator are not to be mixed."""
+        marker = _parent(self.out / self.world.name) / "generator.sha256"
+        if not marker.exists():
+            marker.write_text(generator_digest())
+        if marker.read_text() != generator_digest():
+            raise StepError(f"{marker.parent} was made by another version of the generator: choose another OUT")
 
     def _loop(self, case: Case, seconds: dict[str, float]) -> dict[str, Any]:
         bundle = self.prepare()
@@ -142,6 +152,14 @@ def environment(tree: Path | None) -> dict[str, str]:
     chosen = str(tree) if tree else os.environ.get("PYTHONPATH") or str(Path(__file__).resolve().parents[3])
     return os.environ | {"PYTHONPATH": os.pathsep.join(str(Path(part).resolve()) for part in chosen.split(os.pathsep)),
                          "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}  # fmt: skip
+
+
+def generator_digest() -> str:
+    """SHA-256 of the generator's source."""
+    digest = hashlib.sha256()
+    for path in sorted((Path(__file__).parent / "generator").rglob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
 
 
 def result_files(out: Path, label: str) -> list[Path]:
