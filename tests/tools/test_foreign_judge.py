@@ -31,7 +31,7 @@ def result(truth, effects, verdict="effects_found", before=5.0, after=1.0, axes=
     }  # fmt: skip
     return {
         "case": "x-10", "strength": 10 if truth else 0, "world": "w", "axes": axes, "truth": truth, "error": None,
-        "report": report, "seconds": {"generate": 1.0},
+        "report": report, "seconds": {"generate": 1.0}, "clock": {"ahead_s": 0.5}, "lag_errors_s": {"cycle-aa": 0.02},
     }  # fmt: skip
 
 
@@ -102,6 +102,7 @@ def test_the_summary_counts_what_was_asked():
     assert figures["groups"]["1 single 10 %"]["right"] == 1 and figures["groups"]["1 single 10 %"]["wrong"] == 1
     assert figures["clean_named"] == {"of": 2, "hits": 1}
     assert figures["spurious"] == {"of": 2, "hits": 1}
+    assert figures["lags_within_10_ms"] == {"of": 4, "hits": 0} and figures["lag_worst_ms"] == pytest.approx(20.0)
     assert figures["harm"] == {"of": 4, "hits": 1}
     assert [(row["names"], row["right"]) for row in reliability(results)] == [(2, 0.0), (1, 1.0)]
 

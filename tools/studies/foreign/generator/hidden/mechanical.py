@@ -46,7 +46,7 @@ def contact_force(session: Session, random: np.random.Generator) -> Hidden:
     tilt = np.sin(np.radians(random.uniform(0, 20))) * _on_circle(random)
     up = np.array([*tilt, np.sqrt(1 - tilt @ tilt)])
     touching = bursts(motion.t, random, on_s=(3, 9), off_s=(12, 40)) * session.brake
-    torque = force_torques(arm, motion.q, arm.flange, np.outer(touching, up))
+    torque = force_torques(arm, motion.q, arm.flange, np.outer(touching, up / up[2]))  # the size is the part upwards
     return _behind("contact_force", "flange", "N", torque, {}, start=20.0)
 
 
