@@ -1,0 +1,1 @@
+"""Hidden effects: those that acqd's library has a name for, and those outside of it."""

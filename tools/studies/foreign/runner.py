@@ -1,0 +1,181 @@
+"""Runs acqd on the files of a case, as a user would: `dataset build`, `train`, `close-loop`.
+
+acqd runs in processes of its own with the study's folder as working directory, so that PYTHONPATH (or `--acqd`)
+decides which acqd is judged.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from tools.studies.foreign.cases import Case, World, make_after, make_before
+
+_BUNDLE = "grey-box"
+
+
+class StepError(Exception):
+    """A step cannot be done; the message says why, in acqd's words where acqd refused."""
+
+
+@dataclass(frozen=True, slots=True)
+class Runner:
+    """Where files lie, and which acqd is judged."""
+
+    out: Path
+    world: World
+    label: str
+    """Folder of this acqd's datasets, models and results."""
+    tree: Path | None
+    """Source tree of acqd; None: PYTHONPATH, else the study's own tree."""
+
+    @property
+    def data(self) -> Path:
+        """Generated files: they do not depend on acqd."""
+        return self.out / self.world.name / "data"
+
+    @property
+    def work(self) -> Path:
+        """What acqd made of them."""
+        return self.out / self.world.name / self.label
+
+    def result_file(self, case: Case) -> Path:
+        """The result of a case."""
+        return self.work / "results" / f"{case.name}.json"
+
+    def run(self, case: Case) -> dict[str, Any]:
+        """The result of a case; a case that was done is not done again."""
+        done = self.result_file(case)
+        if done.exists():
+            return dict(json.loads(done.read_text()))
+        begun = time.monotonic()
+        truth = make_after(self.world, case, self.data / case.name)
+        seconds = {"generate": time.monotonic() - begun}
+        result: dict[str, Any] = {
+            "case": case.name, "strength": case.strength, "world": self.world.name, "axes": self.world.axes,
+            "seed": self.world.seed, "amount": self.world.amount, "torques": self.world.torques,
+            "truth": truth["effects"], "clock": truth["clock"], "error": None, "report": None,
+            "lag_errors_s": {},
+        }  # fmt: skip
+        try:
+            result["report"] = self._loop(case, seconds)
+            result["lag_errors_s"] = self._lag_errors(case, truth["lags_s"])
+        except StepError as error:
+            result["error"] = str(error)
+        result["seconds"] = seconds
+        done.parent.mkdir(parents=True, exist_ok=True)
+        partial = done.with_suffix(f".{os.getpid()}.partial")
+        partial.write_text(json.dumps(result))
+        partial.rename(done)
+        return result
+
+    def prepare(self) -> Path:
+        """The model of the plant as it was before, which all its cases share. Raises StepError."""
+        self._require_this_generator()
+        bundle = self.work / "model"
+        if bundle.exists():
+            return bundle
+        self.work.mkdir(parents=True, exist_ok=True)
+        files = make_before(self.world, _parent(self.data) / "before")
+        dataset = self.work / "before.ds"
+        shutil.rmtree(dataset, ignore_errors=True)
+        self._build(files, dataset)
+        self._acqd("train", dataset, "--network", _BUNDLE, "--out", bundle, "--jobs", 1)
+        return bundle
+
+    def forget(self, cases: Sequence[Case]) -> None:
+        """Remove the model and the results of some cases; the generated files stay."""
+        for folder in ("model", "before.ds"):
+            shutil.rmtree(self.work / folder, ignore_errors=True)
+        for case in cases:
+            self.result_file(case).unlink(missing_ok=True)
+
+    def _require_this_generator(self) -> None:
+        """Files of two versions of the generator are not to be mixed."""
+        marker = _parent(self.out / self.world.name) / "generator.sha256"
+        if not marker.exists():
+            marker.write_text(generator_digest())
+        if marker.read_text() != generator_digest():
+            raise StepError(f"{marker.parent} was made by another version of the generator: choose another OUT")
+
+    def _loop(self, case: Case, seconds: dict[str, float]) -> dict[str, Any]:
+        bundle = self.prepare()
+        folder = self.work / "cases" / case.name
+        shutil.rmtree(folder, ignore_errors=True)
+        begun = time.monotonic()
+        self._build(self.data / case.name, folder / "ds")
+        seconds["build"] = time.monotonic() - begun
+        begun = time.monotonic()
+        printed = self._acqd("close-loop", folder / "ds", "--model", bundle, "--out", folder / "loop", "--json")
+        seconds["close"] = time.monotonic() - begun
+        report: dict[str, Any] = json.loads(printed)
+        report.pop("thresholds", None)
+        return report
+
+    def _lag_errors(self, case: Case, lags_s: dict[str, float]) -> dict[str, float]:
+        """Lag that acqd took minus the true one, s per recording; the dataset is removed."""
+        dataset = self.work / "cases" / case.name / "ds"
+        manifest = json.loads((dataset / "manifest.json").read_text())
+        shutil.rmtree(dataset)
+        return {entry["name"]: entry["lag_s"] - lags_s[entry["name"]] for entry in manifest["recordings"]}
+
+    def _build(self, files: Path, dataset: Path) -> None:
+        dataset.parent.mkdir(parents=True, exist_ok=True)
+        known = [] if self.world.own_clocks else ["--lag", "0"]
+        self._acqd(
+            "dataset", "build", "--power", files / "power.csv", "--logs", files / "logs", "--robot", self.world.robot,
+            "--out", dataset, *known,
+        )  # fmt: skip
+
+    def _acqd(self, *arguments: object) -> str:
+        done = subprocess.run(
+            [sys.executable, "-m", "acqd", *map(str, arguments)], cwd=self.work, env=environment(self.tree),
+            capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        if done.returncode:
+            lines = done.stderr.strip().splitlines() or ["no message"]
+            raise StepError(f"acqd {arguments[0]} ended with {done.returncode}: {' '.join(lines[-3:])}")
+        return done.stdout
+
+
+def environment(tree: Path | None) -> dict[str, str]:
+    """Environment of acqd's processes: one thread each, and the source tree that is judged."""
+    chosen = str(tree) if tree else os.environ.get("PYTHONPATH") or str(Path(__file__).resolve().parents[3])
+    return os.environ | {"PYTHONPATH": os.pathsep.join(str(Path(part).resolve()) for part in chosen.split(os.pathsep)),
+                         "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}  # fmt: skip
+
+
+def generator_digest() -> str:
+    """SHA-256 of the generator's source."""
+    digest = hashlib.sha256()
+    for path in sorted((Path(__file__).parent / "generator").rglob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def result_files(out: Path, label: str) -> list[Path]:
+    """Results of all plants under a label."""
+    return sorted(out.glob(f"*/{label}/results/*.json"))
+
+
+def judged_tree(tree: Path | None) -> str:
+    """Folder of the acqd that is judged."""
+    code = "import acqd, pathlib; print(pathlib.Path(acqd.__file__).parent)"
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd="/", env=environment(tree), stdout=subprocess.PIPE, text=True, check=True
+    )
+    return done.stdout.strip()
+
+
+def _parent(folder: Path) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
