@@ -43,6 +43,8 @@ class Lag:
     """Explained share of the power's variance at the maximum."""
     ratio: float
     """Unexplained variance at the best other lag over the unexplained variance at this lag."""
+    error_s: float = 0.0075
+    """Standard error; by default what lags of single recordings scatter by without torque sensors."""
 
     @property
     def credible(self) -> bool:
@@ -101,7 +103,8 @@ def overlap(regressors: Regressors, power: PowerStream, supply_lag_s: float, coa
     window_s = power.window_ns * 1e-9
     t, span = regressors.t, _SPAN * window_s
     count = int((t[-1] - t[0] + 2 * span) / window_s)
-    on_grid = _power_on_grid(power, t[0] - coarse.seconds - span, count, window_s)
+    start_s = _on_a_row(power, t[0] - coarse.seconds - span)
+    on_grid = _power_on_grid(power, start_s, count, window_s)
     if on_grid is None:
         return None
     at, P, known = on_grid
@@ -137,10 +140,11 @@ def _thinned(columns: Floats, step: float) -> Floats:
 
 
 def _interpolated(columns: Floats, index: Floats) -> Floats:
-    """Rows at fractional indices, by straight lines."""
-    before = np.clip(index.astype(np.int64), 0, len(columns) - 2)
-    share = np.clip(index - before, 0.0, 1.0)[:, None]
-    return np.asarray(columns[before] * (1 - share) + columns[before + 1] * share)
+    """Rows at fractional indices, by cubics through four neighbours: straight lines would blur."""
+    before = np.clip(index.astype(np.int64), 1, len(columns) - 3)
+    x = np.clip(index - before, -1.0, 2.0)[:, None]
+    shares = (-x * (x - 1) * (x - 2) / 6, (x + 1) * (x - 1) * (x - 2) / 2, -(x + 1) * x * (x - 2) / 2, (x + 1) * x * (x - 1) / 6)
+    return np.asarray(sum(share * columns[before + k - 1] for k, share in enumerate(shares)))
 
 
 def _orthonormal(X: Floats) -> Floats:
@@ -170,6 +174,16 @@ def _power_on_grid(power: PowerStream, start_s: float, count: int, step: float) 
     after = np.clip(np.searchsorted(centres, grid), 1, len(centres) - 1)
     near: Bools = np.asarray(np.minimum(np.abs(centres[after] - grid), np.abs(grid - centres[after - 1])) <= step)
     return np.asarray(grid), np.asarray(np.interp(grid, centres, P[known])), near
+
+
+def _on_a_row(power: PowerStream, time_s: float) -> float:
+    """The middle of the first window after `time_s`.
+
+    Power read off between rows by straight lines would be smoothed as by a supply's lag of up to half a window.
+    """
+    half_ns = power.window_ns // 2
+    row = int(np.searchsorted(power.time_ns, round(time_s * 1e9) - half_ns))
+    return float(power.time_ns[row] + half_ns) * 1e-9 if row < len(power.time_ns) else time_s
 
 
 def _r2_over_lags(X: Floats, P: Floats) -> Floats:

@@ -91,8 +91,8 @@ def regressors_of(log: RobotLog, robot: RobotDescription, torque: TorqueSource |
         raise InputError(log.path, f"{len(time)} rows over {time[-1] - time[0]:.1f} s are too few to be aligned")
     grid = np.arange(time[0], time[-1], STEP_S)
     q = _smooth(grid, time, log.q[rows])
-    qd = np.gradient(q, STEP_S, axis=0)
-    qdd = np.gradient(qd, STEP_S, axis=0)
+    curve = CubicSpline(grid, q)  # differences of neighbours would blur like a supply's lag
+    qd, qdd = np.asarray(curve(grid, 1)), np.asarray(curve(grid, 2))
     source = torque or best_torque(log)
     tau = _torque(source, log, robot, (grid, time, rows), (q, qd, qdd))
     direction = np.tanh(qd / _SIGN_SPEED)
