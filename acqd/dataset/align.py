@@ -6,7 +6,7 @@ regressors (see regressors.py); the lag with the largest share of explained vari
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -17,7 +17,7 @@ from scipy.signal import correlate
 
 from acqd.arrays import Floats
 from acqd.dataset.power import PowerStream
-from acqd.dataset.regressors import STEP_S, Regressors, band_limited
+from acqd.dataset.regressors import STEP_S, Regressors, band_limited, behind_supply
 from acqd.numerics import ridge_regression
 
 Bools: TypeAlias = NDArray[np.bool_]
@@ -96,6 +96,10 @@ class Overlap:
         """Regressors [N, k] at the lag `lag_s` and power [N], both centred."""
         X = _interpolated(self.columns, (self.at + lag_s - self.t[0]) / STEP_S)
         return X - X.mean(axis=0), self.P - self.P.mean()
+
+    def behind_supply(self, lag_s: float) -> Overlap:
+        """The same with regressors delayed by a supply; at the log's start, they are taken as constant before."""
+        return replace(self, columns=behind_supply(self.columns, lag_s))
 
 
 def overlap(regressors: Regressors, power: PowerStream, supply_lag_s: float, coarse: Lag) -> Overlap | None:

@@ -43,14 +43,16 @@ def build(config: BuildConfig, progress: _Progress) -> BuildReport:
     else:
         logs, regressors, refused = _with_regressors(logs, robot, config.torque, progress)
         check_columns(logs, robot)
-        alignment = place(regressors, power, config.search_s, lambda share: progress("aligning", share))
+        names = [log.path.stem for log in logs]
+        alignment = place(regressors, power, config.search_s, lambda share: progress("aligning", share), names)
     _require_placements(alignment)
     merged = _merge_all(config, logs, power, alignment)
     title = f"Power and motion of {robot.title}: {config.out.name}"
     write_report = report_writer(title, power, alignment, merged, regressors)
     report = write_dataset(config, robot, power, alignment, merged, refused, write_report)
+    report.notes += alignment.notes
     if alignment.line is None and config.lag_s is None and len(logs) >= _MIN_FOR_CLOCK:
-        report.notes.append("the logs' lags lie on no common clock line: were columns mixed up, or clocks set?")
+        report.notes.append("the logs' lags lie on no common clock line, so each has its own: are they of two robots?")
     return report
 
 

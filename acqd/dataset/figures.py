@@ -100,7 +100,9 @@ def clock_line_figure(times_s: Floats, placements: list[Placement], line: ClockL
     hours = (times_s - times_s.min()) / 3600
     credible = np.array([placement.own.credible for placement in placements])
     lags = np.array([placement.own.seconds for placement in placements])
-    axes.plot(hours[credible], lags[credible], "o", ms=3, color=_MOTION_COLOUR, label="single recordings")
+    within = np.array([placement.within_s or 0.0 for placement in placements])
+    bars = {"fmt": "o", "ms": 3, "elinewidth": 0.8, "color": _MOTION_COLOUR}
+    axes.errorbar(hours[credible], lags[credible], within[credible], **bars, label="single recordings, lag +- 95 %")
     if line is not None:
         order = np.argsort(times_s)
         axes.plot(hours[order], np.asarray(line.at(times_s[order])), color=_POWER_COLOUR, lw=1, label="clock line")

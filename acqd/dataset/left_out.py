@@ -8,10 +8,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from acqd.arrays import Floats
 from acqd.dataset.align import Lag, Overlap, overlap
-from acqd.dataset.common_fit import Part, autocorrelation, biweight, biweight_loss, part_at, scale_of
+from acqd.dataset.common_fit import autocorrelation, biweight, biweight_loss, scale_of, without_slow
 from acqd.dataset.power import PowerStream
 from acqd.dataset.regressors import Regressors
 from acqd.dataset.supply_lag import SupplyLag
@@ -22,6 +23,7 @@ _GRID_S = 0.02  # a quarter of the shortest period below BAND_HZ is 100 ms
 _STEPS = 6
 _LEAST_ROWS_PER_WEIGHT = 4
 _MIN_R2 = 0.2
+_LEAST_W = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,24 +65,23 @@ class Judge:
         found = self._overlap(k, near_s)
         if found is None:
             return None
-        weights = self._weights(k)
+        predicted = _Predicted(found, self._weights(k))
         tried = near_s + np.arange(-_REACH_S, _REACH_S + _GRID_S / 2, _GRID_S)
-        lag_s = float(tried[int(np.argmin([_spread(part_at(found, lag, weights), weights) for lag in tried]))])
+        usual_W = max(float(np.median(np.abs(predicted.y))), _LEAST_W)
+        lag_s = float(tried[int(np.argmin([biweight_loss(predicted.residual(lag)[0], usual_W) for lag in tried]))])
         for _ in range(_STEPS):
-            part = part_at(found, lag_s, weights)
-            residual = part.y - part.X @ weights
+            residual, slope = predicted.residual(lag_s)
             trust = biweight(residual, scale_of([residual]))
-            lag_s += float(trust @ (part.slope * residual)) / max(float(trust @ part.slope**2), 1e-9)
+            lag_s += float(trust @ (slope * residual)) / max(float(trust @ slope**2), 1e-9)
             lag_s = float(np.clip(lag_s, near_s - _REACH_S, near_s + _REACH_S))
-        judgement = self._judged(part_at(found, lag_s, weights), weights, lag_s)
+        judgement = self._judged(predicted, lag_s)
         self._rests[k] = judgement.rest_W
         return judgement
 
     def at(self, k: int, lag_s: float) -> Judgement | None:
         """Recording `k` at a given lag; None if too little power is there."""
         found = self._overlap(k, lag_s)
-        weights = self._weights(k)
-        return None if found is None else self._judged(part_at(found, lag_s, weights), weights, lag_s)
+        return None if found is None else self._judged(_Predicted(found, self._weights(k)), lag_s)
 
     def _overlap(self, k: int, near_s: float) -> Overlap | None:
         return overlap(self._regressors[k], self._power, self._supply.seconds, Lag(near_s, 0.0, 1.0))
@@ -96,18 +97,29 @@ class Judge:
             self._known[source] = self._fit.weights_without(twins) if enough else self._fit.weights
         return self._known[source]
 
-    def _judged(self, part: Part, weights: Floats, lag_s: float) -> Judgement:
-        residual = part.y - part.X @ weights
+    def _judged(self, predicted: _Predicted, lag_s: float) -> Judgement:
+        residual, slope = predicted.residual(lag_s)
         scale_W = max(scale_of([residual]), self._fit.scale_W)
-        together = autocorrelation([residual]) * autocorrelation([part.slope])
+        together = autocorrelation([residual]) * autocorrelation([slope])
         inflation = max(1.0, 1 + 2 * float(together[1:].sum()))
-        strength = max(float(part.slope @ part.slope), 1e-9)
+        strength = max(float(slope @ slope), 1e-9)
         error_s = min(scale_W * float(np.sqrt(inflation / strength)), _REACH_S)
-        total = float(np.median(np.abs(part.y - np.median(part.y))) ** 2)
+        total = float(np.median(np.abs(predicted.y - np.median(predicted.y))) ** 2)
         left = float(np.median(np.abs(residual)) ** 2)
         return Judgement(lag_s, error_s, 1 - left / max(total, 1e-12), float(residual.std()))
 
 
-def _spread(part: Part, weights: Floats) -> float:
-    residual = part.y - part.X @ weights
-    return biweight_loss(residual, max(float(np.median(np.abs(part.y))), 1e-3))
+class _Predicted:
+    """Metered and predicted power of one recording, without slow changes."""
+
+    def __init__(self, found: Overlap, weights: Floats) -> None:
+        self._at, self._t = found.at, found.t
+        self._step_s = float(np.median(np.diff(found.at)))
+        power = found.columns[:, : len(weights)] @ weights
+        self._power, self._slope = CubicSpline(found.t, power), CubicSpline(found.t, power).derivative()
+        self.y = without_slow(found.P, self._step_s)
+
+    def residual(self, lag_s: float) -> tuple[Floats, Floats]:
+        """Metered minus predicted power [N] W at a lag, and the prediction's change with the lag [N] W/s."""
+        at = np.clip(self._at + lag_s, self._t[0], self._t[-1])
+        return self.y - without_slow(self._power(at), self._step_s), without_slow(self._slope(at), self._step_s)

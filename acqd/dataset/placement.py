@@ -138,23 +138,36 @@ class _Placer:
                 for k, placement in enumerate(placements)
             ]
         within_s = _NORMAL_95 * self.supply.error_s
-        return Alignment(placements, line, self.supply.seconds, within_s, self._steps(line))
+        notes = self._steps(line) + self._shared(placements)
+        return Alignment(placements, line, self.supply.seconds, within_s, notes)
 
     def _with_interval(self, k: int, placement: Placement, line: ClockLine | None) -> Placement:
-        """The placement with its uncertainty, which is announced above 10 ms."""
+        """The placement with its uncertainty, which is announced here if the recording itself causes it."""
         if placement.method == "refused":
             return placement
         on_line = line is not None and placement.method == "clock line"
         own_s = line.error_s(float(self.middles[k])) if line is not None and on_line else placement.own.error_s
-        parts = (own_s, self.supply.shared_error_s, _MODEL_ERROR_S)
-        within_s = _NORMAL_95 * float(np.linalg.norm(parts))
+        alone_s = _NORMAL_95 * float(np.hypot(own_s, _MODEL_ERROR_S))
+        within_s = float(np.hypot(alone_s, _NORMAL_95 * self.supply.shared_error_s))
         note = placement.note
-        if within_s > ANNOUNCED_S:
+        if alone_s > ANNOUNCED_S:
             uncertain = f"its lag is uncertain by {1000 * within_s:.0f} ms (95 %)"
             note = f"{note}; {uncertain}" if note else uncertain
         return replace(placement, within_s=within_s, note=note)
 
+    def _shared(self, placements: list[Placement]) -> list[str]:
+        """One line for the uncertainty that the supply gives to all recordings."""
+        wide = [placement.within_s for placement in placements if (placement.within_s or 0.0) > ANNOUNCED_S]
+        if not wide or _NORMAL_95 * self.supply.shared_error_s < ANNOUNCED_S / 2:
+            return []
+        supply_ms = 1000 * self.supply.seconds, 1000 * _NORMAL_95 * self.supply.error_s
+        return [
+            f"{len(wide)} of {len(placements)} lags are uncertain by up to {1000 * max(wide):.0f} ms (95 %), most of "
+            f"it together: the supply's lag is {supply_ms[0]:.0f} +- {supply_ms[1]:.0f} ms"
+        ]
+
     def _steps(self, line: ClockLine | None) -> list[str]:
+        """One line for every time the clock was set."""
         if line is None:
             return []
         return [

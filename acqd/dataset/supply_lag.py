@@ -22,11 +22,12 @@ USUAL_LAG_S = 0.015
 """Lag of a usual supply: its bulk capacitor delays by most of a mains period. Assumed for one or two recordings."""
 _LONGEST_S = 0.06
 _CANDIDATES_S = np.linspace(0.0, 0.075, 7)  # the outer ones keep the spline's end conditions away from _LONGEST_S
-_MODEL_ERROR_S = 0.005  # of the supply's lag: the regression is not the robot (tools/studies/alignment)
-_UNKNOWN_ERROR_S = 0.012  # of USUAL_LAG_S
+_MODEL_ERROR_S = 0.004  # of the supply's lag: the regression is not the robot (tools/studies/alignment)
+_UNKNOWN_ERROR_S = 0.01  # of USUAL_LAG_S
 _MAX_RECORDINGS = 16
 _MIN_RECORDINGS = 3
 _FIRST_STEPS, _STEPS = 8, 3
+_LATER = 0.8  # of a longer supply lag reappears in the lags
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,54 +54,38 @@ def supply_lag(
 
     The prior is uniform from 0 to 60 ms. Up to 16 recordings are used, thinned out evenly.
     """
-    pairs = _overlaps(regressors, power, lags, USUAL_LAG_S)
+    pairs = _overlaps(regressors, power, lags)
+    chosen, overlaps = [k for k, _ in pairs], [single for _, single in pairs]
     if len(pairs) < _MIN_RECORDINGS:
-        shared = _UNKNOWN_ERROR_S
-        return SupplyLag(USUAL_LAG_S, _UNKNOWN_ERROR_S, 0.0, shared, [k for k, _ in pairs], None)
-    chosen = [k for k, _ in pairs]
-    fits = _fits(regressors, power, lags, chosen, progress)
+        return SupplyLag(USUAL_LAG_S, _UNKNOWN_ERROR_S, 0.0, _UNKNOWN_ERROR_S, chosen, None)
+    fits = _fits(overlaps, np.array([lags[k].seconds for k in chosen]), progress)
     scale_W = min(fit.scale_W for fit in fits)
     inflation = float(np.median([fit.inflation for fit in fits]))
-    loss = np.array([biweight_loss(fit.residual, scale_W) / inflation for fit in fits])
-    mean, error = _posterior(loss)
+    mean, error = _posterior(np.array([biweight_loss(fit.residual, scale_W) / inflation for fit in fits]))
     error = float(np.hypot(error, _MODEL_ERROR_S))
     middles = np.array([float(np.median(fit.lags_s)) for fit in fits])
-    shift = float(np.interp(mean, _CANDIDATES_S, middles) - np.interp(USUAL_LAG_S, _CANDIDATES_S, middles))
-    slope = np.interp(mean + error, _CANDIDATES_S, middles) - np.interp(mean - error, _CANDIDATES_S, middles)
-    nearest = int(np.abs(_CANDIDATES_S - mean).argmin())
-    found = [overlap(regressors[k], power, mean, lags[k]) for k in chosen]
-    usable = [single for single in found if single is not None]
-    final = fit_common(usable, fits[nearest].lags_s, fits[nearest].weights, _FIRST_STEPS)
-    return SupplyLag(mean, error, shift, abs(float(slope)) / 2, chosen, final)
+    at, usual, low, high = np.interp([mean, USUAL_LAG_S, mean - error, mean + error], _CANDIDATES_S, middles)
+    nearest = fits[int(np.abs(_CANDIDATES_S - mean).argmin())]
+    final = fit_common([o.behind_supply(mean) for o in overlaps], nearest.lags_s, nearest.weights, _STEPS)
+    return SupplyLag(mean, error, float(at - usual), abs(float(high - low)) / 2, chosen, final)
 
 
-def _overlaps(
-    regressors: list[Regressors], power: PowerStream, lags: list[Lag], supply_lag_s: float
-) -> list[tuple[int, Overlap]]:
+def _overlaps(regressors: list[Regressors], power: PowerStream, lags: list[Lag]) -> list[tuple[int, Overlap]]:
     """Credible recordings with power, thinned out evenly, and their indices."""
     credible = [k for k, lag in enumerate(lags) if lag.credible]
     thinned = credible[:: max(1, -(-len(credible) // _MAX_RECORDINGS))]
-    found = [(k, overlap(regressors[k], power, supply_lag_s, lags[k])) for k in thinned]
+    found = [(k, overlap(regressors[k], power, 0.0, lags[k])) for k in thinned]
     return [(k, single) for k, single in found if single is not None]
 
 
-def _fits(
-    regressors: list[Regressors],
-    power: PowerStream,
-    lags: list[Lag],
-    chosen: list[int],
-    progress: Callable[[float], None],
-) -> list[CommonFit]:
-    """One fit for each candidate, each from the result of the one before."""
+def _fits(overlaps: list[Overlap], lags_s: Floats, progress: Callable[[float], None]) -> list[CommonFit]:
+    """One fit for each candidate, each from the result of the one before; `lags_s` belong to the usual supply."""
     fits: list[CommonFit] = []
-    begin = np.array([lags[k].seconds for k in chosen]) - USUAL_LAG_S
-    weights: Floats | None = None
+    begin, weights = lags_s - USUAL_LAG_S, None
     for number, candidate in enumerate(_CANDIDATES_S):
-        found = [overlap(regressors[k], power, float(candidate), lags[k]) for k in chosen]
-        usable = [single for single in found if single is not None]
-        fit = fit_common(usable, begin, weights, _STEPS if fits else _FIRST_STEPS)
-        fits.append(fit)
-        begin, weights = fit.lags_s + 0.7 * (_CANDIDATES_S[1] - _CANDIDATES_S[0]), fit.weights
+        delayed = [single.behind_supply(float(candidate)) for single in overlaps]
+        fits.append(fit_common(delayed, begin, weights, _STEPS if fits else _FIRST_STEPS))
+        begin, weights = fits[-1].lags_s + _LATER * (_CANDIDATES_S[1] - _CANDIDATES_S[0]), fits[-1].weights
         progress((number + 1) / len(_CANDIDATES_S))
     return fits
 

@@ -58,8 +58,10 @@ def write_dataset(
         "measured": power.measured,
         "step_s": config.step_s,
         "power": _power_provenance(config, power),
-        "clock": {"offset_s": report.offset_s, "drift_ppm": report.drift_ppm, "scatter_ms": report.scatter_ms},
+        "clock": {"offset_s": report.offset_s, "drift_ppm": report.drift_ppm, "scatter_ms": report.scatter_ms}
+        | {"steps": [{"time_s": step.time_s, "seconds": step.seconds} for step in line.steps] if line else []},
         "supply_lag_s": alignment.supply_lag_s,
+        "supply_lag_within_s": alignment.supply_within_s,
         "refused": report.refused,
         "recordings": entries,
     }
@@ -91,6 +93,7 @@ def _entry(config: BuildConfig, merged: MergedLog, recording: Recording) -> dict
         "rows": len(recording.valid),
         "valid_s": float(recording.valid.sum()) * config.step_s,
         "lag_s": placement.lag_s,
+        "lag_within_s": placement.within_s,
         "lag_by": placement.method,
         "own_lag": {"s": placement.own.seconds, "r2": placement.own.r2, "stands_out": placement.own.ratio},
         "note": placement.note,

@@ -96,7 +96,9 @@ def campaign(folder: Path, robot: str, seed: int, recordings: int) -> Campaign:
     )  # fmt: skip
     cell = build_cell(settings)
     supply = cell.parameters.supply.model_copy(update={"lag_s": _OWN_DELAY_S})
-    cell = replace(cell, parameters=cell.parameters.model_copy(update={"supply": supply}))
+    parameters = cell.parameters.model_copy(update={"supply": supply})
+    # logs are written as CSV with times in microseconds: the study rounds them after it has changed their clock
+    cell = replace(cell, parameters=parameters, robot=cell.robot.model_copy(update={"log": []}))
     folders = Folders(folder, folder / "truth")
     sessions = [_played(cell, plan, folders) for plan in plan_sessions(settings)]
     names = {name: k for k, session in enumerate(sessions) for name in session.recordings}
