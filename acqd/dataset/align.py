@@ -147,7 +147,12 @@ def _interpolated(columns: Floats, index: Floats) -> Floats:
     """Rows at fractional indices, by cubics through four neighbours: straight lines would blur."""
     before = np.clip(index.astype(np.int64), 1, len(columns) - 3)
     x = np.clip(index - before, -1.0, 2.0)[:, None]
-    shares = (-x * (x - 1) * (x - 2) / 6, (x + 1) * (x - 1) * (x - 2) / 2, -(x + 1) * x * (x - 2) / 2, (x + 1) * x * (x - 1) / 6)
+    shares = (
+        -x * (x - 1) * (x - 2) / 6,
+        (x + 1) * (x - 1) * (x - 2) / 2,
+        -(x + 1) * x * (x - 2) / 2,
+        (x + 1) * x * (x - 1) / 6,
+    )
     return np.asarray(sum(share * columns[before + k - 1] for k, share in enumerate(shares)))
 
 

@@ -12,12 +12,10 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.dataset.align import Lag
-from acqd.dataset.common_fit import biweight, biweight_loss
-from acqd.numerics import mad_sigma, theil_sen_slope
+from acqd.numerics import BIWEIGHT_END, biweight, biweight_loss, mad_sigma, theil_sen_slope
 
 _MIN_RECORDINGS = 4
-_MIN_INLIERS = 0.6  # share of the recordings
-_INLIER = 4.685  # standard deviations: beyond, the biweight is 0
+_MINBIWEIGHT_ENDS = 0.6  # share of the recordings
 _DRIFT_PPM = 30.0  # standard deviation of the drift before any log is seen
 _STEP_COST = 2 * np.log(100.0)  # -2 log of the chance that a clock is set between two recordings
 _LEAST_SCATTER_S = 0.0015
@@ -93,8 +91,8 @@ def fit_line(times_s: Floats, lags: list[Lag]) -> ClockLine | None:
     reference = float(np.median(times_s[chosen]))
     data = _data(times_s[chosen] - reference, [lags[k] for k in chosen])
     breaks, model = _with_steps(data)
-    inliers = np.abs(model.residual) <= _INLIER * data.errors
-    if inliers.mean() < _MIN_INLIERS:
+    inliers = np.abs(model.residual) <= BIWEIGHT_END * data.errors
+    if inliers.mean() < _MINBIWEIGHT_ENDS:
         return None  # there are two clocks
     steps = tuple(
         ClockStep(float(times_s[chosen[at]]), float(model.values[k + 1] - model.values[k]),
@@ -156,10 +154,10 @@ def _robust(data: _Data, breaks: list[int], drift_ppm: float) -> _Model:
         trust = biweight(data.lags - X @ values, scale * data.errors) / data.errors**2
         weighted = X * trust[:, None]
         information = weighted.T @ X + np.diag(prior + 1e-6)
-        values = np.linalg.solve(information, weighted.T @ data.lags)
+        values = np.asarray(np.linalg.solve(information, weighted.T @ data.lags))
     residual = data.lags - X @ values
-    covariance = np.linalg.inv(information)
+    covariance: Floats = np.asarray(np.linalg.inv(information))
     cost = biweight_loss(residual, data.errors)
     if drift_ppm:  # the Occam factor: how much the recordings narrow the prior
         cost += prior[-1] * values[-1] ** 2 - float(np.log(prior[-1] * covariance[-1, -1]))
-    return _Model(values, covariance, cost, residual)
+    return _Model(values, covariance, cost, np.asarray(residual))

@@ -17,9 +17,8 @@ from scipy.signal import lfilter
 from acqd.arrays import Floats
 from acqd.dataset.align import Overlap
 from acqd.dataset.regressors import STEP_S
-from acqd.numerics import mad_sigma
+from acqd.numerics import BIWEIGHT_END, biweight, mad_sigma
 
-_TUKEY = 4.685  # standard deviations: 95 % efficiency for normal residuals (Huber 1981)
 _RIDGE = 1e-6  # of the rows: columns may be collinear
 _LONGEST_STEP_S = 0.03
 _CONVERGED_S = 2e-4
@@ -88,7 +87,7 @@ def fit_common(overlaps: list[Overlap], lags_s: Floats, weights: Floats | None, 
     residuals = [part.y - part.X @ weights for part in parts]
     scale_W = scale_of(residuals)
     shares = [_share(part, scale_W, residual) for part, residual in zip(parts, residuals, strict=True)]
-    limit = _TUKEY * scale_W
+    limit = BIWEIGHT_END * scale_W
     memory = autocorrelation([np.clip(residual, -limit, limit) for residual in residuals])
     inflation = max(1.0, 1 + 2 * float(memory[1:].sum()))
     return CommonFit(weights, lags, np.concatenate(residuals), scale_W, inflation, shares)
@@ -128,17 +127,6 @@ def autocorrelation(series: list[Floats]) -> Floats:
     if len(negative):
         total[negative[0] :] = 0.0
     return total
-
-
-def biweight(residual: Floats, scale: Floats | float) -> Floats:
-    """Tukey's weight of each value: 1 near 0, 0 beyond 4.7 standard deviations."""
-    return np.asarray(np.maximum(1 - (residual / (_TUKEY * scale)) ** 2, 0.0) ** 2)
-
-
-def biweight_loss(residual: Floats, scale: Floats | float) -> float:
-    """Sum of Tukey's loss: like (residual / scale)^2 near 0, constant beyond 4.7 standard deviations."""
-    share = np.minimum((residual / (_TUKEY * scale)) ** 2, 1.0)
-    return float(_TUKEY**2 / 3 * (1 - (1 - share) ** 3).sum())
 
 
 def _share(part: Part, scale_W: float, residual: Floats | None = None) -> Share:

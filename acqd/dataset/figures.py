@@ -101,8 +101,8 @@ def clock_line_figure(times_s: Floats, placements: list[Placement], line: ClockL
     credible = np.array([placement.own.credible for placement in placements])
     lags = np.array([placement.own.seconds for placement in placements])
     within = np.array([placement.within_s or 0.0 for placement in placements])
-    bars = {"fmt": "o", "ms": 3, "elinewidth": 0.8, "color": _MOTION_COLOUR}
-    axes.errorbar(hours[credible], lags[credible], within[credible], **bars, label="single recordings, lag +- 95 %")
+    at, values, label = hours[credible], lags[credible], "single recordings, lag +- 95 %"
+    axes.errorbar(at, values, within[credible], fmt="o", ms=3, elinewidth=0.8, color=_MOTION_COLOUR, label=label)
     if line is not None:
         order = np.argsort(times_s)
         axes.plot(hours[order], np.asarray(line.at(times_s[order])), color=_POWER_COLOUR, lw=1, label="clock line")

@@ -12,10 +12,11 @@ from scipy.interpolate import CubicSpline
 
 from acqd.arrays import Floats
 from acqd.dataset.align import Lag, Overlap, overlap
-from acqd.dataset.common_fit import autocorrelation, biweight, biweight_loss, scale_of, without_slow
+from acqd.dataset.common_fit import autocorrelation, scale_of, without_slow
 from acqd.dataset.power import PowerStream
 from acqd.dataset.regressors import Regressors
 from acqd.dataset.supply_lag import SupplyLag
+from acqd.numerics import biweight, biweight_loss
 
 _REACH_S = 0.2
 """How far around a given lag the lag is searched."""
@@ -55,9 +56,8 @@ class Judge:
         self._known: dict[str, Floats] = {}
         self._rests: dict[int, float] = {}
 
-    @property
-    def usual_rest_W(self) -> float:
-        """Median over the recordings of the regression: RMS of what it leaves of each, judged by the others."""
+    def usual_rest(self) -> float:
+        """W: median over the recordings of the regression of the RMS that the others' regression leaves of each."""
         return float(np.median([self._rests[k] for k in self._supply.chosen if k in self._rests] or [0.0]))
 
     def lag(self, k: int, near_s: float) -> Judgement | None:

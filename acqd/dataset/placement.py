@@ -157,7 +157,7 @@ class _Placer:
 
     def _shared(self, placements: list[Placement]) -> list[str]:
         """One line for the uncertainty that the supply gives to all recordings."""
-        wide = [placement.within_s for placement in placements if (placement.within_s or 0.0) > ANNOUNCED_S]
+        wide = [within_s for placement in placements if (within_s := placement.within_s or 0.0) > ANNOUNCED_S]
         if not wide or _NORMAL_95 * self.supply.shared_error_s < ANNOUNCED_S / 2:
             return []
         supply_ms = 1000 * self.supply.seconds, 1000 * _NORMAL_95 * self.supply.error_s
@@ -198,8 +198,9 @@ def _contradicted(judge: Judge, k: int, placement: Placement, judgement: Judgeme
     there = judge.at(k, placement.lag_s)
     if there is None:
         return placement  # little power there: the merged rows say how little
-    if there.rest_W > _CONTRADICTION * max(judge.usual_rest_W, _MIN_RESIDUAL_W):
-        reason = f"{there.rest_W:.1f} W of its power are unexplained, in the other logs {judge.usual_rest_W:.1f} W"
+    usual_W = judge.usual_rest()
+    if there.rest_W > _CONTRADICTION * max(usual_W, _MIN_RESIDUAL_W):
+        reason = f"{there.rest_W:.1f} W of its power are unexplained, in the other logs {usual_W:.1f} W"
         note = f"{reason}: is it another robot's, or was the meter stuck?"
         return Placement(placement.lag_s, "refused", placement.own, note)
     if placement.method == "own" and (judgement is None or not judgement.credible):

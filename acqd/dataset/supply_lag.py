@@ -14,9 +14,10 @@ from scipy.interpolate import CubicSpline
 
 from acqd.arrays import Floats
 from acqd.dataset.align import Lag, Overlap, overlap
-from acqd.dataset.common_fit import CommonFit, biweight_loss, fit_common
+from acqd.dataset.common_fit import CommonFit, fit_common
 from acqd.dataset.power import PowerStream
 from acqd.dataset.regressors import Regressors
+from acqd.numerics import biweight_loss
 
 USUAL_LAG_S = 0.015
 """Lag of a usual supply: its bulk capacitor delays by most of a mains period. Assumed for one or two recordings."""

@@ -124,8 +124,8 @@ def _play(cell: Cell, plan: SessionPlan, folders: Folders, path: Path) -> None:
     assert isinstance(settings, CampaignSettings)
     folders.logs(cell.device).mkdir(parents=True, exist_ok=True)
     if not folders.trajectories.exists():
-        count = {"limited": settings.limited, "all_space": settings.all_space}
-        write(draw(cell, **count), cell, folders.trajectories)
+        drawn = draw(cell, limited=settings.limited, all_space=settings.all_space)
+        write(drawn, cell, folders.trajectories)
     programs = Programs(cell, folders)
     start_ns = settings.start_utc_ns + round(plan.start_s * 1e9)
     session = _Unmetered(cell, plan.number, start_ns, programs.start(plan.recordings[0]), lambda _: None)
@@ -150,7 +150,9 @@ def metered(played: Campaign, supply: Supply, cache: Path) -> PowerStream:
         np.savez_compressed(path, allow_pickle=False, **{f"s{k}": part for k, part in enumerate(parts)})
     with np.load(path) as arrays:
         parts = [arrays[f"s{k}"] for k in range(len(played.sessions))]
-    times = [round(s.start_s * 1e9) + _WINDOW_NS * np.arange(len(p)) for s, p in zip(played.sessions, parts, strict=True)]
+    times = [
+        round(s.start_s * 1e9) + _WINDOW_NS * np.arange(len(p)) for s, p in zip(played.sessions, parts, strict=True)
+    ]
     P = np.concatenate(parts)
     return PowerStream(np.concatenate(times), P, np.full(len(P), 230.0), _WINDOW_NS, 0, "simulated", "study")
 
