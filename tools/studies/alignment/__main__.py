@@ -44,7 +44,7 @@ def main() -> None:
     table = Table(*figures[0], title=f"lags without torque, seeds for {arguments.seeds} (simulated)")
     for row in figures:
         table.add_row(*(str(value) for value in row.values()))
-    Console().print(table)
+    Console(width=170).print(table)
     if arguments.json:
         arguments.json.write_bytes(orjson.dumps(figures, option=orjson.OPT_INDENT_2))
 
