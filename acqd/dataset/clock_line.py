@@ -155,6 +155,8 @@ def _robust(data: _Data, breaks: list[int], drift_ppm: float) -> _Model:
         weighted = X * trust[:, None]
         information = weighted.T @ X + np.diag(prior + 1e-6)
         values = np.asarray(np.linalg.solve(information, weighted.T @ data.lags))
+    if not drift_ppm:
+        values[-1] = 0.0  # but for rounding
     residual = data.lags - X @ values
     covariance: Floats = np.asarray(np.linalg.inv(information))
     cost = biweight_loss(residual, data.errors)

@@ -115,8 +115,8 @@ def scale_of(residuals: list[Floats]) -> float:
     return max(mad_sigma(np.concatenate(residuals), 0.0), _LEAST_W)
 
 
-def autocorrelation(series: list[Floats]) -> Floats:
-    """[rows] autocorrelation pooled over all series, 0 from where it first is negative."""
+def autocorrelation(series: list[Floats], *, whole: bool = False) -> Floats:
+    """[rows] autocorrelation pooled over all series, 0 from where it first is negative unless the `whole` is asked."""
     total = np.zeros(_MEMORY_ROWS)
     for values in series:
         size = 2 ** int(np.ceil(np.log2(2 * len(values))))
@@ -124,7 +124,7 @@ def autocorrelation(series: list[Floats]) -> Floats:
         total[: len(own)] += own
     total /= max(float(total[0]), 1e-12)
     negative = np.flatnonzero(total <= 0)
-    if len(negative):
+    if len(negative) and not whole:
         total[negative[0] :] = 0.0
     return total
 

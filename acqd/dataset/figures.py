@@ -68,8 +68,9 @@ def correlation_figure(t: Floats, mechanical: Floats, power: PowerStream, lag_s:
     figure = Figure(figsize=(10, 3))
     axes = figure.subplots()
     axes.plot(lags, values, color=_MOTION_COLOUR)
-    best = float(lags[int(np.nanargmax(values))])
-    axes.axvline(best, color="#52606d", lw=0.8, label=f"maximum of the cross-correlation {best:.2f} s")
+    if np.isfinite(values).any():  # a log of a few seconds has no correlation coefficient
+        best = float(lags[int(np.nanargmax(values))])
+        axes.axvline(best, color="#52606d", lw=0.8, label=f"maximum of the cross-correlation {best:.2f} s")
     axes.axvline(lag_s, color=_POWER_COLOUR, lw=0.8, ls="--", label=f"lag used {lag_s:.4f} s")
     axes.set_xlabel("lag [s]")
     axes.set_ylabel("correlation coefficient [-]")

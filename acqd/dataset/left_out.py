@@ -100,7 +100,8 @@ class Judge:
     def _judged(self, predicted: _Predicted, lag_s: float) -> Judgement:
         residual, slope = predicted.residual(lag_s)
         scale_W = max(scale_of([residual]), self._fit.scale_W)
-        together = autocorrelation([residual]) * autocorrelation([slope])
+        # a periodic motion repeats its error: where residual and slope swing alike, the product stays positive
+        together = autocorrelation([residual], whole=True) * autocorrelation([slope], whole=True)
         inflation = max(1.0, 1 + 2 * float(together[1:].sum()))
         strength = max(float(slope @ slope), 1e-9)
         error_s = min(scale_W * float(np.sqrt(inflation / strength)), _REACH_S)

@@ -10,6 +10,7 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.dataset.align import SEARCH_S, Lag
+from acqd.dataset.announcements import ANNOUNCED_S, NORMAL_95, step_notes, supply_notes
 from acqd.dataset.clock_line import ClockLine, deviates, fit_line
 from acqd.dataset.left_out import Judge, Judgement
 from acqd.dataset.own_lags import own_lags
@@ -20,10 +21,8 @@ from acqd.dataset.supply_lag import SupplyLag, supply_lag
 
 _CONTRADICTION = 4.0  # residual under the regression of the others, over its usual residual
 _MIN_RESIDUAL_W = 0.3
+_CLEARLY_BETTER = 0.8  # residual at a log's own lag over the residual at the clock line's lag
 _MODEL_ERROR_S = 0.002  # that all recordings of a robot share: the regression is not the robot
-_NORMAL_95 = 1.96
-ANNOUNCED_S = 0.01
-"""An uncertainty above this is announced."""
 _NO_LAG = Lag(0.0, 0.0, 1.0)
 Method = Literal["clock line", "own", "given", "refused"]
 
@@ -131,14 +130,16 @@ class _Placer:
         """The placements by clock line or own lags."""
         line = fit_line(self.middles, lags)
         placements = [_decide(lag, float(middle), line) for lag, middle in zip(lags, self.middles, strict=True)]
-        placements = [self._with_interval(k, placement, line) for k, placement in enumerate(placements)]
         if judge is not None:
-            placements = [
-                placement if placement.method == "refused" else _contradicted(judge, k, placement, judgements[k])
-                for k, placement in enumerate(placements)
-            ]
-        within_s = _NORMAL_95 * self.supply.error_s
-        notes = self._steps(line) + self._shared(placements)
+            for k, placement in enumerate(placements):
+                if placement.method == "own" and line is not None:
+                    placement = _back_on_line(judge, k, placement, float(line.at(self.middles[k])))
+                if placement.method != "refused":
+                    placement = _contradicted(judge, k, placement, judgements[k])
+                placements[k] = placement
+        placements = [self._with_interval(k, placement, line) for k, placement in enumerate(placements)]
+        within_s = NORMAL_95 * self.supply.error_s
+        notes = step_notes(line, self.names) + supply_notes([p.within_s or 0.0 for p in placements], self.supply)
         return Alignment(placements, line, self.supply.seconds, within_s, notes)
 
     def _with_interval(self, k: int, placement: Placement, line: ClockLine | None) -> Placement:
@@ -147,34 +148,13 @@ class _Placer:
             return placement
         on_line = line is not None and placement.method == "clock line"
         own_s = line.error_s(float(self.middles[k])) if line is not None and on_line else placement.own.error_s
-        alone_s = _NORMAL_95 * float(np.hypot(own_s, _MODEL_ERROR_S))
-        within_s = float(np.hypot(alone_s, _NORMAL_95 * self.supply.shared_error_s))
+        alone_s = NORMAL_95 * float(np.hypot(own_s, _MODEL_ERROR_S))
+        within_s = float(np.hypot(alone_s, NORMAL_95 * self.supply.shared_error_s))
         note = placement.note
         if alone_s > ANNOUNCED_S:
             uncertain = f"its lag is uncertain by {1000 * within_s:.0f} ms (95 %)"
             note = f"{note}; {uncertain}" if note else uncertain
         return replace(placement, within_s=within_s, note=note)
-
-    def _shared(self, placements: list[Placement]) -> list[str]:
-        """One line for the uncertainty that the supply gives to all recordings."""
-        wide = [within_s for placement in placements if (within_s := placement.within_s or 0.0) > ANNOUNCED_S]
-        if not wide or _NORMAL_95 * self.supply.shared_error_s < ANNOUNCED_S / 2:
-            return []
-        supply_ms = 1000 * self.supply.seconds, 1000 * _NORMAL_95 * self.supply.error_s
-        return [
-            f"{len(wide)} of {len(placements)} lags are uncertain by up to {1000 * max(wide):.0f} ms (95 %), most of "
-            f"it together: the supply's lag is {supply_ms[0]:.0f} +- {supply_ms[1]:.0f} ms"
-        ]
-
-    def _steps(self, line: ClockLine | None) -> list[str]:
-        """One line for every time the clock was set."""
-        if line is None:
-            return []
-        return [
-            f"the robot's clock was set by {1000 * step.seconds:+.0f} ms between {self.names[step.after]} and "
-            f"{self.names[step.before]}; the clock line has a step there"
-            for step in line.steps
-        ]
 
 
 def _decide(lag: Lag, middle_s: float, line: ClockLine | None) -> Placement:
@@ -193,13 +173,22 @@ def _decide(lag: Lag, middle_s: float, line: ClockLine | None) -> Placement:
     return Placement(lag.seconds, "own", lag, f"{off_ms:+.0f} ms off the clock line of the others: was it set?")
 
 
+def _back_on_line(judge: Judge, k: int, placement: Placement, line_s: float) -> Placement:
+    """The clock line's placement, unless the regression of the others leaves clearly less at the own lag."""
+    there, own = judge.at(k, line_s), judge.at(k, placement.lag_s)
+    if there is None or own is None or own.rest_W < _CLEARLY_BETTER * there.rest_W:
+        return placement
+    note = "its own lag is no better; placed by the clock line of the other recordings"
+    return Placement(line_s, "clock line", placement.own, note)
+
+
 def _contradicted(judge: Judge, k: int, placement: Placement, judgement: Judgement | None) -> Placement:
     """A refusal if the power at that place contradicts the regression of the other logs; else the placement."""
     there = judge.at(k, placement.lag_s)
     if there is None:
         return placement  # little power there: the merged rows say how little
     usual_W = judge.usual_rest()
-    if there.rest_W > _CONTRADICTION * max(usual_W, _MIN_RESIDUAL_W):
+    if not there.credible and there.rest_W > _CONTRADICTION * max(usual_W, _MIN_RESIDUAL_W):
         reason = f"{there.rest_W:.1f} W of its power are unexplained, in the other logs {usual_W:.1f} W"
         note = f"{reason}: is it another robot's, or was the meter stuck?"
         return Placement(placement.lag_s, "refused", placement.own, note)

@@ -41,7 +41,7 @@ def lags_at(t, lag_s, scatter_s, seed, error_s=0.0075):
     return [Lag(float(value), 0.9, 3.0, error_s) for value in scattered]
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(seed=st.integers(0, 10_000), scatter_ms=st.floats(1, 15), hours=st.floats(0.2, 6))
 def test_scatter_is_no_drift_and_no_step(seed, scatter_ms, hours):
     t = np.linspace(0, 3600 * hours, 16)
@@ -57,7 +57,7 @@ def test_a_drift_that_the_lags_ask_for_is_fitted():
     assert line.drift_ppm == pytest.approx(40, abs=3 * line.drift_error_ppm + 1e-3) and line.drift_error_ppm < 2
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(size_ms=st.floats(20, 300), sign=st.sampled_from([-1, 1]), at=st.integers(3, 13), drift=st.floats(-60, 60))
 def test_a_step_of_the_clock_is_found_beside_a_drift(size_ms, sign, at, drift):
     t = np.linspace(0, 3600, 16)

@@ -73,3 +73,19 @@ def test_a_pair_of_the_same_programme_does_not_confirm_each_other():
     together = judge_of(recordings, power, lags_s, ["a", "twins", "twins"])
     for k in (1, 2):
         assert apart.at(k, lags_s[k]).r2 > 0.8 and together.at(k, lags_s[k]).r2 < 0.2
+
+
+def test_logs_on_no_common_clock_are_placed_one_by_one_or_refused_with_a_reason():
+    """Every log has a clock of its own, and the power of one is missing: it is a replay of another motion."""
+    recordings = robot(8, 12, seconds=30.0)
+    true = np.random.default_rng(13).uniform(-1, 1, 8)
+    power = power_of(recordings, true, 0.015, 14)
+    stranger = robot(8, 15, seconds=30.0)[5]
+    recordings[5] = stranger
+    found = place(recordings, power, 1.5, silent)
+    assert found.line is None
+    for k, placement in enumerate(found.placements):
+        if k == 5:
+            assert placement.method == "refused" and placement.note
+        else:
+            assert placement.method == "own" and placement.lag_s == pytest.approx(true[k], abs=0.008)
