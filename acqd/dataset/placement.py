@@ -16,7 +16,7 @@ from acqd.dataset.left_out import Judge, Judgement
 from acqd.dataset.own_lags import own_lags
 from acqd.dataset.power import PowerStream
 from acqd.dataset.regressors import STEP_S, Regressors
-from acqd.dataset.split import source_of
+from acqd.dataset.split import sources_of
 from acqd.dataset.supply_lag import SupplyLag, supply_lag
 
 _CONTRADICTION = 4.0  # residual under the regression of the others, over its usual residual
@@ -78,7 +78,8 @@ def place(
     placer = _Placer(middles, supply, names)
     if supply.fit is None:
         return placer.placed(lags, None, [None] * len(lags))
-    judge = Judge(regressors, power, supply, [source_of(name) for name in names])
+    sources = sources_of(names)
+    judge = Judge(regressors, power, supply, [sources[name] for name in names])
     judgements = _judgements(judge, lags, middles, lambda share: progress(0.8 + 0.2 * share))
     judged = [_replaced(lag, judgement) for lag, judgement in zip(lags, judgements, strict=True)]
     return placer.placed(judged, judge, judgements)
