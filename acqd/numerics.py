@@ -1,4 +1,4 @@
-"""Small numerical methods that several rooms need: robust spread, robust slope, runs of True, scaled ridge solve."""
+"""Small numerical methods that several rooms need: robust spread, slope and loss, runs of True, ridge solve."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from acqd.arrays import Floats
 
 _NORMAL = 1.4826
 """Standard deviation of a normal distribution over its median absolute deviation: 1 / Phi^-1(3/4)."""
+BIWEIGHT_END = 4.685
+"""Standard deviations beyond which Tukey's biweight is 0: 95 % efficiency for normal values (Huber 1981)."""
 
 
 def mad_sigma(values: Floats, centre: float | None = None) -> float:
@@ -27,6 +29,17 @@ def theil_sen_slope(t: Floats, values: Floats, least_apart: float) -> float:
     distance = t[second] - t[first]
     chosen = np.abs(distance) > least_apart
     return float(np.median((values[second] - values[first])[chosen] / distance[chosen])) if chosen.any() else 0.0
+
+
+def biweight(residual: Floats, scale: Floats | float) -> Floats:
+    """Tukey's weight of each value: 1 near 0, 0 beyond 4.7 standard deviations."""
+    return np.asarray(np.maximum(1 - (residual / (BIWEIGHT_END * scale)) ** 2, 0.0) ** 2)
+
+
+def biweight_loss(residual: Floats, scale: Floats | float) -> float:
+    """Sum of Tukey's loss: like (residual / scale)^2 near 0, constant beyond 4.7 standard deviations."""
+    share = np.minimum((residual / (BIWEIGHT_END * scale)) ** 2, 1.0)
+    return float(BIWEIGHT_END**2 / 3 * (1 - (1 - share) ** 3).sum())
 
 
 def runs_of_true(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:

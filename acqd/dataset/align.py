@@ -6,7 +6,7 @@ regressors (see regressors.py); the lag with the largest share of explained vari
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -17,7 +17,7 @@ from scipy.signal import correlate
 
 from acqd.arrays import Floats
 from acqd.dataset.power import PowerStream
-from acqd.dataset.regressors import STEP_S, Regressors, band_limited
+from acqd.dataset.regressors import STEP_S, Regressors, band_limited, behind_supply
 from acqd.numerics import ridge_regression
 
 Bools: TypeAlias = NDArray[np.bool_]
@@ -43,6 +43,8 @@ class Lag:
     """Explained share of the power's variance at the maximum."""
     ratio: float
     """Unexplained variance at the best other lag over the unexplained variance at this lag."""
+    error_s: float = 0.0075
+    """Standard error; by default what lags of single recordings scatter by without torque sensors."""
 
     @property
     def credible(self) -> bool:
@@ -95,13 +97,18 @@ class Overlap:
         X = _interpolated(self.columns, (self.at + lag_s - self.t[0]) / STEP_S)
         return X - X.mean(axis=0), self.P - self.P.mean()
 
+    def behind_supply(self, lag_s: float) -> Overlap:
+        """The same with regressors delayed by a supply; at the log's start, they are taken as constant before."""
+        return replace(self, columns=behind_supply(self.columns, lag_s))
+
 
 def overlap(regressors: Regressors, power: PowerStream, supply_lag_s: float, coarse: Lag) -> Overlap | None:
     """What log and stream have in common near the coarse lag; None when that is too little for a regression."""
     window_s = power.window_ns * 1e-9
     t, span = regressors.t, _SPAN * window_s
     count = int((t[-1] - t[0] + 2 * span) / window_s)
-    on_grid = _power_on_grid(power, t[0] - coarse.seconds - span, count, window_s)
+    start_s = _on_a_row(power, t[0] - coarse.seconds - span)
+    on_grid = _power_on_grid(power, start_s, count, window_s)
     if on_grid is None:
         return None
     at, P, known = on_grid
@@ -137,10 +144,16 @@ def _thinned(columns: Floats, step: float) -> Floats:
 
 
 def _interpolated(columns: Floats, index: Floats) -> Floats:
-    """Rows at fractional indices, by straight lines."""
-    before = np.clip(index.astype(np.int64), 0, len(columns) - 2)
-    share = np.clip(index - before, 0.0, 1.0)[:, None]
-    return np.asarray(columns[before] * (1 - share) + columns[before + 1] * share)
+    """Rows at fractional indices, by cubics through four neighbours: straight lines would blur."""
+    before = np.clip(index.astype(np.int64), 1, len(columns) - 3)
+    x = np.clip(index - before, -1.0, 2.0)[:, None]
+    shares = (
+        -x * (x - 1) * (x - 2) / 6,
+        (x + 1) * (x - 1) * (x - 2) / 2,
+        -(x + 1) * x * (x - 2) / 2,
+        (x + 1) * x * (x - 1) / 6,
+    )
+    return np.asarray(sum(share * columns[before + k - 1] for k, share in enumerate(shares)))
 
 
 def _orthonormal(X: Floats) -> Floats:
@@ -170,6 +183,16 @@ def _power_on_grid(power: PowerStream, start_s: float, count: int, step: float) 
     after = np.clip(np.searchsorted(centres, grid), 1, len(centres) - 1)
     near: Bools = np.asarray(np.minimum(np.abs(centres[after] - grid), np.abs(grid - centres[after - 1])) <= step)
     return np.asarray(grid), np.asarray(np.interp(grid, centres, P[known])), near
+
+
+def _on_a_row(power: PowerStream, time_s: float) -> float:
+    """The middle of the first window after `time_s`.
+
+    Power read off between rows by straight lines would be smoothed as by a supply's lag of up to half a window.
+    """
+    half_ns = power.window_ns // 2
+    row = int(np.searchsorted(power.time_ns, round(time_s * 1e9) - half_ns))
+    return float(power.time_ns[row] + half_ns) * 1e-9 if row < len(power.time_ns) else time_s
 
 
 def _r2_over_lags(X: Floats, P: Floats) -> Floats:

@@ -52,8 +52,9 @@ def build(config: BuildConfig, progress: _Progress) -> BuildReport:
         powers = [stream]
     _require_placements(alignment)
     merged = _merge_all(config, logs.kept, powers, alignment)
+    logs.notes += alignment.notes
     if alignment.line is None and config.lag_s is None and stream is not None and len(logs.kept) >= _MIN_FOR_CLOCK:
-        logs.notes.append("the logs' lags lie on no common clock line: were columns mixed up, or clocks set?")
+        logs.notes.append("the logs' lags lie on no common clock line, so each has its own: are they of two robots?")
     title = f"Power and motion of {robot.title}: {config.out.name}"
     batch = Batch(powers, alignment, merged, logs.refused, logs.notes, logs.known)
     return write_dataset(config, robot, batch, before, report_writer(title, powers[0], alignment, merged, regressors))
@@ -102,7 +103,8 @@ def _align(
         of_log = {id(log): columns for log, columns in zip(logs.kept, regressors, strict=True)}
         logs.keep(lambda log: check_columns(log, robot), lambda _: None)
         regressors = [of_log[id(log)] for log in logs.kept]
-    return regressors, place(regressors, stream, config.search_s, lambda share: progress("aligning", share))
+    names = [log.path.stem for log in logs.kept]
+    return regressors, place(regressors, stream, config.search_s, lambda share: progress("aligning", share), names)
 
 
 def _require_placements(alignment: Alignment) -> None:

@@ -68,8 +68,9 @@ def correlation_figure(t: Floats, mechanical: Floats, power: PowerStream, lag_s:
     figure = Figure(figsize=(10, 3))
     axes = figure.subplots()
     axes.plot(lags, values, color=_MOTION_COLOUR)
-    best = float(lags[int(np.nanargmax(values))])
-    axes.axvline(best, color="#52606d", lw=0.8, label=f"maximum of the cross-correlation {best:.2f} s")
+    if np.isfinite(values).any():  # a log of a few seconds has no correlation coefficient
+        best = float(lags[int(np.nanargmax(values))])
+        axes.axvline(best, color="#52606d", lw=0.8, label=f"maximum of the cross-correlation {best:.2f} s")
     axes.axvline(lag_s, color=_POWER_COLOUR, lw=0.8, ls="--", label=f"lag used {lag_s:.4f} s")
     axes.set_xlabel("lag [s]")
     axes.set_ylabel("correlation coefficient [-]")
@@ -100,7 +101,9 @@ def clock_line_figure(times_s: Floats, placements: list[Placement], line: ClockL
     hours = (times_s - times_s.min()) / 3600
     credible = np.array([placement.own.credible for placement in placements])
     lags = np.array([placement.own.seconds for placement in placements])
-    axes.plot(hours[credible], lags[credible], "o", ms=3, color=_MOTION_COLOUR, label="single recordings")
+    within = np.array([placement.within_s or 0.0 for placement in placements])
+    at, values, label = hours[credible], lags[credible], "single recordings, lag +- 95 %"
+    axes.errorbar(at, values, within[credible], fmt="o", ms=3, elinewidth=0.8, color=_MOTION_COLOUR, label=label)
     if line is not None:
         order = np.argsort(times_s)
         axes.plot(hours[order], np.asarray(line.at(times_s[order])), color=_POWER_COLOUR, lw=1, label="clock line")

@@ -1,24 +1,28 @@
-"""Places many logs in one power stream: a lag for each log, or a refusal."""
+"""Places many logs in one power stream: a lag for each log with its uncertainty, or a refusal."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 
-from acqd.dataset.align import SEARCH_S, Lag, coarse_search, overlap, refine
+from acqd.arrays import Floats
+from acqd.dataset.align import SEARCH_S, Lag
+from acqd.dataset.announcements import ANNOUNCED_S, NORMAL_95, step_notes, supply_notes
 from acqd.dataset.clock_line import ClockLine, deviates, fit_line
+from acqd.dataset.left_out import Judge, Judgement
+from acqd.dataset.own_lags import own_lags
 from acqd.dataset.power import PowerStream
 from acqd.dataset.regressors import STEP_S, Regressors
-from acqd.dataset.supply_lag import USUAL_LAG_S, Regression, common_regression, supply_lag
+from acqd.dataset.split import sources_of
+from acqd.dataset.supply_lag import SupplyLag, supply_lag
 
-_WIDER_S = 120.0
-_CONTRADICTION = 4.0  # residual of the common regression, over its residual in the other recordings
+_CONTRADICTION = 4.0  # residual under the regression of the others, over its usual residual
 _MIN_RESIDUAL_W = 0.3
 _CLEARLY_BETTER = 0.8  # residual at a log's own lag over the residual at the clock line's lag
-_NEIGHBOURS = 5  # recordings before and after
+_MODEL_ERROR_S = 0.002  # that all recordings of a robot share: the regression is not the robot
 _NO_LAG = Lag(0.0, 0.0, 1.0)
 Method = Literal["clock line", "own", "given", "refused"]
 
@@ -31,8 +35,10 @@ class Placement:
     """Controller clock minus power clock, at the log's middle."""
     method: Method
     own: Lag
-    """The lag that this recording gives without the others."""
+    """The lag of this recording without the clock line."""
     note: str = ""
+    within_s: float | None = None
+    """Half the width of the 95 % interval of the lag; None: the user gave the lag."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +48,10 @@ class Alignment:
     placements: list[Placement]
     line: ClockLine | None
     supply_lag_s: float
+    supply_within_s: float | None = None
+    """Half the width of the 95 % interval of the supply's lag."""
+    notes: list[str] = field(default_factory=list)
+    """What the user should know about the clock."""
 
 
 def given(count: int, lag_s: float) -> Alignment:
@@ -50,78 +60,102 @@ def given(count: int, lag_s: float) -> Alignment:
 
 
 def place(
-    regressors: list[Regressors], power: PowerStream, search_s: float, progress: Callable[[float], None]
+    regressors: list[Regressors],
+    power: PowerStream,
+    search_s: float,
+    progress: Callable[[float], None],
+    names: list[str] | None = None,
 ) -> Alignment:
-    """Places all logs; `search_s` is how far the clocks may differ before the whole stream is searched."""
-    lags = own_lags(regressors, power, search_s, progress)
-    # one log cannot distinguish the supply's lag from a clock offset
-    supply_lag_s, shift = supply_lag(regressors, power, lags) if len(regressors) > 1 else (USUAL_LAG_S, 0.0)
-    lags = [replace(lag, seconds=lag.seconds + shift) if lag.credible else lag for lag in lags]
-    middles = np.array([_middle(single) for single in regressors])
-    line = fit_line(middles, lags)
-    placements = [_decide(lag, float(middle), line) for lag, middle in zip(lags, middles, strict=True)]
-    doubtful = [
-        k for k, placement in enumerate(placements) if placement.method != "refused" and not _confirmed(placement)
-    ]
-    common = common_regression(regressors, power, lags) if doubtful else None
-    if common is None:
-        return Alignment(placements, line, supply_lag_s)
-    for k in doubtful:
-        placement = _back_on_line(regressors[k], power, placements[k], float(middles[k]), line, common)
-        placements[k] = _contradicted(regressors[k], power, placement, common) or placement
-    return Alignment(placements, line, supply_lag_s)
+    """Places all logs; `search_s` is how far the clocks may differ before the whole stream is searched.
+
+    `names` are the logs' names, by which logs of the same programme are known.
+    """
+    names = names or [f"log {k + 1}" for k in range(len(regressors))]
+    lags = own_lags(regressors, power, search_s, lambda share: progress(0.4 * share))
+    supply = supply_lag(regressors, power, lags, lambda share: progress(0.4 + 0.4 * share))
+    lags = [replace(lag, seconds=lag.seconds + supply.shift_s) if lag.credible else lag for lag in lags]
+    middles = np.array([single.start_s + len(single.columns) * STEP_S / 2 for single in regressors])
+    placer = _Placer(middles, supply, names)
+    if supply.fit is None:
+        return placer.placed(lags, None, [None] * len(lags))
+    sources = sources_of(names)
+    judge = Judge(regressors, power, supply, [sources[name] for name in names])
+    judgements = _judgements(judge, lags, middles, lambda share: progress(0.8 + 0.2 * share))
+    judged = [_replaced(lag, judgement) for lag, judgement in zip(lags, judgements, strict=True)]
+    return placer.placed(judged, judge, judgements)
 
 
-def own_lags(
-    regressors: list[Regressors], power: PowerStream, search_s: float, progress: Callable[[float], None]
-) -> list[Lag]:
-    """The lag that each log gives without a clock line, refined where it is credible."""
-    by_time = sorted(range(len(regressors)), key=lambda k: regressors[k].start_s)
-    coarse: dict[int, Lag] = {}
-    for number, k in enumerate(by_time):
-        earlier = [coarse[j].seconds for j in by_time[:number] if coarse[j].credible]
-        coarse[k] = _coarse(regressors[k], power, earlier, search_s)
-        progress(0.5 * (number + 1) / len(regressors))
-    _search_near_neighbours(regressors, power, coarse, by_time)
-    lags = [coarse[k] for k in range(len(regressors))]
-    for number, (single, lag) in enumerate(zip(regressors, lags, strict=True)):
-        if lag.credible:
-            lags[number] = refine(single, power, USUAL_LAG_S, lag)
-        progress(0.5 + 0.5 * (number + 1) / len(regressors))
-    return lags
+def _judgements(
+    judge: Judge, lags: list[Lag], middles: Floats, progress: Callable[[float], None]
+) -> list[Judgement | None]:
+    """The lag of every recording by the regression of the others.
+
+    It is searched near the recording's own lag. A recording without one, or one that contradicts the clock line, is
+    searched near the line as well; the place where less is left unexplained wins.
+    """
+    found: list[Judgement | None] = []
+    for k, lag in enumerate(lags):
+        found.append(judge.lag(k, lag.seconds) if lag.credible else None)
+        progress(0.5 * (k + 1) / len(lags))
+    line = fit_line(middles, [_replaced(lag, judgement) for lag, judgement in zip(lags, found, strict=True)])
+    if line is None:
+        return found
+    for k, (lag, judgement) in enumerate(zip(lags, found, strict=True)):
+        at_s = float(line.at(middles[k]))
+        if judgement is None or not judgement.credible or deviates(line, middles[k], _replaced(lag, judgement)):
+            near_line = judge.lag(k, at_s)
+            if near_line is not None and (judgement is None or near_line.rest_W < judgement.rest_W):
+                found[k] = near_line
+        progress(0.5 + 0.5 * (k + 1) / len(lags))
+    return found
 
 
-def _coarse(regressors: Regressors, power: PowerStream, earlier: list[float], search_s: float) -> Lag:
-    """Searches near the lags of earlier recordings, then within the range, then further, then the whole stream."""
-    stream = (power.time_ns[0] * 1e-9, power.time_ns[-1] * 1e-9)
-    start, end = regressors.start_s, regressors.start_s + len(regressors.columns) * STEP_S
-    whole_stream = (start + end) / 2 - sum(stream) / 2, (stream[1] - stream[0] + end - start) / 2
-    best = _NO_LAG
-    # the last few only: clocks drift
-    near = [(float(np.median(earlier[-_NEIGHBOURS:])), SEARCH_S)] if earlier else []
-    for centre, half in [*near, (0.0, search_s), (0.0, search_s + _WIDER_S), whole_stream]:
-        lag = coarse_search(regressors, power, 0.0, centre, half)
-        if lag is not None and lag.r2 > best.r2:
-            best = lag
-        if best.credible:
-            break
-    return best
+def _replaced(lag: Lag, judgement: Judgement | None) -> Lag:
+    """The lag that the regression of the others gives, if it explains the recording."""
+    if judgement is None or not judgement.credible:
+        return lag
+    # one weight for the whole motion can hardly fit noise: a large share of the power is enough to trust the lag
+    ratio = max(lag.ratio, 1 / max(1 - judgement.r2, 1e-3))
+    return Lag(judgement.lag_s, max(lag.r2, judgement.r2), ratio, judgement.error_s)
 
 
-def _search_near_neighbours(
-    regressors: list[Regressors], power: PowerStream, coarse: dict[int, Lag], by_time: list[int]
-) -> None:
-    """Searches again, near its neighbours in time, for a lag that is far from theirs or not credible."""
-    for number, k in enumerate(by_time):
-        neighbours = by_time[max(0, number - _NEIGHBOURS) : number + _NEIGHBOURS + 1]
-        around = [coarse[j].seconds for j in neighbours if j != k and coarse[j].credible]
-        if len(around) < 3:
-            continue
-        centre = float(np.median(around))
-        if abs(coarse[k].seconds - centre) > SEARCH_S or not coarse[k].credible:
-            lag = coarse_search(regressors[k], power, 0.0, centre, SEARCH_S)
-            if lag is not None and (lag.credible or not coarse[k].credible):
-                coarse[k] = lag
+@dataclass(frozen=True, slots=True)
+class _Placer:
+    """Decides for each log."""
+
+    middles: Floats
+    supply: SupplyLag
+    names: list[str]
+
+    def placed(self, lags: list[Lag], judge: Judge | None, judgements: list[Judgement | None]) -> Alignment:
+        """The placements by clock line or own lags."""
+        line = fit_line(self.middles, lags)
+        placements = [_decide(lag, float(middle), line) for lag, middle in zip(lags, self.middles, strict=True)]
+        if judge is not None:
+            for k, placement in enumerate(placements):
+                if placement.method == "own" and line is not None:
+                    placement = _back_on_line(judge, k, placement, float(line.at(self.middles[k])))
+                if placement.method != "refused":
+                    placement = _contradicted(judge, k, placement, judgements[k])
+                placements[k] = placement
+        placements = [self._with_interval(k, placement, line) for k, placement in enumerate(placements)]
+        within_s = NORMAL_95 * self.supply.error_s
+        notes = step_notes(line, self.names) + supply_notes([p.within_s or 0.0 for p in placements], self.supply)
+        return Alignment(placements, line, self.supply.seconds, within_s, notes)
+
+    def _with_interval(self, k: int, placement: Placement, line: ClockLine | None) -> Placement:
+        """The placement with its uncertainty, which is announced here if the recording itself causes it."""
+        if placement.method == "refused":
+            return placement
+        on_line = line is not None and placement.method == "clock line"
+        own_s = line.error_s(float(self.middles[k])) if line is not None and on_line else placement.own.error_s
+        alone_s = NORMAL_95 * float(np.hypot(own_s, _MODEL_ERROR_S))
+        within_s = float(np.hypot(alone_s, NORMAL_95 * self.supply.shared_error_s))
+        note = placement.note
+        if alone_s > ANNOUNCED_S:
+            uncertain = f"its lag is uncertain by {1000 * within_s:.0f} ms (95 %)"
+            note = f"{note}; {uncertain}" if note else uncertain
+        return replace(placement, within_s=within_s, note=note)
 
 
 def _decide(lag: Lag, middle_s: float, line: ClockLine | None) -> Placement:
@@ -140,50 +174,26 @@ def _decide(lag: Lag, middle_s: float, line: ClockLine | None) -> Placement:
     return Placement(lag.seconds, "own", lag, f"{off_ms:+.0f} ms off the clock line of the others: was it set?")
 
 
-def _confirmed(placement: Placement) -> bool:
-    """Whether the recording and the clock line agree."""
-    return placement.own.credible and placement.method == "clock line"
-
-
-def _back_on_line(
-    regressors: Regressors,
-    power: PowerStream,
-    placement: Placement,
-    middle_s: float,
-    line: ClockLine | None,
-    common: Regression,
-) -> Placement:
-    """The clock line's placement, unless the common regression leaves clearly less at the recording's own lag.
-
-    A single recording has some lag at which its many regressors follow, say, a ripple that no regressor explains.
-    """
-    if line is None or placement.method != "own":
-        return placement
-    overlapping = overlap(regressors, power, USUAL_LAG_S, replace(placement.own, seconds=placement.lag_s))
-    line_lag_s = float(line.at(middle_s))
-    if overlapping is None:
-        return placement
-    own_W, line_W = (common.rest(*overlapping.shifted(lag_s)) for lag_s in (placement.lag_s, line_lag_s))
-    if own_W < _CLEARLY_BETTER * line_W:
+def _back_on_line(judge: Judge, k: int, placement: Placement, line_s: float) -> Placement:
+    """The clock line's placement, unless the regression of the others leaves clearly less at the own lag."""
+    there, own = judge.at(k, line_s), judge.at(k, placement.lag_s)
+    if there is None or own is None or own.rest_W < _CLEARLY_BETTER * there.rest_W:
         return placement
     note = "its own lag is no better; placed by the clock line of the other recordings"
-    return Placement(line_lag_s, "clock line", placement.own, note)
+    return Placement(line_s, "clock line", placement.own, note)
 
 
-def _contradicted(
-    regressors: Regressors, power: PowerStream, placement: Placement, common: Regression
-) -> Placement | None:
-    """A refusal if the power at that place contradicts the regression of the other logs."""
-    overlapping = overlap(regressors, power, USUAL_LAG_S, replace(placement.own, seconds=placement.lag_s))
-    if overlapping is None:
-        return None  # little power there: the merged rows say how little
-    rest_W = common.rest(*overlapping.shifted(placement.lag_s))
-    if rest_W > _CONTRADICTION * max(common.rest_W, _MIN_RESIDUAL_W):
-        reason = f"{rest_W:.1f} W of its power are unexplained, in the other logs {common.rest_W:.1f} W"
+def _contradicted(judge: Judge, k: int, placement: Placement, judgement: Judgement | None) -> Placement:
+    """A refusal if the power at that place contradicts the regression of the other logs; else the placement."""
+    there = judge.at(k, placement.lag_s)
+    if there is None:
+        return placement  # little power there: the merged rows say how little
+    usual_W = judge.usual_rest()
+    if not there.credible and there.rest_W > _CONTRADICTION * max(usual_W, _MIN_RESIDUAL_W):
+        reason = f"{there.rest_W:.1f} W of its power are unexplained, in the other logs {usual_W:.1f} W"
         note = f"{reason}: is it another robot's, or was the meter stuck?"
         return Placement(placement.lag_s, "refused", placement.own, note)
-    return None
-
-
-def _middle(regressors: Regressors) -> float:
-    return regressors.start_s + len(regressors.columns) * STEP_S / 2
+    if placement.method == "own" and (judgement is None or not judgement.credible):
+        note = "the regression of the other logs does not explain its power, and no clock line places it"
+        return Placement(placement.lag_s, "refused", placement.own, note)
+    return placement

@@ -26,11 +26,13 @@ TorqueSource = Literal["measured", "model", "current"]
 STEP_S = 0.01
 """Step of the regressors' grid."""
 _CUTOFF_HZ = 12.0  # well above BAND_HZ: smoothing the angles changes nothing below it
+_ROUNDED_CUTOFF_HZ = 8.0  # for times in whole milliseconds: their rounding is noise of the accelerations
 BAND_HZ = 2.5
 """Regressors and power are compared below this frequency; above it, encoder and recorder artefacts dominate."""
 _SIGN_SPEED = 0.02  # rad/s, width of the smoothed sign of the speed
 _PULSE_EDGES_S = (0.0, 0.12, 0.3, 0.6)
 """Edges of the pulses after the brakes have opened."""
+_WHOLE_MS = 0.01  # a Unix time in a float resolves 0.0002 ms
 _MIN_ROWS = 50
 _MIN_S = 2.0
 
@@ -66,12 +68,17 @@ class Regressors:
 
         The trapezoidal rule (Tustin's method) delays slow signals by exactly `lag_s` at any step.
         """
-        columns = self.columns
-        if lag_s > 0:
-            c = 2 * lag_s / STEP_S
-            b, a = np.array([1.0, 1.0]) / (1 + c), np.array([1.0, (1 - c) / (1 + c)])
-            columns, _ = lfilter(b, a, columns, axis=0, zi=columns[:1] * (1 - b[0]))
-        return _averaged(columns, window_s)
+        return _averaged(behind_supply(self.columns, lag_s), window_s)
+
+
+def behind_supply(columns: Floats, lag_s: float) -> Floats:
+    """Columns [T, k] STEP_S apart, delayed by a supply's first-order lag."""
+    if lag_s <= 0:
+        return columns
+    c = 2 * lag_s / STEP_S
+    b, a = np.array([1.0, 1.0]) / (1 + c), np.array([1.0, (1 - c) / (1 + c)])
+    delayed, _ = lfilter(b, a, columns, axis=0, zi=columns[:1] * (1 - b[0]))
+    return np.asarray(delayed)
 
 
 def band_limited(values: Floats, step_s: float) -> Floats:
@@ -90,9 +97,10 @@ def regressors_of(log: RobotLog, robot: RobotDescription, torque: TorqueSource |
     if len(time) < _MIN_ROWS or time[-1] - time[0] < _MIN_S:
         raise InputError(log.path, f"{len(time)} rows over {time[-1] - time[0]:.1f} s are too few to be aligned")
     grid = np.arange(time[0], time[-1], STEP_S)
-    q = _smooth(grid, time, log.q[rows])
-    qd = np.gradient(q, STEP_S, axis=0)
-    qdd = np.gradient(qd, STEP_S, axis=0)
+    cutoff_hz = _ROUNDED_CUTOFF_HZ if _rounded(time) else _CUTOFF_HZ
+    q = _smooth(grid, time, log.q[rows], cutoff_hz)
+    curve = CubicSpline(grid, q)  # differences of neighbours would blur like a supply's lag
+    qd, qdd = np.asarray(curve(grid, 1)), np.asarray(curve(grid, 2))
     source = torque or best_torque(log)
     tau = _torque(source, log, robot, (grid, time, rows), (q, qd, qdd))
     direction = np.tanh(qd / _SIGN_SPEED)
@@ -152,9 +160,15 @@ def _torque(
     return _smooth(grid, time, measured[rows])
 
 
-def _smooth(grid: Floats, time: Floats, values: Floats) -> Floats:
+def _rounded(time: Floats) -> bool:
+    """Whether all times are whole milliseconds, as a DataRecorder writes them."""
+    ms = 1000 * (time - time[0])
+    return bool(np.abs(ms - np.rint(ms)).max() < _WHOLE_MS)
+
+
+def _smooth(grid: Floats, time: Floats, values: Floats, cutoff_hz: float = _CUTOFF_HZ) -> Floats:
     even = CubicSpline(time, values)(grid)  # straight lines between 40 ms samples would blur like a supply's lag
-    filtered = butter(2, _CUTOFF_HZ, fs=1 / STEP_S, output="sos")
+    filtered = butter(2, cutoff_hz, fs=1 / STEP_S, output="sos")
     return np.asarray(sosfiltfilt(filtered, even, axis=0))
 
 

@@ -42,9 +42,26 @@ def report_writer(
         middles = np.array([float(single.t.mean()) for single in regressors])
         figure = clock_line_figure(middles, alignment.placements, alignment.line)
         page.figure(figure, "Controller clock minus power clock, from single recordings, and the line through them.")
+        for note in alignment.notes:
+            page.text(note)
+        _lag_table(page, merged)
         page.write(folder / "report.html")
 
     return write
+
+
+def _lag_table(page: Page, merged: list[MergedLog]) -> None:
+    """Lag, interval and origin of every recording."""
+    rows = [
+        [single.log.path.stem, f"{place.lag_s:.4f}", _in_ms(place.within_s), place.method, place.note]
+        for single in merged
+        if (place := single.placement).method != "refused"
+    ]
+    page.table(["recording", "lag [s]", "+- 95 % [ms]", "from", "note"], rows)
+
+
+def _in_ms(seconds: float | None) -> str:
+    return "-" if seconds is None else f"{1000 * seconds:.1f}"
 
 
 def _merging(page: Page, power: PowerStream, merged: MergedLog) -> None:

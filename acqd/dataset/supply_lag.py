@@ -1,107 +1,101 @@
-"""The supply's first-order lag: mains power follows the robot's power later, which would look like a clock offset."""
+"""The supply's first-order lag: mains power follows the robot's power later, which would look like a clock offset.
+
+Lag and offset differ in how they smooth fast changes only. One regression of many recordings together tells them
+apart. A pure delay of the supply cannot be told from a clock offset by any log: it is part of the lags.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+from scipy.interpolate import CubicSpline
 
 from acqd.arrays import Floats
-from acqd.dataset.align import Lag, Overlap, overlap, unexplained
-from acqd.dataset.clock_line import fit_line
+from acqd.dataset.align import Lag, Overlap, overlap
+from acqd.dataset.common_fit import CommonFit, fit_common
 from acqd.dataset.power import PowerStream
-from acqd.dataset.regressors import STEP_S, Regressors
-from acqd.numerics import ridge_regression
+from acqd.dataset.regressors import Regressors
+from acqd.numerics import biweight_loss
 
 USUAL_LAG_S = 0.015
-"""Lag of a usual supply: its bulk capacitor delays by most of a mains period."""
-_SPREAD_S = 0.01
-# Share of the unexplained variance that must vanish before a supply one spread off the usual one is accepted. Less is
-# within the error of the regression itself, and a wrong supply lag shifts every recording by the same amount.
-_WORTH = 0.05
-_CANDIDATES_S = (0.0, 0.005, 0.01, 0.015, 0.02, 0.025, 0.03, 0.04, 0.05)
-_MAX_RECORDINGS = 24
+"""Lag of a usual supply: its bulk capacitor delays by most of a mains period. Assumed for one or two recordings."""
+_LONGEST_S = 0.06
+_CANDIDATES_S = np.linspace(0.0, 0.075, 7)  # the outer ones keep the spline's end conditions away from _LONGEST_S
+_MODEL_ERROR_S = 0.004  # of the supply's lag: the regression is not the robot (tools/studies/alignment)
+_UNKNOWN_ERROR_S = 0.01  # of USUAL_LAG_S
+_MAX_RECORDINGS = 16
 _MIN_RECORDINGS = 3
-
-
-def supply_lag(regressors: list[Regressors], power: PowerStream, lags: list[Lag]) -> tuple[float, float]:
-    """The supply's lag [s], and by how much [s] it shifts all `lags`, which were refined for the usual supply.
-
-    One regression of up to 24 recordings together, at the lags of their clock line. A single recording has too few
-    independent seconds for so many regressors and fits a wrong supply nearly as well.
-    """
-    chosen = _chosen(lags)
-    middles = np.array([regressors[k].start_s + len(regressors[k].columns) * STEP_S / 2 for k in chosen])
-    line = fit_line(middles, [lags[k] for k in chosen])
-    placed = [float(line.at(t)) if line else lags[k].seconds for k, t in zip(chosen, middles, strict=True)]
-    shifts = np.zeros(len(_CANDIDATES_S))
-    cost = np.zeros(len(_CANDIDATES_S))
-    for number, candidate in enumerate(_CANDIDATES_S):
-        overlaps = [overlap(regressors[k], power, candidate, lags[k]) for k in chosen]
-        pairs = [(common, lag) for common, lag in zip(overlaps, placed, strict=True) if common is not None]
-        if not pairs:
-            return USUAL_LAG_S, 0.0
-        expected = candidate - USUAL_LAG_S
-        best = minimize_scalar(
-            lambda shift, pairs=pairs: _pooled(pairs, shift),
-            bounds=(expected - 0.02, expected + 0.02),
-            method="bounded",
-            options={"xatol": 5e-4},
-        )
-        shifts[number] = best.x
-        cost[number] = np.log(best.fun + 1e-9) + _WORTH * (expected / _SPREAD_S) ** 2
-    lag = _minimum(cost)
-    return lag, float(np.interp(lag, _CANDIDATES_S, shifts))
+_FIRST_STEPS, _STEPS = 8, 3
+_LATER = 0.8  # of a longer supply lag reappears in the lags
 
 
 @dataclass(frozen=True, slots=True)
-class Regression:
-    """Regression of the power on the motion, fitted to all credible recordings together."""
+class SupplyLag:
+    """The supply's lag and the regression that belongs to it."""
 
-    weights: Floats
-    """[k] W per unit of each regressor."""
-    rest_W: float
-    """RMS of its residual in these recordings."""
-
-    def rest(self, X: Floats, y: Floats) -> float:
-        """RMS (W) of its residual in another recording; regressors and power are centred."""
-        kept = min(len(self.weights), X.shape[1])
-        return float((y - X[:, :kept] @ self.weights[:kept]).std())
-
-
-def common_regression(regressors: list[Regressors], power: PowerStream, lags: list[Lag]) -> Regression | None:
-    """The regression of all credible recordings; None with fewer than three."""
-    overlaps = [(overlap(regressors[k], power, USUAL_LAG_S, lags[k]), lags[k].seconds) for k in _chosen(lags)]
-    parts = [common.shifted(lag) for common, lag in overlaps if common is not None]
-    if len(parts) < _MIN_RECORDINGS:
-        return None
-    X, y = _concatenated(parts)
-    weights = ridge_regression(X, y, 1e-6)
-    return Regression(weights, float((y - X @ weights).std()))
+    seconds: float
+    error_s: float
+    """Standard error."""
+    shift_s: float
+    """How much later a lag is than with the usual supply."""
+    shared_error_s: float
+    """Standard error of all lags together, which the supply's error causes."""
+    chosen: list[int]
+    """Indices of the recordings in `fit`."""
+    fit: CommonFit | None
+    """None with fewer than three recordings."""
 
 
-def _chosen(lags: list[Lag]) -> list[int]:
-    """Indices of credible recordings, thinned out evenly."""
+def supply_lag(
+    regressors: list[Regressors], power: PowerStream, lags: list[Lag], progress: Callable[[float], None]
+) -> SupplyLag:
+    """The supply's lag from the recordings with a credible lag, whose lags were refined for the usual supply.
+
+    The prior is uniform from 0 to 60 ms. Up to 16 recordings are used, thinned out evenly.
+    """
+    pairs = _overlaps(regressors, power, lags)
+    chosen, overlaps = [k for k, _ in pairs], [single for _, single in pairs]
+    if len(pairs) < _MIN_RECORDINGS:
+        return SupplyLag(USUAL_LAG_S, _UNKNOWN_ERROR_S, 0.0, _UNKNOWN_ERROR_S, chosen, None)
+    fits = _fits(overlaps, np.array([lags[k].seconds for k in chosen]), progress)
+    scale_W = min(fit.scale_W for fit in fits)
+    inflation = float(np.median([fit.inflation for fit in fits]))
+    mean, error = _posterior(np.array([biweight_loss(fit.residual, scale_W) / inflation for fit in fits]))
+    error = float(np.hypot(error, _MODEL_ERROR_S))
+    middles = np.array([float(np.median(fit.lags_s)) for fit in fits])
+    at, usual, low, high = np.interp([mean, USUAL_LAG_S, mean - error, mean + error], _CANDIDATES_S, middles)
+    nearest = fits[int(np.abs(_CANDIDATES_S - mean).argmin())]
+    final = fit_common([o.behind_supply(mean) for o in overlaps], nearest.lags_s, nearest.weights, _STEPS)
+    return SupplyLag(mean, error, float(at - usual), abs(float(high - low)) / 2, chosen, final)
+
+
+def _overlaps(regressors: list[Regressors], power: PowerStream, lags: list[Lag]) -> list[tuple[int, Overlap]]:
+    """Credible recordings with power, thinned out evenly, and their indices."""
     credible = [k for k, lag in enumerate(lags) if lag.credible]
-    return credible[:: max(1, len(credible) // _MAX_RECORDINGS)]
+    thinned = credible[:: max(1, -(-len(credible) // _MAX_RECORDINGS))]
+    found = [(k, overlap(regressors[k], power, 0.0, lags[k])) for k in thinned]
+    return [(k, single) for k, single in found if single is not None]
 
 
-def _pooled(pairs: list[tuple[Overlap, float]], shift: float) -> float:
-    return unexplained(*_concatenated([common.shifted(lag + shift) for common, lag in pairs]))
+def _fits(overlaps: list[Overlap], lags_s: Floats, progress: Callable[[float], None]) -> list[CommonFit]:
+    """One fit for each candidate, each from the result of the one before; `lags_s` belong to the usual supply."""
+    fits: list[CommonFit] = []
+    begin, weights = lags_s - USUAL_LAG_S, None
+    for number, candidate in enumerate(_CANDIDATES_S):
+        delayed = [single.behind_supply(float(candidate)) for single in overlaps]
+        fits.append(fit_common(delayed, begin, weights, _STEPS if fits else _FIRST_STEPS))
+        begin, weights = fits[-1].lags_s + _LATER * (_CANDIDATES_S[1] - _CANDIDATES_S[0]), fits[-1].weights
+        progress((number + 1) / len(_CANDIDATES_S))
+    return fits
 
 
-def _concatenated(parts: list[tuple[Floats, Floats]]) -> tuple[Floats, Floats]:
-    """Regressors and power of several recordings; the brakes' columns only if all recordings have them."""
-    fewest = min(X.shape[1] for X, _ in parts)
-    return np.concatenate([X[:, :fewest] for X, _ in parts]), np.concatenate([y for _, y in parts])
-
-
-def _minimum(cost: np.ndarray) -> float:
-    """Minimum of the cost over the candidates: the vertex of the parabola through the best one and its neighbours."""
-    best = int(cost.argmin())
-    if best in (0, len(_CANDIDATES_S) - 1):
-        return _CANDIDATES_S[best]
-    around = slice(best - 1, best + 2)
-    a, b, _ = np.polyfit(_CANDIDATES_S[around], cost[around], 2)
-    return min(max(float(-b / (2 * a)), _CANDIDATES_S[best - 1]), _CANDIDATES_S[best + 1])
+def _posterior(loss: Floats) -> tuple[float, float]:
+    """Mean and standard deviation of the supply's lag for -2 log likelihoods at the candidates."""
+    grid = np.linspace(0.0, _LONGEST_S, 121)
+    values = CubicSpline(_CANDIDATES_S, loss)(grid)
+    weight = np.exp(-(values - values.min()) / 2)
+    weight /= weight.sum()
+    mean = float(weight @ grid)
+    return mean, float(np.sqrt(weight @ (grid - mean) ** 2))

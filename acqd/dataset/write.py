@@ -55,8 +55,15 @@ def write_dataset(
     provenance = {
         "acqd": __version__,
         "power": _power_provenance(config, batch.powers),
-        "clock": {"offset_s": report.offset_s, "drift_ppm": report.drift_ppm, "scatter_ms": report.scatter_ms},
+        "clock": {"offset_s": report.offset_s, "drift_ppm": report.drift_ppm, "scatter_ms": report.scatter_ms}
+        | {
+            "steps": [
+                {"time_s": step.time_s, "seconds": step.seconds}
+                for step in (alignment.line.steps if alignment.line else ())
+            ]
+        },
         "supply_lag_s": alignment.supply_lag_s,
+        "supply_lag_within_s": alignment.supply_within_s,
     }
     first = {
         "robot": robot.name,
@@ -112,6 +119,7 @@ def _entry(config: BuildConfig, merged: MergedLog, recording: Recording) -> dict
         "context_rows": 0 if recording.context is None else int(recording.context.sum()),
         "valid_s": float(recording.valid.sum()) * config.step_s,
         "lag_s": placement.lag_s,
+        "lag_within_s": placement.within_s,
         "lag_by": placement.method,
         "own_lag": {"s": placement.own.seconds, "r2": placement.own.r2, "stands_out": placement.own.ratio},
         "note": placement.note,

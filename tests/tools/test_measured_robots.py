@@ -4,17 +4,41 @@ import importlib.util
 import json
 import sys
 
+import pytest
+
 from tests.commands import acqd
 from tests.places import ROBOT_LOGS, ROOT, needs_robot_logs
 
 
-@needs_robot_logs
-def test_a_measured_ur3e_is_explained_from_its_motion_alone(tmp_path):
+def loaded():
+    """The study as a module."""
     path = ROOT / "tools" / "studies" / "measured_robots" / "__main__.py"
     spec = importlib.util.spec_from_file_location("measured_robots", path)
     tool = importlib.util.module_from_spec(spec)
     sys.modules["measured_robots"] = tool
     spec.loader.exec_module(tool)
+    return tool
+
+
+@needs_robot_logs
+@pytest.mark.slow
+def test_lags_of_measured_ur10e_recordings_are_inside_their_intervals(tmp_path):
+    """Power and angles have one clock, so every true lag is 0."""
+    tool = loaded()
+    tool.prepare(tool.ROBOTS[1], ROBOT_LOGS, tmp_path / "u")
+    power, logs = tmp_path / "u" / "power.csv", tmp_path / "u" / "logs"
+    done = acqd("dataset", "build", "--power", power, "--logs", logs, "--robot", "ur10e", "--out", tmp_path / "ds")
+    assert done.returncode == 0, done.stderr
+    manifest = json.loads((tmp_path / "ds" / "manifest.json").read_text())
+    assert len(manifest["recordings"]) > 15 and not manifest["clock"]["steps"]
+    for entry in manifest["recordings"]:
+        assert abs(entry["lag_s"]) < entry["lag_within_s"] < 0.03, entry["name"]
+        assert abs(entry["lag_s"]) < 0.010, entry["name"]
+
+
+@needs_robot_logs
+def test_a_measured_ur3e_is_explained_from_its_motion_alone(tmp_path):
+    tool = loaded()
     tool.prepare(tool.ROBOTS[0], ROBOT_LOGS, tmp_path / "u")
     done = acqd(
         "dataset",

@@ -199,5 +199,5 @@ def _noise_models(rows: list[JointRows], beta: Floats, axes: int) -> list[Whiten
     for joint in range(axes):
         own = [each for each in rows if each.joint == joint]
         left = [run for each in own for run in each.split(each.torque - each.base @ beta)]
-        models.append(Whitener.of(left or [np.array([-1.0, 1.0] * 20)], THRESHOLDS.joint_noise_order))
+        models.append(Whitener.of(left or [np.array([-1.0, 1.0] * 20)], THRESHOLDS.joint_noise_order, known_level=True))
     return models

@@ -13,6 +13,7 @@ from acqd.discrepancy.regression.design_columns import DesignColumns, design_col
 from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.gram import Column, Regression
 from acqd.discrepancy.regression.onset import Gate, onset_gates
+from acqd.discrepancy.regression.torque_alternatives import torque_groups
 from acqd.discrepancy.residual.known_rows import known_rows
 from acqd.discrepancy.residual.whitening import Whitener
 from acqd.discrepancy.thresholds import THRESHOLDS
@@ -139,8 +140,12 @@ def _without_outliers(design: Design, base: list[Column], contrast: bool) -> Des
 
 
 def _fit_of_everything(design: Design, base: list[Column], weights: Floats) -> Floats:
-    """[p] coefficients of all columns of the design, on weighted blocks."""
+    """[p] coefficients of all columns of the design but the unnamed torque laws (0), on weighted blocks."""
     everywhere = np.ones(len(design.parts))
-    columns = [*base, *(Column(k, everywhere) for k in range(design.columns.base, design.blocks.white.y))]
+    # torque laws are many and similar to effects: in few recordings they would explain the noise too
+    last = design.blocks.white.y - sum(count for _, count in torque_groups(design.columns.model.axes))
+    columns = [*base, *(Column(k, everywhere) for k in range(design.columns.base, last))]
     A, b = Regression(design.blocks, columns).normal(weights)
-    return solve_scaled_ridge(A, b, _RIDGE)
+    beta = np.zeros(design.blocks.white.y)
+    beta[:last] = solve_scaled_ridge(A, b, _RIDGE)
+    return beta

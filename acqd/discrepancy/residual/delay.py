@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline
+from scipy.optimize import minimize_scalar
 
 from acqd.arrays import Floats
 from acqd.discrepancy.thresholds import THRESHOLDS
@@ -119,10 +120,15 @@ def delay_of(predicted: Floats, P: Floats, step_s: float) -> tuple[float, float,
     tried = np.arange(
         -THRESHOLDS.delay_reach_s, THRESHOLDS.delay_reach_s + THRESHOLDS.delay_step_s / 2, THRESHOLDS.delay_step_s
     )
-    left = np.array([float(np.var(P[inside] - curve(t[inside] - delay))) for delay in tried])
-    at = int(left.argmin())
-    gain = 1 - left[at] / max(float(np.var((P - predicted)[inside])), 1e-12)
+
+    def left(delay: float) -> float:
+        return float(np.var(P[inside] - curve(t[inside] - delay)))
+
+    variances = np.array([left(delay) for delay in tried])
+    at = int(variances.argmin())
     if at in (0, len(tried) - 1):
         return 0.0, 0.0, moving
-    a, b, _ = np.polyfit(tried[at - 1 : at + 2], left[at - 1 : at + 2], 2)
-    return float(-b / (2 * a)), float(gain), moving
+    # the gain belongs to the refined delay: at the grid's own points, a delay below half a step would gain nothing
+    best = minimize_scalar(left, bounds=(tried[at - 1], tried[at + 1]), method="bounded", options={"xatol": 1e-4})
+    gain = 1 - float(best.fun) / max(left(0.0), 1e-12)
+    return float(best.x), float(gain), moving

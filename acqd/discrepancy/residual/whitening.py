@@ -16,6 +16,9 @@ from acqd.arrays import Floats
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.numerics import mad_sigma
 
+_DIFFUSE = 1e3
+"""Variance of an unknown level relative to that of the noise."""
+
 
 @dataclass(frozen=True, slots=True)
 class Whitener:
@@ -27,10 +30,11 @@ class Whitener:
     """[order, order] lower triangular: rows of a segment without a past become white by the rows before them."""
 
     @classmethod
-    def of(cls, residuals: list[Floats], order: int = THRESHOLDS.noise_order) -> Whitener:
+    def of(cls, residuals: list[Floats], order: int = THRESHOLDS.noise_order, *, known_level: bool = False) -> Whitener:
         """By the Yule-Walker equations from residuals [T] W of segments without gaps; outliers are clipped.
 
-        Levels that differ from minute to minute are not part of this noise; blocks have random intercepts for them.
+        Levels that differ from minute to minute are not part of this noise; blocks have random intercepts for them,
+        and unless `known_level`, the first rows of a segment say nothing about its level either.
         """
         residuals = [
             part - part.mean()
@@ -49,7 +53,10 @@ class Whitener:
         covariance[0] *= 1 + 1e-6
         weights = solve_toeplitz(covariance[:-1], covariance[1:])
         variance = max(float(covariance[0] - weights @ covariance[1:]), 1e-12)
-        return cls(np.concatenate([[1.0], -weights]) / np.sqrt(variance), _stationary_start(covariance[:-1]))
+        return cls(
+            np.concatenate([[1.0], -weights]) / np.sqrt(variance),
+            _start(covariance[:-1], 0.0 if known_level else _DIFFUSE),
+        )
 
     @property
     def innovation(self) -> float:
@@ -73,13 +80,14 @@ class Whitener:
         return np.concatenate([begin.reshape(first.shape).astype(np.float32), self.apply(values)])
 
 
-def _stationary_start(covariance: Floats) -> Floats:
-    """Inverse Cholesky factor [n, n] of the Toeplitz matrix of autocovariances [n].
+def _start(covariance: Floats, level: float) -> Floats:
+    """Inverse Cholesky factor [n, n] of the covariance of the first rows of a segment.
 
-    Counts that differ from lag to lag may make the matrix indefinite: its eigenvalues are bounded from below.
+    The Toeplitz matrix of the autocovariances [n], plus an unknown level of `level` times the variance. Counts that
+    differ from lag to lag may make the matrix indefinite: its eigenvalues are bounded from below.
     """
     values, vectors = np.linalg.eigh(toeplitz(covariance))
-    matrix = (vectors * np.maximum(values, 1e-4 * values[-1])) @ vectors.T
+    matrix = (vectors * np.maximum(values, 1e-4 * values[-1])) @ vectors.T + level * covariance[0]
     return np.asarray(solve_triangular(cholesky(matrix, lower=True), np.eye(len(covariance)), lower=True))
 
 

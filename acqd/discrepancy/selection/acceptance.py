@@ -90,6 +90,25 @@ def least_evidence(view: View, finding: Finding) -> float:
     return least
 
 
+def leading(view: View, named: list[Finding], limit: float) -> Finding | None:
+    """The effect to name, of findings in the order of their worth; None if no effect is credible.
+
+    A credible finding shows that something is there. What it is, is the question of evidence: an effect before it that
+    explains clearly more, and only lacks agreement beyond chance, has the better claim to the name.
+    """
+    first = next((finding for finding in named if credible(view, finding, limit)), None)
+    if first is None:
+        return None
+    for finding in named:
+        if finding is first:
+            break
+        agree = finding.supported().consistency >= THRESHOLDS.consistent_share
+        enough = finding.evidence > least_evidence(view, finding) and not finding.candidate.detected
+        if agree and enough and serious(view.design, finding) and _outdone(first, finding):
+            return finding
+    return first
+
+
 def serious(design: Design, finding: Finding) -> bool:
     """Whether a finding is an alternative explanation at all."""
     support = finding.supported()

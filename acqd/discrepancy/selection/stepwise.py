@@ -14,7 +14,7 @@ from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.gram import Column, Regression
 from acqd.discrepancy.regression.onset import Gate
 from acqd.discrepancy.regression.setup import Setup
-from acqd.discrepancy.selection.acceptance import View, credible, refuted, serious, worth
+from acqd.discrepancy.selection.acceptance import View, credible, leading, refuted, serious, worth
 from acqd.discrepancy.selection.accepted import Named, Tracing, Unknown
 from acqd.discrepancy.selection.detectors.candidates import Detection, detect
 from acqd.discrepancy.selection.hypotheses import hypotheses
@@ -153,7 +153,7 @@ class _Step:
         named = [finding for finding in findings if finding.candidate.id]
         unnamed = [finding for finding in findings if not finding.candidate.id]
         tracing.hypotheses = hypotheses(view, findings, limit)
-        best = next((finding for finding in named if credible(view, finding, limit)), None)
+        best = leading(view, named, limit)
         alternative = next((finding for finding in unnamed if credible(view, finding, limit)), None)
         if alternative is not None and (best is None or refuted(view, gate, best, alternative)):
             if tracing.unknown is None:

@@ -1,0 +1,1 @@
+"""Lags of simulated campaigns whose clocks and supplies are known."""
