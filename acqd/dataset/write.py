@@ -36,8 +36,8 @@ def write_dataset(
     alignment, version = batch.alignment, before.manifest.get("version", 1) + 1 if before.manifest else 1
     report = BuildReport(str(config.out), robot.name, version, measured=batch.powers[0].measured, known=batch.known)
     _require_same_power(config, before, report.measured)
-    if alignment.line is not None:
-        line = alignment.line
+    line = alignment.line
+    if line is not None:
         report.offset_s, report.drift_ppm, report.scatter_ms = line.offset_s, line.drift_ppm, 1000 * line.scatter_s
     report.supply_lag_ms = 1000 * alignment.supply_lag_s
     left_out = [f"{single.log.path}: {single.reason}" for single in batch.merged if single.recording is None]

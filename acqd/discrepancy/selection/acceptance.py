@@ -104,7 +104,7 @@ def leading(view: View, named: list[Finding], limit: float) -> Finding | None:
             break
         agree = finding.supported().consistency >= THRESHOLDS.consistent_share
         enough = finding.evidence > least_evidence(view, finding) and not finding.candidate.detected
-        if agree and enough and serious(view.design, finding) and _outdone(first, finding):
+        if agree and enough and relevant(view.design, finding) and _outdone(first, finding):
             return finding
     return first
 
