@@ -9,7 +9,14 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.stats import median_abs_deviation, theilslopes
 
-from acqd.numerics import mad_sigma, ridge_regression, runs_of_true, solve_scaled_ridge, theil_sen_slope
+from acqd.numerics import (
+    mad_sigma,
+    quadratic_form,
+    ridge_regression,
+    runs_of_true,
+    solve_scaled_ridge,
+    theil_sen_slope,
+)
 
 FLOATS = st.floats(-1e6, 1e6, allow_subnormal=False)
 
@@ -57,3 +64,20 @@ def test_solutions_do_not_depend_on_the_scale_of_columns(seed):
 def test_collinear_columns_have_a_solution():
     X = np.ones((20, 2))
     np.testing.assert_allclose(X @ ridge_regression(X, np.full(20, 3.0), 1e-7), 3.0, rtol=1e-5)
+
+
+@given(st.integers(1, 6), st.integers(0, 10_000))
+def test_the_quadratic_form_agrees_with_the_inverse(size, seed):
+    random = np.random.default_rng(seed)
+    root = random.normal(size=(size + 5, size)) * 10.0 ** random.uniform(-3, 3, size)
+    V, u = root.T @ root, root.T @ random.normal(size=size + 5)
+    value, rank = quadratic_form(V, u)
+    assert rank == size
+    np.testing.assert_allclose(value, u @ np.linalg.solve(V, u), rtol=1e-5)
+
+
+def test_directions_in_which_nothing_varies_do_not_count():
+    V = np.array([[4.0, 4.0, 0.0], [4.0, 4.0, 0.0], [0.0, 0.0, 1.0]])
+    value, rank = quadratic_form(V, np.array([[2.0, 2.0, 3.0], [0.0, 0.0, 1.0]]))
+    assert rank == 2
+    np.testing.assert_allclose(value, [1.0 + 9.0, 1.0])

@@ -17,3 +17,26 @@ def test_whitened_noise_is_white(memory, seed):
     white = [Whitener.of(noise).apply(each).astype(float) for each in noise]
     assert np.abs(autocorrelation(white, 10)).max() < 0.06
     assert np.concatenate(white).std() == pytest.approx(1.0, abs=0.06)
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.floats(0.0, 0.95), st.integers(0, 1000), st.integers(2, 60))
+def test_short_pieces_lose_no_rows_and_become_white(memory, seed, rows):
+    random = np.random.default_rng(seed)
+    noise = [lfilter([1], [1, -memory], random.normal(0, 2, 3000))[500:] for _ in range(4)]
+    whitener = Whitener.of(noise, 10, known_level=True)
+    pieces = [whitener.from_start(each[first : first + rows]) for each in noise for first in range(0, 2400, rows)]
+    assert all(len(piece) == rows for piece in pieces[:-4])
+    firsts = np.array([piece[0] for piece in pieces])
+    assert firsts.std() == pytest.approx(1.0, abs=5 / np.sqrt(len(firsts)))
+    table = np.column_stack([noise[0][:rows], noise[1][:rows]])
+    np.testing.assert_allclose(whitener.from_start(table)[:, 1], whitener.from_start(noise[1][:rows]), atol=1e-5)
+
+
+def test_the_first_rows_know_no_level_unless_it_is_known():
+    random = np.random.default_rng(3)
+    noise = [lfilter([1], [1, -0.5], random.normal(0, 1, 3000)) for _ in range(3)]
+    constant = np.ones(200)
+    unknown = Whitener.of(noise, 10).from_start(constant)
+    known = Whitener.of(noise, 10, known_level=True).from_start(constant)
+    assert (unknown[:10] ** 2).sum() < 0.05 * (known[:10] ** 2).sum()

@@ -68,14 +68,20 @@ def derived_power(robot: RobotDescription, log: RobotLog) -> Floats:
 
 def prepare(robot: Robot, data: Path, out: Path) -> None:
     """power.csv and logs/ for `acqd dataset build`; each log at a time of its own."""
-    description = load_description(robot.name)
+    write_inputs(robot.name, sorted((data / robot.folder).glob("*.csv")), out)
+
+
+def write_inputs(name: str, paths: list[Path], out: Path, *, currents: bool = False, epoch_s: float = _EPOCH_S) -> None:
+    """power.csv and logs/ of some recordings of a robot, the first one at `epoch_s`; the logs with motor currents."""
+    description = load_description(name)
     (out / "logs").mkdir(parents=True)
     rows = ["time,P,flags"]
-    for number, path in enumerate(sorted((data / robot.folder).glob("*.csv"))):
+    for number, path in enumerate(paths):
         log = read_log(path, description)
-        measured = robot.name == "ur3e"
+        measured = name == "ur3e"
         P = bus_power(path) if measured else derived_power(description, log)
-        t = log.time - log.time[0] + _EPOCH_S + number * _APART_S
+        order = np.argsort(log.time, kind="stable")
+        t, P = log.time[order] - log.time.min() + epoch_s + number * _APART_S, P[order]
         begins = np.arange(t[0], t[-1] - _WINDOW_S, _WINDOW_S)
         if np.median(np.diff(t)) > 0.6 * _WINDOW_S:  # as sampled: each sample is the middle of its window
             begins, P_rows = t - _WINDOW_S / 2, P
@@ -87,8 +93,12 @@ def prepare(robot: Robot, data: Path, out: Path) -> None:
             begins, P_rows = begins[counts > 0], sums[counts > 0] / counts[counts > 0]
         flags = "" if measured else "derived"
         rows += [f"{begin:.6f},{power:.6f},{flags}" for begin, power in zip(begins, P_rows, strict=True)]
-        names = ",".join(["time", *(f"q{k + 1}" for k in range(description.axes))])
-        lines = [f"{when:.6f}," + ",".join(f"{x:.7f}" for x in q) for when, q in zip(t, log.q, strict=True)]
+        columns = {"q": log.q[order]}
+        if currents and log.current is not None:
+            columns["current"] = log.current[order]
+        names = ",".join(["time", *(f"{key}{k + 1}" for key in columns for k in range(description.axes))])
+        values = np.column_stack(list(columns.values()))
+        lines = [f"{when:.6f}," + ",".join(f"{x:.7f}" for x in row) for when, row in zip(t, values, strict=True)]
         (out / "logs" / path.name).write_text("\n".join([names, *lines, ""]))
     (out / "power.csv").write_text("\n".join([*rows, ""]))
 
