@@ -130,6 +130,9 @@ class Thresholds:
         7.0, "log-likelihood", "detectors", "study", "price of a switching in the Viterbi path"
     )
     switching_rarest: float = _threshold(0.005, "-", "detectors", "study", "least share of time on, and of time off")
+    walk_s: float = _threshold(
+        20.0, "s", "detectors", "study", "a moving average over this time must explain less than a load that switches"
+    )
     contact_longest: float = _threshold(
         0.6, "-", "detectors", "study", "a contact for a larger share of the time is a load, not a contact"
     )

@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from acqd.discrepancy.residual.whitening import Whitener
-from acqd.discrepancy.selection.detectors.switching import rhythm, search
+from acqd.discrepancy.selection.detectors.switching import rhythm, search, walks
 from tests.builders import STEP
 
 
@@ -28,3 +28,12 @@ def test_a_rhythm_is_told_from_bursts():
     period, regular = rhythm(steady, t)
     assert period == pytest.approx(37, rel=0.05) and regular > 0.8
     assert rhythm(bursts, t)[1] < 0.3
+
+
+def test_a_walk_is_no_switching_load():
+    random = np.random.default_rng(5)
+    walk = [np.cumsum(random.normal(0, 0.3, 2000)) + random.normal(0, 0.5, 2000) for _ in range(4)]
+    assert walks(walk, [each > np.median(each) for each in walk], 500)
+    on = [(np.arange(2000) // 300) % 2 == 1 for _ in range(4)]
+    load = [3.0 * state + random.normal(0, 0.5, 2000) for state in on]
+    assert not walks(load, on, 500)

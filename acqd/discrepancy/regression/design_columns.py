@@ -147,6 +147,8 @@ def design_columns(
         columns = [grey_box_columns(arm, scene, withheld), *(effect_rows(effect, scene) for effect in effects)]
         columns.append(averaged(lag.run(smooth_columns(scene, ranges, in_question=side))))
         values.append(np.concatenate(columns, axis=1).astype(np.float32))
+        scene.moved.clear()  # link frames of hours of motion are much larger than what they are needed for
+        scene.computed.clear()
         progress((number + 1) / len(scenes))
     residual = [s.P - scene.predicted for s, scene in zip(only, scenes, strict=True)]
     return DesignColumns(

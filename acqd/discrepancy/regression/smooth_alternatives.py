@@ -91,7 +91,7 @@ def smooth_columns(scene: Scene, ranges: Ranges, *, in_question: bool) -> Floats
         columns.append(_remembered(np.abs(scene.drives), scene, seconds, ranges.before[(float(scene.t[0]), seconds)]))
     share_of_time = (scene.t - begin_s) / max(end_s - begin_s, 1.0)
     columns += list(np.cos(np.pi * np.outer(share_of_time, np.arange(1, 5))).T)
-    columns += torque_columns(scene, ranges.low, ranges.high)
+    columns += torque_columns(scene, ranges.low, ranges.high, ranges.speed)
     return np.column_stack(columns)
 
 

@@ -1,7 +1,7 @@
-"""Unnamed torque laws of a joint: of its angle, of its load, of the speeds of other joints.
+"""Unnamed torque laws of a joint: of its angle, its load, its speed, the speeds of other joints, and with memory.
 
-A spring, a counterweight, a worn tooth, a coupling of two axes: laws that no effect of the library holds. Their power
-is torque times the power per torque, so that they compete with the torques of named effects.
+A spring, a worn tooth, friction of another curve, a coupling of two axes, backlash: laws that no effect of the library
+holds. Their power is torque times the power per torque, so that they compete with the torques of named effects.
 """
 
 from __future__ import annotations
@@ -10,15 +10,24 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.models.effects.scene import Scene
+from acqd.models.effects.substeps import averaged
 from acqd.models.greybox.model import direction
 
 _WAVES = 4
 """Half waves over the range of the angle: enough for a spring, an end stop, an unbalanced weight."""
 _SMOOTH_RAD_S = 0.05
+_SPEEDS = (0.1, 0.3, 0.5, 0.7, 0.9)
+"""Middles of bumps of a friction curve, relative to the largest speed."""
+_PLAYS_RAD = (0.05, 0.2)
+_PLAY_OF_LOAD = 0.15
+"""Half width relative to the largest load."""
 
 
-def torque_columns(scene: Scene, low: Floats, high: Floats) -> list[Floats]:
-    """Columns [N] W at substeps in the order of `torque_groups`; `low`, `high` [axes] rad: ranges of the angles."""
+def torque_columns(scene: Scene, low: Floats, high: Floats, fastest: Floats) -> list[Floats]:
+    """Columns [N] W at substeps in the order of `torque_groups`.
+
+    `low`, `high` [axes] rad: ranges of the angles; `fastest` [axes] rad/s: largest speeds.
+    """
     columns: list[Floats] = []
     phase = np.pi * (scene.q - low) / np.maximum(high - low, 1e-6)
     for joint in range(scene.axes):
@@ -34,7 +43,30 @@ def torque_columns(scene: Scene, low: Floats, high: Floats) -> list[Floats]:
         speed = scene.qd[:, joint] / np.hypot(scene.qd[:, joint], _SMOOTH_RAD_S)
         others = [other for other in range(scene.axes) if other != joint]
         columns += [slope * speed * np.abs(scene.qd[:, joint] * scene.qd[:, other]) for other in others]
+    share = np.abs(scene.qd) / fastest
+    for joint in range(scene.axes):
+        slope = scene.power_per_torque[:, joint] * against[:, joint]
+        columns += [slope * np.exp(-(((share[:, joint] - middle) / 0.15) ** 2)) for middle in _SPEEDS]
+    substeps = len(scene.q) // scene.rows
+    angle, load = averaged(scene.q), averaged(scene.tau_rigid)
+    widths = [*(np.full(scene.axes, width) for width in _PLAYS_RAD), _PLAY_OF_LOAD * np.abs(load).max(axis=0) + 1e-9]
+    followed = [
+        (values - play(values, width)) / width for values, width in zip((angle, angle, load), widths, strict=True)
+    ]
+    for joint in range(scene.axes):
+        slope = scene.power_per_torque[:, joint]
+        columns += [slope * np.repeat(each[:, joint], substeps) for each in followed]
     return columns
+
+
+def play(values: Floats, width: Floats) -> Floats:
+    """[T, k] play operator (backlash) of half width [k]: follows `values` [T, k] at a distance of at most the width."""
+    followed = np.empty_like(values)
+    at = values[0].copy()
+    for row, (low, high) in enumerate(zip(values - width, values + width, strict=True)):
+        at = np.minimum(np.maximum(at, low), high)
+        followed[row] = at
+    return followed
 
 
 def torque_groups(axes: int) -> list[tuple[str, int]]:
@@ -44,4 +76,6 @@ def torque_groups(axes: int) -> list[tuple[str, int]]:
         *((f"a torque that depends on the angle of joint {joint}", _WAVES + 1) for joint in joints),
         *((f"a friction that depends on the load of joint {joint}", 2) for joint in joints),
         *((f"a friction of joint {joint} that depends on the speeds of other joints", axes - 1) for joint in joints),
+        *((f"a friction of joint {joint} of another curve over its speed", len(_SPEEDS)) for joint in joints),
+        *((f"a torque of joint {joint} with hysteresis", len(_PLAYS_RAD) + 1) for joint in joints),
     ]

@@ -131,6 +131,9 @@ def _described(
         kind = "contact"
     else:
         scenes = search.design.columns.scenes
+        rows = round(THRESHOLDS.walk_s / scenes[0].step_s)
+        if switching.walks([residuals[k] for k in search.segments], states.on, rows):
+            return None
         period_s, regularity = switching.rhythm(states.on, [averaged(scenes[k].t) for k in search.segments])
         kind = "rhythm" if regularity > THRESHOLDS.rhythm_regular else "bursts"
         shape |= {"period_s": period_s} if kind == "rhythm" else {}

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 
 from acqd.arrays import Floats
 from acqd.discrepancy.residual.whitening import Whitener
@@ -190,6 +191,23 @@ def _viterbi(white: list[_White], sizes: Floats) -> list[list[NDArray[np.bool_]]
         path[k] = state
         state = state ^ np.where(state, came_from_off[k], came_from_on[k])
     return [[path[: len(each.residual), s, k] for k, each in enumerate(white)] for s in range(len(sizes))]
+
+
+def walks(residuals: list[Floats], on: list[NDArray[np.bool_]], rows: int) -> bool:
+    """Whether a moving average over `rows` rows explains more of the residuals [T] W per segment than the states do.
+
+    A slow walk has an on/off path too, but it also drifts within the states; a switching load has two levels.
+    """
+    left_by_states = left_by_average = 0.0
+    together = np.concatenate(residuals)
+    state = np.concatenate(on)
+    levels = np.where(state, together[state].mean(), together[~state].mean())
+    left_by_states = float(((together - levels) ** 2).sum())
+    for each in residuals:
+        width = min(rows, len(each))
+        average = uniform_filter1d(each, width, mode="nearest")
+        left_by_average += float(((each - average) ** 2).sum()) * (1 + 1 / width)
+    return left_by_average < left_by_states
 
 
 def rhythm(on: list[NDArray[np.bool_]], t: list[Floats]) -> tuple[float, float]:
