@@ -4,7 +4,7 @@ import importlib.util
 import json
 import sys
 
-from tests.commands import acqd
+from tests.commands import acqd_here
 from tests.places import ROBOT_LOGS, ROOT, needs_robot_logs
 
 
@@ -16,7 +16,7 @@ def test_a_measured_ur3e_is_explained_from_its_motion_alone(tmp_path):
     sys.modules["measured_robots"] = tool
     spec.loader.exec_module(tool)
     tool.prepare(tool.ROBOTS[0], ROBOT_LOGS, tmp_path / "u")
-    done = acqd(
+    done = acqd_here(
         "dataset",
         "build",
         "--power",
