@@ -37,7 +37,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def coarse_pictures() -> Iterator[None]:
-    """Reports of many tests hold pictures that nobody looks at: few pixels, and no second drawing to trim them.
+    """Reports of many tests hold pictures that nobody looks at: few pixels, no ticks, no second drawing to trim them.
 
     The commands that tests start as processes, and tests/report, make them as users get them.
     """
@@ -48,6 +48,8 @@ def coarse_pictures() -> Iterator[None]:
     @wraps(whole)
     def coarse(figure: Figure, to: Any, **how: Any) -> None:
         figure.set_layout_engine("none")
+        for axes in figure.axes:
+            axes.set_axis_off()
         whole(figure, to, **how | {"dpi": 20, "bbox_inches": None})
 
     with mock.patch.object(Figure, "savefig", coarse):
