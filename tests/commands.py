@@ -74,7 +74,7 @@ def _here(program: Callable[[], None], argv: list[str], cwd: Path) -> subprocess
 @contextmanager
 def without_workers() -> Iterator[None]:
     """Campaigns and trainings run one after the other in this process: every worker would import for seconds."""
-    import acqd.lab.campaign.run  # noqa: F401  before its copy of the name is replaced
+    import acqd.lab.campaign.run  # before its copy of the name is replaced
     import acqd.workers  # noqa: F401
 
     with mock.patch("acqd.workers.run_here", _in_turn), mock.patch("acqd.lab.campaign.run.run_here", _in_turn):
