@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from acqd.dataset.build import BuildConfig, build
-from acqd.lab.campaign.run import CampaignConfig
+from acqd.lab.campaign.run import CampaignConfig, run_campaign
 from acqd.lab.settings import CampaignSettings
+from tests.commands import without_workers
 
 
 def campaign_config(folder: Path, jobs=1, **settings):
@@ -19,6 +20,12 @@ def campaign_config(folder: Path, jobs=1, **settings):
 
 def quiet(what, share):
     assert 0 <= share <= 1
+
+
+def measure(config: CampaignConfig):
+    """Run the campaign in this process."""
+    with without_workers():
+        return run_campaign(config, quiet)
 
 
 def rows_of(path):

@@ -8,11 +8,14 @@ import logging
 import os
 import subprocess
 import sys
-from contextlib import ExitStack, redirect_stderr, redirect_stdout
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout
+from importlib import import_module
 from pathlib import Path
+from typing import IO, Any
 from unittest import mock
 
-from acqd.cli.main import main
+from acqd.cli.main import for_people, main
 
 ACQD = [sys.executable, "-P", "-m", "acqd"]
 """-P: a file in the working folder must not shadow a module."""
@@ -34,21 +37,54 @@ def acqd(*arguments: object, cwd: object = None, **environment: str) -> subproce
 
 def acqd_here(*arguments: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
     """The same in this process, without seconds of imports: arguments, output, log lines and exit status are real."""
+    return _here(main, ["acqd", *map(str, arguments)], cwd or Path.cwd())
+
+
+def module_here(command: Sequence[str], stderr: IO[str] | None = None) -> subprocess.CompletedProcess[str]:
+    """What `tools.common.commands.run_module` does, in this process."""
+    module, *arguments = command
+    if module == "acqd":
+        done = acqd_here(*arguments)
+    else:
+        program = import_module(f"{module}.__main__").main
+        done = _here(lambda: for_people(program), [module, *arguments], Path.cwd())
+    if stderr is not None:
+        stderr.write(done.stderr)
+    return done
+
+
+def _here(program: Callable[[], None], argv: list[str], cwd: Path) -> subprocess.CompletedProcess[str]:
     out, err, code = io.StringIO(), io.StringIO(), 0
     with ExitStack() as stack:
         stack.callback(setattr, logging.root, "handlers", logging.root.handlers)
         stack.callback(logging.root.setLevel, logging.root.level)
         logging.root.handlers = []  # so that the command sets its own
         stack.callback(setattr, sys, "argv", sys.argv)
-        sys.argv = ["acqd", *map(str, arguments)]
+        sys.argv = argv
         stack.enter_context(mock.patch.dict(os.environ, COLUMNS="200"))
-        for change in (contextlib.chdir(cwd or Path.cwd()), redirect_stdout(out), redirect_stderr(err)):
+        for change in (contextlib.chdir(cwd), redirect_stdout(out), redirect_stderr(err)):
             stack.enter_context(change)
         try:
-            main()
+            program()
         except SystemExit as end:
             code = end.code if isinstance(end.code, int) else int(end.code is not None)
-    return subprocess.CompletedProcess(arguments, code, out.getvalue(), err.getvalue())
+    return subprocess.CompletedProcess(argv[1:], code, out.getvalue(), err.getvalue())
+
+
+@contextmanager
+def without_workers() -> Iterator[None]:
+    """Campaigns and trainings run one after the other in this process: every worker would import for seconds."""
+    import acqd.lab.campaign.run  # before its copy of the name is replaced
+    import acqd.workers  # noqa: F401
+
+    with mock.patch("acqd.workers.run_here", _in_turn), mock.patch("acqd.lab.campaign.run.run_here", _in_turn):
+        yield
+
+
+def _in_turn(work: Callable[[Any], Any], tasks: list[Any], jobs: int, tick: Callable[[], None]) -> Iterator[Any]:
+    for task in tasks:
+        yield work(task)
+        tick()
 
 
 def start(*arguments: object, cwd: object = None) -> subprocess.Popen[str]:

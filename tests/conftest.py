@@ -13,8 +13,10 @@ import socket
 import subprocess
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import wraps
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -31,6 +33,27 @@ settings.load_profile("any machine")
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Long tests first, so that no worker is left alone with one at the end."""
     items.sort(key=lambda item: -max((mark.kwargs["seconds"] for mark in item.iter_markers("long")), default=0))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def coarse_pictures() -> Iterator[None]:
+    """Reports of many tests hold pictures that nobody looks at: few pixels, no ticks, no second drawing to trim them.
+
+    The commands that tests start as processes, and tests/report, make them as users get them.
+    """
+    from matplotlib.figure import Figure
+
+    whole = Figure.savefig
+
+    @wraps(whole)
+    def coarse(figure: Figure, to: Any, **how: Any) -> None:
+        figure.set_layout_engine("none")
+        for axes in figure.axes:
+            axes.set_axis_off()
+        whole(figure, to, **how | {"dpi": 20, "bbox_inches": None})
+
+    with mock.patch.object(Figure, "savefig", coarse):
+        yield
 
 
 @pytest.fixture(scope="session")
@@ -156,7 +179,7 @@ def model():
 def closed(model, once):
     """A folder: a reference (before/ds), a model, recordings with a payload (now/ds) and the loop closed on them."""
     from tests.builders import recording, write_dataset
-    from tests.commands import acqd, acqd_here
+    from tests.commands import acqd_here
     from tests.discrepancy.independent import added_payload
 
     def make(folder: Path) -> dict[str, Any]:
@@ -165,7 +188,7 @@ def closed(model, once):
         now = write_dataset(folder / "now", in_question)
         done = acqd_here("train", reference, "--network", "grey-box", "--out", folder / "model")
         assert done.returncode == 0, done.stderr
-        done = acqd("close-loop", now, "--model", folder / "model", "--json")
+        done = acqd_here("close-loop", now, "--model", folder / "model", "--json")
         assert done.returncode == 0, done.stderr
         return json.loads(done.stdout)
 
@@ -185,6 +208,7 @@ def study(once):
     """The quick reproduction of the thesis as far as its models of Table 7.1: the study's own steps, in its places."""
     from rich.console import Console
 
+    from tests.commands import module_here, without_workers
     from tools.studies.thesis import plan
     from tools.studies.thesis.assembly import Places
     from tools.studies.thesis.steps import run
@@ -196,6 +220,7 @@ def study(once):
             plan.table_7_1(places, plan.QUICK),
             plan.assembly(places, plan.QUICK, 1)[0],
         ]
-        run(steps, folder, Console(quiet=True))
+        with without_workers(), mock.patch("tools.studies.thesis.steps.run_module", module_here):
+            run(steps, folder, Console(quiet=True))
 
     return Places(once("study", make)[0])

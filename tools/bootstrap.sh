@@ -37,7 +37,9 @@ install() {
         return
     fi
     say "installing acqd${1:+[$1]}, a minute or two the first time"
-    "$venv/bin/python" -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".${1:+[$1]}"
+    # Of the many modules few are imported: Python compiles those then, rather than pip all of them now.
+    "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt \
+        -e ".${1:+[$1]}"
     touch "$stamp"
 }
 
@@ -74,6 +76,7 @@ install_servers() {
     DEBIAN_FRONTEND=noninteractive $sudo apt-get install -y -qq --no-install-recommends $packages >/dev/null
 }
 
+# stops at the first check that complains
 lint() {
     "$venv/bin/ruff" check acqd tests tools
     "$venv/bin/ruff" format --check -q acqd tests tools
@@ -101,14 +104,30 @@ lint)
     lint
     ;;
 test)
-    install_servers
+    install_servers & # both mostly wait for the network
+    servers=$!
+    trap 'wait' EXIT # leave no installation behind that still runs
     install dev
+    wait $servers
     [ $# -gt 0 ] || say "lint, types, layers and all tests: several minutes on two idle cores"
     begun=$(date +%s)
-    trap 'took=$(($(date +%s) - begun)); say "make test took $((took / 60)) min $((took % 60)) s"' EXIT
-    lint
+    complaints=$(mktemp)
+    # while tests wait for devices and brokers there is time for the checks
+    lint >"$complaints" 2>&1 &
+    checks=$!
+    trap 'kill $checks 2>/dev/null || true; rm -f "$complaints"
+          took=$(($(date +%s) - begun)); say "make test took $((took / 60)) min $((took % 60)) s"' EXIT
+    status=0
     # two workers take one test after the other, the long ones first (tests/conftest.py)
-    "$venv/bin/python" -m pytest -n 2 --dist load --maxschedchunk 1 "$@"
+    "$venv/bin/python" -m pytest -n 2 --dist load --maxschedchunk 1 "$@" || status=$?
+    if wait $checks; then
+        say "lint, types and layers: no complaints"
+    else
+        say "lint, types or layers complain:"
+        cat "$complaints" >&2
+        [ $status -ne 0 ] || status=1
+    fi
+    exit $status
     ;;
 bench)
     install_servers

@@ -194,6 +194,12 @@ class Thresholds:
     reference_margin: float = _threshold(
         2.0, "-", "selection", "study", "few recordings must exceed the largest evidence in unchanged sessions so often"
     )
+    reference_quantile: float = _threshold(
+        0.9, "-", "selection", "choice", "quantile of the evidence in unchanged sessions: a few of them were unusual"
+    )
+    comparable_share: float = _threshold(
+        0.25, "-", "selection", "choice", "an unchanged session with a smaller share of the rows is not compared"
+    )
     alternative_margin: float = _threshold(
         40.0,
         "white squared error",

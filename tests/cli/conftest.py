@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.commands import acqd
+from tests.commands import acqd_here, without_workers
 
 
 @pytest.fixture(scope="session")
@@ -20,7 +20,8 @@ def trained(study, once):
             ("21x1dim", ("--epochs", 40, "--seed", 1, "--seed", 2)),
             ("3conv1x5", ("--epochs", 5)),
         ):
-            done = acqd("train", study.training, "--network", network, *more, "--models", folder, "--json")
+            with without_workers():
+                done = acqd_here("train", study.training, "--network", network, *more, "--models", folder, "--json")
             assert done.returncode == 0, done.stderr
             for bundle in json.loads(done.stdout):
                 results[Path(bundle["bundle"]).name] = bundle

@@ -47,7 +47,8 @@ def test_the_augmented_bundle_predicts_and_can_be_closed_on_again(closed, tmp_pa
     before, after = (json.loads(acqd_here("predict", b, log, "--json").stdout) for b in (folder / "model", augmented))
     assert after["mean_W"] != pytest.approx(before["mean_W"], abs=0.05)
     again = acqd_here(
-        "close-loop", folder / "before" / "ds", "--model", augmented, "--out", tmp_path / "again", "--json"
+        *("close-loop", folder / "before" / "ds", "--model", augmented),
+        *("--max-effects", 1, "--out", tmp_path / "again", "--json"),
     )
     assert again.returncode == 0, again.stderr
     found = json.loads(again.stdout)
@@ -135,7 +136,8 @@ def test_a_withheld_term_is_named_and_comes_back(closed, tmp_path):
     poor = tmp_path / "poor"
     done = acqd_here("train", ds, "--network", "grey-box", "--without", "coulomb_friction", "--out", poor)
     assert done.returncode == 0, done.stderr
-    report = json.loads(acqd_here("close-loop", ds, "--model", poor, "--out", tmp_path / "poor.loop", "--json").stdout)
+    words = ("close-loop", ds, "--model", poor, "--max-effects", 1, "--out", tmp_path / "poor.loop", "--json")
+    report = json.loads(acqd_here(*words).stdout)
     assert [each["id"] for each in report["effects"]][:1] == ["coulomb_friction"]
     assert report["after"]["rmse"] < 0.9 * report["before"]["rmse"]
     assert load_bundle(tmp_path / "poor.loop" / "model").metadata["withheld"] == []

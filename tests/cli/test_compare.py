@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from tests.commands import acqd
+from tests.commands import acqd_here
 
 
 @pytest.mark.long(seconds=20)
@@ -17,7 +17,7 @@ def test_models_are_trained_compared_and_the_grey_box_is_best(study, trained, tm
         "21x1dim-everything-s1",
         "21x1dim-everything-s2",
     }
-    done = acqd("compare", study.training, "--models", models, "--out", tmp_path / "report.html", "--json")
+    done = acqd_here("compare", study.training, "--models", models, "--out", tmp_path / "report.html", "--json")
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
     mae = {model["name"]: model["test"]["everything"]["mae"] for model in found["models"] + found["baselines"]}

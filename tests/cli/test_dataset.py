@@ -3,7 +3,7 @@
 import json
 import re
 
-from tests.commands import acqd, acqd_here
+from tests.commands import acqd_here
 from tests.dataset.logs import write_logs
 
 
@@ -13,7 +13,7 @@ def test_the_command_builds_shows_and_refuses(study, logs, tmp_path):
     for log in logs[:4]:
         (tmp_path / "logs" / log.name).symlink_to(log)
     common = ("dataset", "build", "--logs", tmp_path / "logs", "--robot", "iiwa7_r800", "--out")
-    built = acqd(*common, out, "--power", campaign / "power.sqlite", "--json")
+    built = acqd_here(*common, out, "--power", campaign / "power.sqlite", "--json")
     assert built.returncode == 0, built.stderr
     assert json.loads(built.stdout)["recordings"] == 4
     shown = acqd_here("dataset", "show", study.training)

@@ -7,7 +7,7 @@ import paho.mqtt.client as mqtt
 import pytest
 
 from acqd.telemetry.broker import free_port
-from tests.commands import acqd, start
+from tests.commands import acqd, acqd_here, start
 from tests.places import ROBOT_LOGS, needs_robot_logs
 from tests.waiting import wait_for
 
@@ -22,7 +22,7 @@ from tests.waiting import wait_for
     ],
 )
 def test_a_real_robots_motion_runs_on_its_virtual_twin(tmp_path, robot, log):
-    done = acqd("lab", "execute", ROBOT_LOGS / log, "--robot", robot, "--out", tmp_path / "run", "--json")
+    done = acqd_here("lab", "execute", ROBOT_LOGS / log, "--robot", robot, "--out", tmp_path / "run", "--json")
     assert done.returncode == 0, done.stderr
     report = json.loads(done.stdout)
     assert report["energy_unaccounted"] < 1e-5  # measured motions begin and end anywhere
@@ -31,14 +31,14 @@ def test_a_real_robots_motion_runs_on_its_virtual_twin(tmp_path, robot, log):
 
 def test_execute_writes_rows_log_truth_and_report_and_replay_reads_its_waveform(tmp_path):
     (tmp_path / "t.csv").write_text("0,0,0,0,0,0,0\n20,10,10,-10,10,10,10\n")
-    done = acqd("lab", "execute", "t.csv", "--out", "run", "--waveform", "--json", cwd=tmp_path)
+    done = acqd_here("lab", "execute", "t.csv", "--out", "run", "--waveform", "--json", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     report = json.loads(done.stdout)
     assert report["simulated"] is True and report["energy_unaccounted"] < 1e-6
     assert all((tmp_path / path).is_file() for path in report["files"])
     page = (tmp_path / "run" / "report.html").read_text()
     assert "simulated data" in page and "data:image/png;base64," in page and "http" not in page
-    replayed = acqd("replay", "run/waveform.npz", "--out", "rows.jsonl", cwd=tmp_path)
+    replayed = acqd_here("replay", "run/waveform.npz", "--out", "rows.jsonl", cwd=tmp_path)
     assert replayed.returncode == 0, replayed.stderr
     ours = [json.loads(line) for line in (tmp_path / "run" / "rows.jsonl").read_text().splitlines()]
     theirs = [json.loads(line) for line in (tmp_path / "rows.jsonl").read_text().splitlines()]
@@ -49,8 +49,8 @@ def test_execute_writes_rows_log_truth_and_report_and_replay_reads_its_waveform(
 
 def test_a_recorded_motion_is_played_again(tmp_path):
     (tmp_path / "t.csv").write_text("0,0,0,0,0,0,0\n40,20,10,-30,10,20,10\n-10,20,0,-30,0,0,0\n")
-    first = acqd("lab", "execute", "t.csv", "--out", "one", "--json", cwd=tmp_path)
-    again = acqd("lab", "execute", "one/t.log", "--out", "two", "--json", cwd=tmp_path)
+    first = acqd_here("lab", "execute", "t.csv", "--out", "one", "--json", cwd=tmp_path)
+    again = acqd_here("lab", "execute", "one/t.log", "--out", "two", "--json", cwd=tmp_path)
     assert again.returncode == 0, again.stderr
     means = [json.loads(done.stdout)["P_mean_W"] for done in (first, again)]
     assert means[0] == pytest.approx(means[1], rel=0.01)

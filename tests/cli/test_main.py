@@ -53,7 +53,7 @@ def test_mistakes_in_the_source_are_exit_2_and_one_line(tmp_path):
     }
     for text, complaint in cases.items():
         (tmp_path / "c.toml").write_text(text)
-        assert complaint in refused(acqd("run", "--config", "c.toml", "--duration", "1", cwd=tmp_path)), text
+        assert complaint in refused(acqd_here("run", "--config", "c.toml", "--duration", "1", cwd=tmp_path)), text
 
 
 @pytest.mark.skipif(os.geteuid() != 0 or shutil.which("setpriv") is None, reason="drops the rights of root by setpriv")
@@ -75,8 +75,8 @@ def test_environment_mistakes_are_named(tmp_path):
     assert "does not exist" in refused(acqd_here("sink", "--database", "no/where/x.sqlite", cwd=tmp_path))
     assert "--start" in refused(acqd_here("replay", "a.csv", "--start", "noon", cwd=tmp_path))
     port = free_port()
-    assert "does not answer" in refused(acqd("replay", "a.csv", "--publish", "--port", port, cwd=tmp_path))
-    assert "is it running" in refused(acqd("watch", "--port", port, cwd=tmp_path))
+    assert "does not answer" in refused(acqd_here("replay", "a.csv", "--publish", "--port", port, cwd=tmp_path))
+    assert "is it running" in refused(acqd_here("watch", "--port", port, cwd=tmp_path))
 
     async def with_busy_port():
         server = EmbeddedBroker("127.0.0.1", port)
@@ -106,7 +106,7 @@ def test_a_wrong_password_is_exit_2_everywhere(tmp_path, mosquitto):
     config.write_text(f"[mqtt]\nport = {mosquitto.port}\nusername = 'acqd'\npassword = 'wrong'\n")
     write_csv(tmp_path / "a.csv")
     for words in (["run"], ["sink"], ["watch"], ["replay", "a.csv", "--publish"]):
-        result = acqd(*words, "--config", config, cwd=tmp_path)
+        result = acqd_here(*words, "--config", config, cwd=tmp_path)
         assert "password" in refused_last(result), words
 
 

@@ -7,12 +7,12 @@ import sys
 import numpy as np
 import pytest
 
-from tests.commands import acqd, acqd_here
+from tests.commands import acqd_here
 
 
 def test_a_log_is_predicted_and_what_is_new_to_the_model_is_flagged(study, trained, logs, tmp_path):
     bundle = trained[0] / "grey-box-everything-s1"
-    done = acqd("predict", bundle, logs[0], "--out", tmp_path / "p.csv", "--json")
+    done = acqd_here("predict", bundle, logs[0], "--out", tmp_path / "p.csv", "--json")
     assert done.returncode == 0, done.stderr
     summary = json.loads(done.stdout)
     rows = np.genfromtxt(tmp_path / "p.csv", delimiter=",", names=True)

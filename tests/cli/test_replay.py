@@ -15,7 +15,7 @@ from tests.waiting import LIMIT_S, wait_for
 
 def test_replay_writes_rows_that_agree_with_the_reference(tmp_path, waveforms):
     folder = waveforms / "microwave_1ph_20k"
-    result = acqd(
+    result = acqd_here(
         "replay", folder / "replay_20k_el3783.npz", "--mode", "fixed", "--out", "r.jsonl", "--json", cwd=tmp_path
     )
     assert result.returncode == 0, result.stderr
@@ -40,7 +40,7 @@ def test_replay_of_several_files_keeps_keys_unique_and_recorded_time(tmp_path, w
 def test_replay_in_real_time_gives_the_same_rows(tmp_path):
     write_csv(tmp_path / "a.csv", rows=10_000)
     options = ["a.csv", "--start", "2021-07-13T10:15:00Z", "--out"]
-    assert acqd("replay", *options, "max.jsonl", cwd=tmp_path).returncode == 0
+    assert acqd_here("replay", *options, "max.jsonl", cwd=tmp_path).returncode == 0
     result = acqd("replay", *options, "real.jsonl", "--speed", "1", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     fast, real = (

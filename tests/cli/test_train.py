@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.commands import acqd, acqd_here
+from tests.commands import acqd, acqd_here, without_workers
 
 
 @pytest.mark.parametrize(
@@ -68,7 +68,8 @@ def test_table_7_1_is_fourteen_trainings_and_done_ones_are_kept(study, tmp_path)
     assert len(stamps) == 14
     lost = models / "7x1dim-limited-s1"
     shutil.rmtree(lost)
-    again = acqd("train", study.training, "--table-7-1", "--epochs", 4, "--models", models, "--json")
+    with without_workers():
+        again = acqd_here("train", study.training, "--table-7-1", "--epochs", 4, "--models", models, "--json")
     assert again.returncode == 0, again.stderr
     assert {Path(bundle["bundle"]) for bundle in json.loads(again.stdout)} == {path.parent for path in stamps}
     made_again = [path for path in stamps if path.stat().st_mtime_ns != stamps[path]]

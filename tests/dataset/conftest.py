@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from acqd.dataset.power import open_power
-from acqd.lab.campaign.run import run_campaign
-from tests.campaigns import build_dataset, campaign_config, quiet, true_lags
+from tests.campaigns import build_dataset, campaign_config, measure, true_lags
 
 CASES = {
     "iiwa7_r800": {"clock": {"offset_s": 30.0, "drift_ppm": 50.0}, "seed": 11},
@@ -18,7 +17,7 @@ SMALL = {"limited": 4, "all_space": 4}
 def clocked(robot, once):
     """What was ordered."""
     settings = {"robot": robot, "session": 4, "recorder": {"missing": 0.05}, **SMALL, **CASES[robot]}
-    folder, _ = once(f"clocked-{robot}", lambda folder: run_campaign(campaign_config(folder, **settings), quiet))
+    folder, _ = once(f"clocked-{robot}", lambda folder: measure(campaign_config(folder, **settings)))
     return campaign_config(folder, **settings)
 
 

@@ -7,10 +7,9 @@ import pytest
 from acqd.dataset.build import BuildConfig, build
 from acqd.dataset.manifest import load_manifest
 from acqd.errors import UserError
-from acqd.lab.campaign.run import run_campaign
 from acqd.robot import load_description
 from acqd.robot.log import read_log
-from tests.campaigns import build_dataset, campaign_config, quiet, true_lags, write_power
+from tests.campaigns import build_dataset, campaign_config, measure, quiet, true_lags, write_power
 
 
 @pytest.mark.long(seconds=25)
@@ -53,7 +52,7 @@ def test_a_clock_just_beyond_the_search_range_is_not_met_at_its_edge(campaign, t
 
 
 @pytest.mark.long(seconds=12)
-@pytest.mark.parametrize("step_ms", [5.0, 25.0, 100 / 3])
+@pytest.mark.parametrize("step_ms", [10.0, 100 / 3])
 def test_windows_of_any_length_are_aligned(cell, tmp_path, step_ms):
     made, true, time_ns, P = cell
     t, step = (time_ns - time_ns[0]) * 1e-9, step_ms / 1000
@@ -73,7 +72,7 @@ def test_windows_of_any_length_are_aligned(cell, tmp_path, step_ms):
 def test_the_same_assembly_again_and_again_with_the_peak_of_its_brakes_is_placed(tmp_path):
     """Every execution fits in many places of the stream, and the peak is more than all that motion explains."""
     made = campaign_config(tmp_path, profile="use-case", assemblies=6, session=6, seed=9, clock={"offset_s": 1.24})
-    run_campaign(made, quiet)
+    measure(made)
     report = build_dataset(made, tmp_path / "ds")
     assert report.refused == []
     right = true_lags(made.settings, made.truth)

@@ -199,15 +199,14 @@ def test_wrong_sync1_is_refused(pair: tuple[str, str]) -> None:
 def test_real_clock_shows_the_newest_block(pair: tuple[str, str]) -> None:
     table = WaveTable(seed=1)
     with running(pair, clock="real") as (soem, _):
-        counts = []
-        end = time.monotonic() + 1.0
-        while time.monotonic() < end:
+        counts, begun = [], time.monotonic()
+        for _ in iter_for(0.5):
             block = soem.blocks()[0]
             if block.valid:
                 np.testing.assert_array_equal(block.codes, table.codes(block.count * 20, 20))
                 counts.append(block.count)
         assert counts == sorted(counts)
-        assert 700 < counts[-1] <= 1000
+        assert 0 < counts[-1] - counts[0] <= 1000 * (time.monotonic() - begun) + 1
         time.sleep(0.05)
         assert soem.blocks()[0].count >= counts[-1] + 40  # what was not polled is lost
 
@@ -215,21 +214,25 @@ def test_real_clock_shows_the_newest_block(pair: tuple[str, str]) -> None:
 def test_real_clock_faults(pair: tuple[str, str]) -> None:
     with running(pair, clock="real") as (soem, double):
         before = soem.first_valid()[0].count
-        double.command(drop_blocks=30)
-        counts = [soem.blocks()[0].count for _ in iter_for(0.1)]
-        jumps = [step for step in np.diff(counts) if step]
-        assert counts[0] <= before + 10 and jumps[0] >= 30
+        double.command(drop_blocks=300)
+        counts = [before, soem.blocks()[0].count]
+        while counts[-1] < before + 300:
+            counts.append(soem.blocks()[0].count)
+        assert max(np.diff(counts)) >= 300
         double.command(repeat=3)
         count = soem.blocks()[0].count
         time.sleep(0.01)
         assert [soem.blocks()[0].count - count for _ in range(2)] == [0, 0]
         assert soem.blocks()[0].count > count
         double.command(dc_drift_ppm=20_000)
-        soem.cycle()
-        start, host = soem.master.dc_time, time.monotonic_ns()
-        time.sleep(0.3)
-        soem.cycle()
-        assert 1.01 < (soem.master.dc_time - start) / (time.monotonic_ns() - host) < 1.03
+        passed = []  # host's time before and after, the segment's time in between
+        for _ in range(2):
+            before_ns = time.monotonic_ns()
+            soem.cycle()
+            passed.append((before_ns, soem.master.dc_time, time.monotonic_ns()))
+            time.sleep(0.3)
+        (begun, first, started), (stopped, second, ended) = passed
+        assert (second - first) / (ended - begun) < 1.021 and (second - first) / (stopped - started) > 1.019
 
 
 def iter_for(seconds: float) -> Iterator[None]:

@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 
-from acqd.lab.campaign.run import run_campaign
 from acqd.lab.cell import build_cell
 from acqd.lab.effects import parse_effect
 from acqd.lab.motion.excitation import Cube
 from acqd.lab.settings import LabSettings
-from tests.campaigns import campaign_config, quiet
+from tests.campaigns import campaign_config, measure
 
 SMALL = {"limited": 3, "all_space": 2, "session": 2, "limited_sources": 2, "all_space_sources": 2}
 
@@ -36,5 +35,5 @@ def campaign_settings():
 @pytest.fixture(scope="session")
 def campaign(campaign_settings, once):
     """What was ordered and reported; to look at, not to write into."""
-    folder, report = once("lab", lambda folder: run_campaign(campaign_config(folder, **campaign_settings), quiet))
+    folder, report = once("lab", lambda folder: measure(campaign_config(folder, **campaign_settings)))
     return campaign_config(folder, **campaign_settings), report

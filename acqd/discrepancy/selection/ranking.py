@@ -174,12 +174,15 @@ def _acts(schur: Floats) -> bool:
 
 
 def _possible(candidate: Candidate, coefficients: Floats, schur: Floats) -> bool:
-    """Whether a single parameter lies within its physical bounds, or at most two standard errors outside."""
-    if candidate.variant is None or candidate.size > 1:
+    """Whether all parameters lie within their physical bounds, or at most two standard errors outside."""
+    if candidate.variant is None:
         return True
-    parameter = candidate.variant.place.parameters[0]
-    slack = THRESHOLDS.bounds_slack / np.sqrt(schur[0, 0])
-    return bool(parameter.low - slack <= coefficients[0] <= parameter.high + slack)
+    parameters = candidate.variant.place.parameters
+    if all(np.isinf(parameter.low) and np.isinf(parameter.high) for parameter in parameters):
+        return True
+    slack = THRESHOLDS.bounds_slack * np.sqrt(np.maximum(np.diag(np.linalg.pinv(schur)), 0.0))
+    low, high = (np.array([getattr(parameter, side) for parameter in parameters]) for side in ("low", "high"))
+    return bool(np.all((coefficients >= low - slack) & (coefficients <= high + slack)))
 
 
 def _consistency(design: Design, gate: Floats, candidate: Candidate, agreement: Floats) -> tuple[int, float]:

@@ -70,7 +70,7 @@ def per_joint(
         even = bool((nominal == nominal[0]).all())
         common = Parameter(name, unit, low) if even else Parameter(f"{name}, relative", "-", -1.0)
         yield Place("all joints", everywhere, (common,), (nominal / (nominal[0] if even else 1.0))[:, None])
-    yield Place("each joint", everywhere, tuple(Parameter(f"{name} joint {k + 1}", unit) for k in range(axes)))
+    yield Place("each joint", everywhere, tuple(Parameter(f"{name} joint {k + 1}", unit, low) for k in range(axes)))
 
 
 def in_units_of(place: Place, sliding: Collection[int]) -> Place:

@@ -12,6 +12,9 @@ from acqd.models.effects.places import Place, Shape, per_joint
 from acqd.models.effects.scene import Scene
 from acqd.models.greybox.model import direction
 
+_LEAST_LOSS = -0.05
+"""A loss cannot be negative; less than the model's friction can be lost by some percent."""
+
 
 class MechanicalPower(Effect):
     """A share of the mechanical power: lost in the gear, net, or lost outside the motor."""
@@ -38,6 +41,6 @@ class MechanicalPower(Effect):
     def places(self, scene: Scene) -> Iterator[Place]:
         """Joints, for losses in the gear, net power, and losses outside the motor."""
         even = np.ones(scene.axes)
-        yield from per_joint(scene.axes, "lost share", "-", even)
+        yield from per_joint(scene.axes, "lost share", "-", even, low=_LEAST_LOSS)
         yield from per_joint(scene.axes, "share", "-", even, scene.axes)
-        yield from per_joint(scene.axes, "share lost beside the motor", "-", even, 2 * scene.axes)
+        yield from per_joint(scene.axes, "share lost beside the motor", "-", even, 2 * scene.axes, low=_LEAST_LOSS)
