@@ -94,8 +94,8 @@ def _rest(page: Page, closed: Closed) -> None:
 def _effect(page: Page, closed: Closed, each: Added, number: int) -> None:
     effect = library()[each.term.id]
     page.heading(f"{number + 1}. {each.term.id} - {each.term.where}")
-    page.text(effect.summary[0].upper() + effect.summary[1:] + f". Equation: {effect.equation}.")
-    page.text(described(each))
+    sentence = described(each)
+    page.text(f"{sentence[0].upper()}{sentence[1:]}. Equation: {effect.equation}.")
     rows = []
     for name, parameter in each.term.parameters.items():
         interval = parameter["ci95"]

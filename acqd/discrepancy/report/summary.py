@@ -9,6 +9,7 @@ import numpy as np
 from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.loop import Closed
 from acqd.discrepancy.repair.terms import described
+from acqd.discrepancy.selection.hypotheses import unnamed
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.discrepancy.thresholds import described as described_thresholds
 from acqd.models.effects import library
@@ -90,7 +91,7 @@ def unexplained(closed: Closed) -> str:
     if unknown is not None:
         since = f", {unknown.gate.label}" if unknown.gate.start else ""
         return (
-            f"a structure that follows {unknown.finding.candidate.label}{since}: {unknown.finding.evidence:.0f} units "
+            f"{unnamed(unknown.finding.candidate.label)}{since}: {unknown.finding.evidence:.0f} units "
             "of white squared error that no effect of the library explains as well"
         )
     rest = f"{closed.after.rmse:.2f} W RMS on held-out recordings, noise {closed.floor_W:.2f} W"

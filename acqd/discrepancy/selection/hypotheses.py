@@ -11,6 +11,11 @@ from acqd.models.effects import library
 _SHOWN = 6
 
 
+def unnamed(quantity: str) -> str:
+    """An unnamed alternative in words: a quantity that the residual follows, or a law of a torque."""
+    return quantity if quantity.startswith("a ") else f"something that follows {quantity}"
+
+
 @dataclass(frozen=True, slots=True)
 class Hypothesis:
     """A finding that stood in the last ranking."""
@@ -45,10 +50,11 @@ class Hypothesis:
 
     def as_text(self) -> str:
         """A sentence for the report."""
-        name = self.id or "an unnamed cause that follows"
+        name = self.id or unnamed(self.where)
         sizes = ", ".join(f"{value:.3g} {unit}" for value, unit in self.parameters.values())
         lacks = f"; missing: {'; '.join(self.missing)}" if self.missing else ""
-        return f"{name} {self.where}{f' ({sizes})' if sizes else ''}: evidence {self.evidence:.0f}{lacks}"
+        place = f" {self.where}" if self.id else ""
+        return f"{name}{place}{f' ({sizes})' if sizes else ''}: evidence {self.evidence:.0f}{lacks}"
 
 
 def hypotheses(view: View, findings: list[Finding], limit: float) -> list[Hypothesis]:
