@@ -80,15 +80,15 @@ class Design:
 
     def with_trusted(self, trusted: tuple[NDArray[np.bool_], ...]) -> Design:
         """With other trusted rows; all Gram matrices are computed again."""
-        white: list[Floats] = []
-        plain: list[Floats] = []
-        for part, rows, good in zip(self.parts, self.white, trusted, strict=True):
+        size = self.white[0].shape[1]
+        white, plain = (np.empty((len(trusted), size, size)) for _ in range(2))
+        for number, (part, rows, good) in enumerate(zip(self.parts, self.white, trusted, strict=True)):
             for values, grams in ((rows, white), (_block(self.columns, part)[part.past :], plain)):
                 exact = values[good].astype(np.float64)
-                grams.append(exact.T @ exact)
+                np.matmul(exact.T, exact, out=grams[number])
         counts = np.array([int(good.sum()) for good in trusted], dtype=float)
-        empty = np.empty((len(white), white[0].shape[0], 0))
-        blocks = Blocks(Gram(np.array(white), empty), Gram(np.array(plain), empty), counts)
+        empty = np.empty((len(white), size, 0))
+        blocks = Blocks(Gram(white, empty), Gram(plain, empty), counts)
         design = replace(self, trusted=trusted, blocks=blocks)
         if not self.added[0].shape[1]:
             return design

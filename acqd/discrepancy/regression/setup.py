@@ -68,6 +68,7 @@ def set_up(question: Question, progress: Callable[[float], None]) -> Setup:
     enough = len({each.recording for each in question.reference}) >= THRESHOLDS.fewest_for_noise
     noise_weights = 1 - columns.in_question if enough else everywhere
     left = _left_by_everything(design, base, noise_weights)
+    del design  # hours of white rows: not two designs at once
     design = Design.of(columns, Whitener.of(left), Whitener.of(left, 3 * THRESHOLDS.noise_order))
     design = _without_outliers(design, base, bool(question.reference))
     design = replace(design, witness=Witness.of(question.model, arm, segments, columns.scenes))
