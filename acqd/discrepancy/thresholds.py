@@ -139,6 +139,9 @@ class Thresholds:
     rhythm_regular: float = _threshold(
         0.33, "correlation", "detectors", "study", "regularity from which a load has a rhythm"
     )
+    rhythm_shortest_s: float = _threshold(
+        12.0, "s", "detectors", "physics", "no heater or fan switches with a shorter period"
+    )
     rhythm_fewest_pairs: int = _threshold(
         100, "pairs", "detectors", "study", "fewest pairs of states for a correlation at a distance in time"
     )

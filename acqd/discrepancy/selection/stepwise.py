@@ -154,7 +154,8 @@ class _Step:
         unnamed = [finding for finding in findings if not finding.candidate.id]
         tracing.hypotheses = hypotheses(view, findings, limit)
         best = leading(view, named, limit)
-        alternative = next((finding for finding in unnamed if credible(view, finding, limit)), None)
+        doubts = [finding for finding in unnamed if credible(view, finding, limit)]
+        alternative = max(doubts, key=lambda finding: finding.evidence, default=None)
         if alternative is not None and (best is None or refuted(view, gate, best, alternative)):
             if tracing.unknown is None:
                 tracing.unknown = Unknown(alternative, gate)

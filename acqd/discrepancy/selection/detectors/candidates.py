@@ -136,6 +136,8 @@ def _described(
             return None
         period_s, regularity = switching.rhythm(states.on, [averaged(scenes[k].t) for k in search.segments])
         kind = "rhythm" if regularity > THRESHOLDS.rhythm_regular else "bursts"
+        if kind == "rhythm" and period_s < THRESHOLDS.rhythm_shortest_s:
+            return None  # a pulsation: no heater or fan switches so often
         shape |= {"period_s": period_s} if kind == "rhythm" else {}
     if kind not in wanted:
         return None

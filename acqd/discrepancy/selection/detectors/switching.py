@@ -19,6 +19,9 @@ from acqd.discrepancy.thresholds import THRESHOLDS
 
 _SIZES = (1.0, 2.0, 4.0, 8.0, 16.0)  # starting values of the size, in standard deviations of the innovation
 _ROUNDS = 4
+_SHORTEST_PERIOD_S, _LONGEST_PERIOD_S = 2.0, 900.0
+_FEWEST_CYCLES = 3
+"""A rhythm that was not seen three times is none."""
 _LONGEST_GRID = 2_000_000  # points of 0.5 s
 _DWELLS = (10, 100)  # shortest state in rows: equipment in use, heaters and coolers
 
@@ -235,7 +238,9 @@ def rhythm(on: list[NDArray[np.bool_]], t: list[Floats]) -> tuple[float, float]:
     lowest = -max(mean, 1 - mean) / max(min(mean, 1 - mean), 1e-9)  # not reached: a square wave has -d / (1 - d)
     floor = 1 / lowest
     found: list[tuple[float, float]] = []
-    for period in np.geomspace(10.0, min(900.0, size * grid_s / 2), 400):
+    observed_s = sum(float(times[-1] - times[0]) for times in t)
+    longest = min(_LONGEST_PERIOD_S, size * grid_s / 2, observed_s / _FEWEST_CYCLES)
+    for period in np.geomspace(_SHORTEST_PERIOD_S, max(longest, 2 * _SHORTEST_PERIOD_S), 600):
         whole, half = round(period / grid_s), round(period / grid_s / 2)
         if whole < size:
             found.append((float(period), float(min(correlation[whole], correlation[half] / floor))))
