@@ -76,15 +76,17 @@ def close_loop(config: CloseConfig, progress: Progress) -> Closed:
     for named in tracing.effects:
         progress(f"confidence of {named.id}", 0.0)
         effects.append(added(tracing, named, scale, config.seed))
-    improved = improve(subject, effects, errors_before, config.seed)
-    verdict, improved, remarks = settled(subject, tracing, improved, errors_before)
+    sure = [each for each in effects if each.sure]
+    improved = improve(subject, sure, errors_before, config.seed)
+    improved = improved.with_reported([*improved.reported_only, *(each for each in effects if not each.sure)])
     floor_W, floor_source = noise_floor([*subject.fit, *subject.held_out], subject.data.step_s)
+    verdict, improved, remarks = settled(subject, tracing, improved, errors_before, floor_W)
     return Closed(
         subject=subject, tracing=tracing, improved=improved, before=quality(errors_before),
         after=quality(improved.errors), errors_before=errors_before, floor_W=floor_W, floor_source=floor_source,
         reference_rmse=rms(errors_of(subject.model, subject.reference)) if subject.reference else None,
-        joints=joint_level(tracing.witness), verdict=verdict, stages=_stages(subject),
-        notes=[*subject.notes, *remarks, *_notes(improved, verdict)],
+        joints=joint_level(tracing.witness), verdict=verdict, stages=_stages(subject, tracing),
+        notes=[*subject.notes, *remarks, *_notes(improved)],
     )  # fmt: skip
 
 
@@ -120,21 +122,23 @@ def _clocks() -> set[str]:
     return {effect.id for effect in library().values() if effect.acts_on == "clock"}
 
 
-def _stages(subject: Subject) -> frozenset[Stage]:
+def _stages(subject: Subject, tracing: Tracing) -> frozenset[Stage]:
     stages: set[Stage] = {"recordings", "noise", "selection", "uncertainty", "verdict"}
     if _clocks() & subject.chosen:
         stages.add("delay")
     if any(library()[name].detected for name in subject.chosen):
         stages.add("detectors")
-    if any(segment.tau is not None for segment in subject.fit):
+    if tracing.witness is not None:
         stages.add("joints")
     return frozenset(stages)
 
 
-def _notes(improved: Improved, verdict: Verdict) -> list[str]:
+def _notes(improved: Improved) -> list[str]:
     refused = [f"{e.term.id} was found but does not help on held-out recordings: not added" for e in improved.refused]
-    if verdict == "not_identifiable":
-        reasons = "cannot be told from its alternatives in these recordings: reported, not added to the model"
-    else:
-        reasons = "acts at times that neither angles nor signals predict: reported, not added to the model"
-    return refused + [f"{e.term.id} {reasons}" for e in improved.reported_only]
+    unpredictable = "acts at times that neither angles nor signals predict"
+    unsure = "cannot be told from its alternatives in these recordings"
+    reasons = [
+        (e.term.id, unpredictable if e.sure and not library()[e.term.id].predictable else unsure)
+        for e in improved.reported_only
+    ]
+    return refused + [f"{name} {reason}: reported, not added to the model" for name, reason in reasons]

@@ -310,6 +310,13 @@ class Thresholds:
     )
     joint_least_rows: int = _threshold(12, "rows", "joints", "choice", "shortest run of motion of a joint")
     joint_noise_order: int = _threshold(10, "rows", "joints", "choice", "order of the noise model of a joint's torque")
+    joint_rows_per_order: int = _threshold(
+        20,
+        "rows",
+        "joints",
+        "choice",
+        "reference rows of a joint per order of its noise model, at least",
+    )
     joint_longest_s: float = _threshold(
         1200.0, "s", "joints", "choice", "longest duration of logged torques of one side that is used"
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -23,16 +23,17 @@ Side = Literal["link", "motor"]
 
 
 def side_of(segments: list[Segment]) -> Side | None:
-    """Where all segments have a torque; None if some have none."""
-    if segments and all(segment.tau is not None for segment in segments):
-        return "link"
-    if segments and all(_complete(segment.channels.get("current")) for segment in segments):
-        return "motor"
+    """Where most of the segments have a torque; None if most have none."""
+    for side in get_args(Side):
+        if sum(has_torque(segment, side) for segment in segments) > len(segments) / 2:
+            return side  # type: ignore[no-any-return]
     return None
 
 
-def _complete(current: Floats | None) -> bool:
-    return current is not None and bool(np.isfinite(current).all()) and bool(np.abs(current).max(initial=0.0) > 0)
+def has_torque(segment: Segment, side: Side) -> bool:
+    """Whether a segment has torques of that side without gaps; a column of zeros was not measured."""
+    values = segment.tau if side == "link" else segment.channels.get("current")
+    return values is not None and bool(np.isfinite(values).all()) and bool(np.abs(values).max(initial=0.0) > 0)
 
 
 def measured_torque(segment: Segment, side: Side, robot: RobotDescription) -> Floats:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.discrepancy.joints.columns import BaseLayout, base_columns, measured_torque, side_of
+from acqd.discrepancy.joints.columns import BaseLayout, base_columns, has_torque, measured_torque, side_of
 from acqd.discrepancy.joints.sessions import Products, Session
 from acqd.discrepancy.residual.known_rows import known_rows
 from acqd.discrepancy.residual.whitening import Whitener
@@ -22,6 +22,8 @@ from acqd.models.segments import Segment
 from acqd.numerics import runs_of_true
 from acqd.robot.arm import Arm
 
+_UNUSED = np.random.default_rng(0).normal(size=200)
+"""Stands for the noise of a joint without rows."""
 _ANY_SIZE = 1e3
 """Prior deviation of a selected effect's parameters: wide enough to be free."""
 
@@ -29,6 +31,11 @@ _ANY_SIZE = 1e3
 def session_of(recording: str) -> str:
     """The log that a recording is a piece of: friction and zeros are the same in all of its pieces."""
     return re.sub(r"_p\d{3}$", "", recording)
+
+
+def session_key(recording: str, *, in_question: bool) -> str:
+    """Name of a session among both sides: recorders use the same names again."""
+    return f"{'new' if in_question else 'reference'} {session_of(recording)}"
 
 
 def runs_of_motion(speed: Floats, inside: slice, *, all_rows: bool) -> list[tuple[int, int]]:
@@ -99,8 +106,9 @@ class Observed:
         side = side_of([segment for segment, _ in segments])
         if side is None:
             return None
+        usable = [number for number, (segment, _) in enumerate(segments) if has_torque(segment, side)]
         layout = BaseLayout(model.axes, side)
-        drawn = {number: scenes[number] for number in _drawn(segments, model.step_s)}
+        drawn = {number: scenes[number] for number in _drawn(segments, usable, model.step_s)}
         rows: list[JointRows] = []
         for number, scene in drawn.items():
             segment, in_question = segments[number]
@@ -110,10 +118,11 @@ class Observed:
             for joint in range(model.axes):
                 runs = runs_of_motion(speed[:, joint], known_rows(segment), all_rows=side == "link")
                 if runs:
-                    each = JointRows(
-                        session_of(segment.recording), in_question, number, joint, runs, X[:0, joint], speed[:0]
-                    )
-                    rows.append(replace(each, base=each.of_runs(X[:, joint]), torque=each.of_runs(torque[:, joint])))
+                    session = session_key(segment.recording, in_question=in_question)
+                    chosen = np.concatenate([np.arange(first, last) for first, last in runs])
+                    own = X[chosen, joint], torque[chosen, joint]
+                    rows.append(JointRows(session, in_question, number, joint, runs, *own))
+        rows = _comparable(rows, model.axes)
         before = [each for each in rows if not each.in_question]
         if not before or len(before) == len(rows):
             return None
@@ -163,11 +172,20 @@ class Observed:
         return sums
 
 
-def _drawn(segments: list[tuple[Segment, bool]], step_s: float) -> list[int]:
-    """Numbers of segments, evenly over each side, of at most `joint_longest_s` together."""
+def _comparable(rows: list[JointRows], axes: int) -> list[JointRows]:
+    """Without joints that hardly move in the reference: their noise is unknown."""
+    count = np.zeros(axes)
+    for each in rows:
+        count[each.joint] += 0 if each.in_question else len(each.torque)
+    enough = count >= THRESHOLDS.joint_rows_per_order * THRESHOLDS.joint_noise_order
+    return [each for each in rows if enough[each.joint]]
+
+
+def _drawn(segments: list[tuple[Segment, bool]], usable: list[int], step_s: float) -> list[int]:
+    """Numbers of usable segments, evenly over each side, of about `joint_longest_s` at most."""
     drawn: list[int] = []
     for side in (False, True):
-        numbers = [number for number, (_, in_question) in enumerate(segments) if in_question == side]
+        numbers = [number for number in usable if segments[number][1] == side]
         seconds = sum(len(segments[number][0].P) for number in numbers) * step_s
         every = max(1, math.ceil(seconds / THRESHOLDS.joint_longest_s))
         drawn += numbers[::every]
@@ -199,5 +217,5 @@ def _noise_models(rows: list[JointRows], beta: Floats, axes: int) -> list[Whiten
     for joint in range(axes):
         own = [each for each in rows if each.joint == joint]
         left = [run for each in own for run in each.split(each.torque - each.base @ beta)]
-        models.append(Whitener.of(left or [np.array([-1.0, 1.0] * 20)], THRESHOLDS.joint_noise_order, known_level=True))
+        models.append(Whitener.of(left or [_UNUSED], THRESHOLDS.joint_noise_order, known_level=True))
     return models

@@ -14,7 +14,7 @@ from acqd.models.effects import library
 
 @dataclass(frozen=True, slots=True)
 class JointLevel:
-    """Logged torque minus the torque of the base model that was fitted to the reference's torques."""
+    """Logged torque minus that of the reference's base model, with the zeros and friction of each log."""
 
     measured_at: str
     """link: torque sensors; motor: currents times the nominal torque constant."""
@@ -34,7 +34,7 @@ class JointLevel:
     @property
     def changed(self) -> list[int]:
         """Joints (from 1) whose difference has grown clearly against the reference."""
-        grown = self.rms > THRESHOLDS.joint_growth * self.rms_reference
+        grown = (self.rms > THRESHOLDS.joint_growth * self.rms_reference) & (self.rms_reference > 0)
         return [int(k) + 1 for k in np.flatnonzero(grown & (self.rms > THRESHOLDS.torque_least_Nm))]
 
     def as_text(self) -> str:
@@ -52,7 +52,7 @@ class JointLevel:
             )
         if joints:
             return f"{source} have changed, and no mechanical effect of the library explains it: {joints}"
-        worst = int(np.argmax(self.rms / np.maximum(self.rms_reference, 1e-9)))
+        worst = int(np.argmax(self.rms))
         return (
             f"{source} follow the reference's model as they did (at most {self.rms[worst]:.2f} Nm RMS at joint "
             f"{worst + 1}, {self.rms_reference[worst]:.2f} Nm in the reference): they show no mechanical change"
@@ -73,8 +73,9 @@ def joint_level(witness: Witness | None) -> JointLevel | None:
     logged: list[list[Floats]] = [[] for _ in range(axes)]
     modelled: list[list[Floats]] = [[] for _ in range(axes)]
     reference: list[list[Floats]] = [[] for _ in range(axes)]
+    own = {session.name: witness.common_and_own(session) for session in witness.sessions}
     for each in observed.rows:
-        predicted = each.base @ observed.beta
+        predicted = each.base @ own[each.session]
         if each.in_question:
             logged[each.joint].append(each.torque)
             modelled[each.joint].append(predicted)

@@ -77,6 +77,13 @@ class Witness:
         observed = Observed.of(model, arm, segments, scenes)
         return None if observed is None else cls(observed)
 
+    def common_and_own(self, session: Session) -> Floats:
+        """[b] parameters of the base model in a session: common ones, and its own zeros and friction."""
+        inner = session.base[self._random, self._random] + np.diag(self._deviation**-2.0)
+        parameters = self.observed.beta.copy()
+        parameters[self._random] += np.linalg.solve(inner, session.residual[self._random])
+        return parameters
+
     def given(self, effect_id: str, variant: Variant) -> Witness:
         """The witness of what remains with an effect of any size in the recordings in question."""
         effect = library()[effect_id]

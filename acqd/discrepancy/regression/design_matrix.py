@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acqd.arrays import Floats
-from acqd.discrepancy.joints.observations import session_of
+from acqd.discrepancy.joints.observations import session_key
 from acqd.discrepancy.joints.witness import Information, Witness
 from acqd.discrepancy.regression.design_columns import Candidate, DesignColumns, Part
 from acqd.discrepancy.regression.gram import Blocks, Gram, Places
@@ -74,7 +74,7 @@ class Design:
         shares: dict[str, list[float]] = {}
         for part, weight in zip(self.parts, weights, strict=True):
             if part.in_question:
-                shares.setdefault(session_of(part.recording), []).append(float(weight))
+                shares.setdefault(session_key(part.recording, in_question=True), []).append(float(weight))
         sessions = {name: float(np.mean(each)) for name, each in shares.items()}
         return witness.information(candidate.id, variant, sessions, scanned=candidate.fitted is None)
 

@@ -72,10 +72,11 @@ def play(values: Floats, width: Floats) -> Floats:
 def torque_groups(axes: int) -> list[tuple[str, int]]:
     """Name and number of columns of every group."""
     joints = range(1, axes + 1)
+    coupled = joints if axes > 1 else ()
     return [
         *((f"a torque that depends on the angle of joint {joint}", _WAVES + 1) for joint in joints),
         *((f"a friction that depends on the load of joint {joint}", 2) for joint in joints),
-        *((f"a friction of joint {joint} that depends on the speeds of other joints", axes - 1) for joint in joints),
+        *((f"a friction of joint {joint} that depends on the speeds of other joints", axes - 1) for joint in coupled),
         *((f"a friction of joint {joint} of another curve over its speed", len(_SPEEDS)) for joint in joints),
         *((f"a torque of joint {joint} with hysteresis", len(_PLAYS_RAD) + 1) for joint in joints),
     ]

@@ -49,6 +49,11 @@ class Added:
     """The effect came back as parameters that the grey box had been denied, not as a term."""
 
     @property
+    def sure(self) -> bool:
+        """Whether the effect and its family are likelier than all others; shifts of whole recordings always are."""
+        return self.evidence is None or self.family_confidence >= THRESHOLDS.least_confidence
+
+    @property
     def key(self) -> str:
         """Identity within a report: an effect is added once at a place, or once from shifts of whole recordings."""
         return f"{self.term.id} {self.term.where}{' (whole recordings)' if self.evidence is None else ''}"

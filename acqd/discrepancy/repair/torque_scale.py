@@ -7,6 +7,7 @@ rigid-body torque on the described one, with the nominal drives as a prior.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,7 +47,7 @@ def torque_scale(subject: Subject) -> TorqueScale:
         return TorqueScale(1.0, THRESHOLDS.sensor_scale_deviation)
     described = inertial_parameters(Arm(subject.robot))
     products = squares = 0.0
-    for segment in segments[:: max(1, len(segments) // THRESHOLDS.scale_segments)]:
+    for segment in segments[:: math.ceil(len(segments) / THRESHOLDS.scale_segments)]:
         moved = segment.motion(subject.data.step_s)
         nominal = joint_torque(subject.carrier.chain, described, *moved)
         products += float(

@@ -49,7 +49,8 @@ class Whitener:
             for k in range(min(order + 1, len(each))):
                 lags[k] += float(each[k:] @ each[: len(each) - k])
                 counts[k] += len(each) - k
-        covariance = lags / np.maximum(counts, 1)
+        # many short runs: only the biased estimate is certainly positive semidefinite
+        covariance = lags / (counts[0] if known_level else np.maximum(counts, 1))
         covariance[0] *= 1 + 1e-6
         weights = solve_toeplitz(covariance[:-1], covariance[1:])
         variance = max(float(covariance[0] - weights @ covariance[1:]), 1e-12)

@@ -62,7 +62,7 @@ def missing(view: View, finding: Finding, limit: float) -> list[str]:
         failed.append(needed)
     if not relevant(view.design, finding):
         failed.append("a size that matters")
-    if not (support.surprise > limit or finding.at_joints > THRESHOLDS.joint_evidence or _unanimous(view, finding)):
+    if not (support.surprise > limit or _seen_at_joints(view, finding) or _unanimous(view, finding)):
         failed.append(
             f"more agreement than by chance (surprise {support.surprise:.1f} of {limit:.1f}): more recordings"
         )
@@ -73,6 +73,12 @@ def missing(view: View, finding: Finding, limit: float) -> list[str]:
     if support.consistency < THRESHOLDS.consistent_share:
         failed.append(f"agreement of the recordings ({support.consistency:.0%})")
     return failed
+
+
+def _seen_at_joints(view: View, finding: Finding) -> bool:
+    """Whether logged torques alone show the effect, its parameters paid for."""
+    price = finding.candidate.size * float(np.log(max(view.design.blocks.rows.sum(), 2.0)))
+    return finding.at_joints > THRESHOLDS.joint_evidence + price
 
 
 def least_evidence(view: View, finding: Finding) -> float:
@@ -94,7 +100,8 @@ def leading(view: View, named: list[Finding], limit: float) -> Finding | None:
     """The effect to name, of findings in the order of their worth; None if no effect is credible.
 
     A credible finding shows that something is there. What it is, is the question of evidence: an effect before it that
-    explains clearly more, and only lacks agreement beyond chance, has the better claim to the name.
+    explains clearly more, in agreement of most recordings, has the better claim to the name. The guard on held-out
+    recordings follows.
     """
     first = next((finding for finding in named if credible(view, finding, limit)), None)
     if first is None:

@@ -85,7 +85,12 @@ def fit_shape(
             found = rank_pooled(design, regression.on(design.blocks), gate, [own])
     fitted = found[0] if found else finding
     finding = replace(
-        finding, candidate=own, coefficients=fitted.coefficients, drop=fitted.drop, evidence=fitted.evidence
+        finding,
+        candidate=own,
+        coefficients=fitted.coefficients,
+        drop=fitted.drop,
+        evidence=fitted.evidence,
+        at_joints=fitted.at_joints,
     )
     return ShapeFit(design, finding, shape)
 

@@ -56,6 +56,8 @@ def trace(setup: Setup, limits: Limits, progress: Callable[[str], None]) -> Trac
         regression = regression.with_columns(tracing.design.blocks, named.columns())
     tracing.regression = regression.on(tracing.design.blocks)
     _prune(tracing)
+    accepted = {(named.id, named.finding.candidate.label) for named in tracing.effects}
+    tracing.hypotheses = [each for each in tracing.hypotheses if (each.id, each.where) not in accepted]
     if tracing.effects:
         tracing.verdict = "effects_found"
     elif tracing.unknown is not None:

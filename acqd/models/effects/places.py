@@ -57,20 +57,23 @@ class Variant:
 
 
 def per_joint(
-    axes: int, name: str, unit: str, nominal: Floats | None = None, first: int = 0, low: float = -np.inf
+    axes: int, name: str, unit: str, nominal: Floats | None = None, first: int = 0, low: float | Floats = -np.inf
 ) -> Iterator[Place]:
     """Every joint by itself, all joints in the proportions of `nominal` [axes], and all joints with free parameters.
 
-    `first`: index of the first joint's column.
+    `first`: index of the first joint's column; `low`: lower bound, of all joints or [axes].
     """
+    least = np.broadcast_to(low, axes).tolist()
     for k in range(axes):
-        yield Place(f"joint {k + 1}", (first + k,), (Parameter(name, unit, low),))
+        yield Place(f"joint {k + 1}", (first + k,), (Parameter(name, unit, least[k]),))
     everywhere = tuple(range(first, first + axes))
     if nominal is not None and nominal.any():
         even = bool((nominal == nominal[0]).all())
-        common = Parameter(name, unit, low) if even else Parameter(f"{name}, relative", "-", -1.0)
+        common = Parameter(name, unit, max(least)) if even else Parameter(f"{name}, relative", "-", -1.0)
         yield Place("all joints", everywhere, (common,), (nominal / (nominal[0] if even else 1.0))[:, None])
-    yield Place("each joint", everywhere, tuple(Parameter(f"{name} joint {k + 1}", unit, low) for k in range(axes)))
+    yield Place(
+        "each joint", everywhere, tuple(Parameter(f"{name} joint {k + 1}", unit, least[k]) for k in range(axes))
+    )
 
 
 def in_units_of(place: Place, sliding: Collection[int]) -> Place:

@@ -14,13 +14,14 @@ from acqd.models.effects.substeps import averaged
 from acqd.robot.arm import Arm, Payload
 from acqd.robot.dynamics import inverse_dynamics
 from tests.builders import ROBOT, grey, recording
+from tests.discrepancy.independent import COMMON, extra_power, selected
 
 CONSTANT = np.array([joint.drive.effort_per_ampere for joint in ROBOT.joint])
 
 
-def logged(model, number, seed, payload=None, friction=0.0, sensor=False):
-    """A recording with motor currents (or link torques) as the motion has them, and noise."""
-    segment = recording(model, number, rows=450, seed=seed, start_s=1e9 + 5000 * seed)
+def logged(model, number, seed, payload=None, friction=0.0, sensor=False, add=None):
+    """A recording with motor currents (or link torques) as the motion has them, and noise; `add` changes the power."""
+    segment = recording(model, number, add, rows=450, seed=seed, start_s=1e9 + 5000 * seed)
     scene = segment_scene(model, segment)
     torque = scene.tau_rigid if sensor else scene.tau
     if payload is not None:
@@ -100,3 +101,32 @@ def test_rows_at_which_a_joint_may_stick_say_nothing():
     assert runs_of_motion(speed, slice(0, len(speed)), all_rows=False) == [(20, 50), (55, 91)]
     assert runs_of_motion(speed, slice(3, 89), all_rows=True) == [(3, 89)]
     assert session_of("log_p003") == session_of("log_p017") == "log"
+
+
+def test_equal_names_on_both_sides_are_two_sessions(model):
+    before = [replace(logged(model, k, 1), recording=f"r{k}") for k in range(3)]
+    after = [replace(logged(model, k, 2, payload=Payload(1.2, (0.0, 0.1, 0.05))), recording=f"r{k}") for k in range(2)]
+    segments = [(segment, False) for segment in before] + [(segment, True) for segment in after]
+    witness = Witness.of(model, Arm(ROBOT), segments, [segment_scene(model, segment) for segment, _ in segments])
+    assert sum(session.in_question for session in witness.sessions) == 2 and len(witness.sessions) == 5
+    assert joint_level(witness).explains == "payload"
+
+
+def test_the_loop_asks_power_and_torques(model):
+    body = Payload(1.2, (0.0, 0.1, 0.05))
+
+    def carried(scene, random):
+        loaded, bare = (inverse_dynamics(arm, scene.q, scene.qd, scene.qdd) for arm in (Arm(ROBOT, body), Arm(ROBOT)))
+        return extra_power(scene, loaded - bare)
+
+    before = [logged(model, k, 1) for k in range(4)]
+    only = COMMON | {"payload", "gravity_bias", "coulomb_friction"}
+    after = [logged(model, k, 2, payload=body, add=carried) for k in range(4)]
+    _, tracing = selected(model, ROBOT, after, before, only)
+    named = tracing.effects[0]
+    assert (named.id, named.place.where) == ("payload", "flange, beside its axis")
+    assert named.finding.at_joints > 50 and tracing.witness is not None
+    # torques without power, or power without torques, are a contradiction and no payload
+    contradicted = [logged(model, k, 2, payload=body) for k in range(4)]
+    _, tracing = selected(model, ROBOT, contradicted, before, only)
+    assert "payload" not in [effect.id for effect in tracing.effects]

@@ -32,4 +32,5 @@ class CopperLoss(Effect):
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """Joints; all of them in the proportions of the described loss."""
-        yield from per_joint(scene.axes, "loss", "W/Nm^2", np.maximum(scene.model.group("copper"), 0.0))
+        known = np.maximum(scene.model.group("copper"), 0.0)
+        yield from per_joint(scene.axes, "loss", "W/Nm^2", known, low=-known)

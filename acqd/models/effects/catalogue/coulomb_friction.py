@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from acqd.arrays import Floats
 from acqd.models.effects.effect import Effect
 from acqd.models.effects.places import Place, Shape, per_joint
@@ -31,5 +33,6 @@ class CoulombFriction(Effect):
         return scene.power_per_torque * direction(scene.qd)
 
     def places(self, scene: Scene) -> Iterator[Place]:
-        """Joints; all of them in the proportions of the described friction."""
-        yield from per_joint(scene.axes, "torque", "Nm", scene.model.group("coulomb"))
+        """Joints; all of them in the proportions of the described friction, which cannot become negative."""
+        known = scene.model.group("coulomb")
+        yield from per_joint(scene.axes, "torque", "Nm", known, low=-np.maximum(known, 0.0))

@@ -38,5 +38,6 @@ class ThermalFriction(Effect):
         return np.asarray(scene.power_per_torque * scene.qd * decay)
 
     def places(self, scene: Scene) -> Iterator[Place]:
-        """Joints; all of them in the proportions of the described friction."""
-        yield from per_joint(scene.axes, "cold coefficient", "Nm s/rad", scene.model.group("viscous"))
+        """Joints; all of them in the proportions of the described friction, which cannot become negative."""
+        known = scene.model.group("viscous")
+        yield from per_joint(scene.axes, "cold coefficient", "Nm s/rad", known, low=-np.maximum(known, 0.0))
