@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 from acqd.arrays import Floats
 from acqd.discrepancy.config import CloseConfig
+from acqd.discrepancy.joints.columns import side_of
 from acqd.discrepancy.joints.summary import JointLevel, joint_level
 from acqd.discrepancy.recordings import Subject, subject_of
 from acqd.discrepancy.regression.setup import Question, set_up
@@ -85,8 +86,8 @@ def close_loop(config: CloseConfig, progress: Progress) -> Closed:
         subject=subject, tracing=tracing, improved=improved, before=quality(errors_before),
         after=quality(improved.errors), errors_before=errors_before, floor_W=floor_W, floor_source=floor_source,
         reference_rmse=rms(errors_of(subject.model, subject.reference)) if subject.reference else None,
-        joints=joint_level(tracing.witness), verdict=verdict, stages=_stages(subject, tracing),
-        notes=[*subject.notes, *remarks, *_notes(improved)],
+        joints=joint_level(tracing.witness, subject.chosen), verdict=verdict, stages=_stages(subject, tracing),
+        notes=[*subject.notes, *_unused_efforts(subject), *remarks, *_notes(improved)],
     )  # fmt: skip
 
 
@@ -131,6 +132,12 @@ def _stages(subject: Subject, tracing: Tracing) -> frozenset[Stage]:
     if tracing.witness is not None:
         stages.add("joints")
     return frozenset(stages)
+
+
+def _unused_efforts(subject: Subject) -> list[str]:
+    logged = side_of([*subject.reference, *subject.fit]) is not None
+    unused = logged and bool(subject.robot.sliding)
+    return ["the robot has prismatic joints: logged torques and currents are not used"] if unused else []
 
 
 def _notes(improved: Improved) -> list[str]:

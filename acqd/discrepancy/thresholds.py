@@ -131,7 +131,7 @@ class Thresholds:
     )
     switching_rarest: float = _threshold(0.005, "-", "detectors", "study", "least share of time on, and of time off")
     walk_s: float = _threshold(
-        20.0, "s", "detectors", "study", "a moving average over this time must explain less than a load that switches"
+        20.0, "s", "detectors", "choice", "a moving average over this time must explain less than a load that switches"
     )
     contact_longest: float = _threshold(
         0.6, "-", "detectors", "study", "a contact for a larger share of the time is a load, not a contact"
@@ -195,7 +195,11 @@ class Thresholds:
         0.5, "-", "selection", "study", "held-out gain of few recordings, relative to their evidence, at least"
     )
     reference_margin: float = _threshold(
-        2.0, "-", "selection", "study", "few recordings must exceed the largest evidence in unchanged sessions so often"
+        2.0,
+        "-",
+        "selection",
+        "choice",
+        "few recordings must exceed the largest evidence in unchanged sessions so often",
     )
     reference_quantile: float = _threshold(
         0.9, "-", "selection", "choice", "quantile of the evidence in unchanged sessions: a few of them were unusual"
@@ -263,10 +267,14 @@ class Thresholds:
     )
     jackknife_fewest: int = _threshold(3, "recordings", "uncertainty", "choice", "fewest recordings for a jackknife")
     described_mass_deviation: float = _threshold(
-        0.05, "-", "uncertainty", "study", "relative standard deviation of described link masses"
+        0.05, "-", "uncertainty", "choice", "relative standard deviation of described link masses"
     )
     drive_scale_deviation: float = _threshold(
-        0.10, "-", "uncertainty", "study", "relative standard deviation of nominal drive gains and of the supply's gain"
+        0.10,
+        "-",
+        "uncertainty",
+        "choice",
+        "relative standard deviation of nominal drive gains and of the supply's gain",
     )
     sensor_scale_deviation: float = _threshold(
         0.02, "-", "uncertainty", "physics", "relative standard deviation of a torque sensor's scale"
@@ -278,7 +286,7 @@ class Thresholds:
         0.04,
         "-",
         "uncertainty",
-        "study",
+        "choice",
         "relative error of an effect's columns by the model's wrong torques and powers",
     )
     # verdict
@@ -295,7 +303,7 @@ class Thresholds:
         1.25,
         "-",
         "verdict",
-        "study",
+        "choice",
         "by which the error of new recordings may exceed that quantile: they were not fitted",
     )
     family_correlation: float = _threshold(
@@ -321,10 +329,10 @@ class Thresholds:
         1200.0, "s", "joints", "choice", "longest duration of logged torques of one side that is used"
     )
     friction_spread: float = _threshold(
-        0.15, "-", "joints", "study", "relative standard deviation of friction from session to session (UR10e)"
+        0.15, "-", "joints", "choice", "relative standard deviation of friction from session to session (UR10e)"
     )
     usual_dispersion: float = _threshold(
-        30.0, "-", "joints", "study", "mean square of z in unchanged sessions (UR10e), before sessions were compared"
+        30.0, "-", "joints", "choice", "mean square of z in unchanged sessions (UR10e), before sessions were compared"
     )
     few_sessions: float = _threshold(
         3.0, "sessions", "joints", "choice", "weight of usual values against the spread of the reference sessions"

@@ -20,7 +20,7 @@ def test_play_follows_within_its_width_and_only_when_pushed(values, width):
 def test_as_many_columns_as_the_groups_say():
     model = grey()
     scene = segment_scene(model, recording(model, 1, rows=60))
-    columns = torque_columns(scene, np.full(AXES, -3.0), np.full(AXES, 3.0), np.ones(AXES))
+    columns = torque_columns(scene, (np.full(AXES, -3.0), np.full(AXES, 3.0)), np.ones(AXES), np.ones(AXES))
     groups = torque_groups(AXES)
     assert len(columns) == sum(count for _, count in groups) and len({name for name, _ in groups}) == len(groups)
     assert all(column.shape == (len(scene.q),) and np.isfinite(column).all() for column in columns)

@@ -13,6 +13,7 @@ from acqd.models.effects.places import Shape
 from acqd.models.effects.scene import Scene
 from acqd.models.effects.substeps import averaged
 from acqd.models.greybox.model import direction
+from acqd.models.greybox.parameters import Layout, prior
 from acqd.models.segments import Segment
 from acqd.robot.arm import Arm
 from acqd.robot.description import RobotDescription
@@ -45,6 +46,12 @@ def measured_torque(segment: Segment, side: Side, robot: RobotDescription) -> Fl
     return np.asarray(segment.channels["current"] * np.array(constant))
 
 
+_ZERO_SHARE = 0.05
+"""Standard deviation of a sensor's zero, relative to the joint's greatest torque."""
+_LOAD_SHARE = 0.2
+"""Standard deviation of load-dependent friction, relative to the load."""
+
+
 @dataclass(frozen=True, slots=True)
 class BaseLayout:
     """Places of the base model's parameters: inertial, zero of every sensor, and on the motor side friction."""
@@ -72,20 +79,17 @@ class BaseLayout:
 
     def prior(self, arm: Arm) -> tuple[Floats, Floats]:
         """Mean and standard deviation [size], from the description; wide where the description says nothing."""
-        robot = arm.description
-        torque = robot.effort
+        robot, layout = arm.description, Layout(self.axes, ())
+        belief = prior(layout, robot, inertial_parameters(arm), 0.0, 1.0)  # neither standby nor lag is a torque
         mean, deviation = np.zeros(self.size), np.zeros(self.size)
-        inertial = inertial_parameters(arm)
-        mean[self.place("inertial")] = inertial
-        mass = np.repeat(inertial[::10], 10)
-        deviation[self.place("inertial")] = 0.25 * np.abs(inertial) + 0.03 * mass + 1e-6
-        deviation[self.place("offset")] = 0.05 * torque
+        deviation[self.place("offset")] = _ZERO_SHARE * robot.effort
+        groups = ["inertial"]
         if self.side == "motor":
-            rotor = np.array([joint.drive.rotor_inertia_kgm2 for joint in robot.joint])
-            mean[self.place("rotor")], deviation[self.place("rotor")] = rotor, 0.5 * rotor + 0.01
-            deviation[self.place("coulomb")] = 0.3 * torque
-            deviation[self.place("viscous")] = 0.5 * torque
-            deviation[self.place("load")] = 0.2
+            groups += ["coulomb", "viscous", "rotor"]
+            deviation[self.place("load")] = _LOAD_SHARE
+        for group in groups:
+            mean[self.place(group)] = belief.mean[layout.place(group)]
+            deviation[self.place(group)] = belief.deviation[layout.place(group)]
         return mean, deviation
 
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from acqd.arrays import Floats
+from acqd.dataset.split import log_of
 from acqd.discrepancy.joints.columns import BaseLayout, base_columns, has_torque, measured_torque, side_of
 from acqd.discrepancy.joints.sessions import Products, Session
 from acqd.discrepancy.residual.known_rows import known_rows
@@ -22,20 +22,16 @@ from acqd.models.segments import Segment
 from acqd.numerics import runs_of_true
 from acqd.robot.arm import Arm
 
-_UNUSED = np.random.default_rng(0).normal(size=200)
-"""Stands for the noise of a joint without rows."""
 _ANY_SIZE = 1e3
 """Prior deviation of a selected effect's parameters: wide enough to be free."""
 
 
-def session_of(recording: str) -> str:
-    """The log that a recording is a piece of: friction and zeros are the same in all of its pieces."""
-    return re.sub(r"_p\d{3}$", "", recording)
-
-
 def session_key(recording: str, *, in_question: bool) -> str:
-    """Name of a session among both sides: recorders use the same names again."""
-    return f"{'new' if in_question else 'reference'} {session_of(recording)}"
+    """Name of a session: a log of one side, because recorders use the same names again.
+
+    Friction and zeros are the same in all pieces of a log.
+    """
+    return f"{'new' if in_question else 'reference'} {log_of(recording)}"
 
 
 def runs_of_motion(speed: Floats, inside: slice, *, all_rows: bool) -> list[tuple[int, int]]:
@@ -88,8 +84,8 @@ class Observed:
     """Base columns and residual, white, of every element of `rows`."""
     scenes: dict[int, Scene]
     """By number of the segment."""
-    noise: list[Whitener]
-    """Per joint."""
+    noise: dict[int, Whitener]
+    """By joint."""
     mean: Floats
     """[b] prior of the base model."""
     deviation: Floats
@@ -102,9 +98,12 @@ class Observed:
     def of(
         cls, model: GreyBox, arm: Arm, segments: list[tuple[Segment, bool]], scenes: Sequence[Scene]
     ) -> Observed | None:
-        """`segments` with whether they are in question, and their scenes; None without torques on both sides."""
+        """`segments` with whether they are in question, and their scenes.
+
+        None without torques on both sides, or with prismatic joints.
+        """
         side = side_of([segment for segment, _ in segments])
-        if side is None:
+        if side is None or arm.description.sliding:  # forces and torques have no common thresholds
             return None
         usable = [number for number, (segment, _) in enumerate(segments) if has_torque(segment, side)]
         layout = BaseLayout(model.axes, side)
@@ -129,7 +128,7 @@ class Observed:
         mean, deviation = layout.prior(arm)
         beta = _base_fit(before, mean, deviation, None)
         for _ in range(2):
-            noise = _noise_models(before, beta, layout.axes)
+            noise = _noise_models(before, beta)
             beta = _base_fit(before, mean, deviation, noise)
         white = [
             (each.white(noise[each.joint], each.base), each.white(noise[each.joint], each.torque - each.base @ beta))
@@ -200,8 +199,8 @@ def _ratio(model: GreyBox, rows: list[JointRows], layout: BaseLayout, beta: Floa
     return float(logged @ modelled / max(float(modelled @ modelled), 1e-9))
 
 
-def _base_fit(rows: list[JointRows], mean: Floats, deviation: Floats, noise: list[Whitener] | None) -> Floats:
-    """[b] parameters of the base model with a normal prior; `noise` per joint, None for rows of unit variance."""
+def _base_fit(rows: list[JointRows], mean: Floats, deviation: Floats, noise: dict[int, Whitener] | None) -> Floats:
+    """[b] parameters of the base model with a normal prior; `noise` by joint, None for rows of unit variance."""
     A, b = np.diag(deviation**-2.0), mean * deviation**-2.0
     for each in rows:
         values = np.column_stack([each.base, each.torque])
@@ -211,11 +210,10 @@ def _base_fit(rows: list[JointRows], mean: Floats, deviation: Floats, noise: lis
     return np.asarray(np.linalg.solve(A, b))
 
 
-def _noise_models(rows: list[JointRows], beta: Floats, axes: int) -> list[Whitener]:
-    """Per joint, from the residuals of parameters `beta` [b]."""
-    models = []
-    for joint in range(axes):
-        own = [each for each in rows if each.joint == joint]
-        left = [run for each in own for run in each.split(each.torque - each.base @ beta)]
-        models.append(Whitener.of(left or [_UNUSED], THRESHOLDS.joint_noise_order, known_level=True))
-    return models
+def _noise_models(rows: list[JointRows], beta: Floats) -> dict[int, Whitener]:
+    """By joint, from the residuals of parameters `beta` [b]."""
+    left: dict[int, list[Floats]] = {}
+    for each in rows:
+        left.setdefault(each.joint, []).extend(each.split(each.torque - each.base @ beta))
+    order = THRESHOLDS.joint_noise_order
+    return {joint: Whitener.of(runs, order, known_level=True) for joint, runs in left.items()}

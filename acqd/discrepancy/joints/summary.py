@@ -27,7 +27,7 @@ class JointLevel:
     modelled: list[Floats]
     """Per joint: [rows] Nm, the base model's torque in the same rows."""
     explains: str
-    """Id of the mechanical effect that explains most of the difference; "" if none explains more than chance."""
+    """Id of the mechanical effect with the largest evidence; "" if none explains more than chance."""
     evidence: float
     """Twice its log-likelihood ratio against no change, minus k log n."""
 
@@ -47,16 +47,22 @@ class JointLevel:
         if self.explains:
             where = f": {joints}" if joints else ""
             return (
-                f"{source} show a mechanical change{where}; {self.explains} explains most of it "
-                f"(evidence {self.evidence:.0f})"
+                f"{source} show a mechanical change{where}; of the effects of the library, {self.explains} explains it "
+                f"best (evidence {self.evidence:.0f}){self._left_out()}"
             )
+        left_out = self._left_out()
         if joints:
-            return f"{source} have changed, and no mechanical effect of the library explains it: {joints}"
+            return f"{source} have changed, and no mechanical effect of the library explains it: {joints}{left_out}"
         worst = int(np.argmax(self.rms))
         return (
             f"{source} follow the reference's model as they did (at most {self.rms[worst]:.2f} Nm RMS at joint "
-            f"{worst + 1}, {self.rms_reference[worst]:.2f} Nm in the reference): they show no mechanical change"
+            f"{worst + 1}, {self.rms_reference[worst]:.2f} Nm in the reference): they show no mechanical change{left_out}"
         )
+
+    def _left_out(self) -> str:
+        """Joints without enough moving rows in the reference, in words."""
+        joints = ", ".join(str(k + 1) for k in np.flatnonzero(self.rms_reference == 0))
+        return f"; not judged, because the reference hardly moves them: joint {joints}" if joints else ""
 
     def as_json(self) -> list[dict[str, float]]:
         """One entry per joint."""
@@ -64,8 +70,8 @@ class JointLevel:
         return [{"joint": k + 1, "rms_reference_Nm": before, "rms_Nm": now} for k, (before, now) in enumerate(pairs)]
 
 
-def joint_level(witness: Witness | None) -> JointLevel | None:
-    """None without torques on both sides."""
+def joint_level(witness: Witness | None, chosen: frozenset[str]) -> JointLevel | None:
+    """None without torques on both sides; `chosen`: ids of effects that compete."""
     if witness is None:
         return None
     observed = witness.observed
@@ -84,7 +90,7 @@ def joint_level(witness: Witness | None) -> JointLevel | None:
     now = [np.concatenate(parts) if parts else np.zeros(0) for parts in logged]
     model = [np.concatenate(parts) if parts else np.zeros(0) for parts in modelled]
     before = [np.concatenate(parts) if parts else np.zeros(0) for parts in reference]
-    explains, evidence = _best(witness, sum(len(values) for values in now))
+    explains, evidence = _best(witness, chosen, sum(len(values) for values in now))
     return JointLevel(
         observed.layout.side, _rms(before), _rms([a - b for a, b in zip(now, model, strict=True)]), now, model,
         explains, evidence,
@@ -95,13 +101,13 @@ def _rms(values: list[Floats]) -> Floats:
     return np.array([float(np.sqrt(np.mean(np.square(each)))) if len(each) else 0.0 for each in values])
 
 
-def _best(witness: Witness, rows: int) -> tuple[str, float]:
+def _best(witness: Witness, chosen: frozenset[str], rows: int) -> tuple[str, float]:
     """The effect with the largest evidence above the limit, and that evidence."""
     scene = next(iter(witness.observed.scenes.values()))
     weights = {session.name: 1.0 for session in witness.sessions if session.in_question}
     best, most = "", float(THRESHOLDS.joint_evidence)
     for effect_id, effect in library().items():
-        if not witness.sees(effect_id):
+        if effect_id not in chosen or not witness.sees(effect_id):
             continue
         for variant in effect.variants(scene):
             information = witness.information(effect_id, variant, weights, scanned=True)

@@ -39,15 +39,17 @@ class Ranges:
     high: Floats
     speed: Floats
     """[axes] rad/s, the largest."""
+    load: Floats
+    """[axes] Nm, the largest rigid-body torque."""
     power: Floats
     """[4] W: quantiles of the predicted power."""
     calendar_s: dict[bool, tuple[float, float]]
-    """UTC of the begin and the end of the recordings in question (True) and of the reference (False).
+    """UTC of the start and the end of the recordings in question (True) and of the reference (False).
 
     Slow time is scaled to the recordings of one side: months between the sides must not change a verdict.
     """
-    before: dict[tuple[float, float], float]
-    """By the begin of a recording (UTC, s) and a memory (s): W that the recordings before have left."""
+    before: dict[tuple[bool, float, float], float]
+    """By side, start of a recording (UTC, s) and memory (s): W that the recordings before have left."""
 
     @classmethod
     def of(cls, scenes: list[Scene], in_question: list[bool]) -> Ranges:
@@ -57,6 +59,7 @@ class Ranges:
         power = np.concatenate([scene.predicted for scene in scenes])
         return cls(
             q.min(axis=0), q.max(axis=0), np.maximum(np.percentile(speed, 99.5, axis=0), 1e-3),
+            np.maximum(np.max([np.abs(scene.tau_rigid).max(axis=0) for scene in scenes], axis=0), 1e-6),
             np.percentile(power, [50, 75, 90, 97]),
             {
                 side: (min(float(scene.t[0]) for scene in members), max(float(scene.t[-1]) for scene in members))
@@ -88,10 +91,12 @@ def smooth_columns(scene: Scene, ranges: Ranges, *, in_question: bool) -> Floats
     columns += [into, np.exp(-into * 6)]
     begin_s, end_s = ranges.calendar_s[in_question]
     for seconds in _LONG_MEMORIES_S:
-        columns.append(_remembered(np.abs(scene.drives), scene, seconds, ranges.before[(float(scene.t[0]), seconds)]))
+        columns.append(
+            _remembered(np.abs(scene.drives), scene, seconds, ranges.before[in_question, float(scene.t[0]), seconds])
+        )
     share_of_time = (scene.t - begin_s) / max(end_s - begin_s, 1.0)
     columns += list(np.cos(np.pi * np.outer(share_of_time, np.arange(1, 5))).T)
-    columns += torque_columns(scene, ranges.low, ranges.high, ranges.speed)
+    columns += torque_columns(scene, (ranges.low, ranges.high), ranges.speed, ranges.load)
     return np.column_stack(columns)
 
 
@@ -123,12 +128,12 @@ def alternatives(axes: int) -> Iterator[SmoothGroup]:
         yield take(name, count)
 
 
-def _left_before(scenes: list[Scene], in_question: list[bool]) -> dict[tuple[float, float], float]:
-    """The state of every long memory at the begin of every recording; the first one of a side starts cold.
+def _left_before(scenes: list[Scene], in_question: list[bool]) -> dict[tuple[bool, float, float], float]:
+    """The state of every long memory at the start of every recording; the first one of a side starts cold.
 
     A pause counts as rest. The state of a side does not depend on the other side, which may be months away.
     """
-    left: dict[tuple[float, float], float] = {}
+    left: dict[tuple[bool, float, float], float] = {}
     for side in set(in_question):
         members = sorted(
             (s for s, own in zip(scenes, in_question, strict=True) if own == side), key=lambda scene: float(scene.t[0])
@@ -137,7 +142,7 @@ def _left_before(scenes: list[Scene], in_question: list[bool]) -> dict[tuple[flo
             state, end_s = 0.0, float(members[0].t[0])
             for scene in members:
                 state *= float(np.exp(-max(float(scene.t[0]) - end_s, 0.0) / seconds))
-                left[(float(scene.t[0]), seconds)] = state
+                left[side, float(scene.t[0]), seconds] = state
                 state = float(_remembered(np.abs(scene.drives), scene, seconds, state)[-1])
                 end_s = float(scene.t[-1])
     return left

@@ -23,11 +23,13 @@ _PLAY_OF_LOAD = 0.15
 """Half width relative to the largest load."""
 
 
-def torque_columns(scene: Scene, low: Floats, high: Floats, fastest: Floats) -> list[Floats]:
+def torque_columns(scene: Scene, angles: tuple[Floats, Floats], fastest: Floats, heaviest: Floats) -> list[Floats]:
     """Columns [N] W at substeps in the order of `torque_groups`.
 
-    `low`, `high` [axes] rad: ranges of the angles; `fastest` [axes] rad/s: largest speeds.
+    Of all recordings: `angles` [axes] rad, smallest and largest; `fastest` [axes] rad/s, largest speeds; `heaviest`
+    [axes] Nm, largest loads.
     """
+    low, high = angles
     columns: list[Floats] = []
     phase = np.pi * (scene.q - low) / np.maximum(high - low, 1e-6)
     for joint in range(scene.axes):
@@ -37,7 +39,7 @@ def torque_columns(scene: Scene, low: Floats, high: Floats, fastest: Floats) -> 
     for joint in range(scene.axes):
         load = np.abs(scene.tau_rigid[:, joint])
         slope = scene.power_per_torque[:, joint] * against[:, joint]
-        columns += [slope * load, slope * load**2 / np.maximum(load.max(), 1e-9)]
+        columns += [slope * load, slope * load**2 / heaviest[joint]]
     for joint in range(scene.axes):
         slope = scene.power_per_torque[:, joint]
         speed = scene.qd[:, joint] / np.hypot(scene.qd[:, joint], _SMOOTH_RAD_S)
@@ -49,7 +51,7 @@ def torque_columns(scene: Scene, low: Floats, high: Floats, fastest: Floats) -> 
         columns += [slope * np.exp(-(((share[:, joint] - middle) / 0.15) ** 2)) for middle in _SPEEDS]
     substeps = len(scene.q) // scene.rows
     angle, load = averaged(scene.q), averaged(scene.tau_rigid)
-    widths = [*(np.full(scene.axes, width) for width in _PLAYS_RAD), _PLAY_OF_LOAD * np.abs(load).max(axis=0) + 1e-9]
+    widths = [*(np.full(scene.axes, width) for width in _PLAYS_RAD), _PLAY_OF_LOAD * heaviest]
     followed = [
         (values - play(values, width)) / width for values, width in zip((angle, angle, load), widths, strict=True)
     ]

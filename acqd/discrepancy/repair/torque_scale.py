@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from acqd.discrepancy.joints.columns import has_torque
 from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.robot.arm import Arm
@@ -43,7 +44,7 @@ class TorqueScale:
 def torque_scale(subject: Subject) -> TorqueScale:
     """From the recordings in question and the robot's description."""
     segments = [*subject.reference, *subject.fit]
-    if all(segment.tau is not None for segment in segments):
+    if all(has_torque(segment, "link") for segment in segments):
         return TorqueScale(1.0, THRESHOLDS.sensor_scale_deviation)
     described = inertial_parameters(Arm(subject.robot))
     products = squares = 0.0

@@ -213,7 +213,7 @@ def _held_out(
     recordings = sorted({name for name, open_ in zip(names, gate, strict=True) if open_})
     gains = np.zeros((2, len(candidates), len(recordings)))
     for number, recording in enumerate(recordings):
-        out = np.array([name == recording for name in names])
+        out = np.array([part.in_question and part.recording == recording for part in design.parts])
         competition = regression.compete(contest.used, gate, (~out).astype(float))
         sides = [
             regression.held_out_products(competition, contest.used, gate, np.flatnonzero(out), gram)

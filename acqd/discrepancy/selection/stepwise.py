@@ -8,7 +8,7 @@ from functools import cache, partial
 
 import numpy as np
 
-from acqd.discrepancy.joints.observations import session_of
+from acqd.dataset.split import log_of
 from acqd.discrepancy.regression.design_columns import Candidate
 from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.gram import Column, Regression
@@ -208,7 +208,7 @@ def _evidence_of_reference(design: Design, regression: Regression, gate: Gate, p
     sessions: dict[str, list[int]] = {}
     for number, part in enumerate(design.parts):
         if not part.in_question:
-            sessions.setdefault(session_of(part.recording), []).append(number)
+            sessions.setdefault(log_of(part.recording), []).append(number)
     rows = float((design.blocks.rows * gate.open).sum())
     found_in: list[float] = []
     for blocks in sessions.values():

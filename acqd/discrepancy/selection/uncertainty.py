@@ -80,7 +80,7 @@ def intervals(tracing: Tracing, named: Named) -> tuple[Floats, Floats]:
     names = sorted({part.recording for part, open_ in zip(design.parts, named.gate.open, strict=True) if open_})
     left = []
     for name in names:
-        weights = np.array([float(part.recording != name) for part in design.parts])
+        weights = np.array([float(not part.in_question or part.recording != name) for part in design.parts])
         left.append(_fit(design, regression, candidate, named.gate, weights)[0])
     spread = np.zeros_like(whole)
     if len(left) >= THRESHOLDS.jackknife_fewest:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from acqd.discrepancy.joints.observations import runs_of_motion, session_of
+from acqd.discrepancy.joints.observations import runs_of_motion, session_key
 from acqd.discrepancy.joints.summary import joint_level
 from acqd.discrepancy.joints.witness import Witness
 from acqd.models.effects import library
@@ -16,6 +16,7 @@ from acqd.robot.dynamics import inverse_dynamics
 from tests.builders import ROBOT, grey, recording
 from tests.discrepancy.independent import COMMON, extra_power, selected
 
+ALL = frozenset(library())
 CONSTANT = np.array([joint.drive.effort_per_ampere for joint in ROBOT.joint])
 
 
@@ -64,17 +65,17 @@ def test_a_payload_beside_the_axis_is_seen_with_its_size(model):
     assert evidence > alone + 50
     assert mass == pytest.approx(1.2, rel=0.12)
     assert np.hypot(first, second) == pytest.approx(0.12, rel=0.15)
-    level = joint_level(witness)
+    level = joint_level(witness, ALL)
     assert level.explains == "payload" and 2 in level.changed
     assert "mechanical change" in level.as_text() and len(level.as_json()) == 6
     scene = next(iter(witness.observed.scenes.values()))
     place = next(v for v in library()["payload"].variants(scene) if v.place.where == "flange, beside its axis")
-    after = joint_level(witness.given("payload", place))
+    after = joint_level(witness.given("payload", place), ALL)
     assert after.evidence < 0.1 * level.evidence
 
 
 def test_unchanged_sessions_show_nothing(model):
-    level = joint_level(witness_of(model))
+    level = joint_level(witness_of(model), ALL)
     assert level.explains == "" and level.changed == []
     assert "no mechanical change" in level.as_text()
 
@@ -93,14 +94,15 @@ def test_without_torques_on_both_sides_there_is_no_witness(model):
     bare = recording(model, 0, rows=300)
     both = [(logged(model, 1, 1), False), (bare, True)]
     assert Witness.of(model, Arm(ROBOT), both, [segment_scene(model, s) for s, _ in both]) is None
-    assert joint_level(None) is None
+    assert joint_level(None, ALL) is None
 
 
 def test_rows_at_which_a_joint_may_stick_say_nothing():
     speed = np.concatenate([np.zeros(20), np.full(30, 0.2), np.zeros(5), np.full(6, 0.2), np.full(30, -0.2)])
     assert runs_of_motion(speed, slice(0, len(speed)), all_rows=False) == [(20, 50), (55, 91)]
     assert runs_of_motion(speed, slice(3, 89), all_rows=True) == [(3, 89)]
-    assert session_of("log_p003") == session_of("log_p017") == "log"
+    assert session_key("log_p003", in_question=True) == session_key("log_p017", in_question=True)
+    assert session_key("log_p003", in_question=True) != session_key("log_p003", in_question=False)
 
 
 def test_equal_names_on_both_sides_are_two_sessions(model):
@@ -109,7 +111,7 @@ def test_equal_names_on_both_sides_are_two_sessions(model):
     segments = [(segment, False) for segment in before] + [(segment, True) for segment in after]
     witness = Witness.of(model, Arm(ROBOT), segments, [segment_scene(model, segment) for segment, _ in segments])
     assert sum(session.in_question for session in witness.sessions) == 2 and len(witness.sessions) == 5
-    assert joint_level(witness).explains == "payload"
+    assert joint_level(witness, ALL).explains == "payload"
 
 
 def test_the_loop_asks_power_and_torques(model):

@@ -25,13 +25,11 @@ class Size:
     """Executions of the assembly."""
     epochs: int
     fmu_steps: int
-    only: str = ""
-    """The only effect that the loop searches for; empty: all effects."""
 
 
 FULL = Size(202, 135, 24, 2000, 20_000)
 """The thesis' amounts (sections 5.3, 7.5 and 9)."""
-QUICK = Size(8, 8, 6, 4, 500, "brake_release")
+QUICK = Size(8, 8, 6, 4, 500)
 """For a test of every step. The results mean nothing."""
 
 
@@ -100,8 +98,7 @@ def assembly(places: Places, size: Size, seed: int) -> list[Step]:
     """Measure the assembly (thesis chapter 9) and close the loop on it."""
     campaign = places.assembly
     count = ("--profile", "use-case", "--assemblies", str(size.assemblies), "--seed", str(seed))
-    only = ("--only", size.only) if size.only else ()
-    loop = ("acqd", "close-loop", str(places.executions), "--model", str(places.bundle(GREY_BOX)), *only)
+    loop = ("acqd", "close-loop", str(places.executions), "--model", str(places.bundle(GREY_BOX)))
     return [
         Step(
             "campaign: measure the assembly, simulate its twin", (campaign / "report.html",),

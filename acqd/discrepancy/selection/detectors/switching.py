@@ -21,7 +21,7 @@ _SIZES = (1.0, 2.0, 4.0, 8.0, 16.0)  # starting values of the size, in standard 
 _ROUNDS = 4
 _SHORTEST_PERIOD_S, _LONGEST_PERIOD_S = 2.0, 900.0
 _FEWEST_CYCLES = 3
-"""A rhythm that was not seen three times is none."""
+"""A rhythm must be seen three times."""
 _LONGEST_GRID = 2_000_000  # points of 0.5 s
 _DWELLS = (10, 100)  # shortest state in rows: equipment in use, heaters and coolers
 
