@@ -56,7 +56,7 @@ class JointLevel:
         worst = int(np.argmax(self.rms))
         return (
             f"{source} follow the reference's model as they did (at most {self.rms[worst]:.2f} Nm RMS at joint "
-            f"{worst + 1}, {self.rms_reference[worst]:.2f} Nm in the reference): they show no mechanical change{left_out}"
+            f"{worst + 1}, {self.rms_reference[worst]:.2f} Nm in the reference): no mechanical change shows{left_out}"
         )
 
     def _left_out(self) -> str:
