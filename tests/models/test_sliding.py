@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from acqd.models.effects.places import in_units_of, per_joint
+from acqd.models.effects.places import Parameter, in_units_of, per_joint
 from acqd.models.greybox.bundle_io import arrays_of, restore
 from acqd.models.greybox.model import GreyBox
 from acqd.models.greybox.parameters import Layout, prior
@@ -43,7 +43,7 @@ def test_parameters_of_a_slide_have_their_units():
 
 
 def test_an_effect_at_a_slide_has_its_units():
-    places = [in_units_of(place, (2,)) for place in per_joint(4, "coefficient", "Nm s/rad")]
+    places = [in_units_of(place, (2,)) for place in per_joint(4, Parameter("coefficient", "Nm s/rad"))]
     units = {place.where: [each.unit for each in place.parameters] for place in places}
     assert units["joint 3"] == ["N s/m"]
     assert units["joint 2"] == ["Nm s/rad"]

@@ -152,20 +152,23 @@ def design_columns(
         progress((number + 1) / len(scenes))
     residual = [s.P - scene.predicted for s, scene in zip(only, scenes, strict=True)]
     return DesignColumns(
-        model=model, base=model.layout.size, candidates=tuple(_candidates(model, effects, scenes[0])),
+        model=model, base=model.layout.size,
+        candidates=tuple(_candidates(model, effects, scenes[0], difference=not all(sides))),
         parts=tuple(_parts(segments, model.step_s)), segments=tuple(only), scenes=tuple(scenes), values=tuple(values),
         residual=tuple(residual), chosen=chosen,
     )  # fmt: skip
 
 
-def _candidates(model: GreyBox, effects: list[Effect], scene: Scene) -> list[Candidate]:
+def _candidates(model: GreyBox, effects: list[Effect], scene: Scene, *, difference: bool) -> list[Candidate]:
+    """`difference`: from a reference, which may have some of the effects already."""
     candidates: list[Candidate] = []
     place = model.layout.size
     for effect in effects:
         for number, variant in enumerate(effect.variants(scene)):
             where = variant.place.where
             places = place + np.array(variant.columns)
-            candidates.append(Candidate(effect.id, where, places, variant, key=f"{effect.id} {number}"))
+            asked = variant if difference else variant.without_reference()
+            candidates.append(Candidate(effect.id, where, places, asked, key=f"{effect.id} {number}"))
         place += effect_rows(effect, scene).shape[1]
     unnamed = alternatives(model.axes)
     return candidates + [Candidate("", g.name, place + np.array(g.columns), key=g.name) for g in unnamed]

@@ -78,11 +78,20 @@ def set_up(question: Question, progress: Callable[[float], None]) -> Setup:
 
 
 def _base(columns: DesignColumns, arm: Arm, question: Question) -> list[Column]:
-    """Columns of the base model, with the description as prior."""
+    """Columns of the base model, with the description as prior of how far its parameters may be wrong.
+
+    Friction and losses are fitted already, so that they change by a share of their values. A wider prior would let
+    the square of an absurd friction stand in for the mechanical power.
+    """
     layout = question.model.layout
     belief = prior(layout, question.robot, inertial_parameters(arm), 0.0, question.model.step_s)
     endless = _ENDLESS * np.maximum(np.abs(question.model.values), 1.0)
     deviation = np.where(np.isfinite(belief.deviation), belief.deviation, endless)
+    effort = question.robot.effort
+    for group, least in (("coulomb", effort), ("viscous", effort), ("copper", 0.0), ("conduction", 1 / effort)):
+        place = layout.place(group)
+        change = THRESHOLDS.base_change * np.abs(question.model.values[place]) + THRESHOLDS.base_least_change * least
+        deviation[place] = np.minimum(deviation[place], np.maximum(change, THRESHOLDS.withheld_deviation))
     deviation[layout.place("lag")] = THRESHOLDS.lag_deviation_s
     for group in question.withheld:
         deviation[layout.place(group)] = THRESHOLDS.withheld_deviation

@@ -48,7 +48,7 @@ class Finding:
     candidate: Candidate
     coefficients: Floats
     drop: float
-    """Reduction of the white squared error."""
+    """Reduction of the white squared error, less the squares of coefficients over their prior deviations."""
     evidence: float
     """The drop minus k log n, what k free coefficients explain by chance (BIC, Schwarz 1978)."""
     at_joints: float = 0.0
@@ -142,7 +142,7 @@ def _pooled(
     """Index, Schur complement and finding of candidates that act and have physically possible coefficients.
 
     `weights` [blocks]. The Schur complement is that of the power; coefficients and evidence are those of power and
-    logged torques together, two independent witnesses of the same parameters.
+    logged torques together, two independent witnesses of the same parameters, and of the priors.
     """
     rows = float((design.blocks.rows * (weights > 0)).sum())
     for number, (candidate, own) in enumerate(zip(candidates, contest.owns, strict=True)):
@@ -152,6 +152,7 @@ def _pooled(
         at_joints = design.at_joints(candidate, weights)
         both = schur if at_joints is None else schur + at_joints.precision
         projected = products if at_joints is None else products + at_joints.product
+        both = both + np.diag(_precision(candidate))
         coefficients = solve_part(both, projected)
         if not _possible(candidate, coefficients, both):
             continue
@@ -159,6 +160,11 @@ def _pooled(
         evidence = drop - (candidate.size + candidate.cost) * np.log(rows)
         joints = 0.0 if at_joints is None else at_joints.gain(coefficients)
         yield number, schur, Finding(candidate, coefficients, drop, float(evidence), joints)
+
+
+def _precision(candidate: Candidate) -> Floats:
+    """[k] of the normal priors: a far-fetched size costs what it gains (maximum a posteriori)."""
+    return np.zeros(candidate.size) if candidate.variant is None else candidate.variant.precision
 
 
 def _part(schur: Floats, products: Floats, own: Places, candidate: Candidate) -> tuple[Floats, Floats]:

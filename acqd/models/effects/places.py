@@ -25,6 +25,10 @@ class Parameter:
     """Physical lower bound."""
     high: float = np.inf
     """Physical upper bound."""
+    deviation: float = np.inf
+    """Standard deviation of the normal prior about 0; infinite without prior knowledge."""
+    whole_low: float = -np.inf
+    """Lower bound of the whole quantity, where the parameter is not a difference from a reference."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,25 +59,42 @@ class Variant:
         """Number of linear parameters."""
         return len(self.place.parameters)
 
+    @property
+    def precision(self) -> Floats:
+        """[parameters] inverse variances of the normal priors; 0 without prior knowledge."""
+        return np.array([each.deviation**-2.0 for each in self.place.parameters])
 
-def per_joint(
-    axes: int, name: str, unit: str, nominal: Floats | None = None, first: int = 0, low: float | Floats = -np.inf
-) -> Iterator[Place]:
-    """Every joint by itself, all joints in the proportions of `nominal` [axes], and all joints with free parameters.
+    def without_reference(self) -> Variant:
+        """The variant whose parameters are whole quantities, not differences from a reference."""
+        parameters = tuple(replace(each, low=max(each.low, each.whole_low)) for each in self.place.parameters)
+        return replace(self, place=replace(self.place, parameters=parameters))
 
-    `first`: index of the first joint's column; `low`: lower bound, of all joints or [axes].
+
+def per_joint(axes: int, like: Parameter, first: int = 0, nominal: Floats | None = None) -> Iterator[Place]:
+    """Every joint by itself, all joints alike, and all joints with free parameters.
+
+    `like`: the parameter of any joint; `first`: index of the first joint's column; `nominal` [axes]: the described
+    values. With them, all joints change by the same share of the described value, a joint can lose no more than that
+    value, and the prior deviation of a change is the value (where none is described, the mean of the others).
     """
-    least = np.broadcast_to(low, axes).tolist()
+    known = None if nominal is None else np.maximum(nominal, 0.0)
+    own = [like if known is None else _of_described(like, k, known) for k in range(axes)]
     for k in range(axes):
-        yield Place(f"joint {k + 1}", (first + k,), (Parameter(name, unit, least[k]),))
+        yield Place(f"joint {k + 1}", (first + k,), (own[k],))
     everywhere = tuple(range(first, first + axes))
-    if nominal is not None and nominal.any():
-        even = bool((nominal == nominal[0]).all())
-        common = Parameter(name, unit, max(least)) if even else Parameter(f"{name}, relative", "-", -1.0)
-        yield Place("all joints", everywhere, (common,), (nominal / (nominal[0] if even else 1.0))[:, None])
-    yield Place(
-        "each joint", everywhere, tuple(Parameter(f"{name} joint {k + 1}", unit, least[k]) for k in range(axes))
-    )
+    if known is None:
+        yield Place("all joints", everywhere, (like,), np.ones((axes, 1)))
+    elif known.any():
+        even = bool((known == known[0]).all())
+        common = own[0] if even else Parameter(f"{like.name}, relative", "-", -1.0, deviation=1.0)
+        yield Place("all joints", everywhere, (common,), np.ones((axes, 1)) if even else known[:, None])
+    free = tuple(replace(each, name=f"{like.name} joint {k + 1}") for k, each in enumerate(own))
+    yield Place("each joint", everywhere, free)
+
+
+def _of_described(like: Parameter, joint: int, known: Floats) -> Parameter:
+    usual = known[joint] if known[joint] > 0 else known.mean()
+    return replace(like, low=-float(known[joint]), deviation=float(usual) if usual > 0 else np.inf)
 
 
 def in_units_of(place: Place, sliding: Collection[int]) -> Place:

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-import numpy as np
-
 from acqd.arrays import Floats
 from acqd.models.effects.effect import Effect
-from acqd.models.effects.places import Place, Shape, per_joint
+from acqd.models.effects.places import Parameter, Place, Shape, per_joint
 from acqd.models.effects.scene import Scene
 
 
@@ -32,5 +30,4 @@ class CopperLoss(Effect):
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """Joints; all of them in the proportions of the described loss."""
-        known = np.maximum(scene.model.group("copper"), 0.0)
-        yield from per_joint(scene.axes, "loss", "W/Nm^2", known, low=-known)
+        yield from per_joint(scene.axes, Parameter("loss", "W/Nm^2"), nominal=scene.model.group("copper"))

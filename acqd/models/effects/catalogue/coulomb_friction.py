@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-import numpy as np
-
 from acqd.arrays import Floats
 from acqd.models.effects.effect import Effect
-from acqd.models.effects.places import Place, Shape, per_joint
+from acqd.models.effects.places import Parameter, Place, Shape, per_joint
 from acqd.models.effects.scene import Scene
 from acqd.models.greybox.model import direction
 
@@ -35,4 +33,4 @@ class CoulombFriction(Effect):
     def places(self, scene: Scene) -> Iterator[Place]:
         """Joints; all of them in the proportions of the described friction, which cannot become negative."""
         known = scene.model.group("coulomb")
-        yield from per_joint(scene.axes, "torque", "Nm", known, low=-np.maximum(known, 0.0))
+        yield from per_joint(scene.axes, Parameter("torque", "Nm"), nominal=known)

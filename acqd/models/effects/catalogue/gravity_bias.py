@@ -13,6 +13,9 @@ from acqd.models.effects.places import Parameter, Place, Shape
 from acqd.models.effects.scene import Scene
 from acqd.models.greybox.model import GreyBox
 
+_USUAL_SHARE, _USUAL_KG = 0.25, 0.5
+"""Prior deviation of what is mounted on a link: a share of the link's mass, and hoses in kg."""
+
 
 class GravityBias(Effect):
     """Additional weight on a link, or a spring: hoses, a dress pack, a missing counterweight.
@@ -45,8 +48,10 @@ class GravityBias(Effect):
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """Links from the second on."""
+        masses = scene.model.group("inertial")[::10]
         for k in range(1, scene.axes):
-            yield Place(f"link {k + 1}", (k - 1,), (Parameter("mass", "kg"),))
+            usual_kg = _USUAL_SHARE * float(masses[k]) + _USUAL_KG
+            yield Place(f"link {k + 1}", (k - 1,), (Parameter("mass", "kg", deviation=usual_kg),))
 
     def c_constants(self, carrier: GreyBox, shape: Shape) -> dict[str, float | Floats]:
         """Centres of mass [axes, 3] m."""

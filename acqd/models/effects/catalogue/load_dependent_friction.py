@@ -8,9 +8,12 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.models.effects.effect import Effect
-from acqd.models.effects.places import Place, Shape, per_joint
+from acqd.models.effects.places import Parameter, Place, Shape, per_joint
 from acqd.models.effects.scene import Scene
 from acqd.models.greybox.model import direction
+
+_USUAL_SHARE = 0.2
+"""Prior deviation: gears of robot joints lose 10 to 30 % of the torque that they transmit."""
 
 
 class LoadDependentFriction(Effect):
@@ -33,4 +36,4 @@ class LoadDependentFriction(Effect):
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """Joints."""
-        yield from per_joint(scene.axes, "share of the load", "-", np.ones(scene.axes))
+        yield from per_joint(scene.axes, Parameter("share of the load", "-", deviation=_USUAL_SHARE, whole_low=0.0))

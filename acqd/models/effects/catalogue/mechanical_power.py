@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from acqd.arrays import Floats
 from acqd.models.effects.effect import Effect
-from acqd.models.effects.places import Place, Shape, per_joint
+from acqd.models.effects.places import Parameter, Place, Shape, per_joint
 from acqd.models.effects.scene import Scene
 from acqd.models.greybox.model import direction
 
+_USUAL_LOSS = 0.2
+"""Gears of robot joints lose 10 to 30 % of the power that they transmit."""
 _LEAST_LOSS = -0.05
 """A loss cannot be negative; less than the model's friction can be lost by some percent."""
 
@@ -40,7 +43,7 @@ class MechanicalPower(Effect):
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """Joints, for losses in the gear, net power, and losses outside the motor."""
-        even = np.ones(scene.axes)
-        yield from per_joint(scene.axes, "lost share", "-", even, low=_LEAST_LOSS)
-        yield from per_joint(scene.axes, "share", "-", even, scene.axes)
-        yield from per_joint(scene.axes, "share lost beside the motor", "-", even, 2 * scene.axes, low=_LEAST_LOSS)
+        lost = Parameter("lost share", "-", _LEAST_LOSS, deviation=_USUAL_LOSS)
+        yield from per_joint(scene.axes, lost)
+        yield from per_joint(scene.axes, Parameter("share", "-", deviation=1.0), scene.axes)
+        yield from per_joint(scene.axes, replace(lost, name="share lost beside the motor"), 2 * scene.axes)

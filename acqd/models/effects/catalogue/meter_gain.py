@@ -9,6 +9,9 @@ from acqd.models.effects.effect import Effect
 from acqd.models.effects.places import Parameter, Place, Shape
 from acqd.models.effects.scene import Scene
 
+_USUAL_ERROR = 0.1
+"""Prior deviation of a gain error: transformers of class 1, or a burden that is not theirs."""
+
 
 class MeterGain(Effect):
     """The meter reads a share too much, or too little."""
@@ -30,4 +33,4 @@ class MeterGain(Effect):
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """The meter."""
-        yield Place("meter", (0,), (Parameter("gain error", "-"),))
+        yield Place("meter", (0,), (Parameter("gain error", "-", deviation=_USUAL_ERROR),))

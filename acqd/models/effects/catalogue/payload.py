@@ -14,6 +14,9 @@ from acqd.models.effects.places import Parameter, Place, Shape
 from acqd.models.effects.scene import Scene
 from acqd.models.greybox.model import GreyBox
 
+_SHARE_OF_ARM, _BESIDE_M = 0.15, 0.2
+"""Prior deviations: mass as a share of the arm's (half the rated payload of most arms), place beside the axis."""
+
 
 class Payload(Effect):
     """A body at the flange: always, on or beside the flange's axis, or while the tool is on."""
@@ -50,11 +53,13 @@ class Payload(Effect):
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """The flange: on its axis, beside its axis, or on its axis with the tool."""
-        yield Place("flange", (0,), (Parameter("mass", "kg"),))
-        moments = tuple(Parameter(f"first moment {side}", "kg m") for side in "xy")
-        yield Place("flange, beside its axis", (0, 2, 3), (Parameter("mass", "kg"), *moments))
+        usual_kg = _SHARE_OF_ARM * float(scene.model.group("inertial")[::10].sum())
+        mass = Parameter("mass", "kg", deviation=usual_kg)
+        moments = tuple(Parameter(f"first moment {side}", "kg m", deviation=usual_kg * _BESIDE_M) for side in "xy")
+        yield Place("flange", (0,), (mass,))
+        yield Place("flange, beside its axis", (0, 2, 3), (mass, *moments))
         if "tool" in scene.signals:
-            yield Place("flange, while the tool is on", (1,), (Parameter("mass", "kg"),))
+            yield Place("flange, while the tool is on", (1,), (mass,))
 
     def c_constants(self, carrier: GreyBox, shape: Shape) -> dict[str, float | Floats]:
         """Inertial parameters [10] of 1 kg, and [2, 10] of 1 kg m beside the axis."""

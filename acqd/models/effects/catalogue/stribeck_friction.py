@@ -9,7 +9,7 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.models.effects.effect import Effect
-from acqd.models.effects.places import Place, Shape, per_joint
+from acqd.models.effects.places import Parameter, Place, Shape, per_joint
 from acqd.models.effects.scene import Scene
 from acqd.models.greybox.model import direction
 
@@ -38,4 +38,6 @@ class StribeckFriction(Effect):
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """Joints."""
-        yield from per_joint(scene.axes, "torque", "Nm", np.ones(scene.axes))
+        usual = float(np.maximum(scene.model.group("coulomb"), 0.0).mean())
+        torque = Parameter("torque", "Nm", deviation=usual if usual > 0 else np.inf, whole_low=0.0)
+        yield from per_joint(scene.axes, torque)

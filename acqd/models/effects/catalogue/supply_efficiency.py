@@ -12,6 +12,9 @@ from acqd.models.effects.effect import Effect
 from acqd.models.effects.places import Parameter, Place, Shape
 from acqd.models.effects.scene import Scene
 
+_USUAL_LOSS_W = 10.0
+"""Prior deviation of the loss at 100 W: supplies are 80 to 95 % efficient."""
+
 
 class SupplyEfficiency(Effect):
     """Loss proportional to the square of the supply's load; a share of the standby power is on another supply."""
@@ -36,4 +39,4 @@ class SupplyEfficiency(Effect):
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """The supply."""
-        yield Place("supply", (0,), (Parameter("loss at 100 W", "W", 0.0),))
+        yield Place("supply", (0,), (Parameter("loss at 100 W", "W", 0.0, deviation=_USUAL_LOSS_W),))

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-import numpy as np
-
 from acqd.arrays import Floats
 from acqd.models.effects.effect import Effect
-from acqd.models.effects.places import Place, Shape, per_joint
+from acqd.models.effects.places import Parameter, Place, Shape, per_joint
 from acqd.models.effects.scene import Scene
 
 
@@ -34,4 +32,4 @@ class ViscousFriction(Effect):
     def places(self, scene: Scene) -> Iterator[Place]:
         """Joints; all of them in the proportions of the described friction, which cannot become negative."""
         known = scene.model.group("viscous")
-        yield from per_joint(scene.axes, "coefficient", "Nm s/rad", known, low=-np.maximum(known, 0.0))
+        yield from per_joint(scene.axes, Parameter("coefficient", "Nm s/rad"), nominal=known)
