@@ -119,4 +119,5 @@ def effect_columns(effect: Effect, scene: Scene, shape: Shape | None) -> Floats:
         scene.memory.clear()
         scene.memory.update(memory)
         joints.append(averaged(columns))
+    scene.moved.clear()  # as large as the columns of many effects
     return np.stack(joints, axis=1)

@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from acqd.arrays import Floats
 from acqd.dataset.split import log_of
@@ -55,7 +57,7 @@ class JointRows:
     segment: int
     joint: int
     runs: list[tuple[int, int]]
-    base: Floats
+    base: NDArray[np.float32]
     """[rows of all runs, b], not white."""
     torque: Floats
     """[rows of all runs] Nm."""
@@ -64,12 +66,12 @@ class JointRows:
         """Rows of all runs from rows [T, ...] of the segment."""
         return np.concatenate([values[first:last] for first, last in self.runs])
 
-    def split(self, values: Floats) -> list[Floats]:
+    def split(self, values: NDArray[Any]) -> list[NDArray[Any]]:
         """Values [rows of all runs, ...] per run."""
         lengths = np.cumsum([last - first for first, last in self.runs])[:-1]
         return list(np.split(values, lengths))
 
-    def white(self, whitener: Whitener, values: Floats) -> Floats:
+    def white(self, whitener: Whitener, values: NDArray[Any]) -> Floats:
         """White rows; every run starts without a past."""
         return np.concatenate([whitener.from_start(run) for run in self.split(values)]).astype(np.float64)
 
@@ -80,7 +82,7 @@ class Observed:
 
     layout: BaseLayout
     rows: list[JointRows]
-    white: list[tuple[Floats, Floats]]
+    white: list[tuple[NDArray[np.float32], Floats]]
     """Base columns and residual, white, of every element of `rows`."""
     scenes: dict[int, Scene]
     """By number of the segment."""
@@ -119,7 +121,7 @@ class Observed:
                 if runs:
                     session = session_key(segment.recording, in_question=in_question)
                     chosen = np.concatenate([np.arange(first, last) for first, last in runs])
-                    own = X[chosen, joint], torque[chosen, joint]
+                    own = X[chosen, joint].astype(np.float32), torque[chosen, joint]
                     rows.append(JointRows(session, in_question, number, joint, runs, *own))
         rows = _comparable(rows, model.axes)
         before = [each for each in rows if not each.in_question]
@@ -131,7 +133,10 @@ class Observed:
             noise = _noise_models(before, beta)
             beta = _base_fit(before, mean, deviation, noise)
         white = [
-            (each.white(noise[each.joint], each.base), each.white(noise[each.joint], each.torque - each.base @ beta))
+            (
+                each.white(noise[each.joint], each.base).astype(np.float32),
+                each.white(noise[each.joint], each.torque - each.base @ beta),
+            )
             for each in rows
         ]
         return cls(layout, rows, white, drawn, noise, mean, deviation, beta, _ratio(model, before, layout, beta))
@@ -141,8 +146,9 @@ class Observed:
         rows, white = [], []
         for each, (X, y) in zip(self.rows, self.white, strict=True):
             more = each.of_runs(columns[each.segment][:, each.joint]) * each.in_question
-            rows.append(replace(each, base=np.column_stack([each.base, more])))
-            white.append((np.column_stack([X, each.white(self.noise[each.joint], more)]), y))
+            white_more = each.white(self.noise[each.joint], more)
+            rows.append(replace(each, base=np.column_stack([each.base, more]).astype(np.float32)))
+            white.append((np.column_stack([X, white_more]).astype(np.float32), y))
         count = next(iter(columns.values())).shape[2]
         wide = np.full(count, _ANY_SIZE)
         return replace(
@@ -156,8 +162,9 @@ class Observed:
         in_question = False
         for each, (X, y) in zip(self.rows, self.white, strict=True):
             if each.session == name:
-                base += X.T @ X
-                residual += X.T @ y
+                exact = X.astype(np.float64)
+                base += exact.T @ exact
+                residual += exact.T @ y
                 in_question = each.in_question
         return Session(name, in_question, base, residual)
 

@@ -187,7 +187,9 @@ class Regression:
         """[blocks, own, own] and [blocks, own] products of the gated columns, computed once."""
         if self._normal is None:
             gates, gram = self.gates.T, self.blocks.white
-            squares = gram.take(slice(None), self.places, self.places) * gates[:, :, None] * gates[:, None, :]
+            squares = gram.take(slice(None), self.places, self.places)
+            squares *= gates[:, :, None]  # in place: hours of recordings have a hundred blocks
+            squares *= gates[:, None, :]
             self._normal = squares, gram.residual_products(slice(None), self.places) * gates
         return self._normal
 

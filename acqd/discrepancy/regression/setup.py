@@ -151,11 +151,15 @@ def _without_outliers(design: Design, base: list[Column], contrast: bool) -> Des
 
 def _fit_of_everything(design: Design, base: list[Column], weights: Floats) -> Floats:
     """[p] coefficients of all columns of the design but the unnamed torque laws (0), on weighted blocks."""
-    everywhere = np.ones(len(design.parts))
+    gram = design.blocks.white
     # torque laws are many and similar to effects: in few recordings they would explain the noise too
-    last = design.blocks.white.y - sum(count for _, count in torque_groups(design.columns.model.axes))
-    columns = [*base, *(Column(k, everywhere) for k in range(design.columns.base, last))]
-    A, b = Regression(design.blocks, columns).normal(weights)
-    beta = np.zeros(design.blocks.white.y)
+    last = gram.y - sum(count for _, count in torque_groups(design.columns.model.axes))
+    everything = np.arange(last)
+    A, b = np.zeros((last, last)), np.zeros(last)
+    for block in np.flatnonzero(weights).tolist():
+        A += weights[block] * gram.take(block, everything, everything)
+        b += weights[block] * gram.residual_products(block, everything)
+    A[np.diag_indices(len(base))] += np.array([column.deviation for column in base]) ** -2.0
+    beta = np.zeros(gram.y)
     beta[:last] = solve_scaled_ridge(A, b, _RIDGE)
     return beta

@@ -99,21 +99,25 @@ def least_evidence(view: View, finding: Finding) -> float:
 def leading(view: View, named: list[Finding], limit: float) -> Finding | None:
     """The effect to name, of findings in the order of their worth; None if no effect is credible.
 
-    A credible finding shows that something is there. What it is, is the question of evidence: an effect before it that
-    explains clearly more, in agreement of most recordings, has the better claim to the name. The guard on held-out
-    recordings follows.
+    A credible finding shows that something is there. What it is, is the question of evidence: an effect that explains
+    clearly more has the better claim to the name. If its held-out gain is the larger one too, agreement of most
+    recordings suffices; else it must be credible itself. The guard on held-out recordings follows.
     """
     first = next((finding for finding in named if credible(view, finding, limit)), None)
     if first is None:
         return None
-    for finding in named:
-        if finding is first:
-            break
-        agree = finding.supported().consistency >= THRESHOLDS.consistent_share
-        enough = finding.evidence > least_evidence(view, finding) and not finding.candidate.detected
-        if agree and enough and relevant(view.design, finding) and _outdone(first, finding):
-            return finding
-    return first
+    place = named.index(first)
+    better = [
+        finding for number, finding in enumerate(named)
+        if not finding.candidate.detected and _outdone(first, finding)
+        and (_agrees(view, finding) if number < place else credible(view, finding, limit))
+    ]  # fmt: skip
+    return max(better, key=lambda finding: finding.evidence, default=first)
+
+
+def _agrees(view: View, finding: Finding) -> bool:
+    agree = finding.supported().consistency >= THRESHOLDS.consistent_share
+    return agree and finding.evidence > least_evidence(view, finding) and relevant(view.design, finding)
 
 
 def serious(design: Design, finding: Finding) -> bool:

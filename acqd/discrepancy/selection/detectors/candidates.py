@@ -64,6 +64,8 @@ def detect(design: Design, regression: Regression, gate: Floats, known: set[str]
     if "contact" in wanted:
         force = [effect_rows(wanted["contact"], scene, {"share_of_time": 1.0})[:, 0] for scene in scenes]
         searches.append((design.whitener, force, (1, -1)))
+        for scene in scenes:
+            scene.moved.clear()  # link frames of hours of motion are much larger than what they are needed for
     for whitener, levels, signs in searches:
         search = _Search(design, regression, gate, segments, whitener, levels, signs)
         states = search.states(residuals)
