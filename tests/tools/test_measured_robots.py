@@ -60,3 +60,32 @@ def test_a_measured_ur3e_is_explained_from_its_motion_alone(tmp_path):
     assert json.loads((tmp_path / "ds" / "manifest.json").read_text())["measured"] == "mains"  # at the bus, not derived
     r2, mae, pieces = tool.cross_validated(tmp_path / "ds")
     assert pieces == 10 and r2 > 0.86 and mae < 1.7
+
+
+@needs_robot_logs
+def test_a_term_withheld_from_a_measured_ur3e_is_the_first_hypothesis_with_its_size(tmp_path):
+    """35 s of measured bus power: mechanical power is named, dry friction leads with too little evidence for a name."""
+    tool = loaded()
+    tool.prepare(tool.ROBOTS[0], ROBOT_LOGS, tmp_path / "u")
+    inputs = ("--power", tmp_path / "u" / "power.csv", "--logs", tmp_path / "u" / "logs", "--robot", "ur3e")
+    built = acqd_here("dataset", "build", *inputs, "--lag", "0", "--cut", "5", "--out", tmp_path / "ds")
+    assert built.returncode == 0, built.stderr
+
+    def report_without(term):
+        bundle, out = tmp_path / term, tmp_path / f"loop-{term}"
+        trained = acqd_here("train", tmp_path / "ds", "--network", "grey-box", "--without", term, "--out", bundle)
+        assert trained.returncode == 0, trained.stderr
+        closed = acqd_here("close-loop", tmp_path / "ds", "--model", bundle, "--out", out, "--json")
+        assert closed.returncode == 0, closed.stderr
+        return json.loads(closed.stdout)
+
+    mechanical = report_without("mechanical_power")
+    assert [each["id"] for each in mechanical["effects"]] == ["mechanical_power"]
+    low, high = mechanical["effects"][0]["parameters"]["share"]["ci95"]
+    assert low < 1.0 < high
+    assert mechanical["after"]["rmse"] < 0.5 * mechanical["before"]["rmse"]
+    friction = report_without("coulomb_friction")
+    assert friction["verdict"] == "not_identifiable"
+    first = friction["hypotheses"][0]
+    assert (first["id"], first["where"]) == ("coulomb_friction", "all joints")
+    assert first["parameters"]["torque, relative"]["value"] == pytest.approx(1.0, abs=0.25)
