@@ -268,6 +268,9 @@ class Thresholds:
     contenders: int = _threshold(
         6, "effects", "uncertainty", "study", "alternative effects that take part in the bootstrap"
     )
+    unnamed_contenders: int = _threshold(
+        3, "alternatives", "uncertainty", "choice", "unnamed alternatives that take part in the bootstrap"
+    )
     interval_width: float = _threshold(
         1.96, "standard errors", "uncertainty", "convention", "half width of a 95 % interval"
     )

@@ -34,7 +34,7 @@ class Added:
     """White squared error that the effect explains beyond chance; None: shifts of whole recordings show the effect."""
     confidence: float
     alternatives: list[tuple[str, float]]
-    """Ids of other effects and their confidence."""
+    """Ids of other effects, or unnamed alternatives in words, and their confidence."""
     start: str | None
     """First recording with the effect; None: all recordings have it."""
     consistency: float

@@ -122,6 +122,6 @@ def _confidence(closed: Closed, each: Added, number: int) -> str:
     else:
         gain = "The effect is reported only: it is not part of the model."
     return (
-        f"Confidence {each.confidence:.0%} (share of resampled sets of recordings in which the effect explains most); "
+        f"Confidence {each.confidence:.0%} (of naming the effect again from other recordings of this kind); "
         f"alternative explanations: {others}. {gain}"
     )

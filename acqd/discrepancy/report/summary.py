@@ -73,7 +73,10 @@ def _effect(closed: Closed, number: int) -> dict[str, Any]:
             "members": [{"id": name, "where": where} for name, where in each.family],
             "confidence": each.family_confidence,
         },
-        "rivals": [{"id": name, "confidence": share} for name, share in each.alternatives],
+        "rivals": [
+            {"id": name if name in library() else None, "name": name, "confidence": share}
+            for name, share in each.alternatives
+        ],
         "evidence": described(each),
         "begins": each.start,
         "added": number < len(closed.kept),

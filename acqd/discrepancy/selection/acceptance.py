@@ -109,7 +109,7 @@ def leading(view: View, named: list[Finding], limit: float) -> Finding | None:
     place = named.index(first)
     better = [
         finding for number, finding in enumerate(named)
-        if not finding.candidate.detected and _outdone(first, finding)
+        if not finding.candidate.detected and outdone(first, finding)
         and (_agrees(view, finding) if number < place else credible(view, finding, limit))
     ]  # fmt: skip
     return max(better, key=lambda finding: finding.evidence, default=first)
@@ -171,16 +171,17 @@ def refuted(view: View, gate: Gate, best: Finding, alternative: Finding) -> bool
 
     Scanned shapes are coarse, and their columns hold for a small effect.
     """
-    if not _outdone(best, alternative):
+    if not outdone(best, alternative):
         return False
     coarse = alternative.evidence <= THRESHOLDS.coarse_factor * best.evidence
     if not view.complete or best.candidate.detected or not coarse:
         return True
     fitted = fit_shape(view.design, view.regression, gate.open, best, None)
-    return _outdone(replace(best, evidence=fitted.finding.evidence), alternative)
+    return outdone(replace(best, evidence=fitted.finding.evidence), alternative)
 
 
-def _outdone(best: Finding, alternative: Finding) -> bool:
+def outdone(best: Finding, alternative: Finding) -> bool:
+    """Whether an alternative explains clearly more."""
     if best.candidate.detected:  # anything that predicts half as much is the better explanation
         return alternative.evidence > THRESHOLDS.predictive_share * best.evidence
     margin = THRESHOLDS.alternative_margin + THRESHOLDS.alternative_share * best.evidence

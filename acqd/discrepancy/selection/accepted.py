@@ -28,7 +28,7 @@ class Named:
     """With indices into the columns of `Effect.at`, for the bundle."""
     shape: dict[str, float]
     alternatives: list[Finding]
-    """The best finding of every other effect, given the effects before."""
+    """The best findings of other effects and of unnamed alternatives, given the effects before."""
     regression: Regression
     """What the effect competed with."""
     witness: Witness | None = None

@@ -165,7 +165,8 @@ class _Step:
         if best is None or (best.candidate.detected and _outdone_by_any(best, unnamed)):
             return None
         others = _best_of_each([finding for finding in named if serious(view.design, finding)], best)
-        return _Winner(best, gate, others)
+        doubts = sorted((each for each in unnamed if serious(view.design, each)), key=lambda each: -each.evidence)
+        return _Winner(best, gate, others[: THRESHOLDS.contenders] + doubts[: THRESHOLDS.unnamed_contenders])
 
     def _chance_limit(self, gate: Gate, view: View) -> float:
         """Surprise that clean recordings exceed with the probability `chance`; more for the best of several onsets."""

@@ -11,7 +11,9 @@ from acqd.discrepancy.regression.design_columns import Candidate
 from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.gram import Regression
 from acqd.discrepancy.regression.onset import Gate
+from acqd.discrepancy.selection.acceptance import outdone
 from acqd.discrepancy.selection.accepted import Named, Tracing
+from acqd.discrepancy.selection.hypotheses import unnamed
 from acqd.discrepancy.selection.ranking import Finding, rank_pooled, solve_part
 from acqd.discrepancy.thresholds import THRESHOLDS
 
@@ -19,19 +21,35 @@ _SHOWN = 3  # alternatives in a report
 
 
 def confidence(tracing: Tracing, named: Named, seed: int) -> tuple[float, list[tuple[str, float]]]:
-    """Share of resampled sets of recordings in which the effect explains most, and the shares of its alternatives."""
+    """Probability that other recordings would name the effect too, and the probabilities of its alternatives.
+
+    Shares of resampled sets of recordings by the rule of succession (Laplace), so that 40 of 40 is no certainty. An
+    unnamed alternative wins a set as it would win the recordings: if it explains clearly more.
+    """
     design, regression = replace(tracing.design, witness=named.witness), named.regression.on(tracing.design.blocks)
-    others = named.alternatives[: THRESHOLDS.contenders]
-    candidates = [finding.candidate for finding in (named.finding, *others)]
-    first = dict.fromkeys([candidate.id for candidate in candidates], 0)
+    candidates = [finding.candidate for finding in (named.finding, *named.alternatives)]
+    won = dict.fromkeys([_name(candidate) for candidate in candidates], 0)
     random = np.random.default_rng(seed)
     for _ in range(THRESHOLDS.resamples):
-        found = rank_pooled(design, regression, named.gate.open, candidates, _resampled(design, random))
-        if found:
-            first[found[0].candidate.id] += 1
-    total = max(sum(first.values()), 1)
-    shares = [(finding.candidate.id, first[finding.candidate.id] / total) for finding in others]
-    return first[named.id] / total, sorted(shares, key=lambda share: -share[1])[:_SHOWN]
+        winner = _winner(rank_pooled(design, regression, named.gate.open, candidates, _resampled(design, random)))
+        if winner is not None:
+            won[_name(winner.candidate)] += 1
+    total = sum(won.values()) + 2
+    shares = [(name, times / total) for name, times in won.items() if name != named.id]
+    return (won[named.id] + 1) / total, sorted(shares, key=lambda share: -share[1])[:_SHOWN]
+
+
+def _winner(findings: list[Finding]) -> Finding | None:
+    """Of findings with the largest evidence first."""
+    effect = next((finding for finding in findings if finding.candidate.id), None)
+    doubt = next((finding for finding in findings if not finding.candidate.id), None)
+    if doubt is None or (effect is not None and not outdone(effect, doubt)):
+        return effect
+    return doubt
+
+
+def _name(candidate: Candidate) -> str:
+    return candidate.id or unnamed(candidate.label)
 
 
 def family(tracing: Tracing, named: Named) -> list[Finding]:
@@ -40,8 +58,9 @@ def family(tracing: Tracing, named: Named) -> list[Finding]:
     mine = _power(design, named.finding, named.gate)
     return [
         finding
-        for finding in named.alternatives[: THRESHOLDS.contenders]
-        if _correlation(mine, _power(design, finding, named.gate)) > THRESHOLDS.family_correlation
+        for finding in named.alternatives
+        if finding.candidate.id
+        and _correlation(mine, _power(design, finding, named.gate)) > THRESHOLDS.family_correlation
     ]
 
 
