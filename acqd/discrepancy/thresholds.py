@@ -93,7 +93,7 @@ class Thresholds:
         1e-9, "unit of the parameter", "noise", "choice", "prior deviation that holds a withheld parameter at zero"
     )
     base_change: float = _threshold(
-        0.3, "-", "noise", "study", "prior deviation of friction and losses of the base model, relative to their values"
+        1.0, "-", "noise", "study", "prior deviation of friction and losses of the base model, relative to their values"
     )
     base_least_change: float = _threshold(
         0.02, "of the torque limit", "noise", "study", "the same where the values are small; also W per W/Nm of loss"
@@ -195,10 +195,10 @@ class Thresholds:
     )
     few_recordings: int = _threshold(3, "recordings", "selection", "study", "fewest recordings, all agreeing and loud")
     few_evidence: float = _threshold(
-        200.0, "white squared error", "selection", "study", "evidence of few recordings that counts as loud"
+        1000.0, "white squared error", "selection", "study", "evidence of few recordings that counts as loud"
     )
     few_held_out_share: float = _threshold(
-        0.75, "-", "selection", "study", "held-out gain of few recordings, relative to their evidence, at least"
+        0.5, "-", "selection", "study", "held-out gain of few recordings, relative to their evidence, at least"
     )
     reference_margin: float = _threshold(
         2.0,

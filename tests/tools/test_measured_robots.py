@@ -64,7 +64,7 @@ def test_a_measured_ur3e_is_explained_from_its_motion_alone(tmp_path):
 
 @needs_robot_logs
 def test_a_term_withheld_from_a_measured_ur3e_is_the_first_hypothesis_with_its_size(tmp_path):
-    """35 s of measured bus power: mechanical power is named, dry friction leads with too little evidence for a name."""
+    """35 s of measured bus power are too few for a name, but not for the first place."""
     tool = loaded()
     tool.prepare(tool.ROBOTS[0], ROBOT_LOGS, tmp_path / "u")
     inputs = ("--power", tmp_path / "u" / "power.csv", "--logs", tmp_path / "u" / "logs", "--robot", "ur3e")
@@ -79,13 +79,10 @@ def test_a_term_withheld_from_a_measured_ur3e_is_the_first_hypothesis_with_its_s
         assert closed.returncode == 0, closed.stderr
         return json.loads(closed.stdout)
 
-    mechanical = report_without("mechanical_power")
-    assert [each["id"] for each in mechanical["effects"]] == ["mechanical_power"]
-    low, high = mechanical["effects"][0]["parameters"]["share"]["ci95"]
-    assert low < 1.0 < high
-    assert mechanical["after"]["rmse"] < 0.5 * mechanical["before"]["rmse"]
-    friction = report_without("coulomb_friction")
-    assert friction["verdict"] == "not_identifiable"
-    first = friction["hypotheses"][0]
-    assert (first["id"], first["where"]) == ("coulomb_friction", "all joints")
-    assert first["parameters"]["torque, relative"]["value"] == pytest.approx(1.0, abs=0.25)
+    for term, where, parameter in (
+        ("mechanical_power", "all joints", "share"),
+        ("coulomb_friction", "all joints", "torque, relative"),
+    ):
+        first = report_without(term)["hypotheses"][0]
+        assert (first["id"], first["where"]) == (term, where)
+        assert first["parameters"][parameter]["value"] == pytest.approx(1.0, abs=0.25)

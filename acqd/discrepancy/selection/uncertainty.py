@@ -56,12 +56,9 @@ def family(tracing: Tracing, named: Named) -> list[Finding]:
     """Alternatives whose power is nearly the power of the effect, in all rows under the gate."""
     design = tracing.design
     mine = _power(design, named.finding, named.gate)
-    return [
-        finding
-        for finding in named.alternatives
-        if finding.candidate.id
-        and _correlation(mine, _power(design, finding, named.gate)) > THRESHOLDS.family_correlation
-    ]
+    effects = [finding for finding in named.alternatives if finding.candidate.id]
+    alike = [_correlation(mine, _power(design, finding, named.gate)) for finding in effects]
+    return [finding for finding, r in zip(effects, alike, strict=True) if r > THRESHOLDS.family_correlation]
 
 
 def _power(design: Design, finding: Finding, gate: Gate) -> Floats:
