@@ -29,6 +29,10 @@ class SmoothGroup:
     """The quantity."""
     columns: tuple[int, ...]
 
+    def beside(self, others: tuple[int, ...]) -> SmoothGroup:
+        """With more columns."""
+        return SmoothGroup(self.name, self.columns + others)
+
 
 @dataclass(frozen=True, slots=True)
 class Ranges:
@@ -76,12 +80,13 @@ def smooth_columns(scene: Scene, ranges: Ranges, *, in_question: bool) -> Floats
     phase = np.pi * (scene.q - ranges.low) / np.maximum(ranges.high - ranges.low, 1e-6)
     for joint in range(scene.axes):
         columns += [np.cos((k + 1) * phase[:, joint]) for k in range(_ANGLES)]
-    share = np.abs(scene.qd) / ranges.speed
+    share = np.minimum(np.abs(scene.qd) / ranges.speed, 1.0)
     for joint in range(scene.axes):
         columns += [np.exp(-(((share[:, joint] - middle) / 0.08) ** 2)) for middle in _SPEEDS]
     columns += list(scene.qdd.T * scene.power_per_torque.T)
     load = np.repeat(scene.predicted, len(scene.q) // scene.rows)
     columns += [np.maximum(load - level, 0.0) for level in ranges.power]
+    columns += [np.ones(len(scene.q))]
     columns += [_low_pass(np.abs(scene.drives), scene.substep_s, seconds) for seconds in _MEMORIES_S]
     moving = _moving(scene)
     starts, stops = edges(moving, scene, "moving")
@@ -116,13 +121,14 @@ def alternatives(axes: int) -> Iterator[SmoothGroup]:
         yield take(f"the speed of joint {joint + 1}", len(_SPEEDS))
     yield take("accelerations", axes)
     yield take("the power itself", 4)
+    level, place = (place,), place + 1  # what follows the past at a distance looks like an offset
     for seconds in _MEMORIES_S:
-        yield take(f"the drives' power of the last {seconds:g} s", 1)
+        yield take(f"the drives' power of the last {seconds:g} s", 1).beside(level)
     yield take("the time since the motion started", len(_AFTER_S) - 1)
     yield take("the time since the motion stopped", len(_AFTER_S) - 1)
     yield take("the time within the recording", 2)
     for seconds in _LONG_MEMORIES_S:
-        yield take(f"the drives' power of the last {seconds / 60:g} min, pauses counted", 1)
+        yield take(f"the drives' power of the last {seconds / 60:g} min, pauses counted", 1).beside(level)
     yield take("the time of day", 4)
     for name, count in torque_groups(axes):
         yield take(name, count)

@@ -16,8 +16,8 @@ from acqd.models.greybox.model import direction
 _WAVES = 4
 """Half waves over the range of the angle: enough for a spring, an end stop, an unbalanced weight."""
 _SMOOTH_RAD_S = 0.05
-_SPEEDS = (0.1, 0.3, 0.5, 0.7, 0.9)
-"""Middles of bumps of a friction curve, relative to the largest speed."""
+_KNOTS = (0.0, 0.1, 0.3, 0.6, 0.85)
+"""Of a friction curve in straight pieces, relative to the speed that few rows exceed; the last piece has no end."""
 _PLAYS_RAD = (0.05, 0.2)
 _PLAY_OF_LOAD = 0.15
 """Half width relative to the largest load."""
@@ -26,8 +26,8 @@ _PLAY_OF_LOAD = 0.15
 def torque_columns(scene: Scene, angles: tuple[Floats, Floats], fastest: Floats, heaviest: Floats) -> list[Floats]:
     """Columns [N] W at substeps in the order of `torque_groups`.
 
-    Of all recordings: `angles` [axes] rad, smallest and largest; `fastest` [axes] rad/s, largest speeds; `heaviest`
-    [axes] Nm, largest loads.
+    Of all recordings: `angles` [axes] rad, smallest and largest; `fastest` [axes] rad/s, which few rows exceed;
+    `heaviest` [axes] Nm, largest loads.
     """
     low, high = angles
     columns: list[Floats] = []
@@ -48,7 +48,7 @@ def torque_columns(scene: Scene, angles: tuple[Floats, Floats], fastest: Floats,
     share = np.abs(scene.qd) / fastest
     for joint in range(scene.axes):
         slope = scene.power_per_torque[:, joint] * against[:, joint]
-        columns += [slope * np.exp(-(((share[:, joint] - middle) / 0.15) ** 2)) for middle in _SPEEDS]
+        columns += [slope, *(slope * np.maximum(share[:, joint] - knot, 0.0) for knot in _KNOTS)]
     substeps = len(scene.q) // scene.rows
     angle, load = averaged(scene.q), averaged(scene.tau_rigid)
     widths = [*(np.full(scene.axes, width) for width in _PLAYS_RAD), _PLAY_OF_LOAD * heaviest]
@@ -79,6 +79,6 @@ def torque_groups(axes: int) -> list[tuple[str, int]]:
         *((f"a torque that depends on the angle of joint {joint}", _WAVES + 1) for joint in joints),
         *((f"a friction that depends on the load of joint {joint}", 2) for joint in joints),
         *((f"a friction of joint {joint} that depends on the speeds of other joints", axes - 1) for joint in coupled),
-        *((f"a friction of joint {joint} of another curve over its speed", len(_SPEEDS)) for joint in joints),
+        *((f"a friction of joint {joint} of another curve over its speed", len(_KNOTS) + 1) for joint in joints),
         *((f"a torque of joint {joint} with hysteresis", len(_PLAYS_RAD) + 1) for joint in joints),
     ]

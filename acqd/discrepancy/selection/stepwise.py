@@ -127,7 +127,7 @@ class _Step:
         known = {named.id for named in tracing.effects}
         for number, detection in enumerate(detect(tracing.design, self._regression, self._gates[0].open, known)):
             tracing.design, places = tracing.design.with_columns(detection.columns)
-            candidate = detection.candidate(places, f"{detection.effect.id} detected {len(known)}.{number}")
+            candidate = detection.candidate(places, f"{detection.name} detected {len(known)}.{number}")
             self._detections[candidate.key] = detection
             self._detected.append(candidate)
         self._regression = self._regression.on(tracing.design.blocks)

@@ -23,9 +23,10 @@ from acqd.models.effects.substeps import averaged
 
 @dataclass(frozen=True, slots=True)
 class Detection:
-    """An effect with its shape and columns, as the residual suggests them."""
+    """An effect with its shape and columns, as the residual suggests them; or something without a name."""
 
-    effect: Effect
+    effect: Effect | None
+    """None: nothing of the library acts like this."""
     shape: Shape
     columns: list[Floats]
     """[T, k] W per unit parameter, per segment of the design."""
@@ -35,9 +36,18 @@ class Detection:
     """Whether columns follow from the shape, so that the columns of a large effect can be computed."""
     by_chance: Callable[[], float] = lambda: 0.0
     """Log-likelihood gain of the same search in as many rows of the reference."""
+    label: str = ""
+    """What acts, in words, without an effect."""
+
+    @property
+    def name(self) -> str:
+        """Id of the effect, or the label."""
+        return self.effect.id if self.effect else self.label
 
     def candidate(self, places: Places, key: str) -> Candidate:
         """The hypothesis, once the design holds its columns at `places`."""
+        if self.effect is None:
+            return Candidate("", self.label, places, detected=True, cost=self.cost, key=key)
         place = self.effect.detected_place(self.shape)
         variant = Variant(place, place.columns, self.shape)
         return Candidate(self.effect.id, place.where, places, variant, detected=True, cost=self.cost, key=key)
@@ -138,14 +148,15 @@ def _described(
             return None
         period_s, regularity = switching.rhythm(states.on, [averaged(scenes[k].t) for k in search.segments])
         kind = "rhythm" if regularity > THRESHOLDS.rhythm_regular else "bursts"
-        if kind == "rhythm" and period_s < THRESHOLDS.rhythm_shortest_s:
-            return None  # a pulsation: no heater or fan switches so often
         shape |= {"period_s": period_s} if kind == "rhythm" else {}
-    if kind not in wanted:
-        return None
     columns = search.columns(states)
-    chance = partial(search.by_chance, residuals)
-    return Detection(wanted[kind], shape, columns, cost=float(states.switchings), by_chance=chance)
+    found = partial(
+        Detection, shape=shape, columns=columns, cost=float(states.switchings),
+        by_chance=partial(search.by_chance, residuals),
+    )  # fmt: skip
+    if kind == "rhythm" and shape["period_s"] < THRESHOLDS.rhythm_shortest_s:  # no heater or fan switches so often
+        return found(None, label=f"a pulsation with a period of {shape['period_s']:.1f} s")
+    return found(wanted[kind]) if kind in wanted else None
 
 
 def residuals_of(design: Design, regression: Regression, omit: str = "") -> list[Floats]:
