@@ -191,6 +191,7 @@ def run_fast(
             woke = monotonic()
             going = task.cycle(expirations)
             stats.record(woke - timer.due_ns, expirations, monotonic() - woke)
+            ring.beat()
             if not going:
                 state = ENDED
                 break
