@@ -6,6 +6,7 @@ import time
 from dataclasses import asdict
 from typing import Any
 
+from acqd.daemon.boot import Boot
 from acqd.daemon.config import Config
 from acqd.daemon.feed import Deliver
 from acqd.daemon.register import RegisterFile
@@ -23,7 +24,7 @@ class WaveformFeed:
 
     def __init__(self, config: Config, source: WaveformSection, boot: str, deliver: Deliver) -> None:
         self._config = config
-        self._boot = boot
+        self._boot = Boot(boot)
         self._deliver = deliver
         self._register = RegisterFile(config.state_dir, config.device) if config.state_dir else None
         self._summariser = Summariser()
@@ -88,6 +89,7 @@ class WaveformFeed:
         )
 
     def _take(self, batch: WindowBatch) -> None:
-        rows = list(rows_of(batch, self._config.device, self._boot))
+        rows = list(rows_of(batch, self._config.device, self._boot.name))
+        self._boot.stamp(rows)
         self._deliver(rows, self._summariser.add(batch, rows))
         self._last_row = time.monotonic()

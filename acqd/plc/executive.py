@@ -21,6 +21,7 @@ from acqd.changes import StateLog
 from acqd.errors import OperationError, UserError
 from acqd.metering import Meter, StreamFormat, WindowBatch
 from acqd.plc.fast_process import FastProcess, StartError, launch
+from acqd.plc.kernel_clock import KernelClock
 from acqd.plc.realtime import RealtimeSettings
 from acqd.plc.ring import ENDED
 from acqd.plc.slow import SlowTask
@@ -61,6 +62,7 @@ class Executive:
         """When MAIN_FAST was last seen cycling, or was launched again [s, monotonic]."""
         self.health = SourceHealth()
         """How the source was at the last wake-up."""
+        self.clock = KernelClock()
         self.meter: Meter | None = None
         self.failure: Exception | None = None
 
@@ -221,6 +223,8 @@ class Executive:
         """MAIN_SLOW, and what follows it. A failure here ends the daemon: it is a bug, not an event."""
         assert self._slow is not None and self._fast is not None
         self._watch_source()
+        if self._fast.live:
+            self._slow.flags = self._fast.flags | self.clock.flags()
         try:
             batch = self._slow.cycle()
             self._reached = self._fast.ring.reached() or self._reached
