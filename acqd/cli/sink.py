@@ -13,6 +13,7 @@ import typer
 
 from acqd.cli.options import ConfigFile, Host, Json, Port, configured
 from acqd.daemon.config import Config
+from acqd.daemon.health.sink import SinkHealth
 from acqd.daemon.notify import notify
 from acqd.errors import UserError
 from acqd.plc.realtime import die_with_parent
@@ -66,15 +67,23 @@ def sink(
     end = time.monotonic() + duration if duration else None
     if embedded:
         print("ready", flush=True)
+    health = SinkHealth(settings.health, worker, options.client_id)
+    health.start()
     notify("READY=1")
-    worker.run(lambda: stopping or (end is not None and time.monotonic() > end), lambda: notify("WATCHDOG=1"))
+    worker.run(lambda: stopping or (end is not None and time.monotonic() > end), health.turned)
     notify("STOPPING=1")
-    counters = asdict(worker.counters)
-    del counters["last_commit"]
-    counters["reconnects"] = max(0, counters["reconnects"])
+    health.stop()
+    if json or not embedded:
+        _report(worker, json)
+
+
+def _report(worker: Sink, json: bool) -> None:
+    """What the sink has done."""
+    names = ("rows", "quarantined", "batches", "reconnects")
+    counters = {name: max(0, getattr(worker.counters, name)) for name in names}
     if json:
         print(orjson.dumps(counters).decode())
-    elif not embedded:
+    else:
         print(", ".join(f"{value} {name}" for name, value in counters.items()))
 
 

@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
 
+from acqd.daemon.health.section import HealthSection
 from acqd.daemon.section import Port, Positive, Section
 from acqd.daemon.source_sections import SECTIONS, SimulatedSection, SourceSection
 from acqd.errors import InputError
@@ -108,6 +109,7 @@ class Config(Section):
     mqtt: MqttSection = MqttSection()
     broker: BrokerSection = BrokerSection()
     sink: SinkSection = Field(default_factory=SinkSection)
+    health: HealthSection = HealthSection()
 
     @field_validator("device")
     @classmethod

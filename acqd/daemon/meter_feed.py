@@ -12,6 +12,7 @@ import numpy as np
 
 from acqd.daemon.boot import Boot
 from acqd.daemon.feed import Deliver
+from acqd.daemon.health.snapshot import FeedHealth, SourceLink
 from acqd.daemon.modbus_sections import MetersSection
 from acqd.errors import OperationError, UserError
 from acqd.metering.power import effective
@@ -51,6 +52,7 @@ class MeterFeed:
         self._stopped = asyncio.Event()
         self._last_row = time.monotonic()
         self._troubles: dict[str, str] = {}
+        self._found = 0  # times a lost meter came back
         self.refused: list[str] = []
 
     async def start(self) -> None:
@@ -95,6 +97,14 @@ class MeterFeed:
             return True
         return self._bus.polling and all(meter.trouble for meter in self._bus.meters)
 
+    def health(self) -> FeedHealth:
+        """Connected while at least one meter answers; `trouble` names the meters that do not."""
+        silent = {meter.settings.name: meter.trouble for meter in self._bus.meters if meter.trouble}
+        trouble = "; ".join(f"meter {name}: {why}" for name, why in silent.items())
+        source = SourceLink(len(silent) < len(self._bus.meters), self._found, trouble)
+        age = time.monotonic() - self._last_row
+        return FeedHealth(self._boot.name, source, age, synchronised=self._clock.synchronised)
+
     def status(self) -> dict[str, Any]:
         """Profile, unit and trouble of each meter."""
         return {
@@ -114,6 +124,7 @@ class MeterFeed:
             if trouble and not before:
                 _log.warning("meter %s: %s; trying again", name, trouble)
             elif before and not trouble:
+                self._found += 1
                 _log.warning("meter %s is back; the gap is flagged", name)
 
     def _take(self, reading: Reading) -> None:

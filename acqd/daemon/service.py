@@ -18,6 +18,8 @@ from acqd import __version__
 from acqd.daemon.config import Config
 from acqd.daemon.embedded_sink import EmbeddedSink
 from acqd.daemon.feed import Deliver, Feed
+from acqd.daemon.health.daemon import DaemonHealth, Progress
+from acqd.daemon.health.snapshot import Delivery, Link
 from acqd.daemon.meter_feed import MeterFeed
 from acqd.daemon.modbus_sections import MetersSection
 from acqd.daemon.notify import notify
@@ -49,6 +51,7 @@ class Service:
         self._feed: Feed = _feed(config, self._boot, self._take)
         self._stop = asyncio.Event()
         self._started = time.time_ns()
+        self._health = DaemonHealth(config.health, config.device, self._feed, self._progress)
         self.rows = 0
 
     async def run(self, duration: float | None = None) -> None:
@@ -83,10 +86,12 @@ class Service:
             background.append(asyncio.create_task(self._housekeeping()))
             if sink is not None:
                 background.append(asyncio.create_task(sink.watch()))
+            self._health.start()
             notify(f"READY=1\nSTATUS=metering {self.config.device}")
             await self._until_done(metering, background, duration)
         finally:
             notify("STOPPING=1")
+            self._health.stop()
             await self._shut_down(background, broker, sink)
 
     async def _until_done(
@@ -140,12 +145,11 @@ class Service:
         self.rows += len(rows)
 
     async def _housekeeping(self) -> None:
-        """Feed the watchdog, publish the status, save the energy registers."""
+        """Show that the event loop turns, publish the status, save the energy registers."""
         next_status = next_save = 0.0
         while True:
             now = time.monotonic()
-            if self._feed.alive():
-                notify("WATCHDOG=1")
+            self._health.turned()
             if now >= next_status and self._connector is not None:
                 next_status = now + _STATUS_S
                 self._outbox.put(Message(topics.status(self.config.device), self._status(), retain=True))
@@ -153,6 +157,14 @@ class Service:
                 next_save = now + _SAVE_S
                 self._feed.save()
             await asyncio.sleep(0.5)
+
+    def _progress(self) -> Progress:
+        """Rows and their delivery, for the health endpoints."""
+        connector, waiting = self._connector, len(self._outbox)
+        if connector is None:
+            return Progress(self.rows)
+        broker = Link(connector.state == "connected", max(connector.reconnects, 0))
+        return Progress(self.rows, Delivery(connector.delivered, self._outbox.dropped, waiting), broker)
 
     def _status(self) -> bytes:
         return orjson.dumps(self.status())

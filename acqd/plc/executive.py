@@ -58,8 +58,8 @@ class Executive:
         self._backoff = Backoff(_RELAUNCH)
         self._says = StateLog(_log)
         self.restarts = 0
-        self.tried = time.monotonic()
-        """When MAIN_FAST was last seen cycling, or was launched again [s, monotonic]."""
+        self.relaunching = False
+        """Whether MAIN_FAST is gone and being launched again."""
         self.health = SourceHealth()
         """How the source was at the last wake-up."""
         self.clock = KernelClock()
@@ -98,8 +98,10 @@ class Executive:
                 )
             self._says.trouble("MAIN_FAST", "gone", f"{end}; relaunching it, the gap will be flagged")
             self._backoff.ended(time.monotonic() - self._fast.begun)
+            self.relaunching = True
             if not await self._relaunch():
                 return
+            self.relaunching = False
 
     async def _relaunch(self) -> bool:
         """Launch again and again; False when `stop` is called meanwhile."""
@@ -108,7 +110,6 @@ class Executive:
             if self._stopping.is_set():
                 break
             self.restarts += 1
-            self.tried = time.monotonic()
             self._starting = asyncio.create_task(self._launch())
             try:
                 await self._starting

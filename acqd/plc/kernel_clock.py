@@ -7,9 +7,12 @@ kernel sets it again when nobody has for so long that the estimated error exceed
 from __future__ import annotations
 
 import ctypes
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 from acqd.plc.clock import STEP_NS
@@ -34,11 +37,25 @@ class _Timex(ctypes.Structure):
 
 def kernel_synchronised() -> bool | None:
     """Whether the clock is synchronised; None where the call is not permitted (seccomp, a strict container)."""
+    if not _permitted():
+        return None
     timex = _Timex()
     state = _libc().adjtimex(ctypes.byref(timex))
     if state < 0:
         return None
     return state != _TIME_ERROR and not timex.status & _STA_UNSYNC
+
+
+@lru_cache(maxsize=1)
+def _permitted() -> bool:
+    """Whether a filter of system calls would end this process for asking: a child process tries first.
+
+    The strict unit of an older acqd (ProtectClock=yes) has such a filter.
+    """
+    if "Seccomp:\t2" not in Path("/proc/self/status").read_text(encoding="ascii"):
+        return True
+    ask = "import ctypes; ctypes.CDLL(None).adjtimex(ctypes.create_string_buffer(512))"
+    return subprocess.run([sys.executable, "-I", "-S", "-c", ask], check=False).returncode == 0
 
 
 class KernelClock:
