@@ -6,18 +6,22 @@ import signal
 import sys
 import time
 from dataclasses import asdict, replace
+from datetime import UTC, datetime
 from typing import Annotated
 
 import orjson
 import typer
 
+from acqd.cli.completeness_table import show_completeness
 from acqd.cli.options import ConfigFile, Host, Json, Port, configured
 from acqd.daemon.config import Config
 from acqd.daemon.health.sink import SinkHealth
 from acqd.daemon.notify import notify
 from acqd.errors import UserError
 from acqd.plc.realtime import die_with_parent
+from acqd.storage.completeness import completeness, day_of
 from acqd.storage.database import open_database
+from acqd.storage.gaps import Cause
 from acqd.storage.maintain import maintain
 from acqd.storage.sink import Sink
 
@@ -103,3 +107,29 @@ def maintain_command(config: ConfigFile = None, database: Database = None, json:
             f"deleted {done.power_deleted} rows, {done.rollup_deleted} old roll-ups, "
             f"{done.quarantine_deleted} quarantined messages"
         )
+
+
+@app.command("completeness")
+def completeness_command(
+    day: Annotated[str, typer.Option(help="YYYY-MM-DD, today or yesterday (UTC).")] = "yesterday",
+    device: Annotated[str | None, typer.Option(help="This device only.")] = None,
+    config: ConfigFile = None,
+    database: Database = None,
+    json: Json = False,
+) -> None:
+    """Report for one day which rows are stored, which are missing, and why; exit 1 when rows were lost.
+
+    Example: acqd sink completeness --day yesterday --config /etc/acqd/acqd.toml
+    """
+    now = datetime.now(UTC)
+    wanted = day_of(day, now)
+    engine = open_database(database or configured(config).sink.database, create=False)
+    report = completeness(engine, wanted, now, device)
+    if device is not None and not report:
+        raise UserError(f"--device {device!r}: the database has no rows of this device on {wanted} or before")
+    if json:
+        print(orjson.dumps([asdict(one) | {"missing": one.missing} for one in report]).decode())
+    else:
+        show_completeness(report, wanted.isoformat())
+    if any(gap.cause == Cause.lost for one in report for gap in one.gaps):
+        raise typer.Exit(1)
