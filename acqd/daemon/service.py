@@ -23,6 +23,7 @@ from acqd.daemon.health.snapshot import Delivery, Link
 from acqd.daemon.meter_feed import MeterFeed
 from acqd.daemon.modbus_sections import MetersSection
 from acqd.daemon.notify import notify
+from acqd.daemon.tape import Tape
 from acqd.daemon.waveform_feed import WaveformFeed
 from acqd.errors import UserError
 from acqd.telemetry import topics
@@ -41,8 +42,14 @@ _FLUSH_S = 0.6  # of the 2 s that a stop may take
 class Service:
     """The running daemon."""
 
-    def __init__(self, config: Config, on_second: Callable[[list[dict[str, Any]]], None] | None = None) -> None:
-        """`on_second` receives the 1 s summaries of all channels (live numbers in a terminal)."""
+    def __init__(
+        self,
+        config: Config,
+        on_second: Callable[[list[dict[str, Any]]], None] | None = None,
+        tape: Tape | None = None,
+    ) -> None:
+        """`on_second` receives the 1 s summaries of all channels (live numbers in a terminal), `tape` all rows."""
+        self._tape = tape
         self.config = config
         self._on_second = on_second
         self._boot = uuid.uuid4().hex[:12]
@@ -134,6 +141,8 @@ class Service:
 
     def _take(self, rows: list[PowerRow], summaries: list[dict[str, Any]]) -> None:
         """Put rows and summaries into the outbox."""
+        if self._tape is not None:
+            self._tape.write(rows)
         if self.config.mqtt.enabled:
             for row in rows:
                 self._outbox.put(Message(topics.power(row.device, row.channel), row.to_json()))

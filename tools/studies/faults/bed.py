@@ -1,0 +1,155 @@
+"""The processes under test: daemon and sink, each behind a proxy to the broker, and a database."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import socket
+import subprocess
+import sys
+import time
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import sqlalchemy as sa
+
+from acqd.storage.database import open_database
+from acqd.storage.schema import power
+from acqd.telemetry.broker import free_port
+from tools.studies.faults.process import Process
+from tools.studies.faults.proxy import Proxy
+
+BROKERS = ("mosquitto", "mosquitto-memory", "embedded")
+"""With and without persistence, and amqtt."""
+DATABASES = ("sqlite", "postgres")
+DEVICE = "cell1"
+_ACQD = [sys.executable, "-m", "acqd"]
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """What a bed is made of."""
+
+    broker: str
+    database: str
+
+    def __str__(self) -> str:
+        return f"{self.broker}+{self.database}"
+
+
+class Bed:
+    """Starts everything in a folder, and stops it."""
+
+    def __init__(self, kind: Kind, folder: Path) -> None:
+        self.kind, self.folder = kind, folder
+        folder.mkdir(parents=True)
+        self.tape = folder / "tape.jsonl"
+        port = free_port()
+        self.proxies = {"daemon": Proxy(port), "sink": Proxy(port)}
+        self.database: Process | None = None
+        self.url = f"{folder / 'rows.sqlite'}"
+        if kind.database == "postgres":
+            self.database, self.url = _postgres(folder)
+        self.broker = _broker(kind.broker, folder, port)
+        self.daemon = self._service("daemon", "run", "--tape", str(self.tape))
+        self.sink = self._service("sink", "sink")
+        self._engine: sa.Engine | None = None
+
+    @property
+    def engine(self) -> sa.Engine:
+        """The database, to look into."""
+        if self._engine is None:
+            self._engine = open_database(self.url)
+        return self._engine
+
+    def start(self) -> None:
+        """Database, broker, sink, daemon."""
+        for process in (self.database, self.broker, self.sink, self.daemon):
+            if process is not None:
+                process.start()
+
+    def revive(self) -> None:
+        """Start what has died."""
+        for process in (self.database, self.broker, self.sink, self.daemon):
+            if process is not None:
+                process.revive()
+
+    def stop(self) -> None:
+        """Everything, in the order of the rows."""
+        for process in (self.daemon, self.sink, self.broker, self.database):
+            if process is not None and process.running is not None:
+                process.stop()
+        for proxy in self.proxies.values():
+            proxy.close()
+        if self._engine is not None:
+            self._engine.dispose()
+
+    def newest(self) -> int:
+        """FILETIME of the newest row that is stored; 0 while the database does not answer."""
+        query = sa.select(sa.func.max(power.c.filetime)).where(power.c.device == DEVICE)
+        try:
+            with self.engine.connect() as connection:
+                return int(connection.execute(query).scalar() or 0)
+        except sa.exc.SQLAlchemyError:
+            return 0
+
+    def _service(self, name: str, *command: str) -> Process:
+        config = self.folder / f"{name}.toml"
+        (self.folder / "state").mkdir(exist_ok=True)
+        config.write_text(
+            f'device = "{DEVICE}"\nstate_dir = "{self.folder / "state"}"\n[realtime]\npriority = 0\n'
+            f'[mqtt]\nport = {self.proxies[name].port}\n[sink]\ndatabase = "{self.url}"\nclient_id = "faults"\n'
+            f"[health]\nport = {free_port()}\nsink_port = {free_port()}\n"
+        )
+        arguments = [*_ACQD, *command, "--config", str(config)]
+        return Process(arguments, self.folder / f"{name}.log", options={"cwd": self.folder})
+
+
+def _listens(port: int) -> bool:
+    with socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", port)) == 0
+
+
+def _broker(kind: str, folder: Path, port: int) -> Process:
+    log = folder / "broker.log"
+    if kind == "embedded":
+        return Process([*_ACQD, "broker", "--port", str(port)], log, lambda: _listens(port))
+    config, store = folder / "mosquitto.conf", folder / "broker"
+    store.mkdir()
+    text = (Path(__file__).parents[3] / "config" / "mosquitto.conf").read_text()
+    text = text.replace("listener 1883", f"listener {port}")
+    keep = kind == "mosquitto"
+    text = text.replace("persistence true", f"persistence {'true' if keep else 'false'}")
+    config.write_text(f"{text}\npersistence_location {store}/\nuser root\n")
+    program = shutil.which("mosquitto", path=f"{os.environ['PATH']}:/usr/sbin") or "mosquitto"
+    return Process([program, "-c", str(config)], log, lambda: _listens(port))
+
+
+def _postgres(folder: Path) -> tuple[Process, str]:
+    """A private server with its default durability."""
+    programs = sorted(Path("/usr/lib/postgresql").glob("*/bin"), key=lambda path: float(path.parent.name))[-1]
+    port, place = free_port(), folder / "postgres"
+    place.mkdir()
+    user: dict[str, Any] = {}
+    if os.geteuid() == 0:  # PostgreSQL refuses to run as root
+        shutil.chown(place, "postgres")
+        for parent in (folder, *folder.parents[:3]):
+            with suppress(PermissionError):
+                parent.chmod(parent.stat().st_mode | 0o055)
+        user = {"user": "postgres", "cwd": "/"}
+    data = place / "data"
+    quiet: dict[str, Any] = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    subprocess.run(
+        [str(programs / "initdb"), "-D", str(data), "-A", "trust", "-U", "acqd"], check=True, **quiet, **user
+    )
+    command = [str(programs / "postgres"), "-D", str(data), "-p", str(port), "-k", str(place)]
+    ready = [str(programs / "pg_isready"), "-q", "-h", "127.0.0.1", "-p", str(port)]
+
+    def answers() -> bool:
+        time.sleep(0.05)
+        return subprocess.run(ready, check=False, **quiet).returncode == 0
+
+    process = Process([*command, "-c", "listen_addresses=127.0.0.1"], folder / "postgres.log", answers, user)
+    return process, f"postgresql://acqd@127.0.0.1:{port}/postgres"
