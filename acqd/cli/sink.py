@@ -11,6 +11,8 @@ from typing import Annotated
 
 import orjson
 import typer
+from rich.console import Console
+from rich.progress import Progress
 
 from acqd.cli.completeness_table import show_completeness
 from acqd.cli.options import ConfigFile, Host, Json, Port, configured
@@ -124,7 +126,9 @@ def completeness_command(
     now = datetime.now(UTC)
     wanted = day_of(day, now)
     engine = open_database(database or configured(config).sink.database, create=False)
-    report = completeness(engine, wanted, now, device)
+    with Progress(console=Console(stderr=True), transient=True) as shown:
+        bar = shown.add_task(f"rows of {wanted}", total=1.0)
+        report = completeness(engine, wanted, now, device, lambda done: shown.update(bar, completed=done))
     if device is not None and not report:
         raise UserError(f"--device {device!r}: the database has no rows of this device on {wanted} or before")
     if json:

@@ -1,26 +1,31 @@
 """Which rows of a day are in the database, and why others are not.
 
 Windows are numbered (boot, seq), so the database itself shows what is missing: a jump of seq whose next row is flagged
-`gap` was never metered; a jump without that flag was metered and did not arrive.
+`gap` was never metered; a jump without that flag was metered and did not arrive. The rows of the day are read once, in
+the order of the index on `filetime`: memory stays small, however many there are.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
 from datetime import UTC, date, datetime, timedelta
-from typing import Any, Literal
+from typing import Literal
 
 import sqlalchemy as sa
 
 from acqd.errors import UserError
-from acqd.storage.gaps import TICKS, Gap, Span, gaps_of
+from acqd.storage.gaps import TICKS, Break, Gap, Span, gaps_of
 from acqd.storage.schema import power, power_1min
 from acqd.timestamps import filetime
 
-__all__ = ["Completeness", "completeness", "day_of"]
 _ON_THEIR_WAY = timedelta(seconds=5)  # rows younger than this need not be stored
 _NOMINAL_TICKS = TICKS * 40 // 1000
+_SAMPLE = 2_000  # distances between rows that tell the interval
+_PORTION = 20_000
+_Key = tuple[str, str]  # device, channel
+_Row = tuple[str, str, str, int, int, str]  # device, channel, boot, seq, filetime, flags
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +50,51 @@ class Completeness:
         return max(0, self.expected - self.stored)
 
 
+@dataclass(slots=True)
+class _Stream:
+    """What is seen of a channel while its rows pass by."""
+
+    stored: int = 0
+    last: dict[str, Break] = field(default_factory=dict)  # by boot: the newest row
+    breaks: list[Break] = field(default_factory=list)
+    distances: Counter[int] = field(default_factory=Counter)  # ms between consecutive rows
+    interval: int = _NOMINAL_TICKS  # of the first two rows
+
+    def add(self, row: _Row) -> None:
+        """Take the next row in the order of time."""
+        _, _, boot, seq, ticks, flags = row
+        before = self.last.get(boot)
+        this = Break(boot, seq, ticks, flags)
+        self.last[boot] = this
+        self.stored += 1
+        if before is None:
+            self.breaks.append(this)
+            return
+        distance = ticks - before.filetime
+        if seq == before.seq + 1:
+            if self.stored < _SAMPLE:
+                self.interval = distance if not self.distances else self.interval
+                self.distances[(distance + 5_000) // 10_000] += 1
+            if abs(distance - self.interval) < self.interval:
+                return
+        this.seq_before, this.filetime_before = before.seq, before.filetime
+        self.breaks.append(this)
+
+    def in_order(self) -> list[Break]:
+        """Begin and end of each boot and what does not follow its predecessor."""
+        for row in self.last.values():
+            row.ends = True
+        ends = [row for row in self.last.values() if not any(row is other for other in self.breaks)]
+        for row in ends:
+            row.seq_before, row.filetime_before = row.seq - 1, row.filetime - self.usual
+        return sorted([*self.breaks, *ends], key=lambda row: (row.filetime, row.seq))
+
+    @property
+    def usual(self) -> int:
+        """The most frequent distance between two rows [ticks]."""
+        return max(self.distances.most_common(1)[0][0], 1) * 10_000 if self.distances else _NOMINAL_TICKS
+
+
 def day_of(text: str, now: datetime) -> date:
     """YYYY-MM-DD, `today` or `yesterday` (UTC). Raises UserError."""
     words = {"today": now.date(), "yesterday": now.date() - timedelta(days=1)}
@@ -59,100 +109,74 @@ def day_of(text: str, now: datetime) -> date:
     return day
 
 
-def completeness(engine: sa.Engine, day: date, now: datetime, device: str | None = None) -> list[Completeness]:
-    """Every device and channel that has rows on `day` or before."""
+def completeness(
+    engine: sa.Engine,
+    day: date,
+    now: datetime,
+    device: str | None = None,
+    progress: Callable[[float], None] = lambda _: None,
+) -> list[Completeness]:
+    """Every device and channel that has rows on `day` or the day before, or roll-ups; `progress` takes 0 to 1."""
     begin = datetime(day.year, day.month, day.day, tzinfo=UTC)
-    end = min(begin + timedelta(days=1), now - _ON_THEIR_WAY)
+    end = max(begin, min(begin + timedelta(days=1), now - _ON_THEIR_WAY))
     with engine.connect() as connection:
-        known = _streams(connection, _ticks(end), device)
-        return [_one(connection, *stream, begin, end) for stream in known]
+        first, rolled = _known(connection, begin, end)
+        streams: dict[_Key, _Stream] = {}
+        span = Span(_ticks(begin), _ticks(end))
+        for row in _rows(connection, span):
+            stream = streams.get(row[:2])
+            if stream is None:
+                stream = streams[row[:2]] = _Stream()
+            stream.add(row)
+            if not stream.stored % _PORTION:
+                progress((row[4] - span.begin) / (span.end - span.begin))
+    for key, stream in streams.items():
+        first.setdefault(key, stream.breaks[0].filetime)
+    keys = sorted(key for key in first if device is None or key[0] == device)
+    return [
+        _report(key, begin, Span(max(span.begin, first[key]), span.end), streams.get(key), rolled.get(key, 0))
+        for key in keys
+    ]
 
 
-def _streams(connection: sa.Connection, end: int, device: str | None) -> list[tuple[str, str, int]]:
-    """Device, channel and first row (ticks) of all that have rows, or roll-ups, before `end`."""
+def _report(key: _Key, day: datetime, span: Span, stream: _Stream | None, rolled: int) -> Completeness:
+    name = day.date().isoformat()
+    if stream is None and rolled:
+        expected = max(0, round((span.end - span.begin) / _NOMINAL_TICKS))
+        return Completeness(*key, name, expected, rolled, _NOMINAL_TICKS / TICKS, [], "roll-ups")
+    stream = stream or _Stream()
+    gaps = gaps_of(stream.in_order(), span, stream.usual)
+    expected = stream.stored + sum(gap.rows for gap in gaps)
+    return Completeness(*key, name, expected, stream.stored, stream.usual / TICKS, gaps, "rows")
+
+
+def _known(connection: sa.Connection, begin: datetime, end: datetime) -> tuple[dict[_Key, int], dict[_Key, int]]:
+    """First row (ticks), and rows that the roll-ups count within the day, by device and channel."""
     c, m = power.c, power_1min.c
-    rows = sa.select(c.device, c.channel, sa.func.min(c.filetime)).where(c.filetime < end)
-    buckets = sa.select(m.device, m.channel, sa.func.min(m.start) * TICKS + filetime(0)).where(
-        m.start < (end - filetime(0)) // TICKS
-    )
-    if device is not None:
-        rows, buckets = rows.where(c.device == device), buckets.where(m.device == device)
-    first: dict[tuple[str, str], int] = {}
-    for query in (rows.group_by(c.device, c.channel), buckets.group_by(m.device, m.channel)):
-        for name, channel, ticks in connection.execute(query):
-            first[name, channel] = min(int(ticks), first.get((name, channel), int(ticks)))
-    return [(name, channel, ticks) for (name, channel), ticks in sorted(first.items())]
+    day = sa.and_(m.start >= int(begin.timestamp()), m.start < int(end.timestamp()))
+    counted = sa.func.sum(sa.case((day, m.rows), else_=0))
+    buckets = sa.select(m.device, m.channel, sa.func.min(m.start), counted).where(m.start < int(end.timestamp()))
+    first: dict[_Key, int] = {}
+    rolled: dict[_Key, int] = {}
+    for name, channel, start, rows in connection.execute(buckets.group_by(m.device, m.channel)):
+        first[name, channel], rolled[name, channel] = filetime(int(start) * 10**9), int(rows)
+    before = sa.and_(c.filetime >= _ticks(begin - timedelta(days=1)), c.filetime < _ticks(begin))
+    query = sa.select(c.device, c.channel, sa.func.min(c.filetime)).where(before).group_by(c.device, c.channel)
+    for name, channel, ticks in connection.execute(query):
+        first[name, channel] = min(int(ticks), first.get((name, channel), int(ticks)))
+    return first, rolled
 
 
-def _one(
-    connection: sa.Connection, device: str, channel: str, first: int, begin: datetime, end: datetime
-) -> Completeness:
-    span = Span(max(_ticks(begin), first), _ticks(end))
-    in_day = sa.and_(
-        power.c.device == device, power.c.channel == channel,
-        power.c.filetime >= span.begin, power.c.filetime < span.end,
-    )  # fmt: skip
-    stored = int(connection.execute(sa.select(sa.func.count()).where(in_day)).scalar_one())
-    bucket_rows = 0 if stored else _rolled_up(connection, device, channel, begin, end)
-    interval = _interval(connection, in_day) if stored else _NOMINAL_TICKS
-    rolled = bucket_rows > 0
-    gaps = [] if rolled else gaps_of(_breaks(connection, in_day, interval), span, interval)
-    room = max(0, round((span.end - span.begin) / interval))
-    return Completeness(
-        device, channel, begin.date().isoformat(),
-        expected=room if rolled else stored + sum(gap.rows for gap in gaps),
-        stored=bucket_rows if rolled else stored,
-        interval_s=interval / TICKS,
-        gaps=gaps,
-        source="roll-ups" if rolled else "rows",
-    )  # fmt: skip
-
-
-def _rolled_up(connection: sa.Connection, device: str, channel: str, begin: datetime, end: datetime) -> int:
-    m = power_1min.c
-    query = sa.select(sa.func.sum(m.rows)).where(
-        m.device == device, m.channel == channel, m.start >= int(begin.timestamp()), m.start < int(end.timestamp())
-    )
-    return int(connection.execute(query).scalar() or 0)
-
-
-def _with_previous(in_day: sa.ColumnElement[bool]) -> sa.Subquery:
-    """The day's rows beside their predecessor of the same boot."""
+def _rows(connection: sa.Connection, span: Span) -> Iterator[_Row]:
     c = power.c
-    order: dict[str, Any] = {"partition_by": c.boot, "order_by": c.seq}
-    return (
-        sa.select(
-            c.boot, c.seq, c.filetime, sa.cast(c.flags, sa.Text).label("flags"),
-            sa.func.lag(c.seq).over(**order).label("seq_before"),
-            sa.func.lag(c.filetime).over(**order).label("filetime_before"),
-            sa.func.lead(c.seq).over(**order).label("seq_after"),
-        )
-        .where(in_day)
-        .subquery()
-    )  # fmt: skip
-
-
-def _interval(connection: sa.Connection, in_day: sa.ColumnElement[bool]) -> int:
-    """The most frequent time between two consecutive rows, to the millisecond [ticks]."""
-    rows = _with_previous(in_day)
-    milliseconds = (rows.c.filetime - rows.c.filetime_before + 5_000) / 10_000
-    between = sa.cast(sa.func.floor(milliseconds), sa.Integer).label("between")
     query = (
-        sa.select(between).where(rows.c.seq == rows.c.seq_before + 1).group_by(between).order_by(sa.func.count().desc())
+        sa.select(c.device, c.channel, c.boot, c.seq, c.filetime, sa.cast(c.flags, sa.Text))
+        .where(c.filetime >= span.begin, c.filetime < span.end)
+        .order_by(c.filetime)
     )
-    found = connection.execute(query.limit(1)).scalar()
-    return int(found) * 10_000 if found else _NOMINAL_TICKS
-
-
-def _breaks(connection: sa.Connection, in_day: sa.ColumnElement[bool], interval: int) -> Iterable[Any]:
-    """First and last row of each boot, and rows that do not follow their predecessor; in the order of time."""
-    rows = _with_previous(in_day)
-    r = rows.c
-    jump = sa.or_(
-        r.seq_before.is_(None), r.seq_after.is_(None), r.seq != r.seq_before + 1,
-        sa.func.abs(r.filetime - r.filetime_before - interval) > interval,
-    )  # fmt: skip
-    return connection.execute(sa.select(rows).where(jump).order_by(r.filetime, r.seq)).all()
+    streaming = connection.execution_options(stream_results=True, yield_per=_PORTION)
+    for portion in streaming.execute(query).partitions():
+        yield from portion
 
 
 def _ticks(moment: datetime) -> int:

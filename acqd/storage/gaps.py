@@ -6,7 +6,6 @@ import json
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any
 
 from acqd.timestamps import rfc3339
 
@@ -38,6 +37,22 @@ class Span:
     end: int
 
 
+@dataclass(slots=True)
+class Break:
+    """A row that begins or ends a boot, or does not follow the row before it."""
+
+    boot: str
+    seq: int
+    filetime: int
+    flags: str
+    """JSON."""
+    seq_before: int | None = None
+    """Of the row before in the same boot; None: the first row of its boot in the span."""
+    filetime_before: int = 0
+    ends: bool = False
+    """The last row of its boot in the span."""
+
+
 @dataclass(frozen=True, slots=True)
 class Gap:
     """Rows missing between two moments (RFC 3339, UTC)."""
@@ -50,12 +65,8 @@ class Gap:
     """Of the row after the gap; empty at the end of the day."""
 
 
-def gaps_of(breaks: Iterable[Any], span: Span, interval: int) -> list[Gap]:
-    """The gaps of one channel.
-
-    `breaks`: rows (boot, seq, filetime, flags, seq_before, filetime_before, seq_after) that begin or end a boot or do
-    not follow the row before; `interval` [ticks] between two rows.
-    """
+def gaps_of(breaks: Iterable[Break], span: Span, interval: int) -> list[Gap]:
+    """The gaps of one channel; `breaks` in the order of time, `interval` [ticks] between two rows."""
     gaps: list[Gap] = []
     reached = span.begin
     begun: set[str] = set()  # boots between their first and last row; two overlap when the clock was set back
@@ -67,7 +78,7 @@ def gaps_of(breaks: Iterable[Any], span: Span, interval: int) -> list[Gap]:
             gaps += _before_boot(row, reached, interval, continued=reached == span.begin)
         else:
             gaps += _within_boot(row, interval)
-        if row.seq_after is None:
+        if row.ends:
             begun.discard(row.boot)
         reached = max(reached, row.filetime + interval)
     if span.end - reached > 2 * interval:
@@ -75,7 +86,7 @@ def gaps_of(breaks: Iterable[Any], span: Span, interval: int) -> list[Gap]:
     return gaps
 
 
-def _before_boot(row: Any, reached: int, interval: int, *, continued: bool) -> list[Gap]:
+def _before_boot(row: Break, reached: int, interval: int, *, continued: bool) -> list[Gap]:
     """What is missing before the first row that a boot has in this span; it may have begun before the span."""
     missing = (row.filetime - reached) / interval
     missing = max(0, int(missing) if continued else round(missing))
@@ -93,8 +104,9 @@ def _before_boot(row: Any, reached: int, interval: int, *, continued: bool) -> l
     return [part for part in parts if part.rows]
 
 
-def _within_boot(row: Any, interval: int) -> list[Gap]:
+def _within_boot(row: Break, interval: int) -> list[Gap]:
     """What is missing before a row that does not follow its predecessor."""
+    assert row.seq_before is not None
     missing, begin = row.seq - row.seq_before - 1, row.filetime_before + interval
     if missing:
         cause = Cause.not_metered if "gap" in _flags(row) else Cause.lost
@@ -104,7 +116,7 @@ def _within_boot(row: Any, interval: int) -> list[Gap]:
     return []
 
 
-def _flags(row: Any) -> frozenset[str]:
+def _flags(row: Break) -> frozenset[str]:
     return frozenset(json.loads(row.flags))
 
 
