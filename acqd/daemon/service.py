@@ -184,7 +184,7 @@ class Service:
         return {
             "state": "online",
             "device": self.config.device,
-            "boot": self._boot,
+            "boot": self._feed.health().boot,
             "version": __version__,
             "time": rfc3339(time.time_ns()),
             "started": rfc3339(self._started),
