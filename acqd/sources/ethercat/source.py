@@ -25,7 +25,7 @@ _ACKNOWLEDGE_NS = 1_500_000_000  # for slaves to come back to OP before the segm
 class EthercatSource(DeviceSource):
     """One to three EL3783 behind a coupler."""
 
-    patience_s = 20.0  # a segment that is started again waits for mailboxes and changes of state
+    patience_s = 12.0  # a segment that is started again waits for mailboxes and changes of state
 
     def __init__(self, settings: EthercatSettings, clock: Clock = time.monotonic_ns) -> None:
         super().__init__(clock)

@@ -26,7 +26,7 @@ from acqd.sources.remote_ring import RemoteRing
 
 _FUNCTION = 3
 _MOST_REGISTERS = 125
-_PATIENCE_S = 15.0  # the longest answer on a slow serial line
+_PATIENCE_S = 8.0  # the longest answer on a slow serial line
 _ANSWERS = 6  # that one exchange may wait for in vain
 _MOST_BLOCKS = 256  # in one exchange: a long outage is fetched in portions
 

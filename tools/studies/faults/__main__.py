@@ -26,7 +26,7 @@ from acqd.cli.main import for_people
 from acqd.errors import UserError
 from tools.common.tables import show
 from tools.studies.faults.bed import BROKERS, DATABASES, Kind
-from tools.studies.faults.campaign import Outcome, forget, run
+from tools.studies.faults.campaign import Outcome, Plan, forget, run
 from tools.studies.faults.faults import ALL
 
 _BEDS = [Kind(broker, database) for broker in BROKERS for database in DATABASES]
@@ -40,6 +40,7 @@ def faults(
     count: Annotated[int, typer.Option("--faults", min=1, help="Faults per bed.")] = 60,
     bed: Annotated[list[str] | None, typer.Option(help=f"Beds: {', '.join(map(str, _BEDS))}.")] = None,
     only: Annotated[list[str] | None, typer.Option(help=f"Faults: {', '.join(ALL)}.")] = None,
+    clock: Annotated[bool, typer.Option("--clock", help="Also set the daemon's clock (libfaketime).")] = False,
     seed: Annotated[int, typer.Option(help="Order, moments and durations of the faults.")] = 1,
     keep: Annotated[Path | None, typer.Option(help="Keep tapes, logs and databases in this new folder.")] = None,
     json: Annotated[bool, typer.Option("--json", help="Machine-readable output on stdout.")] = False,
@@ -55,6 +56,7 @@ def faults(
         raise UserError(f"--only {sorted(unknown)[0]!r}: expected one of {', '.join(ALL)}")
     if keep is not None and keep.exists():
         raise UserError(f"--keep {keep} exists; name a new folder")
+    plan = Plan(seed, count, frozenset(only or []), clock)
     place = keep or Path(tempfile.mkdtemp(prefix="acqd-faults-"))
     console = Console(stderr=True)
     outcomes: list[Outcome] = []
@@ -68,7 +70,7 @@ def faults(
                 if not console.is_terminal:
                     console.print(f"{time.monotonic() - begun:7.1f} s  {kind}: {name}", highlight=False)
 
-            outcomes.append(run(kind, place / str(kind), seed, count, only or [], tick))
+            outcomes.append(run(kind, place / str(kind), plan, tick))
             if keep is None:
                 forget(place / str(kind))
     if keep is None:

@@ -15,6 +15,7 @@ from typing import Any
 
 import sqlalchemy as sa
 
+from acqd.errors import UserError
 from acqd.storage.database import open_database
 from acqd.storage.schema import power
 from acqd.telemetry.broker import free_port
@@ -25,6 +26,8 @@ BROKERS = ("mosquitto", "mosquitto-memory", "embedded")
 """With and without persistence, and amqtt."""
 DATABASES = ("sqlite", "postgres")
 DEVICE = "cell1"
+CLOCK_CACHE_S = 1
+"""How long libfaketime may take to notice that the clock was set [s]."""
 _ACQD = [sys.executable, "-m", "acqd"]
 
 
@@ -42,9 +45,12 @@ class Kind:
 class Bed:
     """Starts everything in a folder, and stops it."""
 
-    def __init__(self, kind: Kind, folder: Path) -> None:
+    def __init__(self, kind: Kind, folder: Path, faked_clock: bool = False) -> None:
+        """`faked_clock`: the daemon runs under libfaketime, so that its clock can be set. Raises UserError without."""
         self.kind, self.folder = kind, folder
         folder.mkdir(parents=True)
+        self._offset = folder / "clock"
+        self.set_clock(0.0)
         self.tape = folder / "tape.jsonl"
         port = free_port()
         self.proxies = {"daemon": Proxy(port), "sink": Proxy(port)}
@@ -55,6 +61,8 @@ class Bed:
         self.broker = _broker(kind.broker, folder, port)
         self.daemon = self._service("daemon", "run", "--tape", str(self.tape))
         self.sink = self._service("sink", "sink")
+        if faked_clock:
+            self.daemon.options["env"] = os.environ | _faketime(self._offset)
         self._engine: sa.Engine | None = None
 
     @property
@@ -86,6 +94,12 @@ class Bed:
         if self._engine is not None:
             self._engine.dispose()
 
+    def set_clock(self, seconds: float) -> None:
+        """Put the daemon's clock so many seconds ahead of this computer's."""
+        new = self._offset.with_suffix(".new")
+        new.write_text(f"{seconds:+}")
+        os.replace(new, self._offset)
+
     def newest(self) -> int:
         """FILETIME of the newest row that is stored; 0 while the database does not answer."""
         query = sa.select(sa.func.max(power.c.filetime)).where(power.c.device == DEVICE)
@@ -105,6 +119,16 @@ class Bed:
         )
         arguments = [*_ACQD, *command, "--config", str(config)]
         return Process(arguments, self.folder / f"{name}.log", options={"cwd": self.folder})
+
+
+def _faketime(offset: Path) -> dict[str, str]:
+    found = sorted(Path("/usr/lib").glob("*/faketime/libfaketime.so.1"))
+    if not found:
+        raise UserError("--clock needs libfaketime: apt-get install libfaketime")
+    return {
+        "LD_PRELOAD": str(found[-1]), "FAKETIME_TIMESTAMP_FILE": str(offset), "FAKETIME_DONT_FAKE_MONOTONIC": "1",
+        "DONT_FAKE_MONOTONIC": "1", "FAKETIME_CACHE_DURATION": str(CLOCK_CACHE_S),
+    }  # fmt: skip
 
 
 def _listens(port: int) -> bool:

@@ -12,7 +12,7 @@ from typing import Any
 
 from acqd.timestamps import filetime
 from tools.studies.faults.bed import Bed, Kind
-from tools.studies.faults.faults import ALL, POSTGRES_ONLY
+from tools.studies.faults.faults import ALL, FAKED_CLOCK_ONLY, POSTGRES_ONLY
 from tools.studies.faults.reconcile import Reconciled, missing, reconcile
 
 _RECOVERY_S = 30.0
@@ -52,7 +52,7 @@ class Outcome:
         """The line of the table."""
         times, rows = self.recoveries, self.rows
         assert rows is not None
-        kills = sum(hit.fault == "daemon killed" for hit in self.hits)
+        kills = sum(hit.fault in ("daemon killed", "all killed") for hit in self.hits)
         return {
             "bed": self.bed, "faults": len(self.hits), "seconds": round(self.seconds), "made": rows.made,
             "stored": rows.stored, "lost": rows.lost, "daemon kills": kills, "duplicated": rows.duplicated,
@@ -63,14 +63,36 @@ class Outcome:
         }  # fmt: skip
 
 
-def run(kind: Kind, folder: Path, seed: int, count: int, only: list[str], tick: Callable[[str], None]) -> Outcome:
-    """Hit a bed `count` times with faults of `only` (all, when empty), each kind equally often."""
-    chance, outcome, begun = random.Random(f"{seed} {kind}"), Outcome(str(kind), seed), time.monotonic()
-    bed = Bed(kind, folder)
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """What is done to each bed."""
+
+    seed: int
+    faults: int
+    only: frozenset[str] = frozenset()
+    """Empty: all."""
+    clock: bool = False
+    """Also set the daemon's clock."""
+
+    def names(self, kind: Kind, chance: random.Random) -> list[str]:
+        """The faults of a bed, each kind equally often."""
+        impossible = set() if kind.database == "postgres" else set(POSTGRES_ONLY)
+        impossible |= set() if self.clock else FAKED_CLOCK_ONLY
+        names = [name for name in ALL if name not in impossible and (not self.only or name in self.only)]
+        plan: list[str] = []
+        while names and len(plan) < self.faults:
+            plan += chance.sample(names, len(names))
+        return plan[: self.faults]
+
+
+def run(kind: Kind, folder: Path, plan: Plan, tick: Callable[[str], None]) -> Outcome:
+    """Carry the plan out on one bed; `tick` is told of every fault."""
+    chance, outcome, begun = random.Random(f"{plan.seed} {kind}"), Outcome(str(kind), plan.seed), time.monotonic()
+    bed = Bed(kind, folder, plan.clock)
     try:
         bed.start()
         _recovered(bed, time.time_ns())
-        for name in _plan(kind, count, only, chance):
+        for name in plan.names(kind, chance):
             outcome.hits.append(_hit(bed, name, chance))
             tick(name)
             bed.revive()
@@ -83,15 +105,6 @@ def run(kind: Kind, folder: Path, seed: int, count: int, only: list[str], tick: 
         bed.stop()
     outcome.seconds = time.monotonic() - begun
     return outcome
-
-
-def _plan(kind: Kind, count: int, only: list[str], chance: random.Random) -> list[str]:
-    possible = set(ALL) if kind.database == "postgres" else set(ALL) - POSTGRES_ONLY
-    names = [name for name in ALL if name in possible and (not only or name in only)]
-    plan: list[str] = []
-    while names and len(plan) < count:
-        plan += chance.sample(names, len(names))
-    return plan[:count]
 
 
 def _hit(bed: Bed, name: str, chance: random.Random) -> Hit:

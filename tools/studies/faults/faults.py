@@ -11,7 +11,7 @@ from contextlib import suppress
 
 import sqlalchemy as sa
 
-from tools.studies.faults.bed import DEVICE, Bed
+from tools.studies.faults.bed import CLOCK_CACHE_S, DEVICE, Bed
 from tools.studies.faults.messages import publish
 from tools.studies.faults.process import Process
 
@@ -128,6 +128,30 @@ def _garbage(bed: Bed, chance: random.Random) -> None:
     publish(bed.proxies["daemon"].port, [(topic, chance.choice(messages)) for _ in range(20)])
 
 
+def _oversized(bed: Bed, chance: random.Random) -> None:
+    """Messages far larger than any row: nobody's memory may follow them."""
+    size = chance.randint(2_000_000, 20_000_000)
+    publish(bed.proxies["daemon"].port, [(f"acqd/{DEVICE}/L1/power", b"[" * size)] * 2)
+
+
+def _all_killed(bed: Bed, chance: random.Random) -> None:
+    """The computer is switched off and on (its disk keeps what was written)."""
+    processes = [bed.daemon, bed.sink, bed.broker]
+    for process in chance.sample(processes, len(processes)):
+        process.kill()
+    _pause(chance, *_RESTART_S)
+    for process in (bed.broker, bed.sink, bed.daemon):
+        process.start()
+
+
+def _clock(bed: Bed, chance: random.Random) -> None:
+    """The daemon's clock is set, and later set right."""
+    bed.set_clock(chance.choice([-1.0, -5.0, 2.0, 30.0]))
+    _pause(chance, 2.0, 5.0)
+    bed.set_clock(0.0)
+    time.sleep(CLOCK_CACHE_S)
+
+
 def _again(bed: Bed, chance: random.Random) -> None:
     """Rows of the tape a second time: they are known."""
     lines = bed.tape.read_bytes().splitlines()[-400:]
@@ -156,6 +180,9 @@ ALL: dict[str, Fault] = {
     "database crashed": _database_crash,
     "malformed messages": _garbage,
     "duplicate messages": _again,
+    "oversized messages": _oversized,
+    "all killed": _all_killed,
+    "clock set": _clock,
 }
 for _side in ("daemon", "sink"):
     ALL[f"{_side}: half-open"] = _cut(_side, "silent", reset=False)
@@ -163,3 +190,4 @@ for _side in ("daemon", "sink"):
     ALL[f"{_side}: resets"] = _reset(_side)
     ALL[f"{_side}: latency"] = _latency(_side)
 POSTGRES_ONLY = {"database crashed"}
+FAKED_CLOCK_ONLY = {"clock set"}
