@@ -6,6 +6,7 @@ import json
 import os
 import signal
 import socket
+import time
 from pathlib import Path
 
 import pytest
@@ -95,6 +96,7 @@ def test_the_real_daemon_and_its_sink_answer_and_a_stopped_main_fast_shows(tmp_p
     service = start("run", "--config", path, cwd=tmp_path)
 
     def told():
+        time.sleep(0.2)  # each question costs more than a look
         return json.loads(acqd_here("status", "--config", path, "--json").stdout)
 
     try:

@@ -60,9 +60,10 @@ class Run:
         assert (np.diff(seq) > 0).all() and (np.diff(utc) > 0).all()
         jumps = np.flatnonzero(np.diff(seq) > 1)
         assert len(jumps) and all("gap" in flags[k] | flags[k + 1] for k in jumps)
-        assert abs(utc[-1] - time.time_ns()) < 2e9
-        # The stream's clock has run on through the outage: nothing was set.
-        assert not any("clock_step" in named for named in flags)
+        assert abs(utc[-1] - time.time_ns()) < 10e9
+        # The stream's time has run on through the outage. A busy machine may delay rows by some tenths of a second.
+        moved = (utc - utc[0]) - (seq - seq[0]) * 40_000_000
+        assert np.abs(moved).max() < 0.8e9
 
 
 def child_of_this_process() -> list[int]:

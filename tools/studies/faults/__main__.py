@@ -78,7 +78,7 @@ def faults(
     if json:
         print(json_.dumps([outcome.figures() | {"detail": asdict(outcome)} for outcome in outcomes]))
     else:
-        show(_beds(outcomes), _kinds_of_fault(outcomes), width=190)
+        show(_beds(outcomes), _kinds_of_fault(outcomes), width=150)
     raise SystemExit(0 if all(map(_good, outcomes)) else 1)
 
 
@@ -98,9 +98,10 @@ def _good(outcome: Outcome) -> bool:
 
 
 def _beds(outcomes: list[Outcome]) -> Table:
-    table = Table(*outcomes[0].figures())
-    for outcome in outcomes:
-        table.add_row(*("-" if value is None else str(value) for value in outcome.figures().values()))
+    figures = [outcome.figures() for outcome in outcomes]
+    table = Table("", *(str(column["bed"]) for column in figures))
+    for name in list(figures[0])[1:]:
+        table.add_row(name, *("-" if column[name] is None else str(column[name]) for column in figures))
     return table
 
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import orjson
 import sqlalchemy as sa
 
 from acqd.errors import UserError
@@ -100,14 +101,27 @@ class Bed:
         new.write_text(f"{seconds:+}")
         os.replace(new, self._offset)
 
-    def newest(self) -> int:
-        """FILETIME of the newest row that is stored; 0 while the database does not answer."""
-        query = sa.select(sa.func.max(power.c.filetime)).where(power.c.device == DEVICE)
+    def taped(self) -> int:
+        """Length of the tape [bytes]."""
+        return self.tape.stat().st_size if self.tape.exists() else 0
+
+    def arrived(self, offset: int) -> bool:
+        """Whether a row that was taped behind `offset` is stored: by its number, whatever the clocks say."""
+        with self.tape.open("rb") as file:
+            file.seek(offset)
+            rows = [orjson.loads(line) for line in file.read().split(b"\n")[:-1] if line.startswith(b"{")]
+        if not rows:
+            return False
+        boot = rows[-1]["boot"]
+        first = min(row["seq"] for row in rows if row["boot"] == boot)
+        c = power.c
+        query = sa.select(sa.func.max(c.seq)).where(c.device == DEVICE, c.channel == "total", c.boot == boot)
         try:
             with self.engine.connect() as connection:
-                return int(connection.execute(query).scalar() or 0)
+                newest = connection.execute(query).scalar()
         except sa.exc.SQLAlchemyError:
-            return 0
+            return False
+        return newest is not None and newest >= first
 
     def _service(self, name: str, *command: str) -> Process:
         config = self.folder / f"{name}.toml"

@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from acqd.timestamps import filetime
 from tools.studies.faults.bed import Bed, Kind
 from tools.studies.faults.faults import ALL, FAKED_CLOCK_ONLY, POSTGRES_ONLY
 from tools.studies.faults.reconcile import Reconciled, missing, reconcile
@@ -91,7 +90,8 @@ def run(kind: Kind, folder: Path, plan: Plan, tick: Callable[[str], None]) -> Ou
     bed = Bed(kind, folder, plan.clock)
     try:
         bed.start()
-        _recovered(bed, time.time_ns())
+        bed.tape.touch()
+        _recovered(bed)
         for name in plan.names(kind, chance):
             outcome.hits.append(_hit(bed, name, chance))
             tick(name)
@@ -110,16 +110,15 @@ def run(kind: Kind, folder: Path, plan: Plan, tick: Callable[[str], None]) -> Ou
 def _hit(bed: Bed, name: str, chance: random.Random) -> Hit:
     begun = time.monotonic()
     ALL[name](bed, chance)
-    lasted, over = time.monotonic() - begun, time.time_ns()
-    return Hit(name, round(lasted, 3), _recovered(bed, over))
+    return Hit(name, round(time.monotonic() - begun, 3), _recovered(bed))
 
 
-def _recovered(bed: Bed, over_ns: int) -> float | None:
-    """Seconds until a row made after `over_ns` is stored."""
-    wanted, deadline = filetime(over_ns), time.monotonic() + _RECOVERY_S
-    while time.monotonic() < deadline:
-        if bed.newest() >= wanted:
-            return round((time.time_ns() - over_ns) * 1e-9, 3)
+def _recovered(bed: Bed) -> float | None:
+    """Seconds until a row that is made from now on is stored."""
+    over, offset = time.monotonic(), bed.taped()
+    while time.monotonic() < over + _RECOVERY_S:
+        if bed.arrived(offset):
+            return round(time.monotonic() - over, 3)
         bed.revive()
         time.sleep(0.05)
     return None
