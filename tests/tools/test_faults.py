@@ -74,7 +74,7 @@ def echo():
                 connection, _ = server.accept()
             except OSError:
                 return
-            with connection:
+            with connection, contextlib.suppress(ConnectionError):
                 while data := connection.recv(100):
                     connection.sendall(data)
 
@@ -95,9 +95,7 @@ def test_the_proxy_passes_resets_and_refuses(echo):
     client, answer = connect(echo)
     assert answer == b"a"
     echo.reset()
-    with pytest.raises(ConnectionError):
-        client.recv(1)
-        client.sendall(b"b")
+    with pytest.raises(ConnectionResetError):
         client.recv(1)
     echo.mode = "refuse"
     with contextlib.suppress(ConnectionError):

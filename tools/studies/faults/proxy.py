@@ -93,6 +93,6 @@ class Proxy:
 def _reset(sock: socket.socket) -> None:
     with suppress(OSError):
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _LINGER_0)
-        sock.shutdown(socket.SHUT_RDWR)
+        sock.shutdown(socket.SHUT_RD)  # wakes the thread that reads, and sends nothing
     with suppress(OSError):
         sock.close()
