@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from acqd.storage.completeness import Completeness
+if TYPE_CHECKING:
+    from acqd.storage.completeness import Completeness
 
 _MOST_GAPS = 40
 

@@ -7,7 +7,7 @@ import sys
 import time
 from dataclasses import asdict, replace
 from datetime import UTC, datetime
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import orjson
 import typer
@@ -21,11 +21,9 @@ from acqd.daemon.health.sink import SinkHealth
 from acqd.daemon.notify import notify
 from acqd.errors import UserError
 from acqd.plc.realtime import die_with_parent
-from acqd.storage.completeness import completeness, day_of
-from acqd.storage.database import open_database
-from acqd.storage.gaps import Cause
-from acqd.storage.maintain import maintain
-from acqd.storage.sink import Sink
+
+if TYPE_CHECKING:
+    from acqd.storage.sink import Sink
 
 app = typer.Typer(invoke_without_command=True)
 Database = Annotated[str | None, typer.Option(help="SQLite file or URL (default acqd.sqlite, or the config's).")]
@@ -51,6 +49,10 @@ def sink(
         if any((config, database, host, port, duration, json)):
             raise UserError(f"put the options after the subcommand: acqd sink {context.invoked_subcommand} ...")
         return
+    # Here and below: SQLAlchemy is slow to import, and `acqd run` imports this module too.
+    from acqd.storage.database import open_database
+    from acqd.storage.sink import Sink
+
     if embedded:
         die_with_parent()
     # `acqd run` hands its configuration over on stdin: other users can read arguments, and it holds passwords.
@@ -99,6 +101,9 @@ def maintain_command(config: ConfigFile = None, database: Database = None, json:
 
     Example: acqd sink maintain --config /etc/acqd/acqd.toml
     """
+    from acqd.storage.database import open_database
+    from acqd.storage.maintain import maintain
+
     settings = configured(config)
     done = maintain(open_database(database or settings.sink.database, create=False), settings.sink.retention())
     if json:
@@ -123,6 +128,10 @@ def completeness_command(
 
     Example: acqd sink completeness --day yesterday --config /etc/acqd/acqd.toml
     """
+    from acqd.storage.completeness import completeness, day_of
+    from acqd.storage.database import open_database
+    from acqd.storage.gaps import Cause
+
     now = datetime.now(UTC)
     wanted = day_of(day, now)
     engine = open_database(database or configured(config).sink.database, create=False)

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import time
+from typing import TYPE_CHECKING
 
 from acqd import __version__
 from acqd.daemon.health.section import HealthSection
 from acqd.daemon.health.server import HealthServer
 from acqd.daemon.health.snapshot import Link, Snapshot
 from acqd.daemon.health.watchdog import Watchdog
-from acqd.storage.sink import Sink
+
+if TYPE_CHECKING:
+    from acqd.storage.sink import Sink
 
 _TURN_S = 120.0  # without a turn of its loop: longer than any lock or statement may take
 
