@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 import sys
 import time
@@ -14,6 +15,7 @@ from acqd.retry import Backoff
 
 _log = logging.getLogger(__name__)
 _STOP_S = 1.0
+_STABLE_S = 5.0  # a sink that lives longer than this works
 
 
 class EmbeddedSink:
@@ -47,6 +49,10 @@ class EmbeddedSink:
         while True:
             assert self._process is not None
             begun = time.monotonic()
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(self._process.wait(), _STABLE_S)
+            if self._process.returncode is None:
+                says.fine("embedded sink", "runs again")
             code = await self._process.wait()
             backoff.ended(time.monotonic() - begun)
             says.trouble("embedded sink", "gone", f"ended with exit code {code}; starting it again")
@@ -56,7 +62,6 @@ class EmbeddedSink:
                     await self.start()
                 except (UserError, OSError) as error:
                     says.trouble("embedded sink", "not started", f"{error}; trying again")
-            says.fine("embedded sink", "runs again")
 
     async def stop(self) -> None:
         """Terminate the process; kill it if it takes longer than a second."""
