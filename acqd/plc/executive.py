@@ -12,7 +12,7 @@ import logging
 import os
 import time
 from collections.abc import Callable
-from dataclasses import asdict, replace
+from dataclasses import asdict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,7 @@ from acqd.plc.kernel_clock import KernelClock
 from acqd.plc.realtime import RealtimeSettings
 from acqd.plc.ring import ENDED
 from acqd.plc.slow import SlowTask
+from acqd.plc.source_watch import SourceWatch
 from acqd.plc.stats import CycleStats, CycleSummary
 from acqd.retry import Backoff, RetryPolicy
 from acqd.sources.base import SourceHealth
@@ -57,11 +58,10 @@ class Executive:
         self._reached: tuple[int, int, int] | None = None  # next sample's index, its UTC, due at (monotonic) [ns]
         self._backoff = Backoff(_RELAUNCH)
         self._says = StateLog(_log)
+        self._source = SourceWatch(self._says)
         self.restarts = 0
         self.relaunching = False
         """Whether MAIN_FAST is gone and being launched again."""
-        self.health = SourceHealth()
-        """How the source was at the last wake-up."""
         self.clock = KernelClock()
         self.meter: Meter | None = None
         self.failure: Exception | None = None
@@ -72,7 +72,7 @@ class Executive:
             try:
                 await self._launch()
             except StartError as error:
-                if "exit code" in str(error):  # a bug or a broken installation: trying again changes nothing
+                if error.exited:  # a bug or a broken installation: trying again changes nothing
                     raise UserError(f"MAIN_FAST: {error}; see the log above") from None
                 self._says.trouble("MAIN_FAST", "start", f"{error}; starting it again")
                 await self._pause()
@@ -118,7 +118,7 @@ class Executive:
                     raise
             except (StartError, UserError, OSError) as error:
                 self._says.trouble("MAIN_FAST", f"not relaunched: {type(error).__name__}", f"{error}; trying again")
-                self.health = replace(self.health, connected=False, reason=str(error))
+                self._source.lose(str(error))
             else:
                 return True
         return False
@@ -149,6 +149,11 @@ class Executive:
         return self._fast.refused if self._fast else []
 
     @property
+    def health(self) -> SourceHealth:
+        """How the source was at the last wake-up."""
+        return self._source.health
+
+    @property
     def flags(self) -> frozenset[str]:
         """Row flags of the whole stream."""
         return self._fast.flags if self._fast else frozenset()
@@ -157,11 +162,6 @@ class Executive:
     def fast_pid(self) -> int | None:
         """Process id of MAIN_FAST."""
         return self._fast.process.pid if self._fast else None
-
-    @property
-    def beats(self) -> int:
-        """Cycles of the current fast process; they advance while it lives."""
-        return self._fast.ring.beats if self._fast else 0
 
     @property
     def period_ns(self) -> int:
@@ -206,24 +206,10 @@ class Executive:
             return
         self._drain()
 
-    def _watch_source(self) -> None:
-        """Log when the device is lost or found; keep the counters for the status."""
-        assert self._fast is not None
-        health = self._fast.ring.health()
-        if health is None:
-            return
-        if not health.connected:
-            self._says.trouble("source", "lost", f"{health.reason}; trying again")
-        elif health.reason:
-            self._says.trouble("source", health.reason, health.reason)
-        else:
-            self._says.fine("source", "is back; the gap is flagged")
-        self.health = health
-
     def _drain(self) -> None:
         """MAIN_SLOW, and what follows it. A failure here ends the daemon: it is a bug, not an event."""
         assert self._slow is not None and self._fast is not None
-        self._watch_source()
+        self._source.update(self._fast.ring.health())
         if self._fast.live:
             self._slow.flags = self._fast.flags | self.clock.flags()
         try:

@@ -26,6 +26,11 @@ _LOOK_S = 0.25
 class StartError(Exception):
     """MAIN_FAST died or hung before it had reached its source; one line. Worth another try."""
 
+    def __init__(self, message: str, *, exited: bool = False) -> None:
+        """`exited`: it ended by itself, nobody killed it."""
+        super().__init__(message)
+        self.exited = exited
+
 
 @dataclass(slots=True)
 class FastProcess:
@@ -124,7 +129,8 @@ async def _answer(process: asyncio.subprocess.Process) -> dict[str, Any]:
         reading.cancel()
     line = reading.result()
     if not line.endswith(b"\n"):  # nothing, or what a killed process had written of its answer
-        raise StartError(f"it died while it started ({how(await process.wait())})")
+        code = await process.wait()
+        raise StartError(f"it died while it started ({how(code)})", exited=code >= 0)
     answer: dict[str, Any] = json.loads(line)
     if "error" in answer:
         await process.wait()

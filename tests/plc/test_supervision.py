@@ -207,3 +207,19 @@ def test_stopping_while_main_fast_is_being_relaunched_ends_at_once(moment_s):
         await asyncio.wait_for(run.__aexit__(), LIMIT_S)
 
     finish(scenario())
+
+
+def test_killed_during_the_first_start_it_is_started_again():
+    run = Run()
+
+    async def scenario() -> None:
+        starting = asyncio.create_task(run.executive.start())
+        await until(child_of_this_process, "the process")
+        for pid in child_of_this_process():
+            os.kill(pid, signal.SIGKILL)
+        await asyncio.wait_for(starting, LIMIT_S)
+        run.running = asyncio.create_task(run.executive.run())
+        await run.more(5)
+        await run.__aexit__()
+
+    finish(scenario())
