@@ -1,5 +1,5 @@
 # `make run` and `make test` are all a newcomer needs; tools/bootstrap.sh does the work.
-.PHONY: run test lint bench install clean
+.PHONY: run test lint bench faults install clean
 
 run:
 	@sh tools/bootstrap.sh run $(ARGS)
@@ -12,6 +12,10 @@ lint:
 
 bench:
 	@sh tools/bootstrap.sh bench $(ARGS)
+
+# real processes under real faults; ARGS="--short" takes a minute
+faults:
+	@sh tools/bootstrap.sh faults $(ARGS)
 
 install:
 	@sh tools/bootstrap.sh install $(EXTRA)

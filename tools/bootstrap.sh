@@ -1,6 +1,6 @@
 #!/bin/sh
 # Sets up .venv and runs, tests or measures acqd: what `make run|test|bench` do, for a machine without make.
-#   sh tools/bootstrap.sh run [arguments of acqd run, or --demo KIND] | test | lint | bench | install EXTRA
+#   sh tools/bootstrap.sh run [arguments of acqd run, or --demo KIND] | test | lint | bench | faults | install EXTRA
 set -eu
 cd "$(dirname "$0")/.."
 venv=${ACQD_VENV:-.venv}
@@ -134,8 +134,13 @@ bench)
     install bench
     exec "$venv/bin/python" -m tools.bench "$@"
     ;;
+faults)
+    install_servers
+    install dev
+    exec "$venv/bin/python" -m tools.studies.faults "$@"
+    ;;
 *)
-    say "usage: sh tools/bootstrap.sh run|test|lint|bench|install"
+    say "usage: sh tools/bootstrap.sh run|test|lint|bench|faults|install"
     exit 2
     ;;
 esac

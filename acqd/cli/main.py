@@ -26,6 +26,7 @@ from acqd.cli import (
     run,
     sidecar,
     sink,
+    status,
     watch,
 )
 from acqd.errors import OperationError, UserError
@@ -40,6 +41,7 @@ app = typer.Typer(
 app.command("run")(run.run)
 app.command("replay")(replay.replay)
 app.add_typer(sink.app, name="sink")
+app.command("status")(status.status)
 app.command("watch")(watch.watch)
 app.command("doctor")(doctor.doctor)
 app.command("jitter")(jitter.jitter)

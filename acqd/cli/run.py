@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -15,6 +16,7 @@ def run(
     config: ConfigFile = None,
     duration: Annotated[float | None, typer.Option(min=0.1, help="Stop after so many seconds.")] = None,
     lines: Annotated[bool, typer.Option("--lines", help="Show a line a second although --config is given.")] = False,
+    tape: Annotated[Path | None, typer.Option(help="Append every row to this file (JSON lines).")] = None,
     json: Json = False,
 ) -> None:
     """Meter a source and publish the rows.
@@ -26,4 +28,4 @@ def run(
     settings = load_config(config) if config else Config.demonstration(demonstration_port())
     if not config:
         announce(settings, "simulated source", json=json)
-    serve(settings, duration, json=json, quiet=config is not None and not lines, title="acqd run")
+    serve(settings, duration, json=json, quiet=config is not None and not lines, title="acqd run", tape=tape)

@@ -15,6 +15,7 @@ from rich.live import Live
 from acqd.cli.table import power_table
 from acqd.daemon.config import Config
 from acqd.daemon.service import Service
+from acqd.daemon.tape import Tape
 from acqd.errors import UserError
 from acqd.telemetry.broker import check_port, free_port
 
@@ -22,8 +23,10 @@ _DEFAULT_PORT = 1883
 _UNITS = {"Vrms": "V", "Irms": "A", "P": "W", "PF": "", "f": "Hz", "W": "kWh"}
 
 
-def serve(settings: Config, duration: float | None, *, json: bool, quiet: bool, title: str) -> None:
-    """Run the daemon until it ends. `quiet`: print no lines when stdout is not a terminal."""
+def serve(
+    settings: Config, duration: float | None, *, json: bool, quiet: bool, title: str, tape: Path | None = None
+) -> None:
+    """Run the daemon until it ends; `quiet`: no lines where stdout is no terminal; `tape`: a file for all rows."""
     console = Console(stderr=json)
     latest: dict[tuple[str, str], dict[str, Any]] = {}
     live = Live(console=console, auto_refresh=False) if sys.stdout.isatty() and not json else None
@@ -39,7 +42,7 @@ def serve(settings: Config, duration: float | None, *, json: bool, quiet: bool, 
             console.print(_line(summaries[-1]), soft_wrap=True, highlight=False)
 
     async def run() -> None:
-        await Service(settings, show).run(duration)
+        await Service(settings, show, Tape(tape) if tape else None).run(duration)
 
     with live or contextlib.nullcontext():
         asyncio.run(run())

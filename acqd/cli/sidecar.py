@@ -15,7 +15,6 @@ import typer
 from acqd.cli.options import ConfigFile, Host, Json, Port, configured
 from acqd.daemon.notify import notify
 from acqd.errors import UserError
-from acqd.storage.database import open_database
 
 
 def sidecar(
@@ -52,6 +51,7 @@ def sidecar(
     from acqd.sidecar.settings import Settings
     from acqd.sidecar.store import Store
     from acqd.sidecar.worker import Worker
+    from acqd.storage.database import open_database
 
     settings = configured(config, host, port)
     url = database or settings.sink.database

@@ -6,19 +6,24 @@ import signal
 import sys
 import time
 from dataclasses import asdict, replace
-from typing import Annotated
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Annotated
 
 import orjson
 import typer
+from rich.console import Console
+from rich.progress import Progress
 
+from acqd.cli.completeness_table import show_completeness
 from acqd.cli.options import ConfigFile, Host, Json, Port, configured
 from acqd.daemon.config import Config
+from acqd.daemon.health.sink import SinkHealth
 from acqd.daemon.notify import notify
 from acqd.errors import UserError
 from acqd.plc.realtime import die_with_parent
-from acqd.storage.database import open_database
-from acqd.storage.maintain import maintain
-from acqd.storage.sink import Sink
+
+if TYPE_CHECKING:
+    from acqd.storage.sink import Sink
 
 app = typer.Typer(invoke_without_command=True)
 Database = Annotated[str | None, typer.Option(help="SQLite file or URL (default acqd.sqlite, or the config's).")]
@@ -44,6 +49,10 @@ def sink(
         if any((config, database, host, port, duration, json)):
             raise UserError(f"put the options after the subcommand: acqd sink {context.invoked_subcommand} ...")
         return
+    # Here and below: SQLAlchemy is slow to import, and `acqd run` imports this module too.
+    from acqd.storage.database import open_database
+    from acqd.storage.sink import Sink
+
     if embedded:
         die_with_parent()
     # `acqd run` hands its configuration over on stdin: other users can read arguments, and it holds passwords.
@@ -66,15 +75,23 @@ def sink(
     end = time.monotonic() + duration if duration else None
     if embedded:
         print("ready", flush=True)
+    health = SinkHealth(settings.health, worker, options.client_id)
+    health.start()
     notify("READY=1")
-    worker.run(lambda: stopping or (end is not None and time.monotonic() > end), lambda: notify("WATCHDOG=1"))
+    worker.run(lambda: stopping or (end is not None and time.monotonic() > end), health.turned)
     notify("STOPPING=1")
-    counters = asdict(worker.counters)
-    del counters["last_commit"]
-    counters["reconnects"] = max(0, counters["reconnects"])
+    health.stop()
+    if json or not embedded:
+        _report(worker, json)
+
+
+def _report(worker: Sink, json: bool) -> None:
+    """What the sink has done."""
+    names = ("rows", "quarantined", "batches", "reconnects")
+    counters = {name: max(0, getattr(worker.counters, name)) for name in names}
     if json:
         print(orjson.dumps(counters).decode())
-    elif not embedded:
+    else:
         print(", ".join(f"{value} {name}" for name, value in counters.items()))
 
 
@@ -84,6 +101,9 @@ def maintain_command(config: ConfigFile = None, database: Database = None, json:
 
     Example: acqd sink maintain --config /etc/acqd/acqd.toml
     """
+    from acqd.storage.database import open_database
+    from acqd.storage.maintain import maintain
+
     settings = configured(config)
     done = maintain(open_database(database or settings.sink.database, create=False), settings.sink.retention())
     if json:
@@ -94,3 +114,35 @@ def maintain_command(config: ConfigFile = None, database: Database = None, json:
             f"deleted {done.power_deleted} rows, {done.rollup_deleted} old roll-ups, "
             f"{done.quarantine_deleted} quarantined messages"
         )
+
+
+@app.command("completeness")
+def completeness_command(
+    day: Annotated[str, typer.Option(help="YYYY-MM-DD, today or yesterday (UTC).")] = "yesterday",
+    device: Annotated[str | None, typer.Option(help="This device only.")] = None,
+    config: ConfigFile = None,
+    database: Database = None,
+    json: Json = False,
+) -> None:
+    """Report for one day which rows are stored, which are missing, and why; exit 1 when rows were lost.
+
+    Example: acqd sink completeness --day yesterday --config /etc/acqd/acqd.toml
+    """
+    from acqd.storage.completeness import completeness, day_of
+    from acqd.storage.database import open_database
+    from acqd.storage.gaps import Cause
+
+    now = datetime.now(UTC)
+    wanted = day_of(day, now)
+    engine = open_database(database or configured(config).sink.database, create=False)
+    with Progress(console=Console(stderr=True), transient=True) as shown:
+        bar = shown.add_task(f"rows of {wanted}", total=1.0)
+        report = completeness(engine, wanted, now, device, lambda done: shown.update(bar, completed=done))
+    if device is not None and not report:
+        raise UserError(f"--device {device!r}: the database has no rows of this device on {wanted} or before")
+    if json:
+        print(orjson.dumps([asdict(one) | {"missing": one.missing} for one in report]).decode())
+    else:
+        show_completeness(report, wanted.isoformat())
+    if any(gap.cause == Cause.lost for one in report for gap in one.gaps):
+        raise typer.Exit(1)

@@ -7,18 +7,21 @@ import os
 import socket
 import tomllib
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
 
+from acqd.daemon.health.section import HealthSection
 from acqd.daemon.section import Port, Positive, Section
 from acqd.daemon.source_sections import SECTIONS, SimulatedSection, SourceSection
 from acqd.errors import InputError
 from acqd.plc.realtime import RealtimeSettings
-from acqd.storage.maintain import Retention
-from acqd.storage.sink import SinkSettings
 from acqd.telemetry.mqtt import BrokerAddress
 from acqd.telemetry.topics import valid_device
+
+if TYPE_CHECKING:  # SQLAlchemy is slow to import, and a daemon that is started again must not wait for it
+    from acqd.storage.maintain import Retention
+    from acqd.storage.sink import SinkSettings
 
 
 class MeteringSection(Section):
@@ -90,10 +93,14 @@ class SinkSection(Section):
 
     def settings(self) -> SinkSettings:
         """The settings of the sink."""
+        from acqd.storage.sink import SinkSettings
+
         return SinkSettings(self.client_id, self.group, self.batch, self.interval)
 
     def retention(self) -> Retention:
         """The retention times of `acqd sink maintain`."""
+        from acqd.storage.maintain import Retention
+
         return Retention(self.keep_days, self.keep_1min_days, self.keep_quarantine_days)
 
 
@@ -108,6 +115,7 @@ class Config(Section):
     mqtt: MqttSection = MqttSection()
     broker: BrokerSection = BrokerSection()
     sink: SinkSection = Field(default_factory=SinkSection)
+    health: HealthSection = HealthSection()
 
     @field_validator("device")
     @classmethod

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 import sys
+import time
 
+from acqd.changes import StateLog
 from acqd.daemon.config import Config
-from acqd.errors import OperationError, UserError
+from acqd.errors import UserError
+from acqd.retry import Backoff
 
 _log = logging.getLogger(__name__)
 _STOP_S = 1.0
+_STABLE_S = 5.0  # a sink that lives longer than this works
 
 
 class EmbeddedSink:
@@ -39,10 +44,24 @@ class EmbeddedSink:
         self._process = process
 
     async def watch(self) -> None:
-        """Raises OperationError when the process ends: it must outlive the metering."""
-        assert self._process is not None
-        code = await self._process.wait()
-        raise OperationError(f"the embedded sink ended with exit code {code}; its last log line says why")
+        """Start the process again whenever it ends: it must not end the metering."""
+        says, backoff = StateLog(_log), Backoff()
+        while True:
+            assert self._process is not None
+            begun = time.monotonic()
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(self._process.wait(), _STABLE_S)
+            if self._process.returncode is None:
+                says.fine("embedded sink", "runs again")
+            code = await self._process.wait()
+            backoff.ended(time.monotonic() - begun)
+            says.trouble("embedded sink", "gone", f"ended with exit code {code}; starting it again")
+            while self._process.returncode is not None:
+                await asyncio.sleep(backoff.pause_s())
+                try:
+                    await self.start()
+                except (UserError, OSError) as error:
+                    says.trouble("embedded sink", "not started", f"{error}; trying again")
 
     async def stop(self) -> None:
         """Terminate the process; kill it if it takes longer than a second."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, Protocol
 
+from acqd.daemon.health.snapshot import FeedHealth
 from acqd.telemetry.row import PowerRow
 
 Deliver = Callable[[list[PowerRow], list[dict[str, Any]]], None]
@@ -34,7 +35,10 @@ class Feed(Protocol):
         """Write to disk what must survive a restart."""
 
     def alive(self) -> bool:
-        """Whether rows arrive, or the device is lost and reconnection is being tried."""
+        """Whether rows arrive, or the device is lost and reconnection is being tried; never waits."""
+
+    def health(self) -> FeedHealth:
+        """Connection to the source, cycles and clock; asked in the threads of the health endpoints."""
 
     def status(self) -> dict[str, Any]:
         """The source's part of the status message."""

@@ -10,10 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from acqd.daemon.boot import Boot
 from acqd.daemon.feed import Deliver
+from acqd.daemon.health.snapshot import FeedHealth, SourceLink
 from acqd.daemon.modbus_sections import MetersSection
 from acqd.errors import OperationError, UserError
 from acqd.metering.power import effective
+from acqd.plc.kernel_clock import KernelClock, WallClockSteps
 from acqd.sources.spec import device_module
 from acqd.telemetry.row import CHANNELS, Channel, PowerRow
 from acqd.telemetry.summary import Summariser, TimedRow
@@ -41,13 +44,15 @@ class MeterFeed:
         meters, modbus = device_module("meters"), device_module("modbus")
         settings = [meters.MeterSettings(**meter.model_dump()) for meter in source.meters]
         self._bus: MeterBus = meters.MeterBus(modbus.ModbusLink(**source.link()), settings)
-        self._boot = boot
+        self._boot = Boot(boot)
+        self._clock, self._steps = KernelClock(), WallClockSteps()
         self._simulated = source.simulated
         self._deliver = deliver
         self._summarisers = {name: Summariser() for name in names}
         self._stopped = asyncio.Event()
         self._last_row = time.monotonic()
         self._troubles: dict[str, str] = {}
+        self._found = 0  # times a lost meter came back
         self.refused: list[str] = []
 
     async def start(self) -> None:
@@ -92,6 +97,14 @@ class MeterFeed:
             return True
         return self._bus.polling and all(meter.trouble for meter in self._bus.meters)
 
+    def health(self) -> FeedHealth:
+        """Connected while at least one meter answers; `trouble` names the meters that do not."""
+        silent = {meter.settings.name: meter.trouble for meter in self._bus.meters if meter.trouble}
+        trouble = "; ".join(f"meter {name}: {why}" for name, why in silent.items())
+        source = SourceLink(len(silent) < len(self._bus.meters), self._found, trouble)
+        age = time.monotonic() - self._last_row
+        return FeedHealth(self._boot.name, source, age, synchronised=self._clock.synchronised)
+
     def status(self) -> dict[str, Any]:
         """Profile, unit and trouble of each meter."""
         return {
@@ -111,11 +124,15 @@ class MeterFeed:
             if trouble and not before:
                 _log.warning("meter %s: %s; trying again", name, trouble)
             elif before and not trouble:
+                self._found += 1
                 _log.warning("meter %s is back; the gap is flagged", name)
 
     def _take(self, reading: Reading) -> None:
-        flags = reading.flags | {"simulated"} if self._simulated else reading.flags
-        timed = list(_timed_rows(reading, self._boot, sorted(flags)))
+        flags = reading.flags | self._clock.flags() | ({"simulated"} if self._simulated else set())
+        if self._steps.stepped(time.time_ns(), time.monotonic_ns()):
+            flags |= {"clock_step"}
+        timed = list(_timed_rows(reading, self._boot.name, sorted(flags)))
+        self._boot.stamp([entry.row for entry in timed])
         summaries = self._summarisers[reading.meter].add_rows(timed)
         self._deliver([entry.row for entry in timed], summaries)
         self._last_row = time.monotonic()

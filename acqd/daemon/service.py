@@ -18,9 +18,12 @@ from acqd import __version__
 from acqd.daemon.config import Config
 from acqd.daemon.embedded_sink import EmbeddedSink
 from acqd.daemon.feed import Deliver, Feed
+from acqd.daemon.health.daemon import DaemonHealth, Progress
+from acqd.daemon.health.snapshot import Delivery, Link
 from acqd.daemon.meter_feed import MeterFeed
 from acqd.daemon.modbus_sections import MetersSection
 from acqd.daemon.notify import notify
+from acqd.daemon.tape import Tape
 from acqd.daemon.waveform_feed import WaveformFeed
 from acqd.errors import UserError
 from acqd.telemetry import topics
@@ -39,8 +42,14 @@ _FLUSH_S = 0.6  # of the 2 s that a stop may take
 class Service:
     """The running daemon."""
 
-    def __init__(self, config: Config, on_second: Callable[[list[dict[str, Any]]], None] | None = None) -> None:
-        """`on_second` receives the 1 s summaries of all channels (live numbers in a terminal)."""
+    def __init__(
+        self,
+        config: Config,
+        on_second: Callable[[list[dict[str, Any]]], None] | None = None,
+        tape: Tape | None = None,
+    ) -> None:
+        """`on_second` receives the 1 s summaries of all channels (live numbers in a terminal), `tape` all rows."""
+        self._tape = tape
         self.config = config
         self._on_second = on_second
         self._boot = uuid.uuid4().hex[:12]
@@ -49,6 +58,7 @@ class Service:
         self._feed: Feed = _feed(config, self._boot, self._take)
         self._stop = asyncio.Event()
         self._started = time.time_ns()
+        self._health = DaemonHealth(config.health, config.device, self._feed, self._progress)
         self.rows = 0
 
     async def run(self, duration: float | None = None) -> None:
@@ -83,10 +93,12 @@ class Service:
             background.append(asyncio.create_task(self._housekeeping()))
             if sink is not None:
                 background.append(asyncio.create_task(sink.watch()))
+            self._health.start()
             notify(f"READY=1\nSTATUS=metering {self.config.device}")
             await self._until_done(metering, background, duration)
         finally:
             notify("STOPPING=1")
+            self._health.stop()
             await self._shut_down(background, broker, sink)
 
     async def _until_done(
@@ -129,6 +141,8 @@ class Service:
 
     def _take(self, rows: list[PowerRow], summaries: list[dict[str, Any]]) -> None:
         """Put rows and summaries into the outbox."""
+        if self._tape is not None:
+            self._tape.write(rows)
         if self.config.mqtt.enabled:
             for row in rows:
                 self._outbox.put(Message(topics.power(row.device, row.channel), row.to_json()))
@@ -140,12 +154,11 @@ class Service:
         self.rows += len(rows)
 
     async def _housekeeping(self) -> None:
-        """Feed the watchdog, publish the status, save the energy registers."""
+        """Show that the event loop turns, publish the status, save the energy registers."""
         next_status = next_save = 0.0
         while True:
             now = time.monotonic()
-            if self._feed.alive():
-                notify("WATCHDOG=1")
+            self._health.turned()
             if now >= next_status and self._connector is not None:
                 next_status = now + _STATUS_S
                 self._outbox.put(Message(topics.status(self.config.device), self._status(), retain=True))
@@ -153,6 +166,14 @@ class Service:
                 next_save = now + _SAVE_S
                 self._feed.save()
             await asyncio.sleep(0.5)
+
+    def _progress(self) -> Progress:
+        """Rows and their delivery, for the health endpoints."""
+        connector, waiting = self._connector, len(self._outbox)
+        if connector is None:
+            return Progress(self.rows)
+        broker = Link(connector.state == "connected", max(connector.reconnects, 0))
+        return Progress(self.rows, Delivery(connector.delivered, self._outbox.dropped, waiting), broker)
 
     def _status(self) -> bytes:
         return orjson.dumps(self.status())
@@ -163,7 +184,7 @@ class Service:
         return {
             "state": "online",
             "device": self.config.device,
-            "boot": self._boot,
+            "boot": self._feed.health().boot,
             "version": __version__,
             "time": rfc3339(time.time_ns()),
             "started": rfc3339(self._started),

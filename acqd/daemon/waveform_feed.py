@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from dataclasses import asdict
 from typing import Any
 
+from acqd.daemon.boot import Boot
 from acqd.daemon.config import Config
 from acqd.daemon.feed import Deliver
+from acqd.daemon.health.snapshot import Cycles, FeedHealth, SourceLink
 from acqd.daemon.register import RegisterFile
 from acqd.daemon.source_sections import WaveformSection
 from acqd.metering import Meter, StreamFormat, WindowBatch
@@ -23,12 +26,13 @@ class WaveformFeed:
 
     def __init__(self, config: Config, source: WaveformSection, boot: str, deliver: Deliver) -> None:
         self._config = config
-        self._boot = boot
+        self._boot = Boot(boot)
         self._deliver = deliver
         self._register = RegisterFile(config.state_dir, config.device) if config.state_dir else None
         self._summariser = Summariser()
         self._last_row: float | None = None
-        self._cycles = -1
+        self._begun = time.monotonic()
+        self._cycles = Cycles()
         self._executive = Executive(
             source.spec(), self._make_meter, self._take, window=config.window, realtime=config.realtime.settings()
         )
@@ -41,6 +45,7 @@ class WaveformFeed:
     async def start(self) -> None:
         """Start MAIN_FAST. Raises UserError when its source cannot be used."""
         await self._executive.start()
+        self._begun = time.monotonic()
 
     async def run(self) -> None:
         """Make rows until the source ends or `stop` is called."""
@@ -60,12 +65,25 @@ class WaveformFeed:
             self._register.save(self._executive.meter.energy.reading())
 
     def alive(self) -> bool:
-        """Whether rows arrive, or the device is lost and MAIN_FAST, which reconnects, still cycles."""
-        if self._last_row is not None and time.monotonic() - self._last_row < _STALE_S:
+        """Whether rows arrive, or the device or MAIN_FAST is away and its supervisor brings it back."""
+        if time.monotonic() - (self._last_row or self._begun) < _STALE_S:
             return True
-        cycles, before = self._executive.cycle_summary().cycles, self._cycles
-        self._cycles = cycles
-        return not self._executive.health.connected and cycles > before
+        return not self._executive.health.connected or self._executive.relaunching
+
+    def health(self) -> FeedHealth:
+        """Connection to the device, cycles of MAIN_FAST, clock."""
+        executive, last = self._executive, self._last_row
+        lost = executive.health
+        with contextlib.suppress(ValueError):  # the ring is being replaced: the figures of the last look hold
+            summary = executive.cycle_summary()
+            self._cycles = Cycles(summary.cycles, summary.late, summary.missed, summary.exceeded, executive.restarts)
+        return FeedHealth(
+            self._boot.name,
+            SourceLink(lost.connected, lost.reconnects, lost.reason, lost.lost),
+            None if last is None else time.monotonic() - last,
+            self._cycles,
+            executive.clock.synchronised,
+        )
 
     def status(self) -> dict[str, Any]:
         """Health of the source, statistics of MAIN_FAST and MAIN_SLOW."""
@@ -88,6 +106,7 @@ class WaveformFeed:
         )
 
     def _take(self, batch: WindowBatch) -> None:
-        rows = list(rows_of(batch, self._config.device, self._boot))
+        rows = list(rows_of(batch, self._config.device, self._boot.name))
+        self._boot.stamp(rows)
         self._deliver(rows, self._summariser.add(batch, rows))
         self._last_row = time.monotonic()

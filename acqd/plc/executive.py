@@ -1,45 +1,38 @@
-"""Starts MAIN_FAST, wakes MAIN_SLOW once per window, restarts what crashed."""
+"""Starts MAIN_FAST, wakes MAIN_SLOW once per window, relaunches what has died or hangs.
+
+A live source is metered for as long as the daemon runs: MAIN_FAST is relaunched for ever, whatever ends it, and the
+windows lost are a gap in the rows.
+"""
 
 from __future__ import annotations
 
 import asyncio
-import json
+import contextlib
 import logging
 import os
-import sys
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
-from typing import Any
+from dataclasses import asdict
 
 import numpy as np
 from numpy.typing import NDArray
 
+from acqd.changes import StateLog
 from acqd.errors import OperationError, UserError
 from acqd.metering import Meter, StreamFormat, WindowBatch
+from acqd.plc.fast_process import FastProcess, StartError, launch
+from acqd.plc.kernel_clock import KernelClock
 from acqd.plc.realtime import RealtimeSettings
-from acqd.plc.ring import Ring, RingLayout
+from acqd.plc.ring import ENDED
 from acqd.plc.slow import SlowTask
+from acqd.plc.source_watch import SourceWatch
 from acqd.plc.stats import CycleStats, CycleSummary
+from acqd.retry import Backoff, RetryPolicy
 from acqd.sources.base import SourceHealth
 from acqd.sources.spec import Spec
 
 _log = logging.getLogger(__name__)
-_STOP_S = 1.0  # enough for a window and the exit; then the process is killed
-_RESTART_S = 0.2
-
-
-@dataclass(slots=True)
-class _Fast:
-    """One life of the fast process."""
-
-    process: asyncio.subprocess.Process
-    ring: Ring
-    form: StreamFormat
-    live: bool
-    flags: frozenset[str]
-    period_ns: int
-    refused: list[str] = field(default_factory=list)
+_RELAUNCH = RetryPolicy(first_s=0.2, longest_s=2.0, stable_s=2.0)
 
 
 class Executive:
@@ -54,63 +47,94 @@ class Executive:
         window: float = 0.04,
         realtime: RealtimeSettings | None = None,
     ) -> None:
-        self._spec = source
+        self._orders = {"source": source, "window": window, "realtime": asdict(realtime or RealtimeSettings())}
         self._make_meter = make_meter
         self._on_batch = on_batch
-        self._window = window
-        self._realtime = realtime or RealtimeSettings()
-        self._fast: _Fast | None = None
+        self._fast: FastProcess | None = None
         self._slow: SlowTask | None = None
         self._wake_fd = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
-        self._stopping = False
-        self._reached: tuple[int, int, int] | None = None  # next sample's index, its UTC, seen at (monotonic) [ns]
+        self._stopping = asyncio.Event()
+        self._starting: asyncio.Task[None] | None = None
+        self._reached: tuple[int, int, int] | None = None  # next sample's index, its UTC, due at (monotonic) [ns]
+        self._backoff = Backoff(_RELAUNCH)
+        self._says = StateLog(_log)
+        self._source = SourceWatch(self._says)
         self.restarts = 0
-        self.health = SourceHealth()
-        """How the source was at the last wake-up."""
+        self.relaunching = False
+        """Whether MAIN_FAST is gone and being launched again."""
+        self.clock = KernelClock()
         self.meter: Meter | None = None
         self.failure: Exception | None = None
 
     async def start(self) -> StreamFormat:
         """Start the fast process. Raises UserError when its source cannot be used."""
-        await self._launch()
-        assert self._fast is not None
+        while self._fast is None:
+            try:
+                await self._launch()
+            except StartError as error:
+                if error.exited:  # a bug or a broken installation: trying again changes nothing
+                    raise UserError(f"MAIN_FAST: {error}; see the log above") from None
+                self._says.trouble("MAIN_FAST", "start", f"{error}; starting it again")
+                await self._pause()
         asyncio.get_running_loop().add_reader(self._wake_fd, self._on_wake)
         return self._fast.form
 
     async def run(self) -> None:
-        """Until the source ends or `stop` is called; a crash in between is restarted."""
+        """Until the source ends or `stop` is called; what dies or hangs in between is relaunched.
+
+        Raises OperationError when that cannot be: a recording, or a source with another format than before.
+        """
         while True:
             assert self._fast is not None
-            code = await self._fast.process.wait()
+            end = await self._fast.outlive()
             self._drain()
             if self.failure is not None:
                 raise self.failure
-            if self._stopping or code == 0:
+            if self._stopping.is_set() or self._fast.ring.state == ENDED:
                 return
             if not self._fast.live:
                 raise OperationError(
-                    f"MAIN_FAST died ({_how(code)}); a replay cannot be resumed in the middle, start it again"
+                    f"MAIN_FAST died ({end}); a replay cannot be resumed in the middle, start it again"
                 )
-            self.restarts += 1
-            _log.warning("MAIN_FAST died (%s); restarting it, the gap will be flagged", _how(code))
-            await asyncio.sleep(_RESTART_S)
-            if self._stopping:
+            self._says.trouble("MAIN_FAST", "gone", f"{end}; relaunching it, the gap will be flagged")
+            self._backoff.ended(time.monotonic() - self._fast.begun)
+            self.relaunching = True
+            if not await self._relaunch():
                 return
-            await self._launch()
-            if self._stopping:  # asked for while the new process started
-                self._fast.process.terminate()
+            self.relaunching = False
+
+    async def _relaunch(self) -> bool:
+        """Launch again and again; False when `stop` is called meanwhile."""
+        while not self._stopping.is_set():
+            await self._pause()
+            if self._stopping.is_set():
+                break
+            self.restarts += 1
+            self._starting = asyncio.create_task(self._launch())
+            try:
+                await self._starting
+            except asyncio.CancelledError:
+                if not self._stopping.is_set():
+                    raise
+            except (StartError, UserError, OSError) as error:
+                self._says.trouble("MAIN_FAST", f"not relaunched: {type(error).__name__}", f"{error}; trying again")
+                self._source.lose(str(error))
+            else:
+                return True
+        return False
+
+    async def _pause(self) -> None:
+        """Before the next launch; a stop ends the pause."""
+        with contextlib.suppress(TimeoutError):
+            await asyncio.wait_for(self._stopping.wait(), self._backoff.pause_s())
 
     async def stop(self) -> None:
         """Let the current window finish, then end the fast process."""
-        self._stopping = True
-        if self._fast is None or self._fast.process.returncode is not None:
-            return
-        self._fast.process.terminate()
-        try:
-            await asyncio.wait_for(self._fast.process.wait(), _STOP_S)
-        except TimeoutError:
-            _log.warning("MAIN_FAST did not stop in %s s; killed", _STOP_S)
-            self._fast.process.kill()
+        self._stopping.set()
+        if self._starting is not None:
+            self._starting.cancel()
+        if self._fast is not None and not await self._fast.stop():
+            _log.warning("MAIN_FAST did not stop in time; killed")
 
     def close(self) -> None:
         """Release descriptors."""
@@ -123,6 +147,11 @@ class Executive:
     def refused(self) -> list[str]:
         """Real-time settings this host refused, as sentences."""
         return self._fast.refused if self._fast else []
+
+    @property
+    def health(self) -> SourceHealth:
+        """How the source was at the last wake-up."""
+        return self._source.health
 
     @property
     def flags(self) -> frozenset[str]:
@@ -157,53 +186,9 @@ class Executive:
         return self._slow.busy_ns / self._slow.windows / 1000
 
     async def _launch(self) -> None:
-        ring_fd = os.memfd_create("acqd-ring", os.MFD_CLOEXEC)
-        orders = {
-            "source": self._spec,
-            "ring_fd": ring_fd,
-            "wake_fd": self._wake_fd,
-            "window": self._window,
-            "realtime": asdict(self._realtime),
-            "resume": self._reached,
-        }
-        # One BLAS thread: MAIN_FAST has no use for more, and each would be another stack to keep.
-        environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
-        process = await asyncio.create_subprocess_exec(
-            sys.executable,
-            "-P",  # never a folder named acqd in the working directory
-            "-m",
-            "acqd.plc.process",
-            json.dumps(orders),
-            stdin=asyncio.subprocess.DEVNULL,
-            stdout=asyncio.subprocess.PIPE,
-            pass_fds=(ring_fd, self._wake_fd),
-            env=environment,
-        )
-        try:
-            assert process.stdout is not None
-            line = await process.stdout.readline()
-            died = {"error": "MAIN_FAST died while it started; see the log above"}
-            answer: dict[str, Any] = json.loads(line) if line else died
-            if "error" in answer:
-                await process.wait()
-                raise UserError(answer["error"])
-            form = answer["form"]
-            self._adopt(
-                _Fast(
-                    process,
-                    Ring(RingLayout(**answer["layout"]), ring_fd),
-                    StreamFormat(form["rate"], tuple(form["scale"]), form["f_nominal"], form["bits"]),
-                    answer["live"],
-                    frozenset(answer["flags"]),
-                    answer["period_ns"],
-                    answer["refused"],
-                )
-            )
-        finally:
-            os.close(ring_fd)
-
-    def _adopt(self, fast: _Fast) -> None:
+        fast = await launch(self._orders | {"resume": self._reached}, self._wake_fd)
         if self.meter is not None and fast.form != self.meter.form:
+            fast.kill()
             raise OperationError("the source has another format than before (rate, scale or phases); start again")
         previous, self._fast = self._fast, fast
         if self._slow is None:
@@ -221,36 +206,18 @@ class Executive:
             return
         self._drain()
 
-    def _watch_source(self) -> None:
-        """Log when the device is lost or found; keep the counters for the status."""
-        assert self._fast is not None
-        health = self._fast.ring.health()
-        if health is None:
-            return
-        if self.health.connected and not health.connected:
-            _log.warning("source lost: %s; trying again", health.reason)
-        elif health.connected and not self.health.connected:
-            _log.warning("source is back; the gap is flagged")
-        elif health.connected and health.reason and health.reason != self.health.reason:
-            _log.warning("source: %s", health.reason)
-        self.health = health
-
     def _drain(self) -> None:
         """MAIN_SLOW, and what follows it. A failure here ends the daemon: it is a bug, not an event."""
         assert self._slow is not None and self._fast is not None
-        self._watch_source()
+        self._source.update(self._fast.ring.health())
+        if self._fast.live:
+            self._slow.flags = self._fast.flags | self.clock.flags()
         try:
             batch = self._slow.cycle()
-            reached = self._fast.ring.reached()
-            if reached is not None:
-                self._reached = (*reached, time.monotonic_ns())
+            self._reached = self._fast.ring.reached() or self._reached
             if batch is not None:
+                self._says.fine("MAIN_FAST", "delivers again")
                 self._on_batch(batch)
         except Exception as error:
             self.failure = error
-            if self._fast.process.returncode is None:
-                self._fast.process.terminate()
-
-
-def _how(code: int) -> str:
-    return f"signal {-code}" if code < 0 else f"exit code {code}"
+            self._fast.terminate()

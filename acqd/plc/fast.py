@@ -51,7 +51,7 @@ class FastTask:
         self._wake = wake
         self.patience_ns = round(2e9 * window_samples / self._rate) + source.period_ns
         """Longest wait for a whole window [ns]."""
-        self._steps = StepDetector()
+        self._steps = StepDetector(round(1e9 * window_samples / self._rate))
         self._elapsed_ns = 0
         self._read = 0  # samples asked for so far: elapsed time in samples
         self._expected = 0  # stream index of the next sample
@@ -191,6 +191,7 @@ def run_fast(
             woke = monotonic()
             going = task.cycle(expirations)
             stats.record(woke - timer.due_ns, expirations, monotonic() - woke)
+            ring.beat()
             if not going:
                 state = ENDED
                 break

@@ -51,7 +51,7 @@ def main() -> int:
     task = FastTask(source, ring, orders["window"] * form.rate, lambda: os.eventfd_write(wake_fd, 1), OverrunPolicy())
     refused = engage(RealtimeSettings(**orders["realtime"]))
     answer = {"form": asdict(form), "live": source.live, "flags": sorted(source.flags), "layout": asdict(layout)}
-    _answer(answer | {"refused": refused, "period_ns": source.period_ns})
+    _answer(answer | {"refused": refused, "period_ns": source.period_ns, "patience_s": source.patience_s})
     stats = CycleStats(ring.cycle_slots, source.period_ns)
     utc_ns, index = orders["source"].get("start_utc_ns") or time.time_ns(), 0
     if orders["resume"] and source.live:

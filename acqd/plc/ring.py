@@ -12,6 +12,7 @@ from __future__ import annotations
 import json
 import mmap
 import os
+import time
 from dataclasses import asdict, dataclass
 
 import numpy as np
@@ -21,7 +22,7 @@ from acqd.plc.stats import SLOTS
 from acqd.sources.base import SourceHealth
 
 _HEADER = 16  # int64 words
-_HEAD, _EVENT_HEAD, _STATE, _ANCHOR_INDEX, _ANCHOR_UTC, _HEALTH_VERSION, _HEALTH_BYTES = range(7)
+_HEAD, _EVENT_HEAD, _STATE, _ANCHOR_INDEX, _ANCHOR_UTC, _HEALTH_VERSION, _HEALTH_BYTES, _BEATS, _TAKEN = range(9)
 _EVENTS = 4096  # several per cycle for as long as the ring lasts
 _EVENT_WORDS = 3  # position, kind, value
 RUNNING, ENDED, STOPPED = 1, 2, 3
@@ -97,6 +98,11 @@ class Ring:
         if first < count:
             self._codes[: count - first] = codes[first:]
         self._header[_HEAD] = head + count
+        self._header[_TAKEN] = time.monotonic_ns()
+
+    def beat(self) -> None:
+        """Say that the writer cycles."""
+        self._header[_BEATS] += 1
 
     def event(self, kind: int, value: int = 0) -> None:
         """Something that happens at the next sample: GAP (samples lost), STEP (new UTC), LATE, FLAGS (bits)."""
@@ -129,6 +135,11 @@ class Ring:
         return int(self._header[_STATE])
 
     @property
+    def beats(self) -> int:
+        """Cycles of the writer; a number that stands still is a writer that hangs."""
+        return int(self._header[_BEATS])
+
+    @property
     def written(self) -> int:
         """Samples written since the start, without lost ones."""
         return int(self._header[_HEAD])
@@ -143,12 +154,15 @@ class Ring:
             return None
         return SourceHealth(**json.loads(text))
 
-    def reached(self) -> tuple[int, int] | None:
-        """Index and UTC [ns] of the sample that `read` would give next; None before the first read."""
+    def reached(self) -> tuple[int, int, int] | None:
+        """Index and UTC [ns] of the sample that `read` would give next, and when that was due on CLOCK_MONOTONIC [ns].
+
+        None before the first read. The last is when the writer wrote: one that has hung for a while wrote long ago.
+        """
         if not self._position:
             return None
         anchor, utc = self._anchor
-        return self._index, utc + round((self._index - anchor) * 1e9 / self.layout.rate)
+        return self._index, utc + round((self._index - anchor) * 1e9 / self.layout.rate), int(self._header[_TAKEN])
 
     def read(self) -> list[SampleBlock]:
         """Everything new, cut into blocks where an event happened."""

@@ -13,10 +13,10 @@ class SlowTask:
     """Turns the ring's samples into window quantities; its own duration is kept for the status."""
 
     def __init__(self, ring: Ring, meter: Meter, flags: frozenset[str] = frozenset()) -> None:
-        """`flags` hold for every row of this stream ("simulated")."""
         self._ring = ring
         self._meter = meter
-        self._flags = flags
+        self.flags = flags
+        """Hold for the rows made from now on ("simulated")."""
         self.windows = 0
         self.busy_ns = 0
 
@@ -29,8 +29,8 @@ class SlowTask:
         begun = time.perf_counter_ns()
         batches = []
         for block in self._ring.read():
-            if self._flags:
-                block = replace(block, flags=block.flags | self._flags)
+            if self.flags:
+                block = replace(block, flags=block.flags | self.flags)
             batch = self._meter.feed(block)
             if batch is not None:
                 batches.append(batch)

@@ -41,6 +41,8 @@ class Source(ABC):
     sampling clock, which gives whatever it has."""
     period_ns: int = CYCLE_NS
     """How often `exchange` must be called [ns]; known after `connect`."""
+    patience_s: float = 3.0
+    """An exchange that takes longer than this [s] hangs: MAIN_FAST is killed and relaunched. Known after `connect`."""
     flags: frozenset[str] = frozenset()
     """Row flags that hold for the whole stream ("simulated")."""
 

@@ -8,7 +8,7 @@ from typing import Generic, Protocol, TypeVar
 
 from acqd.errors import UserError
 from acqd.metering.block import Codes
-from acqd.sources.backoff import Backoff
+from acqd.retry import Backoff
 from acqd.sources.device import Clock, DeviceSource
 
 _SILENCE_NS = 500_000_000

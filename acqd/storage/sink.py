@@ -61,6 +61,10 @@ class SinkCounters:
     reconnects: int = -1
     last_commit: float | None = None
     """Monotonic time of the last commit."""
+    database_trouble: str = ""
+    """Why the database takes no rows; empty while it does."""
+    database_returns: int = 0
+    """Times the database came back."""
 
 
 class Sink:
@@ -257,11 +261,14 @@ class Sink:
         except sa.exc.DBAPIError as error:
             _log.error("database: %s; %d messages stay with the broker", str(error.orig).strip(), len(batch))
             self._failure = _DATABASE_AWAY
+            self.counters.database_trouble = str(error.orig).strip() or type(error.orig).__name__
             self._sleep(1.0, stop, progress)
             return False  # a new connection makes the broker send them again
         for message in batch:
             client.ack(message.mid, message.qos)
         counters = self.counters
+        counters.database_returns += bool(counters.database_trouble)
+        counters.database_trouble = ""
         if written.quarantined:
             _log.warning("%d malformed messages put into quarantine", written.quarantined)
         counters.rows += written.rows

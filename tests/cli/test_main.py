@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
+import sys
 
 import pytest
 
@@ -114,3 +115,12 @@ def refused_last(result):
     """Like `refused`, after log lines."""
     assert result.returncode == 2, result.stderr
     return result.stderr.strip().splitlines()[-1]
+
+
+def test_the_daemon_starts_without_importing_sql():
+    """A daemon that is started again after a crash has rows to make: SQLAlchemy takes longer than all the rest."""
+    program = (
+        "import sys, acqd.cli.main, acqd.daemon.service; print('sqlalchemy' in sys.modules or 'alembic' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"

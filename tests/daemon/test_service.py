@@ -38,7 +38,11 @@ def rows_of(database: Path, device: str, channel: str) -> list[sqlite3.Row]:
 
 def whole(rows: list[sqlite3.Row]) -> list[sqlite3.Row]:
     """A busy machine may lose samples of a real-time stream: those windows say so, the others are right."""
-    return [row for row in rows if set(json.loads(row["flags"])) <= {"simulated", "late"} and row["P"] is not None]
+    return [
+        row
+        for row in rows
+        if set(json.loads(row["flags"])) <= {"simulated", "late", "unsynchronised"} and row["P"] is not None
+    ]
 
 
 def run_until(enough: Callable[[], bool], folder: Path, source: str) -> None:

@@ -23,6 +23,8 @@ _MOST_SLOTS = 200  # in one exchange: a long outage is fetched in portions
 class AdsSource(RemoteRing[PlcClient]):
     """Reads a TwinCAT PLC."""
 
+    patience_s = 10.0  # a new connection waits for the probe, two symbols and the head, a second each
+
     def __init__(self, settings: AdsSettings, clock: Clock = time.monotonic_ns) -> None:
         super().__init__(settings.poll_ms, clock)
         self._settings = settings

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 
 from acqd.errors import UserError
-from acqd.sources.backoff import Backoff
+from acqd.retry import Backoff
 from acqd.sources.device import Clock, DeviceSource, stream_format
 from acqd.sources.ethercat.assemble import Assembler
 from acqd.sources.ethercat.bus import SegmentError
@@ -24,6 +24,8 @@ _ACKNOWLEDGE_NS = 1_500_000_000  # for slaves to come back to OP before the segm
 
 class EthercatSource(DeviceSource):
     """One to three EL3783 behind a coupler."""
+
+    patience_s = 12.0  # a segment that is started again waits for mailboxes and changes of state
 
     def __init__(self, settings: EthercatSettings, clock: Clock = time.monotonic_ns) -> None:
         super().__init__(clock)

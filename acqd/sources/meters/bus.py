@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 
 from acqd.errors import UserError
-from acqd.sources.backoff import Backoff
+from acqd.retry import Backoff
 from acqd.sources.meters.meter import Meter, MeterSettings
 from acqd.sources.meters.profile import load_profile
 from acqd.sources.meters.reading import Reading

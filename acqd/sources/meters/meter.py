@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from acqd.errors import UserError
-from acqd.sources.backoff import Backoff
+from acqd.retry import SHARED_LINE, Backoff
 from acqd.sources.meters.access import MeterAccess
 from acqd.sources.meters.decode import raw_value
 from acqd.sources.meters.plausible import decode, explain, judge
@@ -50,7 +50,7 @@ class Meter:
         self._access = MeterAccess(self.unit, profile)
         self.period_ns = round((settings.poll_s or profile.update_s) * 1e9)
         self._trusted = False
-        self._backoff = Backoff(1_000_000_000, 30_000_000_000)
+        self._backoff = Backoff(SHARED_LINE)
         self._values: dict[str, float | None] = {}
         self._changed_ns = 0
         self._first_due_ns: int | None = None

@@ -26,6 +26,8 @@ from acqd.sources.remote_ring import RemoteRing
 
 _FUNCTION = 3
 _MOST_REGISTERS = 125
+_PATIENCE_S = 8.0  # the longest answer on a slow serial line
+_ANSWERS = 6  # that one exchange may wait for in vain
 _MOST_BLOCKS = 256  # in one exchange: a long outage is fetched in portions
 
 
@@ -36,6 +38,7 @@ class BridgeSource(RemoteRing[ModbusClient]):
         super().__init__(settings.poll_ms, clock)
         self._settings = settings
         self.title = f"waveform bridge {settings.link}"
+        self.patience_s = _PATIENCE_S + _ANSWERS * settings.link.timeout_s
 
     def _make_client(self) -> ModbusClient:
         return ModbusClient(self._settings.link, self._settings.connections)

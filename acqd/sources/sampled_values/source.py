@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acqd.errors import UserError
-from acqd.sources.backoff import Backoff
+from acqd.retry import Backoff
 from acqd.sources.device import Clock, DeviceSource, stream_format
 from acqd.sources.sampled_values.counter import RateCheck, SecondCounter
 from acqd.sources.sampled_values.decode import Decoder, Samples, names

@@ -1,0 +1,51 @@
+"""Log lines for changes of state: what repeats at every attempt is counted, not written."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+
+@dataclass(slots=True)
+class _State:
+    name: str
+    since: float
+    repeated: int = 0
+
+
+class StateLog:
+    """Writes a line when the state of a subject changes, and not while the state lasts.
+
+    A subject is what the state belongs to ("broker"); a state is a short name ("refused"). The text of the line may
+    differ from attempt to attempt (ports, durations) without being a change.
+    """
+
+    def __init__(self, logger: logging.Logger, clock: Callable[[], float] = time.monotonic) -> None:
+        self._logger, self._clock = logger, clock
+        self._states: dict[str, _State] = {}
+
+    def trouble(self, subject: str, state: str, text: str, level: int = logging.WARNING) -> bool:
+        """The subject is in trouble; whether that is a change, and has been written."""
+        known = self._states.get(subject)
+        if known is not None and known.name == state:
+            known.repeated += 1
+            return False
+        self._states[subject] = _State(state, known.since if known else self._clock(), known.repeated if known else 0)
+        self._logger.log(level, "%s: %s", subject, text)
+        return True
+
+    def fine(self, subject: str, text: str, level: int = logging.WARNING) -> bool:
+        """The subject works; written after trouble only, with how long that lasted and what was not written."""
+        known = self._states.pop(subject, None)
+        if known is None:
+            return False
+        again = f", {known.repeated} more failures" if known.repeated else ""
+        self._logger.log(level, "%s: %s (after %.1f s%s)", subject, text, self._clock() - known.since, again)
+        return True
+
+    def state(self, subject: str) -> str:
+        """Name of the trouble that the subject is in; empty when it works."""
+        known = self._states.get(subject)
+        return known.name if known else ""

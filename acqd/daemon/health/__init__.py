@@ -1,0 +1,1 @@
+"""How daemon and sink are: counters, verdict, HTTP endpoints on a loopback port, watchdog."""

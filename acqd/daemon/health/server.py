@@ -1,0 +1,116 @@
+"""The endpoints /healthz, /readyz, /status and /metrics, served by a thread: a blocked service can still say so."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+from dataclasses import asdict
+from http.server import BaseHTTPRequestHandler, HTTPServer
+from socketserver import ThreadingMixIn
+from typing import Any
+
+import orjson
+
+from acqd.daemon.health.metrics import CONTENT_TYPE, metrics
+from acqd.daemon.health.snapshot import Snapshot
+from acqd.daemon.health.verdict import verdict
+
+_log = logging.getLogger(__name__)
+_JSON = "application/json"
+_REQUEST_S = 2.0  # for a client to say what it wants
+_CLIENTS = 8  # at once
+
+
+class HealthServer:
+    """Serves snapshots of one service; a port that cannot be used is logged and does not stop the service."""
+
+    def __init__(self, host: str, port: int, snapshot: Callable[[], Snapshot]) -> None:
+        self._host, self._port, self._snapshot = host, port, snapshot
+        self._server: _Server | None = None
+
+    def start(self) -> None:
+        """Listen."""
+        try:
+            self._server = _Server((self._host, self._port), _handler(self._snapshot))
+        except OSError as error:
+            _log.info(
+                "health: port %s:%d cannot be used (%s); this service has no endpoints, see [health]",
+                self._host, self._port, error.strerror,
+            )  # fmt: skip
+            return
+        threading.Thread(target=self._server.serve_forever, args=(0.2,), name="health", daemon=True).start()
+
+    @property
+    def port(self) -> int | None:
+        """Where it listens; None: nowhere."""
+        return self._server.server_address[1] if self._server is not None else None
+
+    def stop(self) -> None:
+        """Close the port."""
+        if self._server is not None:
+            self._server.shutdown()
+            self._server.server_close()
+            self._server = None
+
+
+class _Server(ThreadingMixIn, HTTPServer):
+    daemon_threads = True
+    block_on_close = False
+    request_queue_size = 16
+
+    def __init__(self, *arguments: Any) -> None:
+        self._free = threading.BoundedSemaphore(_CLIENTS)
+        super().__init__(*arguments)
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """A thread for this client, or a closed connection when all are in use."""
+        if not self._free.acquire(blocking=False):
+            self.shutdown_request(request)
+            return
+        super().process_request(request, client_address)
+
+    def process_request_thread(self, request: Any, client_address: Any) -> None:
+        try:
+            super().process_request_thread(request, client_address)
+        finally:
+            self._free.release()
+
+    def handle_error(self, request: Any, client_address: Any) -> None:  # noqa: ARG002 - the base class's signature
+        """A client that hangs up is no news."""
+        _log.debug("health: request of %s failed", client_address, exc_info=True)
+
+
+def _handler(snapshot: Callable[[], Snapshot]) -> type[BaseHTTPRequestHandler]:
+    class Handler(BaseHTTPRequestHandler):
+        timeout = _REQUEST_S
+        server_version, sys_version = "acqd", ""
+
+        def do_GET(self) -> None:
+            code, kind, body = _page(self.path.partition("?")[0], snapshot)
+            self.send_response(code)
+            self.send_header("Content-Type", kind)
+            self.send_header("Content-Length", str(len(body)))
+            self.send_header("Cache-Control", "no-store")
+            self.end_headers()
+            self.wfile.write(body)
+
+        def log_message(self, *_: Any) -> None:
+            """Requests are not logged: a probe comes every few seconds."""
+
+    return Handler
+
+
+def _page(path: str, snapshot: Callable[[], Snapshot]) -> tuple[int, str, bytes]:
+    """Status code, content type and body of an endpoint."""
+    if path not in ("/healthz", "/readyz", "/status", "/metrics"):
+        return 404, _JSON, orjson.dumps({"error": "expected /healthz, /readyz, /status or /metrics"})
+    now = snapshot()
+    if path == "/metrics":
+        return 200, CONTENT_TYPE, metrics(now)
+    judged = verdict(now)
+    told = {"alive": judged.alive, "ready": judged.ready, "problems": judged.problems, "notes": judged.notes}
+    if path == "/status":
+        return 200, _JSON, orjson.dumps(told | asdict(now))
+    good = judged.alive if path == "/healthz" else judged.ready
+    return 200 if good else 503, _JSON, orjson.dumps(told)

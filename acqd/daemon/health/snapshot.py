@@ -1,0 +1,96 @@
+"""What a service knows about itself at one moment: the source of /status, /metrics and the verdict."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """A connection that is made again when it is lost."""
+
+    connected: bool
+    reconnects: int = 0
+    """Times it was made again since the start."""
+    trouble: str = ""
+    """Why it is down, or what is wrong with it; one line."""
+
+
+@dataclass(frozen=True, slots=True)
+class SourceLink(Link):
+    """The connection to the device."""
+
+    lost: int = 0
+    """Samples lost since the start."""
+
+
+@dataclass(frozen=True, slots=True)
+class Delivery:
+    """Rows on their way to the database, in messages and bytes since the start; None: this daemon has no such thing."""
+
+    delivered: int = 0
+    """Acknowledged by the broker."""
+    dropped: int = 0
+    """Given up because the spool (or queue) was full or its disk was damaged."""
+    waiting: int = 0
+    """Not delivered yet."""
+    resent: int | None = None
+    """Published again because no receipt came in time."""
+    receipts_outstanding: int | None = None
+    """Published and not yet known to be stored."""
+    spool_bytes: int | None = None
+    spool_limit_bytes: int | None = None
+    spool_age_s: float | None = None
+    """Age of the oldest row that waits [s]."""
+    disk_trouble: str = ""
+    """Why the disk takes no rows."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cycles:
+    """MAIN_FAST."""
+
+    cycles: int = 0
+    late: int = 0
+    missed: int = 0
+    exceeded: int = 0
+    restarts: int = 0
+    """Times MAIN_FAST was launched again."""
+
+
+@dataclass(frozen=True, slots=True)
+class FeedHealth:
+    """What makes the rows of a daemon."""
+
+    boot: str
+    source: SourceLink
+    last_row_age_s: float | None
+    cycles: Cycles | None = None
+    synchronised: bool | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """One service."""
+
+    service: Literal["daemon", "sink"]
+    name: str
+    """Device of the daemon, client_id of the sink."""
+    version: str
+    uptime_s: float
+    alive: bool
+    """Whether the service does its work, or waits for something that is known to be away."""
+    rows: int = 0
+    """Rows made by the daemon, or stored by the sink."""
+    last_row_age_s: float | None = None
+    """Seconds since the last of them; None before the first."""
+    boot: str | None = None
+    quarantined: int | None = None
+    source: SourceLink | None = None
+    broker: Link | None = None
+    database: Link | None = None
+    delivery: Delivery | None = None
+    cycles: Cycles | None = None
+    synchronised: bool | None = None
+    """Whether the clock is disciplined; None: nobody can tell."""

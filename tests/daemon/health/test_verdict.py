@@ -1,0 +1,49 @@
+"""Healthy or not, and why."""
+
+from __future__ import annotations
+
+import pytest
+
+from acqd.daemon.health.snapshot import Cycles, Delivery, Link, SourceLink
+from acqd.daemon.health.verdict import verdict
+from tests.daemon.health.snapshots import daemon, sink
+
+
+@pytest.mark.parametrize("snapshot", [daemon(), sink(), daemon(broker=None, delivery=None), daemon(synchronised=None)])
+def test_a_service_that_works_is_ready_without_a_word(snapshot):
+    judged = verdict(snapshot)
+    assert judged.ready and not judged.problems and not judged.notes
+
+
+@pytest.mark.parametrize(
+    ("snapshot", "alive", "word"),
+    [
+        (daemon(alive=False, last_row_age_s=31.0), False, "31 s"),
+        (daemon(alive=False, last_row_age_s=None), False, "since the start"),
+        (daemon(source=SourceLink(False, trouble="no answer from the PLC")), True, "no answer from the PLC"),
+        (daemon(broker=Link(False)), True, "broker away"),
+        (daemon(delivery=Delivery(spool_bytes=91, spool_limit_bytes=100)), True, "91 % full"),
+        (daemon(delivery=Delivery(disk_trouble="no space left")), True, "no space left"),
+        (sink(database=Link(False, trouble="connection refused")), True, "connection refused"),
+        (sink(alive=False), False, "hangs"),
+    ],
+)
+def test_what_keeps_rows_from_arriving_is_a_problem(snapshot, alive, word):
+    judged = verdict(snapshot)
+    assert not judged.ready and judged.alive == alive
+    assert len(judged.problems) == 1 and word in judged.problems[0]
+
+
+@pytest.mark.parametrize(
+    "snapshot",
+    [
+        daemon(delivery=Delivery(dropped=7)),
+        daemon(cycles=Cycles(restarts=1)),
+        daemon(synchronised=False),
+        daemon(source=SourceLink(True, trouble="the range has changed")),
+        sink(quarantined=3),
+    ],
+)
+def test_what_does_not_is_a_note(snapshot):
+    judged = verdict(snapshot)
+    assert judged.ready and len(judged.notes) == 1

@@ -1,0 +1,125 @@
+"""The campaign of faults: its judge must see what it is there to see."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import socket
+import subprocess
+import sys
+import threading
+from dataclasses import replace
+
+import pytest
+
+from acqd.storage.database import open_database
+from acqd.storage.writer import Writer
+from tests.places import ROOT
+from tests.storage.rows import message, row
+from tools.studies.faults.proxy import Proxy
+from tools.studies.faults.reconcile import missing, reconcile
+
+NOTHING = {"lost": 0, "duplicated": 0, "wrong": 0, "unflagged": 0, "backwards": 0, "energy_back": 0, "quarantined": 0}
+
+
+def at(seq, **changes):
+    return row(seq, t=1_700_000_000 + 0.04 * seq, **changes)
+
+
+def reconciled(tmp_path, taped, stored):
+    tape = tmp_path / "tape"
+    tape.write_bytes(b"".join(one.to_json() + b"\n" for one in taped) + b'{"torn')
+    engine = open_database(str(tmp_path / "a.sqlite"))
+    Writer(engine).write([message(one) for one in stored])
+    result = reconcile(tape, engine)
+    assert result.made == len(taped) and result.stored == len(stored)
+    assert missing(tape, engine) == result.lost
+    return {name: getattr(result, name) for name in NOTHING}
+
+
+def test_rows_that_all_arrived_are_all_right(tmp_path):
+    rows = [at(k, channel=channel) for k in range(20) for channel in ("L1", "total")]
+    assert reconciled(tmp_path, rows, rows) == NOTHING
+
+
+ROWS = [at(k) for k in range(6)]
+REBORN = [ROWS[4], replace(ROWS[5], boot="b2", W=0.0)]
+
+
+@pytest.mark.parametrize(
+    ("taped", "stored", "found"),
+    [
+        (ROWS, ROWS[:2] + ROWS[4:], {"lost": 2}),
+        (ROWS, [*ROWS[:5], replace(ROWS[5], W=9.0)], {"wrong": 1}),
+        (ROWS, [*ROWS[:5], replace(ROWS[5], flags=["late"])], {"wrong": 1}),
+        (ROWS, [*ROWS, replace(ROWS[5], boot="b2")], {"wrong": 1, "duplicated": 1}),
+        (ROWS[:2] + ROWS[4:], ROWS[:2] + ROWS[4:], {"unflagged": 1}),
+        ([*ROWS[:2], replace(ROWS[4], flags=["gap"])], [*ROWS[:2], replace(ROWS[4], flags=["gap"])], {}),
+        ([*ROWS[:2], replace(ROWS[2], filetime=1)], [*ROWS[:2], replace(ROWS[2], filetime=1)], {"backwards": 1}),
+        (REBORN, REBORN, {"energy_back": 1}),
+    ],
+)  # fmt: skip
+def test_every_kind_of_damage_is_counted(taped, stored, found, tmp_path):
+    assert reconciled(tmp_path, taped, stored) == NOTHING | found
+
+
+@pytest.fixture
+def echo():
+    """A server behind a proxy that sends back what it receives."""
+    server = socket.create_server(("127.0.0.1", 0))
+
+    def serve():
+        while True:
+            try:
+                connection, _ = server.accept()
+            except OSError:
+                return
+            with connection, contextlib.suppress(ConnectionError):
+                while data := connection.recv(100):
+                    connection.sendall(data)
+
+    threading.Thread(target=serve, daemon=True).start()
+    proxy = Proxy(server.getsockname()[1])
+    yield proxy
+    proxy.close()
+    server.close()
+
+
+def connect(proxy):
+    client = socket.create_connection(("127.0.0.1", proxy.port), timeout=10)
+    client.sendall(b"a")
+    return client, client.recv(1)
+
+
+def test_the_proxy_passes_resets_and_refuses(echo):
+    client, answer = connect(echo)
+    assert answer == b"a"
+    echo.reset()
+    with pytest.raises(ConnectionResetError):
+        client.recv(1)
+    echo.mode = "refuse"
+    with contextlib.suppress(ConnectionError):
+        assert connect(echo)[1] == b""
+    echo.mode = "pass"
+    assert connect(echo)[1] == b"a"
+
+
+def test_a_half_open_connection_is_silent_and_then_goes_on(echo):
+    client, _ = connect(echo)
+    echo.mode = "silent"
+    client.sendall(b"b")
+    client.settimeout(0.2)
+    with pytest.raises(TimeoutError):
+        client.recv(1)
+    echo.mode = "pass"
+    client.settimeout(10)
+    assert client.recv(1) == b"b"
+
+
+@pytest.mark.slow
+def test_the_short_campaign_runs_and_says_what_it_found():
+    command = [sys.executable, "-m", "tools.studies.faults", "--short", "--json"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    [figures] = json.loads(done.stdout)
+    assert figures["faults"] == 10 and figures["made"] > 500 and figures["wrong"] == figures["duplicated"] == 0
+    assert figures["not recovered"] == 0 and figures["died"] == 0

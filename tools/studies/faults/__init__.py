@@ -1,0 +1,1 @@
+"""Faults on real processes, and what became of every row."""

@@ -1,0 +1,103 @@
+"""Every row of the tape against the database, field by field."""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from dataclasses import dataclass
+from datetime import datetime
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import orjson
+import sqlalchemy as sa
+
+from acqd.storage.schema import power, quarantine
+
+_FIELDS = ("filetime", "Vrms", "Irms", "P", "S", "PF", "f", "W", "schema")
+_Key = tuple[str, str, str, int]  # device, channel, boot, seq
+
+
+@dataclass(frozen=True, slots=True)
+class Reconciled:
+    """What became of the rows."""
+
+    made: int
+    stored: int
+    lost: int
+    """Taped, not in the database."""
+    duplicated: int
+    """A moment of a channel that is stored more than once."""
+    wrong: int
+    """Stored with another value than taped, or never taped."""
+    unflagged: int
+    """Windows missing between two rows of a boot without the flag `gap`."""
+    backwards: int
+    """Rows of a boot and channel whose time or energy is less than that of the row before."""
+    energy_back: int
+    """Boots whose energy begins below the end of the boot before."""
+    quarantined: int
+
+
+def reconcile(tape: Path, engine: sa.Engine) -> Reconciled:
+    """Compare the tape with the tables `power` and `quarantine`."""
+    made = _taped(tape)
+    with engine.connect() as connection:
+        stored = {_key(row): row for row in connection.execute(sa.select(power)).mappings()}
+        refused = int(connection.execute(sa.select(sa.func.count()).select_from(quarantine)).scalar_one())
+    moments = Counter((key[0], key[1], row["filetime"]) for key, row in stored.items())
+    wrong = sum(key not in made or _differs(made[key], row) for key, row in stored.items())
+    return Reconciled(
+        made=len(made),
+        stored=len(stored),
+        lost=len(made.keys() - stored.keys()),
+        duplicated=sum(count - 1 for count in moments.values()),
+        wrong=wrong,
+        quarantined=refused,
+        **_order(made),
+    )
+
+
+def missing(tape: Path, engine: sa.Engine) -> int:
+    """Rows of the tape that the database does not have yet."""
+    columns = (power.c.device, power.c.channel, power.c.boot, power.c.seq)
+    with engine.connect() as connection:
+        stored = {tuple(row) for row in connection.execute(sa.select(*columns))}
+    return len(_taped(tape).keys() - stored)
+
+
+def _taped(tape: Path) -> dict[_Key, Any]:
+    lines = tape.read_bytes().split(b"\n")
+    return {_key(row): row for row in (orjson.loads(line) for line in lines[:-1])}
+
+
+def _key(row: Any) -> _Key:
+    return row["device"], row["channel"], row["boot"], row["seq"]
+
+
+def _differs(taped: Any, stored: Any) -> bool:
+    flags = stored["flags"]
+    flags = orjson.loads(flags) if isinstance(flags, str) else flags
+    same_time = _moment(taped["time"]) == _moment(stored["time"])
+    return flags != taped["flags"] or not same_time or any(taped[name] != stored[name] for name in _FIELDS)
+
+
+def _moment(time: Any) -> datetime:
+    return time if isinstance(time, datetime) else datetime.fromisoformat(time)
+
+
+def _order(made: dict[_Key, Any]) -> dict[str, int]:
+    """Order and flags within and between boots, from the tape."""
+    boots: dict[tuple[str, str], dict[str, list[Any]]] = defaultdict(lambda: defaultdict(list))
+    for row in made.values():
+        boots[row["device"], row["channel"]][row["boot"]].append(row)
+    found = Counter[str]()
+    for runs in boots.values():
+        for rows in runs.values():
+            for before, row in pairwise(rows):
+                jump = row["seq"] > before["seq"] + 1
+                found["unflagged"] += jump and "gap" not in row["flags"] and "gap" not in before["flags"]
+                found["backwards"] += row["filetime"] <= before["filetime"] or row["seq"] <= before["seq"]
+        for rows, following in pairwise(runs.values()):
+            found["energy_back"] += following[0]["W"] < rows[-1]["W"]
+    return {name: found[name] for name in ("unflagged", "backwards", "energy_back")}
