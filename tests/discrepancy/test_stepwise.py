@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 
 from acqd.models.effects import library
+from acqd.models.effects.substeps import averaged
 from tests.builders import recording
 from tests.discrepancy.independent import (
     COMMON,
     INDEPENDENT,
     added_payload,
+    extra_power,
     lagged_mean,
     selected,
     since_release,
@@ -54,6 +56,27 @@ def test_what_the_library_does_not_know_is_called_unknown(model, robot):
     _, tracing = traced(model, robot, band, count=12)
     assert tracing.verdict == "unknown_structure", [(n.id, n.finding.candidate.label) for n in tracing.effects]
     assert tracing.unknown.finding.candidate.label == "the speed of joint 2"
+
+
+def test_friction_that_grows_with_the_third_power_of_speed_is_not_called_viscous(model, robot):
+    def cubic(scene, random):
+        torque = np.zeros_like(scene.qd)
+        torque[:, 1] = 12.0 * scene.qd[:, 1] ** 3
+        return extra_power(scene, torque)
+
+    _, tracing = traced(model, robot, cubic, only=COMMON | {"viscous_friction", "coulomb_friction"})
+    assert tracing.verdict == "unknown_structure", [(n.id, n.finding.candidate.label) for n in tracing.effects]
+    assert tracing.unknown.finding.candidate.label == "a friction of joint 2 of another curve over its speed"
+
+
+def test_a_regular_load_of_seconds_is_a_pulsation_and_no_thermostat(model, robot):
+    def pump(scene, random):
+        return 8.0 * ((averaged(scene.t) % 5.0) < 2.0)
+
+    only = COMMON | {"thermostat", "process_load", "contact_force"}
+    _, tracing = traced(model, robot, pump, count=10, only=only)
+    assert tracing.verdict == "unknown_structure", [(n.id, n.finding.candidate.label) for n in tracing.effects]
+    assert tracing.unknown.finding.candidate.label == "a pulsation with a period of about 5 s"
 
 
 def test_two_effects_are_both_named(model, robot):

@@ -24,3 +24,17 @@ def test_as_many_columns_as_the_groups_say():
     groups = torque_groups(AXES)
     assert len(columns) == sum(count for _, count in groups) and len({name for name, _ in groups}) == len(groups)
     assert all(column.shape == (len(scene.q),) and np.isfinite(column).all() for column in columns)
+
+
+def test_a_friction_curve_covers_all_speeds_also_those_that_few_rows_exceed():
+    model = grey()
+    scene = segment_scene(model, recording(model, 1, rows=200))
+    usual = np.abs(scene.qd).max(axis=0) / 2
+    columns = np.column_stack(torque_columns(scene, (np.full(AXES, -3.0), np.full(AXES, 3.0)), usual, np.ones(AXES)))
+    names = [name for name, count in torque_groups(AXES) for _ in range(count)]
+    curve = columns[:, [name == "a friction of joint 2 of another curve over its speed" for name in names]]
+    slope, speed = scene.power_per_torque[:, 1], scene.qd[:, 1]
+    for law, share in ((speed, 0.9999), (np.sign(speed) * np.abs(speed) ** 3, 0.99)):
+        power = slope * law
+        left = power - curve @ np.linalg.lstsq(curve, power, rcond=None)[0]
+        assert 1 - (left @ left) / (power @ power) > share

@@ -155,7 +155,7 @@ def _described(
         by_chance=partial(search.by_chance, residuals),
     )  # fmt: skip
     if kind == "rhythm" and shape["period_s"] < THRESHOLDS.rhythm_shortest_s:  # no heater or fan switches so often
-        return found(None, label=f"a pulsation with a period of {shape['period_s']:.1f} s")
+        return found(None, label=f"a pulsation with a period of about {shape['period_s']:.0f} s")
     return found(wanted[kind]) if kind in wanted else None
 
 
