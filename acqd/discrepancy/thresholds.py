@@ -50,6 +50,9 @@ class Thresholds:
     delay_smallest_s: float = _threshold(
         0.012, "s", "delay", "study", "smaller delays compete as an effect with the other effects"
     )
+    delay_floor_s: float = _threshold(
+        0.001, "s", "delay", "study", "error of every delay beside its scatter: motion between rows, the supply's lag"
+    )
     delay_least_gain: float = _threshold(
         0.15, "-", "delay", "study", "least share of the residual's variance that the delay must explain"
     )
@@ -270,6 +273,9 @@ class Thresholds:
     )
     unnamed_contenders: int = _threshold(
         3, "alternatives", "uncertainty", "choice", "unnamed alternatives that take part in the bootstrap"
+    )
+    shape_step: float = _threshold(
+        0.1, "-", "uncertainty", "choice", "step of a fitted shape for its interval, relative to the value"
     )
     interval_width: float = _threshold(
         1.96, "standard errors", "uncertainty", "convention", "half width of a 95 % interval"

@@ -12,7 +12,7 @@ from acqd.arrays import Floats
 from acqd.discrepancy.repair.torque_scale import TorqueScale
 from acqd.discrepancy.residual.delay import Delay
 from acqd.discrepancy.selection.accepted import Named, Tracing
-from acqd.discrepancy.selection.uncertainty import confidence, family, intervals
+from acqd.discrepancy.selection.uncertainty import Intervals, confidence, family, intervals
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.augmented import Term
 from acqd.models.effects import library
@@ -64,7 +64,7 @@ def added(tracing: Tracing, named: Named, scale: TorqueScale, seed: int) -> Adde
     sure, alternatives = confidence(tracing, named, seed)
     kin = family(tracing, named)
     together = sure + sum(share for name, share in alternatives if name in {finding.candidate.id for finding in kin})
-    values, half = intervals(tracing, named)
+    certain = intervals(tracing, named)
     shape = dict(named.shape)
     parts = tracing.design.parts
     if library()[named.id].follows_clock:
@@ -72,7 +72,7 @@ def added(tracing: Tracing, named: Named, scale: TorqueScale, seed: int) -> Adde
     open_ = [part for part, own in zip(parts, named.gate.open, strict=True) if own]
     if named.gate.start is not None:
         shape["begin_s"] = min(part.start_s for part in open_)  # the key that bundles have
-    term = Term.of(named.id, named.place, shape, values, _parameters(named, values, half, scale))
+    term = Term.of(named.id, named.place, shape, certain.coefficients, _parameters(named, certain, scale))
     finding = named.finding
     return Added(
         term=term, evidence=finding.evidence, confidence=sure, alternatives=alternatives, start=named.gate.start,
@@ -82,16 +82,17 @@ def added(tracing: Tracing, named: Named, scale: TorqueScale, seed: int) -> Adde
     )  # fmt: skip
 
 
-def _parameters(named: Named, values: Floats, half: Floats, scale: TorqueScale) -> dict[str, Any]:
+def _parameters(named: Named, certain: Intervals, scale: TorqueScale) -> dict[str, Any]:
     """In true units; the coefficients of a term are in the scale of its model's torques."""
     parameters: dict[str, Any] = {}
-    for parameter, value, width in zip(named.place.parameters, values, half, strict=True):
+    for parameter, value, width in zip(named.place.parameters, certain.coefficients, certain.half, strict=True):
         of_columns = THRESHOLDS.interval_width * THRESHOLDS.column_deviation * abs(float(value))
         true, wide = scale.corrected(float(value), float(np.hypot(width, of_columns)), parameter.unit)
         parameters[parameter.name] = _shown(true, parameter.unit, wide)
     for name, value in named.shape.items():
         unit = next((unit for ending, unit in _UNITS.items() if name.endswith(ending)), "-")
-        parameters[name] = _shown(float(value), unit, None)
+        fitted = name in library()[named.id].bounds
+        parameters[name] = _shown(float(value), unit, certain.shape_half if fitted else None)
     return parameters
 
 
@@ -102,7 +103,7 @@ def _shown(value: float, unit: str, half: float | None) -> dict[str, Any]:
 def clock_term(delay: Delay) -> Added:
     """The offset or drift that shifts of whole recordings show before the selection."""
     width = THRESHOLDS.interval_width
-    offset = _shown(delay.offset_s, "s", width * delay.offset_error_s)
+    offset = _shown(delay.offset_s, "s", width * float(np.hypot(delay.offset_error_s, THRESHOLDS.delay_floor_s)))
     delays = np.array([each for _, each in delay.single])
     agree = float((np.sign(delays) == np.sign(np.median(delays))).mean())
     place = Place("clocks", (0,), (Parameter("power later by", "s"),))
@@ -127,6 +128,8 @@ def _clock_confidence(delay: Delay, delays: Floats) -> float:
     if len(delays) < 4:  # a drift has no error with fewer
         return 0.5
     rate, error = delay.line()
+    times = np.array([time for time, _ in delay.single])
+    error = float(np.hypot(error, THRESHOLDS.delay_floor_s / max(np.sqrt(((times - times.mean()) ** 2).sum()), 1e-9)))
     drifting = float(t_distribution.cdf(abs(rate) / max(error, 1e-12), len(delays) - 2) * 2 - 1)
     return drifting if delay.drifts else 1 - drifting * (1 - 1 / len(delays))
 

@@ -67,8 +67,7 @@ def fit_shape(
     if detection is not None and not detection.refinable:
         return ShapeFit(design, finding, shape)
     effect, place = library()[candidate.id], candidate.variant.place
-    segments = frozenset(part.segment for part, open_ in zip(design.parts, gate, strict=True) if open_)
-    columns = _Columns(design, effect, place, segments)
+    columns = columns_of(design, effect, place, gate)
     design, places = design.with_columns(columns(shape))
     own_place = Place(place.where, tuple(range(len(places))), place.parameters)
     own = replace(
@@ -93,6 +92,13 @@ def fit_shape(
         at_joints=fitted.at_joints,
     )
     return ShapeFit(design, finding, shape)
+
+
+def columns_of(design: Design, effect: Effect, place: Place, gate: Floats) -> _Columns:
+    """Columns of an effect by its shape, in the segments where `gate` [blocks] is open."""
+    return _Columns(
+        design, effect, place, frozenset(part.segment for part, open_ in zip(design.parts, gate, strict=True) if open_)
+    )
 
 
 def _searched(

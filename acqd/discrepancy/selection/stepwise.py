@@ -181,18 +181,19 @@ class _Step:
         candidate = winner.finding.candidate
         gate = self._gates[0] if candidate.detected else winner.gate
         detection = self._detections.get(candidate.key)
-        fitted = fit_shape(tracing.design, self._regression, gate.open, winner.finding, detection)
+        claims = [winner.finding, *_at_fewer_places(winner.finding, tracing.last_ranking)]
+        fits = [fit_shape(tracing.design, self._regression, gate.open, each, detection) for each in claims]
+        fitted = max(fits, key=lambda each: each.finding.evidence)
         before = tracing.design.witness
         found = fitted.finding.candidate
         if before is not None and found.fitted is not None and before.sees(found.id):
             tracing.design = replace(fitted.design, witness=before.given(found.id, found.fitted))
         else:
             tracing.design = fitted.design
-        assert candidate.variant is not None
+        assert found.variant is not None
+        place = (found.fitted or found.variant).place
         shape = fitted.shape | library()[candidate.id].fixed_shape(tracing.design.columns.scenes)
-        return Named(
-            fitted.finding, gate, candidate.variant.place, shape, winner.alternatives, self._regression, before
-        )
+        return Named(fitted.finding, gate, place, shape, winner.alternatives, self._regression, before)
 
 
 def _outdone_by_any(detected: Finding, unnamed: list[Finding]) -> bool:
@@ -221,6 +222,15 @@ def _evidence_of_reference(design: Design, regression: Regression, gate: Gate, p
         seen = float(design.blocks.rows[blocks].sum())
         found_in += [finding.drop * rows / max(seen, 1.0) for finding in found]
     return float(np.quantile(found_in, THRESHOLDS.reference_quantile)) if found_in else 0.0
+
+
+def _at_fewer_places(finding: Finding, ranking: list[Finding]) -> list[Finding]:
+    """The best finding of the same effect with fewer parameters: others mop up the error of a scanned shape."""
+    candidate = finding.candidate
+    if not library()[candidate.id].bounds:
+        return []
+    fewer = [each for each in ranking if each.candidate.id == candidate.id and each.candidate.size < candidate.size]
+    return [max(fewer, key=lambda each: each.evidence)] if fewer else []
 
 
 def _best_of_each(named: list[Finding], best: Finding) -> list[Finding]:

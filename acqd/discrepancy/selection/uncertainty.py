@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.stats import t as student
 
 from acqd.arrays import Floats
 from acqd.discrepancy.regression.design_columns import Candidate
 from acqd.discrepancy.regression.design_matrix import Design
-from acqd.discrepancy.regression.gram import Regression
 from acqd.discrepancy.regression.onset import Gate
 from acqd.discrepancy.selection.acceptance import outdone
 from acqd.discrepancy.selection.accepted import Named, Tracing
 from acqd.discrepancy.selection.hypotheses import unnamed
-from acqd.discrepancy.selection.ranking import Finding, rank_pooled, solve_part
+from acqd.discrepancy.selection.ranking import Finding, rank_pooled
+from acqd.discrepancy.selection.shape_interval import Fit, Neighbours, fit_at
 from acqd.discrepancy.thresholds import THRESHOLDS
 
 _SHOWN = 3  # alternatives in a report
@@ -85,32 +86,50 @@ def _resampled(design: Design, random: np.random.Generator) -> Floats:
     return weights
 
 
-def intervals(tracing: Tracing, named: Named) -> tuple[Floats, Floats]:
-    """Coefficients and half widths of their 95 % intervals, given all other selected effects.
+@dataclass(frozen=True, slots=True)
+class Intervals:
+    """Coefficients [k] and the value of a fitted shape, with half widths of their 95 % intervals."""
 
-    Delete-one-recording jackknife (Tukey 1958), and at least the width for white noise.
+    coefficients: Floats
+    half: Floats
+    shape: float | None = None
+    shape_half: float | None = None
+    """None: no shape was fitted, or too few recordings."""
+
+
+def intervals(tracing: Tracing, named: Named) -> Intervals:
+    """Given all other selected effects.
+
+    Delete-one-recording jackknife (Tukey 1958) with Student's factor, and at least the width for white noise. A
+    fitted shape is fitted again without every recording, so that its uncertainty is in the size too.
     """
     design, regression = replace(tracing.design, witness=named.witness), tracing.regression.without(named.key)
-    candidate = named.finding.candidate
-    whole, variance = _fit(design, regression, candidate, named.gate, np.ones(len(design.parts)))
+    neighbours = Neighbours.of(design, regression, named)
+
+    def fit(weights: Floats) -> Fit:
+        if neighbours is not None:
+            return neighbours.fit(weights)
+        return fit_at(design, regression, named.finding.candidate, named.gate.open, weights)[1]
+
+    whole = fit(np.ones(len(design.parts)))
+    sizes = fit_at(design, regression, named.finding.candidate, named.gate.open, np.ones(len(design.parts)))[1]
     names = sorted({part.recording for part, open_ in zip(design.parts, named.gate.open, strict=True) if open_})
-    left = []
-    for name in names:
-        weights = np.array([float(not part.in_question or part.recording != name) for part in design.parts])
-        left.append(_fit(design, regression, candidate, named.gate, weights)[0])
-    spread = np.zeros_like(whole)
-    if len(left) >= THRESHOLDS.jackknife_fewest:
-        deviations = np.array(left) - np.mean(left, axis=0)
-        spread = (len(left) - 1) / len(left) * (deviations**2).sum(axis=0)
-    return whole, THRESHOLDS.interval_width * np.sqrt(spread + variance)
+    left = [
+        fit(np.array([float(not part.in_question or part.recording != name) for part in design.parts]))
+        for name in names
+    ]
+    noise = THRESHOLDS.interval_width * np.sqrt(whole.variance)
+    if len(left) < THRESHOLDS.jackknife_fewest:
+        return Intervals(sizes.coefficients, noise, whole.shape)
+    factor = float(student.ppf(0.975, len(left) - 1))
+    half = np.hypot(factor * _jackknife([each.coefficients for each in left]), noise)
+    if whole.shape is None:
+        return Intervals(sizes.coefficients, half)
+    spread = _jackknife([np.array([each.shape]) for each in left])
+    return Intervals(sizes.coefficients, half, whole.shape, factor * float(spread[0]))
 
 
-def _fit(
-    design: Design, regression: Regression, candidate: Candidate, gate: Gate, weights: Floats
-) -> tuple[Floats, Floats]:
-    competition = regression.compete(candidate.places, gate.open, weights)
-    schur, products = competition.schur, competition.products
-    at_joints = design.at_joints(candidate, gate.open * weights)
-    if at_joints is not None:
-        schur, products = schur + at_joints.precision, products + at_joints.product
-    return solve_part(schur, products), np.diag(np.linalg.pinv(schur))
+def _jackknife(left: list[Floats]) -> Floats:
+    """[k] standard errors from estimates [k] without one recording each."""
+    deviations = np.array(left) - np.mean(left, axis=0)
+    return np.asarray(np.sqrt((len(left) - 1) / len(left) * (deviations**2).sum(axis=0)))

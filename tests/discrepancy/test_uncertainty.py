@@ -1,0 +1,32 @@
+"""Intervals of sizes and fitted shapes."""
+
+import numpy as np
+import pytest
+
+from acqd.discrepancy.selection.uncertainty import intervals
+from acqd.models.greybox.model import direction
+from tests.discrepancy.independent import COMMON, column, extra_power, traced
+
+
+def test_size_and_shape_of_a_stribeck_curve_have_narrow_intervals_beside_the_truth(model, robot):
+    def curve(scene, random):
+        near = np.exp(-((scene.qd[:, 1] / 0.15) ** 2)) * direction(scene.qd[:, 1])
+        return extra_power(scene, column(scene, 1, 25.0 * near))
+
+    _, tracing = traced(model, robot, curve, only=COMMON | {"stribeck_friction"})
+    named = tracing.effects[0]
+    assert (named.id, named.place.where) == ("stribeck_friction", "joint 2")
+    certain = intervals(tracing, named)
+    assert certain.shape == pytest.approx(0.15, abs=0.005) and 0 < certain.shape_half < 0.01
+    assert certain.coefficients[0] == pytest.approx(25.0, abs=4 * certain.half[0])
+    assert 0 < certain.half[0] < 0.1 * certain.coefficients[0]
+
+
+def test_an_effect_without_a_fitted_shape_has_none(model, robot):
+    def dry(scene, random):
+        return extra_power(scene, column(scene, 1, 8.0 * np.tanh(scene.qd[:, 1] / 0.004)))
+
+    _, tracing = traced(model, robot, dry, only=COMMON)
+    certain = intervals(tracing, tracing.effects[0])
+    assert certain.shape is None and certain.shape_half is None
+    assert certain.coefficients[0] == pytest.approx(8.0, rel=0.1)
