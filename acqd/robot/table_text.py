@@ -42,7 +42,8 @@ def joined(tables: list[Table]) -> Table:
     """The rows of tables of one file, in their order."""
     if len(tables) == 1:
         return tables[0]
-    broken, rows = {}, 0
+    broken: dict[int, str] = {}
+    rows = 0
     for table in tables:
         broken |= {rows + row: reason for row, reason in table.broken.items()}
         rows += len(table.values)
@@ -128,9 +129,7 @@ class _Layout:
         broken = {}
         for number, cells in enumerate(rows):
             if len(cells) != self.width:
-                broken[number] = (
-                    f"has {len(cells)} columns, the first line {self.width}; {self._why_width(len(cells))}"
-                )
+                broken[number] = f"has {len(cells)} columns, the first line {self.width}; {self._why_width(len(cells))}"
                 rows[number] = ["nan"] * self.width
         if self.separator != "," and any("," in cell for row in rows for cell in row):
             rows = [[_with_point(cell) for cell in row] for row in rows]

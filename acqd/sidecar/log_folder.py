@@ -7,6 +7,7 @@ import os
 import stat
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from io import BufferedReader
 from pathlib import Path
 from typing import BinaryIO, TypeAlias
 
@@ -26,7 +27,7 @@ class LogFolder:
         self.folder = folder
 
     @contextmanager
-    def open(self, path: Path) -> Iterator[BinaryIO]:
+    def open(self, path: Path) -> Iterator[BufferedReader]:
         """A plain file below the folder. Raises OSError (a link on the way, too), InputError for anything else.
 
         Each part of the path is opened below the one before, so that nobody can put a link in between meanwhile.

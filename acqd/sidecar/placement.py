@@ -31,7 +31,8 @@ class Placer:
         """The log compared with its power at the lag of the clock line, or at its own lag. Raises UserError.
 
         The log is merged and predicted once, at the lag that the earlier logs let expect. The prediction refines the
-        log's own lag, which comes from the piece of a long log with the most motion. It is then shifted to the final lag. The shift is small once the clock line is known.
+        log's own lag, which for a long log is that of the piece with the most motion. It is then shifted to the final
+        lag. The shift is small once the clock line is known.
         """
         regressors = regressors_of(log.moving, self._robot)
         search_s = self._clock.search_s(self._clocks_apart_s)
