@@ -17,6 +17,7 @@ from acqd.dataset import power_files
 from acqd.dataset.power_source import PowerRows
 from acqd.dataset.power_sql import read_database
 from acqd.errors import UserError
+from acqd.storage.url import shown
 from acqd.timestamps import Nanoseconds
 
 Measured = Literal["mains", "bus", "derived", "simulated"]
@@ -69,13 +70,17 @@ def open_power(
     a database for a part only; `engine` is that database if it is open already.
     """
     path = Path(origin)
+    shown_origin = origin
     if "://" in origin or path.suffix in (".sqlite", ".db", ".sqlite3"):
         blocks = read_database(origin, device, channel, between_ns, engine)
+        shown_origin = shown(origin)  # reports and manifests must not hold a password
     elif path.suffix in _READERS:
         blocks = power_files.read_file(path, _READERS[path.suffix], device, channel)
+    elif "@" in origin:
+        raise UserError("power: the URL cannot be understood; expected postgresql://user@host/name")
     else:
         raise UserError(f"power {origin}: expected an SQL URL, or a .sqlite, .csv, .jsonl or .parquet file")
-    return _spool(origin, blocks)
+    return _spool(shown_origin, blocks)
 
 
 def _spool(origin: str, blocks: Iterator[PowerRows]) -> PowerStream:
