@@ -43,8 +43,6 @@ class MqttSection(Section):
             raise ValueError("key_file is set without cert_file: a client certificate needs both")
         if self.password is not None and self.password_file is not None:
             raise ValueError("password and password_file are set: delete one of the two")
-        if self.username is None and (self.password is not None or self.password_file is not None):
-            raise ValueError("a password is set without username")
         return self
 
     @property
@@ -78,9 +76,9 @@ def _secret(path: Path) -> str:
     try:
         lines = (_expanded("password_file", path) or path).read_text(encoding="utf-8").splitlines()
     except OSError as error:
-        raise UserError(f"mqtt.password_file cannot be read ({error.strerror}); {hint}") from None
+        raise UserError(f"the password file (mqtt.password_file) cannot be read ({error.strerror}); {hint}") from None
     except ValueError:
-        raise UserError(f"mqtt.password_file is no UTF-8 text; {hint}") from None
+        raise UserError(f"the password file (mqtt.password_file) is no UTF-8 text; {hint}") from None
     if not lines or not lines[0].strip() or len(lines) > 1:
-        raise UserError(f"mqtt.password_file has {len(lines)} lines; {hint}, in one line")
+        raise UserError(f"the password file (mqtt.password_file) has {len(lines)} lines; {hint}, in one line")
     return lines[0].strip()

@@ -21,7 +21,7 @@ def test_a_certificate_implies_tls(tmp_path, key):
     mqtt = config_of(tmp_path, f'[mqtt]\n{key} = "x.pem"\n').mqtt
     assert mqtt.uses_tls and mqtt.address().tls
     assert str(mqtt.address()).startswith("mqtts:")
-    with pytest.raises(UserError, match="x.pem|TLS for"):
+    with pytest.raises(UserError, match="TLS for"):
         mqtt.address().tls_context()
 
 
@@ -31,7 +31,6 @@ def test_a_certificate_implies_tls(tmp_path, key):
         ('tls = false\nca_file = "x"', "tls is false, but ca_file is set"),
         ('key_file = "x"', "key_file is set without cert_file"),
         ('username = "u"\npassword = "hunter2"\npassword_file = "x"', "delete one of the two"),
-        ('password = "hunter2"', "without username"),
         ("password = 42", "mqtt.password: Input should be a valid string"),
         ('password = ["hunter2"]', "mqtt.password"),
         ('password = {is = "hunter2"}', "mqtt.password"),
@@ -57,7 +56,7 @@ def test_a_secret_in_the_place_of_a_section_is_not_shown(tmp_path, text):
 
 def test_a_password_in_the_place_of_its_file_is_not_shown(tmp_path):
     mqtt = config_of(tmp_path, f'[mqtt]\nusername = "u"\npassword_file = "{SECRET}"').mqtt
-    with pytest.raises(UserError, match="mqtt.password_file cannot be read") as caught:
+    with pytest.raises(UserError, match=r"password file .* cannot be read") as caught:
         mqtt.address()
     assert SECRET not in str(caught.value)
 
