@@ -126,7 +126,7 @@ def load_config(path: Path) -> Config:
         raise InputError(path, "no such file; config/acqd.toml in the source tree is a complete example") from None
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(path, f"cannot be read ({error})") from None
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:  # ValueError: also numbers of more than 4300 digits
         raise InputError(path, f"is not valid TOML: {error}") from None
     try:
         config = Config.model_validate(data)

@@ -102,6 +102,8 @@ def _spool(origin: str, blocks: Iterator[PowerRows]) -> PowerStream:
         dropped = len(time_ns) - len(order)
         mapped = mapped[order]
         time_ns = mapped["time"]
+    if len(time_ns) < 3:
+        raise UserError(f"power {origin}: fewer than three rows of that device and channel at different times")
     step_ns = float(np.median(np.diff(time_ns[:_WINDOW_ROWS])))
     window_ns = round(step_ns / 1000) * 1000  # times in files are often rounded to microseconds
     known = mapped["P"][np.isfinite(mapped["P"])]

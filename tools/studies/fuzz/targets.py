@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 
+from acqd.errors import UserError
 from tools.studies.fuzz import seeds
 from tools.studies.fuzz.mutate import Files
 
@@ -41,9 +42,14 @@ def _memory() -> str | None:
 
 def _waveform(name: str, **options: Any) -> Callable[[Path], object]:
     def read(folder: Path) -> object:
+        from acqd.metering import Meter, SampleBlock
         from acqd.sources import ChannelMap, load_waveform
+        from acqd.timestamps import filetime, rfc3339
 
-        return load_waveform(folder / name, ChannelMap(**options))
+        waveform = load_waveform(folder / name, ChannelMap(**options))
+        start = waveform.start_utc_ns or 0
+        rfc3339(start), filetime(start)  # what is accepted must be fit for the next step
+        return Meter(waveform.form).feed(SampleBlock(waveform.codes[:_METERED], 0, start))
 
     return read
 
@@ -58,7 +64,8 @@ def _config(folder: Path) -> object:
     from acqd.daemon.config import load_config
 
     config = load_config(folder / "acqd.toml")
-    return config.source.spec(), config.sink.settings(), config.mqtt.uses_tls
+    specification = getattr(config.source, "spec", None)  # meters have none
+    return specification and specification(), config.sink.settings(), config.mqtt.uses_tls
 
 
 def _log(folder: Path) -> object:
@@ -114,16 +121,21 @@ def _sampled_values(folder: Path) -> object:
 
     try:
         return parse((folder / "frame.bin").read_bytes())
-    except FrameError:
-        return None
+    except FrameError as error:
+        raise UserError(str(error)) from None
 
 
 def _live(folder: Path) -> object:
     from acqd.sidecar.live import Live
 
-    return Live(seeds.grey_box(), "a", "b").answer((folder / "joints.json").read_bytes())
+    live = Live(seeds.grey_box(), "a", "b")
+    live.answer((folder / "joints.json").read_bytes())
+    if live.refused:
+        raise UserError("refused and counted")
+    return live
 
 
+_METERED = 2000  # samples
 _VALUE_ERROR = (ValueError,)
 _SCALES = {"u_scale": 400.0, "i_scale": 10.0}
 TARGETS: tuple[Target, ...] = (
