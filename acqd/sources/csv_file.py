@@ -97,7 +97,7 @@ def _is_number(text: str) -> bool:
 
 def _clock(path: Path, time: Floats, channels: ChannelMap) -> tuple[float, int | None]:
     """Sampling rate [1/s] and start from the time column [s]."""
-    if np.abs(time).max() * 1e9 >= LATEST_NS:
+    if np.abs(time).max() >= LATEST_NS / 1e9:
         raise InputError(path, f"its time column reaches {np.abs(time).max():g} s; expected seconds before 2200")
     start = round(time[0] * 1e9) if time[0] > _UNIX else None
     if channels.rate:
