@@ -53,13 +53,17 @@ def _read(path: Path) -> dict[str, Any]:
         if size > MOST_BYTES:
             raise InputError(path, f"holds {size / 1e9:.1f} GB unpacked; expected at most {MOST_BYTES / 1e9:.1f} GB")
         with np.load(path, allow_pickle=False) as file:
-            return {key: file[key] for key in file.files}
+            data = {key: file[key] for key in file.files}
     except InputError:
         raise
     except MemoryError:
         raise InputError(path, "announces arrays that are larger than the memory") from None
     except Exception:  # whatever a damaged archive makes zipfile, zlib and numpy raise
         raise InputError(path, "is truncated or no NPZ file; record or copy it again, or save with numpy.savez") from None
+    odd = next((key for key, array in data.items() if not isinstance(array, np.ndarray)), None)
+    if odd is not None:  # numpy hands out members that are no arrays as bytes
+        raise InputError(path, f"{odd} is no array of numpy")
+    return data
 
 
 def _codes(path: Path, key: str, array: Any) -> np.ndarray:
