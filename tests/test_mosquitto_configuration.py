@@ -101,9 +101,10 @@ def test_only_a_password_and_a_certificate_of_the_plant_open_the_door(plant):
 def test_without_a_certificate_there_is_no_connection(plant):
     folder, port = plant
     context = BrokerAddress("127.0.0.1", port, tls=True, ca_file=folder / "ca.pem").tls_context()
-    with pytest.raises(OSError), context.wrap_socket(
-        socket.create_connection(("127.0.0.1", port)), server_hostname="127.0.0.1"
-    ) as wrapped:
+    with (
+        pytest.raises(OSError),
+        context.wrap_socket(socket.create_connection(("127.0.0.1", port)), server_hostname="127.0.0.1") as wrapped,
+    ):
         wrapped.settimeout(5)
         wrapped.sendall(b"\x10\x0c\x00\x04MQTT\x04\x02\x00\x3c\x00\x00")
         if not wrapped.recv(1):  # closed by the broker

@@ -1,6 +1,6 @@
 """The packages of a report of pip, each with the hash of the file that was installed: python -m tools.lock REPORT.
 
-    pip install --require-hashes -r requirements.lock && pip install --no-deps .
+pip install --require-hashes -r requirements.lock && pip install --no-deps .
 """
 
 from __future__ import annotations

@@ -68,7 +68,9 @@ def _login(config: Config, address: BrokerAddress, tls: ssl.SSLContext | None) -
             return Finding("broker", "ok", "embedded, not running now")
         return Finding("broker", "warn", f"{address}: {error}", "start it, or set [mqtt] host and port")
     if not answers:
-        return Finding("broker", "fail", f"{address} hangs up or does not answer", "is a broker there? does it want TLS?")
+        return Finding(
+            "broker", "fail", f"{address} hangs up or does not answer", "is a broker there? does it want TLS?"
+        )
     if answers[0]:
         return Finding("broker", "fail", f"{address} refuses the login: {answers[0]}", "check username and password")
     name = f" as {address.username}" if address.username else ", without a password"

@@ -59,7 +59,9 @@ def _read(path: Path) -> dict[str, Any]:
     except MemoryError:
         raise InputError(path, "announces arrays that are larger than the memory") from None
     except Exception:  # whatever a damaged archive makes zipfile, zlib and numpy raise
-        raise InputError(path, "is truncated or no NPZ file; record or copy it again, or save with numpy.savez") from None
+        raise InputError(
+            path, "is truncated or no NPZ file; record or copy it again, or save with numpy.savez"
+        ) from None
     odd = next((key for key, array in data.items() if not isinstance(array, np.ndarray)), None)
     if odd is not None:  # numpy hands out members that are no arrays as bytes
         raise InputError(path, f"{odd} is no array of numpy")

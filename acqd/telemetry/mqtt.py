@@ -41,7 +41,6 @@ class BrokerAddress:
             raise UserError(f"TLS for {self}: {error}; check ca_file, cert_file and key_file") from None
         return context
 
-
     @property
     def exposes_password(self) -> bool:
         """Whether the password goes over a network in clear text."""

@@ -1,8 +1,8 @@
 """Mutated inputs to every parser of acqd: counts what is taken, refused in one line, and what must never happen.
 
-    python -m tools.studies.fuzz --inputs 50000 --seed 1
-    python -m tools.studies.fuzz --parser npz --inputs 200000 --keep failing
-    python -m tools.studies.fuzz --guided config --inputs 100000      # atheris: by coverage (pip install atheris)
+python -m tools.studies.fuzz --inputs 50000 --seed 1
+python -m tools.studies.fuzz --parser npz --inputs 200000 --keep failing
+python -m tools.studies.fuzz --guided config --inputs 100000      # atheris: by coverage (pip install atheris)
 """
 
 from __future__ import annotations

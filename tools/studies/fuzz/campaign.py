@@ -71,11 +71,24 @@ def run_parser(
         process = context.Process(target=_work, args=(sender, name, seed, first, count, limits))
         process.start()
         sender.close()
-        first = _follow(receiver, tally, first, lambda failure, number: _keep(keep, tally, failure, name, number, input_of(name, seed, number, seeds)), progress)
+        first = _follow(
+            receiver,
+            tally,
+            first,
+            lambda failure, number: _keep(keep, tally, failure, name, number, input_of(name, seed, number, seeds)),
+            progress,
+        )
         process.join()
         if process.exitcode:
             number = first
-            _keep(keep, tally, f"the process ended with {_ending(process.exitcode)}", name, number, input_of(name, seed, number, seeds))
+            _keep(
+                keep,
+                tally,
+                f"the process ended with {_ending(process.exitcode)}",
+                name,
+                number,
+                input_of(name, seed, number, seeds),
+            )
             first += 1
             tally.inputs = first
     return tally

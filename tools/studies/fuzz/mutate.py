@@ -83,7 +83,7 @@ def _binary_number(content: bytes, chance: random.Random) -> bytes:
 
 def _text_number(content: bytes, chance: random.Random) -> bytes:
     """Another value in the place of some number or word."""
-    ends = [k for k, byte in enumerate(content[:20_000]) if byte in b" ,;\t\n\r:=[]{}\""]
+    ends = [k for k, byte in enumerate(content[:20_000]) if byte in b' ,;\t\n\r:=[]{}"']
     if len(ends) < 2:
         return content
     k = chance.randrange(len(ends) - 1)

@@ -196,7 +196,7 @@ def power_csv() -> list[Files]:
     """With FILETIME, RFC 3339 and Unix times."""
     stamps = [f"2026-11-22T10:00:{k:02d}.04Z,{200 + k}" for k in range(12)]
     plain = [f"{_BEGIN + 0.04 * k:.3f},{200 + k},230" for k in range(12)]
-    filetimes = [f"{row['filetime']},{row['P']},box,L1,\"[]\"" for row in _power_rows()]
+    filetimes = [f'{row["filetime"]},{row["P"]},box,L1,"[]"' for row in _power_rows()]
     return [
         {"p.csv": "\n".join(["time,P", *stamps, ""]).encode()},
         {"p.csv": "\n".join(["time,P,Vrms", *plain, ""]).encode()},

@@ -165,5 +165,3 @@ TARGETS: tuple[Target, ...] = (
 def target(name: str) -> Target:
     """The parser of a name. Raises KeyError."""
     return {one.name: one for one in TARGETS}[name]
-
-
