@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-
-_MOST, _TAIL = 2000, 300
+_MOST, _TAIL = 2000, 300  # characters of a message, and of its end if its middle is left out
 
 
 class UserError(Exception):
@@ -38,6 +37,4 @@ def _one_line(text: str) -> str:
     if len(text) > _MOST:
         text = f"{text[: _MOST - _TAIL]} [...] {text[-_TAIL:]}"
     text = " ".join(text.splitlines()) if len(text.splitlines()) > 1 else text.rstrip("\r\n")
-    return "".join(
-        c if c.isprintable() or "\udc80" <= c <= "\udcff" else c.encode("unicode_escape").decode() for c in text
-    )
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 from pathlib import Path
 
 _USUAL = Path("/etc/mosquitto/mosquitto.conf")
@@ -32,7 +33,7 @@ def _command_lines(processes: Path) -> list[list[str]]:
 
 def _named_file(words: list[str]) -> Path | None:
     """The file after -c, which is the only way to name one."""
-    for option, value in zip(words, words[1:], strict=False):
+    for option, value in itertools.pairwise(words):
         if option in ("-c", "--config-file"):
             return Path(value)
     return None

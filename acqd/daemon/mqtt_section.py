@@ -25,7 +25,7 @@ class MqttSection(Section):
     host: Annotated[str, Field(min_length=1)] = "127.0.0.1"
     port: Port = 1883
     username: str | None = None
-    password: str | None = Field(None, repr=False)
+    password: str | None = Field(default=None, repr=False)
     password_file: Path | None = None
     tls: bool | None = None
     """None: with TLS if any certificate is named."""

@@ -68,8 +68,13 @@ def _print(tallies: list[Tally], seconds: float) -> None:
     table = Table("parser", "inputs", "taken", "refused in one line", "failures")
     for tally in tallies:
         table.add_row(tally.parser, *map(str, (tally.inputs, tally.accepted, tally.refused, tally.failures.total())))
-    total = [sum(column) for column in zip(*((t.inputs, t.accepted, t.refused, t.failures.total()) for t in tallies))]
-    table.add_row("together", *map(str, total))
+    together = [
+        sum(tally.inputs for tally in tallies),
+        sum(tally.accepted for tally in tallies),
+        sum(tally.refused for tally in tallies),
+        sum(tally.failures.total() for tally in tallies),
+    ]
+    table.add_row("together", *map(str, together))
     console = Console()
     console.print(table)
     for tally in tallies:

@@ -63,52 +63,50 @@ def run_parser(
     name: str, seed: int, count: int, limits: Limits, keep: Path | None, progress: Callable[[int], None]
 ) -> Tally:
     """`count` inputs of one parser; inputs that fail are kept in the folder `keep`."""
-    tally, seeds = Tally(name), target(name).seeds()
-    first = 0
-    while first < count:
+    campaign = _Campaign(Tally(name), seed, keep, progress)
+    while campaign.tally.inputs < count:
         receiver, sender = multiprocessing.Pipe(duplex=False)
         context = multiprocessing.get_context("spawn")  # a fork would inherit the limits and threads of this process
-        process = context.Process(target=_work, args=(sender, name, seed, first, count, limits))
+        process = context.Process(target=_work, args=(sender, name, seed, campaign.tally.inputs, count, limits))
         process.start()
         sender.close()
-        first = _follow(
-            receiver,
-            tally,
-            first,
-            lambda failure, number: _keep(keep, tally, failure, name, number, input_of(name, seed, number, seeds)),
-            progress,
-        )
+        campaign.follow(receiver)
         process.join()
         if process.exitcode:
-            number = first
-            _keep(
-                keep,
-                tally,
-                f"the process ended with {_ending(process.exitcode)}",
-                name,
-                number,
-                input_of(name, seed, number, seeds),
-            )
-            first += 1
-            tally.inputs = first
-    return tally
+            campaign.fail(campaign.tally.inputs, f"the process ended with {_ending(process.exitcode)}")
+            campaign.tally.inputs += 1
+    return campaign.tally
 
 
-def _follow(
-    receiver: Connection, tally: Tally, first: int, failed: Callable[[str, int], None], progress: Callable[[int], None]
-) -> int:
-    """Counts until the process is done or dead; the number of the input that it was at."""
-    accepted, refused, number = tally.accepted, tally.refused, first
-    while True:
-        try:
-            told: _Progress = receiver.recv()
-        except EOFError:
-            return number
-        if told.failure:
-            failed(told.failure, told.number - 1)
-        tally.accepted, tally.refused = accepted + told.accepted, refused + told.refused
-        tally.inputs = number = told.number
-        progress(number)
+@dataclass(slots=True)
+class _Campaign:
+    """One parser's campaign, over the lives of several processes."""
+
+    tally: Tally
+    seed: int
+    keep: Path | None
+    progress: Callable[[int], None]
+
+    def follow(self, receiver: Connection) -> None:
+        """Counts until the process is done or dead."""
+        tally, accepted, refused = self.tally, self.tally.accepted, self.tally.refused
+        while True:
+            try:
+                told: _Progress = receiver.recv()
+            except EOFError:
+                return
+            if told.failure:
+                self.fail(told.number - 1, told.failure)
+            tally.accepted, tally.refused, tally.inputs = accepted + told.accepted, refused + told.refused, told.number
+            self.progress(told.number)
+
+    def fail(self, number: int, failure: str) -> None:
+        """Counts a failure and keeps the first inputs that end so."""
+        self.tally.failures[failure] += 1
+        if self.keep is not None and self.tally.failures[failure] <= _KEPT:
+            seeds = target(self.tally.parser).seeds()
+            files = input_of(self.tally.parser, self.seed, number, seeds)
+            (self.keep / f"{self.tally.parser}-{number}.zip").write_bytes(as_zip(files))
 
 
 def _work(sender: Connection, name: str, seed: int, first: int, count: int, limits: Limits) -> None:
@@ -128,12 +126,6 @@ def _work(sender: Connection, name: str, seed: int, first: int, count: int, limi
             sender.send(_Progress(number + 1, accepted, refused, end.reason))
         elif (number + 1) % _REPORT_EVERY == 0 or number + 1 == count:
             sender.send(_Progress(number + 1, accepted, refused))
-
-
-def _keep(keep: Path | None, tally: Tally, failure: str, name: str, number: int, files: Files) -> None:
-    tally.failures[failure] += 1
-    if keep is not None and tally.failures[failure] <= _KEPT:
-        (keep / f"{name}-{number}.zip").write_bytes(as_zip(files))
 
 
 def _ending(code: int) -> str:

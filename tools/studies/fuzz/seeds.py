@@ -48,7 +48,9 @@ def npz_waveforms() -> list[Files]:
     found: list[Files] = []
     for phases, save in ((1, np.savez), (3, np.savez_compressed)):
         codes = np.tile(np.rint(10 * _waves().T[:1]).astype(np.int16), (phases, 1))
-        more = {"start_utc_ns": np.int64(1.7e18), "f_nominal": 50.0, "simulated": np.int8(1)} if phases == 3 else {}
+        more: dict[str, Any] = (
+            {"start_utc_ns": np.int64(1.7e18), "f_nominal": 50.0, "simulated": np.int8(1)} if phases == 3 else {}
+        )
         buffer = io.BytesIO()
         save(buffer, u_code=codes, i_code=codes, u_V_per_digit=0.02, i_A_per_digit=1e-4, fs=_RATE, **more)
         found.append({"a.npz": buffer.getvalue()})
@@ -174,7 +176,8 @@ def _bundle() -> tuple[bytes, bytes]:
     angles = {"low": [-1.0] * 6, "high": [1.0] * 6}
     metadata = {
         "format": 1, "kind": "grey_box", "name": "trial", "robot": "UR10e", "description": "ur10e", "axes": 6,
-        "step_s": 0.04, "inputs": [], "signals": ["brake"], "envelope": dict.fromkeys(("q_rad", "qd_rad_s", "qdd_rad_s2"), angles),
+        "step_s": 0.04, "inputs": [], "signals": ["brake"],
+        "envelope": dict.fromkeys(("q_rad", "qd_rad_s", "qdd_rad_s2"), angles),
         "effects": [], "provenance": {"fit_recordings": [], "validation_recordings": [], "manifest_sha256": ""},
     }  # fmt: skip
     arrays = {name: np.ascontiguousarray(array) for name, array in arrays_of(grey_box()).items()}
@@ -236,7 +239,8 @@ def urdf() -> list[Files]:
         '<axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="10" velocity="2"/>'
         '<dynamics damping="0.1" friction="0.2"/></joint>'
     )
-    text = f'<?xml version="1.0"?>\n<robot name="r">\n<link name="a">{body}</link>\n<link name="b">{body}</link>\n{joint}\n</robot>\n'
+    links = f'<link name="a">{body}</link>\n<link name="b">{body}</link>'
+    text = f'<?xml version="1.0"?>\n<robot name="r">\n{links}\n{joint}\n</robot>\n'
     return [{"robot.urdf": text.encode()}]
 
 

@@ -9,7 +9,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-
 from acqd.errors import UserError
 from tools.studies.fuzz import seeds
 from tools.studies.fuzz.mutate import Files
