@@ -82,7 +82,7 @@ def why_not(table: Table, robot: RobotDescription) -> str:
         return f"has no header and {table.values.shape[1]} columns; expected a header time,q1..q{robot.axes}"
     numbered: dict[str, set[int]] = {}
     for name in table.header:
-        digits = re.fullmatch(r"(.*?)(\d+)(\D*)", name)
+        digits = re.fullmatch(r"(.*?)(\d{1,6})(\D*)", name)
         if digits:
             numbered.setdefault(digits[1] + "#" + digits[3], set()).add(int(digits[2]))
     layouts = [layout for layout in [*robot.log, _GENERIC] if layout.header and layout.format != "ros"]

@@ -47,6 +47,10 @@ def no_array():
 
 
 FOUND = {
+    "log, digits": {"robot.log": b"time,q" + b"9" * 5000 + b"\n1,2\n"},
+    "row, channel": {"row.json": b'{"device":"a","channel":"' + b"9" * 5000 + b'"}'},
+    "power-csv, far": {"p.csv": b"filetime,P\n" + b"9" * 30 + b",1\n1,2\n3,4\n"},
+    "power-csv, later": {"p.csv": b"time,P\n9e10,1\n9.1e10,2\n9.2e10,4\n"},
     "npz, no array": {"a.npz": no_array()},
     "npz": {"a.npz": b"PK\x05\x06" + b"\x00" * 18},
     "csv": {"a.csv": b"\xef\xbb\xbf"},
