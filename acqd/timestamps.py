@@ -32,7 +32,9 @@ def parse_times(path: Path, name: str, cells: Sequence[object]) -> Nanoseconds:
         _require_times(path, name, min(stamps), max(stamps))
         return np.array(stamps, dtype=np.int64)
     if isinstance(cells[0], str) and not _is_number(cells[0]):
-        return np.array([_parse_rfc3339(path, str(cell)) for cell in cells])
+        stamps = [_parse_rfc3339(path, str(cell)) for cell in cells]
+        _require_times(path, name, min(stamps), max(stamps))
+        return np.array(stamps, dtype=np.int64)
     try:
         values = np.array(cells, dtype=np.float64)
     except (ValueError, TypeError) as error:

@@ -61,6 +61,8 @@ def text_tables(path: Path, file: BinaryIO) -> Iterator[Table]:
         for numbered in _blocks(path, file):
             if layout is None:
                 layout = _Layout.of(numbered[0][1])
+                if not layout.width:
+                    raise InputError(path, "has no columns in its first line")
                 numbered = numbered[layout.header is not None :]
             if numbered:
                 rows = True

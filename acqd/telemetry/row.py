@@ -73,7 +73,7 @@ def parse_row(payload: bytes) -> PowerRow:
     try:
         row = _decoder.decode(payload)
     except (msgspec.DecodeError, ValueError, RecursionError) as error:
-        raise ValueError(f"{str(error):.{_REASON}}") from None  # it quotes the payload
+        raise ValueError(str(error)[:_REASON]) from None  # it quotes the payload
     try:
         zoned = datetime.fromisoformat(row.time).tzinfo is not None
     except ValueError:

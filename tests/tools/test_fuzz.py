@@ -47,6 +47,8 @@ def no_array():
 
 
 FOUND = {
+    "log, no column": {"robot.log": b"%\n1 2\n"},
+    "power-csv, year": {"p.csv": b"time,P\n2026-11-22T10:00:00Z,1\n2999-11-22T10:00:00Z,2\n"},
     "log, digits": {"robot.log": b"time,q" + b"9" * 5000 + b"\n1,2\n"},
     "row, channel": {"row.json": b'{"device":"a","channel":"' + b"9" * 5000 + b'"}'},
     "power-csv, far": {"p.csv": b"filetime,P\n" + b"9" * 30 + b",1\n1,2\n3,4\n"},
