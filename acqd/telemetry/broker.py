@@ -59,10 +59,15 @@ class EmbeddedBroker:
 
 
 class _BoundedReader(StreamReaderAdapter):  # type: ignore[misc]
-    """Reads no packet that is larger than allowed: to amqtt, the client has hung up then."""
+    """Reads no packet that is larger than allowed: to amqtt, the client has hung up then, for good."""
+
+    def __init__(self, reader: asyncio.StreamReader) -> None:
+        super().__init__(reader)
+        self._refused = False
 
     async def read(self, n: int = -1) -> bytes:
-        if n > LARGEST_PACKET:
+        self._refused = self._refused or n > LARGEST_PACKET
+        if self._refused:
             raise ConnectionResetError
         return bytes(await super().read(n))
 
