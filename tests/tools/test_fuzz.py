@@ -7,6 +7,7 @@ import random
 import time
 import zipfile
 
+import orjson
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -104,3 +105,5 @@ def test_a_campaign_counts_every_input_once(tmp_path):
     tally = run_parser("row", 1, 400, Limits(), tmp_path, lambda _: None)
     assert tally.inputs == 400 == tally.accepted + tally.refused and not tally.failures
     assert campaign._ending(-11) == "SIGSEGV"
+    tally.failures["KeyError"] += 2
+    assert orjson.loads(orjson.dumps(tally.as_json()))["failures"] == {"KeyError": 2}

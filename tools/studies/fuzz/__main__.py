@@ -8,7 +8,6 @@ python -m tools.studies.fuzz --guided config --inputs 100000      # atheris: by 
 from __future__ import annotations
 
 import time
-from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -57,7 +56,8 @@ def fuzz(
             tallies.append(run_parser(name, seed, inputs, limits, keep, shown))
     took = time.monotonic() - begun
     if json:
-        print(orjson.dumps({"seconds": round(took, 1), "seed": seed, "parsers": [asdict(t) for t in tallies]}).decode())
+        parsers = [tally.as_json() for tally in tallies]
+        print(orjson.dumps({"seconds": round(took, 1), "seed": seed, "parsers": parsers}).decode())
     else:
         _print(tallies, took)
     if any(tally.failures for tally in tallies):

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import Any
 
 from tools.studies.fuzz.judge import Outcome, outcome
 from tools.studies.fuzz.mutate import Files, mutated
@@ -41,6 +42,16 @@ class Tally:
     refused: int = 0
     failures: Counter[str] = field(default_factory=Counter)
     """How many inputs ended in each way that none may end in."""
+
+    def as_json(self) -> dict[str, Any]:
+        """The figures by name."""
+        return {
+            "parser": self.parser,
+            "inputs": self.inputs,
+            "accepted": self.accepted,
+            "refused": self.refused,
+            "failures": dict(self.failures),
+        }
 
 
 @dataclass(slots=True)
