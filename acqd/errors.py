@@ -33,8 +33,7 @@ class InputError(UserError):
 
 
 def _one_line(text: str) -> str:
-    """The text without line ends and control characters, and without its middle if it is long."""
+    """The text with line ends and control characters as escapes, and without its middle if it is long."""
     if len(text) > _MOST:
         text = f"{text[: _MOST - _TAIL]} [...] {text[-_TAIL:]}"
-    text = " ".join(text.splitlines()) if len(text.splitlines()) > 1 else text.rstrip("\r\n")
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text.rstrip())

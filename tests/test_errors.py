@@ -18,7 +18,7 @@ def test_a_worker_tells_bad_input_as_one_line(tmp_path):
 def test_a_message_is_one_printable_line_whatever_it_quotes(text):
     message = str(UserError(f"a.csv: {text}"))
     assert len(message.splitlines()) == 1 and message.isprintable() and len(message) < 25_000
-    assert message.startswith("a.csv: ")
+    assert message.startswith("a.csv:")
 
 
 def test_a_long_message_keeps_its_beginning_and_its_end():
