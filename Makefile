@@ -1,5 +1,5 @@
 # `make run` and `make test` are all a newcomer needs; tools/bootstrap.sh does the work.
-.PHONY: run test lint bench faults install clean
+.PHONY: run test lint bench faults sbom fuzz install clean
 
 run:
 	@sh tools/bootstrap.sh run $(ARGS)
@@ -16,6 +16,13 @@ bench:
 # real processes under real faults; ARGS="--short" takes a minute
 faults:
 	@sh tools/bootstrap.sh faults $(ARGS)
+
+sbom:
+	@sh tools/bootstrap.sh sbom $(EXTRA)
+
+fuzz:
+	@sh tools/bootstrap.sh install dev
+	@$${ACQD_VENV:-.venv}/bin/python -m tools.studies.fuzz $(ARGS)
 
 install:
 	@sh tools/bootstrap.sh install $(EXTRA)

@@ -38,6 +38,11 @@ def complete_folder(path: Path) -> Iterator[Path]:
         shutil.rmtree(temporary, ignore_errors=True)
 
 
+def private(path: str, flags: int) -> int:
+    """Opens a file that others may not read (0640): the `opener` of `open` for measurements and state."""
+    return os.open(path, flags, 0o640)
+
+
 def write_complete(path: Path, content: bytes) -> None:
     """Replace a file: whatever happens, its content is the old or the new one. Raises OperationError."""
     temporary = path.with_name(f".{path.name}.new")

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+_MOST, _TAIL = 2000, 300  # characters of a message, and of its end if its middle is left out
+
 
 class UserError(Exception):
     """Bad input, configuration or environment.
 
     The message is one line: what is wrong, where (file, row, key), what was expected, what to do.
-    Commands print it and exit with 2.
+    Commands print it and exit with 2. What a message repeats of a file cannot make it longer than that, nor reach a
+    terminal as a control sequence.
     """
+
+    def __init__(self, message: str = "") -> None:
+        super().__init__(_one_line(str(message)))
 
 
 class OperationError(Exception):
@@ -24,3 +30,10 @@ class InputError(UserError):
     def __reduce__(self) -> tuple[type[UserError], tuple[object, ...]]:
         """Pickled by its message: from a worker process it arrives as a UserError with the same line."""
         return UserError, self.args
+
+
+def _one_line(text: str) -> str:
+    """The text with line ends and control characters as escapes, and without its middle if it is long."""
+    if len(text) > _MOST:
+        text = f"{text[: _MOST - _TAIL]} [...] {text[-_TAIL:]}"
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text.rstrip())

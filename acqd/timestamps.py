@@ -15,6 +15,7 @@ from acqd.errors import InputError
 
 Nanoseconds: TypeAlias = NDArray[np.int64]
 _FILETIME_1970 = 116_444_736_000_000_000  # 100 ns from 1601-01-01 to 1970-01-01
+_MOST_NS = 2**63 - 2**32
 _UNITS = ((1e11, 1_000_000_000), (1e14, 1_000_000), (1e17, 1_000), (1e20, 1))  # Unix s, ms, us, ns below each bound
 
 
@@ -25,11 +26,15 @@ def parse_times(path: Path, name: str, cells: Sequence[object]) -> Nanoseconds:
         raise InputError(path, f"column {name}: data row {empty} has no time")
     if name == "filetime":
         try:
-            return (np.array([int(str(cell)) for cell in cells]) - _FILETIME_1970) * 100
+            stamps = [(int(str(cell)) - _FILETIME_1970) * 100 for cell in cells]
         except ValueError as error:
             raise InputError(path, f"column {name}: {error}; expected a whole number of 100 ns") from None
+        _require_times(path, name, min(stamps), max(stamps))
+        return np.array(stamps, dtype=np.int64)
     if isinstance(cells[0], str) and not _is_number(cells[0]):
-        return np.array([_parse_rfc3339(path, str(cell)) for cell in cells])
+        stamps = [_parse_rfc3339(path, str(cell)) for cell in cells]
+        _require_times(path, name, min(stamps), max(stamps))
+        return np.array(stamps, dtype=np.int64)
     try:
         values = np.array(cells, dtype=np.float64)
     except (ValueError, TypeError) as error:
@@ -40,10 +45,17 @@ def parse_times(path: Path, name: str, cells: Sequence[object]) -> Nanoseconds:
     unit = next((unit for bound, unit in _UNITS if largest < bound), None)
     if unit is None:
         raise InputError(path, f"column {name}: {largest:g} is not a Unix time in s, ms, us or ns")
+    _require_times(path, name, float(values.min()) * unit, float(values.max()) * unit)
     if all(isinstance(cell, int) for cell in cells[:1]):
         return np.array(cells, dtype=np.int64) * unit
     whole = np.floor(values)
     return whole.astype(np.int64) * unit + np.rint((values - whole) * unit).astype(np.int64)
+
+
+def _require_times(path: Path, name: str, first_ns: float, last_ns: float) -> None:
+    """Raises InputError for nanoseconds that 64 bits do not hold: before 1678 or after 2262."""
+    if first_ns < -_MOST_NS or last_ns > _MOST_NS:
+        raise InputError(path, f"column {name}: holds a time outside the years 1678 to 2262")
 
 
 def rfc3339(utc_ns: int, digits: int = 6) -> str:

@@ -2,6 +2,9 @@
 
 import pickle
 
+from hypothesis import given
+from hypothesis import strategies as st
+
 from acqd.errors import InputError, UserError
 
 
@@ -9,3 +12,16 @@ def test_a_worker_tells_bad_input_as_one_line(tmp_path):
     """InputError has a constructor of its own and must survive the way back from another process."""
     error = pickle.loads(pickle.dumps(InputError("x.csv", "row 3 is empty")))
     assert isinstance(error, UserError) and str(error) == "x.csv: row 3 is empty"
+
+
+@given(st.text(max_size=6000))
+def test_a_message_is_one_printable_line_whatever_it_quotes(text):
+    message = str(UserError(f"a.csv: {text}"))
+    assert len(message.splitlines()) == 1 and message.isprintable() and len(message) < 25_000
+    assert message.startswith("a.csv:")
+
+
+def test_a_long_message_keeps_its_beginning_and_its_end():
+    message = str(InputError("a.csv", "x" * 100_000 + "; delete it"))
+    assert len(message) < 2100 and message.startswith("a.csv: x") and message.endswith("x; delete it")
+    assert str(UserError("\x1b[2Jcleared")) == r"\x1b[2Jcleared"

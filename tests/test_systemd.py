@@ -10,7 +10,7 @@ import pytest
 from tests.places import ROOT
 
 
-@pytest.mark.parametrize("unit", ["acqd", "acqd-sink", "acqd-broker"])
+@pytest.mark.parametrize("unit", ["acqd", "acqd-sink", "acqd-broker", "acqd-sidecar"])
 def test_units_are_valid_and_strict(unit, tmp_path):
     import re
 
@@ -20,6 +20,7 @@ def test_units_are_valid_and_strict(unit, tmp_path):
     path = tmp_path / f"{unit}.service"
     # The program is not installed in /opt on this machine: verify with one that exists.
     text = text.replace("/opt/acqd/.venv/bin/acqd", "/bin/true").replace("file:/opt/acqd/README.md", "man:true")
+    text = text.replace("file:/opt/acqd/docs/sidecar.md", "man:true")
     path.write_text(text)
     verified = subprocess.run(["systemd-analyze", "verify", path], capture_output=True, text=True, check=False)
     assert verified.returncode == 0 and unit not in verified.stderr, verified.stderr

@@ -6,11 +6,11 @@ import os
 import platform
 import resource
 import shutil
-import socket
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+from acqd.daemon.broker_checks import broker_checks
 from acqd.daemon.config import Config
 from acqd.daemon.finding import Finding
 from acqd.daemon.source_checks import source_checks
@@ -28,7 +28,7 @@ def all_checks(config: Config) -> list[Finding]:
         *_privileges(config),
         *_clock(),
         *source_checks(config.source),
-        _broker(config),
+        *broker_checks(config),
         _database(config),
         _disk(config),
     ]
@@ -78,40 +78,24 @@ def _clock() -> Iterator[Finding]:
     )
 
 
-def _broker(config: Config) -> Finding:
-    if not config.mqtt.enabled:
-        return Finding("broker", "warn", "mqtt.enabled is false", "no row is published")
-    try:
-        address = config.mqtt.address()
-        address.tls_context()
-        with socket.create_connection((address.host, address.port), timeout=3):
-            return Finding("broker", "ok", f"{address} answers")
-    except UserError as error:
-        return Finding("broker", "fail", str(error), "see [mqtt] in the configuration")
-    except OSError as error:
-        if config.broker.embedded:
-            return Finding("broker", "ok", "embedded, not running now")
-        return Finding("broker", "warn", f"{address}: {error}", "start it, or set [mqtt] host and port")
-
-
 def _database(config: Config) -> Finding:
-    from acqd.storage.database import open_database  # SQLAlchemy is slow to import: only when needed
+    from acqd.storage.inspect import inspect_database  # SQLAlchemy is slow to import: only when needed
 
     database = config.sink.database
-    if "://" not in database and not Path(database).exists():
+    if "://" not in database and "@" not in database and not Path(database).exists():
         folder = Path(database).absolute().parent
         if os.access(folder, os.W_OK):
             return Finding("database", "ok", f"{database} will be created")
         return Finding("database", "fail", f"{folder} may not be written", "change its owner or [sink] database")
     try:
-        open_database(database).dispose()
-    except UserError as error:
+        return Finding("database", "ok", inspect_database(database))
+    except (UserError, OSError) as error:
         return Finding("database", "fail", str(error), "see [sink] database in the configuration")
-    return Finding("database", "ok", f"{database.rpartition('@')[2]} is up to date")
 
 
 def _disk(config: Config) -> Finding:
-    folder = Path.cwd() if "://" in config.sink.database else Path(config.sink.database).absolute().parent
+    elsewhere = "://" in config.sink.database or "@" in config.sink.database
+    folder = Path.cwd() if elsewhere else Path(config.sink.database).absolute().parent
     if not folder.exists():
         return Finding("disk", "fail", f"{folder} does not exist", "create it")
     free = shutil.disk_usage(folder).free

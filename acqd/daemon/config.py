@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
 
 from acqd.daemon.health.section import HealthSection
-from acqd.daemon.section import Port, Positive, Section
+from acqd.daemon.mqtt_section import MqttSection
+from acqd.daemon.section import Positive, Section
 from acqd.daemon.source_sections import SECTIONS, SimulatedSection, SourceSection
 from acqd.errors import InputError
 from acqd.plc.realtime import RealtimeSettings
-from acqd.telemetry.mqtt import BrokerAddress
 from acqd.telemetry.topics import valid_device
 
 if TYPE_CHECKING:  # SQLAlchemy is slow to import, and a daemon that is started again must not wait for it
@@ -44,33 +44,6 @@ class RealtimeSection(Section):
         return RealtimeSettings(**self.model_dump())
 
 
-class MqttSection(Section):
-    """The broker, for the daemon, the sink and the viewers."""
-
-    enabled: bool = True
-    host: Annotated[str, Field(min_length=1)] = "127.0.0.1"
-    port: Port = 1883
-    username: str | None = None
-    password: str | None = None
-    password_file: Path | None = None
-    tls: bool = False
-    ca_file: Path | None = None
-    cert_file: Path | None = None
-    key_file: Path | None = None
-    queue: Annotated[int, Field(ge=100, le=10_000_000)] = 100_000
-
-    def address(self) -> BrokerAddress:
-        """Where and how to connect. Raises InputError for an unreadable password file."""
-        password = self.password
-        if self.password_file is not None:
-            try:
-                password = self.password_file.read_text(encoding="utf-8").strip()
-            except (OSError, UnicodeDecodeError) as error:
-                raise InputError(self.password_file, f"password file cannot be read ({error})") from None
-        names = ("host", "port", "username", "tls", "ca_file", "cert_file", "key_file")
-        return BrokerAddress(**{name: getattr(self, name) for name in names}, password=password)
-
-
 class BrokerSection(Section):
     """The embedded broker."""
 
@@ -82,7 +55,7 @@ class SinkSection(Section):
     """MQTT -> SQL."""
 
     embedded: bool = False
-    database: str = "acqd.sqlite"
+    database: str = Field(default="acqd.sqlite", repr=False)
     client_id: str = Field(default_factory=lambda: f"acqd-sink-{socket.gethostname()}", min_length=1)
     group: Annotated[str, Field(pattern=r"^[^/+#]*$")] = ""
     batch: Annotated[int, Field(ge=1, le=50_000)] = 2_000
@@ -153,7 +126,7 @@ def load_config(path: Path) -> Config:
         raise InputError(path, "no such file; config/acqd.toml in the source tree is a complete example") from None
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(path, f"cannot be read ({error})") from None
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:  # ValueError: also numbers of more than 4300 digits
         raise InputError(path, f"is not valid TOML: {error}") from None
     try:
         config = Config.model_validate(data)
@@ -177,8 +150,7 @@ def _complaint(fault: Any) -> str:
         return f"source.kind: {fault['input'].get('kind')!r} is unknown, expected one of {', '.join(_KINDS)}"
     if fault["type"] != "extra_forbidden":
         expected = _EXPECTED.get(key) or fault["msg"].removeprefix("Value error, ")
-        got = "" if isinstance(fault["input"], dict) else f" (got {fault['input']!r:.60})"
-        return f"{key}: {expected}{got}"
+        return f"{key}: {expected}{_got(key, fault['input'])}"
     foreign = [name for name, section in _KINDS.items() if key.removeprefix("source.") in section.model_fields]
     if kind and foreign:
         return f"{key} belongs to kind {' or '.join(foreign)}, here kind is {kind}; delete it"
@@ -188,11 +160,19 @@ def _complaint(fault: Any) -> str:
     return f"unknown key {key}; did you mean {(same_end or near)[0]}?"
 
 
+def _got(key: str, value: Any) -> str:
+    """What the file says instead, unless that may be a secret: a password, or anything in the place of a section."""
+    name = key.rpartition(".")[2]
+    plain = isinstance(value, (str, int, float)) and "." in key and name not in _SECRET
+    return f" (got {value!r:.60})" if plain or (key in ("device", "state_dir") and isinstance(value, str)) else ""
+
+
 _KINDS: dict[str, type[Section]] = {
     get_args(section.model_fields["kind"].annotation)[0]: section for section in SECTIONS
 }
 
 
+_SECRET = {"password", "password_file", "database", "username"}
 _NET_ID = "expected six numbers like 5.12.34.56.1.1"
 _EXPECTED = {
     "source.ams_net_id": _NET_ID,

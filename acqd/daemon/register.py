@@ -8,6 +8,8 @@ import logging
 import os
 from pathlib import Path
 
+from acqd.atomic import private
+
 _log = logging.getLogger(__name__)
 
 
@@ -47,7 +49,7 @@ class RegisterFile:
         data = {"phases": [{"import_kWh": imported, "export_kWh": exported} for imported, exported in readings]}
         temporary = self._path.with_suffix(".new")
         try:
-            with temporary.open("w", encoding="utf-8") as file:
+            with open(temporary, "w", encoding="utf-8", opener=private) as file:
                 file.write(json.dumps(data))
                 file.flush()
                 os.fsync(file.fileno())

@@ -15,6 +15,7 @@ from typing import Any
 import orjson
 
 from acqd import __version__
+from acqd.daemon.broker_process import BrokerProcess
 from acqd.daemon.config import Config
 from acqd.daemon.embedded_sink import EmbeddedSink
 from acqd.daemon.feed import Deliver, Feed
@@ -27,7 +28,6 @@ from acqd.daemon.tape import Tape
 from acqd.daemon.waveform_feed import WaveformFeed
 from acqd.errors import UserError
 from acqd.telemetry import topics
-from acqd.telemetry.broker import EmbeddedBroker
 from acqd.telemetry.connector import Connector
 from acqd.telemetry.outbox import MemoryOutbox, Message
 from acqd.telemetry.row import PowerRow
@@ -69,7 +69,7 @@ class Service:
         if self.config.state_dir is not None:
             _make_folder(self.config.state_dir)
         address = self.config.mqtt.address()
-        broker = EmbeddedBroker(self.config.broker.host, self.config.mqtt.port) if self.config.broker.embedded else None
+        broker = BrokerProcess(self.config.broker.host, self.config.mqtt.port) if self.config.broker.embedded else None
         sink = EmbeddedSink(self.config) if self.config.sink.embedded else None
         background: list[asyncio.Task[None]] = []
         try:
@@ -119,7 +119,7 @@ class Service:
     async def _shut_down(
         self,
         background: list[asyncio.Task[None]],
-        broker: EmbeddedBroker | None,
+        broker: BrokerProcess | None,
         sink: EmbeddedSink | None,
     ) -> None:
         """Stop the feed first and the broker last, so that the last rows reach the sink."""

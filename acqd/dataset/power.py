@@ -17,6 +17,7 @@ from acqd.dataset import power_files
 from acqd.dataset.power_source import PowerRows
 from acqd.dataset.power_sql import read_database
 from acqd.errors import UserError
+from acqd.storage.url import shown
 from acqd.timestamps import Nanoseconds
 
 Measured = Literal["mains", "bus", "derived", "simulated"]
@@ -69,13 +70,17 @@ def open_power(
     a database for a part only; `engine` is that database if it is open already.
     """
     path = Path(origin)
+    shown_origin = origin
     if "://" in origin or path.suffix in (".sqlite", ".db", ".sqlite3"):
         blocks = read_database(origin, device, channel, between_ns, engine)
+        shown_origin = shown(origin)  # reports and manifests must not hold a password
     elif path.suffix in _READERS:
         blocks = power_files.read_file(path, _READERS[path.suffix], device, channel)
+    elif "@" in origin:
+        raise UserError("power: the URL cannot be understood; expected postgresql://user@host/name")
     else:
         raise UserError(f"power {origin}: expected an SQL URL, or a .sqlite, .csv, .jsonl or .parquet file")
-    return _spool(origin, blocks)
+    return _spool(shown_origin, blocks)
 
 
 def _spool(origin: str, blocks: Iterator[PowerRows]) -> PowerStream:
@@ -97,6 +102,8 @@ def _spool(origin: str, blocks: Iterator[PowerRows]) -> PowerStream:
         dropped = len(time_ns) - len(order)
         mapped = mapped[order]
         time_ns = mapped["time"]
+    if len(time_ns) < 3:
+        raise UserError(f"power {origin}: fewer than three rows of that device and channel at different times")
     step_ns = float(np.median(np.diff(time_ns[:_WINDOW_ROWS])))
     window_ns = round(step_ns / 1000) * 1000  # times in files are often rounded to microseconds
     known = mapped["P"][np.isfinite(mapped["P"])]

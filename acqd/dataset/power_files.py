@@ -12,7 +12,7 @@ import pyarrow.csv
 import pyarrow.parquet
 
 from acqd.dataset.power_source import BLOCK_ROWS, PowerRows, choose
-from acqd.errors import InputError
+from acqd.errors import InputError, UserError
 from acqd.timestamps import parse_times
 
 Reader = Callable[[Path], Iterator[pa.RecordBatch]]
@@ -25,6 +25,15 @@ def read_file(path: Path, reader: Reader, device: str | None, channel: str | Non
     """
     if not path.is_file():
         raise InputError(path, "no such file")
+    try:
+        yield from _rows(path, reader, device, channel)
+    except UserError:
+        raise
+    except Exception as error:  # names and cells that are no text, types that a column cannot have ...
+        raise InputError(path, f"cannot be read as power rows ({type(error).__name__}: {error})") from None
+
+
+def _rows(path: Path, reader: Reader, device: str | None, channel: str | None) -> Iterator[PowerRows]:
     present: set[tuple[str, str]] = set()
     for table in reader(path):  # the first pass finds what there is to choose from
         present |= set(zip(*_devices_and_channels(table), strict=True))

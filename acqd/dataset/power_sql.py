@@ -12,6 +12,7 @@ from acqd.dataset.power_source import BLOCK_ROWS, PowerRows, choose
 from acqd.errors import InputError
 from acqd.storage.database import open_database
 from acqd.storage.schema import power
+from acqd.storage.url import shown
 from acqd.timestamps import filetime, parse_times
 
 
@@ -29,7 +30,7 @@ def read_database(
     span = [] if between_ns is None else [power.c.filetime.between(filetime(between_ns[0]), filetime(between_ns[1]))]
     with engine.connect() as connection:
         pairs = connection.execute(sa.select(power.c.device, power.c.channel).where(*span).distinct()).all()
-        device, channel = choose(origin, {(row[0], row[1]) for row in pairs}, device, channel)
+        device, channel = choose(shown(origin), {(row[0], row[1]) for row in pairs}, device, channel)
         # flags as text: the rows of a day have a handful of different lists, each of which is parsed once
         columns = (power.c.filetime, power.c.P, power.c.Vrms, sa.cast(power.c.flags, sa.Text))
         query = sa.select(*columns).where(power.c.device == device, power.c.channel == channel)

@@ -19,6 +19,7 @@ _ALLOWANCE = np.radians(2.0)  # beyond a limit
 _ALLOWANCE_M = 0.02
 _WHOLE_TURN = np.radians(355)  # axes with this range or more count further turns: a whole turn more is no error
 _MOST_TURNS = 1000.0
+_MEDIANS = 10_000  # medians at once
 _STAMPS = 101  # time stamps of which a stamp must be near the median: more than are garbled together
 _APART_S = 5.0
 _APART_STEPS = 200
@@ -103,8 +104,7 @@ def _far_from_neighbours(time: Floats) -> NDArray[np.bool_]:
     """[T] True for stamps far from the median of the stamps around, and not in a run of even steps."""
     if len(time) < _RUN:
         return np.zeros(len(time), bool)
-    padded = np.pad(time, _STAMPS // 2, constant_values=np.nan)
-    median = np.nanmedian(np.lib.stride_tricks.sliding_window_view(padded, _STAMPS), axis=1)
+    median = _running_median(np.pad(time, _STAMPS // 2, constant_values=np.nan)[:, None], _STAMPS)[:, 0]
     usual = float(np.median(np.abs(np.diff(time))))
     far = np.abs(time - median) > max(_APART_S, _APART_STEPS * usual)
     for rows in _runs(time):
@@ -132,6 +132,16 @@ def _spikes(time: Floats, q: Floats, robot: RobotDescription) -> NDArray[np.bool
     """[T, axes] True where an angle is farther from the median of five rows than the joint can move meanwhile."""
     if len(time) < 5:
         return np.zeros(q.shape, bool)
-    windows = np.lib.stride_tricks.sliding_window_view(np.pad(q, ((2, 2), (0, 0)), mode="edge"), 5, axis=0)
+    median = _running_median(np.pad(q, ((2, 2), (0, 0)), mode="edge"), 5)
     reach = 2 * max(float(np.median(np.diff(time))), 1e-9)
-    return np.asarray(np.abs(q - np.median(windows, axis=2)) > _farthest(np.full(len(time), reach), robot))
+    return np.asarray(np.abs(q - median) > _farthest(np.full(1, reach), robot))
+
+
+def _running_median(padded: Floats, count: int) -> Floats:
+    """[T, k] medians of `count` rows around each row of the padded values [T + count - 1, k]; NaN do not count.
+
+    In blocks, because a median copies every window.
+    """
+    windows = np.lib.stride_tricks.sliding_window_view(padded, count, axis=0)
+    blocks = [np.nanmedian(windows[k : k + _MEDIANS], axis=2) for k in range(0, len(windows), _MEDIANS)]
+    return np.concatenate(blocks)

@@ -65,7 +65,11 @@ def read_log(path: Path, robot: RobotDescription) -> RobotLog:
     Garbled rows are left out if they are few, and the log's `note` names them. Raises InputError that names the row
     and column of what is wrong, UserError without the library that a format needs.
     """
-    table = read_bag(path, robot) if is_bag(path) else read_table(path, FEW)
+    return log_of(path, read_bag(path, robot) if is_bag(path) else read_table(path, FEW), robot)
+
+
+def log_of(path: Path, table: Table, robot: RobotDescription) -> RobotLog:
+    """The log in a table; `path` is its name in messages. Raises InputError as `read_log`."""
     found = layout_of(table, robot)
     if found is None:
         raise InputError(path, why_not(table, robot))

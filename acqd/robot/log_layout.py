@@ -74,12 +74,15 @@ def _in_order(layout: LogColumns, table: Table, axes: int) -> Columns | None:
 
 
 def why_not(table: Table, robot: RobotDescription) -> str:
-    """Why no layout of `robot` fits the table: a sentence for the user."""
+    """Why no layout of `robot` fits the table: a sentence for the user that quotes nothing of the file.
+
+    The sidecar publishes this sentence, and a file in its folder may be of anybody.
+    """
     if table.header is None:
         return f"has no header and {table.values.shape[1]} columns; expected a header time,q1..q{robot.axes}"
     numbered: dict[str, set[int]] = {}
     for name in table.header:
-        digits = re.fullmatch(r"(.*?)(\d+)(\D*)", name)
+        digits = re.fullmatch(r"(.*?)(\d{1,6})(\D*)", name)
         if digits:
             numbered.setdefault(digits[1] + "#" + digits[3], set()).add(int(digits[2]))
     layouts = [layout for layout in [*robot.log, _GENERIC] if layout.header and layout.format != "ros"]
@@ -89,7 +92,4 @@ def why_not(table: Table, robot: RobotDescription) -> str:
         if count and count != robot.axes:
             return f"has {count} columns {pattern.replace('#', 'N')}, but {robot.name} has {robot.axes} axes"
     expected = " or ".join([f"time,q1..q{robot.axes}", *patterns[:-1]])
-    return (
-        f"has none of the columns a log of {robot.name} has ({expected}); "
-        f"its first columns are {', '.join(table.header[:4])}"
-    )
+    return f"has none of the columns a log of {robot.name} has ({expected}); look at its first line"

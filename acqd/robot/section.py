@@ -34,7 +34,7 @@ def read_toml_table(path: Path) -> dict[str, Any]:
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "no UTF-8 text"
         raise InputError(path, f"cannot be read ({reason})") from None
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:  # ValueError: also numbers of more than 4300 digits
         raise InputError(path, f"is not valid TOML: {error}") from None
 
 

@@ -9,14 +9,14 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from acqd.arrays import Floats
+from acqd.dataset.cut import CONTEXT_ROWS
 from acqd.dataset.merge import Recording, merge
 from acqd.dataset.power import PowerStream
 from acqd.errors import UserError
 from acqd.models.metrics import predictions
 from acqd.models.predictor import Predictor
 from acqd.models.segments import Segment, segments_of
-from acqd.robot.log import RobotLog
-from acqd.sidecar.log_file import span_of
+from acqd.sidecar.log_file import LogFile
 from acqd.sidecar.residual import median_delay, residuals
 
 _MIN_COVERED = 0.75  # of a log's time by power rows
@@ -57,24 +57,32 @@ class Comparison:
         return median_delay(self.predicted, self.segments, self.step_s)
 
 
-def compare(log: RobotLog, power: PowerStream, lag_s: float, model: Predictor) -> Comparison:
+def compare(log: LogFile, power: PowerStream, lag_s: float, model: Predictor) -> Comparison:
     """Merges a log with its power at `lag_s` and predicts it. Raises UserError when too few power rows are there."""
     name = log.path.stem
-    recording = merge(name, log, power, lag_s, 0.0, model.step_s)
     entry: dict[str, object] = {"name": name, "source": name, "kind": "other", "split": "test"}
-    segments = segments_of(_columns(recording), entry, model.step_s)
-    start_s, end_s = span_of(log)
+    segments: list[Segment] = []
+    predicted: list[Floats] = []
+    for piece in log.pieces(CONTEXT_ROWS * model.step_s):
+        recording = merge(name, piece, power, lag_s, 0.0, model.step_s)
+        found = segments_of(_columns(recording), entry, model.step_s)
+        segments += found
+        predicted += predictions(model, found)
+    start_s, end_s = log.span_s
     seconds = sum(len(segment.P) for segment in segments) * model.step_s
     covered = min(1.0, seconds / max(end_s - start_s, 1e-9))
     if covered < _MIN_COVERED:
         raise UserError(
             f"{log.path.name}: power rows are missing for {1 - covered:.0%} of the log; was the meter or the sink off?"
         )
-    return Comparison(segments, predictions(model, segments), lag_s, covered, model.step_s)
+    return Comparison(segments, predicted, lag_s, covered, model.step_s)
 
 
 def _columns(recording: Recording) -> dict[str, Floats]:
-    return {"time_ns": recording.time_ns, "valid": recording.valid, **recording.columns}  # type: ignore[dict-item]
+    rows = {"time_ns": recording.time_ns, "valid": recording.valid}
+    if recording.context is not None:
+        rows["context"] = recording.context
+    return {**rows, **recording.columns}  # type: ignore[dict-item]
 
 
 def _shifted(values: Floats, rows: float) -> Floats:

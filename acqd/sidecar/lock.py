@@ -9,6 +9,7 @@ from collections.abc import Iterator
 
 import sqlalchemy as sa
 
+from acqd.atomic import private
 from acqd.errors import UserError
 
 _ADVISORY_LOCK = 4607182418800017409
@@ -32,7 +33,7 @@ def _locked(engine: sa.Engine, stack: contextlib.ExitStack) -> bool:
     path = engine.url.database
     if not path or path == ":memory:":
         return True
-    file = os.open(f"{path}.sidecar-lock", os.O_CREAT | os.O_RDWR, 0o644)
+    file = private(f"{path}.sidecar-lock", os.O_CREAT | os.O_RDWR | os.O_NOFOLLOW | os.O_CLOEXEC)
     stack.callback(os.close, file)
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

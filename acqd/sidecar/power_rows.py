@@ -8,11 +8,10 @@ import sqlalchemy as sa
 
 from acqd.dataset.power import PowerStream, open_power
 from acqd.errors import UserError
-from acqd.robot.log import RobotLog
-from acqd.sidecar.log_file import span_of
+from acqd.sidecar.log_file import LogFile
 from acqd.sidecar.settings import Settings
 from acqd.storage.schema import power
-from acqd.timestamps import rfc3339_ms, unix_s
+from acqd.timestamps import filetime, rfc3339_ms, unix_s
 
 _MARGIN_S = 5.0
 _POLL_S = 0.2
@@ -28,12 +27,12 @@ class PowerRows:
     def __init__(self, settings: Settings, engine: sa.Engine) -> None:
         self._settings, self._engine = settings, engine
 
-    def of_span(self, log: RobotLog, clock_lag_s: float) -> PowerStream:
+    def of_span(self, log: LogFile, clock_lag_s: float) -> PowerStream:
         """Rows around the log's span; `clock_lag_s` is the expected controller minus power clock.
 
         Waits for the last rows while patience lasts. Raises PowerRowsMissingError, UserError.
         """
-        start_s, end_s = span_of(log)
+        start_s, end_s = log.span_s
         self._wait(log.path.name, end_s, clock_lag_s)
         far = self._settings.clocks_apart_s + _MARGIN_S
         span_ns = (round((start_s - far) * 1e9), round((end_s + far) * 1e9))
@@ -47,7 +46,7 @@ class PowerRows:
     def _wait(self, name: str, end_s: float, clock_lag_s: float) -> None:
         """Waits until the rows reach the log's end, or nearly so when patience ends."""
         patience = time.monotonic() + self._settings.patience_s
-        while (newest := self._newest()) is None or newest < end_s - clock_lag_s - _MARGIN_S:
+        while (newest := self._newest(end_s)) is None or newest < end_s - clock_lag_s - _MARGIN_S:
             if time.monotonic() > patience:
                 shown = "none" if newest is None else rfc3339_ms(newest)
                 raise PowerRowsMissingError(
@@ -56,12 +55,18 @@ class PowerRows:
             time.sleep(_POLL_S)
         while time.monotonic() < patience and newest is not None and newest < end_s - clock_lag_s:
             time.sleep(_POLL_S)  # the last rows may still be on their way
-            newest = self._newest()
+            newest = self._newest(end_s)
 
-    def _newest(self) -> float | None:
-        """UTC [s] of the start of the newest row, of any device if none was named."""
-        device = self._settings.device
-        condition = [] if device is None else [power.c.device == device]
+    def _newest(self, end_s: float) -> float | None:
+        """UTC [s] of the start of the newest row, of any device if none was named.
+
+        Rows later than now and than the log's end do not count: somebody's row of the year 3000 must not tell that
+        all rows of today have arrived.
+        """
+        latest_s = max(time.time(), end_s) + self._settings.clocks_apart_s + _MARGIN_S
+        condition = [power.c.filetime <= filetime(round(latest_s * 1e9))]
+        if self._settings.device is not None:
+            condition.append(power.c.device == self._settings.device)
         with self._engine.connect() as connection:
             newest = connection.execute(sa.select(sa.func.max(power.c.filetime)).where(*condition)).scalar()
         return None if newest is None else unix_s(newest)

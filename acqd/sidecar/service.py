@@ -13,8 +13,8 @@ import orjson
 import paho.mqtt.client as paho
 import sqlalchemy as sa
 
-from acqd.errors import UserError
-from acqd.sidecar.contents import Contents
+from acqd.errors import InputError, UserError
+from acqd.sidecar.contents import ChangedError, Contents
 from acqd.sidecar.folder_watch import FolderWatch
 from acqd.sidecar.late_logs import LateLogs
 from acqd.sidecar.live import Live
@@ -22,7 +22,7 @@ from acqd.sidecar.log_arrivals import Arrivals
 from acqd.sidecar.log_file import printable
 from acqd.sidecar.power_rows import PowerRowsMissingError
 from acqd.sidecar.result import log_result
-from acqd.sidecar.store import Store
+from acqd.sidecar.store import Done, Store
 from acqd.sidecar.stored_outbox import StoredOutbox
 from acqd.sidecar.worker import Worker
 from acqd.telemetry.connector import Connector
@@ -124,12 +124,17 @@ class Sidecar:
     async def _read(self, path: Path) -> bool:
         try:
             await asyncio.to_thread(self._contents.read, path)
-        except OSError as error:
-            _log.warning("%s: %s", printable(str(path)), error.strerror)
-            self._arrivals.forget(path)
-            self._late.forget(path)  # it was removed while its power rows were late
+        except (OSError, InputError) as error:
+            self._give_back(path, error)
             return False
         return True
+
+    def _give_back(self, path: Path, error: Exception) -> None:
+        """A file that cannot be read now may arrive again."""
+        reason = error.strerror if isinstance(error, OSError) else "has changed"
+        _log.warning("%s: %s", printable(str(path)), reason)
+        self._arrivals.forget(path)
+        self._late.forget(path)  # it was removed while its power rows were late
 
     async def _take(self, path: Path) -> int:
         """Works through a log unless it is done, and stores it; 1 if it was stored.
@@ -145,7 +150,10 @@ class Sidecar:
             return 0
         before = self._worker.memory()
         try:
-            done = await asyncio.to_thread(self._worker.run, path, name, sha256)
+            done = await asyncio.to_thread(self._worked_through, path, name, sha256)
+        except (OSError, ChangedError) as error:
+            self._give_back(path, error)
+            return 0
         except PowerRowsMissingError as error:
             if self._late.postpone(path):
                 _log.warning("%s; trying again", error)
@@ -164,6 +172,13 @@ class Sidecar:
         self.refused += done.status == "refused"
         log_result(done)
         return 1
+
+    def _worked_through(self, path: Path, name: str, sha256: str) -> Done:
+        """Raises PowerRowsMissingError, OSError, ChangedError."""
+        if reason := self._contents.refusal(path):
+            return self._worker.refusal(name, sha256, f"{path.name}: {reason}")
+        with self._contents.open(path) as file:
+            return self._worker.run(path, file, name, sha256)
 
     def _connector(self) -> Connector | None:
         if self._broker is None:

@@ -17,6 +17,8 @@ from acqd.arrays import Floats
 from acqd.storage.database import transaction
 from acqd.storage.schema import prediction, prediction_log, sidecar_state
 
+_ROWS_AT_ONCE = 5000  # of one statement: a log of hours has many
+
 
 @dataclass(slots=True)
 class Done:
@@ -109,10 +111,11 @@ def _insert(connection: sa.Connection, done: Done) -> None:
             published=False, done=stamp,
         )
     )  # fmt: skip
-    rows = zip(done.filetime.tolist(), done.P.tolist(), done.P_predicted.tolist(), strict=True)
-    values = [
-        {"sha256": done.sha256, "filetime": t, "P": P, "P_predicted": predicted, "residual": P - predicted}
-        for t, P, predicted in rows
-    ]
-    if values:
+    for first in range(0, len(done.filetime), _ROWS_AT_ONCE):
+        part = slice(first, first + _ROWS_AT_ONCE)
+        rows = zip(done.filetime[part].tolist(), done.P[part].tolist(), done.P_predicted[part].tolist(), strict=True)
+        values = [
+            {"sha256": done.sha256, "filetime": t, "P": P, "P_predicted": predicted, "residual": P - predicted}
+            for t, P, predicted in rows
+        ]
         connection.execute(sa.insert(prediction), values)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import time
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import sqlalchemy as sa
 
@@ -61,22 +61,23 @@ class Worker:
         except (KeyError, ValueError, TypeError):
             _log.warning("the memory of an earlier version cannot be read: clock line and drift start again")
 
-    def run(self, path: Path, name: str, sha256: str) -> Done:
-        """Works through one file; a problem of the file becomes a refusal.
+    def run(self, path: Path, file: BinaryIO, name: str, sha256: str) -> Done:
+        """Works through the open file of the log `path`; a problem of the file becomes a refusal.
 
         Raises PowerRowsMissingError when the power rows have not arrived yet, which is no problem of the file.
         """
         started = time.monotonic()
         identity = Identity(name, sha256, self.name)
         try:
-            done = self._compared(path, identity)
+            done = self._compared(path, file, identity)
         except PowerRowsMissingError:
             raise
         except (InputError, UserError) as error:
             done = identity.refusal(str(error))
         except Exception as error:  # an odd log must not stop the logs behind it
+            # its text may quote the file, and is not published
             _log.exception("%s", name)
-            done = identity.refusal(f"{name}: cannot be worked through ({type(error).__name__}: {error})")
+            done = identity.refusal(f"{name}: cannot be worked through ({type(error).__name__})")
         done.message["seconds"] = round(time.monotonic() - started, 3)
         return done
 
@@ -84,8 +85,8 @@ class Worker:
         """The result of a log that is given up."""
         return Identity(name, sha256, self.name).refusal(reason)
 
-    def _compared(self, path: Path, identity: Identity) -> Done:
-        log = open_log(path, self._robot, self.model.axes)
+    def _compared(self, path: Path, file: BinaryIO, identity: Identity) -> Done:
+        log = open_log(path, file, self._robot, self.model.axes)
         power = self._power_rows.of_span(log, self.clock.last_lag_s)
         comparison, lag = self._placer.place(log, power)
         alarm = None

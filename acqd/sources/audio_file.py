@@ -8,7 +8,7 @@ import numpy as np
 import soundfile
 
 from acqd.errors import InputError
-from acqd.sources.waveform import ChannelMap, Waveform, quantise, stream_format
+from acqd.sources.waveform import MOST_BYTES, ChannelMap, Waveform, quantise, stream_format
 
 _FULL_SCALE = 32768
 
@@ -24,9 +24,11 @@ def load(path: Path, channels: ChannelMap) -> Waveform:
         with soundfile.SoundFile(path) as file:
             count, exact = file.channels, file.subtype == "PCM_16"
             rate = channels.rate or float(file.samplerate)
-            values = file.read(dtype="int16" if exact else "float64", always_2d=True)
             announced = file.frames
-    except (soundfile.LibsndfileError, RuntimeError) as error:
+            if announced * count * 8 > MOST_BYTES:
+                raise InputError(path, f"announces {announced} samples of {count} channels; is its header damaged?")
+            values = file.read(dtype="int16" if exact else "float64", always_2d=True)
+    except (soundfile.LibsndfileError, RuntimeError, ValueError, MemoryError) as error:
         raise InputError(path, f"is no readable WAV or FLAC file ({error})") from None
     if not len(values):
         raise InputError(path, "has no samples")

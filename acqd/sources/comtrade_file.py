@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import struct
 import warnings
 from datetime import UTC, datetime
 from pathlib import Path
@@ -29,6 +28,7 @@ _UNITS = {
 }
 _PHASES = {"a": "1", "l1": "1", "r": "1", "1": "1", "b": "2", "l2": "2", "s": "2", "2": "2", "c": "3", "l3": "3"}
 _PHASES |= {"t": "3", "3": "3"}
+_LEAST_BYTES = 4  # of a sample's row: its number, its time and one value with their separators
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
@@ -64,7 +64,8 @@ def load(path: Path, channels: ChannelMap) -> Waveform:
 
 
 def _read(path: Path) -> Any:
-    record = comtrade.Comtrade(ignore_warnings=True)
+    # numpy's zeros take no memory before they are filled, however many samples a damaged header announces
+    record = comtrade.Comtrade(ignore_warnings=True, use_numpy_arrays=True)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -72,16 +73,19 @@ def _read(path: Path) -> Any:
                 record.load(str(path))
             else:
                 record.load(str(_sibling(path, ".cfg")), str(_sibling(path, ".dat")))
-    except (ValueError, IndexError, KeyError, TypeError, struct.error, comtrade.ComtradeError, OSError) as error:
-        raise InputError(path, f"is no readable COMTRADE recording ({error})") from None
+    except (InputError, PermissionError):
+        raise
+    except Exception as error:  # whatever a damaged recording makes the library raise
+        raise InputError(path, f"is no readable COMTRADE recording ({type(error).__name__}: {error})") from None
     expected = record.cfg.sample_rates[-1][1] if record.cfg.sample_rates else 0
     got = 0 if record.time is None else len(record.time)
     data = _sibling(path, ".dat") if path.suffix.lower() != ".cff" else path
     if record.cfg.ft.upper().startswith("BIN") and data.suffix.lower() == ".dat":
         size = 8 + 2 * len(record.cfg.analog_channels) + 2 * ((len(record.cfg.status_channels) + 15) // 16)
         got = min(got, data.stat().st_size // size) if record.cfg.ft.upper() == "BINARY" else got
-    if not got:
+    if not got or not record.cfg.sample_rates:
         raise InputError(path, "has no samples")
+    got = min(got, data.stat().st_size // _LEAST_BYTES)
     if expected and got < expected:
         raise InputError(path, f"is truncated: {got} of {expected} samples")
     return record

@@ -9,7 +9,7 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.errors import InputError
-from acqd.sources.waveform import ChannelMap, Waveform, quantise
+from acqd.sources.waveform import LATEST_NS, ChannelMap, Waveform, quantise
 
 _TIME = ("time", "t", "t_s", "time_s", "seconds")
 _ALIASES = {"u": "u1", "v": "u1", "v1": "u1", "v2": "u2", "v3": "u3", "i": "i1"}
@@ -23,6 +23,8 @@ def load(path: Path, channels: ChannelMap) -> Waveform:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except UnicodeDecodeError:
         raise InputError(path, "is not text; expected CSV with a header row") from None
+    if not lines:
+        raise InputError(path, "is empty")
     delimiter = next((d for d in ";\t," if d in lines[0]), ",")
     header = [name.strip().strip('"') for name in lines[0].split(delimiter)]
     if all(_is_number(name) for name in header):
@@ -95,6 +97,8 @@ def _is_number(text: str) -> bool:
 
 def _clock(path: Path, time: Floats, channels: ChannelMap) -> tuple[float, int | None]:
     """Sampling rate [1/s] and start from the time column [s]."""
+    if np.abs(time).max() >= LATEST_NS / 1e9:
+        raise InputError(path, f"its time column reaches {np.abs(time).max():g} s; expected seconds before 2200")
     start = round(time[0] * 1e9) if time[0] > _UNIX else None
     if channels.rate:
         return channels.rate, start

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import zipfile
-import zlib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from acqd.errors import InputError
-from acqd.sources.waveform import LATEST_NS, ChannelMap, Waveform, stream_format
+from acqd.sources.waveform import LATEST_NS, MOST_BYTES, ChannelMap, Waveform, stream_format
 
 _KEYS = ("u_code", "i_code", "u_V_per_digit", "i_A_per_digit", "fs")
 
@@ -49,12 +48,24 @@ def load(path: Path, channels: ChannelMap) -> Waveform:
 
 def _read(path: Path) -> dict[str, Any]:
     try:
+        with zipfile.ZipFile(path) as archive:
+            size = sum(entry.file_size for entry in archive.infolist())
+        if size > MOST_BYTES:
+            raise InputError(path, f"holds {size / 1e9:.1f} GB unpacked; expected at most {MOST_BYTES / 1e9:.1f} GB")
         with np.load(path, allow_pickle=False) as file:
-            return {key: file[key] for key in file.files}
-    except (zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError):
-        raise InputError(path, "is truncated or no NPZ file; record or copy it again") from None
-    except (AttributeError, TypeError):
-        raise InputError(path, "is a bare array, no NPZ file; save it with numpy.savez") from None
+            data = {key: file[key] for key in file.files}
+    except InputError:
+        raise
+    except MemoryError:
+        raise InputError(path, "announces arrays that are larger than the memory") from None
+    except Exception:  # whatever a damaged archive makes zipfile, zlib and numpy raise
+        raise InputError(
+            path, "is truncated or no NPZ file; record or copy it again, or save with numpy.savez"
+        ) from None
+    odd = next((key for key, array in data.items() if not isinstance(array, np.ndarray)), None)
+    if odd is not None:  # numpy hands out members that are no arrays as bytes
+        raise InputError(path, f"{odd} is no array of numpy")
+    return data
 
 
 def _codes(path: Path, key: str, array: Any) -> np.ndarray:

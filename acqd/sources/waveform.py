@@ -14,7 +14,10 @@ from acqd.metering.block import Codes
 
 LATEST_NS = 7_258_118_400_000_000_000
 """2200-01-01 in UTC ns: a later start time is a mistake."""
+MOST_BYTES = 4 * 1024**3
+"""Of a recording in memory: three phases at 20 kHz for five hours. A file that announces more is not read."""
 _FULL_CODE = 32_000  # largest value of a quantised recording: below the end stops, which mean over-range
+_LARGEST = 1e12  # V or A: beyond any instrument, and without overflow in powers
 _NAMES = ("u1", "i1", "u2", "i2", "u3", "i3")
 
 
@@ -88,6 +91,8 @@ def quantise(path: Path, values: Floats, rate: float, f_nominal: float, start_ut
     if len(bad):
         row, channel = bad[0]
         raise InputError(path, f"sample {row}, {_NAMES[channel]}: {values[row, channel]} is not a number")
+    if np.abs(values).max() > _LARGEST:
+        raise InputError(path, f"holds values above {_LARGEST:g}; expected V and A")
     peak = np.maximum(np.abs(values).max(axis=0), 1.0)
     scale = peak / _FULL_CODE
     codes = np.rint(values / scale).astype(np.int16)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
+import os
 import sqlite3
 import time
 from collections.abc import Iterator
@@ -14,12 +16,13 @@ import sqlalchemy as sa
 from alembic import command
 from alembic.config import Config
 from alembic.util import CommandError
-from sqlalchemy.engine import make_url
 
+from acqd.atomic import private
 from acqd.errors import UserError
+from acqd.storage.url import parse_url, shown
 
 _PATIENCE_S = 30.0
-_MIGRATIONS = Path(__file__).parent / "migrations"
+MIGRATIONS = Path(__file__).parent / "migrations"
 
 
 def open_database(url: str, *, create: bool = True) -> sa.Engine:
@@ -28,18 +31,19 @@ def open_database(url: str, *, create: bool = True) -> sa.Engine:
     Raises UserError for a URL, path or server that cannot be used, and for a SQLite file that is not
     there without `create`.
     """
-    engine = _engine(url if "://" in url else f"sqlite:///{url}")
+    engine = _engine(url)
     path = engine.url.database
     if not create and engine.dialect.name == "sqlite" and path and not Path(path).exists():
         raise UserError(f"database {Path(path).absolute()} does not exist; check the folder you are in, or --database")
     try:
+        _make_private(engine)
         with engine.connect():
             pass
         migrate(engine)
     except sa.exc.OperationalError as error:
-        raise UserError(f"database {_shown(engine)}: {_first_line(error)}; {_advice(engine)}") from None
+        raise UserError(f"database {shown(engine.url)}: {_first_line(error)}; {_advice(engine)}") from None
     except sa.exc.DatabaseError as error:
-        raise UserError(f"database {_shown(engine)}: {_first_line(error)}; is it another program's file?") from None
+        raise UserError(f"database {shown(engine.url)}: {_first_line(error)}; is it another program's file?") from None
     return engine
 
 
@@ -55,7 +59,7 @@ def transaction(engine: sa.Engine) -> Iterator[sa.Connection]:
 def migrate(engine: sa.Engine) -> None:
     """Bring the schema to the newest version; safe while several sinks start at once."""
     config = Config()
-    config.set_main_option("script_location", str(_MIGRATIONS))
+    config.set_main_option("script_location", str(MIGRATIONS))
     with engine.begin() as connection:
         if engine.dialect.name == "postgresql":
             connection.execute(sa.text("SELECT pg_advisory_xact_lock(4607182418800017408)"))
@@ -65,21 +69,11 @@ def migrate(engine: sa.Engine) -> None:
         try:
             command.upgrade(config, "head")
         except CommandError as error:
-            raise UserError(f"database {_shown(engine)}: {error}; it was written by a newer acqd") from None
+            raise UserError(f"database {shown(engine.url)}: {error}; it was written by a newer acqd") from None
 
 
 def _engine(url: str) -> sa.Engine:
-    try:
-        parsed = make_url(url)
-    except (sa.exc.ArgumentError, ValueError):
-        raise UserError(
-            f"database URL ...{url.rpartition('@')[2]!r} cannot be understood; expected sqlite:///path or postgresql://user@host/name"
-        ) from None
-    if parsed.drivername in ("postgresql", "postgres"):
-        parsed = parsed.set(drivername="postgresql+psycopg")
-    shown = parsed.render_as_string(hide_password=True)
-    if parsed.drivername not in ("sqlite", "postgresql+psycopg"):
-        raise UserError(f"database {shown}: expected sqlite:///path or postgresql://user@host/name")
+    parsed = parse_url(url)
     try:
         if parsed.get_backend_name() == "sqlite":
             _check_folder(parsed.database)
@@ -88,7 +82,7 @@ def _engine(url: str) -> sa.Engine:
             return engine
         return sa.create_engine(parsed, pool_pre_ping=True, connect_args={"connect_timeout": 5})
     except ModuleNotFoundError as error:
-        raise UserError(f"database {shown} needs the {error.name} package: install acqd[postgres]") from None
+        raise UserError(f"database {shown(parsed)} needs the {error.name} package: install acqd[postgres]") from None
 
 
 def _check_folder(path: str | None) -> None:
@@ -120,8 +114,12 @@ def _to_wal(cursor: sqlite3.Cursor) -> None:
             time.sleep(0.02)
 
 
-def _shown(engine: sa.Engine) -> str:
-    return engine.url.render_as_string(hide_password=True)
+def _make_private(engine: sa.Engine) -> None:
+    """A new SQLite file is not for everybody (0640); SQLite gives its journals the mode of the file."""
+    path = engine.url.database
+    if engine.dialect.name == "sqlite" and path and path != ":memory:" and not Path(path).exists():
+        with contextlib.suppress(OSError):  # SQLite says why
+            os.close(private(path, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC))
 
 
 def _advice(engine: sa.Engine) -> str:

@@ -1,4 +1,4 @@
-"""The embedded broker: amqtt in this process, for trying things out and small cells.
+"""The embedded broker: amqtt, for trying things out and small cells. It runs in a process of its own.
 
 MQTT 3.1.1, loopback by default, no passwords: a plant runs mosquitto. See
 `docs/adr/0004`.
@@ -8,14 +8,22 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import socket
 from typing import Any
 
+from amqtt.adapters import StreamReaderAdapter, StreamWriterAdapter
 from amqtt.broker import Broker
+from amqtt.errors import AMQTTError
 
-from acqd.errors import UserError
+from acqd.telemetry.ports import check_port, free_port
+
+__all__ = ["EmbeddedBroker", "check_port", "free_port"]
 
 _log = logging.getLogger(__name__)
+MOST_CONNECTIONS = 100
+LARGEST_PACKET = 256 * 1024
+"""Bytes. A row has 300, a prediction's message a few thousand."""
+_CONNECT_S = 5.0
+"""A client that has not sent its CONNECT by then is disconnected (MQTT 3.1.1, section 3.1)."""
 
 
 class EmbeddedBroker:
@@ -25,14 +33,14 @@ class EmbeddedBroker:
         self.host, self.port = host, port
         # amqtt logs every packet it does not like; one process, one voice.
         for name in ("amqtt", "transitions"):
-            logging.getLogger(name).setLevel(logging.ERROR)
+            logging.getLogger(name).setLevel(logging.CRITICAL)
         self._broker: Broker | None = None
 
     async def start(self) -> None:
         """Listen. Raises UserError when the port is taken or not allowed."""
         check_port(self.host, self.port)
         asyncio.get_running_loop().set_exception_handler(_quiet_strangers)
-        self._broker = Broker(
+        self._broker = _BoundedBroker(
             {
                 "listeners": {"default": {"type": "tcp", "bind": f"{self.host}:{self.port}"}},
                 "plugins": {"amqtt.plugins.authentication.AnonymousAuthPlugin": {"allow_anonymous": True}},
@@ -50,6 +58,52 @@ class EmbeddedBroker:
                 _log.debug("embedded broker was slow to stop")
 
 
+class _BoundedReader(StreamReaderAdapter):  # type: ignore[misc]
+    """Reads no packet that is larger than allowed: to amqtt, the client has hung up then, for good."""
+
+    def __init__(self, reader: asyncio.StreamReader) -> None:
+        super().__init__(reader)
+        self._refused = False
+
+    async def read(self, n: int = -1) -> bytes:
+        self._refused = self._refused or n > LARGEST_PACKET
+        if self._refused:
+            raise ConnectionResetError
+        return bytes(await super().read(n))
+
+
+class _BoundedBroker(Broker):  # type: ignore[misc]
+    """amqtt with limits, which closes every connection that it has given up."""
+
+    def __init__(self, config: dict[str, Any]) -> None:
+        super().__init__(config)
+        self._connections = 0
+
+    async def stream_connected(
+        self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, listener_name: str
+    ) -> None:
+        """One client from its first to its last byte."""
+        if self._connections >= MOST_CONNECTIONS:
+            writer.close()
+            return
+        self._connections += 1
+        adapter = StreamWriterAdapter(writer)
+        try:
+            await self._client_connected(listener_name, _BoundedReader(reader), adapter)
+        except Exception as error:  # whatever a malformed packet makes amqtt raise: struct.error, UnicodeError ...
+            _log.debug("embedded broker: %s", type(error).__name__)
+        finally:
+            self._connections -= 1
+            writer.close()
+
+    async def _initialize_client_session(self, *arguments: Any) -> Any:
+        try:
+            async with asyncio.timeout(_CONNECT_S):
+                return await super()._initialize_client_session(*arguments)
+        except TimeoutError:
+            raise AMQTTError("no CONNECT in time") from None
+
+
 def _quiet_strangers(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
     """No traceback for a client that hangs up in the middle of its CONNECT."""
     error = context.get("exception")
@@ -57,23 +111,3 @@ def _quiet_strangers(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -
         _log.debug("embedded broker: %s", context["message"])
     else:
         loop.default_exception_handler(context)
-
-
-def check_port(host: str, port: int) -> None:
-    """Raise UserError unless this process may listen on host:port."""
-    with socket.socket() as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind((host, port))
-        except OSError as error:
-            raise UserError(
-                f"broker port {host}:{port} cannot be used ({error.strerror}): is another broker running there? "
-                "Use that one, or choose another port"
-            ) from None
-
-
-def free_port(host: str = "127.0.0.1") -> int:
-    """A port nobody listens on right now."""
-    with socket.socket() as probe:
-        probe.bind((host, 0))
-        return int(probe.getsockname()[1])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import socket
 import ssl
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from acqd.errors import UserError
@@ -17,7 +17,7 @@ class BrokerAddress:
     host: str = "127.0.0.1"
     port: int = 1883
     username: str | None = None
-    password: str | None = None
+    password: str | None = field(default=None, repr=False)
     tls: bool = False
     ca_file: Path | None = None
     """CA to trust instead of the system's."""
@@ -34,11 +34,22 @@ class BrokerAddress:
             return None
         try:
             context = ssl.create_default_context(cafile=str(self.ca_file) if self.ca_file else None)
+            context.minimum_version = ssl.TLSVersion.TLSv1_2  # RFC 8996
             if self.cert_file:
                 context.load_cert_chain(self.cert_file, self.key_file)
         except (OSError, ssl.SSLError) as error:
             raise UserError(f"TLS for {self}: {error}; check ca_file, cert_file and key_file") from None
         return context
+
+    @property
+    def exposes_password(self) -> bool:
+        """Whether the password goes over a network in clear text."""
+        return self.password is not None and not self.tls and not is_loopback(self.host)
+
+
+def is_loopback(host: str) -> bool:
+    """Whether a host is this computer."""
+    return host == "localhost" or host == "::1" or host.startswith("127.")
 
 
 NO_DELAY = [(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)]

@@ -20,6 +20,8 @@ SCHEMA = 1
 Channel = Literal["L1", "L2", "L3", "total"]
 CHANNELS: tuple[Channel, ...] = ("L1", "L2", "L3", "total")
 _INT64 = 2**63 - 1
+_REASON = 300
+"""Characters of the reason why a payload is no row."""
 _Quantity = Annotated[float, Meta(ge=-1e15, le=1e15)] | None
 _Quantities = tuple[_Quantity, _Quantity, _Quantity, _Quantity, _Quantity, _Quantity, _Quantity]  # Vrms .. W
 _Name = Annotated[str, Meta(min_length=1, max_length=64)]
@@ -71,7 +73,7 @@ def parse_row(payload: bytes) -> PowerRow:
     try:
         row = _decoder.decode(payload)
     except (msgspec.DecodeError, ValueError, RecursionError) as error:
-        raise ValueError(str(error)) from None
+        raise ValueError(str(error)[:_REASON]) from None  # it quotes the payload
     try:
         zoned = datetime.fromisoformat(row.time).tzinfo is not None
     except ValueError:

@@ -3,8 +3,14 @@
 from __future__ import annotations
 
 import json
+import socket
+import sqlite3
+import subprocess
+import threading
 
+from acqd.telemetry.broker import free_port
 from tests.commands import acqd, acqd_here
+from tests.conftest import Mosquitto
 
 
 def test_doctor_and_jitter_speak_json(tmp_path):
@@ -12,3 +18,58 @@ def test_doctor_and_jitter_speak_json(tmp_path):
     assert {"python", "broker", "database"} <= {finding["check"] for finding in findings}
     report = json.loads(acqd("jitter", "--duration", "1", "--json", cwd=tmp_path).stdout)
     assert sum(report["histogram_us"].values()) == report["cycles"] > 0
+
+
+def findings(tmp_path, text):
+    (tmp_path / "c.toml").write_text(text)
+    done = acqd_here("doctor", "--config", "c.toml", "--json", cwd=tmp_path)
+    return {finding["check"]: finding for finding in json.loads(done.stdout)}
+
+
+def password_broker(folder, name="acqd", password="right"):
+    """A mosquitto that wants a password."""
+    subprocess.run(["mosquitto_passwd", "-b", "-c", folder / "passwords", name, password], check=True)
+    folder.chmod(0o755)
+    broker = Mosquitto(folder, free_port(), f"allow_anonymous false\npassword_file {folder}/passwords\n")
+    broker.start()
+    return broker
+
+
+def test_doctor_logs_in_for_real(tmp_path):
+    broker = password_broker(tmp_path)
+    try:
+        text = f'[mqtt]\nport = {broker.port}\nusername = "acqd"\npassword = "PASSWORD"\n'
+        right = findings(tmp_path, text.replace("PASSWORD", "right"))["broker"]
+        assert right["state"] == "ok" and "lets this configuration in as acqd" in right["finding"]
+        wrong = findings(tmp_path, text.replace("PASSWORD", "wrong"))["broker"]
+        assert wrong["state"] == "fail" and "refuses the login" in wrong["finding"]
+        assert "wrong" not in json.dumps(wrong)
+    finally:
+        broker.stop()
+
+
+def test_doctor_tells_a_port_that_is_no_broker(tmp_path):
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        threading.Thread(target=lambda: server.accept()[0].close(), daemon=True).start()
+        broker = findings(tmp_path, f"[mqtt]\nport = {server.getsockname()[1]}\n")["broker"]
+    assert broker["state"] == "fail" and "hangs up" in broker["finding"]
+
+
+def test_doctor_writes_nothing_into_the_database(tmp_path):
+    with sqlite3.connect(tmp_path / "theirs.sqlite") as connection:
+        connection.execute("CREATE TABLE songs (name)")
+    connection.close()
+    before = (tmp_path / "theirs.sqlite").read_bytes()
+    database = findings(tmp_path, '[mqtt]\nenabled = false\n[sink]\ndatabase = "theirs.sqlite"\n')["database"]
+    assert database["state"] == "fail" and "another program" in database["finding"]
+    assert (tmp_path / "theirs.sqlite").read_bytes() == before
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["c.toml", "theirs.sqlite"]
+
+
+def test_doctor_names_secrets_that_everybody_may_read(tmp_path):
+    (tmp_path / "p").write_text("x\n")
+    (tmp_path / "p").chmod(0o644)
+    text = f'[mqtt]\nport = 1\nusername = "u"\npassword_file = "{tmp_path}/p"\n'
+    assert "mqtt.password_file" in findings(tmp_path, text)["secrets"]["finding"]
+    (tmp_path / "p").chmod(0o640)
+    assert "secrets" not in findings(tmp_path, text)

@@ -2,6 +2,7 @@
 
 import shutil
 
+import numpy as np
 import pytest
 
 from acqd.sidecar import comparison
@@ -12,6 +13,11 @@ from acqd.storage.database import open_database
 from tests.sidecar.cell import BEGIN, cell, motion, write_log
 
 
+def run(worker, path):
+    with path.open("rb") as file:
+        return worker.run(path, file, path.name, "x")
+
+
 def test_power_that_comes_late_is_waited_for(tmp_path, bundle):
     url, logs = str(tmp_path / "p.sqlite"), tmp_path / "logs"
     logs.mkdir()
@@ -20,9 +26,9 @@ def test_power_that_comes_late_is_waited_for(tmp_path, bundle):
     q = motion(800, 0)
     write_log(logs / "a.csv", q, BEGIN)
     with pytest.raises(PowerRowsMissingError, match="no power rows up to"):
-        worker.run(logs / "a.csv", "a.csv", "x")
+        run(worker, logs / "a.csv")
     cell(logs, url, 1)
-    assert worker.run(logs / "a.csv", "a.csv", "x").status == "ok"
+    assert run(worker, logs / "a.csv").status == "ok"
 
 
 def test_another_model_begins_the_drift_anew(tmp_path, bundle):
@@ -53,5 +59,25 @@ def test_a_log_is_merged_and_predicted_once(tmp_path, bundle, monkeypatch):
     monkeypatch.setattr("acqd.sidecar.comparison.merge", counted("merge", comparison.merge))
     monkeypatch.setattr("acqd.sidecar.comparison.predictions", counted("predict", comparison.predictions))
     path = min(logs.iterdir())
-    assert worker.run(path, path.name, "x").status == "ok"
+    assert run(worker, path).status == "ok"
     assert calls == ["merge", "predict"]
+
+
+def test_a_long_log_in_pieces_gives_what_it_gives_in_one(tmp_path, bundle, monkeypatch):
+    url, logs = str(tmp_path / "p.sqlite"), tmp_path / "logs"
+    logs.mkdir()
+    engine = open_database(url)
+    cell(logs, url, 1, rows=3000)
+    path = min(logs.iterdir())
+    whole = run(Worker(Settings(bundle, url, None, None, 0.3), engine), path)
+    monkeypatch.setattr("acqd.robot.table_text._BLOCK_BYTES", 40_000)
+    monkeypatch.setattr("acqd.sidecar.log_pieces._CELLS", 10_000)
+    pieces = run(Worker(Settings(bundle, url, None, None, 0.3), engine), path)
+    assert whole.status == pieces.status == "ok", pieces.message
+    a, b = whole.message, pieces.message
+    assert b["rows"] == pytest.approx(a["rows"], abs=4) and b["covered"] == pytest.approx(a["covered"], abs=0.002)
+    assert b["lag_s"] == pytest.approx(a["lag_s"], abs=0.003)
+    assert b["rmse_W"] == pytest.approx(a["rmse_W"], rel=0.02)
+    times, P = np.asarray(pieces.filetime), dict(zip(whole.filetime, whole.P_predicted, strict=True))
+    assert (np.diff(times) > 0).all()  # no row twice
+    assert np.std([p - P[t] for t, p in zip(times, pieces.P_predicted, strict=True) if t in P]) < 0.3

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import asyncio
+from pathlib import Path
 
 import pytest
 
 from acqd.errors import UserError
+from acqd.telemetry import broker as module
 from acqd.telemetry.broker import EmbeddedBroker, check_port, free_port
 from acqd.telemetry.mqtt import BrokerAddress
 from acqd.telemetry.outbox import MemoryOutbox, Message
 from tests.telemetry.clients import collect, connector, stop
-from tests.waiting import finish
+from tests.waiting import finish, until
 
 
 def test_embedded_broker_carries_rows_and_names_a_busy_port():
@@ -33,6 +35,60 @@ def test_embedded_broker_carries_rows_and_names_a_busy_port():
             str(k).encode() for k in range(len(received) - 1)
         ]
         await stop(running)
+        await server.stop()
+
+    finish(scenario())
+
+
+def in_state(port, state):
+    """TCP connections of the listening side at `port` in a state of /proc/net/tcp."""
+    lines = Path("/proc/net/tcp").read_text().splitlines()[1:]
+    ours = [line.split() for line in lines if line.split()[1].endswith(f":{port:04X}")]
+    return sum(fields[3] == state for fields in ours)
+
+
+CLOSE_WAIT, ESTABLISHED = "08", "01"
+MALFORMED = [
+    b"\x10\x00", b"\x10\x02\x00\x04", b"\x10\x0c\x00\x04MQTX\x04\x02\x00\x3c\x00\x00", b"GET / HTTP/1.1\r\n\r\n",
+    b"\x10\xff\xff\xff\x7f" + b"\x00" * 20, b"\x10\x0e\x00\x04MQTT\x04\x02\x00\x3c\x00\x02\xff\xfe", b"\x30\x02ab",
+    b"\x00" * 50, b"\xff\xff\xff\xff\xff\xff", b"",
+]  # fmt: skip
+
+
+def test_malformed_connects_leave_no_connection_behind():
+    async def scenario():
+        port = free_port()
+        server = EmbeddedBroker("127.0.0.1", port)
+        await server.start()
+        for k in range(200):
+            _, writer = await asyncio.open_connection("127.0.0.1", port)
+            writer.write(MALFORMED[k % len(MALFORMED)])
+            writer.close()
+        await until(lambda: in_state(port, CLOSE_WAIT) == 0, "all connections are closed")
+        received, ready = [], asyncio.Event()
+        viewer = asyncio.create_task(collect(port, "acqd/#", 1, received, ready))
+        await ready.wait()  # and the broker still works
+        viewer.cancel()
+        await server.stop()
+
+    finish(scenario())
+
+
+def test_who_says_nothing_and_who_says_too_much_is_disconnected(monkeypatch):
+    monkeypatch.setattr(module, "_CONNECT_S", 0.2)
+    monkeypatch.setattr(module, "MOST_CONNECTIONS", 5)
+
+    async def scenario():
+        port = free_port()
+        server = EmbeddedBroker("127.0.0.1", port)
+        await server.start()
+        silent = [await asyncio.open_connection("127.0.0.1", port) for _ in range(8)]
+        assert [await reader.read(1) for reader, _ in silent] == [b""] * 8  # 3 at once, 5 after the time for CONNECT
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        writer.write(b"\x10\x0d\x00\x04MQTT\x04\x02\x00\x3c\x00\x01a")
+        assert await reader.readexactly(4) == b"\x20\x02\x00\x00"
+        writer.write(b"\x30\x84\x80\x80\x01\x00\x01t")  # PUBLISH of 2 MB
+        assert await reader.read(1) == b""
         await server.stop()
 
     finish(scenario())

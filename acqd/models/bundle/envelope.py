@@ -47,5 +47,8 @@ class Envelope:
 
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> Envelope:
-        """The inverse of `as_json`."""
-        return cls(np.array([data[n]["low"] for n in _NAMES]), np.array([data[n]["high"] for n in _NAMES]))
+        """The inverse of `as_json`. Raises KeyError, TypeError, ValueError for anything else."""
+        low, high = (np.array([data[n][end] for n in _NAMES], dtype=np.float64) for end in ("low", "high"))
+        if low.ndim != 2 or low.shape != high.shape:
+            raise ValueError(f"an envelope of the shapes {low.shape} and {high.shape}")
+        return cls(low, high)

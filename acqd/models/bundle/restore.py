@@ -9,6 +9,7 @@ import numpy as np
 from acqd.errors import InputError, UserError
 from acqd.models.augmented import Augmented, Term
 from acqd.models.bundle.bundle import Bundle, load_bundle
+from acqd.models.bundle.envelope import Envelope
 from acqd.models.greybox.bundle_io import restore as restore_grey_box
 from acqd.models.greybox.model import GreyBox
 from acqd.models.hybrid.bundle_io import restore_hybrid
@@ -24,8 +25,10 @@ def open_model(path: Path) -> tuple[Bundle, Predictor]:
     try:
         model = restore(bundle)
         _check(model)
+        if "envelope" in bundle.metadata:
+            Envelope.from_json(bundle.metadata["envelope"])
         return bundle, model
-    except (KeyError, ValueError, TypeError, IndexError, UserError) as error:
+    except Exception as error:  # whatever a damaged bundle makes the models raise
         reason = f"{type(error).__name__}: {error}" if not isinstance(error, UserError) else str(error)
         raise InputError(path, f"does not hold what its kind of model needs ({reason}); train it again") from None
 

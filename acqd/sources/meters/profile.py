@@ -94,7 +94,7 @@ def load_profile(name: str) -> Profile:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise InputError(path, f"the profile cannot be read ({error.strerror})") from None
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except (ValueError, RecursionError) as error:  # no text, no TOML, a number of more than 4300 digits
         raise InputError(path, f"is no readable profile ({error})") from None
     return _Reader(path, data).profile()
 

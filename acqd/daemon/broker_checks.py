@@ -1,0 +1,85 @@
+"""The checks of `acqd doctor` on the broker: logs in as the services do, and reads the configuration of a local one."""
+
+from __future__ import annotations
+
+import secrets
+import ssl
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import paho.mqtt.client as paho
+from paho.mqtt.enums import CallbackAPIVersion
+
+from acqd.daemon.config import Config
+from acqd.daemon.finding import Finding
+from acqd.daemon.mosquitto_files import settings_of_local_broker
+from acqd.errors import UserError
+from acqd.telemetry.mqtt import BrokerAddress, is_loopback
+
+_PATIENCE_S = 3.0
+_OPEN_TO_ALL = 0o007
+
+
+def broker_checks(config: Config) -> Iterator[Finding]:
+    """Whether the broker lets this configuration in, and what is dangerous or slow about it."""
+    if not config.mqtt.enabled:
+        yield Finding("broker", "warn", "mqtt.enabled is false", "no row is published")
+        return
+    yield from _secrets(config)
+    try:
+        address = config.mqtt.address()
+        tls = address.tls_context()
+    except UserError as error:
+        yield Finding("broker", "fail", str(error), "see [mqtt] in the configuration")
+        return
+    if address.exposes_password:
+        yield Finding("broker", "warn", f"the password goes to {address.host} in clear text", "set [mqtt] tls = true")
+    yield _login(config, address, tls)
+    if is_loopback(address.host) and not config.broker.embedded:
+        yield from _delay()
+
+
+def _secrets(config: Config) -> Iterator[Finding]:
+    for key in ("password_file", "key_file"):
+        path: Path | None = getattr(config.mqtt, key)
+        if path is not None and path.is_file() and path.stat().st_mode & _OPEN_TO_ALL:
+            yield Finding("secrets", "warn", f"every user may open mqtt.{key}", "chmod o= it, or use LoadCredential")
+
+
+def _login(config: Config, address: BrokerAddress, tls: ssl.SSLContext | None) -> Finding:
+    """One CONNECT with the real name and password, under a client identifier of its own."""
+    answers: list[str] = []
+    client = paho.Client(CallbackAPIVersion.VERSION2, f"acqd-doctor-{secrets.token_hex(4)}", reconnect_on_failure=False)
+    client.connect_timeout = _PATIENCE_S
+    if address.username is not None:
+        client.username_pw_set(address.username, address.password)
+    if tls is not None:
+        client.tls_set_context(tls)
+    client.on_connect = lambda _c, _d, _f, reason, _p: answers.append(str(reason) if reason.is_failure else "")
+    try:
+        client.connect(address.host, address.port, keepalive=10)
+        deadline = time.monotonic() + _PATIENCE_S
+        while not answers and time.monotonic() < deadline and client.loop(0.1) == paho.MQTT_ERR_SUCCESS:
+            pass
+        client.disconnect()
+    except (OSError, ValueError) as error:
+        if config.broker.embedded:
+            return Finding("broker", "ok", "embedded, not running now")
+        return Finding("broker", "warn", f"{address}: {error}", "start it, or set [mqtt] host and port")
+    if not answers:
+        return Finding(
+            "broker", "fail", f"{address} hangs up or does not answer", "is a broker there? does it want TLS?"
+        )
+    if answers[0]:
+        return Finding("broker", "fail", f"{address} refuses the login: {answers[0]}", "check username and password")
+    name = f" as {address.username}" if address.username else ", without a password"
+    return Finding("broker", "ok", f"{address} lets this configuration in{name}")
+
+
+def _delay() -> Iterator[Finding]:
+    """Nagle's algorithm: the broker waits for an acknowledgement before it sends the next small packet."""
+    settings = settings_of_local_broker()
+    if settings is not None and settings.get("set_tcp_nodelay") != "true":
+        advice = "add the line to its configuration: a row takes 26 ms instead of 3 without it"
+        yield Finding("broker delay", "warn", "mosquitto runs without set_tcp_nodelay true", advice)

@@ -1,0 +1,84 @@
+"""The section [mqtt] of acqd.toml: the broker, its password and its certificates."""
+
+from __future__ import annotations
+
+import logging
+import os
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from acqd.daemon.section import Port, Section
+from acqd.errors import UserError
+from acqd.telemetry.mqtt import BrokerAddress
+
+_log = logging.getLogger(__name__)
+_CREDENTIALS = "$CREDENTIALS_DIRECTORY"
+"""Folder of systemd's LoadCredential, at the beginning of a path."""
+
+
+class MqttSection(Section):
+    """The broker, for the daemon, the sink and the viewers."""
+
+    enabled: bool = True
+    host: Annotated[str, Field(min_length=1)] = "127.0.0.1"
+    port: Port = 1883
+    username: str | None = None
+    password: str | None = Field(default=None, repr=False)
+    password_file: Path | None = None
+    tls: bool | None = None
+    """None: with TLS if any certificate is named."""
+    ca_file: Path | None = None
+    cert_file: Path | None = None
+    key_file: Path | None = None
+    queue: Annotated[int, Field(ge=100, le=10_000_000)] = 100_000
+
+    @model_validator(mode="after")
+    def _not_contradictory(self) -> MqttSection:
+        named = [name for name in ("ca_file", "cert_file", "key_file") if getattr(self, name) is not None]
+        if self.tls is False and named:
+            raise ValueError(f"tls is false, but {named[0]} is set: delete one of the two")
+        if self.key_file is not None and self.cert_file is None:
+            raise ValueError("key_file is set without cert_file: a client certificate needs both")
+        if self.password is not None and self.password_file is not None:
+            raise ValueError("password and password_file are set: delete one of the two")
+        return self
+
+    @property
+    def uses_tls(self) -> bool:
+        """Whether the connection is encrypted: as `tls` says, or because a certificate is named."""
+        return bool(self.tls or self.ca_file or self.cert_file)
+
+    def address(self) -> BrokerAddress:
+        """Where and how to connect. Raises UserError for an unreadable password file."""
+        password = self.password if self.password_file is None else _secret(self.password_file)
+        files = {name: _expanded(name, getattr(self, name)) for name in ("ca_file", "cert_file", "key_file")}
+        address = BrokerAddress(self.host, self.port, self.username, password, self.uses_tls, **files)
+        if address.exposes_password:
+            _log.warning("the password goes to %s in clear text; set tls = true in [mqtt]", self.host)
+        return address
+
+
+def _expanded(key: str, path: Path | None) -> Path | None:
+    """A path below $CREDENTIALS_DIRECTORY as a real one. Raises UserError without that folder."""
+    if path is None or path.parts[:1] != (_CREDENTIALS,):
+        return path
+    folder = os.environ.get(_CREDENTIALS[1:])
+    if folder is None:
+        raise UserError(f"mqtt.{key}: no credentials here; systemd passes them with LoadCredential= in the unit")
+    return Path(folder, *path.parts[1:])
+
+
+def _secret(path: Path) -> str:
+    """The first line of a password file. Its path is not repeated: it may be a password in the wrong place."""
+    hint = "expected the path of a file that holds nothing but the password"
+    try:
+        lines = (_expanded("password_file", path) or path).read_text(encoding="utf-8").splitlines()
+    except OSError as error:
+        raise UserError(f"the password file (mqtt.password_file) cannot be read ({error.strerror}); {hint}") from None
+    except ValueError:
+        raise UserError(f"the password file (mqtt.password_file) is no UTF-8 text; {hint}") from None
+    if not lines or not lines[0].strip() or len(lines) > 1:
+        raise UserError(f"the password file (mqtt.password_file) has {len(lines)} lines; {hint}, in one line")
+    return lines[0].strip()

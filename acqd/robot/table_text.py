@@ -1,0 +1,163 @@
+"""Tables as text, block by block: memory holds one block of lines and the numbers, however large the file is."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acqd.arrays import Floats
+from acqd.errors import InputError
+
+_BLOCK_BYTES = 1 << 20
+_LONGEST_LINE = 1 << 16
+"""Bytes. A longer line is no row of a robot's log; without this limit, a file without line ends fills the memory."""
+_DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """The numbers of a file; a cell that is not a number is NaN."""
+
+    header: list[str] | None
+    values: Floats
+    """[rows, columns]."""
+    lines: NDArray[np.int64]
+    """[rows] line of the file that holds each row, counted from 1; the row's number in a file without lines."""
+    broken: dict[int, str] = field(default_factory=dict)
+    """What is wrong with the rows (by index) that have another number of cells than the first line: all are NaN."""
+
+    def line(self, row: int) -> int:
+        """Line of the file that holds `row`."""
+        return int(self.lines[row])
+
+
+def joined(tables: list[Table]) -> Table:
+    """The rows of tables of one file, in their order."""
+    if len(tables) == 1:
+        return tables[0]
+    broken: dict[int, str] = {}
+    rows = 0
+    for table in tables:
+        broken |= {rows + row: reason for row, reason in table.broken.items()}
+        rows += len(table.values)
+    values = np.concatenate([table.values for table in tables])
+    return Table(tables[0].header, values, np.concatenate([table.lines for table in tables]), broken)
+
+
+def text_tables(path: Path, file: BinaryIO) -> Iterator[Table]:
+    """The rows of `file` in blocks of about 1 MB, each with the header of the file. Raises InputError.
+
+    `path` is the file's name in messages.
+    """
+    layout, rows = None, False
+    try:
+        for numbered in _blocks(path, file):
+            if layout is None:
+                layout = _Layout.of(numbered[0][1])
+                if not layout.width:
+                    raise InputError(path, "has no columns in its first line")
+                numbered = numbered[layout.header is not None :]
+            if numbered:
+                rows = True
+                yield layout.table(numbered)
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "no UTF-8 text"
+        raise InputError(path, f"cannot be read ({reason})") from None
+    if layout is None:
+        raise InputError(path, "is empty")
+    if not rows:
+        raise InputError(path, "has no rows of numbers")
+
+
+def _blocks(path: Path, file: BinaryIO) -> Iterator[list[tuple[int, str]]]:
+    """Lines that are not blank with their numbers, in blocks."""
+    number, encoding = 1, "utf-8-sig"
+    while block := file.read(_BLOCK_BYTES):
+        if len(block) == _BLOCK_BYTES and not block.endswith(b"\n"):
+            rest = file.readline(_LONGEST_LINE)
+            if len(rest) == _LONGEST_LINE:
+                raise InputError(path, f"has a line of more than {_LONGEST_LINE} bytes; expected rows of numbers")
+            block += rest
+        # some recorders end lines with \r\r\n: one end of a line, not two
+        lines = block.decode(encoding).replace("\r\r\n", "\n").splitlines()
+        numbered = [(k, line) for k, line in enumerate(lines, number) if line.strip()]
+        number, encoding = number + len(lines), "utf-8"
+        if numbered:
+            yield numbered
+
+
+@dataclass(frozen=True, slots=True)
+class _Layout:
+    """How the first line separates and names the columns."""
+
+    header: list[str] | None
+    separator: str | None
+    """None: white space."""
+    width: int
+
+    @classmethod
+    def of(cls, line: str) -> _Layout:
+        first = line.strip().lstrip("%").strip()
+        separator = next((mark for mark in ";\t," if mark in first), None)
+        cells = _split(first, separator)
+        named = not all(_is_number(cell, separator) for cell in cells)
+        return cls(cells if named else None, separator, len(cells))
+
+    def table(self, numbered: list[tuple[int, str]]) -> Table:
+        lines = np.array([number for number, _ in numbered])
+        values = self._plain([line for _, line in numbered])
+        if values is not None:
+            return Table(self.header, values, lines)
+        values, broken = self._cells([_split(line, self.separator) for _, line in numbered])
+        return Table(self.header, values, lines, broken)
+
+    def _plain(self, lines: list[str]) -> Floats | None:
+        """[rows, width] of lines that hold nothing but numbers; None if a cell is anything else."""
+        try:
+            values = np.loadtxt(lines, delimiter=self.separator, comments=None, ndmin=2)
+        except (ValueError, OverflowError):
+            return None
+        return values if values.shape == (len(lines), self.width) else None
+
+    def _cells(self, rows: list[list[str]]) -> tuple[Floats, dict[int, str]]:
+        """Values [rows, width] cell by cell, and what is wrong with rows of another width."""
+        broken = {}
+        for number, cells in enumerate(rows):
+            if len(cells) != self.width:
+                broken[number] = f"has {len(cells)} columns, the first line {self.width}; {self._why_width(len(cells))}"
+                rows[number] = ["nan"] * self.width
+        if self.separator != "," and any("," in cell for row in rows for cell in row):
+            rows = [[_with_point(cell) for cell in row] for row in rows]
+        return np.array([[_number(cell) for cell in row] for row in rows]).reshape(-1, self.width), broken
+
+    def _why_width(self, count: int) -> str:
+        if self.separator == "," and count in (2 * self.width, 2 * self.width - 1):
+            return "are commas decimal marks and separators at once? Separate columns by ; or write decimal points"
+        return "is it cut off?"
+
+
+def _with_point(cell: str) -> str:
+    return cell.replace(",", ".") if _DECIMAL_COMMA.fullmatch(cell) else cell
+
+
+def _split(line: str, separator: str | None) -> list[str]:
+    return [cell.strip().strip('"') for cell in line.split(separator)]
+
+
+def _is_number(cell: str, separator: str | None) -> bool:
+    cell = cell if separator == "," else _with_point(cell)
+    return not math.isnan(_number(cell)) or cell.lower() in ("nan", "")
+
+
+def _number(cell: str) -> float:
+    try:
+        return float(cell)
+    except ValueError:
+        return float("nan")

@@ -1,0 +1,27 @@
+"""TCP ports of this computer."""
+
+from __future__ import annotations
+
+import socket
+
+from acqd.errors import UserError
+
+
+def check_port(host: str, port: int) -> None:
+    """Raise UserError unless this process may listen on host:port."""
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((host, port))
+        except OSError as error:
+            raise UserError(
+                f"broker port {host}:{port} cannot be used ({error.strerror}): is another broker running there? "
+                "Use that one, or choose another port"
+            ) from None
+
+
+def free_port(host: str = "127.0.0.1") -> int:
+    """A port nobody listens on right now."""
+    with socket.socket() as probe:
+        probe.bind((host, 0))
+        return int(probe.getsockname()[1])
