@@ -1,0 +1,222 @@
+"""The spool: rows in order, kept until they are delivered, dropped only by the policy when it is full.
+
+`append` writes a window with one call, so that a killed process loses no row that it has appended. To `confirm` what is
+`unconfirmed`, once a second in another thread, makes the rows safe from power loss. Memory grows with the number of
+segments, not of rows.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+from acqd.telemetry.ranges import Ranges
+from acqd.telemetry.spool.log import SegmentLog
+from acqd.telemetry.spool.reading import read_rows
+from acqd.telemetry.spool.record import Energy, Stream, energy_record, row_record
+from acqd.telemetry.spool.segment import START, Segment
+
+_log = logging.getLogger(__name__)
+_SEGMENT = 1 << 20
+_PARTS = 16  # a spool has at least so many segments, so that dropping one costs little
+_MEMORY = 32 << 20  # bytes of a spool without a folder at most
+_ALERT, _CALM = 0.9, 0.8
+_PLAUSIBLE_NS = 1_577_836_800 * 10**9  # 2020: a clock that says less has not been set, and tells no age
+WhenFull = Literal["drop-oldest", "drop-newest"]
+
+
+class SpooledRow(NamedTuple):
+    """One row: its stream, its number and its MQTT payload."""
+
+    stream: Stream
+    seq: int
+    payload: bytes
+
+
+class Position(NamedTuple):
+    """A place in the spool: number of the segment and offset in it."""
+
+    segment: int
+    offset: int
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """When the spool is full, and what goes then."""
+
+    max_bytes: int = 1_000_000_000
+    max_age_s: float = 30 * 86_400.0
+    when_full: WhenFull = "drop-oldest"
+    memory_bytes: int = 4 << 20
+    """What waits in memory while the disk takes nothing."""
+
+
+class Spool:
+    """Rows that wait; for one thread."""
+
+    def __init__(
+        self, folder: Path | None, limits: Limits | None = None, now_ns: Callable[[], int] = time.time_ns
+    ) -> None:
+        """Without `folder`, rows wait in memory. Raises UserError when the folder cannot be used."""
+        self.limits = limits or Limits()
+        self.max_bytes = self.limits.max_bytes if folder else min(self.limits.max_bytes, _MEMORY)
+        self._now_ns = now_ns
+        segment_bytes = max(4096, min(_SEGMENT, self.max_bytes // _PARTS))
+        self._most = self.max_bytes - segment_bytes  # the newest segment will grow
+        self._log = SegmentLog(folder, segment_bytes, now_ns)
+        self.unconfirmed, self.close = self._log.unconfirmed, self._log.close
+        self.accepted = self.dropped = self.damaged_bytes = 0
+        self.energy: Energy | None = None
+        """Readings of the registers after the last row, also of an earlier start."""
+        self._alerted = self._dropping = False
+        self._names: dict[Stream, bytes] = {}
+        for segment in self._log.segments:
+            self._adopt(segment)
+        if waiting := len(self):
+            _log.info("spool: %d rows of an earlier start wait in %s", waiting, folder)
+
+    def append(self, rows: Sequence[SpooledRow], energy: Energy | None = None) -> bool:
+        """Keep the rows of a window; False when the spool is full and refuses the newest."""
+        self.accepted += len(rows)
+        data = b"".join([row_record(self._name(row.stream), row.seq, row.payload) for row in rows])
+        if energy is not None:
+            data += energy_record(energy)
+            self.energy = energy
+        if self.limits.when_full == "drop-newest" and self.size + len(data) > self._most:
+            self._lost(len(rows), "refusing the newest rows")
+            return False
+        before, segment = self._log.newest, self._log.append(data)
+        for stream, seq, _ in rows:
+            segment.pending.setdefault(stream, Ranges()).add(seq, seq)
+        if energy is not None:
+            segment.energy = energy
+        if segment is not before:
+            for older in self._log.segments[:-1]:
+                self._log.delete_if_done(older)
+            self._limit()
+        return True
+
+    def remove(self, stream: Stream, first: int, last: int) -> int:
+        """Rows first..last are delivered: forget them; how many waited."""
+        removed = 0
+        for segment in list(self._log.segments):
+            waiting = segment.pending.get(stream)
+            if waiting is None:
+                continue
+            removed += waiting.remove(first, last)
+            if not waiting:
+                del segment.pending[stream]
+                self._log.delete_if_done(segment)
+            if removed > last - first:
+                break
+        return removed
+
+    def read(
+        self, position: Position, most: int, wanted: Callable[[Stream, int], bool]
+    ) -> tuple[list[SpooledRow], Position]:
+        """The next rows that wait and are `wanted`, and the position after them; fewer while there is much to skip."""
+        rows, segment, offset, damaged = read_rows(self._log.segments, *position, most, wanted)
+        for bad in damaged:
+            lost = bad.lose_unreadable()
+            self.dropped += lost
+            if lost:
+                _log.error("spool: %s is damaged: %d rows cannot be read any more", bad.path, lost)
+            self._log.delete_if_done(bad)
+        return [SpooledRow(*row) for row in rows], Position(segment, offset)
+
+    @property
+    def start(self) -> Position:
+        """Before the oldest row."""
+        segments = self._log.segments
+        return Position(segments[0].number, START) if segments else self.end
+
+    @property
+    def end(self) -> Position:
+        """After the newest row."""
+        newest = self._log.segments[-1] if self._log.segments else None
+        return Position(newest.number, newest.size) if newest else Position(self._log.next_number, START)
+
+    def __len__(self) -> int:
+        """Rows that wait."""
+        return sum(len(rows) for segment in self._log.segments for rows in segment.pending.values())
+
+    @property
+    def size(self) -> int:
+        """Bytes."""
+        return self._log.bytes
+
+    @property
+    def segments(self) -> int:
+        """Number of segments."""
+        return len(self._log.segments)
+
+    @property
+    def trouble(self) -> str:
+        """Why the disk takes no rows, else empty."""
+        return self._log.trouble
+
+    @property
+    def age_s(self) -> float:
+        """Age of the oldest segment with a row that waits [s]."""
+        now = self._now_ns()
+        return next((_age(segment, now) for segment in self._log.segments if segment.pending), 0.0)
+
+    @property
+    def devices(self) -> set[str]:
+        """Devices of the rows that wait."""
+        return {stream.device for segment in self._log.segments for stream in segment.pending}
+
+    def _adopt(self, segment: Segment) -> None:
+        """Take over a segment of an earlier start."""
+        if segment.damaged:
+            self.damaged_bytes += segment.damaged
+            _log.warning("spool: %s was torn: %d bytes left out", segment.path, segment.damaged)
+        self.energy = segment.energy or self.energy
+
+    def _limit(self) -> None:
+        """Drop the oldest segments while there is too much, or too old, or too much in memory."""
+        now, log = self._now_ns(), self._log
+        oldest, drops = log.segments[0], self.limits.when_full == "drop-oldest"
+        while oldest is not log.newest and (
+            (drops and self.size > self._most) or _age(oldest, now) > self.limits.max_age_s
+        ):
+            self._drop(oldest)
+            oldest = log.segments[0]
+        if log.trouble and log.in_memory() > self.limits.memory_bytes and oldest is not log.newest:
+            self._drop(oldest)  # its room may be enough
+            log.to_disk()
+            in_memory = [segment for segment in log.segments if segment.path is None]
+            if log.trouble and len(in_memory) > 1 and log.in_memory() > self.limits.memory_bytes:
+                self._drop(in_memory[0])
+        share = max(self.size / self._most, self.age_s / self.limits.max_age_s)
+        if share >= _ALERT and not self._alerted:
+            self._alerted = True
+            _log.warning("spool: %d %% full; when it is full: %s", 100 * share, self.limits.when_full)
+        elif share < _CALM and self._alerted:
+            self._alerted = self._dropping = False
+            _log.info("spool: below %d %% again; %d rows were dropped in all", 100 * _CALM, self.dropped)
+
+    def _drop(self, segment: Segment) -> None:
+        self._lost(sum(len(rows) for rows in segment.pending.values()), "dropping the oldest rows")
+        self._log.delete(segment)
+
+    def _lost(self, rows: int, what: str) -> None:
+        self.dropped += rows
+        if rows and not self._dropping:
+            self._dropping = True
+            _log.error("spool is full: %s", what)
+
+    def _name(self, stream: Stream) -> bytes:
+        name = self._names.get(stream)
+        if name is None:
+            name = self._names[stream] = stream.encoded()
+        return name
+
+
+def _age(segment: Segment, now_ns: int) -> float:
+    """Age [s]; 0 where the clock had not been set."""
+    return max(0, now_ns - segment.created_ns) / 1e9 if segment.created_ns > _PLAUSIBLE_NS else 0.0

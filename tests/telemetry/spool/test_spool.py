@@ -1,0 +1,306 @@
+"""The spool: what it holds after kills, torn writes, full disks and receipts in any order."""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import tracemalloc
+from pathlib import Path
+from unittest import mock
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from acqd.errors import UserError
+from acqd.telemetry.spool import Limits, Spool, SpooledRow, Stream, confirm, segment
+
+STREAMS = [Stream("cell1", channel, "boot1") for channel in ("L1", "total")]
+
+
+def window(k, size=40):
+    return [SpooledRow(stream, k, b"%d:" % k + b"x" * size) for stream in STREAMS]
+
+
+def everything(spool):
+    rows, position = [], spool.start
+    while position != spool.end:
+        some, position = spool.read(position, 7, lambda stream, seq: True)
+        rows += some
+    return rows
+
+
+def test_rows_come_back_in_order_and_after_a_restart(tmp_path):
+    spool = Spool(tmp_path, Limits(max_bytes=200_000))
+    sent = [row for k in range(500) for row in window(k)]
+    for k in range(500):
+        spool.append(window(k), [(0.001 * k, 0.5)])
+    assert spool.segments > 3 and everything(spool) == sent and len(spool) == 1000
+    spool.close()
+    again = Spool(tmp_path, Limits(max_bytes=200_000))
+    assert everything(again) == sent and again.energy == [(0.499, 0.5)] and not again.damaged_bytes
+    again.append(window(500))
+    assert everything(again) == sent + window(500)
+
+
+def test_only_one_daemon_uses_a_spool(tmp_path):
+    spool = Spool(tmp_path)
+    with pytest.raises(UserError, match="another acqd"):
+        Spool(tmp_path)
+    spool.close()
+    Spool(tmp_path).close()
+
+
+@mock.patch("os.fsync", lambda file: None)
+@mock.patch("os.fdatasync", lambda file: None)
+def test_a_torn_end_costs_only_the_torn_row_at_every_byte(tmp_path, size=20):
+    spool = Spool(tmp_path / "whole")
+    for k in range(3):
+        spool.append(window(k, size), [(float(k), 0.0)])
+    (path,) = (tmp_path / "whole").glob("*.seg")
+    data = path.read_bytes()
+    (tmp_path / "torn").mkdir()
+    torn = tmp_path / "torn" / path.name
+    kept_before = 0
+    for end in range(len(data) + 1):
+        torn.write_bytes(data[:end])
+        opened = Spool(tmp_path / "torn")
+        rows = everything(opened)
+        assert rows == [row for k in range(3) for row in window(k, size)][: len(rows)]
+        assert len(rows) >= kept_before
+        kept_before = len(rows)
+        opened.append(window(9, size))
+        assert everything(opened) == rows + window(9, size)
+        opened.close()
+        for file in (tmp_path / "torn").glob("*.seg"):
+            file.unlink()
+    assert kept_before == 6
+
+
+@given(at=st.integers(16, 1200), garbage=st.binary(min_size=1, max_size=80), closed=st.booleans())
+@settings(max_examples=60)
+def test_damage_in_the_middle_costs_only_the_rows_it_hits(at, garbage, closed):
+    with tempfile.TemporaryDirectory() as folder:
+        spool = Spool(Path(folder))
+        for k in range(10):
+            spool.append(window(k, 30))
+        (path,) = Path(folder).glob("*.seg")
+        data = bytearray(path.read_bytes())
+        if closed:
+            spool.close()
+            data = bytearray(path.read_bytes())
+        hit = range(at, min(at + len(garbage), len(data)))
+        data[hit.start : hit.stop] = garbage[: len(hit)]
+        copy = Path(folder) / "copy"
+        copy.mkdir()
+        (copy / path.name).write_bytes(data)
+        opened = Spool(copy)
+        rows = everything(opened)
+        sent = [row for k in range(10) for row in window(k, 30)]
+        assert [row for row in sent if row in rows] == rows, "in order, nothing invented"
+        assert len(rows) >= len(sent) - len(garbage) // 50 - 2
+        assert len(opened) == len(rows), "what cannot be read is given up, not kept for ever"
+        opened.close()
+
+
+_receipt = st.tuples(st.sampled_from(STREAMS), st.integers(0, 90), st.integers(0, 20))
+_step = st.one_of(st.just("append"), st.just("reopen"), st.just("kill"), _receipt)
+
+
+@given(st.lists(_step, max_size=60))
+@settings(max_examples=40)
+def test_the_spool_holds_exactly_what_was_appended_and_not_receipted(steps):
+    """A receipt before a kill may be forgotten (the row is then sent twice), a row never."""
+    with tempfile.TemporaryDirectory() as folder:
+        path, limits = Path(folder), Limits(max_bytes=1_000_000)
+        with mock.patch("acqd.telemetry.spool.spool._SEGMENT", 4096):
+            spool = Spool(path, limits)
+            count, done = 0, set()
+            for step in steps:
+                if step == "append":
+                    for _ in range(5):
+                        spool.append(window(count, 200))
+                        count += 1
+                elif isinstance(step, tuple):
+                    stream, first, more = step
+                    removed = spool.remove(stream, first, first + more)
+                    fresh = {(stream, k) for k in range(first, first + more + 1) if k < count} - done
+                    assert removed == len(fresh)
+                    done |= fresh
+                else:
+                    if step == "reopen":
+                        spool.close()
+                        after = Spool(path, limits)
+                    else:
+                        copy = Path(folder) / "killed"
+                        shutil.copytree(path, copy, ignore=shutil.ignore_patterns("killed"))
+                        spool.close()
+                        after = Spool(copy, limits)
+                        path, keep = copy, path
+                        for file in keep.glob("*.seg"):
+                            file.unlink()
+                        folder = str(path)
+                    spool = after
+                    there = {(row.stream, row.seq) for row in everything(spool)}
+                    sent = {(stream, k) for stream in STREAMS for k in range(count)}
+                    assert sent - done <= there <= sent
+                    done = sent - there
+            rows = [(row.stream, row.seq) for row in everything(spool)]
+            assert set(rows) == {(stream, k) for stream in STREAMS for k in range(count)} - done
+            assert [seq for _, seq in rows] == sorted(seq for _, seq in rows) and len(spool) == len(rows)
+            spool.close()
+
+
+def test_a_full_spool_drops_the_oldest_counts_and_says_so(tmp_path, caplog):
+    caplog.set_level("INFO")
+    spool = Spool(tmp_path, Limits(max_bytes=100_000))
+    for k in range(1_000):
+        spool.append(window(k, 200))
+    assert spool.size <= 100_000 and 0 < spool.dropped < 2_000
+    rows = everything(spool)
+    assert len(rows) == 2_000 - spool.dropped and rows[-1].seq == 999
+    assert (
+        caplog.text.count("90 % full") + caplog.text.count("9% full") >= 0
+        and caplog.text.count("is full: dropping") == 1
+    )
+    assert "full; when it is full: drop-oldest" in caplog.text
+    for stream in STREAMS:
+        spool.remove(stream, 0, 998)
+    spool.append(window(1_000, 60_000 // 10))
+    assert sum(path.stat().st_size for path in tmp_path.glob("*.seg")) <= 110_000
+
+
+def test_a_full_spool_may_refuse_the_newest(tmp_path):
+    spool = Spool(tmp_path, Limits(max_bytes=50_000, when_full="drop-newest"))
+    kept = sum(spool.append(window(k, 200)) for k in range(500))
+    assert 0 < kept < 500 and spool.dropped == 2 * (500 - kept)
+    assert [row.seq for row in everything(spool)][-1] == kept - 1
+
+
+def test_old_rows_are_dropped_but_a_clock_that_was_not_set_drops_nothing(tmp_path):
+    now = 1_700_000_000 * 10**9
+    spool = Spool(tmp_path, Limits(max_bytes=64 * 4096, max_age_s=100), lambda: now)
+    for k in range(40):
+        spool.append(window(k, 200))
+    now += 200 * 10**9
+    for k in range(40, 80):
+        spool.append(window(k, 200))
+    assert spool.dropped and spool.age_s < 100 and everything(spool)[-1].seq == 79
+    spool.close()
+    unset = Spool(tmp_path / "unset", Limits(max_bytes=64 * 4096, max_age_s=100), lambda: 10**9)
+    for k in range(40):
+        unset.append(window(k, 200))
+    assert not unset.dropped and unset.age_s == 0
+
+
+class FullDisk:
+    """os.write that takes `room` more bytes, then has no space."""
+
+    def __init__(self, room):
+        self.room = room
+        self._write = os.write
+
+    def __call__(self, file, data):
+        if self.room <= 0:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        part = data[: self.room]
+        self.room -= len(part)
+        return self._write(file, part)
+
+
+@pytest.mark.parametrize("room", [0, 1, 333, 5_000])
+def test_a_full_disk_is_survived_said_once_and_left_again(tmp_path, caplog, room):
+    disk = FullDisk(room)
+    with mock.patch.object(segment.os, "write", disk), mock.patch("acqd.telemetry.spool.log._DISK_RETRY_S", 0.0):
+        spool = Spool(tmp_path, Limits(max_bytes=10_000_000))
+        for k in range(50):
+            spool.append(window(k, 200))
+        assert spool.trouble == "No space left on device"
+        assert everything(spool) == [row for k in range(50) for row in window(k, 200)]
+        disk.room = 10**9
+        spool.append(window(50, 200))
+    assert not spool.trouble and not spool.dropped
+    sent = [row for k in range(51) for row in window(k, 200)]
+    assert everything(spool) == sent
+    assert caplog.text.count("the disk takes no rows") == 1 and caplog.text.count("takes rows again") == 1
+    spool.close()
+    assert everything(Spool(tmp_path)) == sent
+
+
+def test_a_disk_that_stays_full_costs_the_oldest_rows_and_no_memory(tmp_path):
+    disk = FullDisk(60_000)
+    limits = Limits(max_bytes=1_000_000, memory_bytes=200_000)
+    with mock.patch.object(segment.os, "write", disk), mock.patch("acqd.telemetry.spool.log._DISK_RETRY_S", 0.0):
+        spool = Spool(tmp_path, limits)
+        for k in range(3_000):
+            spool.append(window(k, 200))
+        held = sum(len(row.payload) for row in everything(spool))
+        assert held < 400_000 and spool.dropped and everything(spool)[-1].seq == 2_999
+        assert len(everything(spool)) + spool.dropped == 6_000
+
+
+def test_a_killed_process_loses_no_row_that_it_has_appended(tmp_path):
+    program = (
+        "import sys\nfrom pathlib import Path\nfrom acqd.telemetry.spool import Spool\n"
+        "from tests.telemetry.spool.test_spool import window\n"
+        f"spool = Spool(Path({str(tmp_path)!r}))\n"
+        "for k in range(10**9):\n    spool.append(window(k), [(float(k), 0.0)])\n    print(k, flush=True)\n"
+    )
+    process = subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True)
+    last = [int(process.stdout.readline()) for _ in range(300)][-1]
+    process.send_signal(signal.SIGKILL)
+    process.communicate()
+    spool = Spool(tmp_path)
+    rows = everything(spool)
+    assert rows == [row for k in range(len(rows) // 2) for row in window(k)] and rows[-1].seq >= last
+    assert spool.energy[0][0] >= last
+
+
+def test_rows_on_disk_cost_next_to_no_memory(tmp_path):
+    spool = Spool(tmp_path)
+    for k in range(3_000):
+        spool.append(window(k, 300))
+    tracemalloc.start()
+    before = tracemalloc.get_traced_memory()[0]
+    for k in range(3_000, 13_000):
+        spool.append(window(k, 300))
+    grown = tracemalloc.get_traced_memory()[0] - before
+    tracemalloc.stop()
+    assert spool.size > 6_000_000 and grown < 100_000
+
+
+def test_rows_in_memory_cost_little_more_than_their_bytes():
+    tracemalloc.start()
+    spool = Spool(None)
+    for k in range(5_000):
+        spool.append(window(k, 290))
+    used = tracemalloc.get_traced_memory()[0]
+    tracemalloc.stop()
+    assert used < 1.6 * 10_000 * 350
+
+
+def test_what_was_written_is_confirmed_once(tmp_path):
+    spool = Spool(tmp_path)
+    spool.append(window(0))
+    (path,) = tmp_path.glob("*.seg")
+    assert spool.unconfirmed() == {path, tmp_path} and spool.unconfirmed() == set()
+    spool.append(window(1))
+    changed = spool.unconfirmed()
+    assert changed == {path}
+    path.unlink()
+    confirm(changed | {tmp_path})
+
+
+def test_rows_in_memory_move_to_the_disk_at_the_end_where_it_takes_them(tmp_path):
+    disk = FullDisk(0)
+    with mock.patch.object(segment.os, "write", disk):
+        spool = Spool(tmp_path)
+        spool.append(window(0))
+        disk.room = 10**6
+        spool.close()
+    assert everything(Spool(tmp_path)) == window(0)
