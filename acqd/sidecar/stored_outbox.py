@@ -10,57 +10,72 @@ import orjson
 import sqlalchemy as sa
 
 from acqd.sidecar.store import Store
-from acqd.telemetry.outbox import Message
+from acqd.telemetry.message import Message, Room
 
 _POLL_S = 1.0
+_AT_ONCE = 32  # logs asked for at once
 
 
 class StoredOutbox:
     """Messages of logs that no broker has acknowledged."""
 
-    dropped = 0
-
     def __init__(self, store: Store, topic: str, alarm_topic: str) -> None:
         self._store, self._topic, self._alarm_topic = store, topic, alarm_topic
         self._arrived = asyncio.Event()
-        self._hashes: dict[int, str] = {}
-
-    def put(self, message: Message) -> None:  # noqa: ARG002
-        """Wakes `peek` only: messages come from the store."""
-        self._arrived.set()
+        self._sent: set[str] = set()
 
     def wake(self) -> None:
-        """Wakes `peek` after a commit."""
+        """Ends `wait` after a commit."""
         self._arrived.set()
 
-    async def peek(self, most: int) -> list[Message]:
-        """Messages of the oldest unpublished logs; waits for the first."""
-        while True:
-            self._arrived.clear()
-            try:
-                rows = await asyncio.to_thread(self._store.unpublished, max(1, most // 2))
-            except sa.exc.DatabaseError:  # a lasting failure is reported where logs are stored
-                await asyncio.sleep(_POLL_S)
-                continue
-            if rows:
-                return self._messages(rows)
-            with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(self._arrived.wait(), _POLL_S)
+    def subscriptions(self) -> list[str]:
+        """None."""
+        return []
 
-    def _messages(self, rows: list[tuple[str, dict[str, Any]]]) -> list[Message]:
+    def begin(self) -> None:
+        """A new connection: what was not acknowledged is sent again."""
+        self._sent.clear()
+        self._arrived.set()
+
+    def end(self) -> None:
+        """The connection has ended."""
+        self._sent.clear()
+
+    async def take(self, room: Room) -> list[Message]:
+        """Messages of the oldest unpublished logs that are not under way."""
+        self._arrived.clear()
+        most = min(_AT_ONCE, room.messages // 2)
+        try:
+            rows = await asyncio.to_thread(self._store.unpublished, most + len(self._sent))
+        except sa.exc.DatabaseError:  # a lasting failure is reported where logs are stored
+            return []
         messages = []
-        self._hashes = {}
-        for sha256, content in rows:
-            if content.get("alarm"):
-                messages.append(Message(self._alarm_topic, orjson.dumps(content["alarm"]), retain=True))
-            messages.append(Message(self._topic, orjson.dumps(content)))
-            self._hashes[id(messages[-1])] = sha256
+        for sha256, content in [row for row in rows if row[0] not in self._sent][:most]:
+            messages += self._messages(sha256, content)
+            self._sent.add(sha256)
         return messages
 
-    def confirm(self, messages: list[Message]) -> None:
-        """Marks the logs of these messages as published."""
-        with contextlib.suppress(sa.exc.DatabaseError):  # they are published once more then
-            self._store.published([self._hashes[id(message)] for message in messages if id(message) in self._hashes])
+    async def wait(self) -> None:
+        """Returns after a commit, or to look again."""
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(_POLL_S):
+                await self._arrived.wait()
+
+    def acknowledged(self, message: Message) -> None:
+        """Marks the log of the message as published."""
+        if message.tag is not None:
+            with contextlib.suppress(sa.exc.DatabaseError):  # it is published once more then
+                self._store.published([message.tag])
+            self._sent.discard(message.tag)
+
+    def received(self, topic: str, payload: bytes, *, retained: bool) -> None:
+        """Nothing is subscribed to."""
+
+    def _messages(self, sha256: str, content: dict[str, Any]) -> list[Message]:
+        """The alarm first: with the acknowledgement of the last message, the log is published."""
+        alarm = content.get("alarm")
+        messages = [Message(self._alarm_topic, orjson.dumps(alarm), retain=True)] if alarm else []
+        return [*messages, Message(self._topic, orjson.dumps(content), tag=sha256)]
 
     def __len__(self) -> int:
         try:

@@ -1,7 +1,8 @@
-"""MQTT_CONNECTOR: delivers the outbox to the broker, for as long as it takes.
+"""MQTT_CONNECTOR: delivers an outbox to the broker, for as long as it takes.
 
-One supervisor, a new client object for every connection, jittered exponential back-off, messages
-forgotten only on PUBACK. The daemon starts and meters without a broker.
+One supervisor, a new client object for every connection, jittered exponential back-off, a sliding window of messages
+that the broker has not acknowledged. The daemon starts, meters and stops without a broker, also with one that refuses
+its password.
 """
 
 from __future__ import annotations
@@ -9,19 +10,18 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-import random
+import time
 from collections.abc import Callable
 from typing import Literal
 
 from acqd.errors import UserError
+from acqd.retry import Backoff
+from acqd.telemetry.message import Message, Outbox
 from acqd.telemetry.mqtt import BrokerAddress, is_refusal, refusal
-from acqd.telemetry.outbox import Message, Outbox
 from acqd.telemetry.session import Session, SessionError
 from acqd.telemetry.topics import OFFLINE
 
 _log = logging.getLogger(__name__)
-_BATCH = 64  # messages on their way at once
-_BACKOFF_S = (0.2, 15.0)
 _FAREWELL_S = 0.5
 State = Literal["connecting", "connected", "stopped"]
 
@@ -41,7 +41,7 @@ class Connector:
     ) -> None:
         """`greeting` makes the retained status message of a fresh connection.
 
-        With `must_connect`, a broker that is not there at first contact is an error, not a wait.
+        With `must_connect`, a broker that does not answer or refuses us at first contact is an error, not a wait.
         """
         self._must_connect = must_connect
         self._address = address
@@ -50,32 +50,28 @@ class Connector:
         self._status_topic = status_topic
         self._greeting = greeting
         self._tls = address.tls_context()
+        self._failure = ""
         self.state: State = "connecting"
         self.delivered = 0
+        """Messages that the broker has acknowledged."""
         self.reconnects = -1
 
     async def run(self) -> None:
-        """Connect, deliver, reconnect. Raises UserError when the broker refuses us at first contact."""
-        delay = _BACKOFF_S[0]
+        """Connect, deliver, reconnect. Raises UserError at first contact, with `must_connect` only."""
+        backoff = Backoff()
         while True:
+            begun = time.monotonic()
             try:
                 await self._session()
             except SessionError as error:
                 reason = str(error)
-                if is_refusal(reason) and self.reconnects < 0:
-                    raise refusal(self._address, reason) from None
                 if self._must_connect and self.reconnects < 0:
-                    raise UserError(
-                        f"broker {self._address} does not answer: {reason}; start it, or check host and port"
-                    ) from None
+                    raise self._first_failure(reason) from None
                 if self.state == "connected":
-                    delay = _BACKOFF_S[0]
-                    _log.warning("broker %s lost: %s; %d messages wait", self._address, reason, len(self._outbox))
-                elif delay == _BACKOFF_S[0]:
-                    _log.warning("broker %s not reachable: %s; retrying", self._address, reason)
+                    backoff.ended(time.monotonic() - begun)
+                self._say(reason)
                 self.state = "connecting"
-            await asyncio.sleep(delay * random.uniform(0.5, 1.0))
-            delay = min(2 * delay, _BACKOFF_S[1])
+            await asyncio.sleep(backoff.pause_s())
 
     async def flush(self, timeout: float) -> None:
         """Wait until the outbox is empty, at most `timeout` seconds and only while connected."""
@@ -83,22 +79,52 @@ class Connector:
         while len(self._outbox) and self.state == "connected" and asyncio.get_running_loop().time() < deadline:
             await asyncio.sleep(0.01)
 
+    def _first_failure(self, reason: str) -> UserError:
+        if is_refusal(reason):
+            return refusal(self._address, reason)
+        return UserError(f"broker {self._address} does not answer: {reason}; start it, or check host and port")
+
+    def _say(self, reason: str) -> None:
+        """Log a change of state, not every attempt."""
+        if self.state == "connected":
+            _log.warning("broker %s lost: %s; %d messages wait", self._address, reason, len(self._outbox))
+        elif reason != self._failure and is_refusal(reason):
+            _log.error("%s; trying again", refusal(self._address, reason))
+        elif reason != self._failure:
+            _log.warning("broker %s not reachable: %s; retrying", self._address, reason)
+        self._failure = reason
+
     async def _session(self) -> None:
         will = Message(self._status_topic, OFFLINE, retain=True)
-        async with Session(self._address, self._tls, self._client_id, will, _BATCH) as session:
+        async with Session(self._address, self._tls, self._client_id, will, self._outbox) as session:
             self.reconnects += 1
-            self.state = "connected"
+            self.state, self._failure = "connected", ""
             _log.info("connected to broker %s", self._address)
-            await session.publish([Message(self._status_topic, self._greeting(), retain=True)])
             try:
-                while True:
-                    messages = await self._outbox.peek(_BATCH)
-                    await session.publish(messages)
-                    self._outbox.confirm(messages)
-                    self.delivered += len(messages)
+                self._outbox.begin()
+                await session.subscribe(self._outbox.subscriptions())
+                session.send(Message(self._status_topic, self._greeting(), retain=True))
+                await self._deliver(session)
             except asyncio.CancelledError:
                 self.state = "stopped"
                 # The will is for accidents; a planned stop says so itself.
                 with contextlib.suppress(SessionError):
-                    await session.publish([will], _FAREWELL_S)
+                    await session.finish(will, _FAREWELL_S)
                 raise
+            finally:
+                self._outbox.end()
+
+    async def _deliver(self, session: Session) -> None:
+        """Keep the window full until the connection ends. Raises SessionError."""
+        before = self.delivered
+        while True:
+            session.check()
+            room = session.window.room()
+            messages = await self._outbox.take(room) if room.messages > 0 else []
+            for message in messages:
+                session.send(message)
+            self.delivered = before + session.window.acknowledged
+            if messages:
+                await asyncio.sleep(0)  # metering comes first
+            else:
+                await self._outbox.wait()

@@ -7,9 +7,11 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
 import socket
 import ssl
 import threading
+import time
 from collections.abc import Sequence
 from types import TracebackType
 from typing import Any
@@ -17,12 +19,15 @@ from typing import Any
 import paho.mqtt.client as paho
 from paho.mqtt.enums import CallbackAPIVersion
 
+from acqd.telemetry.message import Message, Outbox
 from acqd.telemetry.mqtt import NO_DELAY, BrokerAddress, pending
-from acqd.telemetry.outbox import Message
+from acqd.telemetry.window import Window
 
 _CONNECT_S = 5.0
 _ACK_S = 5.0
+"""A broker that acknowledges nothing for so long, though something is to be acknowledged, is dead."""
 _KEEPALIVE_S = 10
+_log = logging.getLogger(__name__)
 
 
 class SessionError(Exception):
@@ -33,21 +38,24 @@ class Session:
     """`async with Session(...)` connects; the object cannot be used again afterwards."""
 
     def __init__(
-        self, address: BrokerAddress, tls: ssl.SSLContext | None, client_id: str, will: Message, inflight: int
+        self, address: BrokerAddress, tls: ssl.SSLContext | None, client_id: str, will: Message, outbox: Outbox
     ) -> None:
-        self._address = address
+        """`outbox` gets acknowledgements and the messages of subscriptions."""
+        self._address, self._outbox = address, outbox
         self._loop = asyncio.get_running_loop()
         self._ended: asyncio.Future[str] = self._loop.create_future()
         self._connected: asyncio.Future[None] = self._loop.create_future()
-        self._waiting: dict[int, _Batch] = {}
+        self.window = Window()
+        self._subscribed: asyncio.Future[None] = self._loop.create_future()
         self._housekeeping: asyncio.Task[None] | None = None
         client = paho.Client(CallbackAPIVersion.VERSION2, client_id, reconnect_on_failure=False)
-        client.max_inflight_messages_set(inflight)
+        client.max_inflight_messages_set(0)  # the window is kept here
         client.will_set(will.topic, will.payload, qos=1, retain=will.retain)
         if address.username is not None:
             client.username_pw_set(address.username, address.password)
         client.on_connect, client.on_disconnect = self._on_connect, self._on_disconnect
-        client.on_publish = self._on_publish
+        client.on_publish, client.on_message = self._on_publish, self._on_message
+        client.on_subscribe = self._on_subscribe
         client.connect_timeout = _CONNECT_S
         if tls is not None:
             client.tls_set_context(tls)
@@ -113,20 +121,41 @@ class Session:
         threading.Thread(target=connect, name="mqtt-connect", daemon=True).start()
         await reached
 
-    async def publish(self, messages: Sequence[Message], timeout: float = _ACK_S) -> None:
-        """Send with QoS 1, in order; returns when all are acknowledged. Raises SessionError."""
-        batch = _Batch(len(messages), self._loop.create_future())
-        for message in messages:
-            if self._ended.done():
-                raise SessionError(self._ended.result())
-            info = self._client.publish(message.topic, message.payload, qos=1, retain=message.retain)
-            if info.rc != paho.MQTT_ERR_SUCCESS:
-                raise SessionError(paho.error_string(info.rc))
-            self._waiting[info.mid] = batch
-        either: set[asyncio.Future[Any]] = {batch.done, self._ended}
-        await asyncio.wait(either, timeout=timeout, return_when=asyncio.FIRST_COMPLETED)
-        if not batch.done.done():
-            raise SessionError(self._ended.result() if self._ended.done() else "no acknowledgement")
+    async def subscribe(self, names: Sequence[str]) -> None:
+        """Subscribe with QoS 1. Raises SessionError when the broker does not answer.
+
+        A refusal by the broker's access rules is not an error: the rows then wait for receipts that cannot come.
+        """
+        if not names:
+            return
+        self._client.subscribe([(name, 1) for name in names])
+        either: set[asyncio.Future[Any]] = {self._subscribed, self._ended}
+        await asyncio.wait(either, timeout=_ACK_S, return_when=asyncio.FIRST_COMPLETED)
+        if not self._subscribed.done():
+            raise SessionError(self._ended.result() if self._ended.done() else "no answer to SUBSCRIBE")
+
+    def send(self, message: Message) -> None:
+        """Publish with QoS 1; the outbox hears of the acknowledgement. Raises SessionError."""
+        if self._ended.done():
+            raise SessionError(self._ended.result())
+        info = self._client.publish(message.topic, message.payload, qos=1, retain=message.retain)
+        if info.rc != paho.MQTT_ERR_SUCCESS:
+            raise SessionError(paho.error_string(info.rc))
+        self.window.add(info.mid, message)
+
+    def check(self) -> None:
+        """Raises SessionError when the connection has ended or the broker is silent."""
+        if self._ended.done():
+            raise SessionError(self._ended.result())
+        if self.window.silent_s() > _ACK_S:
+            raise SessionError("no acknowledgement")
+
+    async def finish(self, last: Message, timeout: float) -> None:
+        """Send a last message and wait until all are acknowledged, at most `timeout` seconds. Raises SessionError."""
+        self.send(last)
+        deadline = time.monotonic() + timeout
+        while len(self.window) and not self._ended.done() and time.monotonic() < deadline:
+            await asyncio.sleep(0.005)
 
     async def _keep_alive(self) -> None:
         while True:
@@ -174,19 +203,15 @@ class Session:
         self._forget(sock)
 
     def _on_publish(self, _client: Any, _data: Any, mid: int, _reason: Any, _properties: Any) -> None:
-        batch = self._waiting.pop(mid, None)
-        if batch is None:
-            return
-        batch.left -= 1
-        if not batch.left and not batch.done.done():
-            batch.done.set_result(None)
+        message = self.window.settle(mid)
+        if message is not None:
+            self._outbox.acknowledged(message)
 
+    def _on_subscribe(self, _client: Any, _data: Any, _mid: Any, reasons: list[Any], _properties: Any) -> None:
+        if any(reason.is_failure for reason in reasons):
+            _log.error("broker %s refuses subscriptions to receipts; check its access rules", self._address)
+        if not self._subscribed.done():
+            self._subscribed.set_result(None)
 
-class _Batch:
-    """Messages sent together, and how many acknowledgements are still to come."""
-
-    __slots__ = ("done", "left")
-
-    def __init__(self, left: int, done: asyncio.Future[None]) -> None:
-        self.left = left
-        self.done = done
+    def _on_message(self, _client: Any, _data: Any, message: paho.MQTTMessage) -> None:
+        self._outbox.received(message.topic, bytes(message.payload), retained=message.retain)

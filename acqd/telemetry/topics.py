@@ -7,8 +7,11 @@ import re
 ALL_POWER = "acqd/+/+/power"
 """Every device's rows."""
 ALL_SUMMARIES = "acqd/+/+/summary"
+ALL_SINKS = "acqd/sink/+/status"
+"""Every sink's announcement."""
 OFFLINE = b"offline"
 """Last will and farewell on the status topic."""
+_PLAIN = re.compile(r"[/+#\0]")
 _DEVICE = re.compile(r"[A-Za-z0-9_.-]{1,64}")
 
 
@@ -30,3 +33,13 @@ def summary(device: str, channel: str) -> str:
 def status(device: str) -> str:
     """Retained JSON while online, `offline` otherwise."""
     return f"acqd/{device}/status"
+
+
+def receipt(device: str) -> str:
+    """Which rows of the device a sink has stored; only sinks publish here."""
+    return f"acqd/{device}/receipt"
+
+
+def sink_status(client_id: str) -> str:
+    """Retained JSON while the sink is subscribed, `offline` otherwise."""
+    return f"acqd/sink/{_PLAIN.sub('-', client_id)}/status"

@@ -8,6 +8,19 @@ from contextlib import suppress
 import aiomqtt
 
 from acqd.telemetry.connector import Connector
+from acqd.telemetry.delivery import Delivery
+from acqd.telemetry.spool import Spool, SpooledRow, Stream
+
+STREAM = Stream("t", "L1", "boot")
+
+
+def delivery(until="acknowledged", spool=None):
+    return Delivery(spool or Spool(None), until, ["t"])
+
+
+def put(outbox, numbers):
+    for k in numbers:
+        outbox.put_rows([SpooledRow(STREAM, k, str(k).encode())])
 
 
 def connector(address, outbox):

@@ -11,8 +11,7 @@ from acqd.errors import UserError
 from acqd.telemetry import broker as module
 from acqd.telemetry.broker import EmbeddedBroker, check_port, free_port
 from acqd.telemetry.mqtt import BrokerAddress
-from acqd.telemetry.outbox import MemoryOutbox, Message
-from tests.telemetry.clients import collect, connector, stop
+from tests.telemetry.clients import collect, connector, delivery, put, stop
 from tests.waiting import finish, until
 
 
@@ -26,11 +25,11 @@ def test_embedded_broker_carries_rows_and_names_a_busy_port():
         received, ready = [], asyncio.Event()
         viewer = asyncio.create_task(collect(port, "acqd/#", 2_000, received, ready))
         await ready.wait()
-        outbox = MemoryOutbox(5_000)
+        outbox = delivery()
         running = asyncio.create_task(connector(BrokerAddress(port=port), outbox).run())
-        for k in range(2_000):
-            outbox.put(Message("acqd/t/L1/power", str(k).encode()))
+        put(outbox, range(2_000))
         await viewer
+        # Before the connection all rows are backlog: in order.
         assert [payload for topic, payload, _ in received if topic.endswith("power")] == [
             str(k).encode() for k in range(len(received) - 1)
         ]

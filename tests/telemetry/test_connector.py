@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import asyncio
 import json
+import signal
 import subprocess
 
 import pytest
 
+from acqd.daemon.publish import Publisher
 from acqd.errors import UserError
 from acqd.telemetry.mqtt import BrokerAddress
-from acqd.telemetry.outbox import MemoryOutbox, Message
-from tests.telemetry.clients import collect, connector, stop
+from tests.telemetry.clients import collect, connector, delivery, put, stop
 from tests.waiting import finish, until
 
 
@@ -19,15 +20,14 @@ def test_connector_starts_without_a_broker_and_loses_nothing_when_it_goes_away(m
     mosquitto.stop()
 
     async def scenario():
-        outbox = MemoryOutbox(10_000)
+        outbox = delivery()
         running = asyncio.create_task(connector(BrokerAddress(port=mosquitto.port), outbox).run())
         sent = 0
 
         def send(count):
             nonlocal sent
-            for _ in range(count):
-                outbox.put(Message("acqd/t/L1/power", str(sent).encode()))
-                sent += 1
+            put(outbox, range(sent, sent + count))
+            sent += count
 
         send(100)
         await asyncio.sleep(0.3)
@@ -49,7 +49,7 @@ def test_connector_starts_without_a_broker_and_loses_nothing_when_it_goes_away(m
         await until(lambda: not len(outbox), "the broker has everything")
         wanted = {str(k).encode() for k in range(100, 500)}
         await until(lambda: not wanted - {payload for _, payload, _ in received}, "nothing was lost")
-        assert outbox.dropped == 0
+        assert outbox.spool.dropped == 0
         await stop(viewer)
         await stop(running)
 
@@ -58,9 +58,8 @@ def test_connector_starts_without_a_broker_and_loses_nothing_when_it_goes_away(m
 
 def test_status_is_retained_and_the_last_will_says_offline(mosquitto):
     async def scenario():
-        outbox = MemoryOutbox(10)
         address = BrokerAddress(port=mosquitto.port)
-        speaker = connector(address, outbox)
+        speaker = connector(address, delivery())
         running = asyncio.create_task(speaker.run())
         await until(lambda: speaker.state == "connected", "the connection")
         seen = []
@@ -74,26 +73,45 @@ def test_status_is_retained_and_the_last_will_says_offline(mosquitto):
     finish(scenario())
 
 
-def test_a_refused_password_is_a_user_error(mosquitto):
+def test_a_refused_password_is_said_and_tried_again(mosquitto, caplog):
     mosquitto.stop()
     passwords = mosquitto.folder / "passwords"
     passwords.touch(mode=0o600)
-    subprocess.run(["mosquitto_passwd", "-b", passwords, "acqd", "right"], check=True)
+
+    def allow(password):
+        subprocess.run(["mosquitto_passwd", "-b", passwords, "acqd", password], check=True)
+
+    allow("other")
     mosquitto.extra = f"allow_anonymous false\npassword_file {passwords}\n"
     mosquitto.start()
 
-    async def attempt(password):
-        address = BrokerAddress(port=mosquitto.port, username="acqd", password=password)
-        speaker = connector(address, MemoryOutbox(10))
+    async def scenario():
+        address = BrokerAddress(port=mosquitto.port, username="acqd", password="right")
+        outbox = delivery()
+        put(outbox, range(5))
+        speaker = connector(address, outbox)
         running = asyncio.create_task(speaker.run())
-        await until(lambda: speaker.state == "connected" or running.done(), "an answer of the broker")
-        if running.done():
-            running.result()
+        await until(lambda: "refused the connection" in caplog.text, "the refusal is said")
+        await asyncio.sleep(1.0)
+        assert not running.done() and len(outbox) == 5
+        assert caplog.text.count("refused the connection") == 1
+        allow("right")
+        mosquitto.process.send_signal(signal.SIGHUP)
+        await until(lambda: not len(outbox), "the rows are delivered")
         await stop(running)
 
-    finish(attempt("right"))
-    with pytest.raises(UserError, match="refused the connection"):
-        finish(attempt("wrong"))
+    finish(scenario())
+
+
+def test_a_playback_ends_where_the_broker_refuses_its_password(mosquitto):
+    mosquitto.stop()
+    mosquitto.extra = "allow_anonymous false\n"
+    mosquitto.start()
+    with (
+        pytest.raises(UserError, match="refused the connection"),
+        Publisher(BrokerAddress(port=mosquitto.port, username="a", password="b"), "t"),
+    ):
+        pass
 
 
 def test_tls_with_a_private_ca(mosquitto):
@@ -108,8 +126,8 @@ def test_tls_with_a_private_ca(mosquitto):
     mosquitto.start()
 
     async def scenario():
-        outbox = MemoryOutbox(10)
-        outbox.put(Message("acqd/t/L1/power", b"x"))
+        outbox = delivery()
+        put(outbox, [0])
         address = BrokerAddress(port=mosquitto.port, tls=True, ca_file=folder / "cert.pem")
         running = asyncio.create_task(connector(address, outbox).run())
         await until(lambda: not len(outbox), "the broker has everything")
@@ -118,3 +136,23 @@ def test_tls_with_a_private_ca(mosquitto):
     finish(scenario())
     with pytest.raises(UserError, match="ca_file"):
         BrokerAddress(tls=True, ca_file=folder / "none.pem").tls_context()
+
+
+def test_a_broker_that_goes_silent_is_left_and_nothing_is_lost(mosquitto, monkeypatch):
+    monkeypatch.setattr("acqd.telemetry.session._ACK_S", 0.3)
+
+    async def scenario():
+        outbox = delivery()
+        speaker = connector(BrokerAddress(port=mosquitto.port), outbox)
+        running = asyncio.create_task(speaker.run())
+        put(outbox, range(10))
+        await until(lambda: not len(outbox), "the broker has the first rows")
+        mosquitto.process.send_signal(signal.SIGSTOP)
+        put(outbox, range(10, 20))
+        await until(lambda: speaker.state == "connecting", "the silence is noticed")
+        assert len(outbox) == 10
+        mosquitto.process.send_signal(signal.SIGCONT)
+        await until(lambda: not len(outbox), "the broker has the others")
+        await stop(running)
+
+    finish(scenario())

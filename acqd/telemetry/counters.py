@@ -1,0 +1,35 @@
+"""What the daemon knows about the delivery of its rows, for the status topic and for metrics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class TelemetryCounters:
+    """Counts since the start of the daemon, and the present state of the spool."""
+
+    rows: int
+    """Rows made."""
+    delivered: int
+    """Messages that the broker has acknowledged."""
+    dropped: int
+    """Rows that the full spool dropped, or that damage to the disk destroyed."""
+    resent: int
+    """Rows for which no receipt came in time."""
+    waiting: int
+    """Rows that are not delivered, those of earlier starts included."""
+    receipts_outstanding: int
+    """Rows that were published and have no receipt yet."""
+    spool_bytes: int
+    spool_limit_bytes: int
+    spool_age_s: float
+    """Age of the oldest row that waits, to the length of a segment [s]."""
+    damaged_bytes: int
+    """Bytes of the spool that were torn or unreadable at the start."""
+    disk_trouble: str
+    """Why the disk takes no rows, else empty."""
+    connected: bool
+    reconnects: int
+    sink_seen: bool
+    """Whether a sink has announced itself or sent a receipt."""

@@ -1,0 +1,223 @@
+"""What the daemon sends next: new rows at once, states, and the backlog beside them, until every row is delivered.
+
+A row is delivered when the policy says so. `stored`: a receipt of a sink names it. `acknowledged`: the broker has it.
+New rows and the backlog each keep their order. The backlog leaves a part of the window free, so that new rows never
+wait behind it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
+from typing import Literal
+
+from acqd.telemetry import topics
+from acqd.telemetry.in_flight import InFlight
+from acqd.telemetry.message import Message, Room
+from acqd.telemetry.ranges import Ranges
+from acqd.telemetry.receipts import parse_receipt
+from acqd.telemetry.spool import Energy, Spool, SpooledRow, Stream
+
+_log = logging.getLogger(__name__)
+Until = Literal["stored", "acknowledged"]
+_LIVE = 1_000
+"""New rows that wait in memory for a slow connection; beyond that they come with the backlog."""
+_WITHOUT_RECEIPT = 4_096
+"""Rows of the backlog that are sent ahead of their receipts, while a sink is there."""
+_PROBE = 64
+"""The same while no sink is known: one may be there and not have said so."""
+_PATIENCE_S = (5.0, 60.0)
+"""How long a receipt may take; doubled while none comes."""
+_QUIET_S = 1.0
+"""The backlog pauses so long while a sink works through what the broker had kept for it."""
+_WAIT_S = 0.5
+
+
+class Delivery:
+    """The outbox of the daemon, on top of the spool."""
+
+    def __init__(
+        self,
+        spool: Spool,
+        until: Until,
+        devices: Iterable[str] = (),
+        now: Callable[[], float] = time.monotonic,
+        *,
+        live: bool = True,
+    ) -> None:
+        """`devices`: those whose rows will come, to subscribe to their receipts.
+
+        Without `live`, new rows wait behind the backlog: one order for all, as a recording has it.
+        """
+        self._most_live = _LIVE if live else 0
+        self.spool, self._until, self._now = spool, until, now
+        self._changed = asyncio.Event()
+        self._online = False
+        self._live: deque[SpooledRow] = deque()
+        self._states: dict[str, bytes] = {}
+        self._position = spool.start
+        self._flying = InFlight()
+        self._acknowledged: dict[Stream, Ranges] = {}
+        self._devices = spool.devices | set(devices)
+        self._sinks: set[str] = set()
+        self._heard = -1e9
+        self._quiet_until = -1e9
+        self._patience = _PATIENCE_S[0]
+        self._more = False
+        self.sent = self.resent = 0
+        """Rows published, those published again included; rows for which no receipt came in time."""
+        self.sink_seen = False
+        """Whether a sink has ever announced itself or sent a receipt."""
+
+    def put_rows(self, rows: Sequence[SpooledRow], energy: Energy | None = None) -> None:
+        """Keep the rows of a window, and send them at once where there is a connection."""
+        at_end = self._position == self.spool.end
+        self._devices.update(row.stream.device for row in rows)
+        self.spool.append(rows, energy)
+        if self._online and len(self._live) + len(rows) <= self._most_live:
+            self._live += rows
+            if at_end:
+                self._position = self.spool.end
+        elif self._live:
+            self._live.clear()
+            self._position = self.spool.start
+        self._changed.set()
+
+    def put_state(self, topic: str, payload: bytes) -> None:
+        """Publish a retained message; an older one of the same topic that still waits is replaced."""
+        self._states[topic] = payload
+        self._changed.set()
+
+    def subscriptions(self) -> list[str]:
+        """Receipts of the devices whose rows come from here, and the sinks' announcements."""
+        if self._until == "acknowledged":
+            return []
+        return [topics.ALL_SINKS, *(topics.receipt(device) for device in sorted(self._devices))]
+
+    def begin(self) -> None:
+        """A new connection: the broker may have lost what it had."""
+        self._online = True
+        self._sinks.clear()
+        self._from_the_start()
+        self._changed.set()
+
+    def end(self) -> None:
+        """The connection has ended: new rows wait in the spool."""
+        self._online = False
+        self._live.clear()
+        self._settle_acknowledged()
+
+    async def take(self, room: Room) -> list[Message]:
+        """New rows, states, and as much of the backlog as there is room for."""
+        self._changed.clear()
+        self._settle_acknowledged()
+        rows = [self._live.popleft() for _ in range(min(len(self._live), room.messages))]
+        messages = [self._message(row) for row in rows]
+        while self._states and len(messages) < room.messages:
+            topic = next(iter(self._states))
+            messages.append(Message(topic, self._states.pop(topic), retain=True))
+        backlog = min(room.backlog, room.messages - len(messages), self._backlog_allowed())
+        self._more = False
+        if backlog > 0 and not self._live and self._position != self.spool.end:
+            rows, self._position = self.spool.read(
+                self._position, backlog, lambda stream, seq: not self._flying.sent(stream, seq)
+            )
+            messages += [self._message(row) for row in rows]
+            self._more = self._position != self.spool.end
+        return messages
+
+    async def wait(self) -> None:
+        """Return when there may be something to send."""
+        if self._more:  # much of the backlog was to skip
+            await asyncio.sleep(0)
+            return
+        with contextlib.suppress(TimeoutError):  # not wait_for: Python 3.11 loses a cancellation there
+            async with asyncio.timeout(_WAIT_S):
+                await self._changed.wait()
+
+    def acknowledged(self, message: Message) -> None:
+        """The broker has the message: with that policy, its row is delivered."""
+        if message.tag is not None and self._until == "acknowledged":
+            stream, seq = message.tag
+            self._acknowledged.setdefault(stream, Ranges()).add(seq, seq)
+        self._changed.set()
+
+    def received(self, topic: str, payload: bytes, *, retained: bool) -> None:
+        """A receipt, or a sink that comes or goes."""
+        _, middle, last = topic.split("/", 2)
+        if last == "receipt":
+            self._take_receipt(middle, payload)
+        elif payload == topics.OFFLINE:
+            self._sinks.discard(topic)
+            if self._sinks and not retained:  # the others get what it had taken with it
+                self._from_the_start()
+        else:
+            self._sinks.add(topic)
+            self.sink_seen = True
+            self._patience = _PATIENCE_S[0]
+            if not retained:  # what was sent before the sink had subscribed may never reach it
+                self._from_the_start()
+        self._changed.set()
+
+    @property
+    def outstanding(self) -> int:
+        """Rows that were sent and have no receipt yet."""
+        return len(self._flying)
+
+    def __len__(self) -> int:
+        """Messages that wait: rows that are not delivered, states that are not sent."""
+        return len(self.spool) - sum(map(len, self._acknowledged.values())) + len(self._states)
+
+    def _take_receipt(self, device: str, payload: bytes) -> None:
+        try:
+            stored = parse_receipt(device, payload)
+        except ValueError as error:
+            _log.warning("receipt of %s cannot be read: %s", device, error)
+            return
+        removed = expected = 0
+        for stream, first, last in stored:
+            removed += self.spool.remove(stream, first, last)
+            expected += self._flying.settle(stream, first, last)
+        now = self._now()
+        self._heard, self.sink_seen = now, True
+        if expected:
+            self._patience = _PATIENCE_S[0]
+        if removed > expected:
+            self._quiet_until = now + _QUIET_S
+
+    def _backlog_allowed(self) -> int:
+        """Rows of the backlog that may be sent now."""
+        if self._until == "acknowledged":
+            return _WITHOUT_RECEIPT
+        now = self._now()
+        if late := self._flying.overdue(now, self._patience):
+            self.resent += late
+            self._patience = min(2 * self._patience, _PATIENCE_S[1])
+            self._position = self.spool.start
+        if now < self._quiet_until:
+            return 0
+        known = bool(self._sinks) or now - self._heard < _PATIENCE_S[1]
+        return (_WITHOUT_RECEIPT if known else _PROBE) - len(self._flying)
+
+    def _message(self, row: SpooledRow) -> Message:
+        stream, seq, payload = row
+        self._flying.add(stream, seq, self._now())
+        self.sent += 1
+        return Message(topics.power(stream.device, stream.channel), payload, tag=(stream, seq))
+
+    def _settle_acknowledged(self) -> None:
+        if not self._acknowledged:
+            return
+        settled, self._acknowledged = self._acknowledged, {}
+        for stream, rows in settled.items():
+            for first, last in rows:
+                self.spool.remove(stream, first, last)
+                self._flying.settle(stream, first, last)
+
+    def _from_the_start(self) -> None:
+        self._flying.clear()
+        self._position = self.spool.start

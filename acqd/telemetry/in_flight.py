@@ -1,0 +1,83 @@
+"""Rows that were sent and have no receipt yet, by the second in which they were sent."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+
+from acqd.telemetry.ranges import Ranges
+from acqd.telemetry.spool import Stream
+
+_TOGETHER_S = 1.0
+_MOST_GROUPS = 64
+
+
+@dataclass(slots=True)
+class _Group:
+    """Rows that were sent at about the same time."""
+
+    begun: float
+    last: float
+    rows: dict[Stream, Ranges] = field(default_factory=dict)
+
+
+class InFlight:
+    """Memory is bounded: in a long silence, the oldest groups become one."""
+
+    def __init__(self) -> None:
+        self._rows: dict[Stream, Ranges] = {}
+        self._groups: deque[_Group] = deque()
+        self._count = 0
+
+    def add(self, stream: Stream, seq: int, now: float) -> None:
+        """The row was sent at `now` (monotonic) [s]."""
+        self._count += self._rows.setdefault(stream, Ranges()).add(seq, seq)
+        if not self._groups or now - self._groups[-1].begun > _TOGETHER_S:
+            self._groups.append(_Group(now, now))
+            if len(self._groups) > _MOST_GROUPS:
+                self._join_oldest()
+        group = self._groups[-1]
+        group.last = now
+        group.rows.setdefault(stream, Ranges()).add(seq, seq)
+
+    def settle(self, stream: Stream, first: int, last: int) -> int:
+        """Rows first..last need not be sent again; how many of them were under way."""
+        rows = self._rows.get(stream)
+        settled = rows.remove(first, last) if rows is not None else 0
+        if settled:
+            self._count -= settled
+            for group in self._groups:
+                if stream in group.rows:
+                    group.rows[stream].remove(first, last)
+        return settled
+
+    def overdue(self, now: float, patience_s: float) -> int:
+        """Forget rows that were sent longer ago than `patience_s`; how many, so that they are sent again."""
+        before = self._count
+        while self._groups and now - self._groups[0].last > patience_s:
+            for stream, rows in self._groups.popleft().rows.items():
+                for first, last in rows:
+                    self._count -= self._rows[stream].remove(first, last)
+        return before - self._count
+
+    def clear(self) -> None:
+        """Forget all: the connection has ended, or a sink has just come."""
+        self._rows.clear()
+        self._groups.clear()
+        self._count = 0
+
+    def sent(self, stream: Stream, seq: int) -> bool:
+        """Whether the row is under way."""
+        rows = self._rows.get(stream)
+        return rows is not None and seq in rows
+
+    def __len__(self) -> int:
+        """Rows under way."""
+        return self._count
+
+    def _join_oldest(self) -> None:
+        older, newer = self._groups.popleft(), self._groups[0]
+        for stream, rows in older.rows.items():
+            into = newer.rows.setdefault(stream, Ranges())
+            for first, last in rows:
+                into.add(first, last)

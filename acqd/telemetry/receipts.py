@@ -1,0 +1,81 @@
+"""Receipts: what the sink has stored, by ranges of `seq` for every device, channel and boot.
+
+One message holds the receipts of one device; its topic belongs to the device, so that a daemon gets only what
+concerns it. The sink also announces itself (retained, last will `offline`): rows of a time without a sink are
+then sent again at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Annotated
+
+import msgspec
+from msgspec import Meta
+
+from acqd.telemetry.ranges import Ranges
+from acqd.telemetry.spool import Stream
+from acqd.telemetry.topics import receipt
+
+_RANGES_PER_MESSAGE = 2_000
+_Seq = Annotated[int, Meta(ge=0, le=2**63 - 1)]
+
+
+class StoredRows(msgspec.Struct):
+    """Rows of one channel and boot: first and last `seq` of each range."""
+
+    channel: str
+    boot: str
+    seq: list[tuple[_Seq, _Seq]]
+
+
+class Receipt(msgspec.Struct):
+    """One message on the receipt topic of a device."""
+
+    sink: str
+    stored: list[StoredRows]
+    schema: int = 1
+
+
+_decoder = msgspec.json.Decoder(Receipt)
+
+
+def receipts(sink: str, stored: Mapping[Stream, Ranges]) -> Iterator[tuple[str, bytes]]:
+    """Topic and payload of the messages for these rows."""
+    by_device: dict[str, list[StoredRows]] = {}
+    for stream, rows in stored.items():
+        pairs = list(rows)
+        for start in range(0, len(pairs), _RANGES_PER_MESSAGE):
+            entry = StoredRows(stream.channel, stream.boot, pairs[start : start + _RANGES_PER_MESSAGE])
+            by_device.setdefault(stream.device, []).append(entry)
+    for device, entries in by_device.items():
+        for group in _groups(entries):
+            yield receipt(device), msgspec.json.encode(Receipt(sink, group))
+
+
+def parse_receipt(device: str, payload: bytes) -> list[tuple[Stream, int, int]]:
+    """Stream, first and last `seq` of every range. Raises ValueError."""
+    try:
+        message = _decoder.decode(payload)
+    except (msgspec.DecodeError, RecursionError) as error:
+        raise ValueError(str(error)) from None
+    return [
+        (Stream(device, entry.channel, entry.boot), first, last)
+        for entry in message.stored
+        for first, last in entry.seq
+        if first <= last
+    ]
+
+
+def _groups(entries: Iterable[StoredRows]) -> Iterator[list[StoredRows]]:
+    """Entries in groups that fit into one message each."""
+    group: list[StoredRows] = []
+    ranges = 0
+    for entry in entries:
+        if group and ranges + len(entry.seq) > _RANGES_PER_MESSAGE:
+            yield group
+            group, ranges = [], 0
+        group.append(entry)
+        ranges += len(entry.seq)
+    if group:
+        yield group

@@ -1,0 +1,252 @@
+"""What is sent when: receipts, sinks that come and go, a backlog beside new rows. Time is virtual."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from acqd.telemetry.delivery import Delivery
+from acqd.telemetry.message import Room
+from acqd.telemetry.ranges import Ranges
+from acqd.telemetry.receipts import receipts
+from acqd.telemetry.spool import Spool, SpooledRow, Stream
+from acqd.telemetry.topics import OFFLINE, sink_status
+
+STREAM = Stream("t", "L1", "boot")
+ROOM = Room(64, 64)
+SINK = sink_status("s")
+
+
+class Bench:
+    """A delivery with a clock that stands still until it is moved."""
+
+    def __init__(self, until="stored", **options):
+        self.now = 100.0
+        self.box = Delivery(Spool(None), until, ["t"], lambda: self.now, **options)
+        self.made = 0
+
+    def make(self, count=1):
+        for _ in range(count):
+            self.box.put_rows([SpooledRow(STREAM, self.made, str(self.made).encode())])
+            self.made += 1
+
+    def take(self, room=ROOM):
+        return [int(message.payload) for message in self.messages(room) if message.tag]
+
+    def messages(self, room=ROOM):
+        try:
+            self.box.take(room).send(None)
+        except StopIteration as done:
+            return done.value
+        raise AssertionError("take waits")
+
+    def take_all(self, room=ROOM):
+        taken = []
+        while some := self.take(room):
+            taken += some
+        return taken
+
+    def receipt(self, first, last):
+        for topic, payload in receipts("s", {STREAM: Ranges([(first, last)])}):
+            self.box.received(topic, payload, retained=False)
+
+    def sink(self, state=b"{}", retained=False):
+        self.box.received(SINK, state, retained=retained)
+
+
+def test_a_row_waits_for_its_receipt_and_not_for_the_acknowledgement():
+    bench = Bench()
+    bench.box.begin()
+    bench.make(10)
+    assert bench.take() == list(range(10)) and len(bench.box) == 10
+    bench.receipt(0, 6)
+    assert len(bench.box) == 3 and bench.box.outstanding == 3
+    bench.receipt(7, 50)
+    assert len(bench.box) == 0 and bench.box.outstanding == 0
+
+
+def test_what_a_receipt_leaves_out_is_sent_again_after_a_while():
+    bench = Bench()
+    bench.box.begin()
+    bench.sink()
+    bench.make(10)
+    bench.take_all()
+    bench.receipt(0, 3)
+    bench.receipt(6, 9)
+    bench.now += 4
+    assert bench.take_all() == []
+    bench.now += 2
+    assert bench.take_all() == [4, 5] and bench.box.resent == 2
+    bench.receipt(4, 5)
+    bench.now += 100
+    assert bench.take_all() == []
+
+
+def test_a_new_connection_and_a_new_sink_get_everything_that_waits():
+    bench = Bench()
+    bench.make(5)
+    bench.box.begin()
+    assert bench.take_all() == [0, 1, 2, 3, 4]
+    bench.sink(retained=True)  # it was subscribed before we came
+    assert bench.take_all() == []
+    bench.box.end()
+    bench.make(2)
+    bench.box.begin()
+    assert bench.take_all() == list(range(7))
+    bench.receipt(0, 5)
+    bench.sink()
+    assert bench.take_all() == [6]
+
+
+def test_without_a_sink_new_rows_are_published_and_the_backlog_waits():
+    bench = Bench()
+    bench.make(1_000)
+    bench.box.begin()
+    probe = bench.take_all()
+    assert len(probe) == 64
+    bench.make(3)
+    assert bench.take() == [1_000, 1_001, 1_002]
+    bench.sink()
+    assert bench.take_all() == list(range(1_003))
+
+
+def test_new_rows_come_before_the_backlog_and_both_in_order():
+    bench = Bench()
+    bench.make(500)
+    bench.box.begin()
+    bench.sink()
+    old, new = [], []
+    for _ in range(20):
+        bench.make(2)
+        taken = bench.take(Room(30, 20))
+        assert taken[:2] == [bench.made - 2, bench.made - 1]
+        new += taken[:2]
+        old += taken[2:]
+    assert old == sorted(old) and old == list(range(len(old))) and len(old) == 20 * 20
+
+
+def test_the_backlog_is_not_sent_far_ahead_of_its_receipts():
+    bench = Bench()
+    bench.make(10_000)
+    bench.box.begin()
+    bench.sink()
+    assert len(bench.take_all()) == 4_096
+    bench.receipt(0, 99)
+    assert len(bench.take_all()) == 100
+
+
+def test_a_sink_that_works_through_the_brokers_queue_is_not_sent_the_same_again():
+    bench = Bench()
+    bench.box.begin()
+    bench.sink()
+    bench.sink(OFFLINE)
+    for _ in range(100):
+        bench.make(64)
+        bench.take()
+        bench.now += 1
+    bench.box.end()
+    bench.box.begin()
+    bench.sink(retained=True)
+    first = bench.take()
+    for start in range(0, 6_400, 100):  # receipts for what an earlier connection has published
+        bench.receipt(start, start + 99)
+        bench.now += 0.2
+        if start >= 4_200:
+            assert bench.take_all() == []
+    assert len(first) == 64 and len(bench.box) == 0
+
+
+def test_new_rows_that_a_slow_connection_does_not_take_come_with_the_backlog():
+    bench = Bench()
+    bench.box.begin()
+    bench.sink()
+    bench.make(2_500)
+    taken = bench.take_all()
+    assert sorted(taken) == list(range(2_500))
+
+
+def test_a_recording_keeps_one_order():
+    bench = Bench("acknowledged", live=False)
+    bench.box.begin()
+    bench.make(300)
+    first = bench.take()
+    bench.make(10)
+    assert first + bench.take_all() == list(range(310))
+
+
+def test_acknowledged_rows_are_delivered_where_no_sink_is_expected():
+    bench = Bench("acknowledged")
+    bench.make(200)
+    bench.box.begin()
+    assert bench.box.subscriptions() == []
+    for _ in range(5):
+        for message in bench.messages():
+            bench.box.acknowledged(message)
+    assert len(bench.box) == 0
+
+
+def test_a_state_replaces_the_one_that_still_waits():
+    bench = Bench()
+    for k in range(5):
+        bench.box.put_state("acqd/t/status", b"%d" % k)
+    bench.box.begin()
+    (message,) = bench.messages()
+    assert message.payload == b"4" and message.retain
+
+
+@pytest.mark.parametrize(
+    "payload", [b"", b"{}", b"[1]", b'{"sink":"s","stored":[{"channel":"L1","boot":"b","seq":[[1]]}]}']
+)
+def test_a_receipt_that_is_none_is_refused_and_changes_nothing(payload, caplog):
+    bench = Bench()
+    bench.box.begin()
+    bench.make(3)
+    bench.box.received("acqd/t/receipt", payload, retained=False)
+    assert len(bench.box) == 3 and "cannot be read" in caplog.text
+
+
+class LossyWay:
+    """A broker that forgets, receipts that get lost, connections and sinks that end at any moment."""
+
+    def __init__(self, seed):
+        self.chance, self.bench, self.stored, self.online = random.Random(seed), Bench(), set(), False
+
+    def event(self):
+        number = self.chance.random()
+        if not self.online and number < 0.3:
+            self.bench.box.begin()
+            self.online = True
+        elif self.online and number < 0.05:
+            self.bench.box.end()
+            self.online = False
+        elif number < 0.1:
+            self.bench.sink(OFFLINE if self.chance.random() < 0.5 else b"{}")
+
+    def carry(self, room, arrives, comes_back):
+        for number in self.bench.take(room):
+            if self.chance.random() < arrives:
+                self.stored.add(number)
+                if self.chance.random() < comes_back:
+                    self.bench.receipt(number, number)
+
+
+@given(seed=st.integers(0, 10**6))
+@settings(max_examples=6)
+def test_every_row_is_stored_in_the_end_whatever_the_way_loses(seed):
+    way = LossyWay(seed)
+    bench = way.bench
+    for _ in range(300):
+        bench.now += way.chance.uniform(0, 2)
+        bench.make(way.chance.randrange(4))
+        way.event()
+        if way.online:
+            way.carry(Room(16, 8), 0.7, 0.8)
+    if not way.online:
+        bench.box.begin()
+    for _ in range(100):
+        bench.now += 20
+        way.carry(ROOM, 1, 1)
+    assert way.stored == set(range(bench.made)) and len(bench.box) == 0
