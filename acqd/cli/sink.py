@@ -57,7 +57,7 @@ def sink(
         die_with_parent()
     # `acqd run` hands its configuration over on stdin: other users can read arguments, and it holds passwords.
     settings = Config.model_validate_json(sys.stdin.read()) if embedded else configured(config, host, port)
-    engine = open_database(database or settings.sink.database)
+    engine = open_database(database or settings.sink.database, impatient=True)
     # The embedded broker knows no MQTT 5, so do not try it first.
     mqtt5 = not (embedded and settings.broker.embedded)
     options = replace(settings.sink.settings(), mqtt5=mqtt5)
@@ -87,7 +87,7 @@ def sink(
 
 def _report(worker: Sink, json: bool) -> None:
     """What the sink has done."""
-    names = ("rows", "quarantined", "batches", "reconnects")
+    names = ("rows", "quarantined", "conflicts", "batches", "reconnects")
     counters = {name: max(0, getattr(worker.counters, name)) for name in names}
     if json:
         print(orjson.dumps(counters).decode())

@@ -22,16 +22,25 @@ from acqd.errors import UserError
 from acqd.storage.url import parse_url, shown
 
 _PATIENCE_S = 30.0
+_LOCK_S, _STATEMENT_S = 5.0, 30.0
+_IMPATIENT = {
+    "options": f"-c lock_timeout={_LOCK_S:.0f}s -c statement_timeout={_STATEMENT_S:.0f}s"
+    f" -c idle_in_transaction_session_timeout={_STATEMENT_S:.0f}s",
+    # A server that has vanished without a word: detected within half a minute.
+    **{"keepalives": 1, "keepalives_idle": 10, "keepalives_interval": 5, "keepalives_count": 3},
+    "tcp_user_timeout": 30_000,
+}
 MIGRATIONS = Path(__file__).parent / "migrations"
 
 
-def open_database(url: str, *, create: bool = True) -> sa.Engine:
+def open_database(url: str, *, create: bool = True, impatient: bool = False) -> sa.Engine:
     """Engine for `url` (or a plain path: SQLite), with the schema brought up to date.
 
+    `impatient`: statements and locks that take longer than seconds are errors, for a caller that tries again.
     Raises UserError for a URL, path or server that cannot be used, and for a SQLite file that is not
     there without `create`.
     """
-    engine = _engine(url)
+    engine = _engine(url, impatient=impatient)
     path = engine.url.database
     if not create and engine.dialect.name == "sqlite" and path and not Path(path).exists():
         raise UserError(f"database {Path(path).absolute()} does not exist; check the folder you are in, or --database")
@@ -72,15 +81,16 @@ def migrate(engine: sa.Engine) -> None:
             raise UserError(f"database {shown(engine.url)}: {error}; it was written by a newer acqd") from None
 
 
-def _engine(url: str) -> sa.Engine:
+def _engine(url: str, *, impatient: bool) -> sa.Engine:
     parsed = parse_url(url)
     try:
         if parsed.get_backend_name() == "sqlite":
             _check_folder(parsed.database)
-            engine = sa.create_engine(parsed, connect_args={"timeout": _PATIENCE_S})
+            engine = sa.create_engine(parsed, connect_args={"timeout": _LOCK_S if impatient else _PATIENCE_S})
             sa.event.listen(engine, "connect", _sqlite_settings)
             return engine
-        return sa.create_engine(parsed, pool_pre_ping=True, connect_args={"connect_timeout": 5})
+        arguments: dict[str, Any] = {"connect_timeout": 5, **(_IMPATIENT if impatient else {})}
+        return sa.create_engine(parsed, pool_pre_ping=True, connect_args=arguments)
     except ModuleNotFoundError as error:
         raise UserError(f"database {shown(parsed)} needs the {error.name} package: install acqd[postgres]") from None
 

@@ -34,8 +34,10 @@ quarantine = sa.Table(
     sa.Column("topic", sa.Text, nullable=False),
     sa.Column("payload", sa.LargeBinary, nullable=False),
     sa.Column("reason", sa.Text, nullable=False),
+    sa.Column("sha256", sa.Text),
+    sa.Index("quarantine_sha256", "sha256", unique=True),
 )
-"""Messages that are no rows, and why."""
+"""Messages that are no new rows, and why; `sha256` is of topic, payload and reason."""
 
 
 def _rollup(name: str) -> sa.Table:

@@ -1,283 +1,216 @@
-"""The sink: MQTT -> SQL, acknowledged to the broker only after the commit.
+"""The sink: MQTT -> SQL; after the commit, a receipt to the daemon and an acknowledgement to the broker.
 
-A durable MQTT 5 session: the broker keeps what a sink that is away has not confirmed. Several sinks
-share the work through a shared subscription when they are given a group. Not by default: mosquitto
-2.0.11 (Debian 12) forgets a shared subscription when it restarts, until its client is back, and
-drops what is published in between; a plain one it keeps. MQTT 3.1.1 where the broker knows no 5.
+One thread keeps the connection, another one writes: rows arrive while a batch is being committed. A durable MQTT 5
+session: the broker keeps what a sink that is away has not confirmed. Several sinks share the work through a shared
+subscription when they are given a group. Not by default: mosquitto 2.0.11 (Debian 12) forgets a shared subscription
+when it restarts, until its client is back, and drops what is published in between; a plain one it keeps. MQTT 3.1.1
+where the broker knows no 5.
 """
 
 from __future__ import annotations
 
 import logging
-import random
-import select
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
 
-import paho.mqtt.client as paho
+import orjson
 import sqlalchemy as sa
-from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
-from paho.mqtt.packettypes import PacketTypes
-from paho.mqtt.properties import Properties
 
-from acqd.storage.writer import Received, Writer
+from acqd.retry import LOCAL_NETWORK, Backoff
+from acqd.storage.committer import Batch, Committer
+from acqd.storage.sink_hello import hello
+from acqd.storage.sink_settings import SinkCounters, SinkSettings
+from acqd.storage.writer import Received, Written
 from acqd.telemetry import topics
-from acqd.telemetry.mqtt import NO_DELAY, BrokerAddress, is_refusal, pending, refusal
+from acqd.telemetry.mqtt import BrokerAddress, is_refusal, refusal
+from acqd.telemetry.receipts import receipts
+from acqd.telemetry.subscriber import NO_ANSWER, Subscriber, SubscriberError
+from acqd.telemetry.wire import UNSUPPORTED, V5, V311, Publish
 
 _log = logging.getLogger(__name__)
-_BACKOFF_S = (0.2, 15.0)
-_CONNECT_S = 5.0
-_KEPT_S = 7 * 24 * 3600  # how long the broker keeps our session while we are away
-_UNSUPPORTED = "unsupported protocol"
-_DATABASE_AWAY = "paused for the database"
-_STABLE_S = 5.0  # a connection that ends sooner may have been taken over by a client of the same name
-_NO_ANSWER = "no answer to CONNECT"
-
-
-@dataclass(frozen=True, slots=True)
-class SinkSettings:
-    """How the sink batches and shares."""
-
-    client_id: str = "acqd-sink"
-    group: str = ""
-    """Shared-subscription group: its sinks share the rows. Empty: every row comes here."""
-    batch: int = 2_000
-    """Messages per transaction at most; also what the broker may have under way to us."""
-    interval: float = 0.25
-    """Longest time [s] a row waits for its commit."""
-    mqtt5: bool = True
-    """MQTT 5 if the broker can; False: MQTT 3.1.1 from the start."""
-
-
-@dataclass(slots=True)
-class SinkCounters:
-    """What the sink has done so far."""
-
-    rows: int = 0
-    quarantined: int = 0
-    batches: int = 0
-    reconnects: int = -1
-    last_commit: float | None = None
-    """Monotonic time of the last commit."""
-    database_trouble: str = ""
-    """Why the database takes no rows; empty while it does."""
-    database_returns: int = 0
-    """Times the database came back."""
+_STOP_S = 1.0
+_BATCH_BYTES, _HELD_BYTES = 4 << 20, 16 << 20
+"""Payloads of one transaction, and of all messages that are not acknowledged."""
+_PROGRESS_S = 0.5
 
 
 class Sink:
-    """Runs in the calling thread only: receive, write, acknowledge, in turn."""
+    """Receives, has batches written, acknowledges."""
 
     def __init__(self, address: BrokerAddress, engine: sa.Engine, settings: SinkSettings | None = None) -> None:
-        self._address = address
-        self._writer = Writer(engine)
+        self._address, self._engine = address, engine
         self._settings = settings or SinkSettings()
-        self._arrived: list[paho.MQTTMessage] = []
         self._tls = address.tls_context()
-        self._protocol = MQTTProtocolVersion.MQTTv5 if self._settings.mqtt5 else MQTTProtocolVersion.MQTTv311
-        self._failure: str | None = None
-        self._connected = self._accepted = self._subscribed = False
+        self._version = V5 if self._settings.mqtt5 else V311
         self._unanswered = 0
+        self._subscriber: Subscriber | None = None
+        self._arrived: list[Publish] = []
+        self._held = self._under_way = 0
+        self._since = self._fed = 0.0
+        self._announced = False
         self.counters = SinkCounters()
 
     @property
     def connected(self) -> bool:
         """Whether the broker has taken our subscription (a backlog of rows may come before the acknowledgement)."""
-        return self._connected and self._subscribed
-
-    @property
-    def _shares(self) -> bool:
-        return bool(self._settings.group) and self._protocol == MQTTProtocolVersion.MQTTv5
+        return self._subscriber is not None and self._subscriber.subscribed
 
     def run(self, stop: Callable[[], bool], progress: Callable[[], None] = lambda: None) -> None:
-        """Until `stop()`. Raises UserError when the broker refuses us at first contact."""
-        delay = _BACKOFF_S[0]
-        while not stop():
-            client = self._connect()
-            if client is not None:
-                begun = time.monotonic()
+        """Until `stop()`; `progress` is called at least every second. A broker that refuses is tried again."""
+        self._progress = progress
+        committer = Committer(self._engine)
+        backoff, said = Backoff(), ""
+        try:
+            while not stop():
+                begun, failure = time.monotonic(), ""
                 try:
-                    self._consume(client, stop, progress)
-                finally:
-                    client.disconnect()
-                    self._connected = False
+                    self._session(committer, stop)
+                except SubscriberError as error:
+                    failure = str(error)
                 if stop():
                     return
-                if time.monotonic() - begun > _STABLE_S:
-                    delay = _BACKOFF_S[0]
-                elif self._failure != _DATABASE_AWAY:
-                    self._failure = f"{self._failure} (does another sink use the client_id {self._settings.client_id}?)"
-            elif self._step_down():
-                continue
-            elif self._failure and is_refusal(self._failure) and self.counters.reconnects < 0:
-                raise refusal(self._address, self._failure)
-            if delay == _BACKOFF_S[0]:
-                _log.warning("broker %s: %s; retrying", self._address, self._failure)
-            self._sleep(delay * random.uniform(0.5, 1.0), stop, progress)
-            delay = min(2 * delay, _BACKOFF_S[1])
+                if self._step_down(failure):
+                    continue
+                lasted_s = time.monotonic() - begun
+                if self._announced:
+                    backoff.ended(lasted_s)
+                if self._announced and lasted_s > LOCAL_NETWORK.stable_s:
+                    said = ""
+                elif self._announced:  # a client of the same name may have taken the connection over
+                    failure += f" (does another sink use the client_id {self._settings.client_id}?)"
+                if failure != said:
+                    _say(self._address, failure)
+                said = failure
+                self._pause(committer, backoff.pause_s(), stop)
+        finally:
+            committer.close(_STOP_S)
 
-    def _step_down(self) -> bool:
-        """After a failed connect: whether to try MQTT 3.1.1 at once. The next failure returns to 5."""
-        was_five = self._protocol == MQTTProtocolVersion.MQTTv5
-        self._unanswered = self._unanswered + 1 if self._failure == _NO_ANSWER and was_five else 0
-        if was_five and (self._failure == _UNSUPPORTED or self._unanswered >= 2):
-            _log.info("broker %s speaks no MQTT 5: rows cannot be shared between sinks", self._address)
-            self._protocol = MQTTProtocolVersion.MQTTv311
-            return True
-        if self._settings.mqtt5:
-            self._protocol = MQTTProtocolVersion.MQTTv5
+    def _step_down(self, failure: str) -> bool:
+        """Whether to try the other version of MQTT at once; the one that was accepted last is kept.
+
+        Some brokers do not answer to a version that they do not know.
+        """
+        if not self._settings.mqtt5 or self._announced:
+            return False
+        silent = failure == NO_ANSWER
+        if self._version == V5:
+            self._unanswered = self._unanswered + 1 if silent else 0
+            if failure == UNSUPPORTED or self._unanswered > bool(self._settings.group):  # only MQTT 5 shares rows
+                self._version, self._unanswered = V311, 0
+                return True
+        elif silent:
+            self._version = V5
         return False
 
-    def _sleep(self, seconds: float, stop: Callable[[], bool], progress: Callable[[], None]) -> None:
+    def _pause(self, committer: Committer, seconds: float, stop: Callable[[], bool]) -> None:
+        """Wait; what is committed meanwhile needs no acknowledgement, for the broker sends it again."""
         deadline = time.monotonic() + seconds
         while time.monotonic() < deadline and not stop():
-            progress()
+            self._count(committer)
+            self._feed_watchdog()
             time.sleep(0.05)
 
-    def _connect(self) -> paho.Client | None:
-        """A fresh client, subscribed; None when that failed (`_failure` says why)."""
-        self._failure, self._connected, self._accepted, self._subscribed = None, False, False, False
-        self._arrived = []
-        five = self._protocol == MQTTProtocolVersion.MQTTv5
-        client = paho.Client(
-            CallbackAPIVersion.VERSION2,
-            client_id=self._settings.client_id,
-            protocol=self._protocol,
-            clean_session=None if five else False,
-            manual_ack=True,
-            reconnect_on_failure=False,
-        )
-        if self._address.username is not None:
-            client.username_pw_set(self._address.username, self._address.password)
-        if self._tls is not None:
-            client.tls_set_context(self._tls)
-        client.on_connect, client.on_disconnect = self._on_connect, self._on_disconnect
-        client.on_subscribe = self._on_subscribe
-        client.on_message = lambda _client, _data, message: self._arrived.append(message)
-        client.on_socket_open = _no_delay
-        client.connect_timeout = _CONNECT_S
-        arguments: dict[str, Any] = {"clean_start": False, "properties": self._session()} if five else {}
+    def _session(self, committer: Committer, stop: Callable[[], bool]) -> None:
+        """One connection. Raises SubscriberError when it ends."""
+        self._arrived, self._held, self._under_way, self._announced = [], 0, 0, False
+        subscriber = Subscriber(self._address, self._tls, hello(self._address, self._settings, self._version))
         try:
-            client.connect(self._address.host, self._address.port, keepalive=10, **arguments)
-        except (OSError, ValueError) as error:
-            self._failure = str(error)
-            return None
-        deadline = time.monotonic() + _CONNECT_S
-        self._connected = True  # as far as TCP goes
-        while not self._accepted and self._failure is None and time.monotonic() < deadline:
-            self._receive(client, deadline - time.monotonic())
-            if client.socket() is None:
-                break
-        self._connected = self._accepted and self._failure is None
-        if self._connected:
-            return client
-        self._failure = self._failure or _NO_ANSWER
-        return None
+            subscriber.connect()
+            self._subscriber = subscriber
+            self.counters.reconnects += 1
+            shared = f"$share/{self._settings.group}/{topics.ALL_POWER}"
+            if self._settings.group and self._version == V5:
+                # A session from a time without sharing would get every row.
+                subscriber.subscribe(shared, leave=topics.ALL_POWER)
+            else:
+                subscriber.subscribe(topics.ALL_POWER)
+            while not stop():
+                self._turn(subscriber, committer)
+        finally:
+            self._subscriber = None
+            farewell = (topics.sink_status(self._settings.client_id), topics.OFFLINE) if self._announced else None
+            subscriber.close(farewell=farewell if stop() else None)
 
-    def _session(self) -> Properties:
-        properties = Properties(PacketTypes.CONNECT)  # type: ignore[no-untyped-call]
-        properties.SessionExpiryInterval = _KEPT_S
-        properties.ReceiveMaximum = min(self._settings.batch, 65_535)
-        return properties
+    def _turn(self, subscriber: Subscriber, committer: Committer) -> None:
+        """Receive for a moment, pass batches on, answer what is committed."""
+        settings = self._settings
+        wait = settings.interval
+        if self._arrived:  # a full committer wakes us when it has room
+            wait = self._since + wait - time.monotonic() if committer.room else _PROGRESS_S
+        room = self._under_way < 4 * settings.batch and self._held < _HELD_BYTES
+        fresh = subscriber.receive(max(0.0, min(wait, _PROGRESS_S)), [committer.readable], read=room)
+        if fresh and not self._arrived:
+            self._since = time.monotonic()
+        self._arrived += fresh
+        self._held += sum(len(message.payload) for message in fresh)
+        self._under_way += len(fresh)
+        self._answer(subscriber, committer)
+        due = len(self._arrived) >= settings.batch or self._held >= _BATCH_BYTES
+        if self._arrived and committer.room and (due or time.monotonic() >= self._since + settings.interval):
+            self._submit(committer)
+        self._announce(subscriber)
+        self._feed_watchdog()
 
-    def _on_connect(self, client: paho.Client, _data: Any, _flags: Any, reason: Any, _properties: Any) -> None:
-        if reason.is_failure:
-            self._failure = _UNSUPPORTED if "protocol" in str(reason).lower() else str(reason)
+    def _submit(self, committer: Committer) -> None:
+        count = size = 0
+        while count < min(len(self._arrived), self._settings.batch) and size < _BATCH_BYTES:
+            size += len(self._arrived[count].payload)
+            count += 1
+        batch, self._arrived = self._arrived[:count], self._arrived[count:]
+        received = [Received(message.topic, message.payload, message.oversized) for message in batch]
+        committer.submit(Batch(received, [message.number for message in batch], self.counters.reconnects))
+
+    def _answer(self, subscriber: Subscriber, committer: Committer) -> None:
+        """Receipts first: an acknowledged row does not come again."""
+        for batch, written in self._count(committer):
+            for topic, payload in receipts(self._settings.client_id, written.receipts):
+                subscriber.publish(topic, payload)
+            if batch.connection == self.counters.reconnects:
+                subscriber.acknowledge([number for number in batch.numbers if number])
+                self._under_way -= len(batch.numbers)
+                self._held -= sum(len(message.payload) for message in batch.messages)
+
+    def _count(self, committer: Committer) -> list[tuple[Batch, Written]]:
+        """What was committed since the last call."""
+        counters, done = self.counters, committer.done()
+        counters.database_trouble, counters.database_returns = committer.trouble, committer.returns
+        for _, written in done:
+            if written.quarantined > written.conflicts:
+                _log.warning("%d malformed messages put into quarantine", written.quarantined - written.conflicts)
+            if written.conflicts:
+                _log.error("%d rows put into quarantine: other rows with their keys are stored", written.conflicts)
+            counters.rows += written.rows
+            counters.quarantined += written.quarantined
+            counters.conflicts += written.conflicts
+            counters.batches += 1
+            counters.last_commit = time.monotonic()
+        return done
+
+    def _announce(self, subscriber: Subscriber) -> None:
+        """Once the subscription stands, tell the daemons: from now on rows reach us."""
+        if subscriber.refused:
+            raise SubscriberError(f"{subscriber.refused}; check the broker's access rules for {topics.ALL_POWER}")
+        if self._announced or not subscriber.subscribed:
             return
-        self._accepted = True
-        self.counters.reconnects += 1
-        if self._shares:
-            client.unsubscribe(topics.ALL_POWER)  # a session from a time without sharing would get every row
-            client.subscribe(f"$share/{self._settings.group}/{topics.ALL_POWER}", qos=1)
-        else:
-            client.subscribe(topics.ALL_POWER, qos=1)
-
-    def _on_subscribe(self, _client: Any, _data: Any, _mid: Any, reasons: list[Any], _properties: Any) -> None:
-        if reasons[0].is_failure:
-            self._failure = (
-                f"subscription refused: {reasons[0]}; check the broker's access rules for {topics.ALL_POWER}"
-            )
-            self._connected = False
-            return
-        self._subscribed = True
-        version = "5" if self._protocol == MQTTProtocolVersion.MQTTv5 else "3.1.1"
-        sharing = f", sharing in group {self._settings.group}" if self._shares else ""
+        self._announced = True
+        payload = orjson.dumps({"state": "online", "sink": self._settings.client_id, "schema": 1})
+        subscriber.publish(topics.sink_status(self._settings.client_id), payload, retain=True)
+        version = "5" if self._version == V5 else "3.1.1"
+        group = self._settings.group
+        sharing = f", sharing in group {group}" if group and self._version == V5 else ""
         _log.info("connected to broker %s (MQTT %s%s)", self._address, version, sharing)
+        if group and not sharing:
+            _log.warning("this broker speaks no MQTT 5: rows cannot be shared between sinks")
 
-    def _on_disconnect(self, _client: Any, _data: Any, _flags: Any, reason: Any, _properties: Any) -> None:
-        if self._failure is None:
-            # Before CONNACK: some 3.1.1 brokers just hang up on a version-5 CONNECT.
-            self._failure = str(reason) if self._accepted else _NO_ANSWER
-        self._connected = False
-
-    def _consume(self, client: paho.Client, stop: Callable[[], bool], progress: Callable[[], None]) -> None:
-        """Batches from this connection until it breaks or we are told to stop."""
-        while not stop() and self._connected:
-            batch = self._batch(client)
-            progress()
-            if batch and not self._commit(client, batch, stop, progress):
-                return
-
-    def _batch(self, client: paho.Client) -> list[paho.MQTTMessage]:
-        """What arrives within the interval, at most a batch."""
-        deadline = time.monotonic() + self._settings.interval
-        while len(self._arrived) < self._settings.batch and self._connected:
-            left = deadline - time.monotonic()
-            if left <= 0:
-                break
-            self._receive(client, left)
-        batch, self._arrived = self._arrived, []
-        return batch
-
-    def _receive(self, client: paho.Client, timeout: float) -> None:
-        """Wait for packets and take those that are there."""
-        sock = client.socket()
-        if sock is None:
-            self._connected = False
-            return
-        wait = 0.0 if pending(sock) else timeout
-        readable, writable, _ = select.select([sock], [sock] if client.want_write() else [], [], wait)
-        if writable:
-            client.loop_write()
-        while (readable or pending(client.socket())) and len(self._arrived) < self._settings.batch:
-            before = len(self._arrived)
-            client.loop_read()
-            if len(self._arrived) == before:
-                break
-        client.loop_misc()
-
-    def _commit(
-        self,
-        client: paho.Client,
-        batch: list[paho.MQTTMessage],
-        stop: Callable[[], bool],
-        progress: Callable[[], None],
-    ) -> bool:
-        """Write and acknowledge. While the database is away, nothing is acknowledged or lost."""
-        try:
-            written = self._writer.write([Received(message.topic, bytes(message.payload)) for message in batch])
-        except sa.exc.DBAPIError as error:
-            _log.error("database: %s; %d messages stay with the broker", str(error.orig).strip(), len(batch))
-            self._failure = _DATABASE_AWAY
-            self.counters.database_trouble = str(error.orig).strip() or type(error.orig).__name__
-            self._sleep(1.0, stop, progress)
-            return False  # a new connection makes the broker send them again
-        for message in batch:
-            client.ack(message.mid, message.qos)
-        counters = self.counters
-        counters.database_returns += bool(counters.database_trouble)
-        counters.database_trouble = ""
-        if written.quarantined:
-            _log.warning("%d malformed messages put into quarantine", written.quarantined)
-        counters.rows += written.rows
-        counters.quarantined += written.quarantined
-        counters.batches += 1
-        counters.last_commit = time.monotonic()
-        return True
+    def _feed_watchdog(self) -> None:
+        now = time.monotonic()
+        if now - self._fed >= _PROGRESS_S:
+            self._fed = now
+            self._progress()
 
 
-def _no_delay(_client: paho.Client, _data: Any, sock: Any) -> None:
-    for option in NO_DELAY:
-        sock.setsockopt(*option)
+def _say(address: BrokerAddress, failure: str) -> None:
+    if is_refusal(failure):
+        _log.error("%s; trying again", refusal(address, failure))
+    else:
+        _log.warning("broker %s: %s; retrying", address, failure)

@@ -1,25 +1,26 @@
-"""Batches of messages into SQL: one transaction, idempotent by key, malformed ones into quarantine."""
+"""Batches of messages into SQL: one transaction, exactly once by key, what is no new row into quarantine.
+
+A row whose key is stored with equal values has come before. With other values it is a conflict: the stored row stays,
+the other one goes into quarantine.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from datetime import UTC, datetime
+from dataclasses import dataclass, field
 from typing import Any
 
 import orjson
 import sqlalchemy as sa
 
+from acqd.storage import quarantining, rows
 from acqd.storage.database import transaction
-from acqd.storage.schema import power, quarantine
 from acqd.telemetry import topics
+from acqd.telemetry.ranges import Ranges
 from acqd.telemetry.row import PowerRow, parse_row
-from acqd.timestamps import rfc3339
+from acqd.telemetry.spool import Stream
 
-_COLUMNS = [column.name for column in power.columns]
-_QUOTED = ", ".join(f'"{name}"' for name in _COLUMNS)
-_SQLITE_INSERT = f"INSERT INTO power ({_QUOTED}) VALUES ({', '.join('?' * len(_COLUMNS))}) ON CONFLICT DO NOTHING"
-_PAYLOAD_KEPT = 65_536  # bytes of a malformed message worth keeping
+CONFLICT = "another row with this key is stored"
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,15 +29,21 @@ class Received:
 
     topic: str
     payload: bytes
+    oversized: int = 0
+    """Bytes of a message that is longer than the limit; its payload is cut."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Written:
     """What became of a batch."""
 
-    rows: int
+    rows: int = 0
     """Valid rows, those already known included."""
-    quarantined: int
+    quarantined: int = 0
+    conflicts: int = 0
+    """Of these, rows whose key is stored with other values."""
+    receipts: dict[Stream, Ranges] = field(default_factory=dict)
+    """Every row of the batch that need not be sent again."""
 
 
 class _PoisonError(Exception):
@@ -48,89 +55,86 @@ class Writer:
 
     def __init__(self, engine: sa.Engine) -> None:
         self._engine = engine
-        self._insert = _insert_postgres if engine.dialect.name == "postgresql" else _insert_sqlite
 
     def write(self, messages: Sequence[Received]) -> Written:
-        """Commit all of `messages`, or nothing. Raises sqlalchemy.exc.DatabaseError."""
-        rows: list[PowerRow] = []
-        refused: list[dict[str, Any]] = []
+        """Commit all of `messages`, or nothing. Raises sqlalchemy.exc.DBAPIError while the database cannot."""
+        good: list[tuple[Received, PowerRow]] = []
+        refused: list[tuple[Received, str]] = []
         for message in messages:
             try:
-                row = parse_row(message.payload)
-                expected = topics.power(row.device, row.channel)
-                if message.topic != expected:
-                    raise ValueError(f"payload is of {expected}, but came by another topic")
-                rows.append(row)
+                good.append((message, _checked(message)))
             except ValueError as error:
-                refused.append(self._refusal(message, str(error)))
+                refused.append((message, str(error)))
         try:
-            self._store(rows, refused)
+            conflicts = self._store(good, refused)
         except self._engine.dialect.loaded_dbapi.Error as error:  # from COPY, which SQLAlchemy does not see
-            raise sa.exc.DatabaseError("COPY", None, error) from error
+            raise sa.exc.DBAPIError("COPY", None, error) from error
         except _PoisonError as error:
             return self._apart(messages, str(error))
-        return Written(len(rows), len(refused))
+        written = Written(len(good) - conflicts, len(refused) + conflicts, conflicts)
+        for _, row in good:
+            _note(written.receipts, row.device, row.channel, row.boot, row.seq)
+        for message, _ in refused:
+            _note_refused(written.receipts, message)
+        return written
 
     def _apart(self, messages: Sequence[Received], reason: str) -> Written:
         """The database refuses some row of this batch for what it holds: find it, keep the others."""
         if len(messages) == 1:
-            self._store([], [self._refusal(messages[0], reason)])
-            return Written(0, 1)
+            self._store([], [(messages[0], reason)])
+            written = Written(0, 1)
+            _note_refused(written.receipts, messages[0])
+            return written
         half = len(messages) // 2
         first, second = self.write(messages[:half]), self.write(messages[half:])
-        return Written(first.rows + second.rows, first.quarantined + second.quarantined)
-
-    def _store(self, rows: list[PowerRow], refused: list[dict[str, Any]]) -> None:
-        with transaction(self._engine) as connection:
-            try:
-                if rows:
-                    self._insert(connection, rows)
-            except (sa.exc.DataError, self._engine.dialect.loaded_dbapi.DataError) as error:
-                raise _PoisonError(str(error).splitlines()[0]) from error
-            if refused:
-                connection.execute(sa.insert(quarantine), refused)
-
-    def _refusal(self, message: Received, reason: str) -> dict[str, Any]:
-        now = datetime.now(UTC)
-        return {
-            "received": now if self._engine.dialect.name == "postgresql" else rfc3339(int(now.timestamp() * 1e9)),
-            "topic": message.topic,
-            "payload": message.payload[:_PAYLOAD_KEPT],
-            "reason": reason,
-        }
-
-
-def _flags(row: PowerRow) -> str:
-    return orjson.dumps(row.flags).decode() if row.flags else "[]"
-
-
-def _values(row: PowerRow) -> tuple[Any, ...]:
-    return (
-        row.device, row.channel, row.boot, row.seq, row.time, row.filetime,
-        row.Vrms, row.Irms, row.P, row.S, row.PF, row.f, row.W, _flags(row), row.schema,
-    )  # fmt: skip
-
-
-def _insert_sqlite(connection: sa.Connection, rows: list[PowerRow]) -> None:
-    connection.exec_driver_sql(_SQLITE_INSERT, [_values(row) for row in rows])
-
-
-def _insert_postgres(connection: sa.Connection, rows: list[PowerRow]) -> None:
-    """COPY straight into the table; only when a row is there already, by way of a staging table."""
-    values = [_values(row) for row in rows]
-    try:
-        with connection.begin_nested():
-            _copy(connection, "power", values)
-    except connection.dialect.loaded_dbapi.IntegrityError:
-        connection.exec_driver_sql("CREATE TEMP TABLE IF NOT EXISTS arriving (LIKE power) ON COMMIT DELETE ROWS")
-        _copy(connection, "arriving", values)
-        connection.exec_driver_sql(
-            f"INSERT INTO power ({_QUOTED}) SELECT {_QUOTED} FROM arriving ON CONFLICT DO NOTHING"
+        for stream, stored in second.receipts.items():
+            for pair in stored:
+                first.receipts.setdefault(stream, Ranges()).add(*pair)
+        return Written(
+            first.rows + second.rows,
+            first.quarantined + second.quarantined,
+            first.conflicts + second.conflicts,
+            first.receipts,
         )
 
+    def _store(self, good: list[tuple[Received, PowerRow]], refused: list[tuple[Received, str]]) -> int:
+        """One transaction; the number of conflicts."""
+        dbapi = self._engine.dialect.loaded_dbapi
+        with transaction(self._engine) as connection:
+            differing: list[int] = []
+            try:
+                if good:
+                    differing = rows.insert(connection, [row for _, row in good])
+            except (sa.exc.DataError, sa.exc.IntegrityError, dbapi.DataError, dbapi.IntegrityError) as error:
+                raise _PoisonError(str(error).splitlines()[0]) from error
+            except (ValueError, OverflowError) as error:  # the driver cannot even send it
+                raise _PoisonError(str(error)) from error
+            apart = [*refused, *((good[k][0], CONFLICT) for k in differing)]
+            if apart:
+                quarantining.insert(connection, apart)
+        return len(differing)
 
-def _copy(connection: sa.Connection, table: str, values: list[tuple[Any, ...]]) -> None:
-    cursor: Any = connection.connection.cursor()
-    with cursor, cursor.copy(f"COPY {table} ({_QUOTED}) FROM STDIN") as copy:
-        for row in values:
-            copy.write_row(row)
+
+def _checked(message: Received) -> PowerRow:
+    if message.oversized:
+        raise ValueError(f"message of {message.oversized} bytes is too large for a row")
+    row = parse_row(message.payload)
+    expected = topics.power(row.device, row.channel)
+    if message.topic != expected:
+        raise ValueError(f"payload is of {expected}, but came by another topic")
+    return row
+
+
+def _note(receipts: dict[Stream, Ranges], device: str, channel: str, boot: str, seq: int) -> None:
+    receipts.setdefault(Stream(device, channel, boot), Ranges()).add(seq, seq)
+
+
+def _note_refused(receipts: dict[Stream, Ranges], message: Received) -> None:
+    """A receipt also for what is no valid row, where it names itself: nobody can make it better by sending it again."""
+    try:
+        content: Any = orjson.loads(message.payload)
+        device, channel, boot, seq = (content[name] for name in ("device", "channel", "boot", "seq"))
+        if message.topic == topics.power(device, channel) and isinstance(boot, str) and 0 <= seq < 2**63:
+            _note(receipts, device, channel, boot, int(seq))
+    except (ValueError, TypeError, KeyError):
+        return

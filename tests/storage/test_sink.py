@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
+import json
+import subprocess
 import threading
+import time
 from contextlib import contextmanager
 
 import paho.mqtt.client as paho
+import pytest
 from paho.mqtt.enums import CallbackAPIVersion
 
 from acqd.storage.database import open_database
 from acqd.storage.schema import quarantine
-from acqd.storage.sink import Sink, SinkSettings
+from acqd.storage.sink import Sink
+from acqd.storage.sink_settings import SinkSettings
 from acqd.storage.writer import Writer
+from acqd.telemetry.broker import free_port
 from acqd.telemetry.mqtt import BrokerAddress
+from acqd.telemetry.ranges import Ranges
+from acqd.telemetry.receipts import parse_receipt
+from tests.commands import ACQD
 from tests.storage.rows import count, message, row
 from tests.waiting import LIMIT_S, wait_for
 
@@ -66,8 +75,8 @@ def test_nothing_is_acknowledged_before_the_commit(mosquitto, database):
         connection.commit()
     with running_sink(BrokerAddress(port=mosquitto.port), engine) as sink, publisher(mosquitto.port) as client:
         publish(client, [row(k) for k in range(200)])
-        wait_for(lambda: sink.counters.reconnects >= 1, "the sink gives up a batch and reconnects")
-        assert sink.counters.rows == 0
+        time.sleep(0.5)
+        assert sink.counters.rows == 0 and sink.counters.reconnects == 0
         with engine.connect() as connection:
             connection.exec_driver_sql("ALTER TABLE hidden RENAME TO power")
             connection.commit()
@@ -123,3 +132,67 @@ def test_several_sinks_share_the_work(mosquitto, database):
         wait_for(lambda: one.counters.rows + two.counters.rows == 400, "400 rows between two sinks")
         assert one.counters.rows and two.counters.rows
     assert count(engine) == 400
+
+
+@pytest.mark.parametrize("mqtt5", [True, False])
+def test_messages_that_are_too_large_stop_nothing(mosquitto, tmp_path, mqtt5):
+    """With MQTT 5 the broker does not even send them; with 3.1.1 they are cut, and kept in quarantine."""
+    engine = open_database(str(tmp_path / "a.sqlite"))
+    address = BrokerAddress(port=mosquitto.port)
+    with running_sink(address, engine, mqtt5=mqtt5) as sink, publisher(mosquitto.port) as client:
+        for _ in range(3):
+            client.publish("acqd/cell1/L1/power", b"x" * 5_000_000, qos=1)
+        publish(client, [row(k) for k in range(100)])
+        wait_for(lambda: sink.counters.rows == 100, "the rows behind them")
+        assert sink.counters.reconnects == 0 and sink.counters.quarantined == (0 if mqtt5 else 3)
+
+
+def test_a_refused_password_is_said_and_tried_again(mosquitto, tmp_path, caplog):
+    mosquitto.stop()
+    mosquitto.extra = "allow_anonymous false\n"
+    mosquitto.start()
+    engine = open_database(str(tmp_path / "a.sqlite"))
+    sink, stop = Sink(BrokerAddress(port=mosquitto.port, username="a", password="b"), engine), threading.Event()
+    thread = threading.Thread(target=sink.run, args=(stop.is_set,))
+    thread.start()
+    wait_for(lambda: "refused the connection" in caplog.text, "the refusal is said")
+    mosquitto.stop()
+    mosquitto.extra = "allow_anonymous true\n"
+    mosquitto.start()
+    wait_for(lambda: sink.connected, "the sink connects")
+    assert caplog.text.count("refused the connection") == 1
+    stop.set()
+    thread.join(LIMIT_S)
+
+
+def test_receipts_and_the_announcement(mosquitto, tmp_path):
+    engine = open_database(str(tmp_path / "a.sqlite"))
+    heard = []
+    with publisher(mosquitto.port) as client:
+        client.on_message = lambda _client, _data, message: heard.append((message.topic, message.payload))
+        client.subscribe([("acqd/+/receipt", 1), ("acqd/sink/+/status", 1)])
+        with running_sink(BrokerAddress(port=mosquitto.port), engine, client_id="s/1"):
+            publish(client, [row(k) for k in (0, 1, 2, 5)])
+            wait_for(lambda: any(topic == "acqd/cell1/receipt" for topic, _ in heard), "a receipt")
+        wait_for(lambda: heard[-1] == ("acqd/sink/s-1/status", b"offline"), "the farewell")
+    assert heard[0][0] == "acqd/sink/s-1/status" and json.loads(heard[0][1])["sink"] == "s/1"
+    ranges = Ranges()
+    for topic, payload in heard:
+        for stream, first, last in parse_receipt("cell1", payload) if topic.endswith("receipt") else ():
+            assert stream == ("cell1", "L1", "boot1")
+            ranges.add(first, last)
+    assert list(ranges) == [(0, 2), (5, 5)]
+
+
+def test_a_broker_that_does_not_answer_to_mqtt_5_is_asked_by_3_1_1(tmp_path, monkeypatch):
+    """The embedded broker, which the sink does not know to be one."""
+    monkeypatch.setattr("acqd.telemetry.subscriber._ANSWER_S", 0.5)
+    port = free_port()
+    broker = subprocess.Popen([*ACQD, "broker", "--port", str(port)], stdout=subprocess.PIPE)
+    broker.stdout.readline()
+    engine = open_database(str(tmp_path / "a.sqlite"))
+    with running_sink(BrokerAddress(port=port), engine) as sink, publisher(port) as client:
+        publish(client, [row(k) for k in range(10)])
+        wait_for(lambda: sink.counters.rows == 10, "the rows")
+    broker.terminate()
+    broker.wait(LIMIT_S)

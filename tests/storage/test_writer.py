@@ -62,3 +62,35 @@ def test_flags_are_json(tmp_path):
     Writer(engine).write([message(row(0, flags=["gap"]))])
     with engine.connect() as connection:
         assert json.loads(connection.exec_driver_sql("SELECT flags FROM power").scalar()) == ["gap"]
+
+
+def test_a_stored_key_with_other_values_is_a_conflict_kept_once_in_quarantine(database):
+    engine = open_database(database)
+    writer = Writer(engine)
+    first = writer.write([message(row(k)) for k in range(10)])
+    assert (first.rows, first.conflicts) == (10, 0)
+    changed = [row(3, P=1.0), row(4, flags=["gap"]), row(5, f=None), row(6, time="2023-11-14T22:15:09Z")]
+    for _ in range(2):
+        again = writer.write([message(row(2)), *(message(r) for r in changed), message(row(20))])
+        assert (again.rows, again.quarantined, again.conflicts) == (2, 4, 4)
+        assert sum(len(ranges) for ranges in again.receipts.values()) == 6, "a conflict is not sent again"
+    assert count(engine) == 11 and count(engine, quarantine) == 4
+    with engine.connect() as connection:
+        stored = connection.execute(sa.select(power.c.P).where(power.c.seq == 3)).scalar()
+    assert stored == 280.0
+
+
+def test_two_rows_with_one_key_in_one_batch(database):
+    engine = open_database(database)
+    written = Writer(engine).write([message(row(1)), message(row(1, P=2.0)), message(row(1))])
+    assert (written.rows, written.conflicts) == (2, 1) and count(engine) == 1
+
+
+def test_receipts_name_rows_that_can_never_be_stored_but_no_rows_of_others(tmp_path):
+    engine = open_database(str(tmp_path / "a.sqlite"))
+    absurd = message(row(7, P=1e30))
+    foreign = Received("acqd/other/L1/power", row(8, P=1e30).to_json())
+    huge = Received(message(row(9)).topic, b"{" * 100, oversized=10**8)
+    written = Writer(engine).write([absurd, foreign, huge])
+    assert {stream.device: list(ranges) for stream, ranges in written.receipts.items()} == {"cell1": [(7, 7)]}
+    assert written.quarantined == 3

@@ -1,0 +1,110 @@
+"""The thread that writes batches: the connection to the broker lives on while the database is slow, locked or away."""
+
+from __future__ import annotations
+
+import logging
+import os
+import queue
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import sqlalchemy as sa
+
+from acqd.retry import Backoff
+from acqd.storage.writer import Received, Writer, Written
+
+_log = logging.getLogger(__name__)
+_AHEAD = 2
+"""Batches that may wait behind the one that is being written."""
+
+
+@dataclass(frozen=True, slots=True)
+class Batch:
+    """Messages, and what the connection needs to acknowledge them."""
+
+    messages: Sequence[Received]
+    numbers: list[int]
+    connection: int
+
+
+class Committer:
+    """`submit` batches, collect them from `done` when they are committed; `readable` wakes a select()."""
+
+    def __init__(self, engine: sa.Engine) -> None:
+        self._writer = Writer(engine)
+        self._todo: queue.SimpleQueue[Batch | None] = queue.SimpleQueue()
+        self._done: queue.SimpleQueue[tuple[Batch, Written]] = queue.SimpleQueue()
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="committer", daemon=True)
+        self._failure: Exception | None = None
+        self.readable = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+        self.busy = 0
+        """Batches that are not committed."""
+        self.trouble = ""
+        """Why the database takes nothing, else empty."""
+        self.returns = 0
+        """Times the database came back."""
+        self._thread.start()
+
+    @property
+    def room(self) -> bool:
+        """Whether another batch may be submitted."""
+        return self.busy <= _AHEAD
+
+    def submit(self, batch: Batch) -> None:
+        """Have a batch written; it is tried until the database takes it."""
+        self.busy += 1
+        self._todo.put(batch)
+
+    def done(self) -> list[tuple[Batch, Written]]:
+        """Batches that were committed since the last call. Raises what has ended the thread (a bug)."""
+        try:
+            os.eventfd_read(self.readable)
+        except BlockingIOError:
+            return []
+        finished = []
+        while not self._done.empty():
+            finished.append(self._done.get())
+        self.busy -= len(finished)
+        if self._failure is not None:
+            raise self._failure
+        return finished
+
+    def close(self, timeout: float) -> None:
+        """Finish the batch in progress if it takes no longer than `timeout` [s]; the rest comes again."""
+        self._stopping.set()
+        self._todo.put(None)
+        self._thread.join(timeout)
+
+    def _run(self) -> None:
+        try:
+            while (batch := self._todo.get()) is not None and not self._stopping.is_set():
+                written = self._write(batch)
+                if written is None:
+                    return
+                self._done.put((batch, written))
+                os.eventfd_write(self.readable, 1)
+        except Exception as error:
+            self._failure = error
+            os.eventfd_write(self.readable, 1)
+
+    def _write(self, batch: Batch) -> Written | None:
+        """Until it is committed; None when the thread is to end."""
+        backoff = Backoff()
+        while True:
+            try:
+                written = self._writer.write(batch.messages)
+            except sa.exc.DBAPIError as error:
+                reason = (str(error.orig).strip().splitlines() or [type(error.orig).__name__])[0]
+                if not self.trouble:
+                    _log.error("database: %s; rows wait, trying again", reason)
+                self.trouble = reason
+            else:
+                if self.trouble:
+                    _log.warning("the database takes rows again")
+                    self.returns += 1
+                self.trouble = ""
+                return written
+            if self._stopping.wait(backoff.pause_s()):
+                return None

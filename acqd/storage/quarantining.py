@@ -1,0 +1,50 @@
+"""Messages that are no new rows, with the reason; the same message for the same reason is kept once."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from typing import Any, Protocol
+
+import sqlalchemy as sa
+from sqlalchemy.dialects import postgresql, sqlite
+
+from acqd.storage.schema import quarantine
+from acqd.timestamps import rfc3339
+
+_PAYLOAD_KEPT = 65_536  # bytes worth keeping
+
+
+class _Message(Protocol):
+    @property
+    def topic(self) -> str: ...
+
+    @property
+    def payload(self) -> bytes: ...
+
+
+def insert(connection: sa.Connection, messages: Sequence[tuple[_Message, str]]) -> None:
+    """Keep messages with their reasons, in the transaction of `connection`."""
+    postgres = connection.dialect.name == "postgresql"
+    now = datetime.now(UTC)
+    received: Any = now if postgres else rfc3339(int(now.timestamp() * 1e9))
+    entries = [
+        {
+            "received": received,
+            "topic": message.topic.replace("\0", "?"),
+            "payload": message.payload[:_PAYLOAD_KEPT],
+            "reason": reason.replace("\0", "?"),
+            "sha256": _hash(message, reason),
+        }
+        for message, reason in messages
+    ]
+    statement: Any = (postgresql.insert if postgres else sqlite.insert)(quarantine)
+    connection.execute(statement.on_conflict_do_nothing(index_elements=["sha256"]), entries)
+
+
+def _hash(message: _Message, reason: str) -> str:
+    digest = hashlib.sha256()
+    for part in (message.topic.encode(), message.payload, reason.encode()):
+        digest.update(len(part).to_bytes(8, "big") + part)
+    return digest.hexdigest()

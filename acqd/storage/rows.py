@@ -1,0 +1,85 @@
+"""Rows into the table `power`: the fast way, and the way by a staging table when keys are there already."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import orjson
+import sqlalchemy as sa
+
+from acqd.storage.schema import power
+from acqd.telemetry.row import PowerRow
+
+_COLUMNS = [column.name for column in power.columns]
+_KEY = ("device", "channel", "boot", "seq")
+_QUOTED = ", ".join(f'"{name}"' for name in _COLUMNS)
+_PLACES = ", ".join("?" * len(_COLUMNS))
+_ON_KEY = " AND ".join(f'p."{name}" = a."{name}"' for name in _KEY)
+_MOVE = (
+    f"INSERT INTO power ({_QUOTED}) SELECT {_QUOTED} FROM arriving WHERE true ORDER BY number ON CONFLICT DO NOTHING"
+)
+
+
+def insert(connection: sa.Connection, rows: list[PowerRow]) -> list[int]:
+    """Insert what is new; positions in `rows` of those whose key is stored with other values.
+
+    Raises the errors of SQLAlchemy and, from COPY, of the driver.
+    """
+    return (_postgres if connection.dialect.name == "postgresql" else _sqlite)(connection, rows)
+
+
+def _sqlite(connection: sa.Connection, rows: list[PowerRow]) -> list[int]:
+    values = [_values(row) for row in rows]
+    statement = f"INSERT INTO power ({_QUOTED}) VALUES ({_PLACES}) ON CONFLICT DO NOTHING"
+    if connection.exec_driver_sql(statement, values).rowcount == len(rows):
+        return []
+    connection.exec_driver_sql(
+        f"CREATE TEMP TABLE IF NOT EXISTS arriving (number INTEGER PRIMARY KEY, {_QUOTED})",
+    )
+    connection.exec_driver_sql("DELETE FROM arriving")
+    connection.exec_driver_sql(
+        f"INSERT INTO arriving (number, {_QUOTED}) VALUES (?, {_PLACES})",
+        [(k, *one) for k, one in enumerate(values)],
+    )
+    return _differing(connection, "IS NOT")
+
+
+def _postgres(connection: sa.Connection, rows: list[PowerRow]) -> list[int]:
+    """COPY straight into the table; only when a row is there already, by way of a staging table."""
+    values = [_values(row) for row in rows]
+    try:
+        with connection.begin_nested():
+            _copy(connection, "power", _QUOTED, values)
+        return []
+    except connection.dialect.loaded_dbapi.errors.UniqueViolation:
+        pass
+    connection.exec_driver_sql(
+        "CREATE TEMP TABLE IF NOT EXISTS arriving (number integer, LIKE power) ON COMMIT DELETE ROWS"
+    )
+    _copy(connection, "arriving", f"number, {_QUOTED}", [(k, *one) for k, one in enumerate(values)])
+    connection.exec_driver_sql(_MOVE)
+    return _differing(connection, "IS DISTINCT FROM")
+
+
+def _differing(connection: sa.Connection, differs: str) -> list[int]:
+    values = " OR ".join(f'p."{name}" {differs} a."{name}"' for name in _COLUMNS if name not in _KEY)
+    query = f"SELECT a.number FROM arriving a JOIN power p ON {_ON_KEY} WHERE {values} ORDER BY a.number"
+    return [int(number) for number in connection.exec_driver_sql(query).scalars()]
+
+
+def _copy(connection: sa.Connection, table: str, columns: str, values: list[tuple[Any, ...]]) -> None:
+    cursor: Any = connection.connection.cursor()
+    with cursor, cursor.copy(f"COPY {table} ({columns}) FROM STDIN") as copy:
+        for row in values:
+            copy.write_row(row)
+
+
+def _values(row: PowerRow) -> tuple[Any, ...]:
+    return (
+        row.device, row.channel, row.boot, row.seq, row.time, row.filetime,
+        row.Vrms, row.Irms, row.P, row.S, row.PF, row.f, row.W, _flags(row), row.schema,
+    )  # fmt: skip
+
+
+def _flags(row: PowerRow) -> str:
+    return orjson.dumps(row.flags).decode() if row.flags else "[]"

@@ -1,0 +1,38 @@
+"""Settings of the sink, and what it counts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class SinkSettings:
+    """How the sink batches and shares."""
+
+    client_id: str = "acqd-sink"
+    group: str = ""
+    """Shared-subscription group: its sinks share the rows. Empty: every row comes here."""
+    batch: int = 2_000
+    """Messages per transaction at most; the broker may have four times as many under way to us."""
+    interval: float = 0.25
+    """Longest time [s] a row waits for its transaction to begin."""
+    mqtt5: bool = True
+    """MQTT 5 if the broker can; False: MQTT 3.1.1 from the start."""
+
+
+@dataclass(slots=True)
+class SinkCounters:
+    """What the sink has done so far."""
+
+    rows: int = 0
+    quarantined: int = 0
+    conflicts: int = 0
+    """Of the quarantined: rows whose key was stored with other values."""
+    batches: int = 0
+    reconnects: int = -1
+    last_commit: float | None = None
+    """Monotonic time of the last commit."""
+    database_trouble: str = ""
+    """Why the database takes no rows; empty while it does."""
+    database_returns: int = 0
+    """Times the database came back."""
