@@ -14,6 +14,7 @@ from acqd.daemon.broker_checks import broker_checks
 from acqd.daemon.config import Config
 from acqd.daemon.finding import Finding
 from acqd.daemon.source_checks import source_checks
+from acqd.daemon.spool_checks import spool_checks
 from acqd.errors import UserError
 
 _FREE_BYTES = 2 * 10**9  # a week of three-phase rows
@@ -31,6 +32,7 @@ def all_checks(config: Config) -> list[Finding]:
         *broker_checks(config),
         _database(config),
         _disk(config),
+        *spool_checks(config),
     ]
 
 

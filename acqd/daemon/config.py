@@ -15,13 +15,14 @@ from acqd.daemon.health.section import HealthSection
 from acqd.daemon.mqtt_section import MqttSection
 from acqd.daemon.section import Positive, Section
 from acqd.daemon.source_sections import SECTIONS, SimulatedSection, SourceSection
+from acqd.daemon.spool_section import SpoolSection
 from acqd.errors import InputError
 from acqd.plc.realtime import RealtimeSettings
+from acqd.storage.sink_settings import SinkSettings
 from acqd.telemetry.topics import valid_device
 
 if TYPE_CHECKING:  # SQLAlchemy is slow to import, and a daemon that is started again must not wait for it
     from acqd.storage.maintain import Retention
-    from acqd.storage.sink import SinkSettings
 
 
 class MeteringSection(Section):
@@ -66,8 +67,6 @@ class SinkSection(Section):
 
     def settings(self) -> SinkSettings:
         """The settings of the sink."""
-        from acqd.storage.sink import SinkSettings
-
         return SinkSettings(self.client_id, self.group, self.batch, self.interval)
 
     def retention(self) -> Retention:
@@ -86,6 +85,7 @@ class Config(Section):
     metering: MeteringSection = MeteringSection()
     realtime: RealtimeSection = RealtimeSection()
     mqtt: MqttSection = MqttSection()
+    spool: SpoolSection = SpoolSection()
     broker: BrokerSection = BrokerSection()
     sink: SinkSection = Field(default_factory=SinkSection)
     health: HealthSection = HealthSection()

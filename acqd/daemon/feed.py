@@ -7,9 +7,10 @@ from typing import Any, Protocol
 
 from acqd.daemon.health.snapshot import FeedHealth
 from acqd.telemetry.row import PowerRow
+from acqd.telemetry.spool import Energy
 
-Deliver = Callable[[list[PowerRow], list[dict[str, Any]]], None]
-"""Takes rows and the 1 s summaries that they complete, in the event loop."""
+Deliver = Callable[[list[PowerRow], list[dict[str, Any]], Energy | None], None]
+"""Takes rows, the 1 s summaries that they complete and the energy registers after them, in the event loop."""
 
 
 class Feed(Protocol):

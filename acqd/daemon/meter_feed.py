@@ -134,7 +134,7 @@ class MeterFeed:
         timed = list(_timed_rows(reading, self._boot.name, sorted(flags)))
         self._boot.stamp([entry.row for entry in timed])
         summaries = self._summarisers[reading.meter].add_rows(timed)
-        self._deliver([entry.row for entry in timed], summaries)
+        self._deliver([entry.row for entry in timed], summaries, None)  # the meters keep their registers
         self._last_row = time.monotonic()
 
 

@@ -32,7 +32,8 @@ class MqttSection(Section):
     ca_file: Path | None = None
     cert_file: Path | None = None
     key_file: Path | None = None
-    queue: Annotated[int, Field(ge=100, le=10_000_000)] = 100_000
+    queue: Annotated[int, Field(ge=100, le=10_000_000)] | None = None
+    """Without effect since rows wait in the spool; kept so that older files are still read."""
 
     @model_validator(mode="after")
     def _not_contradictory(self) -> MqttSection:

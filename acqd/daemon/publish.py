@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import queue
 import threading
 import time
 from types import TracebackType
@@ -11,9 +12,10 @@ from types import TracebackType
 from acqd.errors import UserError
 from acqd.telemetry import topics
 from acqd.telemetry.connector import Connector
+from acqd.telemetry.delivery import Delivery
 from acqd.telemetry.mqtt import BrokerAddress
-from acqd.telemetry.outbox import MemoryOutbox, Message
 from acqd.telemetry.row import PowerRow
+from acqd.telemetry.spool import Spool, SpooledRow, Stream
 
 _WAITING = 2_000  # messages in flight before the playback waits for the broker: nothing is dropped
 
@@ -40,35 +42,36 @@ class Publisher:
 
     def publish(self, rows: list[PowerRow]) -> None:
         """Hand over rows; waits while too many are in flight."""
-        messages = [Message(topics.power(row.device, row.channel), row.to_json()) for row in rows]
-        for start in range(0, len(messages), _WAITING):
+        spooled = [SpooledRow(Stream(row.device, row.channel, row.boot), row.seq, row.to_json()) for row in rows]
+        for start in range(0, len(spooled), _WAITING):
             self._wait_for(_WAITING)
-            part = messages[start : start + _WAITING]
-            self._loop.call_soon_threadsafe(self._put, part)
+            self._loop.call_soon_threadsafe(self._outbox.put_rows, spooled[start : start + _WAITING])
 
     def __exit__(self, kind: type[BaseException] | None, _error: object, _trace: TracebackType | None) -> None:
         if kind is None:
             self._wait_for(0)
         self._close()
 
-    def _put(self, messages: list[Message]) -> None:
-        for message in messages:
-            self._outbox.put(message)
-
     def _wait_for(self, waiting: int) -> None:
         """Wait until at most `waiting` messages are left. Raises UserError when the broker takes none for 30 s."""
-        settled = threading.Event()
-        self._loop.call_soon_threadsafe(settled.set)
-        settled.wait()
         progress, since = self._connector.delivered, time.monotonic()
-        while len(self._outbox) > waiting:
-            if self._failure is not None:
-                raise self._failure
+        while (left := self._left()) > waiting:
             if self._connector.delivered != progress:
                 progress, since = self._connector.delivered, time.monotonic()
             elif time.monotonic() - since > 30:
-                raise UserError(f"broker {self._address} takes no messages any more; {len(self._outbox)} rows wait")
+                raise UserError(f"broker {self._address} takes no messages any more; {left} rows wait")
             time.sleep(0.002)
+
+    def _left(self) -> int:
+        """Rows that wait, counted in the thread that delivers them. Raises what has ended that thread."""
+        counted: queue.SimpleQueue[int] = queue.SimpleQueue()
+        with contextlib.suppress(RuntimeError):  # the loop has ended; the reason follows
+            self._loop.call_soon_threadsafe(lambda: counted.put(len(self._outbox)))
+        while True:
+            if self._failure is not None:
+                raise self._failure
+            with contextlib.suppress(queue.Empty):
+                return counted.get(timeout=0.1)
 
     def _serve(self) -> None:
         asyncio.set_event_loop(self._loop)
@@ -77,7 +80,7 @@ class Publisher:
 
     async def _run(self) -> None:
         try:
-            self._outbox = MemoryOutbox(4 * _WAITING)
+            self._outbox = Delivery(Spool(None), "acknowledged", live=False)
             self._connector = Connector(
                 self._address,
                 self._outbox,

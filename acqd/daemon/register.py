@@ -18,6 +18,7 @@ class RegisterFile:
 
     def __init__(self, folder: Path, device: str) -> None:
         self._path = folder / f"energy-{device}.json"
+        self._failed = False
 
     def load(self, phases: int) -> list[tuple[float, float]] | None:
         """Each phase's (imported, exported) [kWh]; None: start from zero."""
@@ -45,7 +46,7 @@ class RegisterFile:
         _log.error("%s is %s: energy starts from zero, the file is kept as %s", self._path, reason, kept.name)
 
     def save(self, readings: list[tuple[float, float]]) -> None:
-        """Write the readings; a full disk is logged, never fatal."""
+        """Write the readings; a full disk is logged once, never fatal. May run in a thread."""
         data = {"phases": [{"import_kWh": imported, "export_kWh": exported} for imported, exported in readings]}
         temporary = self._path.with_suffix(".new")
         try:
@@ -55,4 +56,18 @@ class RegisterFile:
                 os.fsync(file.fileno())
             os.replace(temporary, self._path)
         except OSError as error:
-            _log.error("%s cannot be written: %s", self._path, error)
+            if not self._failed:
+                _log.error("%s cannot be written: %s", self._path, error.strerror)
+            self._failed = True
+        else:
+            self._failed = False
+
+
+def greater(
+    one: list[tuple[float, float]] | None, other: list[tuple[float, float]] | None, phases: int
+) -> list[tuple[float, float]] | None:
+    """The greater reading of every register [kWh], for they only rise; of the right number of phases."""
+    known = [readings for readings in (one, other) if readings is not None and len(readings) == phases]
+    if not known:
+        return None
+    return [(max(pair[0] for pair in pairs), max(pair[1] for pair in pairs)) for pairs in zip(*known, strict=True)]

@@ -9,6 +9,7 @@ import signal
 import time
 import uuid
 from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -18,24 +19,22 @@ from acqd import __version__
 from acqd.daemon.broker_process import BrokerProcess
 from acqd.daemon.config import Config
 from acqd.daemon.embedded_sink import EmbeddedSink
-from acqd.daemon.feed import Deliver, Feed
+from acqd.daemon.feed import Feed
+from acqd.daemon.feeds import devices_of, feed_of
 from acqd.daemon.health.daemon import DaemonHealth, Progress
 from acqd.daemon.health.snapshot import Delivery, Link
-from acqd.daemon.meter_feed import MeterFeed
-from acqd.daemon.modbus_sections import MetersSection
 from acqd.daemon.notify import notify
 from acqd.daemon.tape import Tape
-from acqd.daemon.waveform_feed import WaveformFeed
+from acqd.daemon.uplink import Uplink
 from acqd.errors import UserError
-from acqd.telemetry import topics
-from acqd.telemetry.connector import Connector
-from acqd.telemetry.outbox import MemoryOutbox, Message
+from acqd.telemetry.counters import TelemetryCounters
 from acqd.telemetry.row import PowerRow
+from acqd.telemetry.spool import Energy
 from acqd.timestamps import rfc3339
 
 _log = logging.getLogger(__name__)
 _STATUS_S = 10.0
-_SAVE_S = 10.0
+_SAVE_S = 1.0
 _FLUSH_S = 0.6  # of the 2 s that a stop may take
 
 
@@ -53,9 +52,10 @@ class Service:
         self.config = config
         self._on_second = on_second
         self._boot = uuid.uuid4().hex[:12]
-        self._outbox = MemoryOutbox(config.mqtt.queue)
-        self._connector: Connector | None = None
-        self._feed: Feed = _feed(config, self._boot, self._take)
+        if config.state_dir is not None:
+            _make_folder(config.state_dir)
+        self._uplink = Uplink(config, devices_of(config), self._status) if config.mqtt.enabled else None
+        self._feed: Feed = feed_of(config, self._boot, self._take, self._uplink.energy if self._uplink else None)
         self._stop = asyncio.Event()
         self._started = time.time_ns()
         self._health = DaemonHealth(config.health, config.device, self._feed, self._progress)
@@ -66,9 +66,6 @@ class Service:
         loop = asyncio.get_running_loop()
         for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
             loop.add_signal_handler(number, self._stop.set)
-        if self.config.state_dir is not None:
-            _make_folder(self.config.state_dir)
-        address = self.config.mqtt.address()
         broker = BrokerProcess(self.config.broker.host, self.config.mqtt.port) if self.config.broker.embedded else None
         sink = EmbeddedSink(self.config) if self.config.sink.embedded else None
         background: list[asyncio.Task[None]] = []
@@ -81,15 +78,8 @@ class Service:
             for sentence in self._feed.refused:
                 _log.warning("real time: %s", sentence)
             metering = asyncio.create_task(self._feed.run())
-            if self.config.mqtt.enabled:
-                self._connector = Connector(
-                    address,
-                    self._outbox,
-                    client_id=f"acqd-{self.config.device}",
-                    status_topic=topics.status(self.config.device),
-                    greeting=self._status,
-                )
-                background.append(asyncio.create_task(self._connector.run()))
+            if self._uplink is not None:
+                background += self._uplink.tasks()
             background.append(asyncio.create_task(self._housekeeping()))
             if sink is not None:
                 background.append(asyncio.create_task(sink.watch()))
@@ -114,7 +104,7 @@ class Service:
             await self._feed.stop()
         await metering
         for task in done & set(background):
-            task.result()  # a refusal by the broker, or a bug
+            task.result()  # the embedded sink has ended, or a bug
 
     async def _shut_down(
         self,
@@ -125,30 +115,25 @@ class Service:
         """Stop the feed first and the broker last, so that the last rows reach the sink."""
         await self._feed.stop()
         self._feed.save()
-        if self._connector is not None:
-            await self._connector.flush(_FLUSH_S)
-            waiting = len(self._outbox)
-            if waiting:
-                _log.warning("%d messages could not be delivered and are lost", waiting)
+        if self._uplink is not None:
+            await self._uplink.flush(_FLUSH_S)
         for task in background:
             task.cancel()
         await asyncio.gather(*background, return_exceptions=True)
+        if self._uplink is not None:
+            self._uplink.close()
         if sink is not None:
             await sink.stop()
         if broker is not None:
             await broker.stop()
         self._feed.close()
 
-    def _take(self, rows: list[PowerRow], summaries: list[dict[str, Any]]) -> None:
-        """Put rows and summaries into the outbox."""
+    def _take(self, rows: list[PowerRow], summaries: list[dict[str, Any]], energy: Energy | None) -> None:
+        """Hand rows and summaries over."""
         if self._tape is not None:
             self._tape.write(rows)
-        if self.config.mqtt.enabled:
-            for row in rows:
-                self._outbox.put(Message(topics.power(row.device, row.channel), row.to_json()))
-            for summary in summaries:
-                payload = orjson.dumps(summary)
-                self._outbox.put(Message(topics.summary(summary["device"], summary["channel"]), payload, retain=True))
+        if self._uplink is not None:
+            self._uplink.put(rows, summaries, energy)
         if self._on_second is not None and summaries:
             self._on_second(summaries)
         self.rows += len(rows)
@@ -159,28 +144,45 @@ class Service:
         while True:
             now = time.monotonic()
             self._health.turned()
-            if now >= next_status and self._connector is not None:
+            if now >= next_status and self._uplink is not None:
                 next_status = now + _STATUS_S
-                self._outbox.put(Message(topics.status(self.config.device), self._status(), retain=True))
+                self._uplink.put_status(self._status())
             if now >= next_save:
                 next_save = now + _SAVE_S
-                self._feed.save()
+                await asyncio.to_thread(self._feed.save)  # a disk may take its time
             await asyncio.sleep(0.5)
+
+    def counters(self) -> TelemetryCounters | None:
+        """Delivery of the rows, at most a second old; None without MQTT. May be asked in any thread."""
+        return self._uplink.latest if self._uplink is not None else None
 
     def _progress(self) -> Progress:
         """Rows and their delivery, for the health endpoints."""
-        connector, waiting = self._connector, len(self._outbox)
-        if connector is None:
+        counters = self.counters()
+        if counters is None:
             return Progress(self.rows)
-        broker = Link(connector.state == "connected", max(connector.reconnects, 0))
-        return Progress(self.rows, Delivery(connector.delivered, self._outbox.dropped, waiting), broker)
+        return Progress(
+            self.rows,
+            Delivery(
+                delivered=counters.delivered,
+                dropped=counters.dropped,
+                waiting=counters.waiting,
+                resent=counters.resent,
+                receipts_outstanding=counters.receipts_outstanding,
+                spool_bytes=counters.spool_bytes,
+                spool_limit_bytes=counters.spool_limit_bytes,
+                spool_age_s=counters.spool_age_s,
+                disk_trouble=counters.disk_trouble,
+            ),
+            Link(counters.connected, counters.reconnects),
+        )
 
     def _status(self) -> bytes:
         return orjson.dumps(self.status())
 
     def status(self) -> dict[str, Any]:
         """The content of the status topic while the daemon is online."""
-        connector = self._connector
+        counters = self.counters()
         return {
             "state": "online",
             "device": self.config.device,
@@ -192,20 +194,16 @@ class Service:
             "rows": self.rows,
             "realtime_refused": self._feed.refused,
             "mqtt": {
-                "waiting": len(self._outbox),
-                "dropped": self._outbox.dropped,
-                "delivered": connector.delivered if connector else 0,
-                "reconnects": max(connector.reconnects, 0) if connector else 0,
-            },
+                "waiting": counters.waiting,
+                "dropped": counters.dropped,
+                "delivered": counters.delivered,
+                "reconnects": counters.reconnects,
+            }
+            if counters
+            else {},
+            "spool": asdict(counters) if counters else {},
             **self._feed.status(),
         }
-
-
-def _feed(config: Config, boot: str, deliver: Deliver) -> Feed:
-    """The feed that makes the rows of this configuration."""
-    if isinstance(config.source, MetersSection):
-        return MeterFeed(config.source, boot, deliver)
-    return WaveformFeed(config, config.source, boot, deliver)
 
 
 def _make_folder(folder: Path) -> None:

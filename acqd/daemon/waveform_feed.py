@@ -11,11 +11,12 @@ from acqd.daemon.boot import Boot
 from acqd.daemon.config import Config
 from acqd.daemon.feed import Deliver
 from acqd.daemon.health.snapshot import Cycles, FeedHealth, SourceLink
-from acqd.daemon.register import RegisterFile
+from acqd.daemon.register import RegisterFile, greater
 from acqd.daemon.source_sections import WaveformSection
 from acqd.metering import Meter, StreamFormat, WindowBatch
 from acqd.plc.executive import Executive
 from acqd.telemetry.row import rows_of
+from acqd.telemetry.spool import Energy
 from acqd.telemetry.summary import Summariser
 
 _STALE_S = 2.0  # rows are missing when none has come for this long
@@ -24,8 +25,12 @@ _STALE_S = 2.0  # rows are missing when none has come for this long
 class WaveformFeed:
     """One stream of samples."""
 
-    def __init__(self, config: Config, source: WaveformSection, boot: str, deliver: Deliver) -> None:
+    def __init__(
+        self, config: Config, source: WaveformSection, boot: str, deliver: Deliver, energy: Energy | None = None
+    ) -> None:
+        """`energy`: the registers after the last row that an earlier start has spooled."""
         self._config = config
+        self._spooled = energy
         self._boot = Boot(boot)
         self._deliver = deliver
         self._register = RegisterFile(config.state_dir, config.device) if config.state_dir else None
@@ -102,11 +107,16 @@ class WaveformFeed:
             window=self._config.window,
             mode=metering.mode,
             nominal_voltage=metering.nominal_voltage,
-            energy=self._register.load(form.phases) if self._register else None,
+            energy=self._energy(form.phases),
         )
+
+    def _energy(self, phases: int) -> Energy | None:
+        """Registers to continue from: the greater of file and spool, so that W never goes back."""
+        return greater(self._register.load(phases) if self._register else None, self._spooled, phases)
 
     def _take(self, batch: WindowBatch) -> None:
         rows = list(rows_of(batch, self._config.device, self._boot.name))
         self._boot.stamp(rows)
-        self._deliver(rows, self._summariser.add(batch, rows))
+        assert self._executive.meter is not None
+        self._deliver(rows, self._summariser.add(batch, rows), self._executive.meter.energy.reading())
         self._last_row = time.monotonic()

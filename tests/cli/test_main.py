@@ -96,7 +96,7 @@ def test_environment_mistakes_are_named(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.csv", "blocked", "c.toml"]
 
 
-def test_a_wrong_password_is_exit_2_everywhere(tmp_path, mosquitto):
+def test_a_wrong_password_is_exit_2_for_viewers_and_no_end_for_services(tmp_path, mosquitto):
     mosquitto.stop()
     passwords = mosquitto.folder / "passwords"
     passwords.touch(mode=0o600)
@@ -106,9 +106,12 @@ def test_a_wrong_password_is_exit_2_everywhere(tmp_path, mosquitto):
     config = tmp_path / "c.toml"
     config.write_text(f"[mqtt]\nport = {mosquitto.port}\nusername = 'acqd'\npassword = 'wrong'\n")
     write_csv(tmp_path / "a.csv")
-    for words in (["run"], ["sink"], ["watch"], ["replay", "a.csv", "--publish"]):
+    for words in (["watch"], ["replay", "a.csv", "--publish"]):
         result = acqd_here(*words, "--config", config, cwd=tmp_path)
         assert "password" in refused_last(result), words
+    for service in ("run", "sink"):  # metering goes on, and the password may be corrected at the broker
+        result = acqd(service, "--config", config, "--duration", "2", cwd=tmp_path)
+        assert result.returncode == 0 and "check username, password" in result.stderr, result.stderr
 
 
 def refused_last(result):

@@ -1,0 +1,287 @@
+"""From the spool into SQL, through a real broker that dies: every row once, none lost."""
+
+from __future__ import annotations
+
+import asyncio
+import dataclasses
+import sqlite3
+import subprocess
+from contextlib import contextmanager
+
+import psycopg
+import pytest
+import sqlalchemy as sa
+
+from acqd.daemon.config import Config
+from acqd.daemon.uplink import Uplink
+from acqd.storage.database import open_database
+from acqd.storage.schema import power, quarantine
+from acqd.telemetry.broker import free_port
+from acqd.telemetry.mqtt import BrokerAddress
+from tests.commands import ACQD
+from tests.storage.rows import count, row
+from tests.storage.test_sink import publish, publisher, running_sink
+from tests.waiting import LIMIT_S, finish, until, wait_for
+
+
+class Daemon:
+    """The uplink of a daemon, and a tape of its rows."""
+
+    def __init__(self, folder, port, **spool):
+        mqtt = {"port": port}
+        config = Config(device="cell1", state_dir=folder, mqtt=mqtt, spool=spool)
+        self.uplink = Uplink(config, ["cell1"], lambda: b'{"state":"online"}')
+        self.tape = []
+
+    async def make(self, windows, every_s=0.0):
+        for _ in range(windows):
+            k = len(self.tape) // 2
+            rows = [row(k, channel) for channel in ("L1", "total")]
+            self.tape += rows
+            self.uplink.put(rows, [], [(0.001 * k, 0.0)])
+            await asyncio.sleep(every_s)
+
+    async def delivered(self):
+        await until(lambda: not self.uplink.counters().waiting, "every row has its receipt")
+
+    async def stop(self, tasks):
+        assert not any(task.done() for task in tasks), "the daemon ends when one of its tasks does"
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+        self.uplink.close()
+
+
+def stored(engine):
+    with engine.connect() as connection:
+        query = sa.select(power.c.channel, power.c.seq, power.c.W).order_by(power.c.seq, power.c.channel)
+        return [tuple(one) for one in connection.execute(query)]
+
+
+def taped(daemon):
+    return sorted([(one.channel, one.seq, one.W) for one in daemon.tape], key=lambda one: (one[1], one[0]))
+
+
+@contextmanager
+def sink(mosquitto, engine, **settings):
+    with running_sink(BrokerAddress(port=mosquitto.port), engine, **settings) as running:
+        yield running
+
+
+def kill(mosquitto, *, forgets):
+    """kill -9; a broker without persistence forgets sessions and queues."""
+    mosquitto.process.kill()
+    mosquitto.process.wait()
+    if forgets:
+        (mosquitto.folder / "mosquitto.db").unlink(missing_ok=True)
+
+
+def test_the_daemon_comes_first_and_the_sink_later(mosquitto, database, tmp_path, monkeypatch, caplog):
+    monkeypatch.setattr("acqd.daemon.uplink._NO_SINK_S", 0.0)
+    monkeypatch.setattr("acqd.daemon.uplink._SYNC_S", 0.05)
+    engine = open_database(database)
+
+    async def scenario():
+        daemon = Daemon(tmp_path, mosquitto.port)
+        tasks = daemon.uplink.tasks()
+        await daemon.make(200, 0.002)
+        assert daemon.uplink.counters().waiting == 400 and not daemon.uplink.counters().sink_seen
+        assert caplog.text.count("no sink has been seen") == 1
+        with sink(mosquitto, engine):
+            await daemon.make(50, 0.002)
+            await daemon.delivered()
+        assert stored(engine) == taped(daemon)
+        await daemon.stop(tasks)
+
+    finish(scenario())
+
+
+@pytest.mark.parametrize("forgets", [True, False])
+def test_a_broker_that_is_killed_again_and_again_costs_no_row(mosquitto, tmp_path, forgets):
+    """Also within seconds of the first subscription of the sink, which no broker has written down by then."""
+    engine = open_database(str(tmp_path / "a.sqlite"))
+
+    async def scenario():
+        daemon = Daemon(tmp_path, mosquitto.port)
+        tasks = daemon.uplink.tasks()
+        with sink(mosquitto, engine):
+            for pause in (0.05, 0.6):
+                await daemon.make(100, 0.004)
+                await asyncio.to_thread(kill, mosquitto, forgets=forgets)
+                await daemon.make(20, 0.004)
+                await asyncio.sleep(pause)
+                await asyncio.to_thread(mosquitto.start)
+            await daemon.make(50, 0.004)
+            await daemon.delivered()
+        assert stored(engine) == taped(daemon) and daemon.uplink.counters().reconnects == 2
+        await daemon.stop(tasks)
+
+    finish(scenario())
+
+
+def test_rows_survive_a_restart_of_the_daemon_and_of_the_sink(mosquitto, tmp_path):
+    engine = open_database(str(tmp_path / "a.sqlite"))
+
+    async def scenario():
+        mosquitto.stop()
+        first = Daemon(tmp_path, mosquitto.port)
+        tasks = first.uplink.tasks()
+        await first.make(150)
+        await first.stop(tasks)
+        second = Daemon(tmp_path, mosquitto.port)
+        assert second.uplink.counters().waiting == 300 and second.uplink.energy == [(0.149, 0.0)]
+        tasks = second.uplink.tasks()
+        await asyncio.to_thread(mosquitto.start)
+        with sink(mosquitto, engine):
+            await until(lambda: count(engine) > 0, "the first rows")
+        with sink(mosquitto, engine):
+            await second.delivered()
+        assert stored(engine) == taped(first)
+        await second.stop(tasks)
+
+    finish(scenario())
+
+
+def test_a_locked_database_stops_nothing_and_loses_nothing(mosquitto, postgres, tmp_path):
+    engine = open_database(postgres, impatient=True)
+
+    async def scenario():
+        daemon = Daemon(tmp_path, mosquitto.port)
+        tasks = daemon.uplink.tasks()
+        alive = []
+        with sink(mosquitto, engine) as running, psycopg.connect(postgres) as other:
+            await daemon.make(20, 0.002)
+            await daemon.delivered()
+            other.execute("LOCK TABLE power IN ACCESS EXCLUSIVE MODE")
+            running._progress = lambda: alive.append(1)
+            await daemon.make(300, 0.005)
+            await until(lambda: len(alive) > 2, "the sink feeds its watchdog")
+            assert daemon.uplink.counters().waiting == 600 and daemon.uplink.counters().reconnects == 0
+            other.rollback()
+            await daemon.delivered()
+            assert running.counters.reconnects == 0
+        assert stored(engine) == taped(daemon)
+        await daemon.stop(tasks)
+
+    finish(scenario())
+
+
+def test_a_strangers_row_with_our_key_is_a_conflict_that_is_said(mosquitto, database, tmp_path, caplog):
+    """Whoever comes first is stored; the other one is in quarantine, however often it comes, and blocks nothing."""
+    engine = open_database(database)
+
+    async def scenario():
+        daemon = Daemon(tmp_path, mosquitto.port)
+        with sink(mosquitto, engine) as running:
+            with publisher(mosquitto.port) as client:
+                foreign = [
+                    dataclasses.replace(row(5, "L1"), P=-1.0),
+                    dataclasses.replace(row(6, "total"), flags=["gap"]),
+                ]
+                await asyncio.to_thread(publish, client, [*foreign, row(7, "L1")])
+                wait_for(lambda: running.counters.rows == 3, "the stranger's rows")
+            tasks = daemon.uplink.tasks()
+            await daemon.make(20)
+            await daemon.delivered()
+            assert running.counters.conflicts == 2 and "other rows with their keys" in caplog.text
+            with publisher(mosquitto.port) as client:
+                await asyncio.to_thread(publish, client, foreign + daemon.tape)
+                wait_for(lambda: running.counters.rows >= 3 + 38 + 2 + 38, "all again")
+        with engine.connect() as connection:
+            entries = connection.execute(sa.select(quarantine.c.reason)).scalars().all()
+        assert len(entries) == 2 and all("another row with this key" in reason for reason in entries)
+        assert count(engine) == 40
+        await daemon.stop(tasks)
+
+    finish(scenario())
+
+
+def test_a_malformed_row_of_ours_is_quarantined_and_not_sent_for_ever(mosquitto, tmp_path):
+    engine = open_database(str(tmp_path / "a.sqlite"))
+
+    async def scenario():
+        daemon = Daemon(tmp_path, mosquitto.port)
+        tasks = daemon.uplink.tasks()
+        with sink(mosquitto, engine):
+            daemon.uplink.put([row(900, P=1e30), row(901, device="cell1", f=-2e15)], [], None)
+            await daemon.make(3)
+            await daemon.delivered()
+        assert count(engine) == 6 and count(engine, quarantine) == 2
+        await daemon.stop(tasks)
+
+    finish(scenario())
+
+
+def test_two_sinks_of_a_group_store_every_row_once(mosquitto, database, tmp_path):
+    engine = open_database(database)
+
+    async def scenario():
+        daemon = Daemon(tmp_path, mosquitto.port)
+        tasks = daemon.uplink.tasks()
+        with sink(mosquitto, engine, client_id="one", group="g"):
+            with sink(mosquitto, engine, client_id="two", group="g") as two:
+                await daemon.make(150, 0.002)
+                await until(lambda: two.counters.rows > 0, "the second sink has its share")
+            await daemon.make(150, 0.002)
+            await daemon.delivered()
+        assert stored(engine) == taped(daemon)
+        await daemon.stop(tasks)
+
+    finish(scenario())
+
+
+@pytest.mark.slow
+def test_an_embedded_broker_that_is_killed_costs_no_row(tmp_path):
+    """It keeps nothing on disk and speaks MQTT 3.1.1."""
+    engine, port = open_database(str(tmp_path / "a.sqlite")), free_port()
+
+    def start():
+        broker = subprocess.Popen([*ACQD, "broker", "--port", str(port)], stdout=subprocess.PIPE)
+        broker.stdout.readline()
+        return broker
+
+    async def scenario():
+        daemon = Daemon(tmp_path, port)
+        tasks = daemon.uplink.tasks()
+        broker = await asyncio.to_thread(start)
+        with running_sink(BrokerAddress(port=port), engine):
+            for _ in range(3):
+                await daemon.make(100, 0.01)
+                broker.kill()
+                await asyncio.to_thread(broker.wait)
+                await daemon.make(50, 0.01)
+                broker = await asyncio.to_thread(start)
+            await daemon.make(50, 0.01)
+            await daemon.delivered()
+        assert stored(engine) == taped(daemon)
+        await daemon.stop(tasks)
+        broker.terminate()
+        broker.wait()
+
+    finish(scenario())
+
+
+@pytest.mark.long(seconds=8)
+def test_w_never_goes_back_after_a_kill(mosquitto, tmp_path):
+    """kill -9 of `acqd run` at any moment: the registers continue where the last row was."""
+    (tmp_path / "acqd.toml").write_text(
+        f'device = "cell1"\nstate_dir = "{tmp_path}"\n[mqtt]\nport = {mosquitto.port}\n'
+        f'[sink]\ndatabase = "{tmp_path / "a.sqlite"}"\n[source]\npower = 2000.0\n'
+    )
+    engine = open_database(str(tmp_path / "a.sqlite"))
+    with sink(mosquitto, engine):
+        for starts in (1, 2):
+            daemon = subprocess.Popen([*ACQD, "run", "--config", str(tmp_path / "acqd.toml")])
+            wait_for(lambda n=starts, d=daemon: d.poll() is not None or boots(tmp_path) >= n, "rows of this start")
+            (daemon.kill if starts == 1 else daemon.terminate)()
+            daemon.wait(LIMIT_S)
+    with sqlite3.connect(tmp_path / "a.sqlite") as connection:
+        rows = connection.execute("SELECT W FROM power WHERE channel = 'L1' ORDER BY filetime").fetchall()
+    readings = [W for (W,) in rows]
+    assert readings == sorted(readings) and readings[0] > 0
+
+
+def boots(folder):
+    with sqlite3.connect(folder / "a.sqlite") as connection:
+        query = "SELECT count(*) FROM (SELECT boot FROM power GROUP BY boot HAVING count(*) > 60)"
+        return connection.execute(query).fetchone()[0]
