@@ -19,7 +19,7 @@ import typer
 from rich.console import Console
 
 from acqd.errors import OperationError
-from tools.bench import accuracy, at_work, lab, live, models, sink, sources, speed
+from tools.bench import accuracy, at_work, delivery, lab, live, load, models, sink, sources, speed
 from tools.bench.report import Figure, table
 from tools.common.tables import show
 
@@ -29,6 +29,8 @@ _SECTIONS: dict[str, list[Callable[[], Iterator[Figure]]]] = {
     "live": [live.daemon, live.jitter],
     "sources": [sources.sources],
     "sink": [sink.sinks],
+    "delivery": [delivery.stores, delivery.drains],
+    "load": [load.loads],
     "lab": [lab.motions, lab.campaign],
     "models": [models.time_shifts, models.training_step, models.thesis_campaign],
     "work": [at_work.fmu_and_sidecar],
