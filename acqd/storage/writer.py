@@ -6,6 +6,7 @@ the other one goes into quarantine.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -19,7 +20,10 @@ from acqd.telemetry import topics
 from acqd.telemetry.ranges import Ranges
 from acqd.telemetry.row import PowerRow, parse_row
 from acqd.telemetry.spool import Stream
+from acqd.timestamps import filetime
 
+_AHEAD_NS = 86_400 * 10**9
+"""A row from further ahead would make what is asked for "until the newest row" wrong for as long."""
 CONFLICT = "another row with this key is stored"
 
 
@@ -122,6 +126,8 @@ def _checked(message: Received) -> PowerRow:
     expected = topics.power(row.device, row.channel)
     if message.topic != expected:
         raise ValueError(f"payload is of {expected}, but came by another topic")
+    if not filetime(0) <= row.filetime <= filetime(time.time_ns() + _AHEAD_NS):
+        raise ValueError(f"time {row.time} is before 1970, or more than a day ahead of this computer's clock")
     return row
 
 

@@ -26,7 +26,6 @@ def held(engine, table):
 
 
 @pytest.mark.parametrize("days", [-36500, 36500, 2])
-@pytest.mark.xfail(reason="the writer does not compare a row's time with now yet (branch h-spool)", strict=False)
 def test_rows_far_from_now_go_into_quarantine(database, days):
     engine = open_database(database)
     now = time.time_ns()
@@ -35,7 +34,6 @@ def test_rows_far_from_now_go_into_quarantine(database, days):
     assert len(held(engine, quarantine)) == 1
 
 
-@pytest.mark.xfail(reason="a conflict of keys is dropped without a trace (branch h-spool)", strict=False)
 def test_a_genuine_row_whose_key_a_stranger_has_taken_is_not_dropped_silently(database):
     engine, now = open_database(database), time.time_ns()
     Writer(engine).write([message(7, now, P=-1.0)])  # the stranger knows the boot from the status topic
