@@ -127,7 +127,7 @@ def test_an_unforeseen_error_is_published_by_its_type_only(tmp_path, bundle, log
 def test_one_row_far_in_the_future_does_not_make_late_logs_refused(tmp_path, bundle, logs):
     url = str(tmp_path / "p.sqlite")
     engine = open_database(url)
-    store_power(url, [100.0], BEGIN - 1e6)
+    store_power(url, [100.0], BEGIN - 1e6, first=5_000_000)
     with engine.begin() as connection:
         connection.exec_driver_sql(
             "INSERT INTO power SELECT device, channel, boot, seq + 1, time, 9000000000000000000,"
