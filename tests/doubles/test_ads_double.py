@@ -221,7 +221,8 @@ def test_on_change_notifications_come_for_each_change(real: AdsDouble) -> None:
         time.sleep(0.1)
     client.ads.del_device_notification(*handles)
     client.ads.close()
-    assert values == [0, 7, 8]
+    # the first value is notified before AdsLib has returned the handle, which then knows no receiver for it
+    assert values in ([0, 7, 8], [7, 8])
 
 
 # --- faults ------------------------------------------------------------------------------------

@@ -43,6 +43,7 @@ def test_rows_that_all_arrived_are_all_right(tmp_path):
 
 
 ROWS = [at(k) for k in range(6)]
+EARLIER = replace(ROWS[2], filetime=ROWS[0].filetime - 10_000_000)
 REBORN = [ROWS[4], replace(ROWS[5], boot="b2", W=0.0)]
 
 
@@ -55,7 +56,7 @@ REBORN = [ROWS[4], replace(ROWS[5], boot="b2", W=0.0)]
         (ROWS, [*ROWS, replace(ROWS[5], boot="b2")], {"wrong": 1, "duplicated": 1}),
         (ROWS[:2] + ROWS[4:], ROWS[:2] + ROWS[4:], {"unflagged": 1}),
         ([*ROWS[:2], replace(ROWS[4], flags=["gap"])], [*ROWS[:2], replace(ROWS[4], flags=["gap"])], {}),
-        ([*ROWS[:2], replace(ROWS[2], filetime=1)], [*ROWS[:2], replace(ROWS[2], filetime=1)], {"backwards": 1}),
+        ([*ROWS[:2], EARLIER], [*ROWS[:2], EARLIER], {"backwards": 1}),
         (REBORN, REBORN, {"energy_back": 1}),
     ],
 )  # fmt: skip
