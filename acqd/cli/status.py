@@ -54,7 +54,8 @@ def _show(answers: list[Answer]) -> None:
         if any(cells):
             table.add_row(title, *(escape(text) for text in cells))
     console = Console()
-    console.print(table)
+    if table.row_count:  # no service has answered: only what follows
+        console.print(table)
     for answer in answers:
         for problem in answer.problems:
             console.print(f"[red]{answer.service}:[/] {escape(problem)}", soft_wrap=True)
