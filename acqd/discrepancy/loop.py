@@ -77,6 +77,7 @@ def close_loop(config: CloseConfig, progress: Progress) -> Closed:
     for named in tracing.effects:
         progress(f"confidence of {named.id}", 0.0)
         effects.append(added(tracing, named, scale, config.seed))
+    effects, doubts = _without_doubtful(effects, tracing)
     sure = [each for each in effects if each.sure]
     improved = improve(subject, sure, errors_before, config.seed)
     improved = improved.with_reported([*improved.reported_only, *(each for each in effects if not each.sure)])
@@ -87,7 +88,7 @@ def close_loop(config: CloseConfig, progress: Progress) -> Closed:
         after=quality(improved.errors), errors_before=errors_before, floor_W=floor_W, floor_source=floor_source,
         reference_rmse=rms(errors_of(subject.model, subject.reference)) if subject.reference else None,
         joints=joint_level(tracing.witness, subject.chosen), verdict=verdict, stages=_stages(subject, tracing),
-        notes=[*subject.notes, *_unused_efforts(subject), *remarks, *_notes(improved)],
+        notes=[*subject.notes, *_unused_efforts(subject), *doubts, *remarks, *_notes(improved)],
     )  # fmt: skip
 
 
@@ -100,6 +101,21 @@ def _select(config: CloseConfig, subject: Subject, progress: Progress) -> Tracin
     )  # fmt: skip
     setup = set_up(question, lambda share: progress(what, share))
     return trace(setup, Limits(config.max_effects, config.seed), lambda text: progress(text, 0.0))
+
+
+def _without_doubtful(effects: list[Added], tracing: Tracing) -> tuple[list[Added], list[str]]:
+    """Effects that no unnamed alternative outdoes in most resampled recordings, and notes of the others.
+
+    Such an alternative is what the recordings show: an unknown structure.
+    """
+    doubtful = [each for each in effects if each.doubt is not None]
+    if doubtful and tracing.unknown is None:
+        tracing.unknown = doubtful[0].doubt
+    notes = [
+        f"{each.term.id} ({each.term.where}) explains less than what has no name, with {each.confidence:.0%} confidence"
+        for each in doubtful
+    ]
+    return [each for each in effects if each.doubt is None], notes
 
 
 def _without_known(subject: Subject) -> Subject:

@@ -1,8 +1,12 @@
 """Intervals of sizes and fitted shapes."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from acqd.discrepancy.repair.terms import doubt_about
+from acqd.discrepancy.selection.hypotheses import unnamed
 from acqd.discrepancy.selection.uncertainty import intervals
 from acqd.models.greybox.model import direction
 from tests.discrepancy.independent import COMMON, column, extra_power, traced
@@ -30,3 +34,17 @@ def test_an_effect_without_a_fitted_shape_has_none(model, robot):
     certain = intervals(tracing, tracing.effects[0])
     assert certain.shape is None and certain.shape_half is None
     assert certain.coefficients[0] == pytest.approx(8.0, rel=0.1)
+
+
+def test_an_unnamed_alternative_that_more_recordings_prefer_is_the_finding(model, robot):
+    def dry(scene, random):
+        return extra_power(scene, column(scene, 1, 8.0 * np.tanh(scene.qd[:, 1] / 0.004)))
+
+    _, tracing = traced(model, robot, dry, only=COMMON)
+    named = tracing.effects[0]
+    other = next(each for each in tracing.last_ranking if not each.candidate.id)
+    named = replace(named, alternatives=[other])
+    text = unnamed(other.candidate.label)
+    assert doubt_about(named, 0.2, [(text, 0.7)]).finding is other
+    assert doubt_about(named, 0.7, [(text, 0.2)]) is None
+    assert doubt_about(named, 0.2, [("viscous_friction", 0.7)]) is None

@@ -11,7 +11,8 @@ from scipy.stats import t as t_distribution
 from acqd.arrays import Floats
 from acqd.discrepancy.repair.torque_scale import TorqueScale
 from acqd.discrepancy.residual.delay import Delay
-from acqd.discrepancy.selection.accepted import Named, Tracing
+from acqd.discrepancy.selection.accepted import Named, Tracing, Unknown
+from acqd.discrepancy.selection.hypotheses import unnamed
 from acqd.discrepancy.selection.uncertainty import Intervals, confidence, family, intervals
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.augmented import Term
@@ -45,6 +46,8 @@ class Added:
     """Ids and places of effects whose power is nearly the same in these recordings."""
     family_confidence: float = 0.0
     """Together with the family; at least `confidence`."""
+    doubt: Unknown | None = None
+    """An unnamed alternative that more resampled sets of recordings prefer."""
     restored: bool = False
     """The effect came back as parameters that the grey box had been denied, not as a term."""
 
@@ -78,8 +81,15 @@ def added(tracing: Tracing, named: Named, scale: TorqueScale, seed: int) -> Adde
         term=term, evidence=finding.evidence, confidence=sure, alternatives=alternatives, start=named.gate.start,
         consistency=finding.supported().consistency, recordings=len({part.recording for part in open_}),
         family=tuple((finding.candidate.id, finding.candidate.label) for finding in kin),
-        family_confidence=min(together, 1.0),
+        family_confidence=min(together, 1.0), doubt=doubt_about(named, together, alternatives),
     )  # fmt: skip
+
+
+def doubt_about(named: Named, together: float, alternatives: list[tuple[str, float]]) -> Unknown | None:
+    """The unnamed alternative that is likelier than an effect with its family (`together`), or None."""
+    likelier = [name for name, share in alternatives if share > together]
+    found = [each for each in named.alternatives if not each.candidate.id and unnamed(each.candidate.label) in likelier]
+    return Unknown(found[0], named.gate) if found else None
 
 
 def _parameters(named: Named, certain: Intervals, scale: TorqueScale) -> dict[str, Any]:
