@@ -7,6 +7,7 @@ import logging
 import resource
 import sys
 
+from acqd.daemon.child import end
 from acqd.errors import UserError
 from acqd.telemetry.ports import check_port
 
@@ -35,13 +36,7 @@ class BrokerProcess:
         """Terminates the process; kills it if it takes long."""
         if self._watching is not None:
             self._watching.cancel()
-        if self._process is None or self._process.returncode is not None:
-            return
-        self._process.terminate()
-        try:
-            await asyncio.wait_for(self._process.wait(), _STOP_S)
-        except TimeoutError:
-            self._process.kill()
+        await end(self._process, _STOP_S)
 
     async def _launch(self) -> None:
         process = await asyncio.create_subprocess_exec(

@@ -9,6 +9,7 @@ import sys
 import time
 
 from acqd.changes import StateLog
+from acqd.daemon.child import end
 from acqd.daemon.config import Config
 from acqd.errors import UserError
 from acqd.retry import Backoff
@@ -65,13 +66,7 @@ class EmbeddedSink:
 
     async def stop(self) -> None:
         """Terminate the process; kill it if it takes longer than a second."""
-        if self._process is None or self._process.returncode is not None:
-            return
-        self._process.terminate()
-        try:
-            await asyncio.wait_for(self._process.wait(), _STOP_S)
-        except TimeoutError:
-            self._process.kill()
+        await end(self._process, _STOP_S)
 
 
 async def _relay(stream: asyncio.StreamReader) -> None:
