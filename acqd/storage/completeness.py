@@ -36,7 +36,7 @@ class Completeness:
     channel: str
     day: str
     expected: int
-    """Rows stored and missing, from the begin of the day (or the first row ever) to its end (or now)."""
+    """Rows stored and missing, from the start of the day (or the first row ever) to its end (or now)."""
     stored: int
     interval_s: float
     """Between two rows."""

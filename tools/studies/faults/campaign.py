@@ -85,7 +85,7 @@ class Plan:
 
 
 def run(kind: Kind, folder: Path, plan: Plan, tick: Callable[[str], None]) -> Outcome:
-    """Carry the plan out on one bed; `tick` is told of every fault."""
+    """Carry the plan out on one bed; `tick` hears of every fault."""
     chance, outcome, begun = random.Random(f"{plan.seed} {kind}"), Outcome(str(kind), plan.seed), time.monotonic()
     bed = Bed(kind, folder, plan.clock)
     try:
