@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
@@ -52,18 +53,18 @@ def stores() -> Iterator[Figure]:
         yield Figure(section, "bytes written per row of 300 bytes", written, "")
 
 
-class _Store:
+class _Store(Protocol):
     def append(self, k: int) -> None:
-        raise NotImplementedError
+        """Window `k`."""
 
     def read(self) -> None:
-        raise NotImplementedError
+        """All rows."""
 
     def remove(self, first: int, last: int) -> None:
-        raise NotImplementedError
+        """Receipts of some windows."""
 
     def close(self) -> None:
-        raise NotImplementedError
+        """Release files."""
 
 
 class _LogStore(_Store):
