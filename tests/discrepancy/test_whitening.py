@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from scipy.signal import lfilter
 
 from acqd.discrepancy.residual.whitening import Whitener, autocorrelation
+from acqd.discrepancy.thresholds import THRESHOLDS
 
 
 @settings(max_examples=15)
@@ -40,3 +41,17 @@ def test_the_first_rows_know_no_level_unless_it_is_known():
     unknown = Whitener.of(noise, 10).from_start(constant)
     known = Whitener.of(noise, 10, known_level=True).from_start(constant)
     assert (unknown[:10] ** 2).sum() < 0.05 * (known[:10] ** 2).sum()
+
+
+@given(seed=st.integers(0, 2**32 - 1), rows=st.integers(1, 120), past=st.booleans())
+@settings(deadline=None, max_examples=40)
+def test_products_of_white_rows_are_products_of_rows_with_the_transposed_filter(seed, rows, past):
+    random = np.random.default_rng(seed)
+    whitener = Whitener.of([lfilter([1], [1, -0.7], random.normal(size=900))])
+    rows += THRESHOLDS.noise_order if past else 0
+    table, column = random.normal(size=(rows, 3)), random.normal(size=(rows, 2))
+    whiten = whitener.apply if past else whitener.from_start
+    white = whiten(column)
+    known = random.random(len(white)) < 0.8
+    direct = whiten(table)[known].T @ white[known]
+    np.testing.assert_allclose(table.T @ whitener.back(white * known[:, None], past=past), direct, rtol=1e-9, atol=1e-9)

@@ -73,7 +73,7 @@ class JointRows:
 
     def white(self, whitener: Whitener, values: NDArray[Any]) -> Floats:
         """White rows; every run starts without a past."""
-        return np.concatenate([whitener.from_start(run) for run in self.split(values)]).astype(np.float64)
+        return np.concatenate([whitener.from_start(run) for run in self.split(values)])
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 from acqd.arrays import Floats
 from acqd.discrepancy.regression.gram import Places
 from acqd.discrepancy.regression.grey_box_columns import grey_box_columns
-from acqd.discrepancy.regression.smooth_alternatives import Ranges, alternatives, smooth_columns
+from acqd.discrepancy.regression.scenes import Scenes
+from acqd.discrepancy.regression.smooth_alternatives import Ranges, Survey, alternatives, smooth_columns
 from acqd.discrepancy.residual.known_rows import known_rows
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.effects import library
 from acqd.models.effects.effect import Effect, effect_rows
 from acqd.models.effects.places import Variant
-from acqd.models.effects.scene import Scene, segment_scene
+from acqd.models.effects.scene import Scene
 from acqd.models.effects.substeps import Lag, averaged
 from acqd.models.greybox.model import GreyBox
 from acqd.models.segments import Segment
@@ -90,7 +91,7 @@ class DesignColumns:
     candidates: tuple[Candidate, ...]
     parts: tuple[Part, ...]
     segments: tuple[Segment, ...]
-    scenes: tuple[Scene, ...]
+    scenes: Scenes
     values: tuple[NDArray[np.float32], ...]
     """[T, p] per segment."""
     residual: tuple[Floats, ...]
@@ -131,30 +132,24 @@ def design_columns(
 
     `segments`: with whether they are in question; `withheld`: groups of parameters that the model was denied.
     """
-    only = [segment for segment, _ in segments]
-    scenes = [segment_scene(model, s) for s in only]
-    sides = [in_question for _, in_question in segments]
-    _set_origin(scenes, sides)
-    ranges = Ranges.of(scenes, sides)
-    effects = [e for name, e in library().items() if name in chosen and all(e.possible(scene) for scene in scenes)]
-    for effect in effects:
-        fixed = effect.fixed_shape(scenes)  # one value for all recordings, not one per recording
-        for scene in scenes:
-            scene.memory.update(fixed)
+    scenes = Scenes(model, segments)
+    ranges, effects = _surveyed(scenes, [effect for name, effect in library().items() if name in chosen])
+    _remember_common(scenes, effects)
     values: list[NDArray[np.float32]] = []
-    for number, (scene, side) in enumerate(zip(scenes, sides, strict=True)):
+    residual: list[Floats] = []
+    for number, (scene, side) in enumerate(zip(scenes, scenes.in_question, strict=True)):
         lag = Lag(float(model.group("lag")[0]), scene.step_s)
         columns = [grey_box_columns(arm, scene, withheld), *(effect_rows(effect, scene) for effect in effects)]
         columns.append(averaged(lag.run(smooth_columns(scene, ranges, in_question=side))))
         values.append(np.concatenate(columns, axis=1).astype(np.float32))
+        residual.append(scenes.segments[number].P - scene.predicted)
         scene.moved.clear()  # link frames of hours of motion are much larger than what they are needed for
         scene.computed.clear()
         progress((number + 1) / len(scenes))
-    residual = [s.P - scene.predicted for s, scene in zip(only, scenes, strict=True)]
     return DesignColumns(
         model=model, base=model.layout.size,
-        candidates=tuple(_candidates(model, effects, scenes[0], difference=not all(sides))),
-        parts=tuple(_parts(segments, model.step_s)), segments=tuple(only), scenes=tuple(scenes), values=tuple(values),
+        candidates=tuple(_candidates(model, effects, scenes[0], difference=not all(scenes.in_question))),
+        parts=tuple(_parts(segments, model.step_s)), segments=scenes.segments, scenes=scenes, values=tuple(values),
         residual=tuple(residual), chosen=chosen,
     )  # fmt: skip
 
@@ -174,13 +169,26 @@ def _candidates(model: GreyBox, effects: list[Effect], scene: Scene, *, differen
     return candidates + [Candidate("", g.name, place + np.array(g.columns), key=g.name) for g in unnamed]
 
 
-def _set_origin(scenes: list[Scene], in_question: list[bool]) -> None:
-    """The start of the session, for effects that follow the clock."""
+def _surveyed(scenes: Scenes, effects: list[Effect]) -> tuple[Ranges, list[Effect]]:
+    """What the scenes cover, and the effects that are possible in all of them."""
+    surveys: list[Survey] = []
+    for scene in scenes:
+        surveys.append(Survey.of(scene))
+        effects = [effect for effect in effects if effect.possible(scene)]
+    return Ranges.of(surveys, scenes.in_question), effects
+
+
+def _remember_common(scenes: Scenes, effects: list[Effect]) -> None:
+    """What is the same in all scenes: fixed shapes, and the start of a side's session for effects of the clock."""
     for side in (True, False):
-        own = [scene for scene, question in zip(scenes, in_question, strict=True) if question == side]
-        origin = min((float(scene.t[0]) for scene in own), default=0.0)
-        for scene in own:
-            scene.memory["origin_s"] = origin
+        own = [k for k, question in enumerate(scenes.in_question) if question == side]
+        origin = min((scenes.segments[k].start_s for k in own), default=0.0)
+        for k in own:
+            scenes.remember(k, {"origin_s": origin})
+    for effect in effects:
+        fixed = effect.fixed_shape(scenes)
+        for k in range(len(scenes)):
+            scenes.remember(k, fixed)
 
 
 def _parts(segments: list[tuple[Segment, bool]], step_s: float) -> list[Part]:

@@ -1,4 +1,4 @@
-"""The whitened design: columns and residuals of all blocks as white rows, and their Gram matrices."""
+"""The whitened design: columns and residuals of all blocks, and the Gram matrices of their white rows."""
 
 from __future__ import annotations
 
@@ -12,10 +12,9 @@ from acqd.arrays import Floats
 from acqd.discrepancy.joints.observations import session_key
 from acqd.discrepancy.joints.witness import Information, Witness
 from acqd.discrepancy.regression.design_columns import Candidate, DesignColumns, Part
-from acqd.discrepancy.regression.gram import Blocks, Gram, Places
+from acqd.discrepancy.regression.gram import Blocks, Gram, Places, upper_triangle
+from acqd.discrepancy.regression.white_rows import block_rows, white_rows
 from acqd.discrepancy.residual.whitening import Whitener
-from acqd.discrepancy.thresholds import THRESHOLDS
-from acqd.numerics import mad_sigma
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,28 +25,27 @@ class Design:
     whitener: Whitener
     slow_whitener: Whitener
     """The same noise with a longer memory: loads that switch every minute show only there."""
-    white: tuple[NDArray[np.float32], ...]
-    """[rows, p + 1] per block: columns and residual."""
     trusted: tuple[NDArray[np.bool_], ...]
     """[rows] per block: False for outliers."""
     blocks: Blocks
     added: tuple[NDArray[np.float32], ...] = ()
     """[T, e] per segment: columns that were added to the design's own."""
-    added_white: tuple[NDArray[np.float32], ...] = ()
-    """[rows, e] per block."""
     witness: Witness | None = None
     """Logged joint torques, if there are any on both sides."""
 
     @classmethod
-    def of(cls, columns: DesignColumns, whitener: Whitener, slow_whitener: Whitener | None = None) -> Design:
-        """Whitened by one noise model; all rows are trusted."""
-        white = tuple(_whitened(whitener, part, _block(columns, part)) for part in columns.parts)
-        trusted = tuple(np.ones(len(rows), dtype=bool) for rows in white)
-        nothing = Gram(np.empty((0, 1, 1)), np.empty((0, 1, 0)))
+    def of(
+        cls,
+        columns: DesignColumns,
+        whitener: Whitener,
+        slow_whitener: Whitener,
+        trusted: tuple[NDArray[np.bool_], ...],
+    ) -> Design:
+        """Whitened by one noise model."""
+        unknown = Gram(columns.values[0].shape[1], (), np.empty((0, 1, 0)))
         design = cls(
-            columns, whitener, slow_whitener or whitener, white, trusted, Blocks(nothing, nothing, np.empty(0)),
+            columns, whitener, slow_whitener, trusted, Blocks(unknown, unknown, np.empty(0)),
             tuple(np.empty((len(residual), 0), dtype=np.float32) for residual in columns.residual),
-            tuple(np.empty((len(rows), 0), dtype=np.float32) for rows in white),
         )  # fmt: skip
         return design.with_trusted(trusted)
 
@@ -79,31 +77,25 @@ class Design:
         return witness.information(candidate.id, variant, sessions, scanned=candidate.fitted is None)
 
     def with_trusted(self, trusted: tuple[NDArray[np.bool_], ...]) -> Design:
-        """With other trusted rows; all Gram matrices are computed again."""
-        size = self.white[0].shape[1]
-        white, plain = (np.empty((len(trusted), size, size)) for _ in range(2))
-        for number, (part, rows, good) in enumerate(zip(self.parts, self.white, trusted, strict=True)):
-            for values, grams in ((rows, white), (_block(self.columns, part)[part.past :], plain)):
-                exact = values[good].astype(np.float64)
-                np.matmul(exact.T, exact, out=grams[number])
+        """With other trusted rows; Gram matrices of blocks where other rows are trusted are computed again."""
+        white, plain = (list(gram.fixed) for gram in (self.blocks.white, self.blocks.plain))
+        for number, (part, good) in enumerate(zip(self.parts, trusted, strict=True)):
+            if len(white) > number and np.array_equal(good, self.trusted[number]):
+                continue
+            rows = block_rows(self.columns, part)
+            known = white_rows(self.whitener, part, rows)[good]
+            white[number : number + 1] = [upper_triangle(known.T @ known)]
+            known = rows[part.past :][good].astype(np.float64)
+            plain[number : number + 1] = [upper_triangle(known.T @ known) if part.in_question else np.empty(0)]
         counts = np.array([int(good.sum()) for good in trusted], dtype=float)
-        empty = np.empty((len(white), size, 0))
-        blocks = Blocks(Gram(white, empty), Gram(plain, empty), counts)
+        y = self.blocks.white.y
+        empty = np.empty((len(trusted), y + 1, 0))
+        blocks = Blocks(Gram(y, tuple(white), empty), Gram(y, tuple(plain), empty), counts)
         design = replace(self, trusted=trusted, blocks=blocks)
         if not self.added[0].shape[1]:
             return design
-        places = np.arange(self.added[0].shape[1]) + blocks.white.y + 1
+        places = np.arange(self.added[0].shape[1]) + y + 1
         return design.with_replaced(places, [values.astype(np.float64) for values in self.added])
-
-    def without_outliers(self, fits: list[Floats]) -> Design:
-        """Without rows that are outliers even of a fit of everything; `fits`: [p] coefficients per block.
-
-        A protective stop or a collision says nothing about an effect, and a few such rows outweigh hours.
-        """
-        left = [white[:, -1] - white[:, :-1] @ beta for white, beta in zip(self.white, fits, strict=True)]
-        spread = mad_sigma(np.concatenate(left), 0.0) + 1e-9
-        near = [np.abs(rows) < THRESHOLDS.outlier * spread for rows in left]
-        return self.with_trusted(tuple(n & known for n, known in zip(near, self.trusted, strict=True)))
 
     def with_columns(self, columns: list[Floats]) -> tuple[Design, Places]:
         """The design with more columns ([T, k] W per segment), and their indices."""
@@ -116,29 +108,24 @@ class Design:
         first = self.blocks.white.y + 1
         size = max(self.blocks.white.size, int(places.max()) + 1)
         own = places - first
-        added = [_grown(old, size - first, own, values) for old, values in zip(self.added, columns, strict=True)]
-        white: list[NDArray[np.float32]] = []
+        added = tuple(_grown(old, size - first, own, values) for old, values in zip(self.added, columns, strict=True))
         products: tuple[list[Floats], list[Floats]] = ([], [])
-        for number, part in enumerate(self.parts):
-            values = columns[part.segment][part.rows]
-            silent = not values.any()
-            rows = np.zeros_like(values[part.past :]) if silent else _whitened(self.whitener, part, values)
-            white.append(_grown(self.added_white[number], size - first, own, rows))
-            if silent:
+        for part, good in zip(self.parts, self.trusted, strict=True):
+            values = added[part.segment][part.rows][:, own].astype(np.float64)
+            if not values.any():
                 for grams in products:
                     grams.append(np.zeros((size, len(places))))
                 continue
-            good = self.trusted[number]
-            everything = np.concatenate([self.white[number], white[-1]], axis=1)[good].astype(np.float64)
-            products[0].append(everything.T @ white[-1][good][:, own].astype(np.float64))
-            block = np.concatenate([_block(self.columns, part), added[part.segment][part.rows]], axis=1)
-            everything = block[part.past :][good].astype(np.float64)
-            products[1].append(everything.T @ values[part.past :][good])
+            everything = np.concatenate([block_rows(self.columns, part), added[part.segment][part.rows]], axis=1)
+            white = white_rows(self.whitener, part, values) * good[:, None]
+            products[0].append(everything.T @ self.whitener.back(white, past=part.past > 0))
+            plain = values[part.past :] * (good[:, None] & part.in_question)
+            products[1].append(everything[part.past :].T @ plain)
         blocks = Blocks(
             self.blocks.white.replaced(places, products[0]), self.blocks.plain.replaced(places, products[1]),
             self.blocks.rows,
         )  # fmt: skip
-        return replace(self, added=tuple(added), added_white=tuple(white), blocks=blocks)
+        return replace(self, added=added, blocks=blocks)
 
 
 def _grown(old: NDArray[np.float32], width: int, at: Places, values: NDArray[Any]) -> NDArray[np.float32]:
@@ -146,14 +133,3 @@ def _grown(old: NDArray[np.float32], width: int, at: Places, values: NDArray[Any
     grown[:, : old.shape[1]] = old
     grown[:, at] = values
     return grown
-
-
-def _block(columns: DesignColumns, part: Part) -> NDArray[np.float32]:
-    """[rows, p + 1] columns and residual of a block, not white."""
-    residual = columns.residual[part.segment][part.rows, None]
-    return np.concatenate([columns.values[part.segment][part.rows], residual.astype(np.float32)], axis=1)
-
-
-def _whitened(whitener: Whitener, part: Part, values: NDArray[Any]) -> NDArray[np.float32]:
-    """White rows of a block from its rows and its past."""
-    return whitener.apply(values) if part.past else whitener.from_start(values)

@@ -22,15 +22,15 @@ Places: TypeAlias = NDArray[np.int64]
 class Gram:
     """Gram matrices of the blocks' columns; columns that were added later lie apart, so that adding copies little."""
 
-    fixed: Floats
-    """[blocks, p + 1, p + 1] of the design's columns and, at index p, the measured residual y."""
+    y: int
+    """Index of the measured residual: the number p of the design's columns."""
+    fixed: tuple[Floats, ...]
+    """Per block the upper triangle, row by row, of the products [p + 1, p + 1] of the design's columns and of y.
+
+    Empty for a block that nobody asks about: a hundred matrices of hours of recordings are larger than their rows.
+    """
     added: Floats
     """[blocks, p + 1 + e, e] products of all columns with the e added ones."""
-
-    @property
-    def y(self) -> int:
-        """Index of the measured residual."""
-        return int(self.fixed.shape[1]) - 1
 
     @property
     def size(self) -> int:
@@ -43,13 +43,16 @@ class Gram:
         chosen = np.arange(len(self.fixed))[block]
         one = chosen.ndim == 0
         chosen = np.atleast_1d(chosen)
-        if rows.max(initial=-1) < fixed and columns.max(initial=-1) < fixed:
-            values = self.fixed[np.ix_(chosen, rows, columns)]
+        values = np.empty((len(chosen), len(rows), len(columns)))
+        row_old, column_old = rows < fixed, columns < fixed
+        place = _in_triangle(rows[row_old], columns[column_old], fixed)
+        if row_old.all() and column_old.all():
+            for number, k in enumerate(chosen):
+                np.take(self.fixed[k], place, out=values[number])
         else:
-            values = np.empty((len(chosen), len(rows), len(columns)))
-            row_old, column_old = rows < fixed, columns < fixed
-            old = np.ix_(chosen, rows[row_old], columns[column_old])
-            values[np.ix_(np.arange(len(chosen)), row_old, column_old)] = self.fixed[old]
+            old = np.ix_(row_old, column_old)
+            for number, k in enumerate(chosen):
+                values[number][old] = self.fixed[k][place]
             new = np.ix_(chosen, rows, columns[~column_old] - fixed)
             values[:, :, ~column_old] = self.added[new]
             mirrored = np.ix_(chosen, columns[column_old], rows[~row_old] - fixed)
@@ -62,13 +65,16 @@ class Gram:
 
     def residual_squares(self) -> Floats:
         """[blocks] sums of squares of the measured residual."""
-        return self.fixed[:, self.y, self.y]
+        return np.array([triangle[-1] for triangle in self.fixed])
 
-    def diagonal(self) -> Floats:
-        """[blocks, columns] sums of squares of all columns."""
-        fixed = np.einsum("bkk->bk", self.fixed)
-        added = np.einsum("bkk->bk", self.added[:, self.y + 1 :])
-        return np.concatenate([fixed, added], axis=1)
+    def squares(self, block: int, columns: Places) -> Floats:
+        """[columns] sums of squares of columns in a block."""
+        fixed = self.y + 1
+        old = columns < fixed
+        sums = np.empty(len(columns))
+        sums[old] = self.fixed[block][_upper(columns[old], columns[old], fixed)]
+        sums[~old] = self.added[block, columns[~old], columns[~old] - fixed]
+        return sums
 
     def replaced(self, places: Places, products: list[Floats]) -> Gram:
         """With other values of added columns at `places`; `products` [columns, places] for every block.
@@ -83,7 +89,22 @@ class Gram:
             added[number][:, places - fixed] = values
             others = np.setdiff1d(np.arange(fixed, size), places)
             added[number][np.ix_(places, others - fixed)] = values[others].T
-        return Gram(self.fixed, added)
+        return Gram(self.y, self.fixed, added)
+
+
+def upper_triangle(matrix: Floats) -> Floats:
+    """[n (n + 1) / 2] of a symmetric matrix [n, n], row by row."""
+    return np.asarray(matrix[np.triu_indices(len(matrix))])
+
+
+def _in_triangle(rows: Places, columns: Places, size: int) -> Places:
+    """[rows, columns] indices into an upper triangle of a symmetric matrix [size, size]."""
+    return _upper(np.minimum.outer(rows, columns), np.maximum.outer(rows, columns), size)
+
+
+def _upper(row: Places, column: Places, size: int) -> Places:
+    """Indices of elements on or above the diagonal."""
+    return np.asarray(row * (2 * size - row - 1) // 2 + column)
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +114,7 @@ class Blocks:
     white: Gram
     """Of whitened rows: what decides."""
     plain: Gram
-    """Of rows in W: what an engineer calls the error."""
+    """Of rows in W, what an engineer calls the error; only of blocks in question."""
     rows: Floats
     """[blocks] number of white rows."""
 
@@ -130,6 +151,18 @@ class Competition:
     """[own] coefficients without candidates."""
 
 
+@dataclass(frozen=True, slots=True)
+class _BlockProducts:
+    """Products of the gated columns in a block."""
+
+    open: Places
+    """[o] indices of the columns whose gate is open."""
+    squares: Floats
+    """[o, o]."""
+    products: Floats
+    """[o] with the residual."""
+
+
 class Regression:
     """Columns that are free, with their priors, and the Gram matrices of the blocks."""
 
@@ -138,14 +171,13 @@ class Regression:
         self.places: Places = np.array([column.place for column in columns])
         self.gates: Floats = np.array([column.gate for column in columns])  # [own, blocks]
         self.precision = np.array([0.0 if np.isinf(c.deviation) else c.deviation**-2.0 for c in columns])
-        self._normal: tuple[Floats, Floats] | None = None
+        self._open: list[_BlockProducts] | None = None
 
     def on(self, blocks: Blocks) -> Regression:
         """The same columns on the blocks of a design with more columns, whose own columns have the same values."""
         assert blocks.white.fixed is self.blocks.white.fixed, "another design, or other rows"
         other = Regression(blocks, self.columns)
-        self._block_products()
-        other._normal = self._normal
+        other._open = self._block_products()
         return other
 
     def with_columns(self, blocks: Blocks, columns: list[Column]) -> Regression:
@@ -163,11 +195,13 @@ class Regression:
         A, b = self.normal(weights)
         weighted = weights * gate
         open_ = np.flatnonzero(weighted)
-        Gcc = np.einsum("i,ijk->jk", weighted[open_], gram.take(open_, candidates, candidates), optimize=True)
-        Gcy = np.einsum("i,ij->j", weighted[open_], gram.residual_products(open_, candidates), optimize=True)
+        Gcc, Gcy = np.zeros((len(candidates), len(candidates))), np.zeros(len(candidates))
         Gmc = np.zeros((len(self.places), len(candidates)))
-        for i in open_:
-            Gmc += weighted[i] * self.gates[:, i, None] * gram.take(int(i), self.places, candidates)
+        for i in open_.tolist():
+            Gcc += weighted[i] * gram.take(i, candidates, candidates)
+            Gcy += weighted[i] * gram.residual_products(i, candidates)
+            own = np.flatnonzero(self.gates[:, i])
+            Gmc[own] += weighted[i] * self.gates[own, i, None] * gram.take(i, self.places[own], candidates)
         factor = cho_factor(A)
         projection = cho_solve(factor, Gmc)
         beta = cho_solve(factor, b)
@@ -177,21 +211,28 @@ class Regression:
 
     def normal(self, weights: Floats) -> tuple[Floats, Floats]:
         """Normal matrix [own, own] and vector [own] with the priors, blocks weighted."""
-        squares, products = self._block_products()
-        A: Floats = np.einsum("i,ijk->jk", weights, squares, optimize=True)
-        b: Floats = np.einsum("i,ij->j", weights, products)
+        A, b = np.zeros((len(self.columns), len(self.columns))), np.zeros(len(self.columns))
+        for weight, block in zip(weights.tolist(), self._block_products(), strict=True):
+            if weight:
+                A[np.ix_(block.open, block.open)] += weight * block.squares
+                b[block.open] += weight * block.products
         A[np.diag_indices(len(A))] += self.precision + 1e-9 * np.maximum(np.diag(A), 1e-9)
         return A, b
 
-    def _block_products(self) -> tuple[Floats, Floats]:
-        """[blocks, own, own] and [blocks, own] products of the gated columns, computed once."""
-        if self._normal is None:
-            gates, gram = self.gates.T, self.blocks.white
-            squares = gram.take(slice(None), self.places, self.places)
-            squares *= gates[:, :, None]  # in place: hours of recordings have a hundred blocks
-            squares *= gates[:, None, :]
-            self._normal = squares, gram.residual_products(slice(None), self.places) * gates
-        return self._normal
+    def _block_products(self) -> list[_BlockProducts]:
+        """Products of the columns that are open in a block, computed once.
+
+        A random intercept is open in one block only: a hundred blocks have a hundred of them.
+        """
+        if self._open is None:
+            gram = self.blocks.white
+            self._open = []
+            for number in range(len(self.blocks)):
+                open_ = np.flatnonzero(self.gates[:, number])
+                gates, places = self.gates[open_, number], self.places[open_]
+                squares = gram.take(number, places, places) * np.outer(gates, gates)
+                self._open.append(_BlockProducts(open_, squares, gram.residual_products(number, places) * gates))
+        return self._open
 
     def solve(self) -> Floats:
         """[own] coefficients of all columns on all blocks."""
@@ -203,14 +244,13 @@ class Regression:
         gram = self.blocks.white
         scores = np.zeros((len(self.blocks), len(candidates)))
         beta, projection = competition.beta, competition.projection
-        for i in range(len(self.blocks)):
-            open_ = self.gates[:, i]
-            own_products = gram.residual_products(i, self.places)
-            own_left = open_ * (own_products - gram.take(i, self.places, self.places) @ (open_ * beta))
-            scores[i] = -projection.T @ own_left
+        for i, block in enumerate(self._block_products()):
+            own, inside = block.open, beta[block.open]
+            scores[i] = -projection[own].T @ (block.products - block.squares @ inside)
             if gate[i]:
-                cross = gram.take(i, candidates, self.places)
-                scores[i] += gate[i] * (gram.residual_products(i, candidates) - cross @ (open_ * beta))
+                cross = gram.take(i, candidates, self.places[own])
+                left = gram.residual_products(i, candidates) - cross @ (self.gates[own, i] * inside)
+                scores[i] += gate[i] * left
         return scores
 
     def held_out_products(
@@ -223,12 +263,13 @@ class Regression:
         Q, s = np.zeros_like(competition.schur), np.zeros(len(candidates))
         beta, projection = competition.beta, competition.projection
         for i in blocks.tolist():
-            open_ = self.gates[:, i]
-            square, cross_cm = gram.take(i, self.places, self.places), gram.take(i, candidates, self.places)
-            left = gate[i] * (gram.residual_products(i, candidates) - cross_cm @ (open_ * beta))
-            own_left = open_ * (gram.residual_products(i, self.places) - square @ (open_ * beta))
-            s += left - projection.T @ own_left
-            gated = open_[:, None] * projection
+            own = np.flatnonzero(self.gates[:, i])
+            gates, places = self.gates[own, i], self.places[own]
+            square, cross_cm = gram.take(i, places, places), gram.take(i, candidates, places)
+            left = gate[i] * (gram.residual_products(i, candidates) - cross_cm @ (gates * beta[own]))
+            own_left = gates * (gram.residual_products(i, places) - square @ (gates * beta[own]))
+            s += left - projection[own].T @ own_left
+            gated = gates[:, None] * projection[own]
             cross = gate[i] * cross_cm @ gated
             Q += gate[i] * gram.take(i, candidates, candidates) - cross - cross.T + gated.T @ square @ gated
         return Q, s

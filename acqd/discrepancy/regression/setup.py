@@ -9,24 +9,22 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.discrepancy.joints.witness import Witness
-from acqd.discrepancy.regression.design_columns import DesignColumns, design_columns
+from acqd.discrepancy.regression.design_columns import DesignColumns, Part, design_columns
 from acqd.discrepancy.regression.design_matrix import Design
-from acqd.discrepancy.regression.gram import Column, Regression
+from acqd.discrepancy.regression.everything import inliers, left_by_everything
+from acqd.discrepancy.regression.gram import Column, Places, Regression
 from acqd.discrepancy.regression.onset import Gate, onset_gates
-from acqd.discrepancy.regression.torque_alternatives import torque_groups
-from acqd.discrepancy.residual.known_rows import known_rows
 from acqd.discrepancy.residual.whitening import Whitener
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.effects import library
 from acqd.models.greybox.model import GreyBox
 from acqd.models.greybox.parameters import prior
 from acqd.models.segments import Segment
-from acqd.numerics import mad_sigma, solve_scaled_ridge
+from acqd.numerics import mad_sigma
 from acqd.robot.arm import Arm
 from acqd.robot.description import RobotDescription
 from acqd.robot.dynamics import inertial_parameters
 
-_RIDGE = 1e-6
 _ENDLESS = 1e3
 """Prior deviation of a parameter without prior, relative to its value: wide enough to be free."""
 
@@ -64,13 +62,12 @@ def set_up(question: Question, progress: Callable[[float], None]) -> Setup:
     columns = columns.with_withheld(question.withheld)
     base = _base(columns, arm, question)
     everywhere = np.ones(len(columns.parts))
-    design = Design.of(columns, Whitener.of(list(columns.residual)))
     enough = len({each.recording for each in question.reference}) >= THRESHOLDS.fewest_for_noise
     noise_weights = 1 - columns.in_question if enough else everywhere
-    left = _left_by_everything(design, base, noise_weights)
-    del design  # hours of white rows: not two designs at once
-    design = Design.of(columns, Whitener.of(left), Whitener.of(left, 3 * THRESHOLDS.noise_order))
-    design = _without_outliers(design, base, bool(question.reference))
+    left = left_by_everything(columns, Whitener.of(list(columns.residual)), base, noise_weights)
+    whitener = Whitener.of(left)
+    slow = Whitener.of(left, 3 * THRESHOLDS.noise_order)
+    design = Design.of(columns, whitener, slow, inliers(columns, whitener, base))
     design = replace(design, witness=Witness.of(question.model, arm, segments, columns.scenes))
     common = _common(design) if question.reference else []
     free = [*base, *(Column(k, everywhere) for k in common), *block_intercepts(columns, noise_weights)]
@@ -123,43 +120,13 @@ def _common(design: Design) -> list[int]:
     for candidate in design.columns.candidates:
         if candidate.id and effects[candidate.id].structural:
             structural |= set(candidate.places.tolist())
-    power = design.blocks.plain.diagonal() / np.maximum(design.blocks.rows, 1.0)[:, None]
-    question = design.columns.in_question
-    now, before = (power[side > 0].mean(axis=0) for side in (question, 1 - question))
-    return sorted(k for k in structural if before[k] > THRESHOLDS.common_share * now[k])
+    places = np.array(sorted(structural), dtype=int)
+    sides = ([part for part in design.parts if part.in_question == side] for side in (True, False))
+    now, before = (_mean_squares(design, parts, places) for parts in sides)
+    return list(places[before > THRESHOLDS.common_share * now])
 
 
-def _left_by_everything(design: Design, base: list[Column], weights: Floats) -> list[Floats]:
-    """Residuals of a fit of all columns: the only part that is noise for certain."""
-    beta = _fit_of_everything(design, base, weights)
-    open_ = sorted({part.segment for part, weight in zip(design.parts, weights, strict=True) if weight})
-    columns = design.columns
-    known = {k: known_rows(columns.segments[k]) for k in open_}
-    return [columns.residual[k][known[k]] - columns.values[k][known[k]] @ beta for k in open_]
-
-
-def _without_outliers(design: Design, base: list[Column], contrast: bool) -> Design:
-    """Both sides by a fit of everything to themselves: an effect that only one side has makes no outliers."""
-    question = design.columns.in_question
-    sides = [question, 1 - question] if contrast else [question]
-    fits: list[Floats] = [np.zeros(design.blocks.white.y)] * len(design.parts)
-    for side in sides:
-        beta = _fit_of_everything(design, base, side)
-        fits = [beta if own else other for own, other in zip(side, fits, strict=True)]
-    return design.without_outliers(fits)
-
-
-def _fit_of_everything(design: Design, base: list[Column], weights: Floats) -> Floats:
-    """[p] coefficients of all columns of the design but the unnamed torque laws (0), on weighted blocks."""
-    gram = design.blocks.white
-    # torque laws are many and similar to effects: in few recordings they would explain the noise too
-    last = gram.y - sum(count for _, count in torque_groups(design.columns.model.axes))
-    everything = np.arange(last)
-    A, b = np.zeros((last, last)), np.zeros(last)
-    for block in np.flatnonzero(weights).tolist():
-        A += weights[block] * gram.take(block, everything, everything)
-        b += weights[block] * gram.residual_products(block, everything)
-    A[np.diag_indices(len(base))] += np.array([column.deviation for column in base]) ** -2.0
-    beta = np.zeros(gram.y)
-    beta[:last] = solve_scaled_ridge(A, b, _RIDGE)
-    return beta
+def _mean_squares(design: Design, parts: list[Part], places: Places) -> Floats:
+    """[places] W^2, mean of the blocks."""
+    squares = [(design.values(part.segment, places, part.own) ** 2).mean(axis=0) for part in parts]
+    return np.asarray(np.mean(squares, axis=0))

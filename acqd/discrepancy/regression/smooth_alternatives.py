@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +12,7 @@ from acqd.arrays import Floats
 from acqd.discrepancy.regression.torque_alternatives import torque_columns, torque_groups
 from acqd.models.effects.events import bins, edges, since
 from acqd.models.effects.scene import Scene
+from acqd.models.effects.substeps import SUBSTEPS
 
 _SPEEDS = tuple(0.05 + 0.1 * k for k in range(10))  # of the largest speed seen
 _MEMORIES_S = (3.0, 10.0, 30.0, 90.0)
@@ -32,6 +33,34 @@ class SmoothGroup:
     def beside(self, others: tuple[int, ...]) -> SmoothGroup:
         """With more columns."""
         return SmoothGroup(self.name, self.columns + others)
+
+
+@dataclass(frozen=True, slots=True)
+class Survey:
+    """What ranges need of a scene; scenes themselves are too large to keep for hours of motion."""
+
+    q: Floats
+    """[n, axes] rad, once per row."""
+    speed: Floats
+    """[n, axes] rad/s, magnitudes."""
+    load: Floats
+    """[axes] Nm, the largest rigid-body torque."""
+    predicted: Floats
+    """[T] W."""
+    drives: Floats
+    """[N] W, magnitudes."""
+    substep_s: float
+    begin_s: float
+    """UTC."""
+    end_s: float
+
+    @classmethod
+    def of(cls, scene: Scene) -> Survey:
+        """Of one scene."""
+        return cls(
+            scene.q[::SUBSTEPS].copy(), np.abs(scene.qd[::SUBSTEPS]), np.abs(scene.tau_rigid).max(axis=0),
+            scene.predicted, np.abs(scene.drives), scene.substep_s, float(scene.t[0]), float(scene.t[-1]),
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,21 +85,20 @@ class Ranges:
     """By side, start of a recording (UTC, s) and memory (s): W that the recordings before have left."""
 
     @classmethod
-    def of(cls, scenes: list[Scene], in_question: list[bool]) -> Ranges:
+    def of(cls, surveys: Sequence[Survey], in_question: Sequence[bool]) -> Ranges:
         """Ranges of all recordings."""
-        q = np.concatenate([scene.q[::4] for scene in scenes])
-        speed = np.concatenate([np.abs(scene.qd[::4]) for scene in scenes])
-        power = np.concatenate([scene.predicted for scene in scenes])
+        q = np.concatenate([each.q for each in surveys])
+        speed = np.concatenate([each.speed for each in surveys])
+        sides = {
+            side: [each for each, own in zip(surveys, in_question, strict=True) if own == side]
+            for side in set(in_question)
+        }
         return cls(
             q.min(axis=0), q.max(axis=0), np.maximum(np.percentile(speed, 99.5, axis=0), 1e-3),
-            np.maximum(np.max([np.abs(scene.tau_rigid).max(axis=0) for scene in scenes], axis=0), 1e-6),
-            np.percentile(power, [50, 75, 90, 97]),
-            {
-                side: (min(float(scene.t[0]) for scene in members), max(float(scene.t[-1]) for scene in members))
-                for side in set(in_question)
-                for members in [[s for s, own in zip(scenes, in_question, strict=True) if own == side]]
-            },
-            _left_before(scenes, in_question),
+            np.maximum(np.max([each.load for each in surveys], axis=0), 1e-6),
+            np.percentile(np.concatenate([each.predicted for each in surveys]), [50, 75, 90, 97]),
+            {side: (min(s.begin_s for s in own), max(s.end_s for s in own)) for side, own in sides.items()},
+            {(side, *key): left for side, own in sides.items() for key, left in _left_before(own).items()},
         )  # fmt: skip
 
 
@@ -97,7 +125,9 @@ def smooth_columns(scene: Scene, ranges: Ranges, *, in_question: bool) -> Floats
     begin_s, end_s = ranges.calendar_s[in_question]
     for seconds in _LONG_MEMORIES_S:
         columns.append(
-            _remembered(np.abs(scene.drives), scene, seconds, ranges.before[in_question, float(scene.t[0]), seconds])
+            _remembered(
+                np.abs(scene.drives), scene.substep_s, seconds, ranges.before[in_question, float(scene.t[0]), seconds]
+            )
         )
     share_of_time = (scene.t - begin_s) / max(end_s - begin_s, 1.0)
     columns += list(np.cos(np.pi * np.outer(share_of_time, np.arange(1, 5))).T)
@@ -134,29 +164,25 @@ def alternatives(axes: int) -> Iterator[SmoothGroup]:
         yield take(name, count)
 
 
-def _left_before(scenes: list[Scene], in_question: list[bool]) -> dict[tuple[bool, float, float], float]:
-    """The state of every long memory at the start of every recording; the first one of a side starts cold.
+def _left_before(side: list[Survey]) -> dict[tuple[float, float], float]:
+    """The state of every long memory (s) at the start (UTC, s) of every recording of a side; the first starts cold.
 
     A pause counts as rest. The state of a side does not depend on the other side, which may be months away.
     """
-    left: dict[tuple[bool, float, float], float] = {}
-    for side in set(in_question):
-        members = sorted(
-            (s for s, own in zip(scenes, in_question, strict=True) if own == side), key=lambda scene: float(scene.t[0])
-        )
-        for seconds in _LONG_MEMORIES_S:
-            state, end_s = 0.0, float(members[0].t[0])
-            for scene in members:
-                state *= float(np.exp(-max(float(scene.t[0]) - end_s, 0.0) / seconds))
-                left[side, float(scene.t[0]), seconds] = state
-                state = float(_remembered(np.abs(scene.drives), scene, seconds, state)[-1])
-                end_s = float(scene.t[-1])
+    left: dict[tuple[float, float], float] = {}
+    for seconds in _LONG_MEMORIES_S:
+        state, end_s = 0.0, -np.inf
+        for each in sorted(side, key=lambda survey: survey.begin_s):
+            state *= float(np.exp(-max(each.begin_s - end_s, 0.0) / seconds))
+            left[each.begin_s, seconds] = state
+            state = float(_remembered(each.drives, each.substep_s, seconds, state)[-1])
+            end_s = each.end_s
     return left
 
 
-def _remembered(values: Floats, scene: Scene, seconds: float, before: float) -> Floats:
+def _remembered(values: Floats, step_s: float, seconds: float, before: float) -> Floats:
     """`values` [N] behind a first-order low-pass that starts at `before`."""
-    keep = float(np.exp(-scene.substep_s / seconds))
+    keep = float(np.exp(-step_s / seconds))
     out, _ = lfilter([1 - keep], [1, -keep], values, zi=[keep * before])
     return np.asarray(out)
 

@@ -64,21 +64,39 @@ class Whitener:
         """Standard deviation [W] of a row given the rows before it."""
         return float(1 / self.taps[0])
 
-    def apply(self, values: NDArray[Any]) -> NDArray[np.float32]:
+    def apply(self, values: NDArray[Any]) -> Floats:
         """White rows [T - order, ...]; the first `order` rows are only the past of the others."""
         order = len(self.taps) - 1
         rows = max(len(values) - order, 0)
         white = np.zeros((rows, *values.shape[1:]))
         for back, tap in enumerate(self.taps.tolist()):  # a few taps and many columns: faster than a filter per column
             white += tap * values[order - back : order - back + rows]
-        return white.astype(np.float32)
+        return white
 
-    def from_start(self, values: NDArray[Any]) -> NDArray[np.float32]:
+    def from_start(self, values: NDArray[Any]) -> Floats:
         """White rows [T, ...] of a segment without a past: its begin is a draw of the stationary process."""
         order = len(self.taps) - 1
         first = np.asarray(values[:order], dtype=np.float64)
         begin = self.start[: len(first), : len(first)] @ first.reshape(len(first), -1)
-        return np.concatenate([begin.reshape(first.shape).astype(np.float32), self.apply(values)])
+        return np.concatenate([begin.reshape(first.shape), self.apply(values)])
+
+    def back(self, white: Floats, *, past: bool) -> Floats:
+        """[T, ...]: the transposed filter, so that products of white rows are products of rows with its result.
+
+        (F a)' M (F b) = a' (F' M F b): white rows of a hundred columns need not be stored. `past`: white rows are
+        those of `apply`, else those of `from_start`.
+        """
+        order = len(self.taps) - 1
+        first = 0 if past else order
+        rows = max(len(white) - first, 0)
+        result = np.zeros((order + rows if past else max(len(white), 0), *white.shape[1:]))
+        for back, tap in enumerate(self.taps.tolist()):
+            result[order - back : order - back + rows] += tap * white[first:]
+        if not past:
+            begin = white[:order]
+            first_rows = self.start[: len(begin), : len(begin)].T @ begin.reshape(len(begin), -1)
+            result[: len(begin)] += first_rows.reshape(begin.shape)
+        return result
 
 
 def _start(covariance: Floats, level: float) -> Floats:

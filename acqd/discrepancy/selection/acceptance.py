@@ -130,15 +130,16 @@ def relevant(design: Design, finding: Finding) -> bool:
     """Whether the effect is more than a trace of power while it acts, or more than a difference of two alignments."""
     candidate = finding.candidate
     weights = candidate.weights(finding.coefficients)
-    scenes = design.columns.scenes
-    power = np.concatenate([design.values(k, candidate.places) @ weights for k in range(len(scenes))])
+    columns = design.columns
+    power = np.concatenate([design.values(k, candidate.places) @ weights for k in range(len(columns.segments))])
     size = np.abs(power)
     if candidate.id and library()[candidate.id].acts_on == "clock":
-        steepest = float(np.abs(np.concatenate([slope(scene) for scene in scenes])).max())
+        question = {part.segment for part in columns.parts if part.in_question}
+        steepest = max(float(np.abs(slope(columns.scenes[k])).max()) for k in question)
         seconds = size.max() / max(steepest, 1e-9)
         return bool(seconds > THRESHOLDS.clock_smallest_s and _recordings_shifted(design, finding.coefficients[0]))
     acting = power[size > THRESHOLDS.acting_share * size.max()]
-    least = THRESHOLDS.least_share_of_range * design.columns.dynamic_range
+    least = THRESHOLDS.least_share_of_range * columns.dynamic_range
     return bool(np.sqrt(np.mean(acting**2)) > least)
 
 

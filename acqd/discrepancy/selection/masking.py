@@ -47,6 +47,6 @@ def _acting(design: Design, finding: Finding) -> list[NDArray[np.bool_]] | None:
     """[T] per segment; None for an effect without power."""
     candidate = finding.candidate
     weights = candidate.weights(finding.coefficients)
-    size = [np.abs(design.values(k, candidate.places) @ weights) for k in range(len(design.columns.scenes))]
+    size = [np.abs(design.values(k, candidate.places) @ weights) for k in range(len(design.columns.segments))]
     most = max((float(power.max()) for power in size if len(power)), default=0.0)
     return [power > THRESHOLDS.event_power * most for power in size] if most > 0 else None

@@ -194,7 +194,9 @@ def _possible(candidate: Candidate, coefficients: Floats, schur: Floats) -> bool
 def _consistency(design: Design, gate: Floats, candidate: Candidate, agreement: Floats) -> tuple[int, float]:
     """Number of recordings in which the candidate acts, and the share of them that agree with the pooled estimate."""
     names = np.array([part.recording for part in design.parts])
-    block_power = design.blocks.plain.diagonal()[:, candidate.places].sum(axis=1)
+    block_power = np.zeros(len(gate))
+    for block in np.flatnonzero(gate):
+        block_power[block] = design.blocks.plain.squares(int(block), candidate.places).sum()
     recordings = [(names == name) & (gate > 0) for name in np.unique(names[gate > 0])]
     power = np.array([block_power[blocks].sum() for blocks in recordings])
     direction = np.array([agreement[blocks].sum() for blocks in recordings])

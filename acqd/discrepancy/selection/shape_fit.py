@@ -46,8 +46,10 @@ class _Columns:
         """[T, parameters] W per unit, per segment: of an effect of that size, or of a small one."""
         count = len(self.place.parameters)
         return [
-            self._rows(scene, shape, coefficients) if k in self.open else np.zeros((scene.rows, count))
-            for k, scene in enumerate(self.design.columns.scenes)
+            self._rows(self.design.columns.scenes[k], shape, coefficients)
+            if k in self.open
+            else np.zeros((len(segment.P), count))
+            for k, segment in enumerate(self.design.columns.segments)
         ]
 
     def _rows(self, scene: Scene, shape: Shape, coefficients: Floats | None) -> Floats:

@@ -18,6 +18,7 @@ from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.effects import library
 from acqd.models.effects.effect import Effect, effect_rows
 from acqd.models.effects.places import Shape, Variant
+from acqd.models.effects.scene import Scene
 from acqd.models.effects.substeps import averaged
 
 
@@ -72,16 +73,20 @@ def detect(design: Design, regression: Regression, gate: Floats, known: set[str]
     if {"rhythm", "bursts"} & set(wanted):
         searches += [(design.whitener, ones, (1,)), (design.slow_whitener, ones, (1,))]
     if "contact" in wanted:
-        force = [effect_rows(wanted["contact"], scene, {"share_of_time": 1.0})[:, 0] for scene in scenes]
-        searches.append((design.whitener, force, (1, -1)))
-        for scene in scenes:
-            scene.moved.clear()  # link frames of hours of motion are much larger than what they are needed for
+        searches.append((design.whitener, [_force(wanted["contact"], scene) for scene in scenes], (1, -1)))
     for whitener, levels, signs in searches:
         search = _Search(design, regression, gate, segments, whitener, levels, signs)
         states = search.states(residuals)
         detection = None if states is None else _described(search, states, wanted, residuals)
         detections += [detection] if detection is not None else []
     return detections
+
+
+def _force(effect: Effect, scene: Scene) -> Floats:
+    """[T] W of a contact force of 1 N that acts all the time."""
+    power = effect_rows(effect, scene, {"share_of_time": 1.0})[:, 0]
+    scene.moved.clear()  # link frames of hours of motion are much larger than what they are needed for
+    return np.asarray(power)
 
 
 @dataclass(frozen=True, slots=True)

@@ -102,8 +102,8 @@ class _Optimum:
 
 def _prepared(residual: Floats, shape: Floats, whitener: Whitener) -> _White:
     lost = len(whitener.taps) - 1
-    w = whitener.apply(residual).astype(np.float64)
-    level = whitener.apply(shape).astype(np.float64)
+    w = whitener.apply(residual)
+    level = whitener.apply(shape)
     response = np.cumsum(whitener.taps)
     transient = (response - response[-1])[:-1]
     ahead = np.concatenate([w, np.zeros(lost)])

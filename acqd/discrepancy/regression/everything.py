@@ -1,0 +1,64 @@
+"""A fit of all columns at once: what remains is the only part that is noise for certain, and its outliers are none of
+any effect."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acqd.arrays import Floats
+from acqd.discrepancy.regression.design_columns import DesignColumns
+from acqd.discrepancy.regression.gram import Column
+from acqd.discrepancy.regression.torque_alternatives import torque_groups
+from acqd.discrepancy.regression.white_rows import block_rows, white_rows
+from acqd.discrepancy.residual.known_rows import known_rows
+from acqd.discrepancy.residual.whitening import Whitener
+from acqd.discrepancy.thresholds import THRESHOLDS
+from acqd.numerics import mad_sigma, solve_scaled_ridge
+
+_RIDGE = 1e-6
+
+
+def left_by_everything(columns: DesignColumns, whitener: Whitener, base: list[Column], weights: Floats) -> list[Floats]:
+    """[T] W per segment with weighted blocks: residuals of a fit of all columns to those blocks."""
+    beta = _fit(columns, whitener, base, weights)
+    open_ = sorted({part.segment for part, weight in zip(columns.parts, weights, strict=True) if weight})
+    known = {k: known_rows(columns.segments[k]) for k in open_}
+    return [columns.residual[k][known[k]] - columns.values[k][known[k]] @ beta for k in open_]
+
+
+def inliers(columns: DesignColumns, whitener: Whitener, base: list[Column]) -> tuple[NDArray[np.bool_], ...]:
+    """[rows] per block: False for outliers even of a fit of everything.
+
+    A protective stop or a collision says nothing about an effect, and a few such rows outweigh hours. Both sides are
+    fitted apart: an effect that only one side has makes no outliers.
+    """
+    question = columns.in_question
+    left: list[Floats] = [np.empty(0)] * len(columns.parts)
+    for side in (question, 1 - question):
+        if not side.any():
+            continue
+        beta = _fit(columns, whitener, base, side)
+        for number in np.flatnonzero(side).tolist():
+            part = columns.parts[number]
+            measured = columns.residual[part.segment][part.rows]
+            left[number] = white_rows(whitener, part, measured - columns.values[part.segment][part.rows] @ beta)
+    spread = mad_sigma(np.concatenate(left), 0.0) + 1e-9
+    return tuple(np.abs(rows) < THRESHOLDS.outlier * spread for rows in left)
+
+
+def _fit(columns: DesignColumns, whitener: Whitener, base: list[Column], weights: Floats) -> Floats:
+    """[p] coefficients of all columns but the unnamed torque laws (0), on blocks whose weight is not 0."""
+    p = columns.values[0].shape[1]
+    # torque laws are many and similar to effects: in few recordings they would explain the noise too
+    last = p - sum(count for _, count in torque_groups(columns.model.axes))
+    A, b = np.zeros((last, last)), np.zeros(last)
+    for number in np.flatnonzero(weights).tolist():
+        part = columns.parts[number]
+        white = white_rows(whitener, part, block_rows(columns, part))
+        A += white[:, :last].T @ white[:, :last]
+        b += white[:, :last].T @ white[:, p]
+    A[np.diag_indices(len(base))] += np.array([column.deviation for column in base]) ** -2.0
+    beta = np.zeros(p)
+    beta[:last] = solve_scaled_ridge(A, b, _RIDGE)
+    return beta

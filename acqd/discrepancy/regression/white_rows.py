@@ -1,0 +1,23 @@
+"""Rows of a block, and what the noise model makes of them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acqd.arrays import Floats
+from acqd.discrepancy.regression.design_columns import DesignColumns, Part
+from acqd.discrepancy.residual.whitening import Whitener
+
+
+def block_rows(columns: DesignColumns, part: Part) -> NDArray[np.float32]:
+    """[rows, p + 1] columns and residual of a block with its past, not white."""
+    residual = columns.residual[part.segment][part.rows, None]
+    return np.concatenate([columns.values[part.segment][part.rows], residual.astype(np.float32)], axis=1)
+
+
+def white_rows(whitener: Whitener, part: Part, values: NDArray[Any]) -> Floats:
+    """White rows of a block from its rows and its past."""
+    return whitener.apply(values) if part.past else whitener.from_start(values)
