@@ -77,7 +77,7 @@ def close_loop(config: CloseConfig, progress: Progress) -> Closed:
     for named in tracing.effects:
         progress(f"confidence of {named.id}", 0.0)
         effects.append(added(tracing, named, scale, config.seed))
-    effects, doubts = _without_doubtful(effects, tracing)
+    effects, doubts = without_doubtful(effects, tracing)
     sure = [each for each in effects if each.sure]
     improved = improve(subject, sure, errors_before, config.seed)
     improved = improved.with_reported([*improved.reported_only, *(each for each in effects if not each.sure)])
@@ -103,7 +103,7 @@ def _select(config: CloseConfig, subject: Subject, progress: Progress) -> Tracin
     return trace(setup, Limits(config.max_effects, config.seed), lambda text: progress(text, 0.0))
 
 
-def _without_doubtful(effects: list[Added], tracing: Tracing) -> tuple[list[Added], list[str]]:
+def without_doubtful(effects: list[Added], tracing: Tracing) -> tuple[list[Added], list[str]]:
     """Effects that no unnamed alternative outdoes in most resampled recordings, and notes of the others.
 
     Such an alternative is what the recordings show: an unknown structure.
@@ -111,6 +111,7 @@ def _without_doubtful(effects: list[Added], tracing: Tracing) -> tuple[list[Adde
     doubtful = [each for each in effects if each.doubt is not None]
     if doubtful and tracing.unknown is None:
         tracing.unknown = doubtful[0].doubt
+    tracing.hypotheses = [*(each.as_hypothesis() for each in doubtful), *tracing.hypotheses]
     notes = [
         f"{each.term.id} ({each.term.where}) explains less than what has no name, with {each.confidence:.0%} confidence"
         for each in doubtful

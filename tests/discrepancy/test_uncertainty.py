@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from acqd.discrepancy.repair.terms import doubt_about
+from acqd.discrepancy.loop import without_doubtful
+from acqd.discrepancy.repair.terms import added, doubt_about
+from acqd.discrepancy.repair.torque_scale import TorqueScale
 from acqd.discrepancy.selection.hypotheses import unnamed
 from acqd.discrepancy.selection.uncertainty import intervals
 from acqd.models.greybox.model import direction
@@ -48,3 +50,9 @@ def test_an_unnamed_alternative_that_more_recordings_prefer_is_the_finding(model
     assert doubt_about(named, 0.2, [(text, 0.7)]).finding is other
     assert doubt_about(named, 0.7, [(text, 0.2)]) is None
     assert doubt_about(named, 0.2, [("viscous_friction", 0.7)]) is None
+    doubtful = replace(added(tracing, named, TorqueScale(1.0, 0.0), 1), doubt=doubt_about(named, 0.2, [(text, 0.7)]))
+    kept, notes = without_doubtful([doubtful], tracing)
+    assert not kept and len(notes) == 1 and tracing.unknown is not None
+    considered = tracing.hypotheses[0]
+    assert (considered.id, considered.where) == ("coulomb_friction", "joint 2")
+    assert considered.missing == [f"more evidence than {text}"]

@@ -12,7 +12,7 @@ from acqd.arrays import Floats
 from acqd.discrepancy.repair.torque_scale import TorqueScale
 from acqd.discrepancy.residual.delay import Delay
 from acqd.discrepancy.selection.accepted import Named, Tracing, Unknown
-from acqd.discrepancy.selection.hypotheses import unnamed
+from acqd.discrepancy.selection.hypotheses import Hypothesis, unnamed
 from acqd.discrepancy.selection.uncertainty import Intervals, confidence, family, intervals
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.augmented import Term
@@ -60,6 +60,14 @@ class Added:
     def key(self) -> str:
         """Identity within a report: an effect is added once at a place, or once from shifts of whole recordings."""
         return f"{self.term.id} {self.term.where}{' (whole recordings)' if self.evidence is None else ''}"
+
+    def as_hypothesis(self) -> Hypothesis:
+        """The effect that an unnamed alternative outdoes, as the report shows what was considered."""
+        assert self.doubt is not None and self.evidence is not None
+        alternative = self.doubt.finding
+        sizes = {name: (float(shown["value"]), str(shown["unit"])) for name, shown in self.term.parameters.items()}
+        missing = [f"more evidence than {unnamed(alternative.candidate.label)}"]
+        return Hypothesis(self.term.id, self.term.where, sizes, self.evidence, float(alternative.evidence), missing)
 
 
 def added(tracing: Tracing, named: Named, scale: TorqueScale, seed: int) -> Added:
