@@ -104,14 +104,18 @@ def _parameters(named: Named, certain: Intervals, scale: TorqueScale) -> dict[st
     """In true units; the coefficients of a term are in the scale of its model's torques."""
     parameters: dict[str, Any] = {}
     for parameter, value, width in zip(named.place.parameters, certain.coefficients, certain.half, strict=True):
-        of_columns = THRESHOLDS.interval_width * THRESHOLDS.column_deviation * abs(float(value))
-        true, wide = scale.corrected(float(value), float(np.hypot(width, of_columns)), parameter.unit)
+        true, wide = scale.corrected(float(value), _with_columns(float(value), float(width)), parameter.unit)
         parameters[parameter.name] = _shown(true, parameter.unit, wide)
     for name, value in named.shape.items():
         unit = next((unit for ending, unit in _UNITS.items() if name.endswith(ending)), "-")
-        fitted = name in library()[named.id].bounds
-        parameters[name] = _shown(float(value), unit, certain.shape_half if fitted else None)
+        half = certain.shape_half if name in library()[named.id].bounds else None
+        parameters[name] = _shown(float(value), unit, None if half is None else _with_columns(value, half))
     return parameters
+
+
+def _with_columns(value: float, half: float) -> float:
+    """Half width of an interval, with the relative error of the columns themselves."""
+    return float(np.hypot(half, THRESHOLDS.interval_width * THRESHOLDS.column_deviation * abs(value)))
 
 
 def _shown(value: float, unit: str, half: float | None) -> dict[str, Any]:
