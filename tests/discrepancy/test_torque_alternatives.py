@@ -26,6 +26,23 @@ def test_as_many_columns_as_the_groups_say():
     assert all(column.shape == (len(scene.q),) and np.isfinite(column).all() for column in columns)
 
 
+def test_friction_in_one_place_of_a_joint_follows_its_angle():
+    model = grey()
+    scene = segment_scene(model, recording(model, 1, rows=400))
+    columns = np.column_stack(
+        torque_columns(scene, (scene.q.min(axis=0), scene.q.max(axis=0)), np.ones(AXES), np.ones(AXES))
+    )
+    names = [name for name, count in torque_groups(AXES) for _ in range(count)]
+    law = columns[:, [name == "a friction that depends on the angle of joint 2" for name in names]]
+    middle = scene.q[:, 1].mean()
+    power = scene.power_per_torque[:, 1] * np.tanh(scene.qd[:, 1] / 0.01) / (1 + np.exp(-8 * (scene.q[:, 1] - middle)))
+    shares = []
+    for X in (law, law[:, :1]):  # the first column is friction of the same size everywhere
+        left = power - X @ np.linalg.lstsq(X, power, rcond=None)[0]
+        shares.append(1 - (left @ left) / (power @ power))
+    assert shares[0] > 0.95 and shares[1] < 0.8
+
+
 def test_a_friction_curve_covers_all_speeds_also_those_that_few_rows_exceed():
     model = grey()
     scene = segment_scene(model, recording(model, 1, rows=200))

@@ -15,6 +15,8 @@ from acqd.models.greybox.model import direction
 
 _WAVES = 4
 """Half waves over the range of the angle: enough for a spring, an end stop, an unbalanced weight."""
+_FRICTION_WAVES = 3
+"""Of friction: dry grease in one place, a cable that rubs near an end, an oval bearing."""
 _SMOOTH_RAD_S = 0.05
 _KNOTS = (0.0, 0.1, 0.3, 0.6, 0.85)
 """Of a friction curve in straight pieces, relative to the speed that few rows exceed; the last piece has no end."""
@@ -36,6 +38,9 @@ def torque_columns(scene: Scene, angles: tuple[Floats, Floats], fastest: Floats,
         slope = scene.power_per_torque[:, joint]
         columns += [slope * np.cos(wave * phase[:, joint]) for wave in range(_WAVES + 1)]
     against = direction(scene.qd)
+    for joint in range(scene.axes):
+        slope = scene.power_per_torque[:, joint] * against[:, joint]
+        columns += [slope * np.cos(wave * phase[:, joint]) for wave in range(_FRICTION_WAVES + 1)]
     for joint in range(scene.axes):
         load = np.abs(scene.tau_rigid[:, joint])
         slope = scene.power_per_torque[:, joint] * against[:, joint]
@@ -77,6 +82,7 @@ def torque_groups(axes: int) -> list[tuple[str, int]]:
     coupled = joints if axes > 1 else ()
     return [
         *((f"a torque that depends on the angle of joint {joint}", _WAVES + 1) for joint in joints),
+        *((f"a friction that depends on the angle of joint {joint}", _FRICTION_WAVES + 1) for joint in joints),
         *((f"a friction that depends on the load of joint {joint}", 2) for joint in joints),
         *((f"a friction of joint {joint} that depends on the speeds of other joints", axes - 1) for joint in coupled),
         *((f"a friction of joint {joint} of another curve over its speed", len(_KNOTS) + 1) for joint in joints),
