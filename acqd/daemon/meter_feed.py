@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 import time
 from collections.abc import Iterator
@@ -11,10 +12,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from acqd.daemon.boot import Boot
+from acqd.daemon.bus_supervisor import BusSupervisor
 from acqd.daemon.feed import Deliver
 from acqd.daemon.health.snapshot import FeedHealth, SourceLink
 from acqd.daemon.modbus_sections import MetersSection
-from acqd.errors import OperationError, UserError
+from acqd.errors import UserError
 from acqd.metering.power import effective
 from acqd.plc.kernel_clock import KernelClock, WallClockSteps
 from acqd.sources.spec import device_module
@@ -28,6 +30,8 @@ if TYPE_CHECKING:  # needs acqd[hw], which a PC without hardware does not have
 
 _log = logging.getLogger(__name__)
 _STALE_PERIODS = 5
+_LOOK_S = 0.2
+_RELAUNCHING_S = 60.0  # without a row although the bus was relaunched: then the whole process may be at fault
 
 
 class MeterFeed:
@@ -44,6 +48,8 @@ class MeterFeed:
         meters, modbus = device_module("meters"), device_module("modbus")
         settings = [meters.MeterSettings(**meter.model_dump()) for meter in source.meters]
         self._bus: MeterBus = meters.MeterBus(modbus.ModbusLink(**source.link()), settings)
+        self._supervisor = BusSupervisor(self._bus, self._hand_over)
+        self._loop: asyncio.AbstractEventLoop | None = None
         self._boot = Boot(boot)
         self._clock, self._steps = KernelClock(), WallClockSteps()
         self._simulated = source.simulated
@@ -58,23 +64,16 @@ class MeterFeed:
     async def start(self) -> None:
         """Read every meter once. Raises UserError when none answers or one makes no sense."""
         await asyncio.to_thread(self._bus.check)
-        loop = asyncio.get_running_loop()
-
-        def hand_over(reading: Reading) -> None:
-            loop.call_soon_threadsafe(self._take, reading)
-
-        self._bus.start(hand_over)
+        self._loop = asyncio.get_running_loop()
+        self._supervisor.start()
 
     async def run(self) -> None:
-        """Watch the meters until `stop` is called. Raises OperationError when the bus has ended."""
+        """Watch bus and meters until `stop` is called."""
         while not self._stopped.is_set():
             self._watch()
-            if not self._bus.polling:
-                raise OperationError("the meters' bus has ended; the log above says why")
-            try:
-                await asyncio.wait_for(self._stopped.wait(), 1.0)
-            except TimeoutError:
-                continue
+            self._supervisor.watch()
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(self._stopped.wait(), _LOOK_S)
 
     async def stop(self) -> None:
         """End the bus after the reading in progress."""
@@ -91,24 +90,28 @@ class MeterFeed:
         return
 
     def alive(self) -> bool:
-        """Whether rows arrive, or every meter is known to be lost and the bus keeps trying."""
+        """Whether rows arrive, every meter is known to be lost and the bus keeps trying, or it is being relaunched."""
         longest_s = max(meter.period_ns for meter in self._bus.meters) * 1e-9
-        if time.monotonic() - self._last_row < _STALE_PERIODS * longest_s + 2.0:
+        patience_s = _STALE_PERIODS * longest_s + (_RELAUNCHING_S if self._supervisor.trouble else 2.0)
+        if time.monotonic() - self._last_row < patience_s:
             return True
         return self._bus.polling and all(meter.trouble for meter in self._bus.meters)
 
     def health(self) -> FeedHealth:
-        """Connected while at least one meter answers; `trouble` names the meters that do not."""
+        """Connected while the bus runs and a meter answers; `trouble` names the bus, or the meters that are silent."""
         silent = {meter.settings.name: meter.trouble for meter in self._bus.meters if meter.trouble}
-        trouble = "; ".join(f"meter {name}: {why}" for name, why in silent.items())
-        source = SourceLink(len(silent) < len(self._bus.meters), self._found, trouble)
+        ended = self._supervisor.trouble
+        trouble = f"meter bus: {ended}" if ended else "; ".join(f"meter {name}: {why}" for name, why in silent.items())
+        connected = not ended and len(silent) < len(self._bus.meters)
+        source = SourceLink(connected, self._found + self._supervisor.restarts, trouble)
         age = time.monotonic() - self._last_row
         return FeedHealth(self._boot.name, source, age, synchronised=self._clock.synchronised)
 
     def status(self) -> dict[str, Any]:
-        """Profile, unit and trouble of each meter."""
+        """Profile, unit and trouble of each meter; launches of the bus after the first."""
         return {
             "simulated": self._simulated,
+            "bus": {"restarts": self._supervisor.restarts, "trouble": self._supervisor.trouble},
             "meters": {
                 meter.settings.name: {"profile": meter.profile.name, "unit": meter.unit, "trouble": meter.trouble}
                 for meter in self._bus.meters
@@ -127,7 +130,13 @@ class MeterFeed:
                 self._found += 1
                 _log.warning("meter %s is back; the gap is flagged", name)
 
+    def _hand_over(self, reading: Reading) -> None:
+        """From the thread of the bus to the event loop."""
+        assert self._loop is not None
+        self._loop.call_soon_threadsafe(self._take, reading)
+
     def _take(self, reading: Reading) -> None:
+        self._supervisor.delivered()
         flags = reading.flags | self._clock.flags() | ({"simulated"} if self._simulated else set())
         if self._steps.stepped(time.time_ns(), time.monotonic_ns()):
             flags |= {"clock_step"}

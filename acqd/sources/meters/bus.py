@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 import time
 from collections.abc import Callable
@@ -15,6 +16,7 @@ from acqd.sources.modbus.client import ModbusClient, ModbusError
 from acqd.sources.modbus.settings import ModbusLink
 
 __all__ = ["MeterBus", "MeterSettings"]
+_log = logging.getLogger(__name__)
 _STOP_S = 3.0
 _TURNAROUND_S = 0.005  # of an RS-485 line between two meters
 
@@ -34,6 +36,8 @@ class MeterBus:
         self._backoff = Backoff()
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
+        self.failure = ""
+        """What ended the bus's thread although nobody had called `stop`; one line."""
 
     def check(self) -> None:
         """Read every meter once; a silent one has its `trouble`.
@@ -55,7 +59,7 @@ class MeterBus:
             )
 
     def start(self, on_reading: Callable[[Reading], None]) -> None:
-        """Poll until `stop`; `on_reading` is called in the bus's thread."""
+        """Poll until `stop`; `on_reading` is called in the bus's thread. May be called again when that has ended."""
         self._thread = threading.Thread(target=self._poll, args=(on_reading,), name=f"bus {self.link}", daemon=True)
         self._thread.start()
 
@@ -75,9 +79,13 @@ class MeterBus:
     def _poll(self, on_reading: Callable[[Reading], None]) -> None:
         """The thread: it alone uses the connection once it runs."""
         try:
-            self._poll_in_turn(on_reading)
-        finally:
-            self._close()
+            try:
+                self._poll_in_turn(on_reading)
+            finally:
+                self._close()
+        except BaseException as error:  # whatever it is, it ends this thread, and nothing else
+            self.failure = f"{type(error).__name__}: {error}".rstrip(": ").splitlines()[0]
+            _log.debug("%s", self._thread, exc_info=True)
 
     def _poll_in_turn(self, on_reading: Callable[[Reading], None]) -> None:
         while not self._stopping.is_set():
@@ -110,6 +118,6 @@ class MeterBus:
         return True
 
     def _close(self) -> None:
-        if self._client is not None:
-            self._client.close()
-            self._client = None
+        client, self._client = self._client, None
+        if client is not None:
+            client.close()
