@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import signal
 import sys
 import time
@@ -50,20 +51,24 @@ def sink(
             raise UserError(f"put the options after the subcommand: acqd sink {context.invoked_subcommand} ...")
         return
     # Here and below: SQLAlchemy is slow to import, and `acqd run` imports this module too.
-    from acqd.storage.database import open_database
+    from acqd.storage.database import DatabaseAwayError, engine_for, prepare
     from acqd.storage.sink import Sink
 
     if embedded:
         die_with_parent()
     # `acqd run` hands its configuration over on stdin: other users can read arguments, and it holds passwords.
     settings = Config.model_validate_json(sys.stdin.read()) if embedded else configured(config, host, port)
-    engine = open_database(database or settings.sink.database, impatient=True)
+    engine = engine_for(database or settings.sink.database, impatient=True)
+    prepared = False
+    with contextlib.suppress(DatabaseAwayError):  # the sink says so, and goes on trying
+        prepare(engine)
+        prepared = True
     # The embedded broker knows no MQTT 5, so do not try it first.
     mqtt5 = not (embedded and settings.broker.embedded)
     options = replace(settings.sink.settings(), mqtt5=mqtt5)
     if group is not None:
         options = replace(options, group=group)
-    worker = Sink(settings.mqtt.address(), engine, options)
+    worker = Sink(settings.mqtt.address(), engine, options, prepared=prepared)
     stopping = False
 
     def stop(*_: object) -> None:

@@ -6,15 +6,19 @@ import logging
 import os
 import queue
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import TypeVar
 
 import sqlalchemy as sa
 
 from acqd.retry import Backoff
+from acqd.storage.database import DatabaseAwayError, first_line, prepare
 from acqd.storage.writer import Received, Writer, Written
 
 _log = logging.getLogger(__name__)
+_T = TypeVar("_T")
 _AHEAD = 2
 """Batches that may wait behind the one that is being written."""
 
@@ -31,7 +35,9 @@ class Batch:
 class Committer:
     """`submit` batches, collect them from `done` when they are committed; `readable` wakes a select()."""
 
-    def __init__(self, engine: sa.Engine) -> None:
+    def __init__(self, engine: sa.Engine, *, prepared: bool = True) -> None:
+        """`prepared`: the database was reached and has its tables; otherwise the thread does that first."""
+        self._engine, self._prepared = engine, prepared
         self._writer = Writer(engine)
         self._todo: queue.SimpleQueue[Batch | None] = queue.SimpleQueue()
         self._done: queue.SimpleQueue[tuple[Batch, Written]] = queue.SimpleQueue()
@@ -58,7 +64,10 @@ class Committer:
         self._todo.put(batch)
 
     def done(self) -> list[tuple[Batch, Written]]:
-        """Batches that were committed since the last call. Raises what has ended the thread (a bug)."""
+        """Batches that were committed since the last call.
+
+        Raises what has ended the thread: UserError for a database that cannot be used once it is back, else a bug.
+        """
         try:
             os.eventfd_read(self.readable)
         except BlockingIOError:
@@ -79,8 +88,10 @@ class Committer:
 
     def _run(self) -> None:
         try:
+            if not self._prepared and self._insist(self._prepare) is None:
+                return
             while (batch := self._todo.get()) is not None and not self._stopping.is_set():
-                written = self._write(batch)
+                written = self._insist(partial(self._writer.write, batch.messages))
                 if written is None:
                     return
                 self._done.put((batch, written))
@@ -89,22 +100,30 @@ class Committer:
             self._failure = error
             os.eventfd_write(self.readable, 1)
 
-    def _write(self, batch: Batch) -> Written | None:
-        """Until it is committed; None when the thread is to end."""
+    def _prepare(self) -> bool:
+        prepare(self._engine)
+        return True
+
+    def _insist(self, work: Callable[[], _T]) -> _T | None:
+        """What `work` returns once the database takes it; None when the thread is to end."""
         backoff = Backoff()
         while True:
             try:
-                written = self._writer.write(batch.messages)
+                done = work()
+            except DatabaseAwayError as error:
+                self._away(error.reason)
             except sa.exc.DBAPIError as error:
-                reason = (str(error.orig).strip().splitlines() or [type(error.orig).__name__])[0]
-                if not self.trouble:
-                    _log.error("database: %s; rows wait, trying again", reason)
-                self.trouble = reason
+                self._away(first_line(error))
             else:
                 if self.trouble:
                     _log.warning("the database takes rows again")
                     self.returns += 1
                 self.trouble = ""
-                return written
+                return done
             if self._stopping.wait(backoff.pause_s()):
                 return None
+
+    def _away(self, reason: str) -> None:
+        if not self.trouble:
+            _log.error("database: %s; rows wait, trying again", reason)
+        self.trouble = reason

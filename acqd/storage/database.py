@@ -19,6 +19,7 @@ from alembic.util import CommandError
 
 from acqd.atomic import private
 from acqd.errors import UserError
+from acqd.storage.outage import is_outage
 from acqd.storage.url import parse_url, shown
 
 _PATIENCE_S = 30.0
@@ -33,27 +34,45 @@ _IMPATIENT = {
 MIGRATIONS = Path(__file__).parent / "migrations"
 
 
-def open_database(url: str, *, create: bool = True, impatient: bool = False) -> sa.Engine:
+class DatabaseAwayError(UserError):
+    """The database cannot be used now; trying again may help."""
+
+    def __init__(self, message: str, reason: str) -> None:
+        """`reason`: what the database or its driver says, in one line."""
+        super().__init__(message)
+        self.reason = reason
+
+
+def open_database(url: str, *, create: bool = True) -> sa.Engine:
     """Engine for `url` (or a plain path: SQLite), with the schema brought up to date.
 
-    `impatient`: statements and locks that take longer than seconds are errors, for a caller that tries again.
     Raises UserError for a URL, path or server that cannot be used, and for a SQLite file that is not
     there without `create`.
     """
-    engine = _engine(url, impatient=impatient)
+    engine = engine_for(url)
     path = engine.url.database
     if not create and engine.dialect.name == "sqlite" and path and not Path(path).exists():
         raise UserError(f"database {Path(path).absolute()} does not exist; check the folder you are in, or --database")
+    prepare(engine)
+    return engine
+
+
+def prepare(engine: sa.Engine) -> None:
+    """Reach the database and bring its schema up to date.
+
+    Raises DatabaseAwayError while it is away, else UserError when it cannot be used.
+    """
     try:
         _make_private(engine)
         with engine.connect():
             pass
         migrate(engine)
-    except sa.exc.OperationalError as error:
-        raise UserError(f"database {shown(engine.url)}: {_first_line(error)}; {_advice(engine)}") from None
-    except sa.exc.DatabaseError as error:
-        raise UserError(f"database {shown(engine.url)}: {_first_line(error)}; is it another program's file?") from None
-    return engine
+    except sa.exc.DBAPIError as error:
+        reason, permanent = first_line(error), not is_outage(error)
+        foreign = permanent and not isinstance(error, sa.exc.OperationalError)
+        advice = "is it another program's file?" if foreign else _advice(engine)
+        message = f"database {shown(engine.url)}: {reason}; {advice}"
+        raise (UserError(message) if permanent else DatabaseAwayError(message, reason)) from None
 
 
 @contextmanager
@@ -81,7 +100,12 @@ def migrate(engine: sa.Engine) -> None:
             raise UserError(f"database {shown(engine.url)}: {error}; it was written by a newer acqd") from None
 
 
-def _engine(url: str, *, impatient: bool) -> sa.Engine:
+def engine_for(url: str, *, impatient: bool = False) -> sa.Engine:
+    """Engine for a URL or path; nothing is opened yet.
+
+    `impatient`: statements and locks that take longer than seconds are errors, for a caller that tries again.
+    Raises UserError for a URL or a folder that cannot be used.
+    """
     parsed = parse_url(url)
     try:
         if parsed.get_backend_name() == "sqlite":
@@ -138,5 +162,6 @@ def _advice(engine: sa.Engine) -> str:
     return "check host, port, user, password and that the database exists"
 
 
-def _first_line(error: sa.exc.DatabaseError) -> str:
-    return str(error.orig).strip().splitlines()[0] if str(error.orig).strip() else type(error.orig).__name__
+def first_line(error: sa.exc.DBAPIError) -> str:
+    """What the database or its driver says, in one line."""
+    return (str(error.orig).strip().splitlines() or [type(error.orig).__name__])[0]

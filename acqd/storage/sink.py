@@ -37,8 +37,11 @@ _PROGRESS_S = 0.5
 class Sink:
     """Receives, has batches written, acknowledges."""
 
-    def __init__(self, address: BrokerAddress, engine: sa.Engine, settings: SinkSettings | None = None) -> None:
-        self._address, self._engine = address, engine
+    def __init__(
+        self, address: BrokerAddress, engine: sa.Engine, settings: SinkSettings | None = None, *, prepared: bool = True
+    ) -> None:
+        """Without `prepared`, the database is away, and opened when it comes."""
+        self._address, self._engine, self._prepared = address, engine, prepared
         self._settings = settings or SinkSettings()
         self._tls = address.tls_context()
         self._version = V5 if self._settings.mqtt5 else V311
@@ -56,9 +59,12 @@ class Sink:
         return self._subscriber is not None and self._subscriber.subscribed
 
     def run(self, stop: Callable[[], bool], progress: Callable[[], None] = lambda: None) -> None:
-        """Until `stop()`; `progress` is called at least every second. A broker that refuses is tried again."""
+        """Until `stop()`; `progress` is called at least every second. A broker that refuses is tried again.
+
+        Raises UserError when a database that was away comes back and cannot be used.
+        """
         self._progress = progress
-        committer = Committer(self._engine)
+        committer = Committer(self._engine, prepared=self._prepared)
         backoff, said = Backoff(), ""
         try:
             while not stop():

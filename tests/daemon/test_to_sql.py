@@ -14,7 +14,7 @@ import sqlalchemy as sa
 
 from acqd.daemon.config import Config
 from acqd.daemon.uplink import Uplink
-from acqd.storage.database import open_database
+from acqd.storage.database import engine_for, open_database
 from acqd.storage.schema import power, quarantine
 from acqd.telemetry.broker import free_port
 from acqd.telemetry.mqtt import BrokerAddress
@@ -143,7 +143,8 @@ def test_rows_survive_a_restart_of_the_daemon_and_of_the_sink(mosquitto, tmp_pat
 
 
 def test_a_locked_database_stops_nothing_and_loses_nothing(mosquitto, postgres, tmp_path):
-    engine = open_database(postgres, impatient=True)
+    open_database(postgres)
+    engine = engine_for(postgres, impatient=True)
 
     async def scenario():
         daemon = Daemon(tmp_path, mosquitto.port)

@@ -10,14 +10,16 @@ import sqlalchemy as sa
 from acqd.retry import Backoff, RetryPolicy
 from acqd.storage import committer as module
 from acqd.storage.committer import Batch, Committer
-from acqd.storage.database import open_database
+from acqd.storage.database import engine_for, prepare
 from tests.storage.rows import count, message, row
 from tests.waiting import wait_for
 
 
 @pytest.fixture
 def engine(tmp_path):
-    return open_database(str(tmp_path / "a.sqlite"), impatient=True)
+    engine = engine_for(str(tmp_path / "a.sqlite"), impatient=True)
+    prepare(engine)
+    return engine
 
 
 def collect(committer, batches):
