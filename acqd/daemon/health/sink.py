@@ -1,4 +1,4 @@
-"""The health of `acqd sink`: endpoints and watchdog around its one thread."""
+"""The health of `acqd sink`: its loop, its broker and its database."""
 
 from __future__ import annotations
 
@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 
 from acqd import __version__
 from acqd.daemon.health.section import HealthSection
-from acqd.daemon.health.server import HealthServer
+from acqd.daemon.health.service import ServiceHealth
 from acqd.daemon.health.snapshot import Link, Snapshot
-from acqd.daemon.health.watchdog import Watchdog
 
 if TYPE_CHECKING:
     from acqd.storage.sink import Sink
@@ -17,32 +16,20 @@ if TYPE_CHECKING:
 _TURN_S = 120.0  # without a turn of its loop: longer than any lock or statement may take
 
 
-class SinkHealth:
-    """Asked by threads: everything here reads plain attributes and never waits."""
+class SinkHealth(ServiceHealth):
+    """Of a sink whose loop has to turn: rows need not come."""
 
     def __init__(self, section: HealthSection, sink: Sink, name: str) -> None:
         self._sink, self._name = sink, name
-        self._begun = self._turned = time.monotonic()
-        self._server = HealthServer(section.host, section.sink_port, self.snapshot) if section.sink_port else None
-        self._watchdog = Watchdog(self.alive)
-
-    def start(self) -> None:
-        """Open the port and feed the watchdog."""
-        self._watchdog.start()
-        if self._server is not None:
-            self._server.start()
-
-    def turned(self) -> None:
-        """The sink's loop turns; called by it."""
-        self._turned = time.monotonic()
+        super().__init__(section.host, section.sink_port)
 
     def alive(self) -> bool:
         """Whether the loop turns: broker and database may be away, and rows may not come."""
-        return time.monotonic() - self._turned < _TURN_S
+        return self.standstill_s < _TURN_S
 
     def snapshot(self) -> Snapshot:
         """The sink now."""
-        sink, now = self._sink, time.monotonic()
+        sink = self._sink
         counters = sink.counters
         last = counters.last_commit
         trouble = counters.database_trouble
@@ -50,17 +37,11 @@ class SinkHealth:
             service="sink",
             name=self._name,
             version=__version__,
-            uptime_s=now - self._begun,
+            uptime_s=self.uptime_s,
             alive=self.alive(),
             rows=counters.rows,
-            last_row_age_s=None if last is None else now - last,
+            last_row_age_s=None if last is None else time.monotonic() - last,
             quarantined=counters.quarantined,
             broker=Link(sink.connected, max(counters.reconnects, 0)),
             database=Link(not trouble, counters.database_returns, trouble),
         )
-
-    def stop(self) -> None:
-        """Close the port."""
-        self._watchdog.stop()
-        if self._server is not None:
-            self._server.stop()

@@ -1,0 +1,55 @@
+"""What the health of every service has in common: endpoints, watchdog, and a loop that has to turn."""
+
+from __future__ import annotations
+
+import time
+from abc import ABC, abstractmethod
+
+from acqd.daemon.health.server import HealthServer
+from acqd.daemon.health.snapshot import Snapshot
+from acqd.daemon.health.watchdog import Watchdog
+
+
+class ServiceHealth(ABC):
+    """Asked by threads: everything here reads plain attributes and never waits."""
+
+    def __init__(self, host: str, port: int) -> None:
+        """Port 0: no endpoints."""
+        self._begun = self._turned = time.monotonic()
+        self._server = HealthServer(host, port, self.snapshot) if port else None
+        self._watchdog = Watchdog(self.alive)
+
+    @abstractmethod
+    def alive(self) -> bool:
+        """Whether the service does its work, or waits for something that is known to be away."""
+
+    @abstractmethod
+    def snapshot(self) -> Snapshot:
+        """The service now."""
+
+    def start(self) -> None:
+        """Open the port and feed the watchdog."""
+        self.turned()
+        self._watchdog.start()
+        if self._server is not None:
+            self._server.start()
+
+    def turned(self) -> None:
+        """The loop of the service turns; called by it."""
+        self._turned = time.monotonic()
+
+    def stop(self) -> None:
+        """Close the port; the watchdog of a service that stops is not asked for."""
+        self._watchdog.stop()
+        if self._server is not None:
+            self._server.stop()
+
+    @property
+    def uptime_s(self) -> float:
+        """Time since the service was made [s]."""
+        return time.monotonic() - self._begun
+
+    @property
+    def standstill_s(self) -> float:
+        """Time since the last turn of the loop [s]."""
+        return time.monotonic() - self._turned
