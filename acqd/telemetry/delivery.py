@@ -21,6 +21,7 @@ from acqd.telemetry.message import Message, Room
 from acqd.telemetry.ranges import Ranges
 from acqd.telemetry.receipts import parse_receipt
 from acqd.telemetry.spool import Energy, Spool, SpooledRow, Stream
+from acqd.telemetry.unsent import Unsent
 
 _log = logging.getLogger(__name__)
 Until = Literal["stored", "acknowledged"]
@@ -60,7 +61,7 @@ class Delivery:
         self._live: deque[SpooledRow] = deque()
         self._states: dict[str, bytes] = {}
         self._position = spool.start
-        self._flying = InFlight()
+        self._flying, self._unsent = InFlight(), Unsent()
         self._acknowledged: dict[Stream, Ranges] = {}
         self._devices = spool.devices | set(devices)
         self._sinks: set[str] = set()
@@ -77,7 +78,8 @@ class Delivery:
         """Keep the rows of a window, and send them at once where there is a connection."""
         at_end = self._position == self.spool.end
         self._devices.update(row.stream.device for row in rows)
-        self.spool.append(rows, energy)
+        if self.spool.append(rows, energy):
+            self._unsent.add(rows)
         if self._online and len(self._live) + len(rows) <= self._most_live:
             self._live += rows
             if at_end:
@@ -179,9 +181,10 @@ class Delivery:
             _log.warning("receipt of %s cannot be read: %s", device, error)
             return
         removed = expected = 0
-        for stream, first, last in stored:
-            removed += self.spool.remove(stream, first, last)
-            expected += self._flying.settle(stream, first, last)
+        for stream, *pair in stored:
+            for first, last in self._unsent.without(stream, *pair):
+                removed += self.spool.remove(stream, first, last)
+                expected += self._flying.settle(stream, first, last)
         now = self._now()
         self._heard, self.sink_seen = now, True
         if expected:
@@ -206,6 +209,7 @@ class Delivery:
     def _message(self, row: SpooledRow) -> Message:
         stream, seq, payload = row
         self._flying.add(stream, seq, self._now())
+        self._unsent.publish(stream, seq)
         self.sent += 1
         return Message(topics.power(stream.device, stream.channel), payload, tag=(stream, seq))
 

@@ -197,6 +197,36 @@ def test_a_strangers_row_with_our_key_is_a_conflict_that_is_said(mosquitto, data
     finish(scenario())
 
 
+def test_rows_that_were_forged_in_advance_cost_no_genuine_row(mosquitto, tmp_path, monkeypatch):
+    """The boot is public in the status topic: a stranger has rows stored whose numbers the daemon is about to send.
+
+    The sink's receipts for them reach the daemon while its own rows still wait.
+    """
+    engine = open_database(str(tmp_path / "a.sqlite"))
+    monkeypatch.setattr("acqd.telemetry.delivery._WITHOUT_RECEIPT", 64)  # the backlog leaves in portions
+
+    async def scenario():
+        daemon = Daemon(tmp_path, mosquitto.port)
+        await daemon.make(600)
+        forged = [dataclasses.replace(one, P=-1.0) for one in daemon.tape if one.seq >= 300]
+        forged += [row(seq, "L1", P=-1.0) for seq in (10**6, 10**9)]
+        with sink(mosquitto, engine) as running, publisher(mosquitto.port) as client:
+            await asyncio.to_thread(publish, client, forged)
+            await until(lambda: running.counters.rows == len(forged), "the forged rows are stored")
+            tasks = daemon.uplink.tasks()
+            await until(lambda: daemon.uplink.counters().connected, "the daemon connects")
+            await asyncio.to_thread(publish, client, forged)  # once more, and with them their receipts
+            await daemon.delivered()
+            assert running.counters.conflicts >= 600
+        with engine.connect() as connection:
+            kept = connection.execute(sa.select(quarantine.c.payload)).scalars().all()
+        assert sorted(kept) == sorted(one.to_json() for one in daemon.tape if one.seq >= 300)
+        assert count(engine) == 600 + len(forged)
+        await daemon.stop(tasks)
+
+    finish(scenario())
+
+
 def test_a_malformed_row_of_ours_is_quarantined_and_not_sent_for_ever(mosquitto, tmp_path):
     engine = open_database(str(tmp_path / "a.sqlite"))
 

@@ -68,6 +68,20 @@ def test_a_row_waits_for_its_receipt_and_not_for_the_acknowledgement():
     assert len(bench.box) == 0 and bench.box.outstanding == 0
 
 
+def test_a_receipt_for_rows_that_were_never_sent_deletes_none_of_them():
+    """Somebody else has published rows with their keys, and the sink has stored those."""
+    bench = Bench()
+    bench.make(100)
+    bench.box.begin()
+    probe = bench.take_all()
+    bench.receipt(0, 1_000)
+    assert len(bench.box) == 100 - len(probe) > 0
+    bench.sink()
+    assert bench.take_all() == list(range(len(probe), 100))
+    bench.receipt(0, 1_000)
+    assert len(bench.box) == 0
+
+
 def test_what_a_receipt_leaves_out_is_sent_again_after_a_while():
     bench = Bench()
     bench.box.begin()
