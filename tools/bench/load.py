@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 import socket
 import struct
 import subprocess
 import tempfile
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import ExitStack
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass
+from multiprocessing.synchronize import Event
 from pathlib import Path
 
 import psutil
 import sqlalchemy as sa
 
+from acqd.daemon.health.query import ask
+from acqd.daemon.health.section import HealthSection
 from acqd.storage.database import open_database
 from acqd.storage.schema import power
 from acqd.telemetry import wire
+from acqd.telemetry.broker import free_port
 from acqd.telemetry.row import CHANNELS, PowerRow
 from acqd.telemetry.wire import V311, Hello
 from acqd.timestamps import filetime, rfc3339
@@ -28,68 +34,128 @@ from tools.common.servers import mosquitto, postgres
 
 _DEVICES, _WINDOW_S = 50, 0.04
 _STEADY_S, _ROWS_AT_ONCE = 30.0, 200_000
+_SLOW_S, _ROWS_SLOWLY = 0.2, 60_000
+
+
+@dataclass(frozen=True, slots=True)
+class _Run:
+    """What came of one load."""
+
+    lost: int
+    rate: float
+    """rows/s from the first to the last stored row."""
+    cpu: dict[str, float]
+    """CPU time by program, as a share of the time from the first to the last stored row [% of a core]."""
+
+    def us_per_row(self) -> float:
+        """CPU time of all programs for one row [us]."""
+        return 1e4 * sum(self.cpu.values()) / self.rate
 
 
 def loads() -> Iterator[Figure]:
-    """50 devices of 25 rows/s and four channels; then as fast as it goes, with one sink and with two."""
+    """50 devices of 25 rows/s and four channels; then as fast as it goes, with one sink and with two.
+
+    The cores of one computer limit both together, so the two are also compared where the database is slow.
+    """
     with postgres() as url:
         section = f"{_DEVICES} devices, {_DEVICES * 4 / _WINDOW_S:.0f} rows/s for {_STEADY_S:.0f} s into PostgreSQL"
-        sent, rate, cpu = _run(url, "steady", 1, int(_STEADY_S / _WINDOW_S), _WINDOW_S)
-        stored = _stored(url, "steady")
-        yield Figure(section, "rows lost", sent - stored, "", "<= 0")
-        yield Figure(section, "stored", rate, "rows/s")
-        yield Figure(section, "CPU of the sink", cpu, "% of a core", "<= 100")
-        for sinks in (1, 2):
-            name = f"flood{sinks}"
-            section = f"{_ROWS_AT_ONCE} rows at once, {sinks} sink{'s' * (sinks > 1)}"
-            sent, rate, cpu = _run(url, name, sinks, _ROWS_AT_ONCE // (4 * _DEVICES), 0.0)
-            yield Figure(section, "rows lost", sent - _stored(url, name), "", "<= 0")
-            yield Figure(section, "stored", rate, "rows/s", ">= 8000" if sinks == 1 else "")
-            yield Figure(section, "CPU of the sinks", cpu, "% of a core")
+        steady = _run(url, "steady", 1, int(_STEADY_S / _WINDOW_S), _WINDOW_S)
+        yield Figure(section, "rows lost", steady.lost, "", "<= 0")
+        yield Figure(section, "stored", steady.rate, "rows/s")
+        yield Figure(section, "CPU of the sink", steady.cpu["sinks"], "% of a core", "<= 100")
+        yield from _compared(url, "flood", _ROWS_AT_ONCE, "", ">= 8000")
+        _slow_down(url)
+        slow = f", transactions that take {_SLOW_S} s longer"
+        yield from _compared(url, "slow", _ROWS_SLOWLY, slow, ">= 1.6")
 
 
-def _run(url: str, boot: str, sinks: int, windows: int, every_s: float) -> tuple[int, float, float]:
-    """Rows sent, rows/s from the first to the last stored row, CPU of the sinks [%]."""
+def _compared(url: str, boot: str, rows: int, how: str, target: str) -> Iterator[Figure]:
+    """`rows` as fast as they go into one sink, then into two; `target` of the rate with one, or of the ratio."""
+    runs = []
+    for sinks in (1, 2):
+        section = f"{rows} rows at once, {sinks} sink{'s' * (sinks > 1)}{how}"
+        run = _run(url, f"{boot}{sinks}", sinks, rows // (4 * _DEVICES), 0.0)
+        runs.append(run)
+        yield Figure(section, "rows lost", run.lost, "", "<= 0")
+        yield Figure(section, "stored", run.rate, "rows/s", target if sinks == 1 and not how else "")
+        for name, percent in run.cpu.items():
+            yield Figure(section, f"CPU of {name}", percent, "% of a core")
+        yield Figure(section, "CPU of all together per row", run.us_per_row(), "us")
+    one, two = runs
+    yield Figure(section, "rate, compared with one sink", two.rate / one.rate, "", target if how else "")
+    cores = len(os.sched_getaffinity(0))
+    yield Figure(section, f"rate at which {cores} cores are busy", 1e6 * cores / one.us_per_row(), "rows/s")
+
+
+def _slow_down(url: str) -> None:
+    """A database with slow disks: every insertion waits, without using the processor."""
+    engine = open_database(url)
+    with engine.begin() as connection:
+        connection.exec_driver_sql(
+            "CREATE FUNCTION wait() RETURNS trigger LANGUAGE plpgsql AS "
+            f"$$ BEGIN PERFORM pg_sleep({_SLOW_S}); RETURN NULL; END $$"
+        )
+        connection.exec_driver_sql(
+            "CREATE TRIGGER wait AFTER INSERT ON power FOR EACH STATEMENT EXECUTE FUNCTION wait()"
+        )
+    engine.dispose()
+
+
+def _run(url: str, boot: str, sinks: int, windows: int, every_s: float) -> _Run:
     sent = windows * _DEVICES * 4
     with mosquitto() as port, ExitStack() as stack, tempfile.TemporaryDirectory() as folder:
-        running = []
-        for k in range(sinks):
-            path = Path(folder) / f"{k}.toml"
-            group = 'group = "g"\n' if sinks > 1 else ""
-            path.write_text(f'[mqtt]\nport = {port}\n[sink]\ndatabase = "{url}"\nclient_id = "s{k}"\n{group}')
-            sink = subprocess.Popen(acqd_command("sink", "--config", path), stderr=subprocess.DEVNULL)
-            stack.callback(sink.wait)
-            stack.callback(sink.terminate)
-            running.append(psutil.Process(sink.pid))
+        asked = [_start_sink(stack, Path(folder), k, port, url, sinks) for k in range(sinks)]
         time.sleep(4.0)  # the sinks subscribe
-        before = _cpu(running)
-        sender = multiprocessing.get_context("spawn").Process(target=_send, args=(port, boot, windows, every_s))
-        begun = time.monotonic()
+        spawning = multiprocessing.get_context("spawn")
+        counted = spawning.Event()
+        sender = spawning.Process(target=_send, args=(port, boot, windows, every_s, counted))
         sender.start()
-        progress = since = 0.0
-        while (stored := _stored(url, boot)) < sent and (not since or time.monotonic() - since < 20):
-            if stored == 0:
-                begun = time.monotonic()
-            if stored > progress:
-                progress, since = stored, time.monotonic()
-            time.sleep(0.1)
-        elapsed = time.monotonic() - begun
-        cpu = _cpu(running) - before
+        while not _stored(asked):
+            time.sleep(0.01)
+        begun, before, stored = time.monotonic(), _cpu(), 0
+        changed = begun
+        while stored < sent and time.monotonic() - changed < 20:
+            time.sleep(0.05)
+            if (now := _stored(asked)) > stored:
+                stored, changed = now, time.monotonic()
+        elapsed, after = changed - begun, _cpu()
+        counted.set()
         sender.join()
-    return sent, stored / elapsed, 100 * cpu / elapsed
+    cpu = {name: 100 * (after[name] - before[name]) / elapsed for name in after}
+    return _Run(sent - _in_database(url, boot), stored / elapsed, cpu)
 
 
-def _send(port: int, boot: str, windows: int, every_s: float) -> None:
-    """Publish with QoS 1, every packet made beforehand for a window of all devices."""
+def _start_sink(stack: ExitStack, folder: Path, k: int, port: int, url: str, sinks: int) -> HealthSection:
+    """Start a sink that ends with the stack; where it can be asked for its rows."""
+    health = HealthSection(sink_port=free_port())
+    path = folder / f"{k}.toml"
+    group = 'group = "g"\n' if sinks > 1 else ""
+    path.write_text(
+        f"[mqtt]\nport = {port}\n[health]\nsink_port = {health.sink_port}\n"
+        f'[sink]\ndatabase = "{url}"\nclient_id = "s{k}"\n{group}'
+    )
+    sink = subprocess.Popen(
+        acqd_command("sink", "--config", path), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    stack.callback(sink.wait)
+    stack.callback(sink.terminate)
+    return health
+
+
+def _send(port: int, boot: str, windows: int, every_s: float, counted: Event) -> None:
+    """Publish with QoS 1; where there is no pause between the windows, all packets are made beforehand."""
+    made: Iterable[bytes] = (b"".join(_packets(boot, k)) for k in range(windows))
+    if not every_s:
+        made = list(made)
     with socket.create_connection(("127.0.0.1", port)) as sock:
         hello = Hello(V311, f"load-{boot}", 0, None, None, "load/will", b"", 0, 0, 1 << 16)
         sock.sendall(wire.connect(hello))
         threading.Thread(target=_discard, args=(sock,), daemon=True).start()
         begun = time.monotonic()
-        for k in range(windows):
-            sock.sendall(b"".join(_packets(boot, k)))
+        for k, packets in enumerate(made):
+            sock.sendall(packets)
             time.sleep(max(0.0, begun + k * every_s - time.monotonic()) if every_s else 0.0)
-        time.sleep(2.0)  # the broker reads what is under way
+        counted.wait()  # a process that has ended has no CPU time
 
 
 def _discard(sock: socket.socket) -> None:
@@ -113,7 +179,13 @@ def _publish(topic: bytes, payload: bytes, number: int) -> bytes:
     return b"\x32" + bytes([len(body) & 0x7F | 0x80, len(body) >> 7]) + body  # 128 to 16383 bytes
 
 
-def _stored(url: str, boot: str) -> int:
+def _stored(sinks: list[HealthSection]) -> int:
+    """Rows that the sinks say they have stored: to count them in the database would cost it much."""
+    answers = [ask(section, "sink") for section in sinks]
+    return sum(answer.status.get("rows", 0) for answer in answers if answer is not None)
+
+
+def _in_database(url: str, boot: str) -> int:
     engine = open_database(url)
     with engine.connect() as connection:
         count = connection.execute(sa.select(sa.func.count()).where(power.c.boot == boot)).scalar()
@@ -121,5 +193,19 @@ def _stored(url: str, boot: str) -> int:
     return int(count or 0)
 
 
-def _cpu(processes: list[psutil.Process]) -> float:
-    return float(sum(times.user + times.system for times in (process.cpu_times() for process in processes)))
+def _cpu() -> dict[str, float]:
+    """CPU time of the programs that this process has started [s]."""
+    spent = {"sinks": 0.0, "PostgreSQL": 0.0, "mosquitto": 0.0, "the sender": 0.0}
+    for process in psutil.Process().children(recursive=True):
+        with suppress(psutil.NoSuchProcess):
+            times = process.cpu_times()
+            ended = times.children_user + times.children_system  # connections of PostgreSQL that are closed
+            spent[_program(process)] += times.user + times.system + ended
+    return spent
+
+
+def _program(process: psutil.Process) -> str:
+    name = process.name()
+    if name in ("mosquitto", "postgres"):
+        return "PostgreSQL" if name == "postgres" else name
+    return "sinks" if "sink" in process.cmdline() else "the sender"
