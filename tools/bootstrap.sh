@@ -87,8 +87,8 @@ lint() {
     "$venv/bin/bandit" -q -ii -c pyproject.toml -r acqd
 }
 
-# What is installed with acqd[EXTRA], in an environment of its own: acqd.cdx.json (CycloneDX) and, with hashes of the
-# files for this platform and Python, requirements.lock.
+# What is installed with acqd[EXTRA] (postgres by default), in an environment of its own: acqd.cdx.json (CycloneDX) and,
+# with hashes of the files for this platform and Python, requirements.lock.
 describe_packages() {
     install sbom
     clean=$(mktemp -d)
@@ -119,7 +119,7 @@ install)
     install "${1:-}"
     ;;
 sbom)
-    describe_packages "${1:-}"
+    describe_packages "${1:-postgres}"
     ;;
 lint)
     install dev
