@@ -159,8 +159,9 @@ def _send(port: int, boot: str, windows: int, every_s: float, counted: Event) ->
 
 
 def _discard(sock: socket.socket) -> None:
-    while sock.recv(1 << 16):
-        pass
+    with suppress(OSError):  # closed at the end
+        while sock.recv(1 << 16):
+            pass
 
 
 def _packets(boot: str, k: int) -> Iterator[bytes]:
