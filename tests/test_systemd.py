@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 
@@ -10,10 +11,8 @@ import pytest
 from tests.places import ROOT
 
 
-@pytest.mark.parametrize("unit", ["acqd", "acqd-sink", "acqd-broker", "acqd-sidecar"])
+@pytest.mark.parametrize("unit", ["acqd", "acqd-sink", "acqd-broker", "acqd-sidecar", "acqd-maintain"])
 def test_units_are_valid_and_strict(unit, tmp_path):
-    import re
-
     if shutil.which("systemd-analyze") is None:
         pytest.skip("no systemd here")
     text = (ROOT / "systemd" / f"{unit}.service").read_text()
@@ -30,3 +29,14 @@ def test_units_are_valid_and_strict(unit, tmp_path):
     if "nrecognized option" in result.stderr:
         pytest.skip("this systemd cannot analyse offline")
     assert float(re.search(r"exposure level.*: ([\d.]+)", result.stdout).group(1)) <= 2.5
+
+
+def test_the_timer_of_maintenance_starts_its_service(tmp_path):
+    if shutil.which("systemd-analyze") is None:
+        pytest.skip("no systemd here")
+    shutil.copy(ROOT / "systemd" / "acqd-maintain.timer", tmp_path)
+    (tmp_path / "acqd-maintain.service").write_text("[Service]\nType=oneshot\nExecStart=/bin/true\n")
+    verified = subprocess.run(
+        ["systemd-analyze", "verify", tmp_path / "acqd-maintain.timer"], capture_output=True, text=True, check=False
+    )
+    assert verified.returncode == 0 and "acqd" not in verified.stderr, verified.stderr
