@@ -32,10 +32,13 @@ def is_outage(error: sa.exc.DBAPIError) -> bool:
 def _refused(cause: Any) -> bool:
     """Whether the server, or the driver, has refused a connection for what it was asked for.
 
-    libpq hands no SQLSTATE over here, and a server may speak any language: whether a password was asked for tells more
-    than the text. A server that starts or stops says so before it asks.
+    libpq returns no SQLSTATE here, and a server may speak any language: whether it has asked for a password says more
+    than the text. A server that starts or stops refuses before it asks.
     """
     text = str(cause)
-    asked = getattr(cause, "pgconn", None)
-    password = asked is not None and (asked.needs_password or (asked.used_password and "FATAL" in text))
-    return (password or any(words in text for words in _FOR_A_PERSON)) and not any(words in text for words in _BUSY)
+    connection = getattr(cause, "pgconn", None)
+    password_refused = connection is not None and (
+        connection.needs_password or (connection.used_password and "FATAL" in text)
+    )
+    refused = password_refused or any(words in text for words in _FOR_A_PERSON)
+    return refused and not any(words in text for words in _BUSY)
