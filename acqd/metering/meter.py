@@ -61,13 +61,15 @@ class Meter:
         self._stream = WindowStream(self._grid, history, max(1, _BATCH_SAMPLES // shortest))
         scale = np.asarray(form.scale)
         self._u_scale, self._i_scale = scale[0::2, None], scale[1::2, None]
-        self._dead = np.maximum(INTERRUPTION * nominal_voltage, _QUANTISATION * self._u_scale)
+        resolution = _QUANTISATION * self._u_scale if form.bits < 64 else np.zeros_like(self._u_scale)
+        self._dead = np.maximum(INTERRUPTION * nominal_voltage, resolution)
         self.energy = EnergyRegister(
             [
                 EnergyRegister.kwh_per_count(u, i, form.rate)
                 for u, i in zip(form.scale[0::2], form.scale[1::2], strict=True)
             ],
             energy,
+            integers=form.bits < 64,
         )
 
     def feed(self, block: SampleBlock) -> WindowBatch | None:
@@ -168,7 +170,7 @@ class Meter:
         for phase, k in zip(*np.nonzero(~live), strict=True):
             flags[phase][k].add("no_mains")
         highest, lowest = self.form.code_max, self.form.code_min
-        if int(codes.max()) < highest and int(codes.min()) > lowest:
+        if codes.max() < highest and codes.min() > lowest:
             return
         stopped = (codes >= highest) | (codes <= lowest)
         hits = np.logical_or.reduceat(stopped[: bounds[-1]], bounds[:-1], axis=0)
