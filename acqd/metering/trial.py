@@ -29,13 +29,8 @@ class Trial:
     edges: Floats
     """[2, CYCLES] begin and end of the one-cycle phasors [samples]; the last ends with the stretch."""
 
-    @property
-    def phasors(self) -> Floats:
-        """[samples, 2, CYCLES]: voltage times this is the real part and the negative imaginary part of the phasors."""
-        samples = np.arange(self.turn.shape[1])[:, None]
-        begin, end = self.edges
-        inside = np.clip(end - samples, 0, 1) - np.clip(begin - samples, 0, 1)  # edges share a sample
-        return np.asarray(self.turn.T[:, :, None] * inside[:, None, :])
+    phasors: Floats
+    """[samples, 2, CYCLES]: voltage times this is the real part and the negative imaginary part of the phasors."""
 
 
 def make_trial(f: float, rate: float, samples: int, *, tapered: bool = True) -> Trial:
@@ -51,11 +46,14 @@ def make_trial(f: float, rate: float, samples: int, *, tapered: bool = True) -> 
     weighted = basis * (4 * share * (1 - share))[:, None] if tapered else basis
     rows = weighted @ np.linalg.solve(basis.T @ weighted, np.eye(basis.shape[1])[:, :4])
     rows[:, 2:] /= span
-    return Trial(
-        np.ascontiguousarray(rows.T), np.ascontiguousarray(np.stack((cos[:, 0], sin[:, 0]))), _edges(rate / f, samples)
-    )
+    turn = np.ascontiguousarray(np.stack((cos[:, 0], sin[:, 0])))
+    end = np.linspace(rate / f, samples, CYCLES)
+    edges = np.stack((end - rate / f, end))
+    return Trial(np.ascontiguousarray(rows.T), turn, edges, _phasors(turn, edges))
 
 
-def _edges(cycle: float, samples: int) -> Floats:
-    end = np.linspace(cycle, samples, CYCLES)
-    return np.stack((end - cycle, end))
+def _phasors(turn: Floats, edges: Floats) -> Floats:
+    begin, end = edges
+    samples = np.arange(turn.shape[1])[:, None]
+    inside = np.clip(end - samples, 0, 1) - np.clip(begin - samples, 0, 1)  # edges share a sample
+    return np.asarray(turn.T[:, :, None] * inside[:, None, :])

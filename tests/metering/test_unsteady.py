@@ -76,9 +76,7 @@ def test_how_the_stream_is_cut_does_not_matter():
     t = np.arange(32_000) / RATE
     codes = codes_of(50.02 * t + 0.05 * (t > 0.7), 1, (0.02, 60.0))
     (whole,), cut = metered(codes), metered(codes, range(800, 32_000, 800))
-    np.testing.assert_allclose(
-        np.concatenate([batch.Vrms for batch in cut], axis=1), whole.Vrms, rtol=5e-6
-    )
+    np.testing.assert_allclose(np.concatenate([batch.Vrms for batch in cut], axis=1), whole.Vrms, rtol=5e-6)
     assert [batch.flags[0][0] for batch in cut] == whole.flags[0]
 
 
