@@ -20,6 +20,7 @@ from acqd.daemon.playback import Playback, play
 from acqd.daemon.playback_report import PlaybackReport
 from acqd.errors import UserError
 from acqd.sources import ChannelMap
+from acqd.sources.text_file import check_encoding
 from acqd.telemetry.topics import valid_device
 
 
@@ -54,6 +55,7 @@ def replay(
     i_scale: Annotated[float | None, typer.Option(help="A per unit of the file (sound: A at full scale).")] = None,
     rate: Annotated[float | None, typer.Option(help="Samples/s, where the file does not say.")] = None,
     f_nominal: Annotated[float | None, typer.Option(help="Nominal mains frequency in Hz.")] = None,
+    encoding: Annotated[str | None, typer.Option(help="Of CSV and COMTRADE text, such as latin-1.")] = None,
     config: ConfigFile = None,
     host: Host = None,
     port: Port = None,
@@ -73,7 +75,7 @@ def replay(
     signal.signal(signal.SIGHUP, lambda *_: sys.exit(129))
     settings = Playback(
         files=files,
-        channels=ChannelMap(columns, u_scale, i_scale, rate, f_nominal),
+        channels=ChannelMap(columns, u_scale, i_scale, rate, f_nominal, check_encoding(encoding) if encoding else None),
         device=device,
         mode=mode.value,
         window=window,

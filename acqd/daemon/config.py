@@ -34,15 +34,16 @@ class MeteringSection(Section):
 
 
 class RealtimeSection(Section):
-    """MAIN_FAST's scheduling."""
+    """Scheduling of MAIN_FAST and MAIN_SLOW."""
 
     priority: Annotated[int, Field(ge=0, le=99)] = 80
     lock_memory: bool = True
     cpu: Annotated[int, Field(ge=0)] | None = None
+    slow_priority: Annotated[int, Field(ge=0, le=99)] = 0
 
     def settings(self) -> RealtimeSettings:
         """The settings of MAIN_FAST's process."""
-        return RealtimeSettings(**self.model_dump())
+        return RealtimeSettings(**self.model_dump(exclude={"slow_priority"}))
 
 
 class BrokerSection(Section):

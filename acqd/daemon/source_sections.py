@@ -12,6 +12,7 @@ from acqd.daemon.section import DeviceSection, Nominal, Port, Positive, Section,
 from acqd.sources import ChannelMap, SimulationSettings
 from acqd.sources.simulated import Sag
 from acqd.sources.spec import Spec, replay_spec, simulated_spec
+from acqd.sources.text_file import check_encoding
 
 _Order = Annotated[int, Field(ge=2, le=100)]
 _Position = Annotated[int, Field(ge=0, le=63)]
@@ -69,6 +70,7 @@ class ReplaySection(Section):
     i_scale: Positive | None = None
     rate: Positive | None = None
     f_nominal: Nominal | None = None
+    encoding: str | None = None
 
     @property
     def nominal_frequency(self) -> float:
@@ -76,11 +78,11 @@ class ReplaySection(Section):
         return self.f_nominal or 50.0
 
     def spec(self) -> Spec:
-        """The source as JSON, for MAIN_FAST's process. Raises UserError for a map that cannot be read."""
+        """The source as JSON, for MAIN_FAST's process. Raises UserError for a map or an encoding that is none."""
         columns = ChannelMap.parse(self.map, "source.map") if self.map else None
-        return replay_spec(
-            self.file, ChannelMap(columns, self.u_scale, self.i_scale, self.rate, self.f_nominal), self.loops
-        )
+        encoding = check_encoding(self.encoding, "source.encoding") if self.encoding else None
+        channels = ChannelMap(columns, self.u_scale, self.i_scale, self.rate, self.f_nominal, encoding)
+        return replay_spec(self.file, channels, self.loops)
 
 
 class EthercatSection(DeviceSection):

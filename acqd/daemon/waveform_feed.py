@@ -15,6 +15,7 @@ from acqd.daemon.register import RegisterFile, greater
 from acqd.daemon.source_sections import WaveformSection
 from acqd.metering import Meter, StreamFormat, WindowBatch
 from acqd.plc.executive import Executive
+from acqd.plc.realtime import prioritise
 from acqd.telemetry.row import rows_of
 from acqd.telemetry.spool import Energy
 from acqd.telemetry.summary import Summariser
@@ -38,6 +39,7 @@ class WaveformFeed:
         self._last_row: float | None = None
         self._begun = time.monotonic()
         self._cycles = Cycles()
+        self._refused: list[str] = []
         self._executive = Executive(
             source.spec(), self._make_meter, self._take, window=config.window, realtime=config.realtime.settings()
         )
@@ -45,11 +47,12 @@ class WaveformFeed:
     @property
     def refused(self) -> list[str]:
         """Real-time settings that this host does not permit."""
-        return self._executive.refused
+        return self._executive.refused + self._refused
 
     async def start(self) -> None:
         """Start MAIN_FAST. Raises UserError when its source cannot be used."""
         await self._executive.start()
+        self._refused = prioritise("MAIN_SLOW", self._config.realtime.slow_priority)
         self._begun = time.monotonic()
 
     async def run(self) -> None:

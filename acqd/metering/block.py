@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-Codes: TypeAlias = NDArray[np.int16 | np.int32]
-CodeBits = Literal[16, 32]
+Codes: TypeAlias = NDArray[np.int16 | np.int32 | np.float64]
+CodeBits = Literal[16, 32, 64]
 
 CODE_MAX = 32767
 """Positive end stop of the 16-bit converter: a sample here is over-range."""
@@ -27,7 +28,7 @@ class SampleBlock:
     """
 
     codes: Codes
-    """int16 or int32 [samples, 2 * phases], as the stream's format says."""
+    """int16, int32 or float64 [samples, 2 * phases], as the stream's format says."""
     index: int
     """Number of the first sample since the stream started; lost samples count."""
     utc_ns: int
@@ -36,6 +37,13 @@ class SampleBlock:
     """Samples lost immediately before this block."""
     flags: frozenset[str] = field(default_factory=frozenset)
     """Row flags that hold for every window this block touches ("late", "simulated" ...)."""
+
+
+def code_type(bits: CodeBits) -> np.dtype[np.int16 | np.int32 | np.float64]:
+    """Type of codes of this width."""
+    if bits == 64:
+        return np.dtype(np.float64)
+    return np.dtype(np.int32) if bits == 32 else np.dtype(np.int16)
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +57,9 @@ class StreamFormat:
     f_nominal: float = 50.0
     """Declared mains frequency [Hz]."""
     bits: CodeBits = 16
-    """Width of a code: 16 for converters, 32 for digital values of a wider range (sampled values, auto range)."""
+    """Width of a code: 16 for converters, 32 for digital values of a wider range (sampled values, auto range).
+
+    64: recorded physical values as double numbers, which have no end stops."""
 
     def __post_init__(self) -> None:
         if not 2_000 <= self.rate <= 1_000_000:
@@ -58,6 +68,9 @@ class StreamFormat:
             raise ValueError(f"{len(self.scale)} channels: expected U, I per phase for 1 to 3 phases")
         if not 45.0 <= self.f_nominal <= 65.0:
             raise ValueError(f"nominal frequency {self.f_nominal:g} Hz is outside 45 .. 65 Hz")
+        if self.bits == 64:
+            self._check_physical()
+            return
         for channel, scale in enumerate(self.scale):
             unit, limit = ("A", 1e6) if channel % 2 else ("V", 2e6)
             full_scale = scale * -self.code_min
@@ -67,20 +80,25 @@ class StreamFormat:
                     f"is outside 0.001 .. {limit:g} {unit}; check the scale ({scale:g} {unit} per digit)"
                 )
 
+    def _check_physical(self) -> None:
+        for channel, scale in enumerate(self.scale):
+            if not 1e-12 <= scale <= 1e12:
+                raise ValueError(f"channel {self.channel_name(channel)}: scale {scale:g} is outside 1e-12 .. 1e12")
+
     @property
-    def code_max(self) -> int:
+    def code_max(self) -> float:
         """Positive end stop of the codes."""
-        return CODE_MAX if self.bits == 16 else WIDE_CODE_MAX
+        return {16: CODE_MAX, 32: WIDE_CODE_MAX, 64: math.inf}[self.bits]
 
     @property
-    def code_min(self) -> int:
+    def code_min(self) -> float:
         """Negative end stop of the codes."""
-        return CODE_MIN if self.bits == 16 else -WIDE_CODE_MAX
+        return {16: CODE_MIN, 32: -WIDE_CODE_MAX, 64: -math.inf}[self.bits]
 
     @property
-    def dtype(self) -> np.dtype[np.int16 | np.int32]:
+    def dtype(self) -> np.dtype[np.int16 | np.int32 | np.float64]:
         """Type of one code."""
-        return np.dtype(np.int16) if self.bits == 16 else np.dtype(np.int32)
+        return code_type(self.bits)
 
     @property
     def phases(self) -> int:

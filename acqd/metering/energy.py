@@ -3,6 +3,7 @@
 A window's energy is the sum of u_code * i_code over its samples: an integer below 2^41, exact in
 a double. The registers add those integers as Python integers, so a year at 20 kHz (6.3e11
 samples) loses nothing; the only rounding is the one conversion to kWh when a row is written.
+Sums of physical values (codes of 64 bits) become integers of a fine step first.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 from acqd.arrays import Floats
 
 _WS_PER_KWH = 3_600_000
+_STEPS = 2**64  # of a product of physical values
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,12 +30,16 @@ class EnergyColumns:
 class EnergyRegister:
     """Import and export registers of all phases of one stream."""
 
-    def __init__(self, kwh_per_count: list[float], start: list[tuple[float, float]] | None = None) -> None:
+    def __init__(
+        self, kwh_per_count: list[float], start: list[tuple[float, float]] | None = None, *, integers: bool = True
+    ) -> None:
         """`kwh_per_count[p]` is the energy of one u_code * i_code of phase p over one sample.
 
-        `start` is each phase's (imported, exported) [kWh] to continue from after a restart.
+        `start` is each phase's (imported, exported) [kWh] to continue from after a restart. `integers`: codes are.
         """
-        self._unit = [Fraction(unit) for unit in kwh_per_count]
+        self._integers = integers
+        self._steps = 1 if integers else _STEPS
+        self._unit = [Fraction(unit) / self._steps for unit in kwh_per_count]
         self._float_unit = np.array(kwh_per_count)
         begin = start or [(0.0, 0.0)] * len(kwh_per_count)
         # Starting readings become counts too (1e-9 of a count is far below the meter's resolution).
@@ -47,17 +53,17 @@ class EnergyRegister:
         return volts_per_digit * amperes_per_digit / rate / _WS_PER_KWH
 
     def add(self, counts: Floats) -> EnergyColumns:
-        """Add the windows' code-product sums, [phases, windows] (integers), and read the registers.
+        """Add the windows' code-product sums, [phases, windows], and read the registers.
 
         A window imports or exports as a whole: within a mains cycle reactive power swings both ways.
         """
-        whole = counts.astype(np.int64)
-        running = np.cumsum(np.stack((np.maximum(whole, 0), np.maximum(-whole, 0))), axis=2)
-        before = np.array(self._counts, dtype=np.float64).T[:, :, None]
+        sums = counts.astype(np.int64) if self._integers else counts
+        running = np.cumsum(np.stack((np.maximum(sums, 0), np.maximum(-sums, 0))), axis=2)
+        before = np.array(self._counts, dtype=np.float64).T[:, :, None] / self._steps
         imported, exported = (before + running) * self._float_unit[:, None]
-        for direction, sums in enumerate(running[:, :, -1].tolist()):
-            for phase, added in enumerate(sums):
-                self._counts[phase][direction] += added
+        for direction, totals in enumerate(running[:, :, -1].tolist()):
+            for phase, added in enumerate(totals):
+                self._counts[phase][direction] += added if self._integers else round(Fraction(added) * self._steps)
         return EnergyColumns(imported, exported)
 
     def reading(self) -> list[tuple[float, float]]:

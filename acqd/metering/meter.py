@@ -13,8 +13,10 @@ import numpy as np
 from acqd.arrays import Floats
 from acqd.metering.block import Codes, SampleBlock, StreamFormat
 from acqd.metering.energy import EnergyRegister
-from acqd.metering.frequency import F_MIN, FrequencyEstimator
+from acqd.metering.frequency import F_MIN, Estimate, FrequencyEstimator
+from acqd.metering.held import HeldFrequency
 from acqd.metering.interval import interval_sums
+from acqd.metering.middle import MiddleFrequency
 from acqd.metering.stream import Piece, WindowStream
 from acqd.metering.window import WindowBatch, WindowGrid
 
@@ -24,7 +26,7 @@ CYCLES = 2
 """Mains cycles per synchronous value."""
 INTERRUPTION = 0.05
 """Share of the nominal voltage below which there is no mains (EN 50160: supply interruption)."""
-_FREQUENCY_SPAN = 0.05  # s per frequency value: 2.25 cycles at 45 Hz; 40 ms doubles the noise of f
+_FREQUENCY_SPAN = 0.06  # s per frequency value, tapered; 50 ms has 1.4 times the noise
 _QUANTISATION = 4.0  # digits: a voltage this small is the converter's noise whatever the nominal is
 _BATCH_SAMPLES = 20_000  # per pass, so that the working set of one phase stays in the L2 cache
 
@@ -55,19 +57,22 @@ class Meter:
         shortest = int(window * form.rate)
         fit = max(shortest, int(_FREQUENCY_SPAN * form.rate))
         self._frequency = FrequencyEstimator(form.rate, fit)
-        self._start_frequency = FrequencyEstimator(form.rate, shortest)
-        self._last_f = form.f_nominal
+        self._start_frequency = FrequencyEstimator(form.rate, shortest, tapered=False)
+        self._held = HeldFrequency(form.f_nominal)
+        self._middle = MiddleFrequency(window * form.rate)
         history = max(fit, int(np.ceil(CYCLES * form.rate / (F_MIN - 1))) + 2) - shortest
         self._stream = WindowStream(self._grid, history, max(1, _BATCH_SAMPLES // shortest))
         scale = np.asarray(form.scale)
         self._u_scale, self._i_scale = scale[0::2, None], scale[1::2, None]
-        self._dead = np.maximum(INTERRUPTION * nominal_voltage, _QUANTISATION * self._u_scale)
+        resolution = _QUANTISATION * self._u_scale if form.bits < 64 else np.zeros_like(self._u_scale)
+        self._dead = np.maximum(INTERRUPTION * nominal_voltage, resolution)
         self.energy = EnergyRegister(
             [
                 EnergyRegister.kwh_per_count(u, i, form.rate)
                 for u, i in zip(form.scale[0::2], form.scale[1::2], strict=True)
             ],
             energy,
+            integers=form.bits < 64,
         )
 
     def feed(self, block: SampleBlock) -> WindowBatch | None:
@@ -84,15 +89,18 @@ class Meter:
         u, i = _channels(piece.codes[: piece.bounds[-1]])
         products = _products(u, i)
         starts, ends = piece.bounds[:-1], piece.bounds[1:]
-        f = self._estimate_f(u, ends)
+        estimate, centres = self._estimate_f(u, ends)
+        usable, about = self._held.usable(estimate)
         count = (ends - starts).astype(np.float64)
         energy_counts = np.add.reduceat(products[2], starts, axis=1)
         flags = piece.row_flags(self.form.phases)
         if self.mode == "fixed":
             means = np.add.reduceat(products, starts, axis=-1) / count
             live = np.sqrt(means[0]) * self._u_scale > self._dead
+            f = self._middle.shift(usable, centres + piece.begin, (starts + ends) / 2 + piece.begin)
         else:
-            held = self._hold(f)
+            f = self._middle.shift(usable, centres + piece.begin, self._interval_middle(piece, usable) + piece.begin)
+            held = self._held.fill(f, about)
             start, stop, short = _synchronous(starts, ends, CYCLES * self.form.rate / held)
             means = interval_sums(products, start, stop) / (stop - start)
             # The straight line through a cut cell can dip below zero where the voltage has just gone.
@@ -110,6 +118,7 @@ class Meter:
             f[dark] = np.nan
             if dark[-1] == len(f) - 1:
                 self._frequency.reset()
+                self._middle.reset()
         for k in np.flatnonzero(np.isnan(f) & live.any(axis=0)).tolist():
             _mark(flags, k, "transient")
         self._flag_phases(flags, live, piece.codes, piece.bounds)
@@ -122,7 +131,7 @@ class Meter:
         u, i = max(runs, key=lambda run: run[0].shape[1])
         products = _products(u, i)
         length = float(u.shape[1])
-        cycle = self.form.rate / self._last_f
+        cycle = self.form.rate / self._held.last
         span = cycle * min(CYCLES, int(length / cycle))
         if self.mode == "fixed":
             samples = sum(run[0].shape[1] for run in runs)
@@ -141,34 +150,33 @@ class Meter:
         self._flag_phases(flags, live, joined, np.array([0, len(joined)]))
         return self._columns(piece, np.asarray(means), np.array([np.nan]), energy_counts, flags)
 
-    def _estimate_f(self, u: Floats, ends: np.ndarray) -> Floats:
-        """f of each window [Hz]; the first window of a run may have only its own samples."""
-        short = int(np.searchsorted(ends, self._frequency.samples))
+    def _estimate_f(self, u: Floats, ends: np.ndarray) -> tuple[Estimate, Floats]:
+        """f of each window, and the middles of the stretches it is from; a run's first window may have its own only."""
+        full, own = self._frequency, self._start_frequency
+        short = int(np.searchsorted(ends, full.samples))
+        centres = ends - np.where(np.arange(len(ends)) < short, own.samples, full.samples) / 2
         if not short:
-            return self._frequency.estimate(u, ends)
-        self._start_frequency.reset()
-        first = self._start_frequency.estimate(u, ends[:short])
+            return full.examine(u, ends), centres
+        own.reset()
+        first = own.examine(u, ends[:short])
         if short == len(ends):
-            return first
-        return np.concatenate((first, self._frequency.estimate(u, ends[short:])))
+            return first, centres
+        rest = full.examine(u, ends[short:])
+        joined = np.concatenate((first.f, rest.f)), np.concatenate((first.unsteady, rest.unsteady))
+        return Estimate(*joined), centres
 
-    def _hold(self, f: Floats) -> Floats:
-        """`f` with every unknown replaced by the last known value before it."""
-        known = ~np.isnan(f)
-        if known.all():
-            held = f
-        else:
-            last = np.maximum.accumulate(np.where(known, np.arange(len(f)), -1))
-            held = np.where(last >= 0, f[last], self._last_f)
-        self._last_f = float(held[-1])
-        return held
+    def _interval_middle(self, piece: Piece, f: Floats) -> Floats:
+        """Middle of the interval of each window [samples], as far as `f` is known."""
+        starts, ends = piece.bounds[:-1], piece.bounds[1:]
+        length = CYCLES * self.form.rate / np.where(np.isnan(f), self._held.last, f)
+        return np.asarray(np.where(ends - starts >= length, (starts + ends) / 2, ends - length / 2))
 
     def _flag_phases(self, flags: list[list[set[str]]], live: np.ndarray, codes: Codes, bounds: np.ndarray) -> None:
         """Mark over-range samples and dead voltages, phase by phase."""
         for phase, k in zip(*np.nonzero(~live), strict=True):
             flags[phase][k].add("no_mains")
         highest, lowest = self.form.code_max, self.form.code_min
-        if int(codes.max()) < highest and int(codes.min()) > lowest:
+        if codes.max() < highest and codes.min() > lowest:
             return
         stopped = (codes >= highest) | (codes <= lowest)
         hits = np.logical_or.reduceat(stopped[: bounds[-1]], bounds[:-1], axis=0)

@@ -31,6 +31,8 @@ class Piece:
     """Window bounds as positions in the only run; empty for a broken window."""
     flags: list[frozenset[str]]
     """[windows] flags of the blocks each window touches."""
+    begin: int = 0
+    """Sample of the stream at position 0 of the only run."""
     broken: bool = False
     first: bool = False
     """This piece begins the stream."""
@@ -133,6 +135,7 @@ class WindowStream:
                 runs=[self._run[begin - self._origin : int(starts[-1]) - self._origin]],
                 bounds=starts - begin,
                 flags=self._flags(starts),
+                begin=begin,
                 first=self._begin(),
             )
             self._next += count

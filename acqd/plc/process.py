@@ -21,8 +21,9 @@ from acqd.plc.ring import Ring, RingLayout
 from acqd.plc.stats import CycleStats
 from acqd.sources.spec import make_source
 
-RING_S = 1.0
-"""Seconds of samples the ring holds: how long MAIN_SLOW may be kept away."""
+RING_S = 14.0
+"""Seconds of samples in the ring. Three quarters of them are out of the writer's reach: MAIN_SLOW may be kept away for
+10 s."""
 
 
 def main() -> int:

@@ -27,7 +27,7 @@ class RealtimeSettings:
 def engage(settings: RealtimeSettings) -> list[str]:
     """Apply `settings`; one sentence for each that was refused, with what to do about it.
 
-    Call it last, in the thread that needs it: children inherit the scheduler.
+    Call it last, in the thread that needs it.
     """
     refused = []
     gc.collect()
@@ -40,14 +40,22 @@ def engage(settings: RealtimeSettings) -> list[str]:
             refused.append(f"CPU {settings.cpu} is not available to this process: running on any CPU")
     if settings.lock_memory and ctypes.CDLL(None, use_errno=True).mlockall(_LOCK):
         refused.append("memory not locked (raise LimitMEMLOCK / ulimit -l): a page fault can delay a cycle")
-    if settings.priority:
-        try:
-            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(settings.priority))
-        except PermissionError:
-            refused.append(
-                "SCHED_FIFO not permitted (raise LimitRTPRIO / ulimit -r or give CAP_SYS_NICE): normal priority"
-            )
-    return refused
+    return refused + prioritise("MAIN_FAST", settings.priority)
+
+
+def prioritise(task: str, priority: int) -> list[str]:
+    """Give the calling thread SCHED_FIFO with `priority` (0: leave it); a sentence if that is refused.
+
+    Threads and processes that it starts later have the normal scheduler.
+    """
+    if not priority:
+        return []
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(priority))
+    except PermissionError:
+        advice = "raise LimitRTPRIO / ulimit -r or give CAP_SYS_NICE"
+        return [f"SCHED_FIFO not permitted ({advice}): {task} has normal priority"]
+    return []
 
 
 def die_with_parent() -> None:

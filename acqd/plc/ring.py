@@ -17,13 +17,13 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from acqd.metering.block import CodeBits, Codes, SampleBlock
+from acqd.metering.block import CodeBits, Codes, SampleBlock, code_type
 from acqd.plc.stats import SLOTS
 from acqd.sources.base import SourceHealth
 
 _HEADER = 16  # int64 words
 _HEAD, _EVENT_HEAD, _STATE, _ANCHOR_INDEX, _ANCHOR_UTC, _HEALTH_VERSION, _HEALTH_BYTES, _BEATS, _TAKEN = range(9)
-_EVENTS = 4096  # several per cycle for as long as the ring lasts
+_EVENTS = 32_768  # two per cycle for as long as the ring lasts
 _EVENT_WORDS = 3  # position, kind, value
 RUNNING, ENDED, STOPPED = 1, 2, 3
 """States of the writer: running; the source has ended; stopped on request."""
@@ -67,7 +67,7 @@ class Ring:
         self._header, words = words[:_HEADER], words[_HEADER:]
         self._health, words = words[:_HEALTH_ROOM].cast("B"), words[_HEALTH_ROOM:]
         self._events, self.cycle_slots = words[: _EVENTS * _EVENT_WORDS], words[_EVENTS * _EVENT_WORDS :]
-        dtype = np.dtype(f"i{layout.bits // 8}")
+        dtype = code_type(layout.bits)
         self._codes: Codes = np.frombuffer(self._map, dtype, offset=layout.codes_offset).reshape(-1, layout.channels)
         self._position = 0  # reader: samples taken
         self._event_tail = 0

@@ -8,7 +8,7 @@ import numpy as np
 import soundfile
 
 from acqd.errors import InputError
-from acqd.sources.waveform import MOST_BYTES, ChannelMap, Waveform, quantise, stream_format
+from acqd.sources.waveform import MOST_BYTES, ChannelMap, Waveform, physical, stream_format
 
 _FULL_SCALE = 32768
 
@@ -42,9 +42,10 @@ def load(path: Path, channels: ChannelMap) -> Waveform:
     f_nominal = channels.f_nominal or 50.0
     scale = [u_scale, i_scale] * len(pairs)
     if exact:
-        form = stream_format(path, rate, [s / _FULL_SCALE for s in scale], f_nominal)
-        return Waveform(path.name, np.ascontiguousarray(values[:, order]), form, None)
-    return quantise(path, values[:, order] * np.array(scale), rate, f_nominal, None)
+        codes = np.ascontiguousarray(values[:, order])
+        form = stream_format(path, rate, [s / _FULL_SCALE for s in scale], f_nominal, codes)
+        return Waveform(path.name, codes, form, None)
+    return physical(path, np.ascontiguousarray(values[:, order]), scale, rate, f_nominal, None)
 
 
 def _check_whole(path: Path) -> None:

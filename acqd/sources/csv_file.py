@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import csv
+import warnings
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
 from acqd.arrays import Floats
 from acqd.errors import InputError
-from acqd.sources.waveform import LATEST_NS, ChannelMap, Waveform, quantise
+from acqd.sources.text_file import encoding_of
+from acqd.sources.waveform import LATEST_NS, QUANTITIES, ChannelMap, Waveform, physical, position
 
 _TIME = ("time", "t", "t_s", "time_s", "seconds")
 _ALIASES = {"u": "u1", "v": "u1", "v1": "u1", "v2": "u2", "v3": "u3", "i": "i1"}
@@ -18,73 +21,102 @@ _UNIX = 1e8  # a time column beyond this counts from 1970, below it from the rec
 
 
 def load(path: Path, channels: ChannelMap) -> Waveform:
-    """Columns by name (`time,u1,i1,u2,i2,u3,i3`) or by --map. Raises InputError."""
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except UnicodeDecodeError:
-        raise InputError(path, "is not text; expected CSV with a header row") from None
-    if not lines:
-        raise InputError(path, "is empty")
-    delimiter = next((d for d in ";\t," if d in lines[0]), ",")
-    header = [name.strip().strip('"') for name in lines[0].split(delimiter)]
+    """Columns by name (`time,u1,i1,u2,i2,u3,i3`) or by --map; values keep their precision. Raises InputError."""
+    text = _Text(path, channels.encoding or encoding_of(path))
+    header = text.header()
     if all(_is_number(name) for name in header):
         raise InputError(path, "row 1 has no names; expected a header like time,u1,i1")
-    found = _find(header)
-    pairs = channels.pairs(path, found)
-    order = [_column(path, header, name) for pair in pairs for name in pair]
-    table = _table(path, lines, delimiter, len(header))
+    pairs = channels.pairs(path, {} if channels.columns else _by_name(path, header))
+    order = [position(path, header, name, "column") for pair in pairs for name in pair]
+    table = text.table()
     if not len(table):
         raise InputError(path, "has a header but no samples")
     clock = [k for k, name in enumerate(header) if name.lower() in _TIME]
     rate, start = _clock(path, table[:, clock[0]], channels) if clock else (channels.rate, None)
     if rate is None:
         raise InputError(path, "has no time column; give the sampling rate with --rate")
-    scale = np.array([channels.u_scale or 1.0, channels.i_scale or 1.0] * len(pairs))
-    return quantise(path, table[:, order] * scale, rate, channels.f_nominal or 50.0, start)
+    scale = [channels.u_scale or 1.0, channels.i_scale or 1.0] * len(pairs)
+    return physical(path, table[:, order], scale, rate, channels.f_nominal or 50.0, start)
 
 
-def _find(header: list[str]) -> dict[str, str]:
-    found = {}
+def _by_name(path: Path, header: list[str]) -> dict[str, str]:
+    """Columns by what their names say. Raises InputError where two columns are the same quantity."""
+    found: dict[str, str] = {}
     for name in header:
         plain = name.lower().split("[")[0].split("(")[0].removesuffix("_v").removesuffix("_a").strip()
-        found[_ALIASES.get(plain, plain)] = name
+        key = _ALIASES.get(plain, plain)
+        if key in QUANTITIES and key in found:
+            raise InputError(
+                path,
+                f"has two columns for {key}, {found[key]!r} and {name!r}; "
+                f"say which with --map u1=0,... (columns: {', '.join(f'{k}={n}' for k, n in enumerate(header))})",
+            )
+        found[key] = name
     return found
 
 
-def _column(path: Path, header: list[str], name: str) -> int:
-    if name in header:
-        return header.index(name)
-    if name.isdigit() and int(name) < len(header):
-        return int(name)
-    raise InputError(path, f"has no column {name!r}; columns are {', '.join(header)}")
+class _Text:
+    """The rows of a file as text, read anew by every method: never all of them in memory."""
 
+    def __init__(self, path: Path, encoding: str) -> None:
+        self._path, self._encoding = path, encoding
+        self._delimiter, self._width = ",", 0
 
-def _table(path: Path, lines: list[str], delimiter: str, width: int) -> Floats:
-    body = [line.replace('"', "") for line in lines[1:] if line.strip()]
-    if delimiter == ";":
-        body = [line.replace(",", ".") for line in body]  # decimal comma
-    try:
-        table = np.loadtxt(body, delimiter=delimiter, ndmin=2) if body else np.empty((0, width))
-    except ValueError:
-        table = None
-    if table is None or table.shape[1] != width:
-        raise InputError(path, _first_fault(body, delimiter, width))
-    bad = np.argwhere(~np.isfinite(table))
-    if len(bad):
-        row, column = bad[0]
-        raise InputError(path, f"row {row + 2}, column {column + 1}: {table[row, column]} is not a number")
-    return table
+    def header(self) -> list[str]:
+        """Names in the first row, which also shows the delimiter."""
+        first = next(self._lines(), None)
+        if first is None:
+            raise InputError(self._path, "is empty")
+        self._delimiter = next((d for d in ";\t," if d in first), ",")
+        names = [name.strip().strip('"').strip() for name in first.split(self._delimiter)]
+        self._width = len(names)
+        return names
 
+    def table(self) -> Floats:
+        """Numbers of the other rows. Raises InputError, which names the row and column that is none."""
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # that there are no rows
+                table = np.loadtxt(self._rows(), delimiter=self._delimiter, ndmin=2, comments=None)
+        except ValueError:
+            table = None
+        if table is not None and not table.size:
+            return np.empty((0, self._width))
+        if table is None or table.shape[1] != self._width:
+            raise InputError(self._path, self._first_fault())
+        bad = np.argwhere(~np.isfinite(table))
+        if len(bad):
+            row, column = bad[0]
+            raise InputError(self._path, f"row {row + 2}, column {column + 1}: {table[row, column]} is not a number")
+        return table
 
-def _first_fault(body: list[str], delimiter: str, width: int) -> str:
-    """Which row and column is not as the header promises."""
-    for number, fields in enumerate(csv.reader(body, delimiter=delimiter), start=2):
-        if len(fields) != width:
-            return f"row {number} has {len(fields)} columns, expected {width} as in the header (cut off?)"
-        for column, text in enumerate(fields, start=1):
-            if not _is_number(text):
-                return f"row {number}, column {column}: {text.strip()!r} is not a number"
-    return "is not a table of numbers"
+    def _rows(self) -> Iterator[str]:
+        lines = self._lines()
+        next(lines)
+        comma = self._delimiter == ";"  # then numbers may have decimal commas
+        for line in lines:
+            if line.strip():
+                row = line.replace('"', "")
+                yield row.replace(",", ".") if comma else row
+
+    def _lines(self) -> Iterator[str]:
+        try:
+            with self._path.open(encoding=self._encoding) as file:
+                yield from file
+        except UnicodeError:
+            raise InputError(
+                self._path, f"is not text in {self._encoding}; give its encoding with --encoding"
+            ) from None
+
+    def _first_fault(self) -> str:
+        """Which row and column is not as the header promises."""
+        for number, fields in enumerate(csv.reader(self._rows(), delimiter=self._delimiter), start=2):
+            if len(fields) != self._width:
+                return f"row {number} has {len(fields)} columns, expected {self._width} as in the header (cut off?)"
+            for column, text in enumerate(fields, start=1):
+                if not _is_number(text):
+                    return f"row {number}, column {column}: {text.strip()!r} is not a number"
+        return "is not a table of numbers"
 
 
 def _is_number(text: str) -> bool:

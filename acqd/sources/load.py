@@ -15,9 +15,9 @@ _LOADERS = {
     ".tsv": "csv_file",
     ".wav": "audio_file",
     ".flac": "audio_file",
-    ".cfg": "comtrade_file",
-    ".dat": "comtrade_file",
-    ".cff": "comtrade_file",
+    ".cfg": "comtrade",
+    ".dat": "comtrade",
+    ".cff": "comtrade",
 }
 
 

@@ -43,7 +43,7 @@ def load(path: Path, channels: ChannelMap) -> Waveform:
     if start is not None and not 0 <= start < LATEST_NS:
         raise InputError(path, f"start_utc_ns {start} is no time between 1970 and 2200")
     simulated = "simulated" in data and _number(path, data, "simulated") != 0
-    return Waveform(path.name, codes, stream_format(path, rate, scale, f_nominal), start, simulated)
+    return Waveform(path.name, codes, stream_format(path, rate, scale, f_nominal, codes), start, simulated)
 
 
 def _read(path: Path) -> dict[str, Any]:

@@ -10,15 +10,15 @@ import numpy as np
 from acqd.arrays import Floats
 from acqd.errors import InputError, UserError
 from acqd.metering import StreamFormat
-from acqd.metering.block import Codes
+from acqd.metering.block import CodeBits, Codes
 
 LATEST_NS = 7_258_118_400_000_000_000
 """2200-01-01 in UTC ns: a later start time is a mistake."""
 MOST_BYTES = 4 * 1024**3
 """Of a recording in memory: three phases at 20 kHz for five hours. A file that announces more is not read."""
-_FULL_CODE = 32_000  # largest value of a quantised recording: below the end stops, which mean over-range
 _LARGEST = 1e12  # V or A: beyond any instrument, and without overflow in powers
-_NAMES = ("u1", "i1", "u2", "i2", "u3", "i3")
+QUANTITIES = ("u1", "i1", "u2", "i2", "u3", "i3")
+"""Names of channels in a --map."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +35,8 @@ class ChannelMap:
     """Samples/s, where the file has no clock."""
     f_nominal: float | None = None
     """Declared mains frequency [Hz]; None: the file's, or 50 Hz."""
+    encoding: str | None = None
+    """Of text and headers; None: UTF-8, else Latin-1."""
 
     @staticmethod
     def parse(text: str, option: str = "--map") -> dict[str, str]:
@@ -43,8 +45,8 @@ class ChannelMap:
         for item in text.split(","):
             key, equals, column = item.partition("=")
             key = key.strip().lower()
-            if not equals or key not in _NAMES or not column.strip():
-                raise UserError(f"{option}: {item!r} is not like u1=COLUMN (keys {', '.join(_NAMES)})")
+            if not equals or key not in QUANTITIES or not column.strip():
+                raise UserError(f"{option}: {item!r} is not like u1=COLUMN (keys {', '.join(QUANTITIES)})")
             columns[key] = column.strip()
         return columns
 
@@ -70,7 +72,7 @@ class Waveform:
 
     name: str
     codes: Codes
-    """int16 [samples, 2 * phases]."""
+    """[samples, 2 * phases], of the type that `form` says."""
     form: StreamFormat
     start_utc_ns: int | None
     """UTC of the first sample if the file knows it."""
@@ -83,25 +85,46 @@ class Waveform:
         return len(self.codes) / self.form.rate
 
 
-def quantise(path: Path, values: Floats, rate: float, f_nominal: float, start_utc_ns: int | None) -> Waveform:
-    """A waveform from physical values [samples, 2 * phases] in V and A, scaled to 16 bit per channel."""
+def position(path: Path, names: list[str], name: str, kind: str) -> int:
+    """Place of a column or channel by its name or its number from 0. Raises InputError, also for a name used twice."""
+    places = [k for k, other in enumerate(names) if other == name]
+    if len(places) == 1:
+        return places[0]
+    if not places and name.isdigit() and int(name) < len(names):
+        return int(name)
+    listed = ", ".join(f"{k}={other}" for k, other in enumerate(names))
+    if places:
+        raise InputError(
+            path,
+            f"has {len(places)} {kind}s with the name {name!r}; use numbers with --map u1=0,... ({kind}s: {listed})",
+        )
+    raise InputError(path, f"has no {kind} {name!r}; {kind}s are {listed}")
+
+
+def physical(
+    path: Path, values: Floats, scale: list[float], rate: float, f_nominal: float, start_utc_ns: int | None
+) -> Waveform:
+    """A waveform of physical values [samples, 2 * phases], as they are; V and A per unit of a channel in `scale`."""
+    check_values(path, values)
+    return Waveform(path.name, values, stream_format(path, rate, scale, f_nominal, values), start_utc_ns)
+
+
+def check_values(path: Path, values: Floats) -> None:
+    """Raises InputError for no samples and for values that no instrument gives."""
     if len(values) == 0:
         raise InputError(path, "has no samples")
     bad = np.argwhere(~np.isfinite(values))
     if len(bad):
         row, channel = bad[0]
-        raise InputError(path, f"sample {row}, {_NAMES[channel]}: {values[row, channel]} is not a number")
-    if np.abs(values).max() > _LARGEST:
+        raise InputError(path, f"sample {row}, {QUANTITIES[channel]}: {values[row, channel]} is not a number")
+    if max(values.max(), -values.min()) > _LARGEST:
         raise InputError(path, f"holds values above {_LARGEST:g}; expected V and A")
-    peak = np.maximum(np.abs(values).max(axis=0), 1.0)
-    scale = peak / _FULL_CODE
-    codes = np.rint(values / scale).astype(np.int16)
-    return Waveform(path.name, codes, stream_format(path, rate, scale.tolist(), f_nominal), start_utc_ns)
 
 
-def stream_format(path: Path, rate: float, scale: list[float], f_nominal: float) -> StreamFormat:
-    """StreamFormat, with its complaints named after the file."""
+def stream_format(path: Path, rate: float, scale: list[float], f_nominal: float, codes: Codes) -> StreamFormat:
+    """StreamFormat of `codes`, with its complaints named after the file."""
+    bits: CodeBits = 16 if codes.dtype == np.int16 else 64
     try:
-        return StreamFormat(rate, tuple(scale), f_nominal)
+        return StreamFormat(rate, tuple(scale), f_nominal, bits)
     except ValueError as error:
         raise InputError(path, str(error)) from None

@@ -62,6 +62,27 @@ def test_a_crashed_fast_process_is_restarted_and_the_gap_flagged():
     assert begun - 10**9 < utc[0] and utc[-1] < time.time_ns() + 10**9
 
 
+def test_main_slow_may_be_kept_away_for_seconds():
+    """A second and more lost windows while the ring held one second of samples, of which three quarters counted."""
+    batches = []
+
+    async def scenario():
+        ex = executive(batches)
+        await ex.start()
+        running = asyncio.create_task(ex.run())
+        await until(lambda: rows(batches) >= 5, "rows")
+        time.sleep(1.6)
+        seen = rows(batches)
+        await until(lambda: rows(batches) >= seen + 30, "rows of the time in between")
+        await ex.stop()
+        await running
+        ex.close()
+
+    finish(scenario())
+    seq, _, _ = joined(batches)
+    assert seq[-1] - seq[0] + 1 - len(seq) < 20  # of 40; MAIN_FAST itself may stall on a busy machine
+
+
 def clock_set_by(seconds, when):
     """A UTC that jumps in the fast process as soon as the file `when` exists, as NTP would set it."""
     return f"""

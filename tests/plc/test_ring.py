@@ -8,6 +8,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from acqd.plc.process import RING_S
 from acqd.plc.ring import GAP, LATE, STEP, Ring, RingLayout
 from tests.plc.counting import RATE, counted, index_of
 
@@ -35,6 +36,19 @@ def test_ring_hands_over_every_sample_in_order_with_its_index(steps):
     for block in ring.read():
         seen += range(block.index, block.index + len(block.codes))
     assert seen == written
+    os.close(fd)
+
+
+def test_ten_seconds_of_samples_wait_for_the_reader():
+    ring, fd = Ring.create(RingLayout(RATE, 2, int(RING_S * RATE)))
+    ring.begin(0, 0)
+    for millisecond in range(10_000):
+        if millisecond % 2:
+            ring.event(LATE)
+        ring.write(counted(20 * millisecond, 20 * millisecond + 20))
+    blocks = ring.read()
+    assert sum(len(block.codes) for block in blocks) == 200_000 and not any(block.lost for block in blocks)
+    assert sum("late" in block.flags for block in blocks) == 5_000
     os.close(fd)
 
 

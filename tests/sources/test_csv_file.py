@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
+import numpy as np
 import pytest
 
 from acqd.errors import InputError
-from acqd.metering import Meter, SampleBlock
+from acqd.metering import Meter, SampleBlock, StreamFormat
 from acqd.sources import ChannelMap, load_waveform
+from tests.mains import make_mains
 from tests.sources.files import write_csv
 
 
@@ -35,6 +39,59 @@ def test_csv_columns_by_map_and_scale(tmp_path):
     plain = load_waveform(path, ChannelMap({"u1": "1", "i1": "2"}))
     assert waveform.form.scale[0] == pytest.approx(100 * plain.form.scale[0])
     assert waveform.form.scale[1] == pytest.approx(10 * plain.form.scale[1])
+
+
+def test_physical_values_keep_their_precision(tmp_path):
+    """As exact as the codes, also the quiet minutes of a recording with a peak of 3 kA."""
+    mains = make_mains(50.0, seconds=1.0, phases=1)
+    mains.codes[:800, 1] = 32_000
+    scale = np.array((mains.scale[0], 0.1))
+    t = np.arange(len(mains.codes)) / mains.rate
+    rows = [",".join(map(repr, row)) for row in np.column_stack((t, mains.codes * scale)).tolist()]
+    (tmp_path / "a.csv").write_text("\n".join(["time,u1,i1", *rows]))
+    waveform = load_waveform(tmp_path / "a.csv")
+    truth = Meter(StreamFormat(mains.rate, tuple(scale)), mode="fixed").feed(SampleBlock(mains.codes, 0, 0))
+    batch = Meter(waveform.form, mode="fixed").feed(SampleBlock(waveform.codes, 0, 0))
+    for name in ("Vrms", "Irms", "P", "W"):
+        np.testing.assert_allclose(getattr(batch, name), getattr(truth, name), rtol=1e-9, atol=1e-9)
+
+
+def test_headers_in_latin_1(tmp_path):
+    path = tmp_path / "a.csv"
+    write_csv(path, header="time,U_Küche,I_Küche")
+    path.write_bytes(path.read_text().encode("latin-1"))
+    assert load_waveform(path, ChannelMap({"u1": "U_Küche", "i1": "I_Küche"})).form.phases == 1
+    path.write_bytes(path.read_text("latin-1").encode("utf-16"))
+    with pytest.raises(InputError, match="--encoding utf-16"):
+        load_waveform(path)
+    assert load_waveform(path, ChannelMap({"u1": "1", "i1": "2"}, encoding="utf-16")).form.phases == 1
+
+
+@pytest.mark.parametrize("header", ["time,u1,i1,u1,i1", "time,u,i,v1,x"])
+def test_two_columns_for_one_quantity_are_refused(tmp_path, header):
+    path = tmp_path / "a.csv"
+    rows = [f"{k / 2e4},1,2,3,4" for k in range(2_000)]
+    path.write_text("\n".join([header, *rows]))
+    with pytest.raises(InputError, match=r"two columns for u1.*columns: 0=time, 1=u"):
+        load_waveform(path)
+    assert load_waveform(path, ChannelMap({"u1": "1", "i1": "2"})).codes[0].tolist() == [1, 2]
+
+
+def test_a_map_to_equal_names_is_refused(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("time,A,A\n0,1,2\n0.0001,1,2\n")
+    with pytest.raises(InputError, match=r"2 columns with the name 'A'.*0=time, 1=A, 2=A"):
+        load_waveform(path, ChannelMap({"u1": "A", "i1": "A"}))
+
+
+def test_memory_is_bounded_by_the_size_of_the_file(tmp_path):
+    path = tmp_path / "a.csv"
+    write_csv(path, rows=50_000)
+    tracemalloc.start()
+    load_waveform(path)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 3 * path.stat().st_size
 
 
 BROKEN_CSV = {

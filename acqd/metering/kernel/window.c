@@ -1,0 +1,408 @@
+/* Quantities of a window of 1 to 4 phases: f, sums over whole cycles, energy, DC, peaks, fundamentals.
+
+   The same arithmetic as the numpy path (acqd/metering/reference.py), for windows without anything unusual: whatever
+   is unusual (no history yet, f not credible, bent phase, dead mains, a trial frequency whose vectors are not there)
+   ends the call before that window, and the caller takes over.
+
+   A vector holds the channels of 8 / channels samples. Samples are interleaved: U1, I1, U2, I2 ... */
+
+#include <math.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#define LANES 8
+#define PHASORS 7
+#define EDGES (2 * PHASORS)
+#define COLUMNS 6 /* projection on Re c, -Im c, Re d, -Im d; cos, sin */
+#define REMEMBERED 3
+#define INLINE static inline __attribute__((always_inline))
+
+typedef double vec __attribute__((vector_size(64)));
+typedef long long mask __attribute__((vector_size(64)));
+typedef int16_t shorts __attribute__((vector_size(16)));
+typedef int32_t ints __attribute__((vector_size(32)));
+
+enum { DONE, NO_HISTORY, NO_TRIAL, UNUSUAL };
+
+struct form {
+    int64_t channels, bits, fit, fixed, first_point, points;
+    double rate, cycles, grid, slack, f_low, f_high, trial_low, trial_high, purity, steady, oldest, code_max, code_min;
+    double scale[LANES], dead[LANES / 2], bend[PHASORS * PHASORS];
+};
+
+struct state {
+    double trial, last; /* Hz */
+    double f[REMEMBERED], at[REMEMBERED]; /* Hz, samples of the stream */
+    int64_t known, reason, point;
+};
+
+/* Vectors of a trial: COLUMNS x fit doubles, EDGES positions in rising order, EDGES numbers of phasors (begin: j, end:
+   PHASORS + j), and room to read beyond. */
+
+struct sums {
+    vec square, cross, plain, most, least;
+};
+
+struct fit {
+    vec column[COLUMNS], plain, square, edge[EDGES][2];
+};
+
+INLINE vec chosen(mask which, vec yes, vec no)
+{
+    return (vec)((which & (mask)yes) | (~which & (mask)no));
+}
+
+INLINE vec larger(vec x, vec y)
+{
+    return chosen(x > y, x, y);
+}
+
+INLINE vec smaller(vec x, vec y)
+{
+    return chosen(x < y, x, y);
+}
+
+INLINE vec load(const void *codes, int bits, ptrdiff_t at, int count)
+{
+    if (bits == 16) {
+        shorts s = {0};
+        memcpy(&s, (const int16_t *)codes + at, (size_t)count * sizeof(int16_t));
+        return __builtin_convertvector(__builtin_convertvector(s, ints), vec);
+    }
+    if (bits == 32) {
+        ints s = {0};
+        memcpy(&s, (const int32_t *)codes + at, (size_t)count * sizeof(int32_t));
+        return __builtin_convertvector(s, vec);
+    }
+    vec s = {0};
+    memcpy(&s, (const double *)codes + at, (size_t)count * sizeof(double));
+    return s;
+}
+
+/* The next weights of a column, each for all channels of its sample. */
+INLINE vec spread(const double *weight, int channels)
+{
+    if (channels > 4)
+        return (vec){0} + *weight;
+    vec w;
+    memcpy(&w, weight, sizeof w);
+    return channels == 4 ? __builtin_shuffle(w, (mask){0, 0, 0, 0, 1, 1, 1, 1})
+                         : __builtin_shuffle(w, (mask){0, 0, 1, 1, 2, 2, 3, 3});
+}
+
+INLINE void add_sample(struct fit *f, vec x, const double *const column[COLUMNS], ptrdiff_t n, int channels)
+{
+    for (int k = 0; k < COLUMNS; k++)
+        f->column[k] += x * spread(column[k] + n, channels);
+    f->plain += x;
+    f->square += x * x;
+}
+
+/* Sum over the samples that share a vector: channel c of the result is in lane c. */
+INLINE vec fold(vec v, int channels)
+{
+    if (channels <= 4)
+        v += __builtin_shuffle(v, (mask){4, 5, 6, 7, 0, 1, 2, 3});
+    if (channels <= 2)
+        v += __builtin_shuffle(v, (mask){2, 3, 0, 1, 6, 7, 4, 5});
+    return v;
+}
+
+INLINE void project(struct fit *out, const void *codes, int bits, int channels, int64_t samples, const double *trial)
+{
+    const int together = LANES / channels;
+    const double *position = trial + COLUMNS * samples, *number = position + EDGES, *column[COLUMNS];
+    struct fit f = {0};
+    ptrdiff_t n = 0;
+    for (int k = 0; k < COLUMNS; k++)
+        column[k] = trial + k * samples;
+    for (int e = 0; e <= EDGES; e++) {
+        const ptrdiff_t stop = e < EDGES ? (ptrdiff_t)position[e] : samples;
+        for (; n + together <= stop; n += together)
+            add_sample(&f, load(codes, bits, n * channels, together * channels), column, n, channels);
+        for (; n < stop; n++)
+            add_sample(&f, load(codes, bits, n * channels, channels), column, n, channels);
+        if (e == EDGES)
+            break;
+        const int place = (int)number[e];
+        const double share = position[e] - (double)stop;
+        out->edge[place][0] = fold(f.column[4], channels);
+        out->edge[place][1] = fold(f.column[5], channels);
+        if (stop < samples) {
+            const vec x = load(codes, bits, stop * channels, channels) * share;
+            out->edge[place][0] += x * column[4][stop];
+            out->edge[place][1] += x * column[5][stop];
+        }
+    }
+    for (int k = 0; k < COLUMNS; k++)
+        out->column[k] = fold(f.column[k], channels);
+    out->plain = fold(f.plain, channels);
+    out->square = fold(f.square, channels);
+}
+
+/* Largest distance of a one-cycle phase from the parabola through all [rad]. */
+static double unsteadiness(const struct fit *f, int channels, const double *bend)
+{
+    double joint[PHASORS][2] = {{0}}, phase[PHASORS], largest = 0;
+    for (int c = 0; c < channels; c += 2) {
+        double re[PHASORS], im[PHASORS], mean_re = 0, mean_im = 0;
+        for (int j = 0; j < PHASORS; j++) {
+            re[j] = f->edge[PHASORS + j][0][c] - f->edge[j][0][c];
+            im[j] = f->edge[j][1][c] - f->edge[PHASORS + j][1][c];
+            mean_re += re[j];
+            mean_im += im[j];
+        }
+        for (int j = 0; j < PHASORS; j++) {
+            joint[j][0] += mean_re * re[j] + mean_im * im[j];
+            joint[j][1] += mean_re * im[j] - mean_im * re[j];
+        }
+    }
+    for (int j = 0; j < PHASORS; j++)
+        phase[j] = atan2(joint[j][1], joint[j][0]);
+    for (int j = 0; j < PHASORS; j++) {
+        double rest = 0;
+        for (int k = 0; k < PHASORS; k++)
+            rest += phase[k] * bend[k * PHASORS + j];
+        largest = fmax(largest, fabs(rest));
+    }
+    return largest;
+}
+
+/* The f of the stretch [Hz] and its projection; 0 with the reason in `state` where it is not usable. */
+INLINE double frequency(const struct form *form, struct state *state, struct fit *fit, const void *codes, int bits,
+                        int channels, const double *const *table)
+{
+    double f = state->trial;
+    for (int step = 0; step < 4; step++) {
+        const int64_t point = (int64_t)rint(fmin(fmax(f, form->trial_low), form->trial_high) / form->grid);
+        const double *trial = table[point - form->first_point];
+        if (!trial) {
+            state->reason = NO_TRIAL;
+            state->point = point;
+            return 0;
+        }
+        project(fit, codes, bits, channels, form->fit, trial);
+        const vec re = fit->column[0], im = fit->column[1], turn = im * fit->column[2] - re * fit->column[3];
+        const vec weight = re * re + im * im, ac = fit->square / (double)form->fit
+                         - fit->plain * fit->plain / ((double)form->fit * (double)form->fit);
+        double turns = 0, weights = 0, power = 0;
+        for (int c = 0; c < channels; c += 2) {
+            turns += turn[c];
+            weights += weight[c];
+            power += ac[c];
+        }
+        f = (double)point * form->grid + turns / fmax(weights, 1e-30) / (2 * M_PI);
+        if (fabs(f - (double)point * form->grid) > form->slack * form->grid)
+            continue;
+        const int credible = f >= form->f_low && f <= form->f_high && weights / 2 >= form->purity * fmax(power, 1e-30);
+        if (!credible || unsteadiness(fit, channels, form->bend) > form->steady)
+            break;
+        return f;
+    }
+    state->reason = UNUSUAL;
+    return 0;
+}
+
+/* f at `to`, from its value at `at` and the slope over the last estimates; remembers it. */
+static double middle(const struct form *form, struct state *s, double f, double at, double to)
+{
+    int64_t before = s->known < REMEMBERED ? 0 : s->known - REMEMBERED;
+    while (before < s->known && at - s->at[before] > form->oldest)
+        before++;
+    const double slope = before < s->known ? (f - s->f[before]) / (at - s->at[before]) : 0;
+    if (s->known == REMEMBERED) {
+        memmove(s->f, s->f + 1, sizeof s->f - sizeof *s->f);
+        memmove(s->at, s->at + 1, sizeof s->at - sizeof *s->at);
+        s->known--;
+    }
+    s->f[s->known] = f;
+    s->at[s->known++] = at;
+    return f + slope * (to - at);
+}
+
+INLINE void add_products(struct sums *s, vec x)
+{
+    s->square += x * x;
+    s->cross += x * __builtin_shuffle(x, (mask){1, 0, 3, 2, 5, 4, 7, 6});
+    s->plain += x;
+    s->most = larger(x, s->most);
+    s->least = smaller(x, s->least);
+}
+
+INLINE void add_range(struct sums *out, const void *codes, int bits, int channels, int64_t from, int64_t to)
+{
+    const int together = LANES / channels;
+    struct sums s = *out;
+    int64_t n = from;
+    for (; n + together <= to; n += together)
+        add_products(&s, load(codes, bits, n * channels, together * channels));
+    for (; n < to; n++) /* other lanes are 0, which is between least and most */
+        add_products(&s, load(codes, bits, n * channels, channels));
+    *out = s;
+}
+
+/* Integral of squares and products over the first `share` of a cell: the straight line through its neighbours. */
+INLINE void add_part(struct sums *out, const void *codes, int bits, int channels, int64_t samples, int64_t cell,
+                     double share, double sign)
+{
+    const int64_t last = samples - 1, here = cell < last ? cell : last;
+    const int64_t next = here < last ? here + 1 : last, before = here > 0 ? here - 1 : 0;
+    const mask swap = {1, 0, 3, 2, 5, 4, 7, 6};
+    const vec x = load(codes, bits, here * channels, channels), y = load(codes, bits, next * channels, channels);
+    const vec z = load(codes, bits, before * channels, channels);
+    const double bow = (share * share - share) / 4;
+    out->square += sign * (share * (x * x) + bow * (y * y - z * z));
+    out->cross += sign * (share * (x * __builtin_shuffle(x, swap))
+                          + bow * (y * __builtin_shuffle(y, swap) - z * __builtin_shuffle(z, swap)));
+}
+
+INLINE struct sums folded(struct sums s, int channels)
+{
+    s.square = fold(s.square, channels);
+    s.cross = fold(s.cross, channels);
+    s.plain = fold(s.plain, channels);
+    if (channels <= 4) {
+        const mask half = {4, 5, 6, 7, 0, 1, 2, 3};
+        const vec most = __builtin_shuffle(s.most, half), least = __builtin_shuffle(s.least, half);
+        s.most = larger(most, s.most);
+        s.least = smaller(least, s.least);
+    }
+    if (channels <= 2) {
+        const mask pair = {2, 3, 0, 1, 6, 7, 4, 5};
+        const vec most = __builtin_shuffle(s.most, pair), least = __builtin_shuffle(s.least, pair);
+        s.most = larger(most, s.most);
+        s.least = smaller(least, s.least);
+    }
+    return s;
+}
+
+/* Sums over the interval start .. start + length, and over the window. */
+INLINE void integrate(struct sums *interval, struct sums *window, const void *codes, int bits, int channels,
+                      int64_t begin, int64_t end, double start, double stop)
+{
+    const int64_t a = (int64_t)floor(start), b = (int64_t)floor(stop);
+    struct sums inner = {0}, outer = {0};
+    if (a >= begin) {
+        add_range(&inner, codes, bits, channels, a, b);
+        outer = inner;
+        add_range(&outer, codes, bits, channels, begin, a);
+        add_range(&outer, codes, bits, channels, b, end);
+    } else {
+        struct sums after = {0};
+        add_range(&outer, codes, bits, channels, begin, end);
+        add_range(&inner, codes, bits, channels, a, begin);
+        add_range(&after, codes, bits, channels, b, end);
+        inner.square += outer.square - after.square;
+        inner.cross += outer.cross - after.cross;
+    }
+    *interval = folded(inner, channels);
+    *window = folded(outer, channels);
+    add_part(interval, codes, bits, channels, end, a, start - (double)a, -1);
+    add_part(interval, codes, bits, channels, end, b, stop - (double)b, 1);
+}
+
+/* Rows of the result, each with one value per window. Then 12 rows per phase: Vrms, Irms, P, energy, DC and largest
+   magnitude of voltage and current, real and imaginary part of the fundamentals of both. */
+enum { RAW_F, F, FLAGS, PHASES };
+enum { VRMS, IRMS, POWER, ENERGY, U_DC, I_DC, U_PEAK, I_PEAK, U_RE, U_IM, I_RE, I_IM, PER_PHASE };
+
+INLINE int one_window(const struct form *form, struct state *state, const double *const *table, const void *codes,
+                      int bits, int channels, int64_t begin, int64_t end, double stream, double *out, int64_t stride)
+{
+    struct fit fit;
+    struct sums inner, outer;
+    struct state next = *state;
+    if (end < form->fit)
+        return state->reason = NO_HISTORY;
+    const size_t width = bits == 16 ? 2 : bits == 32 ? 4 : 8;
+    const char *stretch = (const char *)codes + (size_t)(end - form->fit) * (size_t)channels * width;
+    const double raw = frequency(form, &next, &fit, stretch, bits, channels, table);
+    state->point = next.point;
+    if (!raw)
+        return state->reason = next.reason;
+    const double size = (double)(end - begin), at = stream + (double)end - (double)form->fit / 2;
+    const double about = form->cycles * form->rate / raw;
+    double to = form->fixed || size >= about ? ((double)begin + (double)end) / 2 : (double)end - about / 2;
+    const double f = middle(form, &next, raw, at, stream + to);
+    double length = form->fixed ? size : form->cycles * form->rate / f, start = (double)begin;
+    if (!form->fixed)
+        start = size >= length ? (double)begin + (size - length) / 2 : (double)end - length;
+    if (start < 0)
+        return state->reason = NO_HISTORY;
+    const double stop = fmin(start + length, (double)end);
+    integrate(&inner, &outer, codes, bits, channels, begin, end, start, stop);
+    length = stop - start;
+    int64_t flags = 0, live = 0;
+    for (int c = 0; c < channels; c += 2) {
+        double *phase = out + (PHASES + c / 2 * PER_PHASE) * stride;
+        const double u = form->scale[c], i = form->scale[c + 1];
+        const double volts = sqrt(fmax(inner.square[c] / length, 0)) * u;
+        phase[VRMS * stride] = volts;
+        phase[IRMS * stride] = sqrt(fmax(inner.square[c + 1] / length, 0)) * i;
+        phase[POWER * stride] = inner.cross[c] / length * (u * i);
+        phase[ENERGY * stride] = outer.cross[c];
+        phase[U_DC * stride] = outer.plain[c] / size * u;
+        phase[I_DC * stride] = outer.plain[c + 1] / size * i;
+        phase[U_PEAK * stride] = fmax(outer.most[c], -outer.least[c]) * u;
+        phase[I_PEAK * stride] = fmax(outer.most[c + 1], -outer.least[c + 1]) * i;
+        phase[U_RE * stride] = fit.column[0][c] * u;
+        phase[U_IM * stride] = -fit.column[1][c] * u;
+        phase[I_RE * stride] = fit.column[0][c + 1] * i;
+        phase[I_IM * stride] = -fit.column[1][c + 1] * i;
+        if (volts > form->dead[c / 2])
+            live++;
+        else
+            flags |= (int64_t)1 << c / 2;
+        for (int k = c; k < c + 2; k++)
+            if (outer.most[k] >= form->code_max || outer.least[k] <= form->code_min)
+                flags |= (int64_t)16 << c / 2;
+    }
+    if (!live)
+        return state->reason = UNUSUAL;
+    out[RAW_F * stride] = raw;
+    out[F * stride] = f;
+    out[FLAGS * stride] = (double)flags;
+    next.trial = raw;
+    next.last = f;
+    next.reason = DONE;
+    *state = next;
+    return DONE;
+}
+
+/* Meters windows bounds[k] .. bounds[k + 1] of the samples at `codes`, of which the first is number `stream`; returns
+   how many. Fewer than `windows`: state->reason. */
+#define METER(CHANNELS, BITS)                                                                                          \
+    for (; done < windows; done++)                                                                                     \
+        if (one_window(form, state, table, codes, BITS, CHANNELS, bounds[done], bounds[done + 1], stream, out + done,  \
+                       windows))                                                                                       \
+            return done;                                                                                               \
+    return done;
+
+#define CASE(CHANNELS)                                                                                                 \
+    case CHANNELS:                                                                                                     \
+        if (form->bits == 16) {                                                                                        \
+            METER(CHANNELS, 16)                                                                                        \
+        } else if (form->bits == 32) {                                                                                 \
+            METER(CHANNELS, 32)                                                                                        \
+        } else {                                                                                                       \
+            METER(CHANNELS, 64)                                                                                        \
+        }
+
+int64_t acqd_windows(const struct form *form, struct state *state, const double *const *table, const void *codes,
+                     const int64_t *bounds, int64_t windows, double stream, double *out)
+{
+    int64_t done = 0;
+    state->reason = DONE;
+    switch (form->channels) {
+        CASE(2)
+        CASE(4)
+        CASE(6)
+        CASE(8)
+    default:
+        return 0;
+    }
+}
+
+int64_t acqd_form_bytes(void) { return sizeof(struct form); }
+int64_t acqd_state_bytes(void) { return sizeof(struct state); }

@@ -1,0 +1,156 @@
+"""The configuration (CFG) of a COMTRADE recording."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, get_args
+
+from acqd.errors import InputError
+from acqd.sources.comtrade.stamp import has_nanoseconds, offset_s, utc_ns
+
+FileType = Literal["ASCII", "BINARY", "BINARY32", "FLOAT32"]
+_EDITIONS = (1991, 1999, 2001, 2013)
+
+
+@dataclass(frozen=True, slots=True)
+class AnalogChannel:
+    """One analog channel: value = a * x + b in `unit`."""
+
+    name: str
+    phase: str
+    unit: str
+    a: float
+    b: float
+    skew_us: float
+    """How much later than the sample's time the channel is sampled [us]."""
+    maximum: float
+    """Largest number that the channel's data can hold."""
+    ratio: float
+    """Primary quantity per secondary one (VT, CT)."""
+    secondary: bool
+    """The values are secondary quantities."""
+
+
+@dataclass(frozen=True, slots=True)
+class Segment:
+    """Samples of one rate."""
+
+    rate: float
+    """[1/s]; 0: the samples have times."""
+    end: int
+    """Number of the last sample, from 1."""
+
+
+@dataclass(frozen=True, slots=True)
+class Header:
+    """What the CFG says."""
+
+    edition: int
+    channels: list[AnalogChannel]
+    digital: int
+    """Number of status channels."""
+    frequency: float
+    """Nominal mains frequency [Hz]; 0: not said."""
+    segments: list[Segment]
+    start_utc_ns: int | None
+    file_type: FileType
+    tick_s: float
+    """Unit of the samples' times [s]."""
+
+    @property
+    def samples(self) -> int:
+        """Samples that the header announces; 0: as many as there are."""
+        return self.segments[-1].end
+
+
+def read_header(path: Path, text: str) -> Header:
+    """The header in `text`. Raises InputError, which names the line that is wrong."""
+    lines = _Lines(path, text)
+    head = lines.fields(2)
+    edition = _edition(lines, head[2]) if len(head) > 2 and head[2] else 1991
+    counts = lines.fields(3)
+    analog, digital = lines.count(counts, "A"), lines.count(counts, "D")
+    channels = [_channel(lines) for _ in range(analog)]
+    for _ in range(digital):
+        lines.next()
+    frequency = lines.number(lines.next() or "0")
+    segments = [
+        Segment(lines.number(rate), int(lines.number(end)))
+        for rate, end, *_ in [lines.fields(2) for _ in range(max(1, int(lines.number(lines.next()))))]
+    ]
+    start, trigger = lines.next(), lines.next()
+    kind = lines.next().upper()
+    file_type = next((name for name in get_args(FileType) if name == kind), None)
+    if file_type is None:
+        raise lines.wrong(f"file type {kind!r} is unknown; expected {', '.join(get_args(FileType))}")
+    factor = lines.number(lines.optional() or "1") if edition >= 1999 else 1.0
+    code = lines.optional().partition(",")[0] if edition >= 2013 else ""
+    try:
+        utc = utc_ns(start, edition == 1991, offset_s(code))
+    except ValueError as error:
+        raise InputError(path, f"its header: {error}") from None
+    tick = 1e-9 if has_nanoseconds(start) or has_nanoseconds(trigger) else 1e-6
+    return Header(edition, channels, digital, frequency, segments, utc, file_type, tick * factor)
+
+
+class _Lines:
+    """The lines of a header, one after the other."""
+
+    def __init__(self, path: Path, text: str) -> None:
+        self._path = path
+        self._lines = text.replace("\x1a", "").splitlines()
+        self._number = 0
+
+    def next(self) -> str:
+        if self._number >= len(self._lines):
+            raise InputError(self._path, f"its header ends after line {self._number}; is it cut off?")
+        return self.optional()
+
+    def optional(self) -> str:
+        self._number += 1
+        return self._lines[self._number - 1].strip() if self._number <= len(self._lines) else ""
+
+    def fields(self, least: int) -> list[str]:
+        fields = [field.strip() for field in self.next().split(",")]
+        if len(fields) < least:
+            raise self.wrong(f"has {len(fields)} fields, expected {least} or more")
+        return fields
+
+    def number(self, text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            raise self.wrong(f"{text!r} is not a number") from None
+        if not math.isfinite(value) or not abs(value) < 1e15:
+            raise self.wrong(f"{text!r} is no usable number")
+        return value
+
+    def count(self, fields: list[str], letter: str) -> int:
+        """Number of channels of a kind, from `36,20A,16D`: each has a line, so the header limits it."""
+        text = next((field[:-1] for field in fields[1:] if field[-1:].upper() == letter), "0")
+        count, left = self.number(text), len(self._lines) - self._number
+        if not 0 <= count <= left:
+            raise self.wrong(f"announces {text}{letter} channels, but {left} lines follow")
+        return int(count)
+
+    def wrong(self, problem: str) -> InputError:
+        return InputError(self._path, f"its header, line {self._number}: {problem}")
+
+
+def _edition(lines: _Lines, text: str) -> int:
+    edition = int(lines.number(text))
+    if edition not in _EDITIONS:
+        raise lines.wrong(f"edition {text!r} is unknown; expected {', '.join(map(str, _EDITIONS))}")
+    return edition
+
+
+def _channel(lines: _Lines) -> AnalogChannel:
+    """Fields: number, name, phase, circuit, unit, a, b, skew, min, max[, primary, secondary, P or S]."""
+    fields = lines.fields(10)
+    a, b, skew, _, maximum = (lines.number(text or "0") for text in fields[5:10])
+    primary, secondary = (lines.number(text or "0") for text in [*fields[10:12], "", ""][:2])
+    ratio = primary / secondary if primary > 0 and secondary > 0 else 1.0
+    kind = fields[12].upper() if len(fields) > 12 else ""
+    return AnalogChannel(fields[1], fields[2], fields[4], a, b, skew, maximum, ratio, kind == "S")

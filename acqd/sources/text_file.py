@@ -1,0 +1,60 @@
+"""Text of recordings: UTF-8, else Latin-1, unless the user says which encoding."""
+
+from __future__ import annotations
+
+import codecs
+from pathlib import Path
+
+from acqd.errors import InputError, UserError
+
+_HEAD = 64 * 1024  # bytes that show the encoding of a table
+
+
+def check_encoding(name: str, option: str = "--encoding") -> str:
+    """`name` if Python knows this text encoding. Raises UserError, which names `option`."""
+    try:
+        "".encode(name)  # refuses what is no text encoding, such as base64
+    except (LookupError, ValueError):
+        raise UserError(f"{option}: {name!r} is no text encoding; expected one like utf-8, latin-1, cp1250") from None
+    return name
+
+
+def encoding_of(path: Path) -> str:
+    """The encoding of a table, from its first 64 KiB: Latin-1 if the names in its first row are.
+
+    Raises InputError for binary data.
+    """
+    with path.open("rb") as file:
+        head = file.read(_HEAD)
+    _refuse_binary(path, head)
+    names, _, numbers = head.partition(b"\n")
+    if not _is_utf8(numbers):
+        raise InputError(path, "is not text; expected a header row and numbers, or give its encoding with --encoding")
+    return "utf-8-sig" if _is_utf8(names) else "latin-1"
+
+
+def _is_utf8(content: bytes) -> bool:
+    try:
+        codecs.getincrementaldecoder("utf-8-sig")().decode(content)
+    except UnicodeDecodeError:
+        return False
+    return True
+
+
+def decode(path: Path, content: bytes, encoding: str | None) -> str:
+    """The text in `content`. Raises InputError for bytes that `encoding` does not have, and for binary data."""
+    if encoding is not None:
+        try:
+            return content.decode(encoding)
+        except UnicodeError:
+            raise InputError(path, f"is not text in {encoding}; give its encoding with --encoding") from None
+    _refuse_binary(path, content)
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return content.decode("latin-1")
+
+
+def _refuse_binary(path: Path, content: bytes) -> None:
+    if b"\0" in content:
+        raise InputError(path, "is not text; if it is UTF-16, say so with --encoding utf-16")

@@ -1,0 +1,88 @@
+"""Phase jumps, drifts and interharmonics: f is right, or null and flagged."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from acqd.metering import Meter, SampleBlock, StreamFormat
+from tests.mains import EN50160
+
+RATE = 20_000.0
+SCALE = (0.0225, 0.000281)
+
+
+def codes_of(turns, phases, interharmonic=(0.0, 72.0)):
+    """u with EN 50160 harmonics and noise, i a sine; `turns` of the fundamental since the start."""
+    random = np.random.default_rng(0)
+    t = np.arange(len(turns)) / RATE
+    share, f = interharmonic
+    columns = []
+    for phase in range(phases):
+        angle = 2 * np.pi * (turns - phase / 3)
+        u = np.cos(angle) + sum(level * np.cos(h * angle + h) for h, level in EN50160.items())
+        u += 0.001 * random.standard_normal(len(turns)) + share * np.cos(2 * np.pi * f * t)
+        columns += [u * 325 / SCALE[0], np.cos(angle - 0.5) * 4.2 / SCALE[1]]
+    return np.rint(np.array(columns).T).astype(np.int16)
+
+
+def metered(codes, cuts=()):
+    meter = Meter(StreamFormat(RATE, SCALE * (codes.shape[1] // 2)))
+    edges = [0, *cuts, len(codes)]
+    return [
+        batch for a, b in itertools.pairwise(edges) if (batch := meter.feed(SampleBlock(codes[a:b], a, 0))) is not None
+    ]
+
+
+def transient(batch):
+    return np.array(["transient" in flags for flags in batch.flags[0]])
+
+
+@pytest.mark.parametrize("phases", [1, 3])
+@pytest.mark.parametrize("degrees", [5, -10, 20, -60])
+def test_no_phase_jump_leaves_a_wrong_f_without_a_flag(phases, degrees):
+    t = np.arange(16_000) / RATE
+    for at in 0.4 + 0.04 * np.linspace(0, 1, 9):
+        (batch,) = metered(codes_of(50.07 * t + degrees / 360 * (t >= at), phases))
+        flagged, window = transient(batch), int(at / 0.04)
+        assert np.isnan(batch.f[flagged]).all()
+        assert set(np.flatnonzero(flagged)) <= {window, window + 1, window + 2}
+        assert np.abs(batch.f[1:][~flagged[1:]] - 50.07).max() < 0.010
+        assert np.abs(batch.Vrms[:, 1:] / batch.Vrms[0, 1] - 1)[:, ~flagged[1:]].max() < 0.001
+
+
+@pytest.mark.parametrize(("slope", "phases"), [(1.0, 1), (1.0, 3), (-1.0, 3), (10.0, 3)])
+def test_f_is_that_of_the_middle_of_the_interval(slope, phases):
+    t = np.arange(24_000) / RATE
+    (batch,) = metered(codes_of((50 - slope / 2) * t + slope * t * t / 2, phases))
+    end = (np.arange(len(batch)) + 1) * 0.04
+    middle = end - np.maximum(0.02, 1 / batch.f)
+    assert np.abs(batch.f - (50 - slope / 2 + slope * middle))[5:].max() < 0.003
+
+
+@pytest.mark.parametrize("f", [60.0, 72.0, 105.0])
+def test_interharmonics_are_flagged_where_they_mislead(f):
+    t = np.arange(40_000) / RATE
+    (batch,) = metered(codes_of(50.02 * t, 1, (0.02, f)))
+    flagged = transient(batch)
+    assert flagged[5:].all() or np.abs(batch.f[5:] - 50.02)[~flagged[5:]].max() < 0.010
+    (joint,) = metered(codes_of(50.02 * t, 3, (0.02, f)))  # of one sign in all phases: they cancel
+    assert np.abs(joint.f[1:] - 50.02).max() < 0.005
+
+
+def test_how_the_stream_is_cut_does_not_matter():
+    t = np.arange(32_000) / RATE
+    codes = codes_of(50.02 * t + 0.05 * (t > 0.7), 1, (0.02, 60.0))
+    (whole,), cut = metered(codes), metered(codes, range(800, 32_000, 800))
+    np.testing.assert_allclose(np.concatenate([batch.Vrms for batch in cut], axis=1), whole.Vrms, rtol=5e-6)
+    assert [batch.flags[0][0] for batch in cut] == whole.flags[0]
+
+
+def test_steps_of_the_load_are_no_transients():
+    t = np.arange(16_000) / RATE
+    codes = codes_of(50.0 * t, 1).astype(float)
+    codes[8_100:, 0] *= 0.99
+    (batch,) = metered(np.rint(codes).astype(np.int16))
+    assert not transient(batch).any() and np.abs(batch.f - 50)[1:].max() < 0.010
