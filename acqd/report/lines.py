@@ -120,10 +120,8 @@ class _Drawing:
         for line in panel.lines:
             heights = np.round(top + (high - line.values) / (high - low) * height, 1)
             parts.append(f'<path class="{line.colour}" d="{_path(np.round(x, 1), heights)}"/>')
-        middle = top + height / 2
-        parts.append(
-            f'<text transform="translate(13 {middle}) rotate(-90)" text-anchor="middle">{html.escape(panel.label)}</text>'
-        )
+        place, label = f"translate(13 {top + height / 2}) rotate(-90)", html.escape(panel.label)
+        parts.append(f'<text transform="{place}" text-anchor="middle">{label}</text>')
         return "".join(parts)
 
     def _x_axis(self, label: str, bottom: int) -> str:
