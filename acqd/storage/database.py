@@ -92,7 +92,9 @@ def _engine(url: str, *, impatient: bool) -> sa.Engine:
         arguments: dict[str, Any] = {"connect_timeout": 5, **(_IMPATIENT if impatient else {})}
         return sa.create_engine(parsed, pool_pre_ping=True, connect_args=arguments)
     except ModuleNotFoundError as error:
-        raise UserError(f"database {shown(parsed)} needs the {error.name} package: install acqd[postgres]") from None
+        raise UserError(
+            f"database {shown(parsed)} needs the {error.name} package: pip install 'acqd[postgres]'"
+        ) from None
 
 
 def _check_folder(path: str | None) -> None:
