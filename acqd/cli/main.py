@@ -30,6 +30,7 @@ from acqd.cli import (
     sink,
     status,
     watch,
+    web,
 )
 from acqd.errors import OperationError, UserError
 
@@ -42,6 +43,7 @@ app = typer.Typer(
 _MEASURE, _DATA, _MODELS, _SERVICE = "Measure", "Data", "Models", "Service"
 app.command("run", rich_help_panel=_MEASURE)(run.run)
 app.command("watch", rich_help_panel=_MEASURE)(watch.watch)
+app.command("web", rich_help_panel=_MEASURE)(web.web)
 app.command("replay", rich_help_panel=_MEASURE)(replay.replay)
 app.add_typer(ethercat.app, name="ethercat", rich_help_panel=_MEASURE)
 app.add_typer(modbus.app, name="modbus", rich_help_panel=_MEASURE)

@@ -10,6 +10,8 @@ from typing import Any
 _BLOCKS = "▁▂▃▄▅▆▇█"
 _KEPT = 60
 _WIDTH = 12
+_LEAST_SPAN = 0.02
+"""Share of the value: what is less than this is noise."""
 
 
 def sparkline(values: Iterable[float], width: int = _WIDTH) -> str:
@@ -21,8 +23,9 @@ def sparkline(values: Iterable[float], width: int = _WIDTH) -> str:
     edges = [round(k * len(known) / count) for k in range(count + 1)]
     parts = [known[a:b] for a, b in pairwise(edges)]
     means = [sum(part) / len(part) for part in parts]
-    low, span = min(means), max(means) - min(means)
-    return "".join(_BLOCKS[round((mean - low) / span * (len(_BLOCKS) - 1))] if span else _BLOCKS[0] for mean in means)
+    low = min(means)
+    span = max(max(means) - low, _LEAST_SPAN * max(map(abs, means)), 1e-12)
+    return "".join(_BLOCKS[round((mean - low) / span * (len(_BLOCKS) - 1))] for mean in means)
 
 
 class Traces:

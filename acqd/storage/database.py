@@ -56,6 +56,18 @@ def open_database(url: str, *, create: bool = True, impatient: bool = False) -> 
     return engine
 
 
+def read_database(url: str) -> sa.Engine:
+    """Engine for a viewer, who neither creates nor migrates; for answers within seconds, or errors.
+
+    Raises UserError for a URL that cannot be used, and for a SQLite file that is not there.
+    """
+    engine = _engine(url, impatient=True)
+    path = engine.url.database
+    if engine.dialect.name == "sqlite" and path and not Path(path).exists():
+        raise UserError(f"database {Path(path).absolute()} does not exist; check the folder you are in, or --database")
+    return engine
+
+
 @contextmanager
 def transaction(engine: sa.Engine) -> Iterator[sa.Connection]:
     """All statements or none; SQLite's connections begin nothing by themselves (see _sqlite_settings)."""
