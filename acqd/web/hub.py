@@ -73,7 +73,7 @@ class Hub:
             except ValueError:
                 return
             self._rows.append({name: getattr(row, name) for name in _SHOWN})
-        elif kind == "status":
+        elif kind == "status" and device != "sink":
             self._tell("status", {"device": device, "online": payload != topics.OFFLINE})
         elif kind == "live":
             self._prediction(device, payload)

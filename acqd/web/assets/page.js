@@ -84,6 +84,11 @@ async function load() {
 
 const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 
+function clockTimes(_, times) {
+  const whole = view.seconds > 1800;
+  return times.map((at) => new Date(1000 * at).toLocaleTimeString("sv-SE", whole ? { hour: "2-digit", minute: "2-digit" } : {}));
+}
+
 function draw(anew) {
   const names = Object.keys(series.channels).sort();
   const shown = view.quantity === "f" && names.includes("total") ? ["total"] : names;
@@ -105,7 +110,7 @@ function draw(anew) {
     plot = new uPlot({
       width: $("chart").clientWidth, height: 300, legend: { show: false }, cursor: { drag: { x: false } },
       scales: { x: { range: () => { const end = Math.max(Date.now() / 1000, series.time[series.time.length - 1] ?? 0); return [end - view.seconds, end]; } } },
-      axes: [axis, { ...axis, label: option.textContent, size: 65 }],
+      axes: [{ ...axis, label: "time (of this browser)", values: clockTimes, space: 70 }, { ...axis, label: option.textContent, size: 65 }],
       series: [{}, ...lines],
     }, rows, $("chart"));
     $("legend").innerHTML = shown.map((name) => `<li><svg viewBox="0 0 28 8" aria-hidden="true"><path d="M0 4H28" stroke="${colour(name)}" stroke-width="3" stroke-dasharray="${(DASH[name] ?? []).join(" ")}"/></svg>${name.replace(/[<&]/g, "")}</li>`).join("");
