@@ -12,6 +12,7 @@ from acqd.storage.schema import ROLLUPS, power
 from acqd.timestamps import filetime
 
 _TICKS = 10_000_000
+_ROW_TICKS = _TICKS // 25
 _MOST_POINTS = 1500
 _ROWS_UP_TO_S = 1800
 """Longer spans come from roll-ups, where these exist: 30 min hold 45 000 rows per channel."""
@@ -58,7 +59,9 @@ def history(engine: sa.Engine, span: Span, now: float | None = None) -> dict[str
             seconds = next(each for each, limit in _ROLLED_UP_TO_S.items() if span.seconds <= limit)
             rolled = _rolled_up(connection, span, begin, seconds)
             if rolled:
-                return _columns(rolled, f"power_{seconds // 60}min")
+                newer = float(rolled[-1][0]) + seconds
+                tail = _rows(connection, span, newer, end, seconds) if newer < end else []
+                return _columns([*rolled, *tail], f"power_{seconds // 60}min")
         return _columns(_rows(connection, span, begin, end), "power")
 
 
@@ -70,13 +73,16 @@ def _rolled_up(connection: sa.Connection, span: Span, begin: float, seconds: int
     return list(connection.execute(chosen.order_by(table.c.start)))
 
 
-def _rows(connection: sa.Connection, span: Span, begin: float, end: float) -> list[Any]:
-    """Means of buckets of the rows, by FILETIME, which is an integer in every database."""
+def _rows(connection: sa.Connection, span: Span, begin: float, end: float, bucket_s: float | None = None) -> list[Any]:
+    """Means of buckets of the rows, by FILETIME, which is an integer in every database.
+
+    Buckets that would be shorter than a row are left out: every row has its own.
+    """
     first = filetime(int(begin * 1e9))
-    bucket = max(int((end - begin) / _MOST_POINTS * _TICKS), 1)
+    width = int(((end - begin) / _MOST_POINTS if bucket_s is None else bucket_s) * _TICKS)
+    width = width if width > _ROW_TICKS else 1
+    number = (power.c.filetime - first) // width
     column = power.c[span.quantity]
-    number = (power.c.filetime - first) // bucket if bucket > _TICKS // 25 else power.c.filetime - first
-    width = bucket if bucket > _TICKS // 25 else 1
     value = sa.func.max(column) if span.quantity == "W" else sa.func.avg(column)
     chosen = (
         sa.select(number.label("bucket"), power.c.channel, value)
