@@ -30,9 +30,7 @@ def web(
     missing = [name for name in ("starlette", "uvicorn") if find_spec(name) is None]
     if missing:
         raise UserError(f"acqd web needs {' and '.join(missing)}: pip install 'acqd[web]'")
-    import uvicorn
-
-    from acqd.web.app import Site
+    from acqd.web.server import Server
     from acqd.web.settings import WebSettings, token_for
 
     chosen = configured(config, host, port)
@@ -42,8 +40,4 @@ def web(
         token_for(listen, token),
     )  # fmt: skip
     print(orjson.dumps({"address": settings.address}).decode() if json else f"look at {settings.address}", flush=True)
-    # no access log: the address may hold the token
-    uvicorn.run(
-        Site(settings).app(), host=listen, port=web_port, log_level="warning", access_log=False,
-        timeout_graceful_shutdown=1,
-    )  # fmt: skip
+    Server(settings).run()

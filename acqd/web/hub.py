@@ -26,6 +26,8 @@ class Hub:
     def __init__(self, address: BrokerAddress) -> None:
         self._address = address
         self._viewers: set[asyncio.Queue[bytes]] = set()
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._ended = False
         self._rows: list[dict[str, object]] = []
         self._state: dict[str, bytes] = {}
         self.connected = False
@@ -35,6 +37,7 @@ class Hub:
 
     async def run(self) -> None:
         """Subscribe until cancelled, and again whenever the connection is lost."""
+        self._loop = asyncio.get_running_loop()
         async with asyncio.TaskGroup() as tasks:
             tasks.create_task(self._flush())
             tasks.create_task(self._beat())
@@ -119,10 +122,16 @@ class Hub:
         self._viewers.add(queue)
         try:
             yield b"retry: 1000\n\n"
-            while True:
+            while not self._ended:
                 yield await queue.get()
         finally:
             self._viewers.discard(queue)
+
+    def end(self) -> None:
+        """End the streams of all viewers, from any thread."""
+        self._ended = True
+        if self._loop is not None:
+            self._loop.call_soon_threadsafe(self._tell, "end", {})
 
     @property
     def viewers(self) -> int:

@@ -142,13 +142,15 @@ function numbers() {
     put(document.querySelector("[data-of=predicted]"), text(power, 1));
     put($("residual"), text(main.P === null ? null : main.P - power, 1));
   } else $("predicted").hidden = true;
-  summary();
 }
 
 function summary() {
   const name = series.channels.total ? "total" : Object.keys(series.channels)[0];
   const values = (series.channels[name] ?? []).filter((value) => value !== null);
-  if (!values.length) return;
+  if (!values.length) {
+    if (view.device && !loading) put($("summary"), "no values in this span");
+    return;
+  }
   const [least, most] = values.reduce(([a, b], v) => [Math.min(a, v), Math.max(b, v)], [Infinity, -Infinity]);
   const digits = DIGITS[view.quantity], mean = values.reduce((a, b) => a + b, 0) / values.length;
   put($("summary"), `${name}: least ${least.toFixed(digits)}, mean ${mean.toFixed(digits)}, most ${most.toFixed(digits)}; ${values.length} points${series.from ? ` from ${series.from}, then live` : ""}`);
@@ -213,7 +215,7 @@ events.addEventListener("prediction", (event) => {
   while (predicted.length && predicted[0][0] < time - Math.min(view.seconds, 3600)) predicted.shift();
 });
 fetch("/api/devices").then((answer) => answer.ok ? answer.json() : { devices: [] }).then(({ devices }) => devices.forEach(known)).catch(() => {});
-setInterval(numbers, 250);
+setInterval(() => { numbers(); summary(); }, 250);
 setInterval(() => { if (!loading && plot && document.visibilityState === "visible") draw(false); }, 100);
 setInterval(state, 500);
 setInterval(health, 5000);
