@@ -52,7 +52,7 @@ def run_on_ray(
     try:
         import ray
     except ModuleNotFoundError:
-        raise UserError("--engine ray needs Ray: install acqd[ray]") from None
+        raise UserError("--engine ray needs Ray: pip install 'acqd[ray]'") from None
     if address is None:  # a cluster for this run only: its processes share a secret token
         os.environ.setdefault("RAY_AUTH_TOKEN", secrets.token_hex(32))
     try:

@@ -56,7 +56,7 @@ def close_loop(
     """
     missing = [n for n in ("matplotlib", "pyarrow", "scipy", "safetensors", "pinocchio") if find_spec(n) is None]
     if missing:
-        raise UserError(f"acqd close-loop needs {' and '.join(missing)}: install acqd[model]")
+        raise UserError(f"acqd close-loop needs {' and '.join(missing)}: pip install 'acqd[data,predict]'")
     if watch and since is not None:
         raise UserError("--since is for a single run; --watch judges every recording that its model has not seen")
     if not watch and (every is not None or false_alarm is not None):

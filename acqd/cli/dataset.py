@@ -35,7 +35,7 @@ def dataset() -> None:
     """Merge power rows with robot logs whose clocks nobody synchronised."""
     missing = [name for name in ("pyarrow", "scipy") if find_spec(name) is None]
     if missing:
-        raise UserError(f"acqd dataset needs {' and '.join(missing)}: install acqd[data]")
+        raise UserError(f"acqd dataset needs {' and '.join(missing)}: pip install 'acqd[data]'")
 
 
 @app.command()

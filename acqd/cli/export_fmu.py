@@ -30,7 +30,7 @@ def export_fmu(
     """
     missing = [name for name in ("scipy", "safetensors") if find_spec(name) is None]
     if missing:
-        raise UserError(f"acqd export-fmu needs {' and '.join(missing)}: install acqd[predict]")
+        raise UserError(f"acqd export-fmu needs {' and '.join(missing)}: pip install 'acqd[predict]'")
     from acqd.fmu.package import export_fmu as run
     from acqd.fmu.platforms import here
 

@@ -6,13 +6,15 @@ import logging
 import os
 import sys
 from collections.abc import Callable
-from typing import NoReturn
+from importlib import metadata
+from typing import Annotated, NoReturn, TextIO
 
 import typer
 
 from acqd.cli import (
     broker,
     close_loop,
+    config,
     dataset,
     doctor,
     ethercat,
@@ -28,37 +30,69 @@ from acqd.cli import (
     sink,
     status,
     watch,
+    web,
 )
 from acqd.errors import OperationError, UserError
 
 app = typer.Typer(
     help="Energy twin measurement chain: 20 kHz samples in, trustworthy power rows out.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
 )
-app.command("run")(run.run)
-app.command("replay")(replay.replay)
-app.add_typer(sink.app, name="sink")
-app.command("status")(status.status)
-app.command("watch")(watch.watch)
-app.command("doctor")(doctor.doctor)
-app.command("jitter")(jitter.jitter)
-app.command("broker")(broker.broker)
-app.add_typer(ethercat.app, name="ethercat")
-app.add_typer(modbus.app, name="modbus")
-app.add_typer(robot.app, name="robot")
-app.add_typer(lab.app, name="lab")
-app.add_typer(dataset.app, name="dataset")
-app.command("train")(models.train)
-app.command("compare")(models.compare)
-app.command("predict")(models.predict)
-app.command("close-loop")(close_loop.close_loop)
-app.command("export-fmu")(export_fmu.export_fmu)
-app.command("sidecar")(sidecar.sidecar)
+_MEASURE, _DATA, _MODELS, _SERVICE = "Measure", "Data", "Models", "Service"
+app.command("run", rich_help_panel=_MEASURE)(run.run)
+app.command("watch", rich_help_panel=_MEASURE)(watch.watch)
+app.command("web", rich_help_panel=_MEASURE)(web.web)
+app.command("replay", rich_help_panel=_MEASURE)(replay.replay)
+app.add_typer(ethercat.app, name="ethercat", rich_help_panel=_MEASURE)
+app.add_typer(modbus.app, name="modbus", rich_help_panel=_MEASURE)
+app.add_typer(sink.app, name="sink", rich_help_panel=_DATA)
+app.add_typer(lab.app, name="lab", rich_help_panel=_DATA)
+app.add_typer(dataset.app, name="dataset", rich_help_panel=_DATA)
+app.add_typer(robot.app, name="robot", rich_help_panel=_MODELS)
+app.command("train", rich_help_panel=_MODELS)(models.train)
+app.command("compare", rich_help_panel=_MODELS)(models.compare)
+app.command("predict", rich_help_panel=_MODELS)(models.predict)
+app.command("close-loop", rich_help_panel=_MODELS)(close_loop.close_loop)
+app.command("export-fmu", rich_help_panel=_MODELS)(export_fmu.export_fmu)
+app.command("sidecar", rich_help_panel=_MODELS)(sidecar.sidecar)
+app.add_typer(config.app, name="config", rich_help_panel=_SERVICE)
+app.command("status", rich_help_panel=_SERVICE)(status.status)
+app.command("doctor", rich_help_panel=_SERVICE)(doctor.doctor)
+app.command("jitter", rich_help_panel=_SERVICE)(jitter.jitter)
+app.command("broker", rich_help_panel=_SERVICE)(broker.broker)
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        print(f"acqd {metadata.version('acqd')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _acqd(
+    version: Annotated[
+        bool, typer.Option("--version", help="Show the version.", callback=_show_version, is_eager=True)
+    ] = False,
+) -> None:
+    """Energy twin measurement chain: 20 kHz samples in, trustworthy power rows out."""
+
 
 _JOURNAL_LEVEL = {logging.DEBUG: 7, logging.INFO: 6, logging.WARNING: 4, logging.ERROR: 3, logging.CRITICAL: 2}
+
+
+class _Stderr(logging.StreamHandler[TextIO]):
+    """Writes to the stderr of the moment: a live table redirects it, so that lines go above the table."""
+
+    @property
+    def stream(self) -> TextIO:
+        """As it is now."""
+        return sys.stderr
+
+    @stream.setter
+    def stream(self, _: TextIO) -> None:
+        """Ignore what the constructor sets."""
 
 
 class _Lines(logging.Formatter):
@@ -84,7 +118,7 @@ def main() -> None:
 
 def for_people(work: Callable[[], object]) -> None:
     """Run `work`; errors become one line and an exit code: 0 ok, 1 failure, 2 bad input or usage, 130 interrupted."""
-    handler = logging.StreamHandler()
+    handler = _Stderr()
     handler.setFormatter(_Lines())
     logging.basicConfig(level=logging.INFO, handlers=[handler])
     logging.getLogger("alembic").setLevel(logging.WARNING)

@@ -16,6 +16,7 @@ from rich.progress import Progress
 from rich.table import Table
 
 from acqd.cli.options import ConfigFile, Host, Json, Port, broker_address
+from acqd.cli.table import energy
 from acqd.daemon.playback import Playback, play
 from acqd.daemon.playback_report import PlaybackReport
 from acqd.errors import UserError
@@ -115,13 +116,18 @@ def _print(report: PlaybackReport) -> None:
     console = Console(soft_wrap=True)
     console.width = max(console.width, 110)  # long lines are better than truncated numbers
     for file in dict.fromkeys(line.file for line in report.channels):
-        table = Table("", "windows", "Vrms \\[V]", "Irms \\[A]", "P \\[W]", "f \\[Hz]", "W \\[kWh]", "flagged")
+        table = Table("", "windows", "Vrms \\[V]", "Irms \\[A]", "P \\[W]", "f \\[Hz]", "W", "flagged")
         table.title, table.title_justify = file, "left"
         for line in (line for line in report.channels if line.file == file):
             cells = (line.Vrms, line.Irms, line.P, line.f)
             shown = ["-" if value is None else f"{value:.6g}" for value in cells]
             flagged = " ".join(f"{name}:{count}" for name, count in sorted(line.flagged.items()))
-            table.add_row(line.channel, str(line.windows), *shown, f"{line.W:.6g}", flagged)
+            table.add_row(line.channel, str(line.windows), *shown, energy(line.W), flagged)
+        phases = [line for line in report.channels if line.file == file]
+        if len(phases) > 1:
+            P = sum(line.P for line in phases if line.P is not None)
+            table.add_section()
+            table.add_row("total", "", "-", "-", f"{P:.6g}", "-", energy(sum(line.W for line in phases)), "")
         console.print(table)
     console.print(
         f"{report.rows} rows from {report.recorded_s:.2f} s of waveform in {report.elapsed_s:.2f} s "

@@ -10,6 +10,8 @@ import typer
 from acqd.cli.options import ConfigFile, Json
 from acqd.cli.serve import announce, demonstration_port, serve
 from acqd.daemon.config import Config, load_config
+from acqd.errors import UserError
+from acqd.telemetry.topics import valid_device
 
 
 def run(
@@ -17,6 +19,9 @@ def run(
     duration: Annotated[float | None, typer.Option(min=0.1, help="Stop after so many seconds.")] = None,
     lines: Annotated[bool, typer.Option("--lines", help="Show a line a second although --config is given.")] = False,
     tape: Annotated[Path | None, typer.Option(help="Append every row to this file (JSON lines).")] = None,
+    device: Annotated[str | None, typer.Option(help="Name in rows and topics (default: the config's).")] = None,
+    port: Annotated[int | None, typer.Option(min=1, max=65535, help="Port of the broker.")] = None,
+    database: Annotated[str | None, typer.Option(help="SQLite file of a run without --config.")] = None,
     json: Json = False,
 ) -> None:
     """Meter a source and publish the rows.
@@ -25,7 +30,14 @@ def run(
 
     Example: acqd run --config config/acqd.toml
     """
-    settings = load_config(config) if config else Config.demonstration(demonstration_port())
+    if config and database is not None:
+        raise UserError("--database is for a run without --config: with one, acqd sink stores the rows")
+    settings = load_config(config) if config else Config.demonstration(port or demonstration_port())
+    if device is not None and not valid_device(device):
+        raise UserError(f"--device {device!r}: expected 1 to 64 letters, digits, dots, dashes or underscores")
+    settings.device = device or settings.device
+    settings.mqtt.port = port or settings.mqtt.port
+    settings.sink.database = database or settings.sink.database
     if not config:
         announce(settings, "simulated source", json=json)
     serve(settings, duration, json=json, quiet=config is not None and not lines, title="acqd run", tape=tape)

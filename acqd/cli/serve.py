@@ -52,7 +52,8 @@ def announce(settings: Config, what: str, *, json: bool) -> None:
     """Print where the rows of a demonstration go."""
     Console(stderr=json).print(
         f"{what}; broker mqtt://{settings.mqtt.host}:{settings.mqtt.port}; "
-        f"database {Path(settings.sink.database).absolute()}; stop with Ctrl-C",
+        f"database {Path(settings.sink.database).absolute()}; stop with Ctrl-C; "
+        f"look: acqd watch{'' if settings.mqtt.port == _DEFAULT_PORT else f' --port {settings.mqtt.port}'}",
         soft_wrap=True,
     )
 

@@ -42,7 +42,7 @@ def sidecar(
     """
     missing = [n for n in ("watchfiles", "pyarrow", "scipy", "safetensors", "pinocchio") if find_spec(n) is None]
     if missing:
-        raise UserError(f"acqd sidecar needs {' and '.join(missing)}: install acqd[sidecar]")
+        raise UserError(f"acqd sidecar needs {' and '.join(missing)}: pip install 'acqd[sidecar]'")
     if live and no_mqtt:
         raise UserError("--live answers over MQTT; leave out --no-mqtt")
     from acqd.sidecar.lock import exclusive

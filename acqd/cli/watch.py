@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import asyncio
 import sys
-from typing import Annotated, Any
+from typing import Annotated
 
 import aiomqtt
-import orjson
 import typer
 from rich.console import Console
 from rich.live import Live
 
 from acqd.cli.options import ConfigFile, Host, Json, Port, broker_address
-from acqd.cli.table import power_table
+from acqd.cli.watched import Watched
 from acqd.errors import UserError
 from acqd.telemetry import topics
 from acqd.telemetry.mqtt import BrokerAddress
+
+_RETRY_S = 1.0
+_REFRESH_S = 1.0
 
 
 def watch(
@@ -29,6 +31,8 @@ def watch(
 ) -> None:
     """Show live values of every device on the broker; with --json, print every row as a JSON line.
 
+    A broker that goes away is waited for.
+
     Example: acqd watch --host 192.168.1.10
     """
     address = broker_address(config, host, port)
@@ -39,39 +43,77 @@ def watch(
 
 
 async def _watch(address: BrokerAddress, duration: float | None, count: int | None, json: bool) -> None:
-    client = aiomqtt.Client(
-        address.host, address.port, username=address.username, password=address.password,
-        tls_context=address.tls_context(), timeout=5.0,
-    )  # fmt: skip
     try:
-        async with asyncio.timeout(duration), client:
-            await client.subscribe(topics.ALL_POWER if json else topics.ALL_SUMMARIES, qos=1)
-            await (_rows(client, count) if json else _table(client, count))
+        async with asyncio.timeout(duration):
+            await (_rows(address, count) if json else _table(address, count))
     except TimeoutError:
         return
 
 
-async def _rows(client: aiomqtt.Client, count: int | None) -> None:
-    seen = 0
-    async for message in client.messages:
-        sys.stdout.buffer.write(bytes(message.payload) + b"\n")
-        sys.stdout.flush()
-        seen += 1
-        if seen == count:
-            return
+def _client(address: BrokerAddress) -> aiomqtt.Client:
+    return aiomqtt.Client(
+        address.host, address.port, username=address.username, password=address.password,
+        tls_context=address.tls_context(), timeout=5.0,
+    )  # fmt: skip
 
 
-async def _table(client: aiomqtt.Client, count: int | None) -> None:
-    latest: dict[tuple[str, str], dict[str, Any]] = {}
-    seen = 0
+async def _rows(address: BrokerAddress, count: int | None) -> None:
+    """Print rows; only the first connection must succeed. Raises aiomqtt.MqttError."""
+    seen, connected = 0, False
+    while True:
+        try:
+            async with _client(address) as client:
+                await client.subscribe(topics.ALL_POWER, qos=1)
+                if connected:
+                    print(f"acqd: connected to {address} again", file=sys.stderr)
+                connected = True
+                async for message in client.messages:
+                    sys.stdout.buffer.write(bytes(message.payload) + b"\n")
+                    sys.stdout.flush()
+                    seen += 1
+                    if seen == count:
+                        return
+        except aiomqtt.MqttError as error:
+            if not connected:
+                raise
+            print(f"acqd: broker {address}: {error}; trying again", file=sys.stderr)
+            await asyncio.sleep(_RETRY_S)
+
+
+async def _table(address: BrokerAddress, count: int | None) -> None:
+    """Show summaries; only the first connection must succeed. Raises aiomqtt.MqttError."""
+    watched = Watched(str(address))
     with Live(console=Console(), auto_refresh=False) as live:
-        async for message in client.messages:
-            try:
-                summary = orjson.loads(message.payload)
-                latest[summary["device"], summary["channel"]] = summary
-                live.update(power_table(latest, f"acqd watch  {summary['time']}"), refresh=True)
-            except (orjson.JSONDecodeError, KeyError, TypeError, ValueError):
-                continue  # not a summary of acqd: another program's message on the same topic
-            seen += 1
-            if seen == count:
-                return
+        refreshing = asyncio.create_task(_refresh(live, watched))
+        try:
+            while not await _until_lost(address, live, watched, count):
+                await asyncio.sleep(_RETRY_S)
+        finally:
+            refreshing.cancel()
+            live.update(watched.table(), refresh=True)
+
+
+async def _until_lost(address: BrokerAddress, live: Live, watched: Watched, count: int | None) -> bool:
+    """Show summaries until `count` (True) or until the connection is lost (False)."""
+    try:
+        async with _client(address) as client:
+            for topic in (topics.ALL_SUMMARIES, topics.ALL_STATUS, topics.ALL_PREDICTIONS):
+                await client.subscribe(topic, qos=1)
+            watched.connected()
+            async for message in client.messages:
+                if watched.take(str(message.topic), bytes(message.payload)):
+                    live.update(watched.table(), refresh=True)
+                if watched.summaries == count:
+                    return True
+    except aiomqtt.MqttError as error:
+        if not watched.was_connected:
+            raise
+        watched.lost(str(error))
+    return False
+
+
+async def _refresh(live: Live, watched: Watched) -> None:
+    """Show how long nothing has come."""
+    while True:
+        live.update(watched.table(), refresh=True)
+        await asyncio.sleep(_REFRESH_S)

@@ -57,7 +57,7 @@ def build(config: BuildConfig, progress: _Progress) -> BuildReport:
         logs.notes.append("the logs' lags lie on no common clock line, so each has its own: are they of two robots?")
     title = f"Power and motion of {robot.title}: {config.out.name}"
     batch = Batch(powers, alignment, merged, logs.refused, logs.notes, logs.known)
-    return write_dataset(config, robot, batch, before, report_writer(title, powers[0], alignment, merged, regressors))
+    return write_dataset(config, robot, batch, before, report_writer(title, config, batch, regressors))
 
 
 def _cut(logs: Logs, config: BuildConfig, robot: RobotDescription, before: Existing) -> None:

@@ -51,20 +51,11 @@ def _extract(axes: Axes, power: tuple[Floats, Floats], angle: tuple[Floats, Floa
     right.set_ylabel("angle of joint 1 [rad]", color=_MOTION_COLOUR)
 
 
-def shift_figure(t: Floats, mechanical: Floats, power: PowerStream, assumed_s: float, lag_s: float) -> Figure:
-    """Mechanical and electrical power over time at the assumed lag."""
-    figure = Figure(figsize=(10, 3.2))
-    axes = figure.subplots()
-    _powers_over_time(axes, t, mechanical, power, assumed_s)
-    axes.set_title(f"lag assumed {assumed_s:.3f} s, estimated {lag_s:.4f} s", fontsize=9)
-    return figure
-
-
 def correlation_figure(t: Floats, mechanical: Floats, power: PowerStream, lag_s: float) -> Figure:
     """Normalised cross-correlation of mechanical and electrical power within SEARCH_S."""
     centre = 0.0 if abs(lag_s) < SEARCH_S else lag_s
     lags = centre + np.arange(-SEARCH_S, SEARCH_S + 1e-9, 0.01)
-    values = [_correlation(mechanical, _electrical(t - lag, power)) for lag in lags]
+    values = [correlation(mechanical, electrical_power(t - lag, power)) for lag in lags]
     figure = Figure(figsize=(10, 3))
     axes = figure.subplots()
     axes.plot(lags, values, color=_MOTION_COLOUR)
@@ -79,17 +70,15 @@ def correlation_figure(t: Floats, mechanical: Floats, power: PowerStream, lag_s:
 
 
 def before_and_after_figure(t: Floats, mechanical: Floats, power: PowerStream, lag_s: float) -> Figure:
-    """Time series and scatter plot of both powers, with the lag ignored and with the lag removed."""
-    figure = Figure(figsize=(11, 5.5))
-    panels = figure.subplots(2, 2, width_ratios=(3, 1))
+    """Scatter plots of both powers, with the lag ignored and with the lag removed."""
+    figure = Figure(figsize=(8, 3.6))
     ignored = 0.0 if abs(lag_s) < SEARCH_S else round(lag_s)
-    for (over_time, scatter), lag in zip(panels, (ignored, lag_s), strict=True):
-        _powers_over_time(over_time, t, mechanical, power, lag)
-        electrical = _electrical(t - lag, power)
-        scatter.plot(mechanical, electrical, ".", ms=1, color=_MOTION_COLOUR)
-        scatter.set_title(f"r = {_correlation(mechanical, electrical):.3f}", fontsize=9)
-        scatter.set_xlabel("mechanical power [W]")
-        scatter.set_ylabel("electrical power [W]")
+    for axes, lag in zip(figure.subplots(1, 2, sharey=True), (ignored, lag_s), strict=True):
+        electrical = electrical_power(t - lag, power)
+        axes.plot(mechanical, electrical, ".", ms=1, color=_MOTION_COLOUR, rasterized=True)
+        axes.set_title(f"lag {lag:.4g} s: r = {correlation(mechanical, electrical):.3f}", fontsize=9)
+        axes.set_xlabel("mechanical power [W]")
+        axes.set_ylabel("electrical power [W]")
     figure.tight_layout()
     return figure
 
@@ -113,17 +102,7 @@ def clock_line_figure(times_s: Floats, placements: list[Placement], line: ClockL
     return figure
 
 
-def _powers_over_time(axes: Axes, t: Floats, mechanical: Floats, power: PowerStream, lag_s: float) -> None:
-    axes.plot(t - t[0], mechanical, color=_MOTION_COLOUR, lw=0.8, label="mechanical")
-    electrical = _electrical(t - lag_s, power)
-    at_rest = np.nanpercentile(electrical, 5)
-    axes.plot(t - t[0], electrical - at_rest, color=_POWER_COLOUR, lw=0.8, label=f"electrical - {at_rest:.0f} W")
-    axes.set_ylabel("power [W]")
-    axes.set_xlabel("time [s]")
-    axes.legend(fontsize=8, loc="upper right")
-
-
-def _electrical(at: Floats, power: PowerStream) -> Floats:
+def electrical_power(at: Floats, power: PowerStream) -> Floats:
     """Power at times of the power clock; NaN beyond the stream."""
     rows = power.part(round((at[0] - 1) * 1e9), round((at[-1] + 1) * 1e9))
     P = np.asarray(power.P[rows])
@@ -134,7 +113,7 @@ def _electrical(at: Floats, power: PowerStream) -> Floats:
     return np.asarray(np.interp(at, centres, P[known], left=np.nan, right=np.nan))
 
 
-def _correlation(a: Floats, b: Floats) -> float:
+def correlation(a: Floats, b: Floats) -> float:
     """Pearson's r over the rows where both are known; NaN for less than 3 s."""
     known = np.isfinite(a) & np.isfinite(b)
     if known.sum() < 3 / STEP_S or b[known].std() == 0 or a[known].std() == 0:

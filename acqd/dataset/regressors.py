@@ -146,7 +146,7 @@ def _torque(
             from acqd.robot.arm import Arm
             from acqd.robot.dynamics import inverse_dynamics
         except ModuleNotFoundError:
-            raise UserError("torques from the description need Pinocchio: install acqd[lab]") from None
+            raise UserError("torques from the description need Pinocchio: pip install 'acqd[lab]'") from None
         return inverse_dynamics(Arm(robot), *motion)
     measured = log.tau if source == "measured" else log.current
     if measured is None:

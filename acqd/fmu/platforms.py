@@ -70,4 +70,6 @@ def _compiler(target: Platform) -> list[str]:
         return [sys.executable, "-m", "ziglang", "cc", "-target", target.zig, "-Wl,-s"]
     if target.name == here():
         raise UserError(f"{NO_COMPILER} or acqd[fmu]")
-    raise UserError(f"compiling for {target.name} needs zig: install acqd[fmu], or ask for --platform {here()} only")
+    raise UserError(
+        f"compiling for {target.name} needs zig: pip install 'acqd[fmu]', or ask for --platform {here()} only"
+    )

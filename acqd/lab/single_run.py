@@ -18,7 +18,7 @@ from acqd.lab.instruments.row_file import RowFile
 from acqd.lab.motion.controller import Controller, Motion, Phase, Wait
 from acqd.lab.motion.replayed_log import motion_of
 from acqd.lab.motion.trajectory import read_trajectory
-from acqd.lab.report.pages import execution_report
+from acqd.lab.report.execution import execution_report
 from acqd.lab.session import Session, SessionTruth, windows_within
 from acqd.lab.settings import LabSettings
 from acqd.metering import WindowBatch

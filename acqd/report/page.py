@@ -1,30 +1,26 @@
-"""A report as a single HTML file with text, tables and pictures: it needs no other file."""
+"""A report as a single HTML file: verdict, one picture, contents, sections, footer. It needs no other file."""
 
 from __future__ import annotations
 
-import base64
-import html
-import io
-from collections.abc import Sequence
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from acqd.errors import UserError
+from acqd.report.bars import Bars
+from acqd.report.blocks import Block, Chapter, Folded, Lines, Picture, Ranking, Section, Text, table_of
+from acqd.report.drawing import inline_svg
+from acqd.report.footer import provenance
+from acqd.report.lines import Chart
+from acqd.report.verdict import Verdict
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_STYLE = """
-body { font: 16px/1.5 system-ui, sans-serif; color: #1c2733; max-width: 62rem; margin: 2rem auto; padding: 0 1rem; }
-h1 { font-size: 1.7rem; margin-bottom: .2rem; } h2 { font-size: 1.2rem; margin-top: 2.2rem; }
-table { border-collapse: collapse; margin: 1rem 0; font-variant-numeric: tabular-nums; }
-th, td { padding: .25rem .8rem; text-align: right; border-bottom: 1px solid #d8dee5; }
-th:first-child, td:first-child { text-align: left; }
-figure { margin: 1.2rem 0; } img { max-width: 100%; height: auto; } figcaption { color: #52606d; font-size: .9rem; }
-details { margin: 1.2rem 0; border-left: 3px solid #d8dee5; padding-left: 1rem; }
-summary { cursor: pointer; font-weight: 600; }
-.label { display: inline-block; background: #b45309; color: white; border-radius: .3rem; padding: 0 .5rem; }
-"""
+_ASSETS = Path(__file__).with_name("assets")
 
 
 class Page:
@@ -32,35 +28,63 @@ class Page:
 
     def __init__(self, title: str, *, simulated: bool) -> None:
         """`simulated` puts a conspicuous label on top."""
-        label = '<p><span class="label">simulated data</span></p>' if simulated else ""
         self._title = title
-        self._parts = [f"<h1>{html.escape(title)}</h1>{label}"]
+        self._simulated = simulated
+        self._verdict: Verdict | None = None
+        self._opening: list[Block] = []
+        self._sections: list[Section] = []
+        self._details: dict[str, str] = {}
+        self._blocks = self._opening
+        self._pictures = 0
+
+    def verdict(self, verdict: Verdict) -> None:
+        """Set the tile on top."""
+        self._verdict = verdict
+
+    def detail(self, name: str, value: object) -> None:
+        """Add a row to the footer: a seed, an input, its hash."""
+        self._details[name] = str(value)
 
     def heading(self, text: str) -> None:
-        """Start a section."""
-        self._parts.append(f"<h2>{html.escape(text)}</h2>")
+        """Start a section. A section without content is left out."""
+        anchor = f"s{len(self._sections) + 1}-" + re.sub(r"[^a-z0-9]+", "-", text.lower()).strip("-")
+        self._sections.append(Section(text, anchor))
+        self._blocks = self._sections[-1].blocks
 
     def text(self, text: str) -> None:
         """Add a paragraph."""
-        self._parts.append(f"<p>{html.escape(text)}</p>")
+        self._blocks.append(Text(text))
 
     def table(self, header: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
-        """Add a table; floats are shown to four significant digits."""
-        head = "".join(f"<th>{html.escape(name)}</th>" for name in header)
-        body = "".join("<tr>" + "".join(f"<td>{_cell(cell)}</td>" for cell in row) + "</tr>" for row in rows)
-        self._parts.append(f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>")
+        """Add a table; floats are shown to three significant digits."""
+        self._blocks.append(table_of(f"Table: {', '.join(name for name in header if name)}", header, rows))
 
-    def figure(self, figure: Figure, caption: str, png: Path | None = None) -> None:
-        """Embed a matplotlib figure; with `png`, also save it as a file."""
-        buffer = io.BytesIO()
-        figure.savefig(buffer, format="png", dpi=130, bbox_inches="tight")
+    def lines(self, chart: Chart, caption: str) -> None:
+        """Add a chart that shows the values below the pointer."""
+        self._blocks.append(Lines(chart.thinned(), caption))
+
+    def bars(self, bars: Bars, caption: str) -> None:
+        """Add a ranking."""
+        self._blocks.append(Ranking(bars, caption))
+
+    def figure(self, figure: Figure, caption: str, png: Path | None = None, alt: str = "") -> None:
+        """Add a matplotlib figure, with an alternative text (default: its caption); with `png`, also save it there."""
         if png is not None:
-            png.write_bytes(buffer.getvalue())
-        data = base64.b64encode(buffer.getvalue()).decode()
-        text = html.escape(caption)
-        self._parts.append(
-            f'<figure><img alt="{text}" src="data:image/png;base64,{data}"><figcaption>{text}</figcaption></figure>'
+            figure.savefig(png, format="png", dpi=130, bbox_inches="tight")
+        self._pictures += 1
+        self._blocks.append(
+            Picture(inline_svg(figure, alt or caption, f"f{self._pictures}"), f"Figure: {caption}", caption)
         )
+
+    @contextmanager
+    def folded(self, title: str) -> Iterator[None]:
+        """Put what follows behind a title that opens it."""
+        outside, inside = self._blocks, Folded(title)
+        self._blocks = inside.blocks
+        yield
+        self._blocks = outside
+        if inside.blocks:
+            outside.append(inside)
 
     def chapter(self, title: str, page: Path) -> None:
         """Embed another report as a part that is folded away. Raises UserError when it cannot be read."""
@@ -68,18 +92,38 @@ class Page:
             text = page.read_text(encoding="utf-8")
         except OSError as error:
             raise UserError(f"{page}: cannot be read ({error.strerror})") from None
-        inner = text.partition("<body>")[2].rpartition("</body>")[0]
-        self._parts.append(f"<details><summary>{html.escape(title)}</summary>{inner}</details>")
+        self._pictures += 1
+        inner = text.partition("<main>")[2].rpartition("</main>")[0]
+        mark = f"c{self._pictures}-"
+        inner = re.sub(r'\b(id="|href="#|url\(#|aria-labelledby=")', rf"\g<1>{mark}", inner)
+        self._blocks.append(Chapter(title, re.sub(r"(</?)h[12]\b", r"\1h3", inner)))
 
     def write(self, path: Path) -> None:
         """Write the page. Raises UserError when the file cannot be written."""
-        head = f'<meta charset="utf-8"><meta name="viewport" content="width=device-width"><style>{_STYLE}</style>'
-        page = f"<!doctype html><html lang=en><head>{head}<title>{html.escape(self._title)}</title></head>"
         try:
-            path.write_text(page + f"<body>{''.join(self._parts)}</body></html>\n", encoding="utf-8")
+            path.write_text(self.html(), encoding="utf-8")
         except OSError as error:
             raise UserError(f"{path}: cannot be written ({error.strerror}); choose another --out") from None
 
+    def html(self) -> str:
+        """The page."""
+        return str(
+            _template().render(
+                title=self._title, simulated=self._simulated, verdict=self._verdict, opening=self._opening,
+                sections=[section for section in self._sections if section.blocks],
+                provenance=provenance(self._details), style=_asset("style.css"), script=_asset("script.js"),
+            )
+        )  # fmt: skip
 
-def _cell(value: object) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else html.escape(str(value))
+
+@cache
+def _asset(name: str) -> str:
+    return (_ASSETS / name).read_text(encoding="utf-8")
+
+
+@cache
+def _template() -> Any:
+    from jinja2 import Environment, StrictUndefined
+
+    environment = Environment(autoescape=True, undefined=StrictUndefined, keep_trailing_newline=True)
+    return environment.from_string(_asset("page.html"))

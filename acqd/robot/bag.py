@@ -58,7 +58,7 @@ def _topics(path: Path) -> dict[str, list[tuple[int, Any]]]:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
     except ModuleNotFoundError:
-        raise UserError(f"{path}: ROS bags need rosbags: install acqd[rosbag]") from None
+        raise UserError(f"{path}: ROS bags need rosbags: pip install 'acqd[rosbag]'") from None
     topics: dict[str, list[tuple[int, Any]]] = {}
     try:
         with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:

@@ -38,7 +38,7 @@ def _read_parquet(path: Path) -> Table:
         import pyarrow
         import pyarrow.parquet
     except ModuleNotFoundError:
-        raise UserError(f"{path}: Parquet needs pyarrow: install acqd[data]") from None
+        raise UserError(f"{path}: Parquet needs pyarrow: pip install 'acqd[data]'") from None
     try:
         table = pyarrow.parquet.read_table(path)
     except (OSError, pyarrow.ArrowException) as error:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from acqd.report import Page
+from acqd.report import KeyFigure, Page, Verdict
+from acqd.report.digits import counted
 from acqd.robot_check.check import Check
 from acqd.robot_check.excitation import SECONDS
 from acqd.robot_check.pictures import arm_picture, influence_picture
@@ -13,6 +14,7 @@ def check_page(check: Check) -> Page:
     """The page, not yet written."""
     robot = check.robot
     page = Page(f"Robot description {robot.name}: {robot.title}", simulated=False)
+    page.verdict(_verdict(check))
     page.figure(
         arm_picture(robot),
         "Orange: frames of base, joints and flange; black: joint axes (dashed: prismatic); blue: centres of mass, area "
@@ -64,3 +66,20 @@ def check_page(check: Check) -> Page:
     for source in robot.sources:
         page.text(source)
     return page
+
+
+def _verdict(check: Check) -> Verdict:
+    power, guessed = check.power, sum(map(len, check.guesses.values()))
+    first = next((each for each in power.influences if each.guessed), None)
+    figures = [
+        KeyFigure("predicted power", f"{power.mean_W:.0f} W", f"at most {power.peak_W:.0f} W, without standby power"),
+        KeyFigure("guessed", counted(guessed, "value"), f"in {counted(len(check.guesses), 'part')}"),
+    ]
+    if first is not None:
+        figures.append(
+            KeyFigure("guess that matters most", f"{first.joint} {first.key}", f"{first.change_W:.1f} W RMS")
+        )
+    if not check.findings:
+        return Verdict("fine", "Nothing in the description is implausible", "", figures)
+    headline = f"{counted(len(check.findings), 'finding')} to look at"
+    return Verdict("open", headline, "", figures, [each.advice for each in check.findings][:3])

@@ -87,5 +87,5 @@ def device_module(package: str) -> Any:
         return import_module(f"acqd.sources.{package}")
     except ModuleNotFoundError as error:
         raise UserError(
-            f"source.kind: {error.name} is not installed; install acqd[{_EXTRA}] (make install EXTRA={_EXTRA})"
+            f"source.kind: {error.name} is not installed; pip install 'acqd[{_EXTRA}]' (make install EXTRA={_EXTRA})"
         ) from None

@@ -75,6 +75,18 @@ def prepare(engine: sa.Engine) -> None:
         raise (UserError(message) if permanent else DatabaseAwayError(message, reason)) from None
 
 
+def read_database(url: str) -> sa.Engine:
+    """Engine for a viewer, who neither creates nor migrates; for answers within seconds, or errors.
+
+    Raises UserError for a URL that cannot be used, and for a SQLite file that is not there.
+    """
+    engine = _engine(url, impatient=True)
+    path = engine.url.database
+    if engine.dialect.name == "sqlite" and path and not Path(path).exists():
+        raise UserError(f"database {Path(path).absolute()} does not exist; check the folder you are in, or --database")
+    return engine
+
+
 @contextmanager
 def transaction(engine: sa.Engine) -> Iterator[sa.Connection]:
     """All statements or none; SQLite's connections begin nothing by themselves (see _sqlite_settings)."""
@@ -116,7 +128,9 @@ def engine_for(url: str, *, impatient: bool = False) -> sa.Engine:
         arguments: dict[str, Any] = {"connect_timeout": 5, **(_IMPATIENT if impatient else {})}
         return sa.create_engine(parsed, pool_pre_ping=True, connect_args=arguments)
     except ModuleNotFoundError as error:
-        raise UserError(f"database {shown(parsed)} needs the {error.name} package: install acqd[postgres]") from None
+        raise UserError(
+            f"database {shown(parsed)} needs the {error.name} package: pip install 'acqd[postgres]'"
+        ) from None
 
 
 def _check_folder(path: str | None) -> None:

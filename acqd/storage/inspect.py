@@ -29,7 +29,9 @@ def inspect_database(url: str) -> str:
         reason = str(getattr(error, "orig", error)).strip() or type(error).__name__
         raise UserError(f"database {shown(parsed)}: {reason.splitlines()[0]}") from None
     except ModuleNotFoundError as error:
-        raise UserError(f"database {shown(parsed)} needs the {error.name} package: install acqd[postgres]") from None
+        raise UserError(
+            f"database {shown(parsed)} needs the {error.name} package: pip install 'acqd[postgres]'"
+        ) from None
     return _state(shown(parsed), tables, version)
 
 

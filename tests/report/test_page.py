@@ -1,35 +1,114 @@
 """Pages."""
 
-import base64
 import inspect
 import struct
+from html.parser import HTMLParser
 
 from matplotlib.figure import Figure
 
-from acqd.report.page import Page
+from acqd.report import KeyFigure, Page, Verdict
+from acqd.report.bars import Bar, ranked
+from tests.report.charts import chart
 
 
-def test_a_picture_is_embedded_and_saved_as_it_is_drawn(tmp_path, monkeypatch):
+class _Tags(HTMLParser):
+    """Elements that are open, and identifiers."""
+
+    VOID = ("meta", "img", "br", "line", "path", "link", "use", "rect", "circle")
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.ids = [], []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.ids += [value for name, value in attrs if name == "id"]
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.ids += [value for name, value in attrs if name == "id"]
+
+    def handle_endtag(self, tag):
+        if tag not in self.VOID:
+            assert self.open.pop() == tag
+
+
+def whole(page):
+    """The page, with every element closed and every identifier once."""
+    text = page.html()
+    tags = _Tags(text)
+    assert not tags.open and len(set(tags.ids)) == len(tags.ids)
+    return text
+
+
+def test_the_verdict_comes_first_and_the_footer_names_its_sources():
+    page = Page("Residual <1>", simulated=True)
+    page.lines(chart(), "A minute.")
+    page.verdict(Verdict("found", "Payload & more", "", [KeyFigure("mass", "1.00 kg", "95 %")], ["weigh <it>"]))
+    page.detail("seed", 7)
+    text = whole(page)
+    order = ["Residual &lt;1&gt;", "simulated data", "Payload &amp; more", "1.00 kg", "weigh &lt;it&gt;", "<figure"]
+    assert [text.index(part) for part in order] == sorted(text.index(part) for part in order)
+    footer = text[text.index("<footer>") :]
+    assert "<dt>seed</dt><dd>7" in footer and "<dt>command</dt>" in footer and "acqd " in footer
+
+
+def test_a_heading_without_content_is_left_out_and_three_sections_have_contents():
+    page = Page("Sections", simulated=False)
+    for name in ("One", "Empty", "Two"):
+        page.heading(name)
+        if name != "Empty":
+            page.text(f"about {name}")
+    assert "Empty" not in whole(page) and "<nav" not in page.html()
+    page.heading("Two")
+    with page.folded("nothing"):
+        pass
+    assert page.html().count(">Two</h2>") == 1 and "nothing" not in page.html()
+    with page.folded("raw <numbers>"):
+        page.table(["name", "", "value [W]"], [["a<b", "", 1234.56], ["c", "", 0.0123456]])
+    text = whole(page)
+    assert text.count('<a href="#s') == 3 and "<summary>raw &lt;numbers&gt;</summary>" in text
+    assert "a&lt;b" in text and "<td>1235</td>" in text and "<td>0.0123</td>" in text and "<th></th>" not in text
+
+
+def test_bars_are_linear_and_sorted_with_the_winner_first():
+    page = Page("Bars", simulated=False)
+    rows = [Bar("worse", 1.0, "25 %"), Bar("best", 4.0, "100 %"), Bar("nothing", 0.0, "0 %")]
+    page.bars(ranked(rows, "evidence [1]"), "")
+    text = whole(page)
+    assert text.index("best") < text.index("worse") < text.index("nothing")
+    assert [w[:-1] for w in _widths(text)] == ["width: 100.0%", "width: 25.0%", "width: 0.0%"]
+
+
+def _widths(text):
+    return [part.partition(">")[0] for part in text.split('style="')[1:] if part.startswith("width")]
+
+
+def test_a_figure_follows_the_page_and_is_saved_as_it_is_drawn(tmp_path, monkeypatch):
     monkeypatch.setattr(Figure, "savefig", inspect.unwrap(Figure.savefig))  # as users get it (tests/conftest.py)
     figure = Figure(figsize=(4, 3), layout="constrained")
-    figure.subplots().plot([1, 3, 2])
+    axes = figure.subplots()
+    axes.plot([1, 3, 2], color="#b45309")
+    axes.set_xlabel("time [s]")
     page = Page("Pictures", simulated=False)
     page.figure(figure, "Power <W>", tmp_path / "power.png")
-    page.write(tmp_path / "page.html")
-    png = (tmp_path / "power.png").read_bytes()
-    width, height = struct.unpack(">II", png[16:24])
-    assert png.startswith(b"\x89PNG") and 400 < width < 600 and 300 < height < 450
-    text = (tmp_path / "page.html").read_text()
-    assert f"data:image/png;base64,{base64.b64encode(png).decode()}" in text
-    assert "<figcaption>Power &lt;W&gt;</figcaption>" in text and "simulated data" not in text
+    page.figure(figure, "The same again", alt='falls "fast"')
+    text = whole(page)
+    width, height = struct.unpack(">II", (tmp_path / "power.png").read_bytes()[16:24])
+    assert 400 < width < 600 and 300 < height < 450
+    assert "var(--before)" in text and "#b45309" not in text.partition("<main>")[2] and "time [s]</text>" in text
+    assert 'aria-label="Power &lt;W&gt;"' in text and 'aria-label="falls &quot;fast&quot;"' in text
 
 
 def test_a_page_holds_other_pages(tmp_path):
     inner = Page("Inner <1>", simulated=True)
+    inner.verdict(Verdict("fine", "all well"))
     inner.text("told")
+    inner.lines(chart(), "A minute.")
     inner.write(tmp_path / "inner.html")
     outer = Page("Outer", simulated=True)
-    outer.chapter("Chapter <1>", tmp_path / "inner.html")
-    outer.write(tmp_path / "outer.html")
-    page = (tmp_path / "outer.html").read_text()
-    assert "<summary>Chapter &lt;1&gt;</summary><h1>Inner &lt;1&gt;</h1>" in page and page.count("<body>") == 1
+    for number in (1, 2):
+        outer.chapter(f"Chapter <{number}>", tmp_path / "inner.html")
+    text = whole(outer)
+    assert "<summary>Chapter &lt;1&gt;</summary><h3>Inner &lt;1&gt;</h3>" in text and text.count("<body>") == 1

@@ -93,5 +93,5 @@ def test_damaged_bags_are_refused(tmp_path):
 def test_without_the_library_the_extra_is_named(tmp_path, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "rosbags.highlevel", None)
     (tmp_path / "x.mcap").write_bytes(b"")
-    with pytest.raises(UserError, match=r"install acqd\[rosbag\]"):
+    with pytest.raises(UserError, match=r"acqd\[rosbag\]"):
         read_log(tmp_path / "x.mcap", load_description("ur10e"))

@@ -17,7 +17,7 @@ def lab() -> None:
     """The virtual laboratory: excite a robot, measure it, know the truth. All data are simulated."""
     missing = [name for name in ("pinocchio", "scipy", "matplotlib") if find_spec(name) is None]
     if missing:
-        raise UserError(f"acqd lab needs {' and '.join(missing)}: install acqd[lab]")
+        raise UserError(f"acqd lab needs {' and '.join(missing)}: pip install 'acqd[lab]'")
 
 
 app.command("trajectories")(trajectories.trajectories)

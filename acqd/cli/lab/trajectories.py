@@ -48,7 +48,7 @@ def trajectories(
     """
     from acqd.lab.campaign.trajectory_set import draw, write
     from acqd.lab.cell import build_cell
-    from acqd.lab.report.pages import trajectories_report
+    from acqd.lab.report.trajectories import trajectories_report
     from acqd.lab.settings import LabSettings
 
     given = {"robot": robot, "scene": scene, "seed": seed}

@@ -29,7 +29,7 @@ def compare(
     """
     missing = [name for name in ("matplotlib", "pyarrow", "scipy", "safetensors") if find_spec(name) is None]
     if missing:
-        raise UserError(f"acqd compare needs {' and '.join(missing)}: install acqd[model]")
+        raise UserError(f"acqd compare needs {' and '.join(missing)}: pip install 'acqd[data,predict]'")
     from acqd.models.compare.evaluate import compare as run
     from acqd.models.compare.report import as_json, write_report
     from acqd.models.segments import load_dataset

@@ -30,7 +30,7 @@ def predict(
     """
     missing = [name for name in ("safetensors", "scipy") if find_spec(name) is None]
     if missing:
-        raise UserError(f"acqd predict needs {' and '.join(missing)}: install acqd[predict]")
+        raise UserError(f"acqd predict needs {' and '.join(missing)}: pip install 'acqd[predict]'")
     from acqd.models.bundle.restore import open_model
     from acqd.models.predict import predict_log
 

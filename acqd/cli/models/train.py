@@ -90,7 +90,7 @@ def train(
     """
     missing = [name for name in ("pyarrow", "scipy", "safetensors") if find_spec(name) is None]
     if missing:
-        raise UserError(f"acqd train needs {' and '.join(missing)}: install acqd[model]")
+        raise UserError(f"acqd train needs {' and '.join(missing)}: pip install 'acqd[data,predict]'")
     if (network is None) != table_7_1:
         raise UserError("name one --network, or ask for --table-7-1")
     if out is not None and (table_7_1 or len(seed or []) > 1):

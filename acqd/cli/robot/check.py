@@ -34,7 +34,7 @@ def check(
     """
     require_pinocchio("robot check")
     if find_spec("matplotlib") is None and out is not None:
-        raise UserError("acqd robot check --out needs matplotlib: install acqd[lab]")
+        raise UserError("acqd robot check --out needs matplotlib: pip install 'acqd[lab]'")
     from acqd.robot.description import load_description
     from acqd.robot_check.check import check_description
 

@@ -55,4 +55,4 @@ def from_urdf(
 def require_pinocchio(command: str) -> None:
     """Raises UserError when the robot library is not installed."""
     if find_spec("pinocchio") is None:
-        raise UserError(f"acqd {command} needs Pinocchio: install acqd[lab]")
+        raise UserError(f"acqd {command} needs Pinocchio: pip install 'acqd[lab]'")

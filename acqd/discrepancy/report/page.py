@@ -7,10 +7,13 @@ from pathlib import Path
 from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.loop import Closed
 from acqd.discrepancy.repair.terms import Added, described
-from acqd.discrepancy.report import figures
-from acqd.discrepancy.report.summary import VERDICTS, held_out_gain, next_steps, unexplained
+from acqd.discrepancy.report import charts, figures
+from acqd.discrepancy.report.summary import VERDICTS, held_out_gain, unexplained
+from acqd.discrepancy.report.tile import tile
 from acqd.discrepancy.residual.quality import Quality
+from acqd.models.bundle.bundle import fingerprint
 from acqd.models.effects import library
+from acqd.report.digits import interval_of, number, percent, with_error
 from acqd.report.page import Page
 
 _QUESTIONS = {
@@ -23,40 +26,30 @@ def write_report(path: Path, config: CloseConfig, closed: Closed) -> None:
     """Write the page. Raises UserError."""
     subject = closed.subject
     page = Page(f"Residual of the model on {config.dataset.name}", simulated=subject.data.measured == "simulated")
-    page.text(VERDICTS[closed.verdict] + (" " + _headline(closed) if closed.named else ""))
+    page.verdict(tile(closed))
     if subject.data.measured == "derived":
         page.text("The power of this dataset is derived from other measurements, not metered.")
-    page.text(f"The question was {_QUESTIONS[subject.question]}.")
-    page.text(f"Errors are measured on {len(subject.held_out)} held-out segments, which no fit has seen.")
-    rows = [["before", *_numbers(closed.before)], ["after", *_numbers(closed.after)]]
-    head = [
-        "",
-        "MAE [W]",
-        "RMSE [W]",
-        "bias, predicted minus measured [W]",
-        "residual autocorrelation (0: white noise)",
-    ]
-    page.table(head, rows)
-    page.text(_floor(closed))
-    for number, effect in enumerate(closed.named):
-        _effect(page, closed, effect, number)
+    chart, recording = charts.example(closed)
+    chosen = "the loop changed most" if closed.kept else "the residual is largest"
+    page.lines(chart, f"The minute in which {chosen}: held-out recording {recording}.")
+    _errors(page, closed)
+    for number_, effect in enumerate(closed.named):
+        _effect(page, closed, effect, number_)
     _rest(page, closed)
-    steps = next_steps(closed)
-    if steps:
-        page.heading("What to do next")
-        for step in steps:
-            page.text(step)
-    page.heading("Evidence")
-    page.figure(figures.example(closed), "A held-out recording, where the loop changed most.")
-    page.figure(figures.by_recording(closed), "All held-out segments.")
-    page.figure(figures.along(closed), "Residual along recorded quantities: before (brown), after (blue).")
-    page.figure(figures.correlation(closed), "Autocorrelation of the residual: what one row says about later rows.")
+    _evidence(page, closed)
+    for name, value in _sources(config, closed).items():
+        page.detail(name, value)
     page.write(path)
 
 
-def _headline(closed: Closed) -> str:
-    names = "; ".join(f"{each.term.id} ({each.term.where})" for each in closed.named)
-    return f"{names}. Held-out error {closed.before.rmse:.2f} -> {closed.after.rmse:.2f} W RMS."
+def _errors(page: Page, closed: Closed) -> None:
+    page.heading("Errors on held-out recordings")
+    page.text(f"{VERDICTS[closed.verdict]} The question was {_QUESTIONS[closed.subject.question]}.")
+    head = ["", "MAE [W]", "RMSE [W]", "bias, predicted minus measured [W]", "residual autocorrelation (0: white)"]
+    rows = [["before" if closed.kept else "model", *_numbers(closed.before)]]
+    page.table(head, [*rows, ["after", *_numbers(closed.after)]] if closed.kept else rows)
+    page.text(f"{len(closed.subject.held_out)} held-out segments, which no fit has seen. {_floor(closed)}")
+    page.figure(figures.by_recording(closed), "All held-out segments in the order of time.")
 
 
 def _floor(closed: Closed) -> str:
@@ -69,59 +62,95 @@ def _floor(closed: Closed) -> str:
     return f"{floor} The same model on its reference recordings: {closed.reference_rmse:.2f} W RMS."
 
 
-def _numbers(figures_of: Quality) -> list[float]:
-    return [figures_of.mae, figures_of.rmse, figures_of.bias, figures_of.residual_autocorrelation]
+def _numbers(figures_of: Quality) -> list[str]:
+    values = (figures_of.mae, figures_of.rmse, figures_of.bias, figures_of.residual_autocorrelation)
+    return [f"{value:.2f}" for value in values]
 
 
 def _rest(page: Page, closed: Closed) -> None:
     page.heading("Remaining residual")
-    page.text(unexplained(closed))
+    page.text(_sentence(unexplained(closed)))
     for note in closed.notes:
-        page.text(note)
+        page.text(_sentence(note))
+    if closed.tracing.last_ranking:
+        bars = charts.ranking(closed.tracing.last_ranking, None)
+        if bars.rows:
+            page.bars(bars, "The last ranking: how much every hypothesis would explain now. Grey: without a name.")
     if closed.joints is not None:
-        page.text("At the joints: " + closed.joints.as_text() + ".")
+        page.heading("Torques at the joints")
+        page.text(_sentence(closed.joints.as_text()))
+        caption = (
+            "Logged torque against the reference's model; in the titles: RMS difference now (in the reference). "
+            "Line: equality."
+        )
+        page.figure(figures.joints(closed.joints), caption)
     if closed.tracing.hypotheses:
         page.heading("Hypotheses that were not accepted")
-        for hypothesis in closed.tracing.hypotheses:
-            page.text(f"{hypothesis.as_text()}. What would decide: {hypothesis.experiment}.")
-    if closed.joints is not None:
-        page.figure(figures.joints(closed.joints), "Logged torque against the reference's model, joint by joint.")
-    if closed.tracing.last_ranking:
-        ranking = figures.ranking(closed.tracing.last_ranking, None)
-        page.figure(ranking, "The last ranking: how much every hypothesis would explain now.")
+        with page.folded("Evidence, what is missing, and the recording that would decide"):
+            rows = [[h.as_text(), h.experiment] for h in closed.tracing.hypotheses]
+            page.table(["hypothesis", "what would decide"], rows)
 
 
-def _effect(page: Page, closed: Closed, each: Added, number: int) -> None:
+def _evidence(page: Page, closed: Closed) -> None:
+    page.heading("Evidence")
+    colours = "before (orange), after (blue); " if closed.kept else ""
+    caption = f"Residual along recorded quantities: {colours}line: mean, band: RMS."
+    page.figure(figures.along(closed), caption)
+    page.lines(charts.correlation(closed), "Autocorrelation of the residual: what one row says about later rows.")
+
+
+def _effect(page: Page, closed: Closed, each: Added, index: int) -> None:
     effect = library()[each.term.id]
-    page.heading(f"{number + 1}. {each.term.id} - {each.term.where}")
-    sentence = described(each)
-    page.text(f"{sentence[0].upper()}{sentence[1:]}. Equation: {effect.equation}.")
-    rows = []
-    for name, parameter in each.term.parameters.items():
-        interval = parameter["ci95"]
-        shown = f"{interval[0]:.4g} to {interval[1]:.4g}" if interval else "no interval"
-        rows.append([name, float(parameter["value"]), parameter["unit"], shown])
-    page.table(["parameter", "value", "unit", "95 % interval"], rows)
-    page.text(_confidence(closed, each, number))
+    page.heading(f"Effect {index + 1}: {each.term.id}, {each.term.where}")
+    page.text(_sentence(described(each)))
+    page.text(_confidence(closed, each, index))
     named = next((n for n in closed.tracing.effects if n.id == each.term.id and n.place.where == each.term.where), None)
     if named is not None:
+        bars = charts.ranking([named.finding, *named.alternatives], named.id)
+        page.bars(bars, "The hypotheses that competed. Blue: accepted; grey: without a name.")
         page.figure(
             figures.explained(closed, named),
             "Left: residual without the effect against the effect's power. Right: strength of the effect over time.",
         )
-        page.figure(figures.ranking([named.finding, *named.alternatives], named.id), "Evidence for the hypotheses.")
+    with page.folded("Parameters and equation"):
+        page.table(["parameter", "value", "unit", "95 % interval"], _parameters(each))
+        page.text(f"Equation: {effect.equation}.")
 
 
-def _confidence(closed: Closed, each: Added, number: int) -> str:
-    others = ", ".join(f"{name} {share:.0%}" for name, share in each.alternatives) or "none"
+def _parameters(each: Added) -> list[list[str]]:
+    rows = []
+    for name, parameter in each.term.parameters.items():
+        value, interval = float(parameter["value"]), parameter["ci95"]
+        shown = with_error(value, (interval[1] - interval[0]) / 2) if interval else number(value)
+        bounds = interval_of((interval[0], interval[1]), each.recordings) if interval else "no interval"
+        rows.append([name, shown, parameter["unit"], bounds])
+    return rows
+
+
+def _confidence(closed: Closed, each: Added, index: int) -> str:
+    others = ", ".join(f"{name} {percent(share)}" for name, share in each.alternatives) or "none"
     if each.family:
         kin = ", ".join(f"{name} ({where})" for name, where in each.family)
-        others += f". Nearly the same power in these recordings: {kin}; together {each.family_confidence:.0%}"
-    if number < len(closed.kept):
-        gain = f"Without the effect, the held-out RMSE is {held_out_gain(closed, number):.2f} W higher."
+        others += f". Nearly the same power in these recordings: {kin}; together {percent(each.family_confidence)}"
+    if index < len(closed.kept):
+        gain = f"Without the effect, the held-out RMSE is {number(held_out_gain(closed, index))} W higher."
     else:
         gain = "The effect is reported only: it is not part of the model."
     return (
-        f"Confidence {each.confidence:.0%} (of naming the effect again from other recordings of this kind); "
+        f"Confidence {percent(each.confidence)} (of naming the effect again from other recordings of this kind); "
         f"alternative explanations: {others}. {gain}"
     )
+
+
+def _sentence(text: str) -> str:
+    return f"{text[0].upper()}{text[1:]}."
+
+
+def _sources(config: CloseConfig, closed: Closed) -> dict[str, str]:
+    return {
+        "seed": str(config.seed),
+        "dataset": str(config.dataset),
+        "dataset SHA-256": closed.subject.data.digest,
+        "model": str(config.bundle),
+        "model SHA-256": fingerprint(config.bundle),
+    }

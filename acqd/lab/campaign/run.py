@@ -17,7 +17,7 @@ from acqd.lab.campaign.summary import CampaignReport, metered_powers, summarise
 from acqd.lab.campaign.trajectory_set import MANIFEST, TrajectorySet, draw, write
 from acqd.lab.cell import build_cell
 from acqd.lab.motion.use_case import Assembly
-from acqd.lab.report.pages import campaign_report
+from acqd.lab.report.campaign import campaign_report
 from acqd.lab.schedule import SessionPlan, plan_sessions
 from acqd.lab.settings import CampaignSettings
 from acqd.storage.database import open_database

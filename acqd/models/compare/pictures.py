@@ -20,6 +20,7 @@ def kind_label(kinds: str) -> str:
 
 def heatmap(entries: list[Entry], kinds: list[str], rows: list[str]) -> Figure:
     """MAE [W] of models (rows) on kinds of held-out recordings (columns)."""
+    kinds = [kind for kind in kinds if any(kind in entry.metrics for entry in entries)]
     values = np.array([[_mae(entry, kind) for kind in kinds] for entry in entries])
     shade = np.log10(np.maximum(values, 0.1))
     low, span = float(np.nanmin(shade)), max(float(np.nanmax(shade) - np.nanmin(shade)), 0.3)
@@ -33,7 +34,7 @@ def heatmap(entries: list[Entry], kinds: list[str], rows: list[str]) -> Figure:
     for i in range(len(entries)):
         for k in range(len(kinds)):
             if np.isfinite(values[i, k]):
-                color = "white" if shade[i, k] > low + 0.65 * span else "black"
+                color = "#fffffe" if shade[i, k] > low + 0.65 * span else "#000001"  # not of the theme
                 axes.text(k, i, f"{values[i, k]:.2f}", ha="center", va="center", color=color)
     return figure
 
@@ -85,7 +86,7 @@ def sample(segment: Segment, step_s: float, shown: list[tuple[str, Floats]]) -> 
         time_axes.set_ylabel("power [W]")
         time_axes.legend(loc="upper right", fontsize=8, ncols=2)
         error = predicted - segment.P
-        scatter.plot(segment.P, predicted, ".", ms=1.5, color="#3b82c4")
+        scatter.plot(segment.P, predicted, ".", ms=1.5, color="#3b82c4", rasterized=True)
         ends = [float(segment.P.min()), float(segment.P.max())]
         scatter.plot(ends, ends, color="black", lw=0.7)
         r = np.corrcoef(segment.P, predicted)[0, 1] if predicted.std() > 0 else float("nan")
@@ -110,7 +111,7 @@ def kernels(weights: Floats, step_s: float, example: Floats) -> Figure:
     for k, ((name, kernel), (shape, spectrum, effect)) in enumerate(zip(rows.items(), panels, strict=True)):
         color = "#3b82c4" if k < count else "#52606d"
         shape.stem(offsets, kernel, basefmt=" ")
-        shape.set_ylabel(name)
+        shape.set_ylabel(f"{name} [1]")
         f, magnitude = response(kernel, step_s)
         spectrum.plot(f, magnitude, color=color)
         effect.plot(

@@ -11,8 +11,12 @@ from acqd.models.compare import pictures
 from acqd.models.compare.evaluate import Comparison, Entry
 from acqd.models.compare.kernels import likeness
 from acqd.models.networks.predictor import NetworkPredictor
-from acqd.report import Page
+from acqd.report import KeyFigure, Page, Verdict
+from acqd.report.bars import Bar, Bars, ranked
+from acqd.report.digits import confidence_interval, interval, interval_of, number, with_error
+from acqd.report.lines import Chart, Line, Panel
 
+_SHOWN_S = 60.0
 _MANUAL = ("7x1dim", "14x1dim", "21x1dim")
 _HEATMAPS = (
     ("Manually engineered features", "8.3", _MANUAL),
@@ -26,28 +30,22 @@ def write_report(comparison: Comparison, path: Path) -> None:
     """Write the report to `path`. Raises UserError."""
     data = comparison.data
     page = Page(f"Models of the power of {data.robot}", simulated=data.measured == "simulated")
+    page.verdict(_verdict(comparison))
     if data.measured == "derived":
         page.text("The power was derived from other measurements, not metered. Errors are against that derived power.")
     best = comparison.best()
-    m = best.metrics["everything"]
-    page.text(
-        f"{best.name}, trained on {pictures.kind_label(best.trained_on)}, has the lowest error on {m.recordings} "
-        f"held-out recordings: MAE {m.mae:.2f} W (95 % interval {best.mae_ci95[0]:.2f} to {best.mae_ci95[1]:.2f} W), "
-        f"RMSE {m.rmse:.2f} W. The energy of 95 % of the recordings is within {100 * m.energy_p95:.2f} %. "
-        f"The noise of the measurement {comparison.floor_where} corresponds to an MAE of {comparison.floor_W:.2f} W."
-    )
-    for note in comparison.notes:
-        page.text(note)
+    page.bars(_mean_errors(comparison), "The best model first. Blue: the best; grey: baselines.")
+    _minute(page, comparison, best)
     _table(page, comparison)
-    _heatmaps(page, comparison)
     on_all = sorted(
         (entry for entry in comparison.entries if entry.trained_on == "everything"),
         key=lambda entry: entry.metrics["everything"].mae,
     ) or [best]
+    _heatmaps(page, comparison)
     page.heading("Distribution of errors")
     page.figure(
         pictures.violins(on_all + comparison.baselines),
-        "Absolute errors on all held-out recordings. Black: quartiles; white: median; orange: MAE; violet: RMSE. "
+        "Absolute errors on all held-out recordings. Thick line: quartiles; dot: median; orange: MAE; violet: RMSE. "
         "Thesis Figures 8.4, 8.7, 8.12, 8.17.",
     )
     page.heading("Energy of a recording")
@@ -58,7 +56,64 @@ def write_report(comparison: Comparison, path: Path) -> None:
     _samples(page, comparison, on_all)
     _parameters(page, on_all)
     _kernels(page, comparison, on_all)
+    page.detail("dataset", data.path)
+    page.detail("dataset SHA-256", data.digest)
+    page.detail("seeds", ", ".join(f"{entry.name}: {entry.seeds}" for entry in comparison.entries))
     page.write(path)
+
+
+def _verdict(comparison: Comparison) -> Verdict:
+    best, m = comparison.best(), comparison.best().metrics["everything"]
+    rival = min((e.metrics["everything"].mae for e in comparison.entries if e is not best), default=None)
+    figures = [
+        KeyFigure("mean absolute error", f"{number(m.mae)} W", confidence_interval(best.mae_ci95, m.recordings)),
+        KeyFigure("energy of a recording", f"± {number(100 * m.energy_p95, 2)} %", "for 95 % of the recordings"),
+        KeyFigure("noise of the measurement", f"{number(comparison.floor_W, 2)} W", f"MAE, {comparison.floor_where}"),
+    ]
+    if rival is not None:
+        figures.insert(
+            1, KeyFigure("next best model", f"{number(rival)} W", f"{number(rival / m.mae, 2)} times the error")
+        )
+    headline = f"{best.name} predicts the power best: {number(m.mae)} W mean absolute error"
+    notes = " ".join(f"{note[0].upper()}{note[1:]}." for note in comparison.notes)
+    return Verdict("found", headline, f"Trained on {pictures.kind_label(best.trained_on)}. {notes}".strip(), figures)
+
+
+def _interval(entry: Entry) -> str:
+    """Of the MAE [W], from resampled source trajectories and seeds."""
+    return interval_of(entry.mae_ci95, entry.metrics["everything"].recordings)
+
+
+def _mean_errors(comparison: Comparison) -> Bars:
+    best = comparison.best()
+    rows = [
+        Bar(
+            f"{entry.name}, {pictures.kind_label(entry.trained_on)}" if entry.model else entry.name,
+            (mae := entry.metrics["everything"].mae),
+            f"{number(mae)} W, {number(mae / best.metrics['everything'].mae, 2)} x",
+            "after" if entry is best else ("before" if entry.model else "muted"),
+        )
+        for entry in [*comparison.entries, *comparison.baselines]
+    ]
+    return ranked(
+        rows, "Mean absolute error on held-out recordings [W], and relative to the best", smaller_is_better=True
+    )
+
+
+def _minute(page: Page, comparison: Comparison, best: Entry) -> None:
+    """Measured and predicted power of the recording whose error is the median."""
+    errors = [float(np.abs(p - s.P).mean()) for p, s in zip(best.predicted, comparison.test, strict=True)]
+    k = int(np.argsort(errors)[len(errors) // 2])
+    segment, step_s = comparison.test[k], comparison.data.step_s
+    rows = slice(0, int(_SHOWN_S / step_s))
+    P, predicted = segment.P[rows], best.predicted[k][rows]
+    panels = [
+        Panel("P [W]", [Line("measured", P), Line(best.name, predicted, "after")]),
+        Panel("error [W]", [Line("predicted minus measured", predicted - P, "before")], 100, zero=True),
+    ]
+    alt = f"Measured power of {segment.recording} and power predicted by {best.name}: MAE {errors[k]:.2f} W"
+    chart = Chart(step_s * np.arange(len(P)), f"time in {segment.recording} [s]", panels, alt)
+    page.lines(chart, f"The held-out recording whose error is the median: {segment.recording}.")
 
 
 def _table(page: Page, comparison: Comparison) -> None:
@@ -66,12 +121,12 @@ def _table(page: Page, comparison: Comparison) -> None:
     rows: list[list[object]] = []
     for entry in sorted(comparison.entries, key=lambda e: e.metrics["everything"].mae) + comparison.baselines:
         m = entry.metrics["everything"]
-        low, high = entry.mae_ci95
         learnables = entry.metadata.get("architecture", {}).get(
             "learnables", len(entry.metadata.get("parameters", [])) or "-"
         )
-        figures = [m.mae, f"{low:.2f} to {high:.2f}", m.rmse, m.bias, 100 * m.energy_p95, 100 * entry.unstable]
-        rows.append([entry.name, pictures.kind_label(entry.trained_on), learnables, entry.seeds, *figures])
+        watts = (f"{m.mae:.2f}", _interval(entry), f"{m.rmse:.2f}", f"{m.bias:.2f}")
+        shares = (f"{100 * m.energy_p95:.2f}", f"{100 * entry.unstable:.2f}")
+        rows.append([entry.name, pictures.kind_label(entry.trained_on), learnables, entry.seeds, *watts, *shares])
     header = ["model", "trained on", "parameters", "seeds", "MAE [W]", "95 % of MAE [W]", "RMSE [W]", "bias [W]"]
     page.table([*header, "energy p95 [%]", "unstable [%]"], rows)
     page.text(
@@ -93,12 +148,12 @@ def _heatmaps(page: Page, comparison: Comparison) -> None:
         if entries:
             rows = [f"{e.name}, trained on {pictures.kind_label(e.trained_on)}" for e in entries]
             page.figure(pictures.heatmap(entries, comparison.kinds, rows), _mae_caption("8.1"))
-    for title, number, names in _HEATMAPS:
+    for title, thesis, names in _HEATMAPS:
         entries = [e for name in names if (e := comparison.find(name, "everything"))]
         if len(entries) > 1:
             page.heading(title)
             rows = [e.name for e in entries]
-            page.figure(pictures.heatmap(entries, comparison.kinds, rows), _mae_caption(number))
+            page.figure(pictures.heatmap(entries, comparison.kinds, rows), _mae_caption(thesis))
     everything = sorted(comparison.entries, key=lambda e: e.metrics["everything"].mae) + comparison.baselines
     page.heading("All models and baselines by kind of recording")
     rows = [f"{e.name} ({pictures.kind_label(e.trained_on)})" for e in everything]
@@ -128,12 +183,20 @@ def _parameters(page: Page, entries: list[Entry]) -> None:
             continue
         page.heading(f"Parameters of {entry.name}")
         rows = [
-            [p["name"], p["value"], p["unit"], f"{p['ci95'][0]:.4g} to {p['ci95'][1]:.4g}" if p["ci95"] else ""]
+            [p["name"], *_value_with_interval(p), p["unit"]]
             for p in entry.metadata["parameters"]
             if p["name"].split(".")[0] not in ("Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
         ]
-        page.table(["parameter", "value", "unit", "95 % interval"], rows)
+        with page.folded(f"{len(rows)} fitted values; the intervals are those of the fit"):
+            page.table(["parameter", "value", "95 % interval", "unit"], rows)
         return
+
+
+def _value_with_interval(parameter: dict[str, Any]) -> tuple[str, str]:
+    value, bounds = float(parameter["value"]), parameter["ci95"]
+    if not bounds:
+        return number(value), "-"
+    return with_error(value, (bounds[1] - bounds[0]) / 2), interval(*bounds)
 
 
 def _kernels(page: Page, comparison: Comparison, entries: list[Entry]) -> None:

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from acqd.report.page import Page
+from acqd.report import KeyFigure, Page, Verdict
+from acqd.report.digits import counted, number
 from tools.studies.thesis import pictures
 from tools.studies.thesis.assembly import CLOSED, NETWORK, Case
 from tools.studies.thesis.claims import Claim
@@ -33,6 +34,8 @@ def loop_text(results: dict[str, Any]) -> str:
 def use_case_page(results: dict[str, Any], case: Case, path: Path) -> None:
     """Write the report of chapter 9 to `path`. Raises UserError."""
     page = Page("Use case: an assembly (thesis chapter 9)", simulated=True)
+    page.verdict(_use_case_verdict(results))
+    page.figure(pictures.peak_picture(case), "The initial peak, before and after closing the loop.")
     page.text(
         f"{results['executions']} executions, on which no model was trained. "
         + (
@@ -48,16 +51,30 @@ def use_case_page(results: dict[str, Any], case: Case, path: Path) -> None:
         f"The time of the twin is scaled to the pace of the cell by {results['pace']:.3f}."
     )
     page.text(f"Result of the loop: {loop_text(results)}.")
+    page.heading("Motion")
     page.figure(
         pictures.motion_picture(case), "Measured and simulated joint angles and flange positions. Thesis Figure 9.3."
     )
+    page.heading("Power")
     for name in (NETWORK, CLOSED):
         caption = f"Power by {name}, predicted from measured angles (top) and simulated from the twin's angles (bottom)"
         page.figure(pictures.power_picture(case, name, peak=True), f"{caption}. Thesis Figure 9.4.")
         caption += ", without the initial peak"
         page.figure(pictures.power_picture(case, name, peak=False), f"{caption}. Thesis Figure C.2.")
-    page.figure(pictures.peak_picture(case), "The initial peak, before and after closing the loop.")
     page.write(path)
+
+
+def _use_case_verdict(results: dict[str, Any]) -> Verdict:
+    loop = results["loop"]
+    before, after = loop["before"]["rmse"], loop["after"]["rmse"]
+    executions = counted(results["executions"], "execution")
+    figures = [
+        KeyFigure(name, f"{number(values['predicted']['mae'])} W", f"MAE from logged angles; {executions}")
+        for name, values in results["models"].items()
+    ]
+    figures.append(KeyFigure("the loop's error (RMS)", f"{number(before)} → {number(after)} W", "held out"))
+    found = loop["verdict"] == "effects_found"
+    return Verdict("found" if found else "open", f"The loop on the assembly: {loop_text(results)}", "", figures)
 
 
 def thesis_page(
@@ -65,6 +82,10 @@ def thesis_page(
 ) -> None:
     """Write the report of the reproduction to `path`. Raises UserError."""
     page = Page("The thesis, reproduced", simulated=True)
+    judged = [claim.agrees for claim in claims if claim.agrees is not None]
+    agree = KeyFigure("statements that agree", f"{sum(judged)} of {len(judged)}", "of the thesis")
+    headline = "The thesis is reproduced" if all(judged) else "Not every statement of the thesis is reproduced"
+    page.verdict(Verdict("fine" if all(judged) else "open", headline, "", [agree]))
     page.text(
         "All results below are from acqd's virtual laboratory, without a real robot or mains. The thesis measured a "
         "KUKA iiwa. The order of the models and the magnitude of errors can be compared, the exact values cannot."
@@ -75,8 +96,6 @@ def thesis_page(
     words = {True: "agrees", False: "DISAGREES", None: ""}
     header = ("thesis", "statement of the thesis", "reproduced", "")
     page.table(header, [[c.figure, c.thesis, c.here, words[c.agrees]] for c in claims])
-    judged = [claim.agrees for claim in claims if claim.agrees is not None]
-    page.text(f"{sum(judged)} of {len(judged)} statements agree. Chapter 8 of the thesis has pictures without numbers.")
     page.heading("Reports of the steps")
     for title, report in chapters:
         page.chapter(title, report)

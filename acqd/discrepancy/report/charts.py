@@ -1,0 +1,80 @@
+"""Charts of the closing report that follow the pointer: power before and after, autocorrelation, ranking."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from acqd.arrays import Floats
+from acqd.discrepancy.loop import Closed
+from acqd.discrepancy.residual.whitening import autocorrelation
+from acqd.discrepancy.selection.ranking import Finding
+from acqd.report.bars import Bar, Bars, ranked
+from acqd.report.digits import percent
+from acqd.report.lines import Chart, Colour, Line, Panel
+
+_SHOWN_S = 60.0
+_SHOWN_BARS = 12
+_LAGS = 50
+
+
+def example(closed: Closed) -> tuple[Chart, str]:
+    """The minute in which the loop helped most, or in which the residual is largest, and its recording."""
+    step_s = closed.subject.data.step_s
+    size = [
+        b**2 - a**2 if closed.kept else b**2 for b, a in zip(closed.errors_before, closed.errors_after, strict=True)
+    ]
+    k = int(np.argmax([float(each.mean()) for each in size]))
+    segment = closed.subject.held_out[k]
+    width = min(len(segment.P), int(_SHOWN_S / step_s))
+    first = int(np.convolve(size[k], np.ones(width), "valid").argmax())
+    rows = slice(first, first + width)
+    before, after, P = closed.errors_before[k][rows], closed.errors_after[k][rows], segment.P[rows]
+    lines: list[tuple[str, Floats, Colour]] = [("model before" if closed.kept else "model", before, "before")]
+    if closed.kept:
+        lines.append(("model after", after, "after"))
+    powers = [Line("measured", P), *(Line(name, P - error, colour) for name, error, colour in lines)]
+    residuals = [Line(name, error, colour) for name, error, colour in lines]
+    alt = (
+        f"Power of {segment.recording} over {width * step_s:.0f} s, measured and predicted. "
+        f"The RMS residual of this extract is {_rms(before):.1f} W"
+        + (f" before and {_rms(after):.1f} W after." if closed.kept else ".")
+    )
+    t = step_s * np.arange(first, first + width)
+    panels = [Panel("P [W]", powers), Panel("residual [W]", residuals, 120, zero=True)]
+    return Chart(t, f"time in {segment.recording} [s]", panels, alt), segment.recording
+
+
+def _rms(values: Floats) -> float:
+    return float(np.sqrt((values**2).mean()))
+
+
+def correlation(closed: Closed) -> Chart:
+    """Autocorrelation of the residual."""
+    t = closed.subject.data.step_s * np.arange(1, _LAGS + 1)
+    lines = [Line("model before" if closed.kept else "model", autocorrelation(closed.errors_before, _LAGS), "before")]
+    if closed.kept:
+        lines.append(Line("model after", autocorrelation(closed.errors_after, _LAGS), "after"))
+    alt = f"Autocorrelation of the residual at lags up to {t[-1]:.0f} s"
+    return Chart(t, "lag [s]", [Panel("autocorrelation [1]", lines, 170, zero=True)], alt)
+
+
+def ranking(findings: list[Finding], chosen: str | None) -> Bars:
+    """Evidence of every effect and unnamed alternative, relative to the largest."""
+    best: dict[str, Finding] = {}
+    for finding in findings:
+        best.setdefault(finding.candidate.id or f"unnamed: {finding.candidate.label}", finding)
+    shown = sorted(((n, f) for n, f in best.items() if f.evidence > 0), key=lambda each: -each[1].evidence)[
+        :_SHOWN_BARS
+    ]
+    largest = shown[0][1].evidence if shown else 1.0
+    rows = [
+        Bar(
+            f"{name} ({finding.candidate.label})" if finding.candidate.id else name,
+            finding.evidence,
+            percent(finding.evidence / largest),
+            "after" if name == chosen else ("before" if finding.candidate.id else "muted"),
+            f"evidence {finding.evidence:.0f} units",
+        )
+        for name, finding in shown
+    ]
+    return ranked(rows, f"Evidence relative to the best hypothesis [%]; 100 % is {float(f'{largest:.2e}'):.0f} units")

@@ -1,0 +1,94 @@
+"""The verdict of the loop as a tile: what was found, how much, how sure, and what to do next."""
+
+from __future__ import annotations
+
+from acqd.discrepancy.loop import Closed
+from acqd.discrepancy.repair.terms import Added
+from acqd.discrepancy.report.summary import next_steps
+from acqd.discrepancy.selection.hypotheses import unnamed
+from acqd.models.effects import library
+from acqd.report.digits import confidence_interval, counted, number, percent, with_error
+from acqd.report.verdict import KeyFigure, Tone, Verdict
+
+_TONES: dict[str, Tone] = {
+    "effects_found": "found", "nothing_left": "fine", "unknown_structure": "open", "not_identifiable": "open"
+}  # fmt: skip
+_SHOWN_EFFECTS = 3
+
+
+def tile(closed: Closed) -> Verdict:
+    """What a plant engineer needs within a minute."""
+    figures = _how_much(closed) + _how_sure(closed) + [_error(closed)]
+    return Verdict(_TONES[closed.verdict], _headline(closed), _sentence(closed), figures, next_steps(closed))
+
+
+def _headline(closed: Closed) -> str:
+    if closed.verdict == "effects_found":
+        named = ", ".join(f"{each.term.id} ({each.term.where})" for each in closed.named)
+        return f"{'Cause' if len(closed.named) == 1 else 'Causes'} found: {named}"
+    if closed.verdict == "unknown_structure":
+        return "The power has changed in a way that no known effect explains"
+    if closed.verdict == "not_identifiable":
+        return "Something differs, but these recordings cannot tell what"
+    return "No credible effect: the model explains the power as far as these recordings show"
+
+
+def _sentence(closed: Closed) -> str:
+    if closed.verdict == "unknown_structure" and closed.tracing.unknown is not None:
+        unknown = closed.tracing.unknown
+        since = f", since {unknown.gate.start}" if unknown.gate.start else ""
+        return f"The residual looks like {unnamed(unknown.finding.candidate.label)}{since}."
+    sentences = [library()[each.term.id].summary for each in closed.named]
+    since = next((f" It begins with {each.start}." for each in closed.named if each.start), "")
+    perhaps = "Perhaps: " if closed.verdict == "not_identifiable" and sentences else ""
+    return _capital(perhaps + "; ".join(sentences) + f".{since}") if sentences else _reason(closed)
+
+
+def _reason(closed: Closed) -> str:
+    return _capital(f"{closed.notes[-1]}.") if closed.notes and closed.verdict == "not_identifiable" else ""
+
+
+def _capital(text: str) -> str:
+    return text[0].upper() + text[1:]
+
+
+def _how_much(closed: Closed) -> list[KeyFigure]:
+    if closed.named or closed.verdict != "unknown_structure":
+        return [_size(each) for each in closed.named[:_SHOWN_EFFECTS]]
+    usual = closed.floor_W if closed.reference_rmse is None else closed.reference_rmse
+    excess = max(closed.before.rmse**2 - usual**2, 0.0) ** 0.5
+    return [KeyFigure("power without a name", f"{number(excess)} W RMS", f"beyond the usual {number(usual, 2)} W")]
+
+
+def _size(each: Added) -> KeyFigure:
+    """The first parameter of an effect with its interval."""
+    name, parameter = next(iter(each.term.parameters.items()))
+    value, unit, bounds = float(parameter["value"]), parameter["unit"], parameter["ci95"]
+    label = f"{each.term.id}: {name}"
+    if not bounds:
+        return KeyFigure(label, f"{number(value)} {unit}", counted(each.recordings, "recording"))
+    note = confidence_interval((bounds[0], bounds[1]), each.recordings)
+    return KeyFigure(label, f"{with_error(value, (bounds[1] - bounds[0]) / 2)} {unit}", note)
+
+
+def _how_sure(closed: Closed) -> list[KeyFigure]:
+    if closed.named:
+        sure = " and ".join(percent(each.confidence) for each in closed.named[:_SHOWN_EFFECTS])
+        return [KeyFigure("how sure", sure, "would be named again from other recordings of this kind")]
+    unknown = closed.tracing.unknown
+    if unknown is None or closed.verdict != "unknown_structure":
+        return []
+    best = next((each for each in closed.tracing.hypotheses if each.id), None)
+    if best is None:
+        return [KeyFigure("best known effect", "none", "no effect of the library comes near")]
+    share = percent(max(best.evidence, 0.0) / unknown.finding.evidence)
+    return [KeyFigure("the best known effect explains", share, f"of that: {best.id}; the rest has no name")]
+
+
+def _error(closed: Closed) -> KeyFigure:
+    """Held-out error before and after, beside what the recordings permit."""
+    before, after = number(closed.before.rmse), number(closed.after.rmse)
+    value = f"{before} → {after} W" if closed.kept else f"{before} W"
+    held_out = counted(len({segment.recording for segment in closed.subject.held_out}), "recording")
+    was = f"; {number(closed.reference_rmse, 2)} W when the model was made" if closed.reference_rmse is not None else ""
+    return KeyFigure("error (RMS), held out", value, f"{held_out}; noise {number(closed.floor_W, 2)} W{was}")

@@ -1,0 +1,110 @@
+"""What a report is made of. `kind` is the name by which assets/page.html knows a block."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+from acqd.report.bars import Bars
+from acqd.report.digits import number
+from acqd.report.lines import Chart
+
+
+@dataclass(frozen=True, slots=True)
+class Text:
+    """A paragraph."""
+
+    kind: ClassVar[str] = "text"
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Cells as text; columns of words are aligned to the left."""
+
+    kind: ClassVar[str] = "table"
+    label: str
+    header: list[str]
+    rows: list[list[str]]
+    words: frozenset[int]
+    """Columns that hold words, besides the first."""
+
+
+@dataclass(frozen=True, slots=True)
+class Lines:
+    """A chart of lines."""
+
+    kind: ClassVar[str] = "chart"
+    chart: Chart
+    caption: str
+
+
+@dataclass(frozen=True, slots=True)
+class Ranking:
+    """A chart of bars."""
+
+    kind: ClassVar[str] = "bars"
+    bars: Bars
+    caption: str
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """A drawing as SVG."""
+
+    kind: ClassVar[str] = "picture"
+    svg: str
+    label: str
+    caption: str
+
+
+@dataclass(frozen=True, slots=True)
+class Chapter:
+    """The body of another report, folded."""
+
+    kind: ClassVar[str] = "chapter"
+    title: str
+    html: str
+
+
+@dataclass(slots=True)
+class Folded:
+    """Blocks behind a title that opens them."""
+
+    kind: ClassVar[str] = "folded"
+    title: str
+    blocks: list[Block] = field(default_factory=list)
+
+
+Block = Text | Table | Lines | Ranking | Picture | Chapter | Folded
+
+
+@dataclass(slots=True)
+class Section:
+    """A heading with what follows it."""
+
+    title: str
+    anchor: str
+    blocks: list[Block] = field(default_factory=list)
+
+
+def table_of(label: str, header: Sequence[str], rows: Sequence[Sequence[object]]) -> Table:
+    """A table of any cells; floats are shown to four significant digits at most."""
+    texts = [[_cell(cell) for cell in row] for row in rows]
+    words = {
+        column
+        for column in range(1, len(header))
+        if any(isinstance(row[column], str) and _is_prose(row[column]) for row in rows)
+    }
+    return Table(label, list(header), texts, frozenset(words))
+
+
+def _is_prose(cell: object) -> bool:
+    """Several words with hardly a digit."""
+    text = str(cell)
+    return text.count(" ") >= 2 and sum(character.isdigit() for character in text) < len(text) / 4
+
+
+def _cell(value: object) -> str:
+    return number(value, 3) if isinstance(value, float) else str(value)

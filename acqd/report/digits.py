@@ -1,0 +1,73 @@
+"""Numbers with the digits that they deserve."""
+
+from __future__ import annotations
+
+import math
+
+FEWEST_FOR_INTERVAL = 5
+"""Recordings: resampling fewer of them says next to nothing about others."""
+_MOST_DECIMALS = 6
+
+
+def number(value: float, digits: int = 3) -> str:
+    """A number with at least so many significant digits, without an exponent between 1e-4 and 1e6."""
+    if not math.isfinite(value):
+        return "-"
+    if value == 0:
+        return "0"
+    if not 1e-4 <= abs(value) < 1e6:
+        return f"{value:.{digits - 1}e}"
+    return f"{value:.{_decimals(abs(value), digits)}f}"
+
+
+def with_error(value: float, half: float) -> str:
+    """A number with the decimals of its error, `half`, which has two significant digits below 35.5, else one.
+
+    This is the rule of the Particle Data Group (Review of Particle Physics, section 5.3).
+    """
+    if not (math.isfinite(half) and half > 0):
+        return number(value)
+    leading = float(f"{half:.2e}".partition("e")[0])
+    return f"{value:.{_decimals(half, 2 if leading < 3.55 else 1)}f}"
+
+
+def interval(low: float, high: float) -> str:
+    """Two bounds with the decimals of half their distance."""
+    half = (high - low) / 2
+    return f"{with_error(low, half)} to {with_error(high, half)}"
+
+
+def interval_of(bounds: tuple[float, float], recordings: int) -> str:
+    """An interval with the number of recordings behind it; none where they are too few."""
+    if recordings < FEWEST_FOR_INTERVAL:
+        return f"no interval from {counted(recordings, 'recording')}"
+    return f"{interval(*bounds)} ({counted(recordings, 'recording')})"
+
+
+def confidence_interval(bounds: tuple[float, float], recordings: int) -> str:
+    """The same with its level, for a tile."""
+    text = interval_of(bounds, recordings)
+    return text if recordings < FEWEST_FOR_INTERVAL else f"95 %: {text}"
+
+
+def counted(count: int, noun: str) -> str:
+    """A count with its noun: 1 recording, 2 recordings."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
+def duration(seconds: float) -> str:
+    """A duration in the unit that suits it."""
+    if seconds < 120:
+        return f"{number(seconds)} s"
+    return f"{number(seconds / 60)} min" if seconds < 7200 else f"{number(seconds / 3600)} h"
+
+
+def percent(share: float) -> str:
+    """A share as a percentage of two significant digits at least."""
+    return f"{100 * share:.0f} %" if abs(share) >= 0.1 or share == 0 else f"{100 * share:.2g} %"
+
+
+def _decimals(size: float, digits: int) -> int:
+    """Decimals that show so many significant digits of a positive number."""
+    exponent = math.floor(math.log10(float(f"{size:.{digits - 1}e}")))
+    return min(max(digits - 1 - exponent, 0), _MOST_DECIMALS)

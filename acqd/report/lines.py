@@ -1,0 +1,158 @@
+"""Lines over a common axis, as SVG for wide and for narrow screens, with the values for the pointer."""
+
+from __future__ import annotations
+
+import html
+import json
+import math
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Values = NDArray[np.floating[Any]]
+Colour = Literal["ink", "before", "after", "muted", "other", "fine"]
+MOST_POINTS = 3000
+_LEFT, _RIGHT, _TOP, _GAP, _BOTTOM = 62, 8, 6, 14, 40
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """One line; NaN interrupts it."""
+
+    name: str
+    values: Values
+    colour: Colour = "ink"
+
+
+@dataclass(frozen=True, slots=True)
+class Panel:
+    """Lines with a common vertical axis."""
+
+    label: str
+    """Quantity and unit."""
+    lines: list[Line]
+    height: int = 260
+    zero: bool = False
+    """Draw a line at zero."""
+
+
+@dataclass(frozen=True, slots=True)
+class Chart:
+    """Panels one below another."""
+
+    x: Values
+    x_label: str
+    """Quantity and unit."""
+    panels: list[Panel]
+    alt: str
+    """What the picture shows, for those who cannot see it."""
+
+    @property
+    def legend(self) -> list[Line]:
+        """Every name once."""
+        lines = [line for panel in self.panels for line in panel.lines]
+        return list({line.name: line for line in reversed(lines)}.values())[::-1]
+
+    def thinned(self) -> Chart:
+        """Not more than MOST_POINTS points."""
+        every = math.ceil(len(self.x) / MOST_POINTS)
+        if every == 1:
+            return self
+        panels = [
+            Panel(p.label, [Line(o.name, o.values[::every], o.colour) for o in p.lines], p.height, p.zero)
+            for p in self.panels
+        ]
+        return Chart(self.x[::every], self.x_label, panels, self.alt)
+
+    def values(self) -> str:
+        """JSON for script.js, safe within a script element: x, and the values of every line."""
+        names = [f"{line.name} {panel.label}" for panel in self.panels for line in panel.lines]
+        rows = [_rounded(line.values) for panel in self.panels for line in panel.lines]
+        text = json.dumps({"x": _rounded(self.x), "label": self.x_label, "names": names, "rows": rows})
+        return text.replace("<", "\\u003c")
+
+    def svg(self, width: int, scale: float = 1.0) -> str:
+        """An SVG element, `width` units wide; `scale` multiplies the heights of the panels."""
+        drawing = _Drawing(self, width, scale)
+        label = html.escape(self.alt)
+        return (
+            f'<svg role="img" aria-label="{label}" viewBox="0 0 {width} {drawing.height}" '
+            f'data-from="{_LEFT}" data-to="{width - _RIGHT}" preserveAspectRatio="xMidYMid meet">'
+            f"{drawing.text}</svg>"
+        )
+
+
+class _Drawing:
+    """One chart at one width."""
+
+    def __init__(self, chart: Chart, width: int, scale: float) -> None:
+        self.width = width
+        self.x_range = float(chart.x[0]), float(chart.x[-1])
+        top, parts = _TOP, []
+        for panel in chart.panels:
+            height = round(panel.height * scale)
+            parts.append(self._panel(chart, panel, top, height))
+            top += height + _GAP
+        bottom = top - _GAP
+        self.height = bottom + _BOTTOM
+        parts.append(self._x_axis(chart.x_label, bottom))
+        parts.append(f'<line class="cursor" x1="0" x2="0" y1="{_TOP}" y2="{bottom}"/>')
+        self.text = "".join(parts)
+
+    def _x(self, values: Values) -> Values:
+        low, high = self.x_range
+        return _LEFT + (values - low) / max(high - low, 1e-12) * (self.width - _LEFT - _RIGHT)
+
+    def _panel(self, chart: Chart, panel: Panel, top: int, height: int) -> str:
+        known = np.concatenate([line.values[np.isfinite(line.values)] for line in panel.lines] or [np.zeros(1)])
+        low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 1.0)
+        margin = 0.05 * max(high - low, 1e-9)
+        low, high = low - margin, high + margin
+        parts = []
+        for tick in ticks(low, high, max(3, height // 50)):
+            y = round(top + (high - tick) / (high - low) * height, 1)
+            kind = "axis" if panel.zero and tick == 0 else "grid"
+            parts.append(f'<line class="{kind}" x1="{_LEFT}" x2="{self.width - _RIGHT}" y1="{y}" y2="{y}"/>')
+            parts.append(f'<text x="{_LEFT - 6}" y="{y + 4}" text-anchor="end">{tick:g}</text>')
+        x = self._x(chart.x)
+        for line in panel.lines:
+            heights = np.round(top + (high - line.values) / (high - low) * height, 1)
+            parts.append(f'<path class="{line.colour}" d="{_path(np.round(x, 1), heights)}"/>')
+        place, label = f"translate(13 {top + height / 2}) rotate(-90)", html.escape(panel.label)
+        parts.append(f'<text transform="{place}" text-anchor="middle">{label}</text>')
+        return "".join(parts)
+
+    def _x_axis(self, label: str, bottom: int) -> str:
+        parts = [f'<line class="axis" x1="{_LEFT}" x2="{self.width - _RIGHT}" y1="{bottom}" y2="{bottom}"/>']
+        for tick in ticks(*self.x_range, max(3, self.width // 110)):
+            x = float(self._x(np.array([tick]))[0])
+            parts.append(f'<text x="{x:.1f}" y="{bottom + 17}" text-anchor="middle">{tick:g}</text>')
+        middle = (_LEFT + self.width - _RIGHT) / 2
+        parts.append(f'<text x="{middle}" y="{bottom + 35}" text-anchor="middle">{html.escape(label)}</text>')
+        return "".join(parts)
+
+
+def ticks(low: float, high: float, count: int) -> list[float]:
+    """About so many round numbers within a range."""
+    rough = max(high - low, 1e-12) / count
+    power = 10.0 ** math.floor(math.log10(rough))
+    step = next(factor * power for factor in (1, 2, 5, 10) if factor * power >= rough * 0.999)
+    first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
+    return [round(k * step, 10) for k in range(first, last + 1)]
+
+
+def _path(x: Values, y: Values) -> str:
+    parts, pen = [], "M"
+    for a, b in zip(x.tolist(), y.tolist(), strict=True):
+        if not math.isfinite(b):
+            pen = "M"
+            continue
+        parts.append(f"{pen}{a:g} {b:g}")
+        pen = "L"
+    return "".join(parts)
+
+
+def _rounded(values: Values) -> list[float | None]:
+    return [round(value, 3) if math.isfinite(value) else None for value in values.tolist()]

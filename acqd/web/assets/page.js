@@ -1,0 +1,222 @@
+"use strict";
+const $ = (id) => document.getElementById(id);
+const RANGES = [["1 min", 60], ["10 min", 600], ["1 h", 3600], ["6 h", 21600], ["24 h", 86400]];
+const DIGITS = { P: 1, Vrms: 1, Irms: 3, S: 1, PF: 3, f: 3, W: 4 };
+const DASH = { L1: [], L2: [8, 4], L3: [2, 3], total: [], predicted: [10, 3, 2, 3] };
+const POINTS = 1500, UNIX_OF_FILETIME = 11644473600, QUIET_S = 3;
+const view = { device: "", seconds: 60, quantity: "P" };
+let latest = {}, series = { time: [], channels: {} }, waiting = [], loading = 0, plot = null, lastRow = 0, broker = true, delayMs = null;
+let predicted = [];
+
+const text = (value, digits) => value === null || value === undefined ? "-" : value.toFixed(digits);
+const put = (node, value) => { if (node.textContent !== value) node.textContent = value; };
+const energy = (kWh) => Math.abs(kWh) < 1 ? [kWh * 1000, "Wh"] : Math.abs(kWh) < 1000 ? [kWh, "kWh"] : [kWh / 1000, "MWh"];
+const unixOf = (row) => row.filetime / 1e7 - UNIX_OF_FILETIME;
+
+function choose(device) {
+  view.device = device;
+  latest = {};
+  predicted = [];
+  put($("device"), device);
+  load();
+}
+
+function known(device) {
+  const list = $("devices");
+  if ([...list.options].some((option) => option.value === device)) return;
+  list.add(new Option(device, device));
+  $("choose").hidden = list.options.length < 2;
+  if (!view.device) choose(device);
+}
+
+function onRows(rows) {
+  for (const row of rows) {
+    known(row.device);
+    if (row.device !== view.device) continue;
+    latest[row.channel] = row;
+    if (loading) waiting.push(row);
+    else append(row);
+    lastRow = performance.now();
+    delayMs = Date.now() - 1000 * unixOf(row);
+  }
+}
+
+function append(row) {
+  const at = unixOf(row), times = series.time, last = times.length - 1;
+  const value = row[view.quantity];
+  let k = last;
+  while (k > 0 && times[k] > at) k--;
+  if (last >= 0 && times[k] === at) {
+    (series.channels[row.channel] ??= Array(times.length).fill(null))[k] = value;
+    return;
+  }
+  if (last >= 0 && at - times[last] < view.seconds / POINTS) return;
+  times.push(at);
+  for (const name in series.channels) series.channels[name].push(null);
+  (series.channels[row.channel] ??= Array(times.length).fill(null))[times.length - 1] = value;
+  let old = 0;
+  while (old < times.length && times[old] < at - view.seconds) old++;
+  if (old > 100 || old > times.length / 10) {
+    times.splice(0, old);
+    for (const name in series.channels) series.channels[name].splice(0, old);
+  }
+}
+
+async function load() {
+  if (!view.device) return;
+  const mine = ++loading;
+  waiting = [];
+  const query = new URLSearchParams({ device: view.device, seconds: view.seconds, quantity: view.quantity });
+  let past = { time: [], channels: {} };
+  try {
+    const answer = await fetch(`/api/history?${query}`);
+    if (answer.ok) past = await answer.json();
+    else put($("summary"), (await answer.json()).error);
+  } catch { /* the state above says that the page is not connected */ }
+  if (mine !== loading) return;
+  series = { time: past.time, channels: past.channels, from: past.from };
+  const end = series.time.length ? series.time[series.time.length - 1] : 0;
+  loading = 0;
+  waiting.filter((row) => unixOf(row) > end + 0.001).forEach(append);
+  waiting = [];
+  draw(true);
+}
+
+const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+
+function clockTimes(_, times) {
+  const whole = view.seconds > 1800;
+  return times.map((at) => new Date(1000 * at).toLocaleTimeString("sv-SE", whole ? { hour: "2-digit", minute: "2-digit" } : {}));
+}
+
+function draw(anew) {
+  const names = Object.keys(series.channels).sort();
+  const shown = view.quantity === "f" && names.includes("total") ? ["total"] : names;
+  const rows = [series.time, ...shown.map((name) => series.channels[name])];
+  if (view.quantity === "P" && predicted.length) {
+    shown.push("predicted");
+    let k = 0;
+    rows.push(series.time.map((at) => {
+      while (k < predicted.length - 1 && predicted[k + 1][0] <= at) k++;
+      return Math.abs(predicted[k][0] - at) < 0.1 ? predicted[k][1] : null;
+    }));
+  }
+  if (!plot || anew || plot.series.length !== rows.length) {
+    if (plot) plot.destroy();
+    const grid = { stroke: colour("line"), width: 1 };
+    const axis = { stroke: colour("ink"), grid, ticks: grid };
+    const lines = shown.map((name) => ({ label: name, stroke: colour(name), width: name === "total" ? 2 : 1.3, dash: DASH[name], spanGaps: true, points: { show: false } }));
+    const option = $("quantity").selectedOptions[0];
+    plot = new uPlot({
+      width: $("chart").clientWidth, height: 300, legend: { show: false }, cursor: { drag: { x: false } },
+      scales: { x: { range: () => { const end = Math.max(Date.now() / 1000, series.time[series.time.length - 1] ?? 0); return [end - view.seconds, end]; } } },
+      axes: [{ ...axis, label: "time (of this browser)", values: clockTimes, space: 70 }, { ...axis, label: option.textContent, size: 65 }],
+      series: [{}, ...lines],
+    }, rows, $("chart"));
+    $("legend").innerHTML = shown.map((name) => `<li><svg viewBox="0 0 28 8" aria-hidden="true"><path d="M0 4H28" stroke="${colour(name)}" stroke-width="3" stroke-dasharray="${(DASH[name] ?? []).join(" ")}"/></svg>${name.replace(/[<&]/g, "")}</li>`).join("");
+  } else plot.setData(rows);
+}
+
+function numbers() {
+  const main = latest.total ?? latest.L1;
+  if (!main) return;
+  for (const node of document.querySelectorAll("#big [data-of]")) {
+    const name = node.dataset.of;
+    if (name === "W") {
+      const [value, unit] = energy(main.W ?? 0);
+      put(node, main.W === null ? "-" : value.toFixed(unit === "Wh" ? 2 : 4));
+      put($("energy-unit"), unit);
+    } else if (name in DIGITS) put(node, text(main[name], DIGITS[name]));
+  }
+  Object.assign($("big").dataset, { boot: main.boot, seq: main.seq, channel: main.channel });
+  put($("flags"), main.flags.length ? `flags: ${main.flags.join(", ")}` : "");
+  const body = $("phases").tBodies[0];
+  Object.keys(latest).sort().forEach((name, k) => {
+    const row = body.rows[k] ?? body.insertRow();
+    const cells = [name, ...["P", "Vrms", "Irms", "S", "PF"].map((q) => text(latest[name][q], DIGITS[q])), latest[name].W === null ? "-" : (1000 * latest[name].W).toFixed(2)];
+    cells.forEach((cell, c) => put(row.cells[c] ?? row.appendChild(c ? document.createElement("td") : Object.assign(document.createElement("th"), { scope: "row" })), cell));
+  });
+  if (predicted.length && performance.now() - predicted.at < 3000) {
+    const power = predicted[predicted.length - 1][1];
+    $("predicted").hidden = false;
+    put(document.querySelector("[data-of=predicted]"), text(power, 1));
+    put($("residual"), text(main.P === null ? null : main.P - power, 1));
+  } else $("predicted").hidden = true;
+}
+
+function summary() {
+  const name = series.channels.total ? "total" : Object.keys(series.channels)[0];
+  const values = (series.channels[name] ?? []).filter((value) => value !== null);
+  if (!values.length) {
+    if (view.device && !loading) put($("summary"), "no values in this span");
+    return;
+  }
+  const [least, most] = values.reduce(([a, b], v) => [Math.min(a, v), Math.max(b, v)], [Infinity, -Infinity]);
+  const digits = DIGITS[view.quantity], mean = values.reduce((a, b) => a + b, 0) / values.length;
+  put($("summary"), `${name}: least ${least.toFixed(digits)}, mean ${mean.toFixed(digits)}, most ${most.toFixed(digits)}; ${values.length} points${series.from ? ` from ${series.from}, then live` : ""}`);
+}
+
+function state() {
+  const quiet = (performance.now() - lastRow) / 1000;
+  const bad = !broker || events.readyState !== EventSource.OPEN;
+  const [kind, words] = bad ? ["bad", broker ? "no connection to acqd web; trying again" : "acqd web has no connection to the broker"]
+    : !lastRow || quiet > QUIET_S ? ["open", `waiting for rows${lastRow ? ` for ${quiet.toFixed(0)} s` : ""}`] : ["fine", "live"];
+  $("state").className = kind;
+  put($("state"), words);
+  if (kind === "fine" && delayMs !== null) put($("delay"), `The newest row is ${Math.round(delayMs)} ms old (a row is 40 ms long and is made when it ends).`);
+}
+
+async function health() {
+  try {
+    const { services } = await (await fetch("/api/health")).json();
+    const body = $("services").tBodies[0];
+    while (body.rows.length > services.length) body.deleteRow(-1);
+    services.forEach((service, k) => {
+      const row = body.rows[k] ?? body.insertRow();
+      while (row.cells.length < 3) row.insertCell();
+      const details = [...service.problems, ...service.notes];
+      put(row.cells[0], service.service);
+      put(row.cells[1], service.ready ? "ready" : "not ready");
+      row.cells[1].className = service.ready ? "fine" : "bad";
+      put(row.cells[2], details.length ? details.join("; ") : "nothing to report");
+    });
+  } catch { /* asked again soon */ }
+}
+
+for (const [name, seconds] of RANGES) {
+  const button = Object.assign(document.createElement("button"), { type: "button", textContent: name });
+  button.setAttribute("aria-pressed", seconds === view.seconds);
+  button.onclick = () => {
+    view.seconds = seconds;
+    for (const other of $("ranges").querySelectorAll("button")) other.setAttribute("aria-pressed", other === button);
+    load();
+  };
+  $("ranges").append(button);
+}
+$("quantity").onchange = () => { view.quantity = $("quantity").value; load(); };
+$("devices").onchange = () => choose($("devices").value);
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => draw(true));
+addEventListener("resize", () => plot && plot.setSize({ width: $("chart").clientWidth, height: 300 }));
+
+const events = new EventSource("/events");
+let seen = false;
+events.onopen = () => { if (seen) load(); seen = true; };
+events.addEventListener("rows", (event) => onRows(JSON.parse(event.data)));
+events.addEventListener("broker", (event) => {
+  const was = broker;
+  broker = JSON.parse(event.data).connected;
+  if (broker && !was) load();
+});
+events.addEventListener("prediction", (event) => {
+  const { device, time, P } = JSON.parse(event.data);
+  if (device !== view.device) return;
+  predicted.push([time, P]);
+  predicted.at = performance.now();
+  while (predicted.length && predicted[0][0] < time - Math.min(view.seconds, 3600)) predicted.shift();
+});
+fetch("/api/devices").then((answer) => answer.ok ? answer.json() : { devices: [] }).then(({ devices }) => devices.forEach(known)).catch(() => {});
+setInterval(() => { numbers(); summary(); }, 250);
+setInterval(() => { if (!loading && plot && document.visibilityState === "visible") draw(false); }, 100);
+setInterval(state, 500);
+setInterval(health, 5000);
+health();

@@ -1,0 +1,103 @@
+"""Past values for charts, from rows or from roll-ups."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import sqlalchemy as sa
+
+from acqd.storage.schema import ROLLUPS, power
+from acqd.timestamps import filetime
+
+_TICKS = 10_000_000
+_ROW_TICKS = _TICKS // 25
+_MOST_POINTS = 1500
+_ROWS_UP_TO_S = 1800
+"""Longer spans come from roll-ups, where these exist: 30 min hold 45 000 rows per channel."""
+_ROLLED_UP_TO_S = {60: 36 * 3600, 900: 1e18}
+_QUANTITIES = ("P", "Vrms", "Irms", "PF", "f", "W")
+LONGEST_S = 366 * 86_400
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """What a chart shows."""
+
+    device: str
+    seconds: float
+    """Until now."""
+    quantity: str = "P"
+
+    def __post_init__(self) -> None:
+        if self.quantity not in _QUANTITIES:
+            raise ValueError(f"quantity {self.quantity!r}: expected one of {', '.join(_QUANTITIES)}")
+        if not 1 <= self.seconds <= LONGEST_S:
+            raise ValueError(f"seconds {self.seconds:g}: expected 1 to {LONGEST_S}")
+
+
+def devices(engine: sa.Engine) -> list[str]:
+    """Names of all devices with rows."""
+    names: list[str] = []
+    last = ""
+    with engine.connect() as connection:  # one seek in the key per device, not a scan
+        while True:
+            found = connection.execute(sa.select(sa.func.min(power.c.device)).where(power.c.device > last)).scalar()
+            if found is None:
+                return names
+            names.append(str(found))
+            last = str(found)
+
+
+def history(engine: sa.Engine, span: Span, now: float | None = None) -> dict[str, Any]:
+    """Times [Unix s] and means per channel in equal buckets; `from`: the table the values are from."""
+    end = time.time() if now is None else now
+    begin = end - span.seconds
+    with engine.connect() as connection:
+        if span.seconds > _ROWS_UP_TO_S:
+            seconds = next(each for each, limit in _ROLLED_UP_TO_S.items() if span.seconds <= limit)
+            rolled = _rolled_up(connection, span, begin, seconds)
+            if rolled:
+                newer = float(rolled[-1][0]) + seconds
+                tail = _rows(connection, span, newer, end, seconds) if newer < end else []
+                return _columns([*rolled, *tail], f"power_{seconds // 60}min")
+        return _columns(_rows(connection, span, begin, end), "power")
+
+
+def _rolled_up(connection: sa.Connection, span: Span, begin: float, seconds: int) -> list[Any]:
+    table = ROLLUPS[seconds]
+    chosen = sa.select(table.c.start, table.c.channel, table.c[span.quantity]).where(
+        table.c.device == span.device, table.c.start >= int(begin)
+    )
+    return list(connection.execute(chosen.order_by(table.c.start)))
+
+
+def _rows(connection: sa.Connection, span: Span, begin: float, end: float, bucket_s: float | None = None) -> list[Any]:
+    """Means of buckets of the rows, by FILETIME, which is an integer in every database.
+
+    Buckets that would be shorter than a row are left out: every row has its own.
+    """
+    first = filetime(int(begin * 1e9))
+    width = int(((end - begin) / _MOST_POINTS if bucket_s is None else bucket_s) * _TICKS)
+    width = width if width > _ROW_TICKS else 1
+    number = (power.c.filetime - first) // width
+    column = power.c[span.quantity]
+    value = sa.func.max(column) if span.quantity == "W" else sa.func.avg(column)
+    chosen = (
+        sa.select(number.label("bucket"), power.c.channel, value)
+        .where(power.c.device == span.device, power.c.filetime >= first)
+        .group_by("bucket", power.c.channel)
+        .order_by("bucket")
+    )
+    return [(begin + k * width / _TICKS, channel, mean) for k, channel, mean in connection.execute(chosen)]
+
+
+def _columns(rows: list[Any], table: str) -> dict[str, Any]:
+    channels = sorted({channel for _, channel, _ in rows})
+    times = sorted({float(at) for at, _, _ in rows})
+    place = {at: k for k, at in enumerate(times)}
+    values: dict[str, list[float | None]] = {channel: [None] * len(times) for channel in channels}
+    for at, channel, value in rows:
+        values[channel][place[float(at)]] = value
+    return {"from": table, "time": times, "channels": values}

@@ -1,0 +1,139 @@
+"""Rows from the broker to all viewers: collected for a moment, encoded once."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+
+import aiomqtt
+import orjson
+
+from acqd.telemetry import topics
+from acqd.telemetry.mqtt import BrokerAddress
+from acqd.telemetry.row import parse_row
+
+FLUSH_S = 0.08
+_BEHIND = 50
+"""Events that wait for a viewer at most: four seconds; then the oldest are lost."""
+_RETRY_S = 1.0
+_BEAT_S = 5.0
+_SHOWN = ("device", "channel", "boot", "seq", "time", "filetime", "Vrms", "Irms", "P", "S", "PF", "f", "W", "flags")
+
+
+class Hub:
+    """One subscription for any number of viewers."""
+
+    def __init__(self, address: BrokerAddress) -> None:
+        self._address = address
+        self._viewers: set[asyncio.Queue[bytes]] = set()
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._ended = False
+        self._rows: list[dict[str, object]] = []
+        self._state: dict[str, bytes] = {}
+        self.connected = False
+        self.trouble = "not connected yet"
+        self.lost = 0
+        """Events that viewers did not take in time."""
+
+    async def run(self) -> None:
+        """Subscribe until cancelled, and again whenever the connection is lost."""
+        self._loop = asyncio.get_running_loop()
+        async with asyncio.TaskGroup() as tasks:
+            tasks.create_task(self._flush())
+            tasks.create_task(self._beat())
+            tasks.create_task(self._subscribe())
+
+    async def _subscribe(self) -> None:
+        while True:
+            try:
+                await self._receive()
+            except aiomqtt.MqttError as error:
+                self.trouble = str(error)
+            self.connected = False
+            self._tell("broker", {"connected": False, "trouble": self.trouble})
+            await asyncio.sleep(_RETRY_S)
+
+    async def _receive(self) -> None:
+        address = self._address
+        client = aiomqtt.Client(
+            address.host, address.port, username=address.username, password=address.password,
+            tls_context=address.tls_context(), timeout=5.0,
+        )  # fmt: skip
+        async with client:
+            for topic in (topics.ALL_POWER, topics.ALL_STATUS, topics.ALL_PREDICTIONS):
+                await client.subscribe(topic, qos=0)
+            self.connected, self.trouble = True, ""
+            self._tell("broker", {"connected": True, "trouble": ""})
+            async for message in client.messages:
+                self.take(str(message.topic), bytes(message.payload))
+
+    def take(self, topic: str, payload: bytes) -> None:
+        """Take a message; what is none of acqd's is left out."""
+        kind, device = topic.rpartition("/")[2], topic.split("/")[1]
+        if kind == "power":
+            try:
+                row = parse_row(payload)
+            except ValueError:
+                return
+            self._rows.append({name: getattr(row, name) for name in _SHOWN})
+        elif kind == "status" and device != "sink":
+            self._tell("status", {"device": device, "online": payload != topics.OFFLINE})
+        elif kind == "live":
+            self._prediction(device, payload)
+
+    def _prediction(self, device: str, payload: bytes) -> None:
+        try:
+            message = orjson.loads(payload)
+            power = {"device": device, "time": float(message["time"]), "P": float(message["P_predicted"])}
+        except (orjson.JSONDecodeError, KeyError, TypeError, ValueError):
+            return
+        self._tell("prediction", power)
+
+    def _tell(self, event: str, data: object) -> None:
+        text = b"event: %s\ndata: %s\n\n" % (event.encode(), orjson.dumps(data))
+        if event in ("broker", "status"):
+            device = data.get("device", "") if isinstance(data, dict) else ""
+            self._state[f"{event} {device}"] = text
+        for queue in self._viewers:
+            while queue.full():
+                queue.get_nowait()
+                self.lost += 1
+            queue.put_nowait(text)
+
+    async def _flush(self) -> None:
+        while True:
+            await asyncio.sleep(FLUSH_S)
+            if self._rows:
+                rows, self._rows = self._rows, []
+                if self._viewers:
+                    self._tell("rows", rows)
+
+    async def _beat(self) -> None:
+        """A comment now and then: a viewer that has gone is noticed."""
+        while True:
+            await asyncio.sleep(_BEAT_S)
+            self._tell("beat", {})
+
+    async def events(self) -> AsyncIterator[bytes]:
+        """What one viewer gets, from now on."""
+        queue: asyncio.Queue[bytes] = asyncio.Queue(_BEHIND)
+        for text in self._state.values():
+            queue.put_nowait(text)
+        self._viewers.add(queue)
+        try:
+            yield b"retry: 1000\n\n"
+            while not self._ended:
+                yield await queue.get()
+        finally:
+            self._viewers.discard(queue)
+
+    def end(self) -> None:
+        """End the streams of all viewers, from any thread."""
+        self._ended = True
+        if self._loop is not None:
+            self._loop.call_soon_threadsafe(self._tell, "end", {})
+
+    @property
+    def viewers(self) -> int:
+        """How many look on."""
+        return len(self._viewers)

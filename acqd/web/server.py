@@ -1,0 +1,34 @@
+"""Serves the live page until it is asked to stop."""
+
+from __future__ import annotations
+
+from types import FrameType
+
+import uvicorn
+
+from acqd.web.app import Site
+from acqd.web.settings import WebSettings
+
+
+class Server(uvicorn.Server):
+    """uvicorn, which ends the streams of all viewers before it waits for them."""
+
+    def __init__(self, settings: WebSettings) -> None:
+        self._site = Site(settings)
+        # no access log: the address may hold the token
+        super().__init__(
+            uvicorn.Config(
+                self._site.app(), host=settings.host, port=settings.port, log_level="warning", access_log=False,
+                timeout_graceful_shutdown=5,
+            )
+        )  # fmt: skip
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        """Of SIGINT and SIGTERM."""
+        self.end()
+        super().handle_exit(sig, frame)
+
+    def end(self) -> None:
+        """Stop soon; from any thread."""
+        self._site.hub.end()
+        self.should_exit = True

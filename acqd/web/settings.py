@@ -1,0 +1,40 @@
+"""What the live page needs to know."""
+
+from __future__ import annotations
+
+import ipaddress
+import secrets
+from dataclasses import dataclass
+
+from acqd.daemon.health.section import HealthSection
+from acqd.telemetry.mqtt import BrokerAddress
+
+
+@dataclass(frozen=True, slots=True)
+class WebSettings:
+    """Broker, database, health endpoints, and who may look."""
+
+    broker: BrokerAddress
+    database: str
+    """Path of a SQLite file, or URL."""
+    health: HealthSection
+    host: str = "127.0.0.1"
+    port: int = 8731
+    token: str | None = None
+    """Asked for in the address; None: nobody is asked."""
+
+    @property
+    def address(self) -> str:
+        """What to type into a browser."""
+        return f"http://{self.host}:{self.port}/{f'?token={self.token}' if self.token else ''}"
+
+
+def token_for(host: str, given: str | None) -> str | None:
+    """None on loopback unless one is given; elsewhere the given one, or a new one."""
+    if given:
+        return given
+    try:
+        loopback = host == "localhost" or ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        loopback = False
+    return None if loopback else secrets.token_urlsafe(18)

@@ -1,0 +1,40 @@
+"""Numbers, intervals and the footer."""
+
+import pytest
+
+from acqd.report.digits import confidence_interval, duration, interval, number, percent, with_error
+from acqd.report.footer import command
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(1.00349, "1.00"), (1234.5, "1234"), (0.000123, "0.000123"), (2.5e-9, "2.50e-09"), (9.996, "10.0"), (0.0, "0"),
+     (float("nan"), "-"), (-0.0471, "-0.0471")],
+)  # fmt: skip
+def test_three_significant_digits(value, text):
+    assert number(value) == text
+
+
+@pytest.mark.parametrize(
+    ("half", "value", "bounds"),
+    [(0.088, "1.00", "0.92 to 1.09"), (0.021, "1.003", "0.982 to 1.024"), (3.1, "1.0", "-2.1 to 4.1")],
+)
+def test_an_error_decides_the_digits_of_its_value(half, value, bounds):
+    assert with_error(1.0034, half) == value
+    assert interval(1.0034 - half, 1.0034 + half) == bounds
+
+
+def test_an_interval_says_how_many_recordings_it_is_from():
+    assert confidence_interval((0.9, 1.1), 25) == "95 %: 0.90 to 1.10 (25 recordings)"
+    assert confidence_interval((0.71, 0.71), 2) == "no interval from 2 recordings"
+
+
+def test_shares_and_durations():
+    assert [percent(s) for s in (0, 0.0058, 0.036, 0.98)] == ["0 %", "0.58 %", "3.6 %", "98 %"]
+    assert [duration(s) for s in (44.4, 220, 36000)] == ["44.4 s", "3.67 min", "10.0 h"]
+
+
+def test_the_command_of_the_footer_holds_no_credentials():
+    words = ["/venv/bin/python", "/venv/bin/acqd", "dataset", "build", "--power", "postgresql://me:secret@db/power"]
+    assert command(words) == "acqd dataset build --power postgresql://db/power"
+    assert command(["python3", "-m", "tools.studies.thesis", "OUT"]) == "python -m tools.studies.thesis OUT"

@@ -1,0 +1,39 @@
+"""Charts of lines."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+from acqd.report.lines import MOST_POINTS, ticks
+from tests.report.charts import chart
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "count", "expected"),
+    [(0, 10, 5, [0, 2, 4, 6, 8, 10]), (-0.26, 0.31, 3, [-0.2, 0, 0.2]), (154, 262, 3, [200, 250]), (5, 5, 3, [5])],
+)
+def test_ticks_are_round_numbers_within_the_range(low, high, count, expected):
+    assert ticks(low, high, count) == pytest.approx(expected)
+
+
+def test_an_unknown_value_interrupts_the_line_and_lines_stay_within_their_panel():
+    drawing = chart().svg(960)
+    path = re.search(r'class="ink" d="([^"]*)"', drawing)[1]
+    assert path.count("M") == 2
+    heights = [float(pair.split()[1]) for pair in re.split("[ML]", path)[1:]]
+    assert min(heights) >= 6 and max(heights) <= 6 + 260
+
+
+def test_the_values_for_the_pointer_cannot_end_their_script():
+    text = chart().values()
+    values = json.loads(text)
+    assert "</script>" not in text and values["names"][1] == "</script><b> P [W]"
+    assert values["rows"][0][3] is None and values["rows"][0][0] == 200
+
+
+def test_long_series_are_thinned():
+    long = chart(10 * MOST_POINTS).thinned()
+    assert len(long.x) == MOST_POINTS and len(long.panels[0].lines[0].values) == MOST_POINTS
+    assert np.ptp(long.x) == pytest.approx(0.04 * 10 * MOST_POINTS, rel=0.01)

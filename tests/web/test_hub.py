@@ -1,0 +1,100 @@
+"""Rows on their way to viewers, and who may look."""
+
+from __future__ import annotations
+
+import asyncio
+
+import orjson
+import pytest
+
+from acqd.telemetry.mqtt import BrokerAddress
+from acqd.web.access import Access
+from acqd.web.hub import Hub
+from acqd.web.settings import token_for
+from tests.storage.rows import row
+
+
+def hub():
+    return Hub(BrokerAddress("127.0.0.1", 1))
+
+
+async def taken(events, count):
+    return [await anext(events) for _ in range(count)]
+
+
+def test_rows_are_sent_together_with_the_values_of_the_row():
+    async def scenario():
+        ours = hub()
+        events = ours.events()
+        first = await anext(events)
+        sent = row(7, P=123.456)
+        for payload in (sent.to_json(), b"no row", b'{"device":1}'):
+            ours.take(f"acqd/{sent.device}/L1/power", payload)
+        ours.take(f"acqd/{sent.device}/prediction/live", b'{"time": 5.0, "P_predicted": 1.5}')
+        flushing = asyncio.create_task(ours._flush())
+        texts = [first, *await taken(events, 2)]
+        flushing.cancel()
+        return sent, texts
+
+    sent, (first, prediction, rows) = asyncio.run(scenario())
+    assert first.startswith(b"retry") and prediction.startswith(b"event: prediction")
+    (shown,) = orjson.loads(rows.partition(b"data: ")[2])
+    assert (shown["P"], shown["seq"], shown["filetime"], shown["flags"]) == (123.456, 7, sent.filetime, sent.flags)
+
+
+def test_a_viewer_who_falls_behind_loses_events_and_nobody_else_does():
+    async def scenario():
+        ours = hub()
+        slow, quick = ours.events(), ours.events()
+        await anext(slow), await anext(quick)
+        seen = []
+        for k in range(200):
+            ours._tell("rows", [k])
+            seen.append(await anext(quick))
+        late = orjson.loads((await anext(slow)).partition(b"data: ")[2])
+        lost, viewers = ours.lost, ours.viewers
+        await slow.aclose()
+        return seen, late, lost, viewers, ours.viewers
+
+    seen, late, lost, viewers, left = asyncio.run(scenario())
+    assert len(seen) == 200 and late == [150] and lost == 150 and (viewers, left) == (2, 1)
+
+
+@pytest.mark.parametrize(
+    ("token", "host", "query", "cookie", "status"),
+    [
+        (None, "127.0.0.1:8731", "", "", 200), (None, "[::1]:8731", "", "", 200),
+        (None, "evil.example", "", "", 403), ("secret", "plant:8731", "", "", 403),
+        ("secret", "plant:8731", "token=wrong", "acqd=wrong", 403), ("secret", "plant:8731", "token=secret", "", 200),
+        ("secret", "plant:8731", "", "acqd=secret", 200),
+    ],
+)  # fmt: skip
+def test_who_may_look(token, host, query, cookie, status):
+    headers = asyncio.run(asked(token, host, query, cookie))
+    assert headers[0] == status
+    assert any(b"acqd=secret" in value for value in headers[1]) == (status == 200 and query != "")
+
+
+async def asked(token, host, query, cookie):
+    async def app(scope, receive, send):
+        await send({"type": "http.response.start", "status": 200, "headers": []})
+
+    sent = []
+
+    async def send(message):
+        sent.append(message)
+
+    async def receive():
+        return {"type": "http.disconnect"}
+
+    headers = [(b"host", host.encode()), (b"cookie", cookie.encode())]
+    guard = Access(app, token=token, hosts=frozenset({"127.0.0.1", "localhost", "[::1]"}))
+    scope = {"type": "http", "method": "GET", "path": "/", "headers": headers, "query_string": query.encode()}
+    await guard(scope, receive, send)
+    return sent[0]["status"], [value for name, value in sent[0]["headers"] if name == b"set-cookie"]
+
+
+def test_a_token_is_made_where_others_can_reach_the_page():
+    assert token_for("127.0.0.1", None) is None and token_for("localhost", None) is None
+    assert token_for("127.0.0.1", "mine") == "mine"
+    assert len(token_for("0.0.0.0", None)) >= 24 and token_for("plant", None) != token_for("plant", None)

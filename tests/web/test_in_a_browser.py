@@ -1,0 +1,95 @@
+"""The live page in a browser, with a real broker and database."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import paho.mqtt.client as paho
+import pytest
+
+from acqd.daemon.health.section import HealthSection
+from acqd.storage.database import open_database
+from acqd.storage.writer import Writer
+from acqd.telemetry.broker import free_port
+from acqd.telemetry.mqtt import BrokerAddress
+from acqd.web.settings import WebSettings
+from tests.browser import chromium, looks, serious_findings
+from tests.storage.rows import message, row
+from tests.waiting import LIMIT_S
+
+pytestmark = pytest.mark.browser
+pytest.importorskip("uvicorn")
+_PATIENCE_MS = 60_000
+_HEALTH = HealthSection(port=0, sink_port=0)
+
+
+class Served:
+    """`acqd web` in a thread."""
+
+    def __init__(self, settings):
+        from acqd.web.server import Server
+
+        self.server = Server(settings)
+        self.thread = threading.Thread(target=self.server.run)
+        self.thread.start()
+
+    def stop(self):
+        self.server.end()
+        self.thread.join(LIMIT_S)
+
+
+@pytest.fixture
+def publisher(mosquitto):
+    client = paho.Client(paho.CallbackAPIVersion.VERSION2)
+    client.connect("127.0.0.1", mosquitto.port)
+    client.loop_start()
+    yield client
+    client.disconnect()
+    client.loop_stop()
+
+
+def send(client, seq, P):
+    sent = row(seq, t=time.time() - 0.04, P=P)
+    client.publish(f"acqd/{sent.device}/L1/power", sent.to_json()).wait_for_publish(LIMIT_S)
+    return sent
+
+
+def shows(page, selector, text):
+    from playwright.sync_api import expect
+
+    expect(page.locator(selector).first).to_contain_text(text, timeout=_PATIENCE_MS)
+
+
+def test_numbers_are_those_of_the_rows_and_come_back_after_a_restart(mosquitto, publisher, tmp_path):
+    database = str(tmp_path / "power.sqlite")
+    begun = time.time()
+    engine = open_database(database)
+    Writer(engine).write([message(row(k, t=begun - 30 + 0.04 * k, P=77.0)) for k in range(100)])
+    settings = WebSettings(BrokerAddress("127.0.0.1", mosquitto.port), database, _HEALTH, port=free_port())
+    served = Served(settings)
+    try:
+        with chromium() as browser:
+            page = next(looks(browser))
+            page.goto(settings.address)
+            shows(page, "#summary", "most 77.0")
+            shows(page, "#state", "waiting")
+            sent = send(publisher, 1000, 123.456)
+            shows(page, "[data-of=P]", "123.5")
+            assert page.get_attribute("#big", "data-seq") == str(sent.seq)
+            shows(page, "#summary", "most 123.5")
+            assert page.errors == []
+            served.stop()
+            served = Served(settings)
+            for seq in range(1001, 1601):  # until the browser has connected again
+                send(publisher, seq, 200.31)
+                if page.inner_text("[data-of=P]") == "200.3":
+                    break
+                time.sleep(0.1)
+            shows(page, "[data-of=P]", "200.3")
+            for view in looks(browser):
+                view.goto(settings.address)
+                shows(view, "#device", sent.device)
+                assert serious_findings(view) == [] and view.errors == []
+    finally:
+        served.stop()
