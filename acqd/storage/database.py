@@ -80,7 +80,7 @@ def read_database(url: str) -> sa.Engine:
 
     Raises UserError for a URL that cannot be used, and for a SQLite file that is not there.
     """
-    engine = _engine(url, impatient=True)
+    engine = engine_for(url, impatient=True)
     path = engine.url.database
     if engine.dialect.name == "sqlite" and path and not Path(path).exists():
         raise UserError(f"database {Path(path).absolute()} does not exist; check the folder you are in, or --database")
