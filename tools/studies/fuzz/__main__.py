@@ -54,6 +54,7 @@ def fuzz(
                 status.update(f"{name}: {number} of {inputs}")
 
             tallies.append(run_parser(name, seed, inputs, limits, keep, shown))
+        console.print(f"{name}: {inputs} inputs, {tallies[-1].failures.total()} failures", highlight=False)
     took = time.monotonic() - begun
     if json:
         parsers = [tally.as_json() for tally in tallies]
