@@ -16,6 +16,7 @@ from acqd.daemon.finding import Finding
 from acqd.daemon.source_checks import source_checks
 from acqd.daemon.spool_checks import spool_checks
 from acqd.errors import UserError
+from acqd.instruction_sets import best_instruction_set
 
 _FREE_BYTES = 2 * 10**9  # a week of three-phase rows
 _CPU_GOVERNOR = Path("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor")
@@ -28,6 +29,7 @@ def all_checks(config: Config) -> list[Finding]:
         *_host(),
         *_privileges(config),
         *_clock(),
+        _metering(),
         *source_checks(config.source),
         *broker_checks(config),
         _database(config),
@@ -78,6 +80,15 @@ def _clock() -> Iterator[Finding]:
     yield Finding(
         "time synchronisation", "ok" if synchronised else "warn", "on" if synchronised else "not seen", advice
     )
+
+
+def _metering() -> Finding:
+    from acqd.metering.kernel import why_not  # compiles at first use
+
+    reason = why_not()
+    if reason is None:
+        return Finding("metering", "ok", f"compiled, {best_instruction_set().name}")
+    return Finding("metering", "warn", f"numpy ({reason})", "a window takes ten times as long; install a C compiler")
 
 
 def _database(config: Config) -> Finding:

@@ -57,6 +57,8 @@ class EnergyRegister:
 
         A window imports or exports as a whole: within a mains cycle reactive power swings both ways.
         """
+        if self._integers and counts.shape[1] == 1:
+            return self._add_one(counts[:, 0].tolist())
         sums = counts.astype(np.int64) if self._integers else counts
         running = np.cumsum(np.stack((np.maximum(sums, 0), np.maximum(-sums, 0))), axis=2)
         before = np.array(self._counts, dtype=np.float64).T[:, :, None] / self._steps
@@ -65,6 +67,13 @@ class EnergyRegister:
             for phase, added in enumerate(totals):
                 self._counts[phase][direction] += added if self._integers else round(Fraction(added) * self._steps)
         return EnergyColumns(imported, exported)
+
+    def _add_one(self, sums: list[float]) -> EnergyColumns:
+        """One window: without the price of arrays."""
+        for counts, sum_ in zip(self._counts, sums, strict=True):
+            counts[sum_ < 0] += abs(int(sum_))
+        now = np.array(self._counts, dtype=np.float64) * self._float_unit[:, None]
+        return EnergyColumns(now[:, :1], now[:, 1:])
 
     def reading(self) -> list[tuple[float, float]]:
         """Each phase's (imported, exported) [kWh] now."""

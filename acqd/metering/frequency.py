@@ -41,10 +41,10 @@ STEADY = 0.0014
 that moves f by 3 mHz is beyond it; a voltage step of 1 % is not."""
 COARSE_RATE = 4_000.0
 """Below this sampling rate [1/s] cycles of few samples bend the phase by themselves, and STEADY is wider."""
-_CACHED = 128  # trial frequencies kept: 2.5 Hz of wander, 6 MB at 1000 samples
 _COARSE = np.arange(F_MIN - MARGIN, F_MAX + MARGIN + 0.5, 0.5)  # Hz, grid of a search over the whole range
 _POWERS = (np.arange(CYCLES)[:, None] - (CYCLES - 1) / 2) ** np.arange(3)
-_BEND = np.eye(CYCLES) - _POWERS @ np.linalg.pinv(_POWERS)  # what a parabola leaves of the phases
+BEND = np.eye(CYCLES) - _POWERS @ np.linalg.pinv(_POWERS)
+"""What a parabola leaves of the phases."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +69,6 @@ class FrequencyEstimator:
         """rad; beyond it f is not to be trusted."""
         self.trial: float | None = None
         """The last credible f [Hz]."""
-        self._trials: dict[int, Trial] = {}
         time = (np.arange(samples) - (samples - 1) / 2) / rate
         self._lines = np.hanning(samples)[:, None] * np.exp(-2j * np.pi * np.outer(time, _COARSE))
 
@@ -108,14 +107,8 @@ class FrequencyEstimator:
         return Estimate(f, unsteady)
 
     def at(self, point: int) -> Trial:
-        """Vectors of grid point `point`, from the cache of those used last."""
-        trial = self._trials.pop(point, None)
-        if trial is None:
-            trial = make_trial(point * GRID, self._rate, self._samples, tapered=self._tapered)
-            if len(self._trials) >= _CACHED:
-                self._trials.pop(next(iter(self._trials)))
-        self._trials[point] = trial  # re-inserted last: the dict is the least-recently-used order
-        return trial
+        """Vectors of grid point `point`."""
+        return make_trial(point * GRID, self._rate, self._samples, tapered=self._tapered)
 
     def _iterate(self, windows: Floats, grid: np.ndarray) -> tuple[Floats, Floats, np.ndarray]:
         """Gauss-Newton steps until every window sits on its nearest grid point."""
@@ -156,7 +149,7 @@ class FrequencyEstimator:
             parts = np.tensordot(windows[:, at], self.at(point).phasors, axes=(2, 0))
             phasors = parts[:, :, 0] - 1j * parts[:, :, 1]  # [phases, windows, CYCLES]
             joint = (phasors.mean(axis=2, keepdims=True).conj() * phasors).sum(axis=0)
-            result[at] = np.abs(np.angle(joint) @ _BEND).max(axis=1)
+            result[at] = np.abs(np.angle(joint) @ BEND).max(axis=1)
         return result
 
     def _coarse(self, windows: Floats) -> np.ndarray:

@@ -25,6 +25,15 @@ class HeldFrequency:
         """Hz."""
         self._recent: deque[tuple[float, bool]] = deque(maxlen=_REMEMBERED)
 
+    @property
+    def calm(self) -> bool:
+        """Steady estimates are usable: few of those remembered were unsteady."""
+        return sum(unsteady for _, unsteady in self._recent) < _OFTEN
+
+    def note_steady(self, f: list[float]) -> None:
+        """Estimates of consecutive windows that were all steady [Hz]."""
+        self._recent.extend([(value, False) for value in f[-_REMEMBERED:]])
+
     def usable(self, estimate: Estimate) -> tuple[Floats, Floats]:
         """f of consecutive windows, NaN where it is not known or not to be trusted; and what f is about there.
 

@@ -12,7 +12,7 @@ from acqd.arrays import Floats
 
 SPAN = 3
 """Known estimates between the two that the slope is taken from."""
-_OLDEST = 6  # windows: an older estimate tells no slope
+_OLDEST = 6  # windows
 
 
 class MiddleFrequency:
@@ -20,7 +20,8 @@ class MiddleFrequency:
 
     def __init__(self, window: float) -> None:
         """`window` [samples]."""
-        self._oldest = _OLDEST * window
+        self.oldest = _OLDEST * window
+        """Samples; estimates that are older tell no slope."""
         self.f = np.empty(0)
         """The last known estimates [Hz], at most SPAN."""
         self.at = np.empty(0)
@@ -37,9 +38,9 @@ class MiddleFrequency:
         here = np.arange(len(self.f), len(values))
         before = np.maximum(here - SPAN, 0)
         for _ in range(SPAN - 1):  # nearer ones, where that is too old
-            before = np.where(times[here] - times[before] > self._oldest, np.minimum(before + 1, here), before)
+            before = np.where(times[here] - times[before] > self.oldest, np.minimum(before + 1, here), before)
         span = times[here] - times[before]
-        fresh = (span > 0) & (span <= self._oldest)
+        fresh = (span > 0) & (span <= self.oldest)
         slope = np.divide(values[here] - values[before], span, out=np.zeros(len(here)), where=fresh)
         self.f, self.at = values[-SPAN:], times[-SPAN:]
         result = f.copy()

@@ -8,7 +8,7 @@ gap never shifts what comes after it.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +41,19 @@ class Piece:
     def codes(self) -> Codes:
         """The only run of whole windows."""
         return self.runs[0]
+
+    def window(self, k: int) -> Piece:
+        """Window `k` alone, with its history."""
+        end = self.bounds[k + 1]
+        return replace(
+            self,
+            seq=self.seq[k : k + 1],
+            utc_ns=self.utc_ns[k : k + 1],
+            runs=[self.codes[:end]],
+            bounds=self.bounds[k : k + 2],
+            flags=self.flags[k : k + 1],
+            first=self.first and k == 0,
+        )
 
     def row_flags(self, phases: int) -> list[list[set[str]]]:
         """[phases][windows] sets to add to."""
@@ -161,11 +174,15 @@ class WindowStream:
 
     def _utc(self, index: NDArray[np.int64]) -> NDArray[np.int64]:
         origin, utc = self._anchor
+        if len(index) == 1:
+            return np.array([utc + round((int(index[0]) - origin) * 1e9 / self._grid.rate)])
         offset = (index - origin) * 1e9 / self._grid.rate
         return np.asarray(utc + np.rint(offset).astype(np.int64))
 
     def _flags(self, starts: NDArray[np.int64]) -> list[frozenset[str]]:
         """Flags of each window, and forget the marks that lie behind them all."""
+        if not self._marks:
+            return [frozenset()] * (len(starts) - 1)
         stop = int(starts[-1])
         marks = [mark for mark in self._marks if mark[0] < stop]
         flags = [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,12 +22,14 @@ class WindowGrid:
 
     def start(self, number: int) -> int:
         """Index of the first sample of window `number`."""
-        return int(np.floor(number * self.duration * self.rate + 0.5))
+        return math.floor(number * self.duration * self.rate + 0.5)
 
     def starts(self, first: int, count: int) -> NDArray[np.int64]:
         """Starts of windows first .. first + count (count + 1 values: the last is the end)."""
+        if count == 1:  # live, where every microsecond of the wake-up counts
+            return np.array([self.start(first), self.start(first + 1)])
         numbers = np.arange(first, first + count + 1)
-        return np.asarray(np.floor(numbers * (self.duration * self.rate) + 0.5)).astype(np.int64)
+        return np.asarray(np.floor(numbers * self.duration * self.rate + 0.5)).astype(np.int64)
 
     def containing(self, index: int) -> int:
         """Number of the window that sample `index` is in."""

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from acqd.instruction_sets import INSTRUCTION_SETS, best_instruction_set
 from acqd.models.networks.architecture import ARCHITECTURES, architecture
 from acqd.models.networks.batches import Batch
 from acqd.models.networks.flat_parameters import initial
-from acqd.models.networks.fused.compiled import INSTRUCTION_SETS, best_instruction_set
 from acqd.models.networks.fused.engine import FusedEngine
 from acqd.models.networks.torch_engine import TorchEngine
 

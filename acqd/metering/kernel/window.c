@@ -26,7 +26,7 @@ typedef int32_t ints __attribute__((vector_size(32)));
 enum { DONE, NO_HISTORY, NO_TRIAL, UNUSUAL };
 
 struct form {
-    int64_t channels, bits, fit, fixed, first_point, points;
+    int64_t bits, fit, fixed, first_point;
     double rate, cycles, grid, slack, f_low, f_high, trial_low, trial_high, purity, steady, oldest, code_max, code_min;
     double scale[LANES], dead[LANES / 2], bend[PHASORS * PHASORS];
 };
@@ -44,8 +44,8 @@ struct sums {
     vec square, cross, plain, most, least;
 };
 
-struct fit {
-    vec column[COLUMNS], plain, square, edge[EDGES][2];
+struct fit { /* named, not indexed: the compiler keeps them in registers */
+    vec re_c, im_c, re_d, im_d, cos, sin, plain, square;
 };
 
 INLINE vec chosen(mask which, vec yes, vec no)
@@ -91,12 +91,17 @@ INLINE vec spread(const double *weight, int channels)
                          : __builtin_shuffle(w, (mask){0, 0, 1, 1, 2, 2, 3, 3});
 }
 
-INLINE void add_sample(struct fit *f, vec x, const double *const column[COLUMNS], ptrdiff_t n, int channels)
+INLINE struct fit with_sample(struct fit f, vec x, const double *trial, int64_t samples, int channels)
 {
-    for (int k = 0; k < COLUMNS; k++)
-        f->column[k] += x * spread(column[k] + n, channels);
-    f->plain += x;
-    f->square += x * x;
+    f.re_c += x * spread(trial, channels);
+    f.im_c += x * spread(trial + samples, channels);
+    f.re_d += x * spread(trial + 2 * samples, channels);
+    f.im_d += x * spread(trial + 3 * samples, channels);
+    f.cos += x * spread(trial + 4 * samples, channels);
+    f.sin += x * spread(trial + 5 * samples, channels);
+    f.plain += x;
+    f.square += x * x;
+    return f;
 }
 
 /* Sum over the samples that share a vector: channel c of the result is in lane c. */
@@ -109,47 +114,52 @@ INLINE vec fold(vec v, int channels)
     return v;
 }
 
-INLINE void project(struct fit *out, const void *codes, int bits, int channels, int64_t samples, const double *trial)
+/* Projection of `samples` samples; integrals of cos and sin up to each edge, [EDGES][2]. */
+INLINE struct fit project(vec edges[EDGES][2], const void *codes, int bits, int channels, int64_t samples,
+                          const double *trial)
 {
     const int together = LANES / channels;
-    const double *position = trial + COLUMNS * samples, *number = position + EDGES, *column[COLUMNS];
+    const double *position = trial + COLUMNS * samples, *number = position + EDGES;
     struct fit f = {0};
     ptrdiff_t n = 0;
-    for (int k = 0; k < COLUMNS; k++)
-        column[k] = trial + k * samples;
     for (int e = 0; e <= EDGES; e++) {
         const ptrdiff_t stop = e < EDGES ? (ptrdiff_t)position[e] : samples;
-        for (; n + together <= stop; n += together)
-            add_sample(&f, load(codes, bits, n * channels, together * channels), column, n, channels);
+        const ptrdiff_t whole = stop < samples ? stop : samples - 1; /* after the last sample there is nothing to read */
+        for (; n + together <= whole; n += together)
+            f = with_sample(f, load(codes, bits, n * channels, LANES), trial + n, samples, channels);
         for (; n < stop; n++)
-            add_sample(&f, load(codes, bits, n * channels, channels), column, n, channels);
+            f = with_sample(f, load(codes, bits, n * channels, channels), trial + n, samples, channels);
         if (e == EDGES)
             break;
         const int place = (int)number[e];
         const double share = position[e] - (double)stop;
-        out->edge[place][0] = fold(f.column[4], channels);
-        out->edge[place][1] = fold(f.column[5], channels);
+        vec cosine = fold(f.cos, channels), sine = fold(f.sin, channels);
         if (stop < samples) {
             const vec x = load(codes, bits, stop * channels, channels) * share;
-            out->edge[place][0] += x * column[4][stop];
-            out->edge[place][1] += x * column[5][stop];
+            cosine += x * trial[4 * samples + stop];
+            sine += x * trial[5 * samples + stop];
         }
+        edges[place][0] = cosine;
+        edges[place][1] = sine;
     }
-    for (int k = 0; k < COLUMNS; k++)
-        out->column[k] = fold(f.column[k], channels);
-    out->plain = fold(f.plain, channels);
-    out->square = fold(f.square, channels);
+    f.re_c = fold(f.re_c, channels);
+    f.im_c = fold(f.im_c, channels);
+    f.re_d = fold(f.re_d, channels);
+    f.im_d = fold(f.im_d, channels);
+    f.plain = fold(f.plain, channels);
+    f.square = fold(f.square, channels);
+    return f;
 }
 
 /* Largest distance of a one-cycle phase from the parabola through all [rad]. */
-static double unsteadiness(const struct fit *f, int channels, const double *bend)
+static double unsteadiness(vec edges[EDGES][2], int channels, const double *bend)
 {
     double joint[PHASORS][2] = {{0}}, phase[PHASORS], largest = 0;
     for (int c = 0; c < channels; c += 2) {
         double re[PHASORS], im[PHASORS], mean_re = 0, mean_im = 0;
         for (int j = 0; j < PHASORS; j++) {
-            re[j] = f->edge[PHASORS + j][0][c] - f->edge[j][0][c];
-            im[j] = f->edge[j][1][c] - f->edge[PHASORS + j][1][c];
+            re[j] = edges[PHASORS + j][0][c] - edges[j][0][c];
+            im[j] = edges[j][1][c] - edges[PHASORS + j][1][c];
             mean_re += re[j];
             mean_im += im[j];
         }
@@ -182,8 +192,9 @@ INLINE double frequency(const struct form *form, struct state *state, struct fit
             state->point = point;
             return 0;
         }
-        project(fit, codes, bits, channels, form->fit, trial);
-        const vec re = fit->column[0], im = fit->column[1], turn = im * fit->column[2] - re * fit->column[3];
+        vec edges[EDGES][2];
+        *fit = project(edges, codes, bits, channels, form->fit, trial);
+        const vec re = fit->re_c, im = fit->im_c, turn = im * fit->re_d - re * fit->im_d;
         const vec weight = re * re + im * im, ac = fit->square / (double)form->fit
                          - fit->plain * fit->plain / ((double)form->fit * (double)form->fit);
         double turns = 0, weights = 0, power = 0;
@@ -196,7 +207,7 @@ INLINE double frequency(const struct form *form, struct state *state, struct fit
         if (fabs(f - (double)point * form->grid) > form->slack * form->grid)
             continue;
         const int credible = f >= form->f_low && f <= form->f_high && weights / 2 >= form->purity * fmax(power, 1e-30);
-        if (!credible || unsteadiness(fit, channels, form->bend) > form->steady)
+        if (!credible || unsteadiness(edges, channels, form->bend) > form->steady)
             break;
         return f;
     }
@@ -210,7 +221,8 @@ static double middle(const struct form *form, struct state *s, double f, double 
     int64_t before = s->known < REMEMBERED ? 0 : s->known - REMEMBERED;
     while (before < s->known && at - s->at[before] > form->oldest)
         before++;
-    const double slope = before < s->known ? (f - s->f[before]) / (at - s->at[before]) : 0;
+    const int told = before < s->known && at > s->at[before];
+    const double slope = told ? (f - s->f[before]) / (at - s->at[before]) : 0;
     if (s->known == REMEMBERED) {
         memmove(s->f, s->f + 1, sizeof s->f - sizeof *s->f);
         memmove(s->at, s->at + 1, sizeof s->at - sizeof *s->at);
@@ -221,24 +233,26 @@ static double middle(const struct form *form, struct state *s, double f, double 
     return f + slope * (to - at);
 }
 
-INLINE void add_products(struct sums *s, vec x)
+INLINE struct sums with_products(struct sums s, vec x)
 {
-    s->square += x * x;
-    s->cross += x * __builtin_shuffle(x, (mask){1, 0, 3, 2, 5, 4, 7, 6});
-    s->plain += x;
-    s->most = larger(x, s->most);
-    s->least = smaller(x, s->least);
+    s.square += x * x;
+    s.cross += x * __builtin_shuffle(x, (mask){1, 0, 3, 2, 5, 4, 7, 6});
+    s.plain += x;
+    s.most = larger(x, s.most);
+    s.least = smaller(x, s.least);
+    return s;
 }
 
-INLINE void add_range(struct sums *out, const void *codes, int bits, int channels, int64_t from, int64_t to)
+INLINE void add_range(struct sums *out, const void *codes, int bits, int channels, int64_t samples, int64_t from,
+                      int64_t to)
 {
     const int together = LANES / channels;
     struct sums s = *out;
     int64_t n = from;
-    for (; n + together <= to; n += together)
-        add_products(&s, load(codes, bits, n * channels, together * channels));
+    for (; n + together <= to && n < samples - 1; n += together)
+        s = with_products(s, load(codes, bits, n * channels, LANES));
     for (; n < to; n++) /* other lanes are 0, which is between least and most */
-        add_products(&s, load(codes, bits, n * channels, channels));
+        s = with_products(s, load(codes, bits, n * channels, channels));
     *out = s;
 }
 
@@ -284,15 +298,15 @@ INLINE void integrate(struct sums *interval, struct sums *window, const void *co
     const int64_t a = (int64_t)floor(start), b = (int64_t)floor(stop);
     struct sums inner = {0}, outer = {0};
     if (a >= begin) {
-        add_range(&inner, codes, bits, channels, a, b);
+        add_range(&inner, codes, bits, channels, end, a, b);
         outer = inner;
-        add_range(&outer, codes, bits, channels, begin, a);
-        add_range(&outer, codes, bits, channels, b, end);
+        add_range(&outer, codes, bits, channels, end, begin, a);
+        add_range(&outer, codes, bits, channels, end, b, end);
     } else {
         struct sums after = {0};
-        add_range(&outer, codes, bits, channels, begin, end);
-        add_range(&inner, codes, bits, channels, a, begin);
-        add_range(&after, codes, bits, channels, b, end);
+        add_range(&outer, codes, bits, channels, end, begin, end);
+        add_range(&inner, codes, bits, channels, end, a, begin);
+        add_range(&after, codes, bits, channels, end, b, end);
         inner.square += outer.square - after.square;
         inner.cross += outer.cross - after.cross;
     }
@@ -314,13 +328,13 @@ INLINE int one_window(const struct form *form, struct state *state, const double
     struct sums inner, outer;
     struct state next = *state;
     if (end < form->fit)
-        return state->reason = NO_HISTORY;
+        return (int)(state->reason = NO_HISTORY);
     const size_t width = bits == 16 ? 2 : bits == 32 ? 4 : 8;
     const char *stretch = (const char *)codes + (size_t)(end - form->fit) * (size_t)channels * width;
     const double raw = frequency(form, &next, &fit, stretch, bits, channels, table);
     state->point = next.point;
     if (!raw)
-        return state->reason = next.reason;
+        return (int)(state->reason = next.reason);
     const double size = (double)(end - begin), at = stream + (double)end - (double)form->fit / 2;
     const double about = form->cycles * form->rate / raw;
     double to = form->fixed || size >= about ? ((double)begin + (double)end) / 2 : (double)end - about / 2;
@@ -329,7 +343,7 @@ INLINE int one_window(const struct form *form, struct state *state, const double
     if (!form->fixed)
         start = size >= length ? (double)begin + (size - length) / 2 : (double)end - length;
     if (start < 0)
-        return state->reason = NO_HISTORY;
+        return (int)(state->reason = NO_HISTORY);
     const double stop = fmin(start + length, (double)end);
     integrate(&inner, &outer, codes, bits, channels, begin, end, start, stop);
     length = stop - start;
@@ -346,10 +360,10 @@ INLINE int one_window(const struct form *form, struct state *state, const double
         phase[I_DC * stride] = outer.plain[c + 1] / size * i;
         phase[U_PEAK * stride] = fmax(outer.most[c], -outer.least[c]) * u;
         phase[I_PEAK * stride] = fmax(outer.most[c + 1], -outer.least[c + 1]) * i;
-        phase[U_RE * stride] = fit.column[0][c] * u;
-        phase[U_IM * stride] = -fit.column[1][c] * u;
-        phase[I_RE * stride] = fit.column[0][c + 1] * i;
-        phase[I_IM * stride] = -fit.column[1][c + 1] * i;
+        phase[U_RE * stride] = fit.re_c[c] * u;
+        phase[U_IM * stride] = -fit.im_c[c] * u;
+        phase[I_RE * stride] = fit.re_c[c + 1] * i;
+        phase[I_IM * stride] = -fit.im_c[c + 1] * i;
         if (volts > form->dead[c / 2])
             live++;
         else
@@ -359,7 +373,7 @@ INLINE int one_window(const struct form *form, struct state *state, const double
                 flags |= (int64_t)16 << c / 2;
     }
     if (!live)
-        return state->reason = UNUSUAL;
+        return (int)(state->reason = UNUSUAL);
     out[RAW_F * stride] = raw;
     out[F * stride] = f;
     out[FLAGS * stride] = (double)flags;
@@ -371,37 +385,26 @@ INLINE int one_window(const struct form *form, struct state *state, const double
 }
 
 /* Meters windows bounds[k] .. bounds[k + 1] of the samples at `codes`, of which the first is number `stream`; returns
-   how many. Fewer than `windows`: state->reason. */
-#define METER(CHANNELS, BITS)                                                                                          \
-    for (; done < windows; done++)                                                                                     \
-        if (one_window(form, state, table, codes, BITS, CHANNELS, bounds[done], bounds[done + 1], stream, out + done,  \
-                       windows))                                                                                       \
-            return done;                                                                                               \
-    return done;
-
-#define CASE(CHANNELS)                                                                                                 \
-    case CHANNELS:                                                                                                     \
-        if (form->bits == 16) {                                                                                        \
-            METER(CHANNELS, 16)                                                                                        \
-        } else if (form->bits == 32) {                                                                                 \
-            METER(CHANNELS, 32)                                                                                        \
-        } else {                                                                                                       \
-            METER(CHANNELS, 64)                                                                                        \
-        }
+   how many. Fewer than `windows`: state->reason. Compiled once per number of channels (-DCHANNELS=6). */
+#define METER(BITS)                                                                                                    \
+    while (done < windows                                                                                              \
+           && one_window(form, state, table, codes, BITS, CHANNELS, bounds[done], bounds[done + 1], stream,            \
+                         out + done, windows) == DONE)                                                                 \
+        done++;
 
 int64_t acqd_windows(const struct form *form, struct state *state, const double *const *table, const void *codes,
                      const int64_t *bounds, int64_t windows, double stream, double *out)
 {
     int64_t done = 0;
     state->reason = DONE;
-    switch (form->channels) {
-        CASE(2)
-        CASE(4)
-        CASE(6)
-        CASE(8)
-    default:
-        return 0;
+    if (form->bits == 16) {
+        METER(16)
+    } else if (form->bits == 32) {
+        METER(32)
+    } else {
+        METER(64)
     }
+    return done;
 }
 
 int64_t acqd_form_bytes(void) { return sizeof(struct form); }

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from acqd.instruction_sets import InstructionSet, best_instruction_set
 from acqd.models.networks.architecture import HIDDEN, Architecture
 from acqd.models.networks.batches import Batch
 from acqd.models.networks.engine import Engine
 from acqd.models.networks.flat_parameters import Float32s, Head, views
-from acqd.models.networks.fused.compiled import InstructionSet, best_instruction_set, library
+from acqd.models.networks.fused.compiled import library
 
 _HEAD = HIDDEN + 1
 

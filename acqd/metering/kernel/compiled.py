@@ -1,0 +1,61 @@
+"""Compiles `window.c` at first use with the system's compiler, for the widest vectors of the processor."""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+import logging
+import os
+from pathlib import Path
+
+from acqd.compiling import cached_library
+from acqd.errors import OperationError
+from acqd.instruction_sets import InstructionSet, best_instruction_set
+
+_log = logging.getLogger(__name__)
+SOURCE = Path(__file__).with_name("window.c")
+FLAGS = ("-O2", "-std=gnu11", "-fPIC", "-shared", "-ffp-contract=fast", "-fno-math-errno", "-fno-trapping-math", "-w")
+SWITCH = "ACQD_METERING"
+"""Environment variable: "numpy" for the path without C, or the file of a library that was built elsewhere."""
+
+
+def library(channels: int, instructions: InstructionSet | None = None) -> ctypes.CDLL:
+    """The library for this number of channels, from the cache or freshly built. Raises OperationError."""
+    given = os.environ.get(SWITCH)
+    if given:
+        return load(Path(given))
+    chosen = instructions or best_instruction_set()
+    flags = [*FLAGS, *chosen.options, f"-DCHANNELS={channels}"]
+    return load(cached_library(f"window-{chosen.name}-{channels}", SOURCE, flags))
+
+
+def load(path: Path) -> ctypes.CDLL:
+    """The library at `path`, with the types of its functions."""
+    loaded = ctypes.CDLL(str(path))
+    loaded.acqd_windows.restype = ctypes.c_int64
+    pointer = ctypes.c_void_p
+    loaded.acqd_windows.argtypes = [*[pointer] * 5, ctypes.c_int64, ctypes.c_double, pointer]
+    loaded.acqd_form_bytes.restype = loaded.acqd_state_bytes.restype = ctypes.c_int64
+    return loaded
+
+
+@functools.cache
+def usable_library(channels: int) -> ctypes.CDLL | None:
+    """The library; None, and one line in the log, where it cannot be built or is not wanted."""
+    reason = why_not(channels)
+    if reason is None:
+        return library(channels)
+    _log.warning("metering with numpy, which takes ten times as long: %s", reason)
+    return None
+
+
+@functools.cache
+def why_not(channels: int = 6) -> str | None:
+    """Why windows are metered with numpy, in words; None where they are with C."""
+    if os.environ.get(SWITCH) == "numpy":
+        return f"{SWITCH}=numpy"
+    try:
+        library(channels)
+    except (OperationError, OSError) as error:
+        return str(error)
+    return None

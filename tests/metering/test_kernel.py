@@ -1,0 +1,115 @@
+"""The kernel in C against numpy."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from acqd.compiling import system_compiler
+from acqd.instruction_sets import INSTRUCTION_SETS, best_instruction_set
+from acqd.metering import Meter, SampleBlock, StreamFormat, WindowBatch
+from acqd.metering.kernel import why_not
+from acqd.metering.kernel.compiled import SOURCE, library
+from tests.mains import EN50160, make_mains
+
+pytestmark = pytest.mark.skipif(system_compiler() is None, reason="no C compiler")
+COLUMNS = ("f", "Vrms", "Irms", "P", "imported", "exported")
+
+
+def window_by_window(form, codes, **options):
+    """Each window's trial is the f of the last: then both paths take the same steps."""
+    meter = Meter(form, **options)
+    size = round(0.04 * form.rate)
+    batches = [meter.feed(SampleBlock(codes[k : k + size], k, 0)) for k in range(0, len(codes), size)]
+    return WindowBatch.join([batch for batch in batches if batch is not None])
+
+
+def assert_equal(one, other):
+    for name in COLUMNS:
+        np.testing.assert_allclose(getattr(one, name), getattr(other, name), rtol=1e-9, atol=1e-12, err_msg=name)
+    assert one.flags == other.flags
+
+
+@settings(max_examples=12, deadline=None)
+@given(
+    phases=st.integers(1, 3),
+    f=st.floats(45.2, 64.8),
+    rate=st.sampled_from([20_000.0, 4_000.0, 7_812.5]),
+    mode=st.sampled_from(["synchronous", "fixed"]),
+    bits=st.sampled_from([16, 32, 64]),
+    fault=st.sampled_from(["none", "dead phase", "over range", "interruption", "jump"]),
+    seed=st.integers(0, 1_000),
+)
+def test_both_paths_are_equal(phases, f, rate, mode, bits, fault, seed):
+    mains = make_mains(f, seconds=0.44, rate=rate, phases=phases, harmonics=EN50160, noise=0.001, dc=0.01, seed=seed)
+    codes, here = mains.codes, int(0.21 * rate)
+    if fault == "dead phase":
+        codes[:, -2] = 0
+    elif fault == "over range":
+        codes[here, -1] = 32_767
+    elif fault == "interruption":
+        codes[here : here + int(0.1 * rate)] = 0
+    elif fault == "jump":
+        codes[here:] = np.roll(codes[here:], 40, axis=0)
+    form = StreamFormat(rate, mains.scale, bits=bits)
+    codes = np.ascontiguousarray(codes.astype(form.dtype))
+    assert_equal(window_by_window(form, codes, mode=mode), window_by_window(form, codes, mode=mode, compiled=False))
+
+
+def test_every_instruction_set_gives_the_same(monkeypatch):
+    mains = make_mains(50.03, seconds=0.4, noise=0.001, harmonics=EN50160)
+    form = StreamFormat(20_000.0, mains.scale)
+    reference = window_by_window(form, mains.codes, compiled=False)
+    for instructions in INSTRUCTION_SETS:
+        if instructions.lanes <= best_instruction_set().lanes:
+            monkeypatch.setenv("ACQD_METERING", str(library(6, instructions)._name))
+            assert_equal(window_by_window(form, mains.codes), reference)
+            monkeypatch.delenv("ACQD_METERING")
+
+
+def test_without_a_compiler_numpy_meters_and_the_reason_is_given(tmp_path):
+    call = [sys.executable, "-c", "from acqd.metering.kernel import why_not; print(why_not())"]
+    bare = {"PATH": str(tmp_path), "HOME": str(tmp_path)}
+    assert b"no C compiler" in subprocess.run(call, env=bare, capture_output=True, check=True).stdout
+    asked = bare | {"ACQD_METERING": "numpy"}
+    assert b"ACQD_METERING=numpy" in subprocess.run(call, env=asked, capture_output=True, check=True).stdout
+    assert why_not() is None
+
+
+SANITISED = """
+import numpy as np
+from acqd.metering import Meter, SampleBlock, StreamFormat
+from tests.mains import make_mains
+for f in (45.3, 50.0):
+    mains = make_mains(f, seconds=0.44, noise=0.001)
+    for bits in (16, 32, 64):
+        form = StreamFormat(20_000.0, mains.scale, bits=bits)
+        for mode in ("synchronous", "fixed"):
+            meter = Meter(form, mode=mode)
+            assert meter._kernel is not None
+            for k in range(0, len(mains.codes), 800):
+                meter.feed(SampleBlock(mains.codes[k : k + 800].astype(form.dtype), k, 0))
+print("clean")
+"""
+
+
+def test_no_read_outside_the_samples_and_no_undefined_behaviour(tmp_path):
+    compiler = system_compiler()
+    runtime = subprocess.run([compiler, "-print-file-name=libasan.so"], capture_output=True, text=True).stdout.strip()
+    if not Path(runtime).is_absolute():
+        pytest.skip("no address sanitizer")
+    built = tmp_path / "window.so"
+    flags = ["-O1", "-g", "-std=gnu11", "-fPIC", "-shared", "-w", "-fsanitize=address,undefined", "-DCHANNELS=6"]
+    subprocess.run([compiler, *flags, "-fno-sanitize-recover=all", SOURCE, "-o", built, "-lm"], check=True)
+    environment = os.environ | {"ACQD_METERING": str(built), "LD_PRELOAD": runtime, "ASAN_OPTIONS": "detect_leaks=0"}
+    done = subprocess.run(
+        [sys.executable, "-c", SANITISED], env=environment, capture_output=True, text=True, cwd=SOURCE.parents[3]
+    )
+    assert done.stdout == "clean\n", done.stderr[-3_000:]
