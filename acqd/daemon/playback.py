@@ -23,7 +23,7 @@ from acqd.plc.executive import Executive
 from acqd.sources import ChannelMap, ReplaySource, Waveform, load_waveform
 from acqd.sources.spec import replay_spec
 from acqd.telemetry.mqtt import BrokerAddress
-from acqd.telemetry.row import CHANNELS, rows_of
+from acqd.telemetry.row import CHANNELS, json_lines, rows_of
 from acqd.timestamps import rfc3339
 
 _CHUNK_S = 10.0  # of waveform per step at full speed
@@ -136,7 +136,7 @@ class _Run:
         rows = list(rows_of(shifted, self._settings.device, self._boot))
         self._report.rows += len(rows)
         if self.rows_out is not None:
-            self.rows_out.write(b"".join([orjson.dumps(row, option=orjson.OPT_APPEND_NEWLINE) for row in rows]))
+            self.rows_out.write(json_lines(rows))
         if self.publisher is not None:
             self.publisher.publish(rows)
 

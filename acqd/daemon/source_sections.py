@@ -16,6 +16,7 @@ from acqd.sources.text_file import check_encoding
 
 _Order = Annotated[int, Field(ge=2, le=100)]
 _Position = Annotated[int, Field(ge=0, le=63)]
+_Period = Annotated[int, Field(ge=1, le=40)]
 _OVERSAMPLING = Literal[0, 1, 2, 4, 5, 8, 10, 16, 20, 25, 32, 40, 50, 64, 80, 100]
 
 
@@ -46,6 +47,7 @@ class SimulatedSection(Section):
     current_harmonics: dict[_Order, Share] = Field(default={3: 0.15, 5: 0.08, 7: 0.04})
     load_profile: Path | None = None
     sags: list[SagSection] = Field(default=[])
+    period_ms: _Period = 1
 
     @property
     def nominal_frequency(self) -> float:
@@ -54,9 +56,9 @@ class SimulatedSection(Section):
 
     def spec(self) -> Spec:
         """The source as JSON, for MAIN_FAST's process."""
-        values = {name: getattr(self, name) for name in type(self).model_fields.keys() - {"kind", "sags"}}
+        values = {name: getattr(self, name) for name in type(self).model_fields.keys() - {"kind", "sags", "period_ms"}}
         sags = tuple(Sag(sag.at, sag.duration, sag.depth) for sag in self.sags)
-        return simulated_spec(SimulationSettings(**values, sags=sags))
+        return simulated_spec(SimulationSettings(**values, sags=sags)) | {"period_ms": self.period_ms}
 
 
 class ReplaySection(Section):
@@ -71,6 +73,7 @@ class ReplaySection(Section):
     rate: Positive | None = None
     f_nominal: Nominal | None = None
     encoding: str | None = None
+    period_ms: _Period = 10
 
     @property
     def nominal_frequency(self) -> float:
@@ -82,7 +85,7 @@ class ReplaySection(Section):
         columns = ChannelMap.parse(self.map, "source.map") if self.map else None
         encoding = check_encoding(self.encoding, "source.encoding") if self.encoding else None
         channels = ChannelMap(columns, self.u_scale, self.i_scale, self.rate, self.f_nominal, encoding)
-        return replay_spec(self.file, channels, self.loops)
+        return replay_spec(self.file, channels, self.loops) | {"period_ms": self.period_ms}
 
 
 class EthercatSection(DeviceSection):

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from acqd.changes import StateLog
 from acqd.errors import UserError
-from acqd.telemetry.row import PowerRow
+from acqd.telemetry.row import PowerRow, json_lines
 
 _log = logging.getLogger(__name__)
 
@@ -31,7 +31,7 @@ class Tape:
     def write(self, rows: Sequence[PowerRow]) -> None:
         """Append rows, before they go anywhere else."""
         try:
-            os.write(self._fd, b"".join(row.to_json() + b"\n" for row in rows))
+            os.write(self._fd, json_lines(rows))
         except OSError as error:
             self._says.trouble("tape", "disk", f"cannot be written ({error.strerror}); its record has a hole")
         else:

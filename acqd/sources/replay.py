@@ -13,6 +13,7 @@ class ReplaySource(Source):
     """Plays one waveform `loops` times (0: for ever). The recording's own start time wins."""
 
     live = False
+    period_ns = 10_000_000  # a recording buffers: nothing is won by waking every millisecond
 
     def __init__(self, waveform: Waveform, loops: int = 1) -> None:
         self.form = waveform.form

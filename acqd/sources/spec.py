@@ -39,6 +39,8 @@ def make_source(spec: Spec) -> Source:
     """The source a spec describes. Raises UserError for a file, or an installation, that cannot be used."""
     makers = {"simulated": _simulated, "replay": _replay, "modbus": _modbus}
     source = makers.get(spec["kind"], _device)(spec)
+    if "period_ms" in spec:
+        source.period_ns = spec["period_ms"] * 1_000_000
     if spec.get("simulated"):
         source.flags |= {"simulated"}
     return source

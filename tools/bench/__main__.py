@@ -25,8 +25,8 @@ from tools.common.tables import show
 
 _SECTIONS: dict[str, list[Callable[[], Iterator[Figure]]]] = {
     "accuracy": [accuracy.synthetic, accuracy.exactness, accuracy.recordings],
-    "speed": [speed.pqopen, speed.replay, speed.main_slow],
-    "live": [live.daemon, live.jitter],
+    "speed": [speed.pqopen, speed.kernel, speed.replay, speed.main_slow],
+    "live": [live.daemon, live.from_file, live.jitter],
     "sources": [sources.sources],
     "sink": [sink.sinks],
     "delivery": [delivery.stores, delivery.drains],
