@@ -63,6 +63,14 @@ def test_both_paths_are_equal(phases, f, rate, mode, bits, fault, seed):
     assert_equal(window_by_window(form, codes, mode=mode), window_by_window(form, codes, mode=mode, compiled=False))
 
 
+def test_samples_that_are_not_contiguous_or_of_another_type():
+    mains = make_mains(50.03, seconds=0.4, noise=0.001)
+    form = StreamFormat(20_000.0, mains.scale[:2])
+    plain = window_by_window(form, np.ascontiguousarray(mains.codes[:, 2:4]))
+    assert_equal(window_by_window(form, mains.codes[:, 2:4]), plain)
+    assert_equal(window_by_window(form, mains.codes[:, 2:4].astype(np.int64)), plain)
+
+
 def test_every_instruction_set_gives_the_same(monkeypatch):
     mains = make_mains(50.03, seconds=0.4, noise=0.001, harmonics=EN50160)
     form = StreamFormat(20_000.0, mains.scale)

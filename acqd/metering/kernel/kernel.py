@@ -63,6 +63,7 @@ class Kernel:
         if found is None:
             raise RuntimeError("no library")
         self._windows = found.acqd_windows
+        self._dtype = form.dtype
         self._estimator, self._held, self._middle = estimator, held, middle
         self._trials: dict[int, Floats] = {}
         self._first = int(frequency.to_grid(frequency.F_MIN - frequency.MARGIN)) - 1
@@ -76,11 +77,12 @@ class Kernel:
 
     def meter(self, piece: Piece, first: int) -> Metered | None:
         """Windows of `piece` from number `first` on, as far as they are usual; None where the first is not."""
-        if not self._mine and not self._take_state():
+        if piece.codes.dtype != self._dtype or (not self._mine and not self._take_state()):
             return None
+        samples = np.ascontiguousarray(piece.codes)
         count = len(piece.seq) - first
         rows = np.empty((self._rows, count))
-        codes, bounds, out = piece.codes.ctypes.data, piece.bounds.ctypes.data + 8 * first, rows.ctypes.data
+        codes, bounds, out = samples.ctypes.data, piece.bounds.ctypes.data + 8 * first, rows.ctypes.data
         done = self._windows(*self._pointers, codes, bounds, count, piece.begin, out)
         while not done and self._state.reason == NO_TRIAL:
             self._add(self._state.point)
