@@ -169,9 +169,22 @@ function state() {
   if (kind === "fine" && delayMs !== null) put($("delay"), `The newest row is ${Math.round(delayMs)} ms old (a row is 40 ms long and is made when it ends).`);
 }
 
+function report(cell, details, runbook) {
+  const words = details.join("\n");
+  if (cell.dataset.words === words) return;
+  cell.dataset.words = words;
+  cell.replaceChildren(details.length ? document.createElement("ul") : "nothing to report");
+  for (const sentence of details) {
+    const item = cell.firstChild.appendChild(document.createElement("li"));
+    item.append(sentence);
+    if (!runbook[sentence]) continue;
+    item.append(" ", Object.assign(document.createElement("a"), { href: `/runbook#${runbook[sentence]}`, textContent: "what to do" }));
+  }
+}
+
 async function health() {
   try {
-    const { services } = await (await fetch("/api/health")).json();
+    const { services, runbook } = await (await fetch("/api/health")).json();
     const body = $("services").tBodies[0];
     while (body.rows.length > services.length) body.deleteRow(-1);
     services.forEach((service, k) => {
@@ -181,7 +194,7 @@ async function health() {
       put(row.cells[0], service.service);
       put(row.cells[1], service.ready ? "ready" : "not ready");
       row.cells[1].className = service.ready ? "fine" : "bad";
-      put(row.cells[2], details.length ? details.join("; ") : "nothing to report");
+      report(row.cells[2], details, runbook);
     });
   } catch { /* asked again soon */ }
 }
