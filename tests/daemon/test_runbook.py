@@ -26,7 +26,8 @@ def test_whatever_the_verdict_says_has_an_entry(age):
     for source in (SourceLink(connected=False, trouble="cable"), SourceLink(connected=True, trouble="range")):
         for service in ("daemon", "sink"):
             snapshot = Snapshot(
-                service=service, name="acqd", version="1", uptime_s=100.0, alive=False, last_row_age_s=age, source=source, broker=away, database=away,
+                service=service, name="acqd", version="1", uptime_s=100.0, alive=False, last_row_age_s=age,
+                source=source, broker=away, database=away,
                 delivery=delivery, cycles=Cycles(restarts=2), synchronised=False, quarantined=4,
             )  # fmt: skip
             judged = verdict(snapshot)
