@@ -14,6 +14,7 @@ from rich.table import Table
 
 from acqd.cli.options import ConfigFile, Json, configured
 from acqd.daemon.health.query import SERVICES, Answer, ask
+from acqd.daemon.health.runbook import entry_for
 from acqd.errors import UserError
 
 
@@ -59,8 +60,17 @@ def _show(answers: list[Answer]) -> None:
     for answer in answers:
         for problem in answer.problems:
             console.print(f"[red]{answer.service}:[/] {escape(problem)}", soft_wrap=True)
+            _advise(console, problem)
         for note in answer.notes:
             console.print(f"[yellow]{answer.service}:[/] {escape(note)}", soft_wrap=True)
+            _advise(console, note)
+
+
+def _advise(console: Console, sentence: str) -> None:
+    """The line of the runbook that mends it."""
+    entry = entry_for(sentence)
+    if entry is not None:
+        console.print(f"  {escape(entry.steps.replace('`', ''))} (docs/operations.md)", soft_wrap=True, highlight=False)
 
 
 def _link(name: str, status: dict[str, Any]) -> str:

@@ -14,15 +14,17 @@ import sqlalchemy as sa
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
 from starlette.requests import Request
-from starlette.responses import FileResponse, Response, StreamingResponse
+from starlette.responses import FileResponse, HTMLResponse, Response, StreamingResponse
 from starlette.routing import Route
 
-from acqd.daemon.health.query import SERVICES, ask
+from acqd.daemon.health.query import SERVICES, Answer, ask
+from acqd.daemon.health.runbook import entry_for
 from acqd.errors import UserError
 from acqd.storage.database import read_database
 from acqd.web.access import Access
 from acqd.web.history import Span, devices, history
 from acqd.web.hub import Hub
+from acqd.web.runbook import runbook_page
 from acqd.web.settings import WebSettings
 
 _ASSETS = Path(__file__).with_name("assets")
@@ -49,7 +51,7 @@ class Site:
         routes = [
             Route("/", self._page), Route("/events", self._events), Route("/api/history", self._history),
             Route("/api/devices", self._devices), Route("/api/health", self._health),
-            Route("/assets/{name}", self._asset),
+            Route("/assets/{name}", self._asset), Route("/runbook", self._runbook),
         ]  # fmt: skip
         hosts = frozenset({self._settings.host, "127.0.0.1", "localhost", "[::1]"})
         guard = Middleware(Access, token=self._settings.token, hosts=hosts)
@@ -85,6 +87,9 @@ class Site:
             return _json({"error": str(error)}, 400)
         return await self._answer(lambda engine: history(engine, span))
 
+    async def _runbook(self, _: Request) -> Response:
+        return HTMLResponse(runbook_page(), headers=_HEADERS)
+
     async def _answer(self, query: Any) -> Response:
         try:
             return _json(await asyncio.to_thread(lambda: query(self._database())))
@@ -100,8 +105,15 @@ class Site:
     async def _health(self, _: Request) -> Response:
         section = self._settings.health
         answers = await asyncio.gather(*(asyncio.to_thread(ask, section, service) for service in SERVICES))
+        links = {text: entry.anchor for each in answers if each for text in _said(each) if (entry := entry_for(text))}
         page = {"viewers": self.hub.viewers, "lost": self.hub.lost, "connected": self.hub.connected}
-        return _json({"services": [asdict(each) for each in answers if each is not None], "page": page})
+        return _json(
+            {"services": [asdict(each) for each in answers if each is not None], "page": page, "runbook": links}
+        )
+
+
+def _said(answer: Answer) -> list[str]:
+    return [*answer.problems, *answer.notes]
 
 
 def _json(content: object, status: int = 200) -> Response:

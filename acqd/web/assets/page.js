@@ -3,10 +3,10 @@ const $ = (id) => document.getElementById(id);
 const RANGES = [["1 min", 60], ["10 min", 600], ["1 h", 3600], ["6 h", 21600], ["24 h", 86400]];
 const DIGITS = { P: 1, Vrms: 1, Irms: 3, S: 1, PF: 3, f: 3, W: 4 };
 const DASH = { L1: [], L2: [8, 4], L3: [2, 3], total: [], predicted: [10, 3, 2, 3] };
-const POINTS = 1500, UNIX_OF_FILETIME = 11644473600, QUIET_S = 3;
+const POINTS = 1500, PIXELS = 600, UNIX_OF_FILETIME = 11644473600, QUIET_S = 3;
 const view = { device: "", seconds: 60, quantity: "P" };
 let latest = {}, series = { time: [], channels: {} }, waiting = [], loading = 0, plot = null, lastRow = 0, broker = true, delayMs = null;
-let predicted = [];
+let predicted = [], drawn = 0;
 
 const text = (value, digits) => value === null || value === undefined ? "-" : value.toFixed(digits);
 const put = (node, value) => { if (node.textContent !== value) node.textContent = value; };
@@ -39,6 +39,7 @@ function onRows(rows) {
     lastRow = performance.now();
     delayMs = Date.now() - 1000 * unixOf(row);
   }
+  requestAnimationFrame(numbers);
 }
 
 function append(row) {
@@ -80,6 +81,7 @@ async function load() {
   waiting.filter((row) => unixOf(row) > end + 0.001).forEach(append);
   waiting = [];
   draw(true);
+  summary();
 }
 
 const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
@@ -90,6 +92,7 @@ function clockTimes(_, times) {
 }
 
 function draw(anew) {
+  drawn = performance.now();
   const names = Object.keys(series.channels).sort();
   const shown = view.quantity === "f" && names.includes("total") ? ["total"] : names;
   const rows = [series.time, ...shown.map((name) => series.channels[name])];
@@ -166,9 +169,22 @@ function state() {
   if (kind === "fine" && delayMs !== null) put($("delay"), `The newest row is ${Math.round(delayMs)} ms old (a row is 40 ms long and is made when it ends).`);
 }
 
+function report(cell, details, runbook) {
+  const words = details.join("\n");
+  if (cell.dataset.words === words) return;
+  cell.dataset.words = words;
+  cell.replaceChildren(details.length ? document.createElement("ul") : "nothing to report");
+  for (const sentence of details) {
+    const item = cell.firstChild.appendChild(document.createElement("li"));
+    item.append(sentence);
+    if (!runbook[sentence]) continue;
+    item.append(" ", Object.assign(document.createElement("a"), { href: `/runbook#${runbook[sentence]}`, textContent: "what to do" }));
+  }
+}
+
 async function health() {
   try {
-    const { services } = await (await fetch("/api/health")).json();
+    const { services, runbook } = await (await fetch("/api/health")).json();
     const body = $("services").tBodies[0];
     while (body.rows.length > services.length) body.deleteRow(-1);
     services.forEach((service, k) => {
@@ -178,7 +194,7 @@ async function health() {
       put(row.cells[0], service.service);
       put(row.cells[1], service.ready ? "ready" : "not ready");
       row.cells[1].className = service.ready ? "fine" : "bad";
-      put(row.cells[2], details.length ? details.join("; ") : "nothing to report");
+      report(row.cells[2], details, runbook);
     });
   } catch { /* asked again soon */ }
 }
@@ -215,8 +231,11 @@ events.addEventListener("prediction", (event) => {
   while (predicted.length && predicted[0][0] < time - Math.min(view.seconds, 3600)) predicted.shift();
 });
 fetch("/api/devices").then((answer) => answer.ok ? answer.json() : { devices: [] }).then(({ devices }) => devices.forEach(known)).catch(() => {});
-setInterval(() => { numbers(); summary(); }, 250);
-setInterval(() => { if (!loading && plot && document.visibilityState === "visible") draw(false); }, 100);
+setInterval(summary, 1000);
+setInterval(() => {
+  const due = performance.now() - drawn > 1000 * view.seconds / PIXELS;
+  if (due && !loading && plot && document.visibilityState === "visible") draw(false);
+}, 100);
 setInterval(state, 500);
 setInterval(health, 5000);
 health();

@@ -1,0 +1,91 @@
+"""Which line of the runbook mends a problem: docs/operations.md in short, for pages that work offline."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One line of the runbook."""
+
+    anchor: str
+    symptom: str
+    """As in docs/operations.md."""
+    steps: str
+    pattern: re.Pattern[str]
+    """Sentences of /status that mean this symptom."""
+
+
+def _entry(anchor: str, symptom: str, steps: str, pattern: str) -> Entry:
+    return Entry(anchor, symptom, steps, re.compile(pattern))
+
+
+RUNBOOK = (
+    _entry(
+        "no-answer",
+        "`daemon: no answer at ...`",
+        "`systemctl status acqd`: is it running? Another program on the port: `[health] port`",
+        r"no answer at|what answers at|answers at http",
+    ),
+    _entry(
+        "no-rows",
+        "`no rows for ... s`",
+        "the log: MAIN_FAST or the source; systemd restarts the daemon after `WatchdogSec`",
+        r"no rows|the sink hangs",
+    ),
+    _entry(
+        "source-away",
+        "`source away: ...`, log: `source: ...; trying again`",
+        "the sentence says what to check; the daemon reconnects by itself",
+        r"source away",
+    ),
+    _entry(
+        "source-trouble",
+        "rows flagged `invalid` or `sync_error`",
+        "`source.trouble`: range, synchronisation or a sensor",
+        r"^source: ",
+    ),
+    _entry(
+        "main-fast",
+        "log: `MAIN_FAST: signal 9; relaunching it`",
+        "`dmesg` for the OOM killer; `systemctl show acqd -p MemoryMax`",
+        r"MAIN_FAST was relaunched",
+    ),
+    _entry(
+        "clock",
+        "rows flagged `unsynchronised`",
+        "`chronyc tracking` or `timedatectl`: nobody disciplines the clock",
+        r"clock is not synchronised",
+    ),
+    _entry(
+        "broker-away",
+        "`broker away`",
+        "`systemctl status mosquitto`; rows wait",
+        r"broker away",
+    ),
+    _entry(
+        "spool",
+        "`N messages were dropped`",
+        "the spool is full: `max_mb`, `max_age_days` in `[spool]`; or its disk is",
+        r"spool|messages were dropped",
+    ),
+    _entry(
+        "database-away",
+        "`database away: ...` (sink)",
+        "the sentence is the database's; rows wait with the broker",
+        r"database away",
+    ),
+    _entry(
+        "quarantine",
+        "log: `other rows with their keys are stored`",
+        "another client publishes as this device; the table `quarantine`",
+        r"quarantine",
+    ),
+)
+
+
+def entry_for(sentence: str) -> Entry | None:
+    """The line of the runbook for a problem or note of /status."""
+    return next((entry for entry in RUNBOOK if entry.pattern.search(sentence)), None)

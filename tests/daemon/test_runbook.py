@@ -1,0 +1,46 @@
+"""Every bad state has a line in the runbook."""
+
+from pathlib import Path
+
+import pytest
+
+from acqd.daemon.health.runbook import RUNBOOK, entry_for
+from acqd.daemon.health.snapshot import Cycles, Delivery, Link, Snapshot, SourceLink
+from acqd.daemon.health.verdict import verdict
+
+_DOCUMENT = Path(__file__).parents[2] / "docs" / "operations.md"
+
+
+def test_the_entries_are_lines_of_the_document():
+    lines = _DOCUMENT.read_text(encoding="utf-8").splitlines()
+    for entry in RUNBOOK:
+        assert any(entry.symptom in line and entry.steps in line for line in lines), entry.anchor
+    assert len({entry.anchor for entry in RUNBOOK}) == len(RUNBOOK)
+
+
+@pytest.mark.parametrize("age", [None, 70.0])
+def test_whatever_the_verdict_says_has_an_entry(age):
+    away = Link(connected=False, trouble="connection refused")
+    delivery = Delivery(dropped=3, spool_bytes=99, spool_limit_bytes=100, disk_trouble="no space left")
+    said = []
+    for source in (SourceLink(connected=False, trouble="cable"), SourceLink(connected=True, trouble="range")):
+        for service in ("daemon", "sink"):
+            snapshot = Snapshot(
+                service=service, name="acqd", version="1", uptime_s=100.0, alive=False, last_row_age_s=age,
+                source=source, broker=away, database=away,
+                delivery=delivery, cycles=Cycles(restarts=2), synchronised=False, quarantined=4,
+            )  # fmt: skip
+            judged = verdict(snapshot)
+            said += [*judged.problems, *judged.notes]
+    assert len(said) >= 10
+    assert [sentence for sentence in said if entry_for(sentence) is None] == []
+    assert entry_for("nothing of the kind") is None
+
+
+def test_services_that_do_not_answer_have_an_entry():
+    from acqd.daemon.health.query import ask
+    from acqd.daemon.health.section import HealthSection
+    from acqd.telemetry.broker import free_port
+
+    answer = ask(HealthSection(port=free_port()), "daemon")
+    assert answer is not None and entry_for(answer.problems[0]) is not None
