@@ -31,9 +31,9 @@ class Figure:
         return bool(compare(self.value, float(limit)))
 
 
-def table(figures: list[Figure]) -> Table:
+def table(figures: list[Figure], title: str = "make bench") -> Table:
     """The table of all figures."""
-    shown = Table("what", "measured", "unit", "target", "", title="make bench", title_justify="left")
+    shown = Table("what", "measured", "unit", "target", "", title=title, title_justify="left")
     section = ""
     for figure in figures:
         if figure.section != section:

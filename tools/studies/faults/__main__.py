@@ -49,7 +49,7 @@ def faults(
 
     Example: python -m tools.studies.faults --short --seed 7
     """
-    kinds = _kinds(bed) if bed else _SHORT if short else _BEDS
+    kinds = kinds_of(bed) if bed else _SHORT if short else _BEDS
     count = 10 if short else count
     unknown = set(only or []) - set(ALL)
     if unknown:
@@ -82,7 +82,8 @@ def faults(
     raise SystemExit(0 if all(map(_good, outcomes)) else 1)
 
 
-def _kinds(names: list[str]) -> list[Kind]:
+def kinds_of(names: list[str]) -> list[Kind]:
+    """Beds by their names. Raises UserError."""
     known = {str(kind): kind for kind in _BEDS}
     for name in names:
         if name not in known:

@@ -20,6 +20,7 @@ from acqd.errors import UserError
 from acqd.storage.database import open_database
 from acqd.storage.schema import power
 from acqd.telemetry.broker import free_port
+from tools.studies.faults.memory import limited, unit_limit
 from tools.studies.faults.process import Process
 from tools.studies.faults.proxy import Proxy
 
@@ -46,14 +47,18 @@ class Kind:
 class Bed:
     """Starts everything in a folder, and stops it."""
 
-    def __init__(self, kind: Kind, folder: Path, faked_clock: bool = False) -> None:
-        """`faked_clock`: the daemon runs under libfaketime, so that its clock can be set. Raises UserError without."""
+    def __init__(self, kind: Kind, folder: Path, faked_clock: bool = False, daemon_memory: int | None = None) -> None:
+        """`faked_clock`: the daemon runs under libfaketime, so that its clock can be set. Raises UserError without.
+
+        `daemon_memory`: limit [bytes] instead of that of the unit.
+        """
         self.kind, self.folder = kind, folder
+        self._memory = {"daemon": daemon_memory or unit_limit("acqd"), "sink": unit_limit("acqd-sink")}
         folder.mkdir(parents=True)
         self._offset = folder / "clock"
         self.set_clock(0.0)
         self.tape = folder / "tape.jsonl"
-        port = free_port()
+        self.port = port = free_port()
         self.proxies = {"daemon": Proxy(port), "sink": Proxy(port)}
         self.database: Process | None = None
         self.url = f"{folder / 'rows.sqlite'}"
@@ -132,7 +137,9 @@ class Bed:
             f"[health]\nport = {free_port()}\nsink_port = {free_port()}\n"
         )
         arguments = [*_ACQD, *command, "--config", str(config)]
-        return Process(arguments, self.folder / f"{name}.log", options={"cwd": self.folder})
+        return Process(
+            limited(arguments, self._memory[name]), self.folder / f"{name}.log", options={"cwd": self.folder}
+        )
 
 
 def _faketime(offset: Path) -> dict[str, str]:
@@ -153,7 +160,8 @@ def _listens(port: int) -> bool:
 def _broker(kind: str, folder: Path, port: int) -> Process:
     log = folder / "broker.log"
     if kind == "embedded":
-        return Process([*_ACQD, "broker", "--port", str(port)], log, lambda: _listens(port))
+        command = limited([*_ACQD, "broker", "--port", str(port)], unit_limit("acqd-broker"))
+        return Process(command, log, lambda: _listens(port))
     config, store = folder / "mosquitto.conf", folder / "broker"
     store.mkdir()
     text = (Path(__file__).parents[3] / "config" / "mosquitto.conf").read_text()

@@ -91,13 +91,13 @@ def run(kind: Kind, folder: Path, plan: Plan, tick: Callable[[str], None]) -> Ou
     try:
         bed.start()
         bed.tape.touch()
-        _recovered(bed)
+        recovered(bed)
         for name in plan.names(kind, chance):
             outcome.hits.append(_hit(bed, name, chance))
             tick(name)
             bed.revive()
             time.sleep(chance.uniform(0.3, 1.5))
-        _settle(bed)
+        settle(bed)
         services = {"daemon": bed.daemon, "sink": bed.sink, "broker": bed.broker}
         outcome.died = {name: process.deaths for name, process in services.items() if process.deaths}
         outcome.rows = reconcile(bed.tape, bed.engine)
@@ -110,10 +110,10 @@ def run(kind: Kind, folder: Path, plan: Plan, tick: Callable[[str], None]) -> Ou
 def _hit(bed: Bed, name: str, chance: random.Random) -> Hit:
     begun = time.monotonic()
     ALL[name](bed, chance)
-    return Hit(name, round(time.monotonic() - begun, 3), _recovered(bed))
+    return Hit(name, round(time.monotonic() - begun, 3), recovered(bed))
 
 
-def _recovered(bed: Bed) -> float | None:
+def recovered(bed: Bed) -> float | None:
     """Seconds until a row that is made from now on is stored."""
     over, offset = time.monotonic(), bed.taped()
     while time.monotonic() < over + _RECOVERY_S:
@@ -124,7 +124,7 @@ def _recovered(bed: Bed) -> float | None:
     return None
 
 
-def _settle(bed: Bed) -> None:
+def settle(bed: Bed) -> None:
     """The daemon stops; what it made has time to arrive."""
     time.sleep(1.0)
     bed.daemon.stop()
