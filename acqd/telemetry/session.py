@@ -65,6 +65,8 @@ class Session:
         """Connect. Raises SessionError."""
         await self._reach()
         sock: Any = self._client.socket()
+        if sock is None:  # the peer has reset the connection before CONNECT was written: paho has closed the socket
+            raise SessionError(self._ended.result() if self._ended.done() else "connection reset")
         with contextlib.suppress(OSError):  # a TLS socket has it set on the one below
             for option in NO_DELAY:
                 sock.setsockopt(*option)
