@@ -16,6 +16,9 @@ from acqd.storage.database import open_database
 from acqd.storage.writer import Writer
 from tests.places import ROOT
 from tests.storage.rows import message, row
+from tools.studies.faults.bed import Extras, Kind
+from tools.studies.faults.faults import possible
+from tools.studies.faults.memory import how, limited, unit_limit
 from tools.studies.faults.proxy import Proxy
 from tools.studies.faults.reconcile import missing, reconcile
 
@@ -31,9 +34,9 @@ def reconciled(tmp_path, taped, stored):
     tape.write_bytes(b"".join(one.to_json() + b"\n" for one in taped) + b'{"torn')
     engine = open_database(str(tmp_path / "a.sqlite"))
     Writer(engine).write([message(one) for one in stored])
-    result = reconcile(tape, engine)
+    result = reconcile([tape], engine)
     assert result.made == len(taped) and result.stored == len(stored)
-    assert missing(tape, engine) == result.lost
+    assert missing([tape], engine) == result.lost
     return {name: getattr(result, name) for name in NOTHING}
 
 
@@ -124,3 +127,29 @@ def test_the_short_campaign_runs_and_says_what_it_found():
     [figures] = json.loads(done.stdout)
     assert figures["faults"] == 10 and figures["made"] > 500 and figures["wrong"] == figures["duplicated"] == 0
     assert figures["not recovered"] == 0 and figures["died"] == 0
+
+
+def test_rows_behind_forged_ones_have_to_be_in_quarantine(tmp_path):
+    tape, forged, engine = tmp_path / "tape", tmp_path / "forged", open_database(str(tmp_path / "a.sqlite"))
+    tape.write_bytes(b"".join(one.to_json() + b"\n" for one in ROWS))
+    false = [replace(one, P=1e6) for one in (ROWS[3], ROWS[4])]
+    forged.write_bytes(b"".join(one.to_json() + b"\n" for one in false))
+    Writer(engine).write([message(one) for one in [*ROWS[:3], *false, ROWS[5]]])
+    assert reconcile([tape], engine, forged).lost == 2
+    Writer(engine).write([message(ROWS[3])])
+    result = reconcile([tape], engine, forged)
+    assert (result.lost, result.contested, result.wrong) == (1, 1, 0)
+
+
+@pytest.mark.parametrize("kind", [Kind("mosquitto", "sqlite"), Kind("embedded", "postgres")])
+def test_a_bed_gets_only_faults_that_it_can_have(kind):
+    plain, whole = set(possible(kind, Extras())), set(possible(kind, Extras(clock=True, disks=True, sidecar=True)))
+    assert whole - plain >= {"clock set", "database disk full", "spool disk full", "sidecar killed"}
+    assert ("database crashed" in plain) == (kind.database == "postgres")
+
+
+def test_limits_come_from_the_units():
+    assert unit_limit("acqd-broker") == 512 << 20 and unit_limit("acqd-sidecar") == 1 << 30
+    code = "import resource; print(resource.getrlimit(resource.RLIMIT_DATA)[0])"
+    done = subprocess.run(limited([sys.executable, "-c", code], 300 << 20), capture_output=True, text=True, check=True)
+    assert int(done.stdout) == 300 << 20 or "RLIMIT_DATA" not in how()

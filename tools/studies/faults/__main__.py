@@ -1,11 +1,14 @@
 """Real processes, real faults: kills, hangs, cuts, locks; every row taped where it is made and looked for in SQL.
 
-    python -m tools.studies.faults [--short] [--faults 60] [--seed 1] [--bed mosquitto+sqlite] [--json]
+    python -m tools.studies.faults [--short] [--faults 60] [--seed 1] [--bed mosquitto+sqlite] [--plain] [--json]
 
-The daemon has the simulated source. Daemon and sink reach the broker through a TCP proxy that cuts, delays and resets.
+The daemon has the simulated source. Daemon, sink and sidecar reach the broker through a TCP proxy that cuts, delays and
+resets. All have the memory limits of their units. Disks are filled where this is root with a loop device, the daemon's
+clock is set where libfaketime is installed; a line says what is left out.
 A fault is over when its cause is gone (the process runs again, the network passes); recovery is the time from then
-until a row that was made afterwards is in the database. Exit 1 when rows were lost beyond one window per killed
-daemon, or were duplicated, wrong, out of order or missing without a flag. Needs mosquitto and PostgreSQL.
+until a row that was made afterwards is in the database. A sidecar has to do every log exactly once. Exit 1 when rows
+were lost beyond one window per killed daemon, or were duplicated, wrong, out of order or missing without a flag, or
+logs were not done once. Needs mosquitto and PostgreSQL.
 """
 
 from __future__ import annotations
@@ -25,14 +28,16 @@ from rich.table import Table
 from acqd.cli.main import for_people
 from acqd.errors import UserError
 from tools.common.tables import show
-from tools.studies.faults.bed import BROKERS, DATABASES, Kind
+from tools.studies.faults import clock, disk
+from tools.studies.faults.bed import BROKERS, DATABASES, Extras, Kind
 from tools.studies.faults.campaign import Outcome, Plan, forget, run
 from tools.studies.faults.faults import ALL
+from tools.studies.faults.memory import how
 
 _BEDS = [Kind(broker, database) for broker in BROKERS for database in DATABASES]
 _SHORT = [Kind("mosquitto", "sqlite")]
 _CHANNELS = 4
-_NEVER = ("duplicated", "wrong", "unflagged", "backwards", "not recovered")
+_NEVER = ("duplicated", "wrong", "unflagged", "backwards", "energy back", "not recovered", "logs wrong")
 
 
 def faults(
@@ -40,7 +45,7 @@ def faults(
     count: Annotated[int, typer.Option("--faults", min=1, help="Faults per bed.")] = 60,
     bed: Annotated[list[str] | None, typer.Option(help=f"Beds: {', '.join(map(str, _BEDS))}.")] = None,
     only: Annotated[list[str] | None, typer.Option(help=f"Faults: {', '.join(ALL)}.")] = None,
-    clock: Annotated[bool, typer.Option("--clock", help="Also set the daemon's clock (libfaketime).")] = False,
+    plain: Annotated[bool, typer.Option("--plain", help="No faked clock, no full disks, no sidecar.")] = False,
     seed: Annotated[int, typer.Option(help="Order, moments and durations of the faults.")] = 1,
     keep: Annotated[Path | None, typer.Option(help="Keep tapes, logs and databases in this new folder.")] = None,
     json: Annotated[bool, typer.Option("--json", help="Machine-readable output on stdout.")] = False,
@@ -56,9 +61,10 @@ def faults(
         raise UserError(f"--only {sorted(unknown)[0]!r}: expected one of {', '.join(ALL)}")
     if keep is not None and keep.exists():
         raise UserError(f"--keep {keep} exists; name a new folder")
-    plan = Plan(seed, count, frozenset(only or []), clock)
-    place = keep or Path(tempfile.mkdtemp(prefix="acqd-faults-"))
     console = Console(stderr=True)
+    plan = Plan(seed, count, frozenset(only or []), Extras() if plain or short else _extras(console))
+    place = keep or Path(tempfile.mkdtemp(prefix="acqd-faults-"))
+    console.print(f"memory limits of the units: {how()}", highlight=False)
     outcomes: list[Outcome] = []
     with Progress(console=console, disable=not console.is_terminal) as progress:
         for kind in kinds:
@@ -80,6 +86,15 @@ def faults(
     else:
         show(_beds(outcomes), _kinds_of_fault(outcomes), width=150)
     raise SystemExit(0 if all(map(_good, outcomes)) else 1)
+
+
+def _extras(console: Console) -> Extras:
+    """What this computer can do; one line about what it cannot."""
+    reasons = {"clock set": clock.missing(), "disk full": disk.missing()}
+    for name, reason in reasons.items():
+        if reason:
+            console.print(f"skipped: {name} ({reason})", highlight=False)
+    return Extras(clock=not reasons["clock set"], disks=not reasons["disk full"], sidecar=True)
 
 
 def kinds_of(names: list[str]) -> list[Kind]:

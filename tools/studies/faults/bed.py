@@ -1,36 +1,31 @@
-"""The processes under test: daemon and sink, each behind a proxy to the broker, and a database."""
+"""The processes under test: daemon, sink and sidecar, each behind a proxy to the broker, and a database."""
 
 from __future__ import annotations
 
 import os
-import shutil
-import socket
-import subprocess
-import sys
-import time
-from contextlib import suppress
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import orjson
 import sqlalchemy as sa
 
-from acqd.errors import UserError
 from acqd.storage.database import open_database
 from acqd.storage.schema import power
 from acqd.telemetry.broker import free_port
+from tools.studies.faults import disk
+from tools.studies.faults.clock import FakedClock
+from tools.studies.faults.logs import LOG_DEVICE, RobotLogs
 from tools.studies.faults.memory import limited, unit_limit
 from tools.studies.faults.process import Process
 from tools.studies.faults.proxy import Proxy
+from tools.studies.faults.servers import ACQD, broker, postgres
 
 BROKERS = ("mosquitto", "mosquitto-memory", "embedded")
 """With and without persistence, and amqtt."""
 DATABASES = ("sqlite", "postgres")
 DEVICE = "cell1"
-CLOCK_CACHE_S = 1
-"""How long libfaketime may take to notice that the clock was set [s]."""
-_ACQD = [sys.executable, "-m", "acqd"]
+_STATE_MB, _DATABASE_MB = 96, 512
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,32 +39,54 @@ class Kind:
         return f"{self.broker}+{self.database}"
 
 
+@dataclass(frozen=True, slots=True)
+class Extras:
+    """What some studies need beside broker, database, sink and daemon."""
+
+    clock: bool = False
+    """The daemon runs under libfaketime, so that its clock can be set."""
+    disks: bool = False
+    """Spool and database have small disks, so that they can be filled."""
+    sidecar: bool = False
+    """A sidecar works on robot logs."""
+    daemon_memory: int | None = None
+    """Memory limit of the daemon [bytes] instead of that of its unit."""
+
+
 class Bed:
-    """Starts everything in a folder, and stops it."""
+    """Starts everything in a folder, and stops it. Processes have the memory limits of their units."""
 
-    def __init__(self, kind: Kind, folder: Path, faked_clock: bool = False, daemon_memory: int | None = None) -> None:
-        """`faked_clock`: the daemon runs under libfaketime, so that its clock can be set. Raises UserError without.
-
-        `daemon_memory`: limit [bytes] instead of that of the unit.
-        """
-        self.kind, self.folder = kind, folder
-        self._memory = {"daemon": daemon_memory or unit_limit("acqd"), "sink": unit_limit("acqd-sink")}
+    def __init__(self, kind: Kind, folder: Path, extras: Extras | None = None) -> None:
+        """Raises OperationError."""
+        self.kind, self.folder, extras = kind, folder, extras or Extras()
         folder.mkdir(parents=True)
-        self._offset = folder / "clock"
-        self.set_clock(0.0)
-        self.tape = folder / "tape.jsonl"
-        self.port = port = free_port()
-        self.proxies = {"daemon": Proxy(port), "sink": Proxy(port)}
-        self.database: Process | None = None
-        self.url = f"{folder / 'rows.sqlite'}"
-        if kind.database == "postgres":
-            self.database, self.url = _postgres(folder)
-        self.broker = _broker(kind.broker, folder, port)
-        self.daemon = self._service("daemon", "run", "--tape", str(self.tape))
-        self.sink = self._service("sink", "sink")
-        if faked_clock:
-            self.daemon.options["env"] = os.environ | _faketime(self._offset)
+        self.tape, self.strangers, self.forged = (folder / f"{name}.jsonl" for name in ("tape", "strangers", "forged"))
+        """Rows of the daemon; rows of others, to be stored, too; rows that pretend to be the daemon's."""
+        for file in (self.tape, self.strangers, self.forged):
+            file.touch()
+        self.disks = _disks(folder) if extras.disks else {}
+        self.port = free_port()
+        self.proxies = {name: Proxy(self.port) for name in ("daemon", "sink", "sidecar")}
+        self.database, self.url = self._storage()
+        self.broker = broker(kind.broker, folder, self.port)
+        self.daemon = self._service("daemon", extras.daemon_memory or unit_limit("acqd"), "run", "--tape", self.tape)
+        self.sink = self._service("sink", unit_limit("acqd-sink"), "sink")
+        self.clock = FakedClock(folder) if extras.clock else None
+        if self.clock is not None:
+            self.daemon.options["env"] = os.environ | self.clock.environment()
+        self.logs = RobotLogs(folder / "logs", folder / "model") if extras.sidecar else None
+        self.sidecar: Process | None = None
+        if self.logs is not None:
+            model = ("--model", self.logs.model, "--device", LOG_DEVICE)
+            self.sidecar = self._service(
+                "sidecar", unit_limit("acqd-sidecar"), "sidecar", self.logs.folder, *model, "--json"
+            )
         self._engine: sa.Engine | None = None
+
+    @property
+    def tapes(self) -> tuple[Path, Path]:
+        """All rows that have to be stored."""
+        return self.tape, self.strangers
 
     @property
     def engine(self) -> sa.Engine:
@@ -79,36 +96,43 @@ class Bed:
         return self._engine
 
     def start(self) -> None:
-        """Database, broker, sink, daemon."""
-        for process in (self.database, self.broker, self.sink, self.daemon):
+        """Database, broker, sink, daemon, sidecar."""
+        if self.database is not None:
+            self.database.start()
+        if self.logs is not None:
+            self.logs.prepare(self.engine)
+        for process in (self.broker, self.sink, self.daemon, self.sidecar):
             if process is not None:
                 process.start()
 
+    def services(self) -> Iterator[tuple[str, Process]]:
+        """The processes that run, in the order of their start."""
+        for name in ("database", "broker", "sink", "daemon", "sidecar"):
+            process: Process | None = getattr(self, name)
+            if process is not None and process.running is not None:
+                yield name, process
+
     def revive(self) -> None:
         """Start what has died."""
-        for process in (self.database, self.broker, self.sink, self.daemon):
-            if process is not None:
-                process.revive()
+        for _, process in self.services():
+            process.revive()
 
     def stop(self) -> None:
         """Everything, in the order of the rows."""
-        for process in (self.daemon, self.sink, self.broker, self.database):
-            if process is not None and process.running is not None:
-                process.stop()
+        services = dict(self.services())
+        for name in ("sidecar", "daemon", "sink", "broker", "database"):
+            if name in services:
+                services[name].stop()
         for proxy in self.proxies.values():
             proxy.close()
         if self._engine is not None:
             self._engine.dispose()
-
-    def set_clock(self, seconds: float) -> None:
-        """Put the daemon's clock so many seconds ahead of this computer's."""
-        new = self._offset.with_suffix(".new")
-        new.write_text(f"{seconds:+}")
-        os.replace(new, self._offset)
+        for small in self.disks.values():
+            small.unmount()
 
     def taped(self) -> int:
         """Length of the tape [bytes]."""
-        return self.tape.stat().st_size if self.tape.exists() else 0
+        return self.tape.stat().st_size
 
     def arrived(self, offset: int) -> bool:
         """Whether a row that was taped behind `offset` is stored: by its number, whatever the clocks say."""
@@ -128,74 +152,26 @@ class Bed:
             return False
         return newest is not None and newest >= first
 
-    def _service(self, name: str, *command: str) -> Process:
-        config = self.folder / f"{name}.toml"
-        (self.folder / "state").mkdir(exist_ok=True)
+    def _storage(self) -> tuple[Process | None, str]:
+        place = self.folder / "database"
+        place.mkdir(exist_ok=True)
+        return postgres(self.folder, place) if self.kind.database == "postgres" else (None, f"{place / 'rows.sqlite'}")
+
+    def _service(self, name: str, memory: int, *command: object) -> Process:
+        config, state = self.folder / f"{name}.toml", self.folder / "state"
+        state.mkdir(exist_ok=True)
         config.write_text(
-            f'device = "{DEVICE}"\nstate_dir = "{self.folder / "state"}"\n[realtime]\npriority = 0\n'
+            f'device = "{DEVICE}"\nstate_dir = "{state}"\n[realtime]\npriority = 0\n'
             f'[mqtt]\nport = {self.proxies[name].port}\n[sink]\ndatabase = "{self.url}"\nclient_id = "faults"\n'
             f"[health]\nport = {free_port()}\nsink_port = {free_port()}\n"
         )
-        arguments = [*_ACQD, *command, "--config", str(config)]
-        return Process(
-            limited(arguments, self._memory[name]), self.folder / f"{name}.log", options={"cwd": self.folder}
-        )
+        arguments = [*ACQD, *map(str, command), "--config", str(config)]
+        return Process(limited(arguments, memory), self.folder / f"{name}.log", options={"cwd": self.folder})
 
 
-def _faketime(offset: Path) -> dict[str, str]:
-    found = sorted(Path("/usr/lib").glob("*/faketime/libfaketime.so.1"))
-    if not found:
-        raise UserError("--clock needs libfaketime: apt-get install libfaketime")
+def _disks(folder: Path) -> dict[str, disk.SmallDisk]:
+    disk.own_mounts()
     return {
-        "LD_PRELOAD": str(found[-1]), "FAKETIME_TIMESTAMP_FILE": str(offset), "FAKETIME_DONT_FAKE_MONOTONIC": "1",
-        "DONT_FAKE_MONOTONIC": "1", "FAKETIME_CACHE_DURATION": str(CLOCK_CACHE_S),
-    }  # fmt: skip
-
-
-def _listens(port: int) -> bool:
-    with socket.socket() as probe:
-        return probe.connect_ex(("127.0.0.1", port)) == 0
-
-
-def _broker(kind: str, folder: Path, port: int) -> Process:
-    log = folder / "broker.log"
-    if kind == "embedded":
-        command = limited([*_ACQD, "broker", "--port", str(port)], unit_limit("acqd-broker"))
-        return Process(command, log, lambda: _listens(port))
-    config, store = folder / "mosquitto.conf", folder / "broker"
-    store.mkdir()
-    text = (Path(__file__).parents[3] / "config" / "mosquitto.conf").read_text()
-    text = text.replace("listener 1883", f"listener {port}")
-    keep = kind == "mosquitto"
-    text = text.replace("persistence true", f"persistence {'true' if keep else 'false'}")
-    config.write_text(f"{text}\npersistence_location {store}/\nuser root\n")
-    program = shutil.which("mosquitto", path=f"{os.environ['PATH']}:/usr/sbin") or "mosquitto"
-    return Process([program, "-c", str(config)], log, lambda: _listens(port))
-
-
-def _postgres(folder: Path) -> tuple[Process, str]:
-    """A private server with its default durability."""
-    programs = sorted(Path("/usr/lib/postgresql").glob("*/bin"), key=lambda path: float(path.parent.name))[-1]
-    port, place = free_port(), folder / "postgres"
-    place.mkdir()
-    user: dict[str, Any] = {}
-    if os.geteuid() == 0:  # PostgreSQL refuses to run as root
-        shutil.chown(place, "postgres")
-        for parent in (folder, *folder.parents[:3]):
-            with suppress(PermissionError):
-                parent.chmod(parent.stat().st_mode | 0o055)
-        user = {"user": "postgres", "cwd": "/"}
-    data = place / "data"
-    quiet: dict[str, Any] = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    subprocess.run(
-        [str(programs / "initdb"), "-D", str(data), "-A", "trust", "-U", "acqd"], check=True, **quiet, **user
-    )
-    command = [str(programs / "postgres"), "-D", str(data), "-p", str(port), "-k", str(place)]
-    ready = [str(programs / "pg_isready"), "-q", "-h", "127.0.0.1", "-p", str(port)]
-
-    def answers() -> bool:
-        time.sleep(0.05)
-        return subprocess.run(ready, check=False, **quiet).returncode == 0
-
-    process = Process([*command, "-c", "listen_addresses=127.0.0.1"], folder / "postgres.log", answers, user)
-    return process, f"postgresql://acqd@127.0.0.1:{port}/postgres"
+        "spool": disk.SmallDisk(folder / "state", _STATE_MB),
+        "database": disk.SmallDisk(folder / "database", _DATABASE_MB),
+    }

@@ -10,14 +10,19 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from tools.studies.faults.bed import Bed, Kind
-from tools.studies.faults.faults import ALL, FAKED_CLOCK_ONLY, POSTGRES_ONLY
+from tools.studies.faults.bed import Bed, Extras, Kind
+from tools.studies.faults.faults import ALL, possible
+from tools.studies.faults.logs import LOG_DEVICE, LogsDone
 from tools.studies.faults.reconcile import Reconciled, missing, reconcile
 
 _RECOVERY_S = 30.0
 """Longest time to wait for a new row in the database after a fault."""
 _DRAIN_S = 60.0
 """Longest time to wait for the backlog at the end."""
+_LAST_S = 15.0
+"""The same for the last rows of a daemon that has stopped."""
+_UNDER_WAY = 50
+"""Rows that are always on their way while the daemon runs: half a second of four channels."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +46,7 @@ class Outcome:
     died: dict[str, int] = field(default_factory=dict)
     """Processes that ended by themselves."""
     rows: Reconciled | None = None
+    logs: LogsDone | None = None
 
     @property
     def recoveries(self) -> list[float]:
@@ -55,10 +61,11 @@ class Outcome:
         return {
             "bed": self.bed, "faults": len(self.hits), "seconds": round(self.seconds), "made": rows.made,
             "stored": rows.stored, "lost": rows.lost, "daemon kills": kills, "duplicated": rows.duplicated,
-            "wrong": rows.wrong, "unflagged": rows.unflagged, "backwards": rows.backwards,
-            "energy back": rows.energy_back, "not recovered": len(self.hits) - len(times),
+            "wrong": rows.wrong, "behind forged": rows.contested, "unflagged": rows.unflagged,
+            "backwards": rows.backwards, "energy back": rows.energy_back, "not recovered": len(self.hits) - len(times),
             "mean recovery s": round(sum(times) / len(times), 2) if times else None,
             "worst recovery s": round(max(times), 2) if times else None, "died": sum(self.died.values()),
+            "logs": self.logs and self.logs.arrived, "logs wrong": self.logs and self.logs.wrong,
         }  # fmt: skip
 
 
@@ -70,14 +77,11 @@ class Plan:
     faults: int
     only: frozenset[str] = frozenset()
     """Empty: all."""
-    clock: bool = False
-    """Also set the daemon's clock."""
+    extras: Extras = field(default_factory=Extras)
 
     def names(self, kind: Kind, chance: random.Random) -> list[str]:
         """The faults of a bed, each kind equally often."""
-        impossible = set() if kind.database == "postgres" else set(POSTGRES_ONLY)
-        impossible |= set() if self.clock else FAKED_CLOCK_ONLY
-        names = [name for name in ALL if name not in impossible and (not self.only or name in self.only)]
+        names = [name for name in possible(kind, self.extras) if not self.only or name in self.only]
         plan: list[str] = []
         while names and len(plan) < self.faults:
             plan += chance.sample(names, len(names))
@@ -87,20 +91,19 @@ class Plan:
 def run(kind: Kind, folder: Path, plan: Plan, tick: Callable[[str], None]) -> Outcome:
     """Carry the plan out on one bed; `tick` hears of every fault."""
     chance, outcome, begun = random.Random(f"{plan.seed} {kind}"), Outcome(str(kind), plan.seed), time.monotonic()
-    bed = Bed(kind, folder, plan.clock)
+    bed = Bed(kind, folder, plan.extras)
     try:
         bed.start()
-        bed.tape.touch()
         recovered(bed)
         for name in plan.names(kind, chance):
             outcome.hits.append(_hit(bed, name, chance))
-            tick(name)
+            tick(f"{name}: {outcome.hits[-1].recovery_s} s")
             bed.revive()
             time.sleep(chance.uniform(0.3, 1.5))
         settle(bed)
-        services = {"daemon": bed.daemon, "sink": bed.sink, "broker": bed.broker}
-        outcome.died = {name: process.deaths for name, process in services.items() if process.deaths}
-        outcome.rows = reconcile(bed.tape, bed.engine)
+        outcome.died = {name: process.deaths for name, process in bed.services() if process.deaths}
+        outcome.rows = reconcile(bed.tapes, bed.engine, bed.forged, beside=LOG_DEVICE)
+        outcome.logs = bed.logs.judge(bed.engine) if bed.logs is not None else None
     finally:
         bed.stop()
     outcome.seconds = time.monotonic() - begun
@@ -109,6 +112,8 @@ def run(kind: Kind, folder: Path, plan: Plan, tick: Callable[[str], None]) -> Ou
 
 def _hit(bed: Bed, name: str, chance: random.Random) -> Hit:
     begun = time.monotonic()
+    if bed.logs is not None:
+        bed.logs.arrive(chance)
     ALL[name](bed, chance)
     return Hit(name, round(time.monotonic() - begun, 3), recovered(bed))
 
@@ -125,18 +130,15 @@ def recovered(bed: Bed) -> float | None:
 
 
 def settle(bed: Bed) -> None:
-    """The daemon stops; what it made has time to arrive."""
-    time.sleep(1.0)
-    bed.daemon.stop()
+    """Backlog and logs have time to arrive; then the daemon stops, and its last rows arrive."""
     deadline = time.monotonic() + _DRAIN_S
-    quiet_since, before = time.monotonic(), -1
-    while time.monotonic() < deadline:
-        left = missing(bed.tape, bed.engine)
-        if left != before:
-            quiet_since, before = time.monotonic(), left
-        # With a spool, rows are still in it: a daemon has to run to deliver them.
-        if not left or time.monotonic() - quiet_since > 10.0:
-            return
+    while missing(bed.tapes, bed.engine) > _UNDER_WAY and time.monotonic() < deadline:
+        time.sleep(0.5)
+    if bed.logs is not None:
+        bed.logs.settle(bed.engine, _DRAIN_S)
+    bed.daemon.stop()
+    deadline = time.monotonic() + _LAST_S
+    while missing(bed.tapes, bed.engine) and time.monotonic() < deadline:
         time.sleep(0.5)
 
 

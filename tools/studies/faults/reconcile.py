@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
 from itertools import pairwise
@@ -37,38 +39,62 @@ class Reconciled:
     energy_back: int
     """Boots whose energy begins below the end of the boot before."""
     quarantined: int
+    contested: int = 0
+    """Rows of the daemon that are in quarantine, because a forged row with their key was stored before."""
 
 
-def reconcile(tape: Path, engine: sa.Engine) -> Reconciled:
-    """Compare the tape with the tables `power` and `quarantine`."""
-    made = _taped(tape)
+def reconcile(tapes: Iterable[Path], engine: sa.Engine, forged: Path | None = None, beside: str = "") -> Reconciled:
+    """Compare tapes with the tables `power` and `quarantine`.
+
+    `forged`: rows by others with keys of the daemon. Where one of these was stored first, the daemon's row has to be in
+    quarantine. `beside`: a device that is not looked at.
+    """
+    made = _taped(tapes)
     with engine.connect() as connection:
-        stored = {_key(row): row for row in connection.execute(sa.select(power)).mappings()}
-        refused = int(connection.execute(sa.select(sa.func.count()).select_from(quarantine)).scalar_one())
-    moments = Counter((key[0], key[1], row["filetime"]) for key, row in stored.items())
-    wrong = sum(key not in made or _differs(made[key], row) for key, row in stored.items())
+        query = sa.select(power).where(power.c.device != beside)
+        stored = {_key(row): row for row in connection.execute(query).mappings()}
+        refused = {bytes(payload) for payload in connection.execute(sa.select(quarantine.c.payload)).scalars()}
+    taken = {_key(row) for row in _rows(forged)} if forged is not None else set()
+    behind = {key for key in taken & made.keys() & stored.keys() if _differs(made[key], stored[key])}
+    kept = {key for key in map(_key, _readable(refused)) if key in behind}
+    moments = Counter((key[0], key[1], row["filetime"]) for key, row in stored.items() if key not in taken)
+    wrong = sum(key not in made or _differs(made[key], row) for key, row in stored.items() if key not in taken)
     return Reconciled(
         made=len(made),
         stored=len(stored),
-        lost=len(made.keys() - stored.keys()),
+        lost=len(made.keys() - stored.keys()) + len(behind - kept),
         duplicated=sum(count - 1 for count in moments.values()),
         wrong=wrong,
-        quarantined=refused,
+        contested=len(kept),
+        quarantined=len(refused),
         **_order(made),
     )
 
 
-def missing(tape: Path, engine: sa.Engine) -> int:
-    """Rows of the tape that the database does not have yet."""
+def missing(tapes: Iterable[Path], engine: sa.Engine) -> int:
+    """Rows of the tapes that the database does not have yet."""
     columns = (power.c.device, power.c.channel, power.c.boot, power.c.seq)
     with engine.connect() as connection:
         stored = {tuple(row) for row in connection.execute(sa.select(*columns))}
-    return len(_taped(tape).keys() - stored)
+    return len(_taped(tapes).keys() - stored)
 
 
-def _taped(tape: Path) -> dict[_Key, Any]:
-    lines = tape.read_bytes().split(b"\n")
-    return {_key(row): row for row in (orjson.loads(line) for line in lines[:-1])}
+def _taped(tapes: Iterable[Path]) -> dict[_Key, Any]:
+    return {_key(row): row for tape in tapes for row in _rows(tape)}
+
+
+def _rows(tape: Path) -> Iterator[Any]:
+    """Rows of a file; its last line may be torn."""
+    return map(orjson.loads, tape.read_bytes().split(b"\n")[:-1])
+
+
+def _readable(payloads: Iterable[bytes]) -> Iterator[Any]:
+    """Those of the refused messages that are rows."""
+    for payload in payloads:
+        with suppress(ValueError, TypeError, KeyError):
+            row = orjson.loads(payload)
+            _key(row)
+            yield row
 
 
 def _key(row: Any) -> _Key:

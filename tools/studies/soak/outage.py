@@ -29,7 +29,7 @@ from acqd.storage.schema import power
 from tools.bench.report import Figure, table
 from tools.common.tables import show
 from tools.studies.faults.__main__ import kinds_of
-from tools.studies.faults.bed import DEVICE, Bed, Kind
+from tools.studies.faults.bed import DEVICE, Bed, Extras, Kind
 from tools.studies.faults.campaign import forget, recovered, settle
 from tools.studies.faults.memory import how
 from tools.studies.faults.process import Process
@@ -73,11 +73,10 @@ def outage(
 
 
 def _run(kind: Kind, folder: Path, away_s: float, memory: int) -> dict[str, Any]:
-    bed, console = Bed(kind, folder, daemon_memory=memory << 20), Console(stderr=True)
+    bed, console = Bed(kind, folder, Extras(daemon_memory=memory << 20)), Console(stderr=True)
     listener = None
     try:
         bed.start()
-        bed.tape.touch()
         if recovered(bed) is None:
             raise OperationError(f"no row is stored within 30 s; see {bed.daemon.log} (--keep)")
         time.sleep(min(_WARM_S, away_s))
@@ -94,7 +93,7 @@ def _run(kind: Kind, folder: Path, away_s: float, memory: int) -> dict[str, Any]
         sampler.stop()
         settle(bed)
         listener.stop()
-        rows = reconcile(bed.tape, bed.engine)
+        rows = reconcile(bed.tapes, bed.engine)
     finally:
         bed.stop()
     return _measured(sampler, listener, rows, back, back_s) | {
