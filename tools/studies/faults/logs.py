@@ -16,7 +16,8 @@ from tools.studies.sidecar.judge import done_logs
 
 LOG_DEVICE = "cell"
 """Meter of the robot; its rows are in the database before the logs arrive."""
-_LOGS = 24
+LOGS = 24
+"""Logs that can arrive."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +51,7 @@ class RobotLogs:
         self._ready.mkdir()
         simulated = importlib.import_module("tests.sidecar.cell")  # tests are not typed
         simulated.write_bundle(self.model)
-        simulated.cell(self._ready, engine.url.render_as_string(hide_password=False), _LOGS)
+        simulated.cell(self._ready, engine.url.render_as_string(hide_password=False), LOGS)
 
     def arrive(self, chance: random.Random) -> None:
         """One more log arrives within the next seconds."""

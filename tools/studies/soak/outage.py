@@ -35,6 +35,7 @@ from tools.studies.faults.memory import how
 from tools.studies.faults.process import Process
 from tools.studies.faults.reconcile import Reconciled, reconcile
 from tools.studies.soak.listener import Listener, out_of_order
+from tools.studies.soak.picture import draw
 from tools.studies.soak.usage import Sampler, folder_size
 
 _WARM_S, _AFTER_S = 60.0, 15.0
@@ -48,6 +49,7 @@ def outage(
     minutes: Annotated[float, typer.Option(min=0.1, help="How long the broker is away.")] = 60.0,
     memory: Annotated[int, typer.Option(min=100, help="Memory limit of the daemon [MiB].")] = 256,
     bed: Annotated[str, typer.Option(help="Broker and database, as in tools.studies.faults.")] = "mosquitto+postgres",
+    picture: Annotated[Path | None, typer.Option(help="Draw memory over time into this file (.svg, .png).")] = None,
     keep: Annotated[Path | None, typer.Option(help="Keep tapes, logs and databases in this new folder.")] = None,
     json: Annotated[bool, typer.Option("--json", help="Machine-readable output on stdout.")] = False,
 ) -> None:
@@ -60,10 +62,12 @@ def outage(
     [kind] = kinds_of([bed])
     place = keep or Path(tempfile.mkdtemp(prefix="acqd-outage-"))
     try:
-        measured = _run(kind, place / "bed", 60 * minutes, memory)
+        sampler, measured = _run(kind, place / "bed", 60 * minutes, memory)
     finally:
         if keep is None:
             forget(place)
+    if picture is not None:
+        draw(sampler, picture)
     figures = _figures(measured)
     if json:
         print(json_.dumps(measured | {"targets": {figure.name: figure.met for figure in figures}}))
@@ -72,7 +76,7 @@ def outage(
     raise SystemExit(0 if all(figure.met is not False for figure in figures) else 1)
 
 
-def _run(kind: Kind, folder: Path, away_s: float, memory: int) -> dict[str, Any]:
+def _run(kind: Kind, folder: Path, away_s: float, memory: int) -> tuple[Sampler, dict[str, Any]]:
     bed, console = Bed(kind, folder, Extras(daemon_memory=memory << 20)), Console(stderr=True)
     listener = None
     try:
@@ -96,7 +100,7 @@ def _run(kind: Kind, folder: Path, away_s: float, memory: int) -> dict[str, Any]
         rows = reconcile(bed.tapes, bed.engine)
     finally:
         bed.stop()
-    return _measured(sampler, listener, rows, back, back_s) | {
+    return sampler, _measured(sampler, listener, rows, back, back_s) | {
         "bed": str(kind), "away_s": away_s, "limit_MiB": memory, "limit": how(), "delivered_s": delivered_s,
         "backlog_rows": waiting, "daemon_died": bed.daemon.deaths,
     }  # fmt: skip
@@ -151,7 +155,6 @@ def _measured(sampler: Sampler, listener: Listener, rows: Reconciled, back: floa
         "connected_s": connected - back, "new_rows": len(late), "late_worst_s": max(late, default=None),
         "late_p99_s": float(np.percentile(late, 99)) if late else None,
         "out_of_order": sum(out_of_order(numbers) for numbers in listener.numbers.values()),
-        "series": [[round(s.at_s), s.name, s.usage.rss, s.stored] for s in sampler.samples],
     }  # fmt: skip
 
 
