@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import random
 import shutil
 import time
@@ -33,6 +34,8 @@ class Hit:
     lasted_s: float
     recovery_s: float | None
     """From the end of the fault until a row made after it is stored; None: not within 30 s."""
+    load: float
+    """Processes of the computer that ran or were ready to, mean of a minute: others make starts slow."""
 
 
 @dataclass(slots=True)
@@ -65,6 +68,7 @@ class Outcome:
             "backwards": rows.backwards, "energy back": rows.energy_back, "not recovered": len(self.hits) - len(times),
             "mean recovery s": round(sum(times) / len(times), 2) if times else None,
             "worst recovery s": round(max(times), 2) if times else None, "died": sum(self.died.values()),
+            "load of the computer": round(sum(hit.load for hit in self.hits) / max(1, len(self.hits)), 1),
             "logs": self.logs and self.logs.arrived, "logs wrong": self.logs and self.logs.wrong,
         }  # fmt: skip
 
@@ -115,7 +119,7 @@ def _hit(bed: Bed, name: str, chance: random.Random) -> Hit:
     if bed.logs is not None:
         bed.logs.arrive(chance)
     ALL[name](bed, chance)
-    return Hit(name, round(time.monotonic() - begun, 3), recovered(bed))
+    return Hit(name, round(time.monotonic() - begun, 3), recovered(bed), round(os.getloadavg()[0], 1))
 
 
 def recovered(bed: Bed) -> float | None:
