@@ -17,7 +17,7 @@ from acqd.daemon.config import Config
 from acqd.daemon.service import Service
 from acqd.daemon.tape import Tape
 from acqd.errors import UserError
-from acqd.telemetry.broker import check_port, free_port
+from acqd.telemetry.ports import check_port, free_port
 
 _DEFAULT_PORT = 1883
 _UNITS = {"Vrms": "V", "Irms": "A", "P": "W", "PF": "", "f": "Hz", "W": "kWh"}
