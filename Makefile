@@ -1,5 +1,5 @@
 # `make run` and `make test` are all a newcomer needs; tools/bootstrap.sh does the work.
-.PHONY: run test lint bench faults sbom fuzz install clean
+.PHONY: run test lint bench faults soak sbom fuzz install clean
 
 run:
 	@sh tools/bootstrap.sh run $(ARGS)
@@ -16,6 +16,10 @@ bench:
 # real processes under real faults; ARGS="--short" takes a minute
 faults:
 	@sh tools/bootstrap.sh faults $(ARGS)
+
+# hours; ARGS="--minutes 30" for less
+soak:
+	@sh tools/bootstrap.sh soak $(ARGS)
 
 sbom:
 	@sh tools/bootstrap.sh sbom $(EXTRA)

@@ -156,13 +156,13 @@ bench)
     install bench
     exec "$venv/bin/python" -m tools.bench "$@"
     ;;
-faults)
+faults | soak)
     install_servers
     install dev
-    exec "$venv/bin/python" -m tools.studies.faults "$@"
+    exec "$venv/bin/python" -m "tools.studies.$command" "$@"
     ;;
 *)
-    say "usage: sh tools/bootstrap.sh run|test|lint|bench|faults|sbom|install"
+    say "usage: sh tools/bootstrap.sh run|test|lint|bench|faults|soak|sbom|install"
     exit 2
     ;;
 esac

@@ -24,7 +24,7 @@ from acqd.daemon.health.section import HealthSection
 from acqd.storage.database import open_database
 from acqd.storage.schema import power
 from acqd.telemetry import wire
-from acqd.telemetry.broker import free_port
+from acqd.telemetry.ports import free_port
 from acqd.telemetry.row import CHANNELS, PowerRow
 from acqd.telemetry.wire import V311, Hello
 from acqd.timestamps import filetime, rfc3339

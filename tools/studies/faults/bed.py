@@ -12,7 +12,7 @@ import sqlalchemy as sa
 
 from acqd.storage.database import open_database
 from acqd.storage.schema import power
-from acqd.telemetry.broker import free_port
+from acqd.telemetry.ports import free_port
 from tools.studies.faults import disk
 from tools.studies.faults.clock import FakedClock
 from tools.studies.faults.logs import LOG_DEVICE, RobotLogs

@@ -9,7 +9,7 @@ import time
 from contextlib import suppress
 from typing import Literal
 
-from acqd.telemetry.broker import free_port
+from acqd.telemetry.ports import free_port
 
 Mode = Literal["pass", "silent", "refuse"]
 _CHUNK = 65_536

@@ -12,7 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from acqd.telemetry.broker import free_port
+from acqd.telemetry.ports import free_port
 from tools.studies.faults.memory import limited, unit_limit
 from tools.studies.faults.process import Process
 
