@@ -27,6 +27,7 @@ from rich.table import Table
 
 from acqd.cli.main import for_people
 from acqd.errors import UserError
+from tools.common.ending import end_in_order
 from tools.common.tables import show
 from tools.studies.faults import clock, disk
 from tools.studies.faults.bed import BROKERS, DATABASES, Extras, Kind
@@ -54,6 +55,7 @@ def faults(
 
     Example: python -m tools.studies.faults --short --seed 7
     """
+    end_in_order()
     kinds = kinds_of(bed) if bed else _SHORT if short else _BEDS
     count = 10 if short else count
     unknown = set(only or []) - set(ALL)

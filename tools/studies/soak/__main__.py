@@ -25,6 +25,7 @@ from rich.progress import Progress
 from acqd.cli.main import for_people
 from acqd.errors import OperationError, UserError
 from tools.bench.report import Figure, table
+from tools.common.ending import end_in_order
 from tools.common.tables import show
 from tools.studies.faults.__main__ import kinds_of
 from tools.studies.faults.bed import Bed, Extras, Kind
@@ -50,6 +51,7 @@ def soak(
 
     Example: python -m tools.studies.soak --minutes 30 --picture memory.svg
     """
+    end_in_order()
     if keep is not None and keep.exists():
         raise UserError(f"--keep {keep} exists; name a new folder")
     [kind] = kinds_of([bed])

@@ -17,6 +17,7 @@ import typer
 from acqd.cli.main import for_people
 from tools.bench.load import steady
 from tools.bench.report import table
+from tools.common.ending import end_in_order
 from tools.common.tables import show
 
 
@@ -28,6 +29,7 @@ def fleet(
 
     Example: python -m tools.studies.soak.fleet --minutes 1
     """
+    end_in_order()
     figures = list(steady(60 * minutes))
     if json:
         print(json_.dumps([asdict(figure) | {"met": figure.met} for figure in figures]))

@@ -27,6 +27,7 @@ from acqd.cli.main import for_people
 from acqd.errors import OperationError, UserError
 from acqd.storage.schema import power
 from tools.bench.report import Figure, table
+from tools.common.ending import end_in_order
 from tools.common.tables import show
 from tools.studies.faults.__main__ import kinds_of
 from tools.studies.faults.bed import DEVICE, Bed, Extras, Kind
@@ -57,6 +58,7 @@ def outage(
 
     Example: python -m tools.studies.soak.outage --minutes 2
     """
+    end_in_order()
     if keep is not None and keep.exists():
         raise UserError(f"--keep {keep} exists; name a new folder")
     [kind] = kinds_of([bed])
