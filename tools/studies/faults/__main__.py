@@ -43,7 +43,9 @@ _NEVER = ("duplicated", "wrong", "unflagged", "backwards", "energy back", "not r
 
 def faults(
     short: Annotated[bool, typer.Option("--short", help="One bed and 10 faults: about a minute.")] = False,
-    count: Annotated[int, typer.Option("--faults", min=1, help="Faults per bed.")] = 60,
+    count: Annotated[
+        int | None, typer.Option("--faults", min=1, help="Faults per bed (default 60; short: 10).")
+    ] = None,
     bed: Annotated[list[str] | None, typer.Option(help=f"Beds: {', '.join(map(str, _BEDS))}.")] = None,
     only: Annotated[list[str] | None, typer.Option(help=f"Faults: {', '.join(ALL)}.")] = None,
     plain: Annotated[bool, typer.Option("--plain", help="No faked clock, no full disks, no sidecar.")] = False,
@@ -57,7 +59,7 @@ def faults(
     """
     end_in_order()
     kinds = kinds_of(bed) if bed else _SHORT if short else _BEDS
-    count = 10 if short else count
+    count = count or (10 if short else 60)
     unknown = set(only or []) - set(ALL)
     if unknown:
         raise UserError(f"--only {sorted(unknown)[0]!r}: expected one of {', '.join(ALL)}")

@@ -102,7 +102,7 @@ def _pass(bed: Bed, seconds: float, sampler: Sampler) -> None:
                 _cut(bed)
                 cuts += 1
             if not console.is_terminal and passed > said:
-                console.print(_line(sampler, passed), highlight=False)
+                console.print(_line(sampler, passed), highlight=False, soft_wrap=True)
                 said += seconds / 20
             time.sleep(1.0)
 
