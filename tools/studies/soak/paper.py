@@ -69,6 +69,9 @@ def extrapolated(measured: dict[str, float], devices: int, days: float, busy: fl
         Figure(whole, "a spool of 1 GB lasts", 1e9 / (ROWS_PER_DEVICE * _SPOOLED) / 3600, "h"),
         Figure(whole, "one-minute roll-ups", devices * 4 / 60, "rows/s"),
     ]
+    for work, name in (("roll-ups", "rolls up"), ("deletion", "deletes")):
+        day_s = ROWS_PER_DEVICE * _DAY_S * measured[f"{work} (acqd sink maintain), time per row"] / 1e6
+        found.append(Figure("one database", f"devices of which an hour {name} a day", 3600 // day_s, ""))
     return found
 
 
