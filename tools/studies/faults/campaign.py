@@ -47,7 +47,7 @@ class Outcome:
     hits: list[Hit] = field(default_factory=list)
     seconds: float = 0.0
     died: dict[str, int] = field(default_factory=dict)
-    """Processes that ended by themselves."""
+    """Processes that ended by themselves; the database may, when its disk is full."""
     rows: Reconciled | None = None
     logs: LogsDone | None = None
 
@@ -55,6 +55,11 @@ class Outcome:
     def recoveries(self) -> list[float]:
         """Recovery times [s] of the faults that were recovered from."""
         return [hit.recovery_s for hit in self.hits if hit.recovery_s is not None]
+
+    @property
+    def deaths(self) -> int:
+        """Processes of acqd, and brokers, that ended by themselves."""
+        return sum(number for name, number in self.died.items() if name != "database")
 
     def figures(self) -> dict[str, Any]:
         """The line of the table."""
@@ -67,7 +72,7 @@ class Outcome:
             "wrong": rows.wrong, "behind forged": rows.contested, "unflagged": rows.unflagged,
             "backwards": rows.backwards, "energy back": rows.energy_back, "not recovered": len(self.hits) - len(times),
             "mean recovery s": round(sum(times) / len(times), 2) if times else None,
-            "worst recovery s": round(max(times), 2) if times else None, "died": sum(self.died.values()),
+            "worst recovery s": round(max(times), 2) if times else None, "died": self.deaths,
             "load of the computer": round(sum(hit.load for hit in self.hits) / max(1, len(self.hits)), 1),
             "logs": self.logs and self.logs.arrived, "logs wrong": self.logs and self.logs.wrong,
         }  # fmt: skip
