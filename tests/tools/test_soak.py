@@ -57,7 +57,7 @@ def test_usage_of_this_process():
 
 
 MEASURED = {
-    "stored": 5000.0, "CPU of the sink": 20.0, "CPU of mosquitto": 10.0, "CPU of PostgreSQL": 25.0,
+    "stored": 5000.0, "CPU of sinks": 20.0, "CPU of mosquitto": 10.0, "CPU of PostgreSQL": 25.0,
     "a row as a packet of MQTT": 250.0, "a row in PostgreSQL's log": 300.0,
     "a row in PostgreSQL, with its indices": 200.0, "roll-ups (acqd sink maintain), time per row": 5.0,
     "deletion (acqd sink maintain), time per row": 10.0,

@@ -2,54 +2,22 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
-import socket
-import struct
-import subprocess
-import tempfile
-import threading
 import time
-from collections.abc import Iterable, Iterator
-from contextlib import ExitStack, suppress
-from dataclasses import dataclass
-from multiprocessing.synchronize import Event
-from pathlib import Path
+from collections.abc import Iterator
 
-import psutil
 import sqlalchemy as sa
 
-from acqd.daemon.health.query import ask
-from acqd.daemon.health.section import HealthSection
 from acqd.storage.database import open_database
-from acqd.storage.schema import power
-from acqd.telemetry import wire
-from acqd.telemetry.ports import free_port
-from acqd.telemetry.row import CHANNELS, PowerRow
-from acqd.telemetry.wire import V311, Hello
-from acqd.timestamps import filetime, rfc3339
+from acqd.storage.maintain import Retention, maintain
+from tools.bench.load_run import BEGIN_S, DEVICES, WINDOW_S, packets, run_load
 from tools.bench.report import Figure
-from tools.common.commands import acqd_command
-from tools.common.servers import mosquitto, postgres
+from tools.common.servers import postgres
 
-_DEVICES, _WINDOW_S = 50, 0.04
 _STEADY_S, _ROWS_AT_ONCE = 30.0, 200_000
 _SLOW_S, _ROWS_SLOWLY = 0.2, 60_000
-
-
-@dataclass(frozen=True, slots=True)
-class _Run:
-    """What came of one load."""
-
-    lost: int
-    rate: float
-    """rows/s from the first to the last stored row."""
-    cpu: dict[str, float]
-    """CPU time by program, as a share of the time from the first to the last stored row [% of a core]."""
-
-    def us_per_row(self) -> float:
-        """CPU time of all programs for one row [us]."""
-        return 1e4 * sum(self.cpu.values()) / self.rate
+_SIZE = "SELECT pg_total_relation_size('power')"
+_LOG = "SELECT pg_wal_lsn_diff(pg_current_wal_lsn(), '0/0')"
 
 
 def loads() -> Iterator[Figure]:
@@ -57,16 +25,41 @@ def loads() -> Iterator[Figure]:
 
     The cores of one computer limit both together, so the two are also compared where the database is slow.
     """
+    yield from steady(_STEADY_S)
     with postgres() as url:
-        section = f"{_DEVICES} devices, {_DEVICES * 4 / _WINDOW_S:.0f} rows/s for {_STEADY_S:.0f} s into PostgreSQL"
-        steady = _run(url, "steady", 1, int(_STEADY_S / _WINDOW_S), _WINDOW_S)
-        yield Figure(section, "rows lost", steady.lost, "", "<= 0")
-        yield Figure(section, "stored", steady.rate, "rows/s")
-        yield Figure(section, "CPU of the sink", steady.cpu["sinks"], "% of a core", "<= 100")
         yield from _compared(url, "flood", _ROWS_AT_ONCE, "", ">= 8000")
         _slow_down(url)
         slow = f", transactions that take {_SLOW_S} s longer"
         yield from _compared(url, "slow", _ROWS_SLOWLY, slow, ">= 1.6")
+
+
+def steady(seconds: float) -> Iterator[Figure]:
+    """50 devices of 25 rows/s and four channels: CPU of all that takes part, and what a row costs in PostgreSQL."""
+    section = f"{DEVICES} devices, {DEVICES * 4 / WINDOW_S:.0f} rows/s for {seconds:.0f} s into PostgreSQL"
+    sent = int(seconds / WINDOW_S) * DEVICES * 4
+    with postgres() as url:
+        engine = open_database(url)
+        log = _number(engine, _LOG)
+        run = run_load(url, "steady", 1, int(seconds / WINDOW_S), WINDOW_S)
+        yield Figure(section, "rows sent", sent, "")
+        yield Figure(section, "rows lost", run.lost, "", "<= 0")
+        yield Figure(section, "stored", run.rate, "rows/s")
+        for name, percent in run.cpu.items():
+            yield Figure(section, f"CPU of {name}", percent, "% of a core", "<= 100" if name == "sinks" else "")
+        yield Figure(section, "a row in PostgreSQL, with its indices", _number(engine, _SIZE) / sent, "bytes")
+        yield Figure(section, "a row in PostgreSQL's log", (_number(engine, _LOG) - log) / sent, "bytes")
+        yield Figure(section, "a row as a packet of MQTT", len(next(packets("steady", 0))), "bytes")
+        for name, later_s in (("roll-ups", 3_600.0), ("deletion", 40 * 86_400.0)):
+            begun = time.monotonic()
+            maintain(engine, Retention(), BEGIN_S + seconds + later_s)
+            taken = 1e6 * (time.monotonic() - begun) / sent
+            yield Figure(section, f"{name} (acqd sink maintain), time per row", taken, "us")
+        engine.dispose()
+
+
+def _number(engine: sa.Engine, query: str) -> int:
+    with engine.connect() as connection:
+        return int(connection.exec_driver_sql(query).scalar_one())
 
 
 def _compared(url: str, boot: str, rows: int, how: str, target: str) -> Iterator[Figure]:
@@ -74,7 +67,7 @@ def _compared(url: str, boot: str, rows: int, how: str, target: str) -> Iterator
     runs = []
     for sinks in (1, 2):
         section = f"{rows} rows at once, {sinks} sink{'s' * (sinks > 1)}{how}"
-        run = _run(url, f"{boot}{sinks}", sinks, rows // (4 * _DEVICES), 0.0)
+        run = run_load(url, f"{boot}{sinks}", sinks, rows // (4 * DEVICES), 0.0)
         runs.append(run)
         yield Figure(section, "rows lost", run.lost, "", "<= 0")
         yield Figure(section, "stored", run.rate, "rows/s", target if sinks == 1 and not how else "")
@@ -99,114 +92,3 @@ def _slow_down(url: str) -> None:
             "CREATE TRIGGER wait AFTER INSERT ON power FOR EACH STATEMENT EXECUTE FUNCTION wait()"
         )
     engine.dispose()
-
-
-def _run(url: str, boot: str, sinks: int, windows: int, every_s: float) -> _Run:
-    sent = windows * _DEVICES * 4
-    with mosquitto() as port, ExitStack() as stack, tempfile.TemporaryDirectory() as folder:
-        asked = [_start_sink(stack, Path(folder), k, port, url, sinks) for k in range(sinks)]
-        time.sleep(4.0)  # the sinks subscribe
-        spawning = multiprocessing.get_context("spawn")
-        counted = spawning.Event()
-        sender = spawning.Process(target=_send, args=(port, boot, windows, every_s, counted))
-        sender.start()
-        while not _stored(asked):
-            time.sleep(0.01)
-        begun, before, stored = time.monotonic(), _cpu(), 0
-        changed = begun
-        while stored < sent and time.monotonic() - changed < 20:
-            time.sleep(0.05)
-            if (now := _stored(asked)) > stored:
-                stored, changed = now, time.monotonic()
-        elapsed, after = changed - begun, _cpu()
-        counted.set()
-        sender.join()
-    cpu = {name: 100 * (after[name] - before[name]) / elapsed for name in after}
-    return _Run(sent - _in_database(url, boot), stored / elapsed, cpu)
-
-
-def _start_sink(stack: ExitStack, folder: Path, k: int, port: int, url: str, sinks: int) -> HealthSection:
-    """Start a sink that ends with the stack; where it can be asked for its rows."""
-    health = HealthSection(sink_port=free_port())
-    path = folder / f"{k}.toml"
-    group = 'group = "g"\n' if sinks > 1 else ""
-    path.write_text(
-        f"[mqtt]\nport = {port}\n[health]\nsink_port = {health.sink_port}\n"
-        f'[sink]\ndatabase = "{url}"\nclient_id = "s{k}"\n{group}'
-    )
-    sink = subprocess.Popen(
-        acqd_command("sink", "--config", path), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-    )
-    stack.callback(sink.wait)
-    stack.callback(sink.terminate)
-    return health
-
-
-def _send(port: int, boot: str, windows: int, every_s: float, counted: Event) -> None:
-    """Publish with QoS 1; where there is no pause between the windows, all packets are made beforehand."""
-    made: Iterable[bytes] = (b"".join(_packets(boot, k)) for k in range(windows))
-    if not every_s:
-        made = list(made)
-    with socket.create_connection(("127.0.0.1", port)) as sock:
-        hello = Hello(V311, f"load-{boot}", 0, None, None, "load/will", b"", 0, 0, 1 << 16)
-        sock.sendall(wire.connect(hello))
-        threading.Thread(target=_discard, args=(sock,), daemon=True).start()
-        begun = time.monotonic()
-        for k, packets in enumerate(made):
-            sock.sendall(packets)
-            time.sleep(max(0.0, begun + k * every_s - time.monotonic()) if every_s else 0.0)
-        counted.wait()  # a process that has ended has no CPU time
-
-
-def _discard(sock: socket.socket) -> None:
-    with suppress(OSError):  # closed at the end
-        while sock.recv(1 << 16):
-            pass
-
-
-def _packets(boot: str, k: int) -> Iterator[bytes]:
-    ns = 1_700_000_000_000_000_000 + k * 40_000_000
-    values = (230.1, 1.2, 270.3, 276.1, 0.98, 50.01, k * 1e-6)
-    for device in range(_DEVICES):
-        for n, channel in enumerate(CHANNELS):
-            row = PowerRow(f"d{device}", channel, boot, k, rfc3339(ns), filetime(ns), *values, [])
-            number = (4 * (k * _DEVICES + device) + n) % 65_535 + 1
-            yield _publish(f"acqd/d{device}/{channel}/power".encode(), row.to_json(), number)
-
-
-def _publish(topic: bytes, payload: bytes, number: int) -> bytes:
-    """PUBLISH of MQTT 3.1.1 with QoS 1."""
-    body = struct.pack("!H", len(topic)) + topic + struct.pack("!H", number) + payload
-    return b"\x32" + bytes([len(body) & 0x7F | 0x80, len(body) >> 7]) + body  # 128 to 16383 bytes
-
-
-def _stored(sinks: list[HealthSection]) -> int:
-    """Rows that the sinks say they have stored: to count them in the database would cost it much."""
-    answers = [ask(section, "sink") for section in sinks]
-    return sum(answer.status.get("rows", 0) for answer in answers if answer is not None)
-
-
-def _in_database(url: str, boot: str) -> int:
-    engine = open_database(url)
-    with engine.connect() as connection:
-        count = connection.execute(sa.select(sa.func.count()).where(power.c.boot == boot)).scalar()
-    engine.dispose()
-    return int(count or 0)
-
-
-def _cpu() -> dict[str, float]:
-    """CPU time of the programs that this process has started [s]."""
-    spent = {"sinks": 0.0, "PostgreSQL": 0.0, "mosquitto": 0.0, "the sender": 0.0}
-    for process in psutil.Process().children(recursive=True):
-        with suppress(psutil.NoSuchProcess):
-            times = process.cpu_times()
-            ended = times.children_user + times.children_system  # connections of PostgreSQL that are closed
-            spent[_program(process)] += times.user + times.system + ended
-    return spent
-
-
-def _program(process: psutil.Process) -> str:
-    name = process.name()
-    if name in ("mosquitto", "postgres"):
-        return "PostgreSQL" if name == "postgres" else name
-    return "sinks" if "sink" in process.cmdline() else "the sender"

@@ -52,7 +52,7 @@ def extrapolated(measured: dict[str, float], devices: int, days: float, busy: fl
     """The plan. Raises KeyError when a figure is missing."""
     rows, rate = devices * ROWS_PER_DEVICE, measured["stored"]
     whole = f"{devices} devices, processes at {100 * busy:.0f} % of a core"
-    shares = {"sinks": "CPU of the sink", "brokers (mosquitto, one core each)": "CPU of mosquitto"}
+    shares = {"sinks": "CPU of sinks", "brokers (mosquitto, one core each)": "CPU of mosquitto"}
     found = [Figure(whole, "rows", rows, "1/s")]
     for name, share in shares.items():
         each = busy * 100 / measured[share] * rate
