@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import re
 from typing import Any
 
 from amqtt.adapters import StreamReaderAdapter, StreamWriterAdapter
@@ -58,18 +59,33 @@ class EmbeddedBroker:
                 _log.debug("embedded broker was slow to stop")
 
 
-class _BoundedReader(StreamReaderAdapter):  # type: ignore[misc]
-    """Reads no packet that is larger than allowed: to amqtt, the client has hung up then, for good."""
+_LEVEL = re.compile(rb"\x10[\x80-\xff]{0,3}[\x00-\x7f]\x00\x04MQTT(.)", re.DOTALL)
+"""Begin of a CONNECT, with the version of the protocol (MQTT 3.1.1, section 3.1.2)."""
+_LONGEST_BEGIN = 12
+_NEWEST_LEVEL = 4
+_UNSUPPORTED = bytes([0x20, 3, 0, 0x84, 0])
+"""CONNACK of MQTT 5 that refuses the version; amqtt says nothing, and the client waits in vain."""
 
-    def __init__(self, reader: asyncio.StreamReader) -> None:
+
+class _BoundedReader(StreamReaderAdapter):  # type: ignore[misc]
+    """Reads no packet that is larger than allowed, and no MQTT 5: to amqtt, the client has hung up then, for good."""
+
+    def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         super().__init__(reader)
-        self._refused = False
+        self._writer, self._begin, self._refused = writer, b"", False
 
     async def read(self, n: int = -1) -> bytes:
         self._refused = self._refused or n > LARGEST_PACKET
         if self._refused:
             raise ConnectionResetError
-        return bytes(await super().read(n))
+        data = bytes(await super().read(n))
+        if len(self._begin) < _LONGEST_BEGIN:
+            self._begin += data[:_LONGEST_BEGIN]
+            if (found := _LEVEL.match(self._begin)) and found[1][0] > _NEWEST_LEVEL:
+                self._refused = True
+                self._writer.write(_UNSUPPORTED)
+                raise ConnectionResetError
+        return data
 
 
 class _BoundedBroker(Broker):  # type: ignore[misc]
@@ -89,7 +105,7 @@ class _BoundedBroker(Broker):  # type: ignore[misc]
         self._connections += 1
         adapter = StreamWriterAdapter(writer)
         try:
-            await self._client_connected(listener_name, _BoundedReader(reader), adapter)
+            await self._client_connected(listener_name, _BoundedReader(reader, writer), adapter)
         except Exception as error:  # whatever a malformed packet makes amqtt raise: struct.error, UnicodeError ...
             _log.debug("embedded broker: %s", type(error).__name__)
         finally:

@@ -11,6 +11,8 @@ from acqd.errors import UserError
 from acqd.telemetry import broker as module
 from acqd.telemetry.broker import EmbeddedBroker, check_port, free_port
 from acqd.telemetry.mqtt import BrokerAddress
+from acqd.telemetry.subscriber import Subscriber, SubscriberError
+from acqd.telemetry.wire import UNSUPPORTED, V5, V311, Hello
 from tests.telemetry.clients import collect, connector, delivery, put, stop
 from tests.waiting import finish, until
 
@@ -91,3 +93,27 @@ def test_who_says_nothing_and_who_says_too_much_is_disconnected(monkeypatch):
         await server.stop()
 
     finish(scenario())
+
+
+def test_mqtt_5_is_refused_at_once_and_3_1_1_accepted():
+    async def scenario():
+        port = free_port()
+        server = EmbeddedBroker("127.0.0.1", port)
+        await server.start()
+        said = [await asyncio.to_thread(attempt, port, version) for version in (V5, V311)]
+        await server.stop()
+        return said
+
+    assert asyncio.run(scenario()) == [UNSUPPORTED, "accepted"]
+
+
+def attempt(port, version):
+    hello = Hello(version, "t", 10, None, None, "t/will", b"", 0, 0, 1 << 16)
+    subscriber = Subscriber(BrokerAddress(port=port), None, hello)
+    try:
+        subscriber.connect()
+    except SubscriberError as error:
+        return str(error)
+    finally:
+        subscriber.close()
+    return "accepted"
