@@ -102,8 +102,8 @@ def _send(port: int, boot: str, windows: int, every_s: float, counted: Event) ->
         sock.sendall(wire.connect(hello))
         threading.Thread(target=_discard, args=(sock,), daemon=True).start()
         begun = time.monotonic()
-        for k, packets in enumerate(made):
-            sock.sendall(packets)
+        for k, data in enumerate(made):
+            sock.sendall(data)
             time.sleep(max(0.0, begun + k * every_s - time.monotonic()) if every_s else 0.0)
         counted.wait()  # a process that has ended has no CPU time
 
