@@ -22,6 +22,8 @@ _DRAIN_S = 60.0
 """Longest time to wait for the backlog at the end."""
 _LAST_S = 15.0
 """The same for the last rows of a daemon that has stopped."""
+_STARTS = 3
+"""Attempts to deliver what is left in the spool."""
 _UNDER_WAY = 50
 """Rows that are always on their way while the daemon runs: half a second of four channels."""
 
@@ -139,16 +141,24 @@ def recovered(bed: Bed) -> float | None:
 
 
 def settle(bed: Bed) -> None:
-    """Backlog and logs have time to arrive; then the daemon stops, and its last rows arrive."""
-    deadline = time.monotonic() + _DRAIN_S
-    while missing(bed.tapes, bed.engine) > _UNDER_WAY and time.monotonic() < deadline:
-        time.sleep(0.5)
-    if bed.logs is not None:
-        bed.logs.settle(bed.engine, _DRAIN_S)
+    """Backlog and logs have time to arrive; then the daemon stops, and its last rows arrive.
+
+    On a slow computer rows are still in the spool then: a daemon that starts again delivers them.
+    """
+    for _ in range(_STARTS):
+        deadline = time.monotonic() + _DRAIN_S
+        while missing(bed.tapes, bed.engine) > _UNDER_WAY and time.monotonic() < deadline:
+            time.sleep(0.5)
+        if bed.logs is not None:
+            bed.logs.settle(bed.engine, _DRAIN_S)
+        bed.daemon.stop()
+        deadline = time.monotonic() + _LAST_S
+        while (left := missing(bed.tapes, bed.engine)) and time.monotonic() < deadline:
+            time.sleep(0.5)
+        if not left:
+            return
+        bed.daemon.start()
     bed.daemon.stop()
-    deadline = time.monotonic() + _LAST_S
-    while missing(bed.tapes, bed.engine) and time.monotonic() < deadline:
-        time.sleep(0.5)
 
 
 def forget(folder: Path) -> None:

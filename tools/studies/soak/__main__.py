@@ -37,6 +37,7 @@ from tools.studies.soak.picture import draw
 from tools.studies.soak.usage import Sampler, folder_size
 
 _CUT_EVERY_S, _CUT_S = 300.0, 10.0
+_JUDGED = ("daemon", "sink", "sidecar", "broker")
 _NONE = ("lost", "duplicated", "wrong", "unflagged", "backwards", "energy_back")
 
 
@@ -81,7 +82,7 @@ def _run(kind: Kind, folder: Path, seconds: float) -> tuple[Sampler, list[Figure
         _pass(bed, seconds, sampler)
         sampler.stop()
         settle(bed)
-        found = [line for name, _ in bed.services() if (s := sampler.of(name)) for line in figures(name, s)]
+        found = [line for name in _JUDGED if (s := sampler.of(name)) for line in figures(name, s)]
         return sampler, found + _judged(bed)
     finally:
         bed.stop()
