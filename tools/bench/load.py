@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import sqlalchemy as sa
 
@@ -52,7 +52,7 @@ def steady(seconds: float) -> Iterator[Figure]:
         yield Figure(section, "a row as a packet of MQTT", len(next(packets("steady", 0))), "bytes")
         with engine.begin() as connection:
             connection.exec_driver_sql("ANALYZE power")  # as a database has done that runs for longer
-        work = {
+        work: dict[str, Callable[[], object]] = {
             "roll-ups (acqd sink maintain)": lambda: maintain(engine, Retention(), BEGIN_S + seconds + 3_600),
             "deletion": lambda: _delete_all(engine),
         }
