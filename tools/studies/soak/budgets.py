@@ -16,8 +16,8 @@ _WARM = 0.2
 _SLOPE_MB_H, _STEP_MB = 1.0, 3.0
 """Growth of the resident memory: per hour, and at least over a run (an allocator grows in steps)."""
 _DESCRIPTORS, _THREADS = 4, 2
-_LINES, _LINES_H = 30, 200
-"""Lines of a log: for the start, and per hour."""
+_LINES, _LINES_H = 80, 200
+"""Lines of a log: for the start and two dozen robot logs, and per hour."""
 _STORED_MB = 3.0
 """Two segments of a spool whose rows are delivered, and a beginning."""
 
