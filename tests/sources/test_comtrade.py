@@ -97,6 +97,9 @@ def test_combined_files(tmp_path, recording, kind):
     )
     (tmp_path / "a.cff").write_bytes(cff + f"--- file type: DAT {kind}{size} ---\r\n".encode() + data)
     assert_exact(metered(load_waveform(tmp_path / "a.cff")), as_recorded(recording))
+    (tmp_path / "no part.cff").write_bytes(b"nothing of the kind")
+    with pytest.raises(InputError, match="lacks a CFG and a DAT part"):
+        load_waveform(tmp_path / "no part.cff")
     (tmp_path / "b.cff").write_bytes(cff)
     with pytest.raises(InputError, match="lacks a CFG and a DAT part"):
         load_waveform(tmp_path / "b.cff")

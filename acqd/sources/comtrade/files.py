@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import mmap
 import re
+from itertools import zip_longest
 from pathlib import Path
 
 from acqd.errors import InputError
@@ -24,7 +25,7 @@ def _combined(path: Path, encoding: str | None) -> tuple[str, memoryview]:
     content = _mapped(path)
     text: str | None = None
     found = list(_PART.finditer(content))
-    for part, after in zip(found, [*found[1:], None], strict=True):
+    for part, after in zip_longest(found, found[1:]):
         end = after.start() if after else len(content)
         if part.group(1).upper() == b"CFG":
             text = decode(path, bytes(content[part.end() : end]), encoding)
