@@ -114,7 +114,7 @@ DATABASES = [
 def test_a_mistyped_database_does_not_show_its_password(tmp_path, url, command):
     (tmp_path / "c.toml").write_text(f'[mqtt]\nenabled = false\n[sink]\ndatabase = "{url}"\n')
     words = {
-        "sink": ("sink", "--config", "c.toml"),
+        "sink": ("sink", "completeness", "--database", url, "--day", "2026-01-01"),  # `acqd sink` waits for a server
         "doctor": ("doctor", "--config", "c.toml", "--json"),
         "dataset": ("dataset", "build", "--power", url, "--logs", tmp_path, "--robot", "ur10e", "--out", "ds"),
     }[command]
