@@ -33,7 +33,9 @@ def test_an_old_bundle_predicts_what_it_predicted(name, said):
     columns = [known.get(signal, none) for signal in model.signals]
     signals = np.column_stack([np.zeros((len(segment.P), 0)), *columns])
     predicted = model.sequence(segment.q, signals, segment.start_s)
-    np.testing.assert_allclose(predicted, said[name], rtol=0, atol=1e-9)
+    # networks are float32: another processor's vector instructions round otherwise
+    tolerance = {"rtol": 1e-6} if name == "network" else {"rtol": 0, "atol": 1e-9}
+    np.testing.assert_allclose(predicted, said[name], **tolerance)
 
 
 def test_an_old_reference_is_remembered(said):

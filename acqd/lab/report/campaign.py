@@ -37,7 +37,7 @@ def campaign_report(
             np.arange(len(P)) * window_s, "time since the first window [s]", [Panel("P [W]", [Line(name, P)])], alt
         )
         page.lines(chart, f"Metered active power of {name}.")
-    page.detail("command", "not shown: it would name the hidden effects and the seed")
+    page.detail("command", "not shown: it would tell what is hidden")
     path = folder / "report.html"
     page.write(path)
     return path
