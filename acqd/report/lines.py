@@ -135,10 +135,16 @@ class _Drawing:
 
 
 def ticks(low: float, high: float, count: int) -> list[float]:
-    """About so many round numbers within a range."""
+    """About so many round numbers within a range, and at least three: a single one shows no scale."""
     rough = max(high - low, 1e-12) / count
     power = 10.0 ** math.floor(math.log10(rough))
-    step = next(factor * power for factor in (1, 2, 5, 10) if factor * power >= rough * 0.999)
+    factors = (10, 5, 2, 1, 0.5, 0.2)
+    largest = max(place for place, factor in enumerate(factors) if factor * power >= rough * 0.999)
+    candidates = [_multiples(factor * power, low, high) for factor in factors[largest:]]
+    return next((found for found in candidates if len(found) >= 3), candidates[0])
+
+
+def _multiples(step: float, low: float, high: float) -> list[float]:
     first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
     return [round(k * step, 10) for k in range(first, last + 1)]
 

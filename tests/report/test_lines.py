@@ -5,6 +5,8 @@ import re
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from acqd.report.lines import MOST_POINTS, ticks
 from tests.report.charts import chart
@@ -12,7 +14,12 @@ from tests.report.charts import chart
 
 @pytest.mark.parametrize(
     ("low", "high", "count", "expected"),
-    [(0, 10, 5, [0, 2, 4, 6, 8, 10]), (-0.26, 0.31, 3, [-0.2, 0, 0.2]), (154, 262, 3, [200, 250]), (5, 5, 3, [5])],
+    [
+        (0, 10, 5, [0, 2, 4, 6, 8, 10]),
+        (-0.26, 0.31, 3, [-0.2, 0, 0.2]),
+        (154, 262, 3, [160, 180, 200, 220, 240, 260]),
+        (5, 5, 3, [5]),
+    ],
 )
 def test_ticks_are_round_numbers_within_the_range(low, high, count, expected):
     assert ticks(low, high, count) == pytest.approx(expected)
@@ -37,3 +44,10 @@ def test_long_series_are_thinned():
     long = chart(10 * MOST_POINTS).thinned()
     assert len(long.x) == MOST_POINTS and len(long.panels[0].lines[0].values) == MOST_POINTS
     assert np.ptp(long.x) == pytest.approx(0.04 * 10 * MOST_POINTS, rel=0.01)
+
+
+@given(st.floats(-1e4, 1e4), st.floats(1e-3, 1e4), st.integers(3, 12))
+def test_an_axis_has_at_least_three_numbers(low, span, count):
+    found = ticks(low, low + span, count)
+    assert 3 <= len(found) <= 2 * count + 1
+    assert low - 1e-6 * span <= found[0] and found[-1] <= low + span * (1 + 1e-6)
