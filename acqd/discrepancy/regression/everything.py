@@ -1,5 +1,4 @@
-"""A fit of all columns at once: what remains is the only part that is noise for certain, and its outliers are none of
-any effect."""
+"""A fit of all columns at once: only what remains is noise for certain, and only its outliers belong to no effect."""
 
 from __future__ import annotations
 

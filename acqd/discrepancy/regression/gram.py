@@ -63,10 +63,6 @@ class Gram:
         """[columns] (or [blocks, columns]) products of columns with the measured residual."""
         return self.take(block, columns, np.array([self.y]))[..., 0]
 
-    def residual_squares(self) -> Floats:
-        """[blocks] sums of squares of the measured residual."""
-        return np.array([triangle[-1] for triangle in self.fixed])
-
     def squares(self, block: int, columns: Places) -> Floats:
         """[columns] sums of squares of columns in a block."""
         fixed = self.y + 1
