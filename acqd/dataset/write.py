@@ -20,6 +20,7 @@ from acqd.dataset.split import source_of, with_split
 from acqd.errors import UserError
 from acqd.robot.description import RobotDescription
 from acqd.robot.log import RobotLog
+from acqd.storage.url import shown
 
 
 def write_dataset(
@@ -54,7 +55,7 @@ def write_dataset(
     report.recordings, report.seconds = len(new), sum(entry["valid_s"] for entry in new)
     provenance = {
         "acqd": __version__,
-        "power": _power_provenance(config, batch.powers),
+        "power": power_provenance(config, batch.powers),
         "clock": {"offset_s": report.offset_s, "drift_ppm": report.drift_ppm, "scatter_ms": report.scatter_ms}
         | {
             "steps": [
@@ -132,10 +133,11 @@ def _file(log: RobotLog) -> Path:
     return log.path if log.path.exists() else log.path.parent
 
 
-def _power_provenance(config: BuildConfig, powers: list[PowerStream]) -> dict[str, Any]:
+def power_provenance(config: BuildConfig, powers: list[PowerStream]) -> dict[str, Any]:
+    """Where the power comes from, for the manifest."""
     path = Path(config.power)
     return {
-        "origin": config.power,
+        "origin": shown(config.power),  # datasets are handed on: no password
         "sha256": content_hash(path) if path.is_file() else None,
         "rows": sum(len(power.time_ns) for power in powers),
         "first_ns": min(int(power.time_ns[0]) for power in powers),

@@ -56,15 +56,23 @@ class Chart:
         return list({line.name: line for line in reversed(lines)}.values())[::-1]
 
     def thinned(self) -> Chart:
-        """Not more than MOST_POINTS points."""
-        every = math.ceil(len(self.x) / MOST_POINTS)
-        if every == 1:
+        """Not more than MOST_POINTS points: of equal stretches the extremes of every line, and where it is unknown."""
+        if len(self.x) <= MOST_POINTS:
             return self
+        lines = [line.values for panel in self.panels for line in panel.lines]
+        kept = {0, len(self.x) - 1}
+        for stretch in np.array_split(np.arange(len(self.x)), MOST_POINTS // (3 * len(lines)) - 1):
+            for values in (line[stretch] for line in lines):
+                unknown = np.isnan(values)
+                kept |= set(stretch[unknown][:1].tolist())
+                if not unknown.all():
+                    kept |= {int(stretch[np.nanargmin(values)]), int(stretch[np.nanargmax(values)])}
+        rows = np.array(sorted(kept))
         panels = [
-            Panel(p.label, [Line(o.name, o.values[::every], o.colour) for o in p.lines], p.height, p.zero)
+            Panel(p.label, [Line(o.name, o.values[rows], o.colour) for o in p.lines], p.height, p.zero)
             for p in self.panels
         ]
-        return Chart(self.x[::every], self.x_label, panels, self.alt)
+        return Chart(self.x[rows], self.x_label, panels, self.alt)
 
     def values(self) -> str:
         """JSON for script.js, safe within a script element: x, and the values of every line."""

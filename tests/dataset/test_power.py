@@ -6,7 +6,9 @@ import numpy as np
 import pyarrow.parquet
 import pytest
 
+from acqd.dataset.config import BuildConfig
 from acqd.dataset.power import open_power
+from acqd.dataset.write import power_provenance
 from acqd.errors import UserError
 
 
@@ -100,3 +102,11 @@ def test_broken_power_files_are_named(tmp_path, name, text, expected):
     with pytest.raises(UserError, match=expected):
         open_power(str(tmp_path / name), None, None)
     assert (tmp_path / name).read_text() == text
+
+
+def test_a_manifest_holds_no_password(tmp_path):
+    t, P = rows()
+    path = tmp_path / "power.csv"
+    path.write_text("time,P\n" + "".join(f"{1_626_163_200 + s:.6f},{p}\n" for s, p in zip(t, P, strict=True)))
+    config = BuildConfig("postgresql://reader:hush@db:5432/acqd", tmp_path, tmp_path / "ds", "ur10e")
+    assert power_provenance(config, [open_power(str(path), None, None)])["origin"] == "postgresql://db:5432/acqd"

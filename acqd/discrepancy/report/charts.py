@@ -18,7 +18,7 @@ _LAGS = 50
 
 
 def example(closed: Closed) -> tuple[Chart, str]:
-    """The minute in which the loop helped most, or in which the residual is largest, and its recording."""
+    """At most a minute: where the loop helped most, or where the residual is largest, and its recording."""
     step_s = closed.subject.data.step_s
     size = [
         b**2 - a**2 if closed.kept else b**2 for b, a in zip(closed.errors_before, closed.errors_after, strict=True)
