@@ -45,7 +45,7 @@ def usable_library(channels: int) -> ctypes.CDLL | None:
     reason = why_not(channels)
     if reason is None:
         return library(channels)
-    _log.warning("metering with numpy, which takes ten times as long: %s", reason)
+    _log.warning("metering with numpy, which takes about five times as long: %s", reason)
     return None
 
 
