@@ -88,7 +88,9 @@ def _metering() -> Finding:
     reason = why_not()
     if reason is None:
         return Finding("metering", "ok", f"compiled, {best_instruction_set().name}")
-    return Finding("metering", "warn", f"numpy ({reason})", "a window takes about five times as long; install a C compiler")
+    return Finding(
+        "metering", "warn", f"numpy ({reason})", "a window takes about five times as long; install a C compiler"
+    )
 
 
 def _database(config: Config) -> Finding:
