@@ -65,10 +65,12 @@ class SinkSection(Section):
     keep_days: Annotated[float, Field(ge=0)] = 30.0
     keep_1min_days: Annotated[float, Field(ge=0)] = 365.0
     keep_quarantine_days: Annotated[float, Field(ge=0)] = 30.0
+    quarantine_mb_per_day: Annotated[float, Field(ge=0)] = 32.0
 
     def settings(self) -> SinkSettings:
         """The settings of the sink."""
-        return SinkSettings(self.client_id, self.group, self.batch, self.interval)
+        malformed = self.quarantine_mb_per_day * 2**20
+        return SinkSettings(self.client_id, self.group, self.batch, self.interval, malformed)
 
     def retention(self) -> Retention:
         """The retention times of `acqd sink maintain`."""

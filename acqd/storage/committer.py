@@ -35,10 +35,10 @@ class Batch:
 class Committer:
     """`submit` batches, collect them from `done` when they are committed; `readable` wakes a select()."""
 
-    def __init__(self, engine: sa.Engine, *, prepared: bool = True) -> None:
+    def __init__(self, engine: sa.Engine, writer: Writer | None = None, *, prepared: bool = True) -> None:
         """`prepared`: the database was reached and has its tables; otherwise the thread does that first."""
         self._engine, self._prepared = engine, prepared
-        self._writer = Writer(engine)
+        self._writer = writer or Writer(engine)
         self._todo: queue.SimpleQueue[Batch | None] = queue.SimpleQueue()
         self._done: queue.SimpleQueue[tuple[Batch, Written]] = queue.SimpleQueue()
         self._stopping = threading.Event()

@@ -13,7 +13,8 @@ from sqlalchemy.dialects import postgresql, sqlite
 from acqd.storage.schema import quarantine
 from acqd.timestamps import rfc3339
 
-_PAYLOAD_KEPT = 65_536  # bytes worth keeping
+PAYLOAD_KEPT = 65_536
+"""Bytes of a payload that are worth keeping."""
 
 
 class _Message(Protocol):
@@ -33,7 +34,7 @@ def insert(connection: sa.Connection, messages: Sequence[tuple[_Message, str]]) 
         {
             "received": received,
             "topic": message.topic.replace("\0", "?"),
-            "payload": message.payload[:_PAYLOAD_KEPT],
+            "payload": message.payload[:PAYLOAD_KEPT],
             "reason": reason.replace("\0", "?"),
             "sha256": _hash(message, reason),
         }

@@ -20,7 +20,7 @@ from acqd.retry import LOCAL_NETWORK, Backoff
 from acqd.storage.committer import Batch, Committer
 from acqd.storage.sink_hello import hello
 from acqd.storage.sink_settings import SinkCounters, SinkSettings
-from acqd.storage.writer import Received, Written
+from acqd.storage.writer import Received, Writer, Written
 from acqd.telemetry import topics
 from acqd.telemetry.mqtt import BrokerAddress, is_refusal, refusal
 from acqd.telemetry.receipts import receipts
@@ -64,7 +64,8 @@ class Sink:
         Raises UserError when a database that was away comes back and cannot be used.
         """
         self._progress = progress
-        committer = Committer(self._engine, prepared=self._prepared)
+        writer = Writer(self._engine, self._settings.malformed_bytes_per_day)
+        committer = Committer(self._engine, writer, prepared=self._prepared)
         backoff, said = Backoff(), ""
         try:
             while not stop():

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from acqd.storage.allowance import MALFORMED_BYTES_PER_DAY
+
 
 @dataclass(frozen=True, slots=True)
 class SinkSettings:
@@ -16,6 +18,8 @@ class SinkSettings:
     """Messages per transaction at most; the broker may have four times as many under way to us."""
     interval: float = 0.25
     """Longest time [s] a row waits for its transaction to begin."""
+    malformed_bytes_per_day: float = MALFORMED_BYTES_PER_DAY
+    """Malformed messages that are kept in quarantine; more are only counted."""
     mqtt5: bool = True
     """MQTT 5 if the broker can; False: MQTT 3.1.1 from the start."""
 

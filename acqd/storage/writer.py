@@ -6,6 +6,7 @@ the other one goes into quarantine.
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -15,6 +16,7 @@ import orjson
 import sqlalchemy as sa
 
 from acqd.storage import quarantining, rows
+from acqd.storage.allowance import MALFORMED_BYTES_PER_DAY, Allowance
 from acqd.storage.database import transaction
 from acqd.telemetry import topics
 from acqd.telemetry.ranges import Ranges
@@ -22,6 +24,7 @@ from acqd.telemetry.row import PowerRow, parse_row
 from acqd.telemetry.spool import Stream
 from acqd.timestamps import filetime
 
+_log = logging.getLogger(__name__)
 _AHEAD_NS = 86_400 * 10**9
 """A row from further ahead would make what is asked for "until the newest row" wrong for as long."""
 CONFLICT = "another row with this key is stored"
@@ -44,6 +47,7 @@ class Written:
     rows: int = 0
     """Valid rows, those already known included."""
     quarantined: int = 0
+    """Messages that are no new rows, kept or not."""
     conflicts: int = 0
     """Of these, rows whose key is stored with other values."""
     receipts: dict[Stream, Ranges] = field(default_factory=dict)
@@ -57,8 +61,11 @@ class _PoisonError(Exception):
 class Writer:
     """Writes to one database; not for several threads at once."""
 
-    def __init__(self, engine: sa.Engine) -> None:
+    def __init__(self, engine: sa.Engine, malformed_bytes_per_day: float = MALFORMED_BYTES_PER_DAY) -> None:
+        """Malformed messages beyond this size are counted, and not kept; conflicts are always kept."""
         self._engine = engine
+        self._allowance = Allowance(malformed_bytes_per_day)
+        self._full = False
 
     def write(self, messages: Sequence[Received]) -> Written:
         """Commit all of `messages`, or nothing. Raises sqlalchemy.exc.DBAPIError while the database cannot."""
@@ -69,18 +76,29 @@ class Writer:
                 good.append((message, _checked(message)))
             except ValueError as error:
                 refused.append((message, str(error)))
+        kept = refused[: self._allowance.fitting([_size(message) for message, _ in refused])]
         try:
-            conflicts = self._store(good, refused)
+            conflicts = self._store(good, kept)
         except self._engine.dialect.loaded_dbapi.Error as error:  # from COPY, which SQLAlchemy does not see
             raise sa.exc.DBAPIError("COPY", None, error) from error
         except _PoisonError as error:
             return self._apart(messages, str(error))
+        self._spend(kept, len(refused))
         written = Written(len(good) - conflicts, len(refused) + conflicts, conflicts)
         for _, row in good:
             _note(written.receipts, row.device, row.channel, row.boot, row.seq)
         for message, _ in refused:
             _note_refused(written.receipts, message)
         return written
+
+    def _spend(self, kept: list[tuple[Received, str]], refused: int) -> None:
+        """Note what is kept of the malformed messages, and say once that no more are."""
+        self._allowance.spend([_size(message) for message, _ in kept])
+        full = len(kept) < refused
+        if full and not self._full:
+            _log.error("the quarantine has taken its bytes of a day: further malformed messages are only counted")
+        if refused:
+            self._full = full
 
     def _apart(self, messages: Sequence[Received], reason: str) -> Written:
         """The database refuses some row of this batch for what it holds: find it, keep the others."""
@@ -117,6 +135,11 @@ class Writer:
             if apart:
                 quarantining.insert(connection, apart)
         return len(differing)
+
+
+def _size(message: Received) -> int:
+    """Bytes that the quarantine would keep of a message."""
+    return min(len(message.payload), quarantining.PAYLOAD_KEPT)
 
 
 def _checked(message: Received) -> PowerRow:

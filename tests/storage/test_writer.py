@@ -6,7 +6,10 @@ import dataclasses
 import json
 
 import sqlalchemy as sa
+from hypothesis import given
+from hypothesis import strategies as st
 
+from acqd.storage.allowance import Allowance
 from acqd.storage.database import open_database
 from acqd.storage.schema import power, quarantine
 from acqd.storage.writer import Received, Writer
@@ -46,6 +49,30 @@ def test_malformed_messages_go_to_quarantine_with_the_reason_and_stop_nothing(da
     with engine.connect() as connection:
         stored = connection.execute(sa.select(quarantine).order_by(quarantine.c.id)).all()
     assert "device" in stored[0].reason and stored[1].payload == b"\x00\xff" and "another topic" in stored[2].reason
+
+
+def test_a_flood_of_malformed_messages_fills_its_share_and_conflicts_are_kept_all_the_same(database, caplog):
+    engine = open_database(database)
+    writer = Writer(engine, malformed_bytes_per_day=5_000)
+    flood = [Received("acqd/x/L1/power", b"%04d" % k * 100) for k in range(50)]
+    assert writer.write([message(row(0)), *flood]).quarantined == 50
+    assert 0 < count(engine, quarantine) * 400 <= 5_000
+    kept = count(engine, quarantine)
+    writer.write([*flood[20:], message(row(0, P=1.0))])
+    assert count(engine, quarantine) == kept + 1 and count(engine) == 1
+    assert caplog.text.count("only counted") == 1
+
+
+@given(st.lists(st.tuples(st.floats(0, 40_000), st.lists(st.integers(0, 70_000), max_size=9)), max_size=40))
+def test_no_more_bytes_are_kept_than_the_days_that_have_passed_allow(batches):
+    now = kept = 0.0
+    allowance = Allowance(100_000, clock=lambda: now)
+    for pause, sizes in batches:
+        now += pause
+        fitting = sizes[: allowance.fitting(sizes)]
+        allowance.spend(fitting)
+        kept += sum(fitting)
+        assert kept <= 100_000 * (1 + now / 86_400) + 1e-6
 
 
 def test_a_row_the_database_cannot_hold_is_set_aside_alone(database):
