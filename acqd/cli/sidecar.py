@@ -46,6 +46,7 @@ def sidecar(
     if live and no_mqtt:
         raise UserError("--live answers over MQTT; leave out --no-mqtt")
     from acqd.sidecar.lock import exclusive
+    from acqd.sidecar.opening import opened
     from acqd.sidecar.power_rows import device_of
     from acqd.sidecar.service import Sidecar
     from acqd.sidecar.settings import Settings
@@ -55,32 +56,37 @@ def sidecar(
 
     settings = configured(config, host, port)
     url = database or settings.sink.database
-    engine = open_database(url, create=False)
-    name = device_of(engine, device, settings.device)
-    worker = Worker(Settings(model, url, name, None, patience), engine)
-    for note in worker.notes:
-        logging.getLogger(__name__).warning("%s", note)
-
     logging.getLogger("watchfiles").setLevel(logging.WARNING)  # it logs every change
 
     def report(message: dict[str, Any]) -> None:
         if json:
             print(orjson.dumps(message).decode(), flush=True)
 
-    async def run() -> Sidecar:
+    def alive() -> None:
+        notify("WATCHDOG=1")
+
+    async def run() -> Sidecar | None:
         stop = asyncio.Event()
         for number in (signal.SIGTERM, signal.SIGINT):
             asyncio.get_running_loop().add_signal_handler(number, stop.set)
+        notify("READY=1")
+        engine = open_database(url, create=False) if until_idle else await opened(url, stop, alive)
+        if engine is None:
+            return None
+        name = device_of(engine, device, settings.device)
+        worker = Worker(Settings(model, url, name, None, patience), engine)
+        for note in worker.notes:
+            logging.getLogger(__name__).warning("%s", note)
         broker = None if no_mqtt else settings.mqtt.address()
         store = Store(engine)
         service = Sidecar(logs, worker, store, broker, name, live=live, retry_refused=retry_refused, report=report)
         with exclusive(engine):
-            notify("READY=1")
-            await service.run(stop, lambda: notify("WATCHDOG=1"), until_idle=until_idle)
-        notify("STOPPING=1")
+            await service.run(stop, alive, until_idle=until_idle)
         return service
 
     service = asyncio.run(run())
-    counts = {"done": service.done, "refused": service.refused, "waiting": service.waiting}
-    late = f", {service.waiting} wait for their power rows" if service.waiting else ""
-    print(orjson.dumps(counts).decode() if json else f"{service.done} logs predicted, {service.refused} refused{late}")
+    notify("STOPPING=1")
+    done, refused, waiting = (service.done, service.refused, service.waiting) if service else (0, 0, 0)
+    late = f", {waiting} wait for their power rows" if waiting else ""
+    counts = orjson.dumps({"done": done, "refused": refused, "waiting": waiting}).decode()
+    print(counts if json else f"{done} logs predicted, {refused} refused{late}")

@@ -11,6 +11,7 @@ import time
 import paho.mqtt.client as paho
 import pytest
 from paho.mqtt.enums import CallbackAPIVersion
+from sqlalchemy.engine import make_url
 
 from acqd.sidecar.lock import exclusive
 from acqd.sidecar.service import Sidecar
@@ -18,10 +19,12 @@ from acqd.sidecar.settings import Settings
 from acqd.sidecar.store import Store
 from acqd.sidecar.worker import Worker
 from acqd.storage.database import open_database
+from acqd.telemetry.broker import free_port
 from tests.commands import ACQD
+from tests.forwarded import forwarded
 from tests.sidecar.cell import BEGIN, cell, motion, write_log
 from tests.sidecar.runs import done_in, run, sidecar
-from tests.waiting import wait_for
+from tests.waiting import LIMIT_S, wait_for
 
 
 def test_one_sidecar_a_database_and_one_device(tmp_path, bundle, database):
@@ -38,6 +41,42 @@ def test_one_sidecar_a_database_and_one_device(tmp_path, bundle, database):
     without = [word for word in command if word not in ("--device", "cell")]
     several = run(without)
     assert several.returncode == 2 and "choose one with --device: cell, other" in several.stderr
+
+
+def test_a_sidecar_that_starts_without_its_database_waits_for_it(tmp_path, bundle, postgres):
+    logs = tmp_path / "logs"
+    logs.mkdir()
+    open_database(postgres)
+    cell(logs, postgres, 1)
+    server, port, said = make_url(postgres), free_port(), tmp_path / "sidecar.log"
+    away = server.set(port=port).render_as_string(hide_password=False)
+    with said.open("w") as file:
+        process = subprocess.Popen([*ACQD, *sidecar(logs, bundle, away, "--no-mqtt")], stderr=file)
+    try:
+        wait_for(lambda: "logs wait, trying again" in said.read_text(), "the outage is said")
+        with forwarded(port, server.port):
+            wait_for(lambda: len(done_in(postgres)[0]) == 1, "the log is done once the database is there")
+            process.send_signal(signal.SIGTERM)
+            assert process.wait(LIMIT_S) == 0
+    finally:
+        process.kill()
+    text = said.read_text()
+    assert text.count("trying again") == 1 and "the database answers" in text and "Traceback" not in text
+
+
+def test_a_sidecar_that_waits_for_its_database_can_be_stopped_and_until_idle_does_not_wait(tmp_path, bundle):
+    url, said = f"postgresql://acqd:hush@127.0.0.1:{free_port()}/acqd", tmp_path / "sidecar.log"
+    command = sidecar(tmp_path, bundle, url, "--no-mqtt")
+    with said.open("w") as file:
+        process = subprocess.Popen([*ACQD, *command], stderr=file, stdout=subprocess.DEVNULL)
+    try:
+        wait_for(lambda: "trying again" in said.read_text(), "the outage is said")
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(LIMIT_S) == 0
+    finally:
+        process.kill()
+    once = run([*command, "--until-idle"])
+    assert once.returncode == 2 and "check host, port" in once.stderr and "hush" not in once.stderr + said.read_text()
 
 
 @pytest.mark.long(seconds=20)

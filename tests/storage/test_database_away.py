@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import signal
-import socket
 import sqlite3
 import subprocess
-import threading
 from contextlib import contextmanager
 
 import pytest
@@ -16,35 +14,11 @@ from acqd.errors import UserError
 from acqd.storage.database import DatabaseAwayError, engine_for, open_database, prepare
 from acqd.telemetry.broker import free_port
 from tests.commands import ACQD, acqd_here
+from tests.forwarded import forwarded
 from tests.storage.postgres_double import refusing
 from tests.storage.rows import count, row
 from tests.storage.test_sink import publish, publisher
 from tests.waiting import LIMIT_S, wait_for
-
-
-@contextmanager
-def forwarded(port, to):
-    """The server at `to` is reached at `port` as well."""
-    listener = socket.create_server(("127.0.0.1", port))
-
-    def pump(source, target):
-        while data := source.recv(1 << 16):
-            target.sendall(data)
-        target.shutdown(socket.SHUT_WR)
-
-    def accept():
-        while True:
-            try:
-                near = listener.accept()[0]
-            except OSError:
-                return
-            far = socket.create_connection(("127.0.0.1", to))
-            for pair in ((near, far), (far, near)):
-                threading.Thread(target=pump, args=pair, daemon=True).start()
-
-    threading.Thread(target=accept, daemon=True).start()
-    yield
-    listener.close()
 
 
 @contextmanager
