@@ -16,6 +16,7 @@ from acqd.cli.watched import Watched
 from acqd.errors import UserError
 from acqd.telemetry import topics
 from acqd.telemetry.mqtt import BrokerAddress
+from acqd.telemetry.row_message import payloads_of
 
 _RETRY_S = 1.0
 _REFRESH_S = 1.0
@@ -63,14 +64,18 @@ async def _rows(address: BrokerAddress, count: int | None) -> None:
     while True:
         try:
             async with _client(address) as client:
-                await client.subscribe(topics.ALL_POWER, qos=1)
+                for topic in (topics.ALL_POWER, topics.ALL_WINDOWS):
+                    await client.subscribe(topic, qos=1)
                 if connected:
                     print(f"acqd: connected to {address} again", file=sys.stderr)
                 connected = True
                 async for message in client.messages:
-                    sys.stdout.buffer.write(bytes(message.payload) + b"\n")
+                    for payload in _payloads(str(message.topic), bytes(message.payload)):
+                        sys.stdout.buffer.write(payload + b"\n")
+                        seen += 1
+                        if seen == count:
+                            break
                     sys.stdout.flush()
-                    seen += 1
                     if seen == count:
                         return
         except aiomqtt.MqttError as error:
@@ -78,6 +83,14 @@ async def _rows(address: BrokerAddress, count: int | None) -> None:
                 raise
             print(f"acqd: broker {address}: {error}; trying again", file=sys.stderr)
             await asyncio.sleep(_RETRY_S)
+
+
+def _payloads(topic: str, payload: bytes) -> list[bytes]:
+    """Rows of a message; what is no window is shown as it came."""
+    try:
+        return payloads_of(topic, payload)
+    except ValueError:
+        return [payload]
 
 
 async def _table(address: BrokerAddress, count: int | None) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import os
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -29,6 +29,8 @@ class MqttSection(Section):
     password_file: Path | None = None
     tls: bool | None = None
     """None: with TLS if any certificate is named."""
+    rows: Literal["channel", "window"] = "channel"
+    """A message for each channel's row, or one for all rows of a window."""
     ca_file: Path | None = None
     cert_file: Path | None = None
     key_file: Path | None = None

@@ -31,7 +31,7 @@ class Uplink:
         self._config = config
         folder = config.state_dir / f"spool-{config.device}" if config.state_dir is not None else None
         self._spool = Spool(folder, config.spool.limits())
-        self._delivery = Delivery(self._spool, config.spool.until, devices)
+        self._delivery = Delivery(self._spool, config.spool.until, devices, windows=config.mqtt.rows == "window")
         self._connector = Connector(
             config.mqtt.address(),
             self._delivery,
@@ -89,7 +89,7 @@ class Uplink:
         spool, delivery, connector = self._spool, self._delivery, self._connector
         return TelemetryCounters(
             rows=spool.accepted,
-            delivered=connector.delivered,
+            delivered=delivery.delivered,
             dropped=spool.dropped,
             resent=delivery.resent,
             waiting=len(spool),

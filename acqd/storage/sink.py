@@ -28,6 +28,7 @@ from acqd.telemetry.subscriber import NO_ANSWER, Subscriber, SubscriberError
 from acqd.telemetry.wire import UNSUPPORTED, V5, V311, Publish
 
 _log = logging.getLogger(__name__)
+_TOPICS = (topics.ALL_POWER, topics.ALL_WINDOWS)
 _STOP_S = 1.0
 _BATCH_BYTES, _HELD_BYTES = 4 << 20, 16 << 20
 """Payloads of one transaction, and of all messages that are not acknowledged."""
@@ -125,12 +126,12 @@ class Sink:
             subscriber.connect()
             self._subscriber = subscriber
             self.counters.reconnects += 1
-            shared = f"$share/{self._settings.group}/{topics.ALL_POWER}"
             if self._settings.group and self._version == V5:
                 # A session from a time without sharing would get every row.
-                subscriber.subscribe(shared, leave=topics.ALL_POWER)
+                shared = [f"$share/{self._settings.group}/{topic}" for topic in _TOPICS]
+                subscriber.subscribe(*shared, leave=_TOPICS)
             else:
-                subscriber.subscribe(topics.ALL_POWER)
+                subscriber.subscribe(*_TOPICS)
             while not stop():
                 self._turn(subscriber, committer)
         finally:
@@ -200,6 +201,8 @@ class Sink:
         if self._announced or not subscriber.subscribed:
             return
         self._announced = True
+        for topic in subscriber.refused_topics:
+            _log.warning("the broker refuses %s: rows that come there are not stored; check its access rules", topic)
         payload = orjson.dumps({"state": "online", "sink": self._settings.client_id, "schema": 1})
         subscriber.publish(topics.sink_status(self._settings.client_id), payload, retain=True)
         version = "5" if self._version == V5 else "3.1.1"

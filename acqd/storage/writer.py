@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -21,6 +21,7 @@ from acqd.storage.database import transaction
 from acqd.telemetry import topics
 from acqd.telemetry.ranges import Ranges
 from acqd.telemetry.row import PowerRow, parse_row
+from acqd.telemetry.row_message import payloads_of
 from acqd.telemetry.spool import Stream
 from acqd.timestamps import filetime
 
@@ -69,8 +70,13 @@ class Writer:
 
     def write(self, messages: Sequence[Received]) -> Written:
         """Commit all of `messages`, or nothing. Raises sqlalchemy.exc.DBAPIError while the database cannot."""
+        malformed: list[tuple[Received, str]] = []
+        return self._write(list(_rows_apart(messages, malformed)), malformed)
+
+    def _write(self, messages: Sequence[Received], malformed: Sequence[tuple[Received, str]]) -> Written:
+        """`messages` of one row each; `malformed` are kept for their reasons."""
         good: list[tuple[Received, PowerRow]] = []
-        refused: list[tuple[Received, str]] = []
+        refused = list(malformed)
         for message in messages:
             try:
                 good.append((message, _checked(message)))
@@ -82,7 +88,7 @@ class Writer:
         except self._engine.dialect.loaded_dbapi.Error as error:  # from COPY, which SQLAlchemy does not see
             raise sa.exc.DBAPIError("COPY", None, error) from error
         except _PoisonError as error:
-            return self._apart(messages, str(error))
+            return self._apart(messages, malformed, str(error))
         self._spend(kept, len(refused))
         written = Written(len(good) - conflicts, len(refused) + conflicts, conflicts)
         for _, row in good:
@@ -100,15 +106,15 @@ class Writer:
         if refused:
             self._full = full
 
-    def _apart(self, messages: Sequence[Received], reason: str) -> Written:
+    def _apart(self, messages: Sequence[Received], malformed: Sequence[tuple[Received, str]], reason: str) -> Written:
         """The database refuses some row of this batch for what it holds: find it, keep the others."""
         if len(messages) == 1:
-            self._store([], [(messages[0], reason)])
-            written = Written(0, 1)
+            self._store([], [(messages[0], reason), *malformed])
+            written = Written(0, 1 + len(malformed))
             _note_refused(written.receipts, messages[0])
             return written
         half = len(messages) // 2
-        first, second = self.write(messages[:half]), self.write(messages[half:])
+        first, second = self._write(messages[:half], malformed), self._write(messages[half:], [])
         for stream, stored in second.receipts.items():
             for pair in stored:
                 first.receipts.setdefault(stream, Ranges()).add(*pair)
@@ -137,6 +143,21 @@ class Writer:
         return len(differing)
 
 
+def _rows_apart(messages: Sequence[Received], refused: list[tuple[Received, str]]) -> Iterator[Received]:
+    """A message for each row; a window that is none goes to `refused` with the reason."""
+    for message in messages:
+        if message.oversized or not topics.is_window(message.topic):
+            yield message
+            continue
+        try:
+            parts = payloads_of(message.topic, message.payload)
+        except ValueError as error:
+            refused.append((message, str(error)))
+            continue
+        for part in parts:
+            yield Received(message.topic, part)
+
+
 def _size(message: Received) -> int:
     """Bytes that the quarantine would keep of a message."""
     return min(len(message.payload), quarantining.PAYLOAD_KEPT)
@@ -147,7 +168,7 @@ def _checked(message: Received) -> PowerRow:
         raise ValueError(f"message of {message.oversized} bytes is too large for a row")
     row = parse_row(message.payload)
     expected = topics.power(row.device, row.channel)
-    if message.topic != expected:
+    if message.topic not in (expected, topics.window(row.device)):
         raise ValueError(f"payload is of {expected}, but came by another topic")
     if not filetime(0) <= row.filetime <= filetime(time.time_ns() + _AHEAD_NS):
         raise ValueError(f"time {row.time} is before 1970, or more than a day ahead of this computer's clock")
@@ -163,7 +184,8 @@ def _note_refused(receipts: dict[Stream, Ranges], message: Received) -> None:
     try:
         content: Any = orjson.loads(message.payload)
         device, channel, boot, seq = (content[name] for name in ("device", "channel", "boot", "seq"))
-        if message.topic == topics.power(device, channel) and isinstance(boot, str) and 0 <= seq < 2**63:
+        own = message.topic in (topics.power(device, channel), topics.window(device))
+        if own and isinstance(boot, str) and 0 <= seq < 2**63:
             _note(receipts, device, channel, boot, int(seq))
     except (ValueError, TypeError, KeyError):
         return

@@ -13,6 +13,7 @@ import logging
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
+from itertools import groupby
 from typing import Literal
 
 from acqd.telemetry import topics
@@ -20,6 +21,7 @@ from acqd.telemetry.in_flight import InFlight
 from acqd.telemetry.message import Message, Room
 from acqd.telemetry.ranges import Ranges
 from acqd.telemetry.receipts import parse_receipt
+from acqd.telemetry.row_message import joined
 from acqd.telemetry.spool import Energy, Spool, SpooledRow, Stream
 from acqd.telemetry.unsent import Unsent
 
@@ -49,11 +51,14 @@ class Delivery:
         now: Callable[[], float] = time.monotonic,
         *,
         live: bool = True,
+        windows: bool = False,
     ) -> None:
         """`devices`: those whose rows will come, to subscribe to their receipts.
 
-        Without `live`, new rows wait behind the backlog: one order for all, as a recording has it.
+        Without `live`, new rows wait behind the backlog: one order for all, as a recording has it. With `windows`, the
+        rows of a window travel in one message.
         """
+        self._windows, self._together = windows, 1
         self._most_live = _LIVE if live else 0
         self.spool, self._until, self._now = spool, until, now
         self._changed = asyncio.Event()
@@ -69,13 +74,16 @@ class Delivery:
         self._quiet_until = -1e9
         self._patience = _PATIENCE_S[0]
         self._more = False
-        self.sent = self.resent = 0
-        """Rows published, those published again included; rows for which no receipt came in time."""
+        self.sent = self.resent = self.delivered = 0
+        """Rows published, those published again included; rows for which no receipt came in time; rows that the broker
+        has acknowledged."""
         self.sink_seen = False
         """Whether a sink has ever announced itself or sent a receipt."""
 
     def put_rows(self, rows: Sequence[SpooledRow], energy: Energy | None = None) -> None:
         """Keep the rows of a window, and send them at once where there is a connection."""
+        if self._windows and rows:
+            self._together = sum(1 for row in rows if _window(row) == _window(rows[0]))
         at_end = self._position == self.spool.end
         self._devices.update(row.stream.device for row in rows)
         if self.spool.append(rows, energy):
@@ -117,8 +125,8 @@ class Delivery:
         """New rows, states, and as much of the backlog as there is room for."""
         self._changed.clear()
         self._settle_acknowledged()
-        rows = [self._live.popleft() for _ in range(min(len(self._live), room.messages))]
-        messages = [self._message(row) for row in rows]
+        rows = [self._live.popleft() for _ in range(min(len(self._live), room.messages * self._together))]
+        messages = self._messages(rows)
         while self._states and len(messages) < room.messages:
             topic = next(iter(self._states))
             messages.append(Message(topic, self._states.pop(topic), retain=True))
@@ -126,9 +134,9 @@ class Delivery:
         self._more = False
         if backlog > 0 and not self._live and self._position != self.spool.end:
             rows, self._position = self.spool.read(
-                self._position, backlog, lambda stream, seq: not self._flying.sent(stream, seq)
+                self._position, backlog * self._together, lambda stream, seq: not self._flying.sent(stream, seq)
             )
-            messages += [self._message(row) for row in rows]
+            messages += self._messages(rows)
             self._more = self._position != self.spool.end
         return messages
 
@@ -142,10 +150,12 @@ class Delivery:
                 await self._changed.wait()
 
     def acknowledged(self, message: Message) -> None:
-        """The broker has the message: with that policy, its row is delivered."""
-        if message.tag is not None and self._until == "acknowledged":
-            stream, seq = message.tag
-            self._acknowledged.setdefault(stream, Ranges()).add(seq, seq)
+        """The broker has the message: with that policy, its rows are delivered."""
+        sent: Sequence[tuple[Stream, int]] = message.tag or ()
+        self.delivered += len(sent)
+        if self._until == "acknowledged":
+            for stream, seq in sent:
+                self._acknowledged.setdefault(stream, Ranges()).add(seq, seq)
         self._changed.set()
 
     def received(self, topic: str, payload: bytes, *, retained: bool) -> None:
@@ -206,12 +216,15 @@ class Delivery:
         known = bool(self._sinks) or now - self._heard < _PATIENCE_S[1]
         return (_WITHOUT_RECEIPT if known else _PROBE) - len(self._flying)
 
-    def _message(self, row: SpooledRow) -> Message:
-        stream, seq, payload = row
-        self._flying.add(stream, seq, self._now())
-        self._unsent.publish(stream, seq)
-        self.sent += 1
-        return Message(topics.power(stream.device, stream.channel), payload, tag=(stream, seq))
+    def _messages(self, rows: Sequence[SpooledRow]) -> list[Message]:
+        now = self._now()
+        for stream, seq, _ in rows:
+            self._flying.add(stream, seq, now)
+            self._unsent.publish(stream, seq)
+        self.sent += len(rows)
+        if not self._windows:
+            return [_row_message(row) for row in rows]
+        return [_window_message(list(window)) for _, window in groupby(rows, _window)]
 
     def _settle_acknowledged(self) -> None:
         if not self._acknowledged:
@@ -225,3 +238,18 @@ class Delivery:
     def _from_the_start(self) -> None:
         self._flying.clear()
         self._position = self.spool.start
+
+
+def _window(row: SpooledRow) -> tuple[str, str, int]:
+    """What the rows of a window have in common."""
+    return row.stream.device, row.stream.boot, row.seq
+
+
+def _row_message(row: SpooledRow) -> Message:
+    stream, seq, payload = row
+    return Message(topics.power(stream.device, stream.channel), payload, tag=[(stream, seq)])
+
+
+def _window_message(rows: Sequence[SpooledRow]) -> Message:
+    sent = [(row.stream, row.seq) for row in rows]
+    return Message(topics.window(rows[0].stream.device), joined(row.payload for row in rows), tag=sent)

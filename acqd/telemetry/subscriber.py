@@ -43,7 +43,10 @@ class Subscriber:
         self.subscribed = False
         """Whether the broker has confirmed the subscription (kept rows may come before that)."""
         self.refused = ""
-        """Why it has refused the subscription."""
+        """Why it has refused the first topic of the subscription."""
+        self.refused_topics: list[str] = []
+        """All topics that it has refused."""
+        self._topics: Sequence[str] = ()
 
     @property
     def version(self) -> int:
@@ -70,11 +73,12 @@ class Subscriber:
                 raise SubscriberError(NO_ANSWER)
             self._exchange(deadline - time.monotonic(), ())
 
-    def subscribe(self, topic: str, leave: str = "") -> None:
-        """Subscribe with QoS 1, after leaving another topic."""
+    def subscribe(self, *topics: str, leave: Sequence[str] = ()) -> None:
+        """Subscribe once, with QoS 1, after leaving other topics; the first topic is the one that matters."""
+        self._topics = topics
         if leave:
             self._out += wire.unsubscribe(self.version, self._next(), leave)
-        self._out += wire.subscribe(self.version, self._next(), topic)
+        self._out += wire.subscribe(self.version, self._next(), topics)
 
     def publish(self, topic: str, payload: bytes, *, retain: bool = False) -> None:
         """Publish with QoS 0."""
@@ -174,7 +178,9 @@ class Subscriber:
                 raise SubscriberError(refused)
             self._accepted = True
         elif kind == wire.SUBACK:
-            self.subscribed = body[-1] < 0x80
-            self.refused = "" if self.subscribed else f"subscription refused with code {body[-1]}"
+            codes = body[-len(self._topics) :]
+            self.subscribed = codes[0] < 0x80
+            self.refused = "" if self.subscribed else f"subscription refused with code {codes[0]}"
+            self.refused_topics = [topic for topic, code in zip(self._topics, codes, strict=False) if code >= 0x80]
         elif kind == wire.DISCONNECT:
             raise SubscriberError(wire.reason(self.version, body))

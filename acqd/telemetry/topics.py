@@ -5,7 +5,9 @@ from __future__ import annotations
 import re
 
 ALL_POWER = "acqd/+/+/power"
-"""Every device's rows."""
+"""Every device's rows, one message each."""
+ALL_WINDOWS = "acqd/+/window"
+"""Every device's rows, one message per window."""
 ALL_SUMMARIES = "acqd/+/+/summary"
 ALL_STATUS = "acqd/+/status"
 """State of every daemon."""
@@ -27,6 +29,16 @@ def valid_device(name: str) -> bool:
 def power(device: str, channel: str) -> str:
     """Every window's row, QoS 1."""
     return f"acqd/{device}/{channel}/power"
+
+
+def window(device: str) -> str:
+    """The rows of all channels of a window, QoS 1: where the daemon is configured to send them together."""
+    return f"acqd/{device}/window"
+
+
+def is_window(topic: str) -> bool:
+    """Whether messages on this topic hold all rows of a window."""
+    return topic.endswith("/window") and topic.count("/") == 2
 
 
 def summary(device: str, channel: str) -> str:

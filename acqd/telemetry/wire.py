@@ -7,7 +7,7 @@ QoS 0 out, no topic aliases, which the broker may use only where a client allows
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -86,14 +86,15 @@ def connect(hello: Hello) -> bytes:
     return _packet(0x10, body)
 
 
-def subscribe(version: int, number: int, topic: str) -> bytes:
+def subscribe(version: int, number: int, topics: Sequence[str]) -> bytes:
     """SUBSCRIBE with QoS 1."""
-    return _packet(0x82, _SHORT.pack(number) + (b"\0" if version == V5 else b"") + _text(topic) + b"\x01")
+    filters = b"".join(_text(topic) + b"\x01" for topic in topics)
+    return _packet(0x82, _SHORT.pack(number) + (b"\0" if version == V5 else b"") + filters)
 
 
-def unsubscribe(version: int, number: int, topic: str) -> bytes:
+def unsubscribe(version: int, number: int, topics: Sequence[str]) -> bytes:
     """UNSUBSCRIBE."""
-    return _packet(0xA2, _SHORT.pack(number) + (b"\0" if version == V5 else b"") + _text(topic))
+    return _packet(0xA2, _SHORT.pack(number) + (b"\0" if version == V5 else b"") + b"".join(map(_text, topics)))
 
 
 def publish(version: int, topic: str, payload: bytes, *, retain: bool = False) -> bytes:

@@ -11,6 +11,7 @@ import orjson
 from acqd.telemetry import topics
 from acqd.telemetry.mqtt import BrokerAddress
 from acqd.telemetry.row import parse_row
+from acqd.telemetry.row_message import payloads_of
 
 FLUSH_S = 0.08
 _BEHIND = 50
@@ -60,7 +61,7 @@ class Hub:
             tls_context=address.tls_context(), timeout=5.0,
         )  # fmt: skip
         async with client:
-            for topic in (topics.ALL_POWER, topics.ALL_STATUS, topics.ALL_PREDICTIONS):
+            for topic in (topics.ALL_POWER, topics.ALL_WINDOWS, topics.ALL_STATUS, topics.ALL_PREDICTIONS):
                 await client.subscribe(topic, qos=0)
             self.connected, self.trouble = True, ""
             self._tell("broker", {"connected": True, "trouble": ""})
@@ -70,12 +71,12 @@ class Hub:
     def take(self, topic: str, payload: bytes) -> None:
         """Take a message; what is none of acqd's is left out."""
         kind, device = topic.rpartition("/")[2], topic.split("/")[1]
-        if kind == "power":
+        if kind in ("power", "window"):
             try:
-                row = parse_row(payload)
+                rows = [parse_row(part) for part in payloads_of(topic, payload)]
             except ValueError:
                 return
-            self._rows.append({name: getattr(row, name) for name in _SHOWN})
+            self._rows += [{name: getattr(row, name) for name in _SHOWN} for row in rows]
         elif kind == "status" and device != "sink":
             self._tell("status", {"device": device, "online": payload != topics.OFFLINE})
         elif kind == "live":

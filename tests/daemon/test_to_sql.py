@@ -27,8 +27,8 @@ from tests.waiting import LIMIT_S, finish, until, wait_for
 class Daemon:
     """The uplink of a daemon, and a tape of its rows."""
 
-    def __init__(self, folder, port, **spool):
-        mqtt = {"port": port}
+    def __init__(self, folder, port, rows="channel", **spool):
+        mqtt = {"port": port, "rows": rows}
         config = Config(device="cell1", state_dir=folder, mqtt=mqtt, spool=spool)
         self.uplink = Uplink(config, ["cell1"], lambda: b'{"state":"online"}')
         self.tape = []
@@ -96,13 +96,13 @@ def test_the_daemon_comes_first_and_the_sink_later(mosquitto, database, tmp_path
     finish(scenario())
 
 
-@pytest.mark.parametrize("forgets", [True, False])
-def test_a_broker_that_is_killed_again_and_again_costs_no_row(mosquitto, tmp_path, forgets):
+@pytest.mark.parametrize(("forgets", "rows"), [(True, "channel"), (False, "channel"), (True, "window")])
+def test_a_broker_that_is_killed_again_and_again_costs_no_row(mosquitto, tmp_path, forgets, rows):
     """Also within seconds of the first subscription of the sink, which no broker has written down by then."""
     engine = open_database(str(tmp_path / "a.sqlite"))
 
     async def scenario():
-        daemon = Daemon(tmp_path, mosquitto.port)
+        daemon = Daemon(tmp_path, mosquitto.port, rows)
         tasks = daemon.uplink.tasks()
         with sink(mosquitto, engine):
             for pause in (0.05, 0.6):

@@ -5,6 +5,8 @@ from __future__ import annotations
 import dataclasses
 import json
 
+import orjson
+import pytest
 import sqlalchemy as sa
 from hypothesis import given
 from hypothesis import strategies as st
@@ -13,6 +15,9 @@ from acqd.storage.allowance import Allowance
 from acqd.storage.database import open_database
 from acqd.storage.schema import power, quarantine
 from acqd.storage.writer import Received, Writer
+from acqd.telemetry.ranges import Ranges
+from acqd.telemetry.row_message import joined, payloads_of
+from acqd.telemetry.spool import Stream
 from tests.storage.rows import count, message, row
 
 
@@ -49,6 +54,29 @@ def test_malformed_messages_go_to_quarantine_with_the_reason_and_stop_nothing(da
     with engine.connect() as connection:
         stored = connection.execute(sa.select(quarantine).order_by(quarantine.c.id)).all()
     assert "device" in stored[0].reason and stored[1].payload == b"\x00\xff" and "another topic" in stored[2].reason
+
+
+def test_a_window_is_stored_row_by_row_and_what_is_wrong_in_it_alone_is_set_aside(database):
+    engine = open_database(database)
+    good, foreign = [row(k, channel) for k in range(2) for channel in ("L1", "total")], row(9)
+    foreign.device = "cell2"
+    payloads = [one.to_json() for one in good]
+    window = Received("acqd/cell1/window", joined([*payloads, b'{"device":3}', foreign.to_json()]))
+    none, poison = Received("acqd/cell1/window", b'{"device":3'), row(5, boot="a\0b")
+    written = Writer(engine).write([window, none, message(poison), Received("acqd/cell1/window", joined(payloads))])
+    assert count(engine) == 4 and count(engine, quarantine) == written.quarantined == 4
+    assert written.receipts[Stream("cell1", "total", good[0].boot)] == Ranges([(0, 1)])
+
+
+@given(st.lists(st.binary(max_size=30).map(lambda data: orjson.dumps({"k": data.hex()})), max_size=9), st.binary())
+def test_windows_come_apart_as_they_were_joined_and_nothing_else_is_one(payloads, other):
+    assert payloads_of("acqd/t/window", joined(payloads)) == payloads
+    assert payloads_of("acqd/t/L1/power", other) == [other]
+    try:
+        assert isinstance(orjson.loads(joined([other])), list)
+    except ValueError:
+        with pytest.raises(ValueError, match="JSON array"):
+            payloads_of("acqd/t/window", joined([other]))
 
 
 def test_a_flood_of_malformed_messages_fills_its_share_and_conflicts_are_kept_all_the_same(database, caplog):

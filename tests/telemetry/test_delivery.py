@@ -68,6 +68,31 @@ def test_a_row_waits_for_its_receipt_and_not_for_the_acknowledgement():
     assert len(bench.box) == 0 and bench.box.outstanding == 0
 
 
+def test_the_rows_of_a_window_travel_in_one_message_and_are_settled_one_by_one():
+    channels = [Stream("t", name, "boot") for name in ("L1", "L2", "L3", "total")]
+    bench = Bench(windows=True)
+    bench.box.begin()
+    for seq in range(100):
+        bench.box.put_rows([SpooledRow(stream, seq, b'{"k":%d}' % seq) for stream in channels])
+    sent = bench.messages()
+    assert len(sent) == ROOM.messages and {message.topic for message in sent} == {"acqd/t/window"}
+    assert sent[7].payload == b'[{"k":7},{"k":7},{"k":7},{"k":7}]' and bench.box.outstanding == 4 * ROOM.messages
+    bench.receipt(0, 99)  # of L1 only
+    assert bench.box.outstanding == 3 * ROOM.messages and len(bench.box) == 300 + 36  # L1's other rows were never sent
+    bench.box.end()
+    bench.box.begin()
+    again = bench.messages()
+    assert again[0].payload == b'[{"k":0},{"k":0},{"k":0}]'
+
+
+def test_windows_of_one_channel_do_not_overfill_the_connection():
+    bench = Bench(windows=True)
+    bench.make(500)
+    bench.box.begin()
+    bench.sink(retained=True)
+    assert len(bench.messages(Room(16, 16))) == 16
+
+
 def test_a_receipt_for_rows_that_were_never_sent_deletes_none_of_them():
     """Somebody else has published rows with their keys, and the sink has stored those."""
     bench = Bench()

@@ -34,21 +34,23 @@ def daemon() -> Iterator[Figure]:
 
 def from_file() -> Iterator[Figure]:
     """The same with codes from a file, so that the simulation of mains does not count."""
-    for period_ms, target in ((1, "<= 5"), (10, "<= 2.5"), (40, "")):
+    for period_ms, rows, target in (
+        (1, "channel", ""), (1, "window", "<= 5"), (10, "channel", ""), (10, "window", "<= 2.5"), (40, "window", ""),
+    ):  # fmt: skip
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "codes.npz"
             wave = hard_mains(50.0, 3, 10.0)  # whole cycles: the loop is seamless
             u, i = wave.codes[:, 0::2].T, wave.codes[:, 1::2].T
             np.savez(path, u_code=u, i_code=i, u_V_per_digit=SCALE[0], i_A_per_digit=SCALE[1], fs=20_000)
             source = f'[source]\nkind = "replay"\nfile = "{path}"\nloops = 0\nperiod_ms = {period_ms}\n'
-            section = f"acqd run, three phases of codes from a file, MAIN_FAST at {period_ms} ms, through mosquitto"
-            yield from _daemon(section, source, target)
+            section = f"acqd run, three phases from a file, MAIN_FAST at {period_ms} ms, a message for each {rows}"
+            yield from _daemon(section, source, target, rows)
 
 
-def _daemon(section: str, source: str, target: str) -> Iterator[Figure]:
+def _daemon(section: str, source: str, target: str, rows: str = "channel") -> Iterator[Figure]:
     with mosquitto() as port, tempfile.TemporaryDirectory() as folder:
         config = Path(folder) / "acqd.toml"
-        config.write_text(f"{source}[mqtt]\nport = {port}\n")
+        config.write_text(f'{source}[mqtt]\nport = {port}\nrows = "{rows}"\n')
         process = subprocess.Popen(acqd_command("run", "--config", config), stderr=subprocess.DEVNULL)
         try:
             time.sleep(_WARM_UP_S)
@@ -85,9 +87,10 @@ async def _listen(port: int, seconds: float) -> tuple[list[float], dict[str, dic
         async for message in client.messages:
             now = time.time()
             content = json.loads(bytes(message.payload)) if message.payload != b"offline" else {}
-            if message.topic.matches("acqd/+/+/power"):
-                started = datetime.fromisoformat(content["time"]).timestamp()
-                latencies.append((now - started) * 1e3 - 40.0)
+            if message.topic.matches("acqd/+/+/power") or message.topic.matches("acqd/+/window"):
+                for row in content if isinstance(content, list) else [content]:
+                    started = datetime.fromisoformat(row["time"]).timestamp()
+                    latencies.append((now - started) * 1e3 - 40.0)
             elif message.topic.matches("acqd/+/status"):
                 status = content
             if time.monotonic() > end:
