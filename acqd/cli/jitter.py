@@ -29,11 +29,11 @@ def jitter(
 ) -> None:
     """Run MAIN_FAST and MAIN_SLOW and show the wake-up latencies, like cyclictest.
 
-    The source is the configured one; without --config the simulated one.
+    The source is the configured one, of several the first; without --config the simulated one.
 
     Example: acqd jitter --duration 60
     """
-    source = configured(config).source
+    source = configured(config).sources[0]
     if isinstance(source, MetersSection):
         raise UserError('jitter: source.kind = "meters" reads registers; it has no MAIN_FAST whose cycle could jitter')
     realtime = configured(config).realtime.settings()

@@ -30,7 +30,7 @@ def all_checks(config: Config) -> list[Finding]:
         *_privileges(config),
         *_clock(),
         _metering(),
-        *source_checks(config.source),
+        *(finding for source in config.sources for finding in source_checks(source)),
         *broker_checks(config),
         _database(config),
         _disk(config),

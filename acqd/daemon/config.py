@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
 
+from acqd.daemon.box_section import BoxSection
 from acqd.daemon.health.section import HealthSection
+from acqd.daemon.modbus_sections import MetersSection
 from acqd.daemon.mqtt_section import MqttSection
 from acqd.daemon.section import Positive, Section
 from acqd.daemon.source_sections import SECTIONS, SimulatedSection, SourceSection
@@ -85,6 +87,8 @@ class Config(Section):
     device: str = "acqd"
     state_dir: Path | None = None
     source: SourceSection = SimulatedSection()
+    boxes: list[BoxSection] = Field(default=[], max_length=64)
+    """Several sources, written as [[source]]; then `source` means nothing."""
     metering: MeteringSection = MeteringSection()
     realtime: RealtimeSection = RealtimeSection()
     mqtt: MqttSection = MqttSection()
@@ -106,7 +110,32 @@ class Config(Section):
         source = data.get("source") if isinstance(data, dict) else None
         if isinstance(source, dict) and "kind" not in source:
             return {**data, "source": {"kind": "simulated", **source}}
+        if isinstance(source, list):
+            return {name: value for name, value in data.items() if name != "source"} | {"boxes": _boxes(source)}
         return data
+
+    @model_validator(mode="after")
+    def _different_devices(self) -> Config:
+        names = [name for box in self.boxes for name in box.devices]
+        if twice := [name for name in names if names.count(name) > 1]:
+            raise ValueError(f"two sources have the device {twice[0]!r}; their rows could not be told apart")
+        return self
+
+    @property
+    def devices(self) -> list[str]:
+        """Devices of the rows."""
+        if self.boxes:
+            return [name for box in self.boxes for name in box.devices]
+        return [meter.name for meter in self.source.meters] if isinstance(self.source, MetersSection) else [self.device]
+
+    @property
+    def sources(self) -> list[SourceSection]:
+        """Every source."""
+        return [box.source for box in self.boxes] or [self.source]
+
+    def of_box(self, box: BoxSection) -> Config:
+        """The configuration of a daemon that has this box only."""
+        return self.model_copy(update={"device": box.device or self.device, "source": box.source, "boxes": []})
 
     @property
     def window(self) -> float:
@@ -121,6 +150,17 @@ class Config(Section):
         return cls(mqtt=MqttSection(port=port), broker=BrokerSection(embedded=True), sink=SinkSection(embedded=True))
 
 
+def _boxes(tables: list[Any]) -> list[Any]:
+    """[[source]] tables: the device beside the source."""
+    return [
+        {"source": {"kind": "simulated"} | {k: v for k, v in table.items() if k != "device"}}
+        | ({"device": table["device"]} if "device" in table else {})
+        if isinstance(table, dict)
+        else table
+        for table in tables
+    ]
+
+
 def load_config(path: Path) -> Config:
     """Read and check a configuration file. Raises InputError with one line per mistake."""
     try:
@@ -131,6 +171,8 @@ def load_config(path: Path) -> Config:
         raise InputError(path, f"cannot be read ({error})") from None
     except (ValueError, RecursionError) as error:  # ValueError: also numbers of more than 4300 digits
         raise InputError(path, f"is not valid TOML: {error}") from None
+    if "boxes" in data:
+        raise InputError(path, "unknown key boxes; several sources are written as [[source]] tables")
     try:
         config = Config.model_validate(data)
     except ValidationError as error:
@@ -144,6 +186,11 @@ def load_config(path: Path) -> Config:
 def _complaint(fault: Any) -> str:
     """One pydantic error as a sentence that names the key."""
     place, kind = list(fault["loc"]), ""
+    if place[:1] == ["boxes"] and len(place) > 1:
+        inner = _complaint({**fault, "loc": place[2:]})
+        return f"source {place[1] + 1}: {inner}"
+    if not place:
+        return str(fault["msg"]).removeprefix("Value error, ")
     if place[0] == "source" and len(place) > 1 and place[1] in _KINDS:  # pydantic names the union's member there
         kind = str(place.pop(1))
     key = ".".join(str(part) for part in place)
@@ -189,6 +236,8 @@ def known_keys() -> list[str]:
     keys = []
     for name, info in Config.model_fields.items():
         section = info.annotation
+        if name == "boxes":
+            continue  # written as [[source]]
         if name == "source":
             keys += sorted({f"source.{key}" for kind in SECTIONS for key in kind.model_fields})
         elif isinstance(section, type) and issubclass(section, BaseModel):

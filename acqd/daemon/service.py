@@ -20,7 +20,7 @@ from acqd.daemon.broker_process import BrokerProcess
 from acqd.daemon.config import Config
 from acqd.daemon.embedded_sink import EmbeddedSink
 from acqd.daemon.feed import Feed
-from acqd.daemon.feeds import devices_of, feed_of
+from acqd.daemon.feeds import feed_of
 from acqd.daemon.health.daemon import DaemonHealth, Progress
 from acqd.daemon.health.snapshot import Delivery, Link
 from acqd.daemon.notify import notify
@@ -54,8 +54,10 @@ class Service:
         self._boot = uuid.uuid4().hex[:12]
         if config.state_dir is not None:
             _make_folder(config.state_dir)
-        self._uplink = Uplink(config, devices_of(config), self._status) if config.mqtt.enabled else None
-        self._feed: Feed = feed_of(config, self._boot, self._take, self._uplink.energy if self._uplink else None)
+        self._uplink = Uplink(config, config.devices, self._status) if config.mqtt.enabled else None
+        self._feed: Feed = feed_of(
+            config, self._boot, self._take, self._uplink.energy if self._uplink else lambda _: None
+        )
         self._stop = asyncio.Event()
         self._started = time.time_ns()
         self._health = DaemonHealth(config.health, config.device, self._feed, self._progress)
@@ -190,7 +192,7 @@ class Service:
             "version": __version__,
             "time": rfc3339(time.time_ns()),
             "started": rfc3339(self._started),
-            "source": self.config.source.kind,
+            "source": "several" if self.config.boxes else self.config.source.kind,
             "rows": self.rows,
             "realtime_refused": self._feed.refused,
             "mqtt": {

@@ -45,10 +45,10 @@ class Uplink:
         self.latest = self.counters()
         """The counters, at most a second old; for other threads than the event loop's."""
 
-    @property
-    def energy(self) -> Energy | None:
-        """Registers after the last row that an earlier start has spooled."""
-        return self._spool.energy
+    def energy(self, device: str) -> Energy | None:
+        """A device's registers after the last row that an earlier start has spooled."""
+        before = self._spool.energy("") if device == self._config.device else None
+        return self._spool.energy(device) or before
 
     def tasks(self) -> list[asyncio.Task[None]]:
         """Start to deliver; the tasks do not end by themselves."""

@@ -129,7 +129,7 @@ def test_rows_survive_a_restart_of_the_daemon_and_of_the_sink(mosquitto, tmp_pat
         await first.make(150)
         await first.stop(tasks)
         second = Daemon(tmp_path, mosquitto.port)
-        assert second.uplink.counters().waiting == 300 and second.uplink.energy == [(0.149, 0.0)]
+        assert second.uplink.counters().waiting == 300 and second.uplink.energy("cell1") == [(0.149, 0.0)]
         tasks = second.uplink.tasks()
         await asyncio.to_thread(mosquitto.start)
         with sink(mosquitto, engine):

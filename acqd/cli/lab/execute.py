@@ -58,6 +58,7 @@ def execute(
     with tempfile.TemporaryDirectory(prefix="acqd-live-") as folder:
         path = lab.render(chosen, file, Path(folder))
         daemon = load_config(config) if config else Config.demonstration(demonstration_port())
+        daemon.boxes = []
         daemon.source = ReplaySection(kind="replay", file=path)
         daemon.metering.window = chosen.window_s
         if not config:

@@ -63,6 +63,11 @@ class Record:
         return self.body[_SEQ.size :]
 
     @property
+    def device(self) -> str:
+        """Whose registers a record of that kind holds; empty in records of the time of one device."""
+        return self.name.decode()
+
+    @property
     def energy(self) -> Energy:
         """Registers, of a record of that kind."""
         values = struct.unpack(f"<{len(self.body) // 8}d", self.body)
@@ -74,9 +79,11 @@ def row_record(name: bytes, seq: int, payload: bytes) -> bytes:
     return _record(ROW, name, _SEQ.pack(seq) + payload)
 
 
-def energy_record(energy: Energy) -> bytes:
-    """Readings of the registers."""
-    return _record(ENERGY, b"", struct.pack(f"<{2 * len(energy)}d", *(value for pair in energy for value in pair)))
+def energy_record(device: str, energy: Energy) -> bytes:
+    """Readings of a device's registers."""
+    return _record(
+        ENERGY, device.encode(), struct.pack(f"<{2 * len(energy)}d", *(value for pair in energy for value in pair))
+    )
 
 
 def index_record(content: bytes) -> bytes:

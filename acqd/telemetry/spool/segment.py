@@ -11,6 +11,7 @@ import os
 import struct
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 from acqd.telemetry.ranges import Ranges
 from acqd.telemetry.spool.record import (
@@ -41,8 +42,8 @@ class Segment:
         self.size = START
         """Bytes up to the end of the last record."""
         self.pending: dict[Stream, Ranges] = {}
-        self.energy: Energy | None = None
-        """Readings of the registers after the last row."""
+        self.energy: dict[str, Energy] = {}
+        """Readings of each device's registers after its last row; "" as device in files of the time of one device."""
         self.damaged = 0
         """Bytes that could not be read."""
         self._memory = bytearray()
@@ -160,7 +161,7 @@ class Segment:
             if record.kind == ROW:
                 self.pending.setdefault(record.stream, Ranges()).add(record.seq, record.seq)
             elif record.kind == ENERGY:
-                self.energy = record.energy
+                self.energy[record.device] = record.energy
             intact += length + OVERHEAD
             before = record.end
         self.size = before
@@ -176,9 +177,15 @@ class Segment:
             return False
         content = json.loads(record.body)
         self.pending = {Stream(*names): Ranges(rows) for *names, rows in content["streams"]}
-        self.energy = [tuple(pair) for pair in content["energy"]] if content["energy"] else None
+        self.energy = _energy(content["energy"])
         self.size = offset
         return True
+
+
+def _energy(content: Any) -> dict[str, Energy]:
+    """Registers by device in an index; those of one device were a list."""
+    devices = content if isinstance(content, dict) else {"": content or []}
+    return {name: [(pair[0], pair[1]) for pair in pairs] for name, pairs in devices.items() if pairs}
 
 
 def _write(file: int, data: bytes | bytearray) -> None:

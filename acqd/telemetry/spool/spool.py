@@ -70,8 +70,7 @@ class Spool:
         self._log = SegmentLog(folder, segment_bytes, now_ns)
         self.unconfirmed, self.close = self._log.unconfirmed, self._log.close
         self.accepted = self.dropped = self.damaged_bytes = 0
-        self.energy: Energy | None = None
-        """Readings of the registers after the last row, also of an earlier start."""
+        self._energy: dict[str, Energy] = {}
         self._alerted = self._dropping = False
         self._names: dict[Stream, bytes] = {}
         for segment in self._log.segments:
@@ -80,25 +79,36 @@ class Spool:
             _log.info("spool: %d rows of an earlier start wait in %s", waiting, folder)
 
     def append(self, rows: Sequence[SpooledRow], energy: Energy | None = None) -> bool:
-        """Keep the rows of a window; False when the spool is full and refuses the newest."""
+        """Keep the rows of a window and the registers of their device after it.
+
+        False when the spool is full and refuses the newest.
+        """
         self.accepted += len(rows)
         data = b"".join([row_record(self._name(row.stream), row.seq, row.payload) for row in rows])
-        if energy is not None:
-            data += energy_record(energy)
-            self.energy = energy
+        if energy is not None and rows:
+            device = rows[0].stream.device
+            data += energy_record(device, energy)
+            self._energy[device] = energy
         if self.limits.when_full == "drop-newest" and self.size + len(data) > self._most:
             self._lost(len(rows), "refusing the newest rows")
             return False
         before, segment = self._log.newest, self._log.append(data)
         for stream, seq, _ in rows:
             segment.pending.setdefault(stream, Ranges()).add(seq, seq)
-        if energy is not None:
-            segment.energy = energy
+        if energy is not None and rows:
+            segment.energy[device] = energy
         if segment is not before:
             for older in self._log.segments[:-1]:
                 self._log.delete_if_done(older)
             self._limit()
         return True
+
+    def energy(self, device: str) -> Energy | None:
+        """Readings of a device's registers after its last row, also of an earlier start.
+
+        "" as device: those of a spool that was written when a daemon had one device.
+        """
+        return self._energy.get(device)
 
     def remove(self, stream: Stream, first: int, last: int) -> int:
         """Rows first..last are delivered: forget them; how many waited."""
@@ -175,7 +185,7 @@ class Spool:
         if segment.damaged:
             self.damaged_bytes += segment.damaged
             _log.warning("spool: %s was torn: %d bytes left out", segment.path, segment.damaged)
-        self.energy = segment.energy or self.energy
+        self._energy |= segment.energy
 
     def _limit(self) -> None:
         """Drop the oldest segments while there is too much, or too old, or too much in memory."""

@@ -6,6 +6,7 @@ import errno
 import os
 import shutil
 import signal
+import struct
 import subprocess
 import sys
 import tempfile
@@ -19,6 +20,8 @@ from hypothesis import strategies as st
 
 from acqd.errors import UserError
 from acqd.telemetry.spool import Limits, Spool, SpooledRow, Stream, confirm, segment
+from acqd.telemetry.spool.record import energy_record, index_record, row_record
+from acqd.telemetry.spool.segment import Segment
 
 STREAMS = [Stream("cell1", channel, "boot1") for channel in ("L1", "total")]
 
@@ -43,7 +46,7 @@ def test_rows_come_back_in_order_and_after_a_restart(tmp_path):
     assert spool.segments > 3 and everything(spool) == sent and len(spool) == 1000
     spool.close()
     again = Spool(tmp_path, Limits(max_bytes=200_000))
-    assert everything(again) == sent and again.energy == [(0.499, 0.5)] and not again.damaged_bytes
+    assert everything(again) == sent and again.energy("cell1") == [(0.499, 0.5)] and not again.damaged_bytes
     again.append(window(500))
     assert everything(again) == sent + window(500)
 
@@ -244,6 +247,24 @@ def test_a_disk_that_stays_full_costs_the_oldest_rows_and_no_memory(tmp_path):
         assert len(everything(spool)) + spool.dropped == 6_000
 
 
+def test_registers_belong_to_devices_and_those_of_an_older_spool_to_the_only_one(tmp_path):
+    other = Stream("cell2", "L1", "boot1")
+    spool = Spool(tmp_path)
+    spool.append(window(1), [(1.0, 0.0)])
+    spool.append([SpooledRow(other, 1, b"row")], [(2.0, 0.5)])
+    spool.close()
+    again = Spool(tmp_path)
+    assert again.energy("cell1") == [(1.0, 0.0)] and again.energy("cell2") == [(2.0, 0.5)]
+    again.close()
+    path = tmp_path / "0000000000000009.seg"
+    with_index = tmp_path / "0000000000000010.seg"
+    old = struct.pack("<8sQ", b"ACQDSPL1", 1) + row_record(other.encoded(), 2, b"row") + energy_record("", [(7.0, 0.0)])
+    path.write_bytes(old)
+    index = index_record(b'{"streams": [["cell2", "L1", "boot1", [[2, 2]]]], "energy": [[8.0, 0.25]]}')
+    with_index.write_bytes(old + index + struct.pack("<8sI", b"ACQDEND1", len(old)))
+    assert Segment.open(path).energy == {"": [(7.0, 0.0)]} and Segment.open(with_index).energy == {"": [(8.0, 0.25)]}
+
+
 def test_a_killed_process_loses_no_row_that_it_has_appended(tmp_path):
     program = (
         "import sys\nfrom pathlib import Path\nfrom acqd.telemetry.spool import Spool\n"
@@ -258,7 +279,7 @@ def test_a_killed_process_loses_no_row_that_it_has_appended(tmp_path):
     spool = Spool(tmp_path)
     rows = everything(spool)
     assert rows == [row for k in range(len(rows) // 2) for row in window(k)] and rows[-1].seq >= last
-    assert spool.energy[0][0] >= last
+    assert spool.energy("cell1")[0][0] >= last
 
 
 def test_rows_on_disk_cost_next_to_no_memory(tmp_path):

@@ -1,0 +1,98 @@
+"""Several sources in one daemon: rows of all of them, health of the worst one."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from acqd.daemon.box import Box
+from acqd.daemon.health.snapshot import Cycles, FeedHealth, SourceLink
+from acqd.errors import UserError
+
+
+class FeedOfBoxes:
+    """A box that is away does not keep the others from metering."""
+
+    def __init__(self, boxes: Sequence[Box], boot: str) -> None:
+        """`boot`: of the daemon; the rows of the boxes have boots of their own."""
+        self._boxes, self._boot = boxes, boot
+        self._tasks: list[asyncio.Task[None]] = []
+
+    @property
+    def refused(self) -> list[str]:
+        """Real-time settings that this host does not permit, as sentences."""
+        return list(dict.fromkeys(sentence for _, feed in self._running() for sentence in feed.refused))
+
+    async def start(self) -> None:
+        """Start every box. Raises UserError when none can be used."""
+        self._tasks = [asyncio.create_task(box.run()) for box in self._boxes]
+        await asyncio.gather(*(box.tried.wait() for box in self._boxes))
+        if all(box.trouble for box in self._boxes):
+            await self.stop()
+            raise UserError(f"no source can be used; {self._boxes[0].name}: {self._boxes[0].trouble}")
+
+    async def run(self) -> None:
+        """Make rows until every source has ended or `stop` is called."""
+        done, _ = await asyncio.wait(self._tasks, return_when=asyncio.FIRST_EXCEPTION)
+        for task in done:
+            task.result()  # a bug ends the daemon
+
+    async def stop(self) -> None:
+        """End after the windows in progress."""
+        for box, task in zip(self._boxes, self._tasks, strict=True):
+            if box.feed is None:  # it waits for its device
+                task.cancel()
+        await asyncio.gather(*(box.stop() for box in self._boxes))
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+
+    def close(self) -> None:
+        """Every box has released what it held when its task ended."""
+
+    def save(self) -> None:
+        """Write the energy registers."""
+        for _, feed in self._running():
+            feed.save()
+
+    def alive(self) -> bool:
+        """Whether the rows of every box advance, or its source is away and is being tried."""
+        return all(feed.alive() for _, feed in self._running())
+
+    def health(self) -> FeedHealth:
+        """Connected while all sources are; the oldest of the last rows; the cycles of all together."""
+        parts = {box.name: feed.health() for box, feed in self._running()}
+        links = [part.source for part in parts.values()]
+        ages = [part.last_row_age_s for part in parts.values()]
+        clocks = [part.synchronised for part in parts.values() if part.synchronised is not None]
+        troubles = {box.name: box.trouble for box in self._boxes} | {n: p.source.trouble for n, p in parts.items()}
+        source = SourceLink(
+            all(link.connected for link in links) and not any(box.trouble for box in self._boxes),
+            sum(link.reconnects for link in links) + sum(max(box.restarts, 0) for box in self._boxes),
+            "; ".join(f"{name}: {why}" for name, why in troubles.items() if why),
+            sum(link.lost for link in links),
+        )
+        age = None if None in ages or not ages else max(age for age in ages if age is not None)
+        cycles = _together(part.cycles for part in parts.values() if part.cycles is not None)
+        return FeedHealth(self._boot, source, age, cycles, all(clocks) if clocks else None)
+
+    def status(self) -> dict[str, Any]:
+        """Of every box, by its device."""
+        boxes: dict[str, Any] = {
+            box.name: {"source": box.config.source.kind, "trouble": box.trouble, "ended": box.ended}
+            for box in self._boxes
+        }
+        for box, feed in self._running():
+            boxes[box.name] |= {"boot": feed.health().boot} | feed.status()
+        return {"simulated": any(box.get("simulated", False) for box in boxes.values()), "boxes": boxes}
+
+    def _running(self) -> list[tuple[Box, Any]]:
+        return [(box, box.feed) for box in self._boxes if box.feed is not None]
+
+
+def _together(cycles: Iterable[Cycles]) -> Cycles | None:
+    """Sums over the processes of MAIN_FAST."""
+    every = list(cycles)
+    if not every:
+        return None
+    names = ("cycles", "late", "missed", "exceeded", "restarts")
+    return Cycles(**{name: sum(getattr(one, name) for one in every) for name in names})
