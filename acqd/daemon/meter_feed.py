@@ -9,8 +9,6 @@ import time
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from acqd.daemon.boot import Boot
 from acqd.daemon.bus_supervisor import BusSupervisor
 from acqd.daemon.feed import Deliver
@@ -181,7 +179,8 @@ def _channel(reading: Reading, channel: Channel) -> dict[str, float | None]:
     if channel == "total":
         for name in ("Vrms", "Irms"):
             phases = [reading.values.get(f"L{k + 1}.{name}") for k in range(reading.phases)]
-            values[name] = None if None in phases else float(effective(np.array(phases)))
+            known = [value for value in phases if value is not None]
+            values[name] = effective(known) if len(known) == len(phases) else None
     if values["S"] is None:
         values["S"] = _apparent(reading, channel)
     if values["PF"] is None and values["P"] is not None and values["S"]:

@@ -77,7 +77,5 @@ class EnergyRegister:
 
     def reading(self) -> list[tuple[float, float]]:
         """Each phase's (imported, exported) [kWh] now."""
-        return [
-            (float(imported * unit), float(exported * unit))
-            for (imported, exported), unit in zip(self._counts, self._unit, strict=True)
-        ]
+        now = np.array(self._counts, dtype=np.float64) / self._steps * self._float_unit[:, None]
+        return [(imported, exported) for imported, exported in now.tolist()]

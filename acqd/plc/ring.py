@@ -74,6 +74,8 @@ class Ring:
         self._index = 0  # reader: stream index of the next sample
         self._anchor = (0, 0)  # reader: a stream index and its UTC
         self._flags: frozenset[str] = frozenset()  # reader: the source's flags from here on
+        self._health_version = 0  # reader: of the health that was read last
+        self._last_health: SourceHealth | None = None
 
     @staticmethod
     def create(layout: RingLayout) -> tuple[Ring, int]:
@@ -149,10 +151,13 @@ class Ring:
     def health(self) -> SourceHealth | None:
         """How the source is; None while nothing has been said, or while it is being written."""
         version = self._header[_HEALTH_VERSION]
+        if version == self._health_version:
+            return self._last_health
         text = bytes(self._health[: self._header[_HEALTH_BYTES]])
         if not version or version % 2 or version != self._header[_HEALTH_VERSION]:
             return None
-        return SourceHealth(**json.loads(text))
+        self._health_version, self._last_health = version, SourceHealth(**json.loads(text))
+        return self._last_health
 
     def reached(self) -> tuple[int, int, int] | None:
         """Index and UTC [ns] of the sample that `read` would give next, and when that was due on CLOCK_MONOTONIC [ns].

@@ -8,7 +8,6 @@ wait behind it.
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import logging
 import time
 from collections import deque
@@ -145,9 +144,11 @@ class Delivery:
         if self._more:  # much of the backlog was to skip
             await asyncio.sleep(0)
             return
-        with contextlib.suppress(TimeoutError):  # not wait_for: Python 3.11 loses a cancellation there
-            async with asyncio.timeout(_WAIT_S):
-                await self._changed.wait()
+        later = asyncio.get_running_loop().call_later(_WAIT_S, self._changed.set)
+        try:
+            await self._changed.wait()
+        finally:
+            later.cancel()
 
     def acknowledged(self, message: Message) -> None:
         """The broker has the message: with that policy, its rows are delivered."""
@@ -156,7 +157,8 @@ class Delivery:
         if self._until == "acknowledged":
             for stream, seq in sent:
                 self._acknowledged.setdefault(stream, Ranges()).add(seq, seq)
-        self._changed.set()
+        if self._live or self._states or self._position != self.spool.end:
+            self._changed.set()  # there is room for what waits
 
     def received(self, topic: str, payload: bytes, *, retained: bool) -> None:
         """A receipt, or a sink that comes or goes."""

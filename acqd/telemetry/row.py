@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import msgspec
-import numpy as np
 from msgspec import Meta
 
 from acqd.metering import WindowBatch
-from acqd.metering.power import power_factor, total
+from acqd.metering.power import effective, power_factor
 from acqd.timestamps import filetime, rfc3339
 
 SCHEMA = 1
@@ -22,7 +21,6 @@ _INT64 = 2**63 - 1
 _REASON = 300
 """Characters of the reason why a payload is no row."""
 _Quantity = Annotated[float, Meta(ge=-1e15, le=1e15)] | None
-_Quantities = tuple[_Quantity, _Quantity, _Quantity, _Quantity, _Quantity, _Quantity, _Quantity]  # Vrms .. W
 _Name = Annotated[str, Meta(min_length=1, max_length=64)]
 _Integer = Annotated[int, Meta(ge=0, le=_INT64)]
 
@@ -89,34 +87,35 @@ def parse_row(payload: bytes) -> PowerRow:
 
 
 def rows_of(batch: WindowBatch, device: str, boot: str) -> Iterator[PowerRow]:
-    """Rows window by window: L1, L2, L3 and, with more than one phase, total."""
-    phases, windows = batch.P.shape
-    apparent, energy = batch.S, batch.W
-    columns = [batch.Vrms, batch.Irms, batch.P, apparent, power_factor(batch.P, apparent)]
-    columns += [np.broadcast_to(batch.f, apparent.shape), energy]
-    per_channel = [_listed(columns, phase) for phase in range(phases)]
-    flags = [[sorted(named) for named in row] for row in batch.flags]
-    names = list(CHANNELS[:phases])
-    if phases > 1:
-        sums = total(batch.Vrms, batch.Irms, batch.P)
-        alike = [sums.Vrms, sums.Irms, sums.P, sums.S, power_factor(sums.P, sums.S), batch.f, energy.sum(axis=0)]
-        per_channel.append(_listed([column[None] for column in alike], 0))
-        flags.append([_total_flags([batch.flags[phase][k] for phase in range(phases)]) for k in range(windows)])
-        names.append("total")
+    """Rows window by window: L1, L2, L3 and, with more than one phase, total.
+
+    Vrms and Irms of the total are effective values of the system; P, S (arithmetic) and W are sums of the phases.
+    """
+    phases = range(len(batch.P))
+    Vrms, Irms, P = batch.Vrms.tolist(), batch.Irms.tolist(), batch.P.tolist()
+    imported, exported, f = batch.imported.tolist(), batch.exported.tolist(), batch.f.tolist()
     for k, (seq, utc_ns) in enumerate(zip(batch.seq.tolist(), batch.utc_ns.tolist(), strict=True)):
-        stamp, ticks = rfc3339(utc_ns), filetime(utc_ns)
-        for name, values, named in zip(names, per_channel, flags, strict=True):
-            Vrms, Irms, P, S, PF, f, W = values[k]
-            yield PowerRow(device, name, boot, seq, stamp, ticks, Vrms, Irms, P, S, PF, f, W, named[k])
+        named, stamp, ticks = [batch.flags[p][k] for p in phases], rfc3339(utc_ns), filetime(utc_ns)
+        rows = [
+            (Vrms[p][k], Irms[p][k], P[p][k], Vrms[p][k] * Irms[p][k], imported[p][k] - exported[p][k]) for p in phases
+        ]
+        flags = [sorted(names) for names in named]
+        channels = CHANNELS[: len(phases)]
+        if len(phases) > 1:
+            V, A, watts, VA, kWh = zip(*rows, strict=True)
+            rows.append((effective(V), effective(A), sum(watts), sum(VA), sum(kWh)))
+            flags.append(_total_flags(named))
+            channels += ("total",)
+        for channel, (V_k, A_k, P_k, S_k, W_k), names in zip(channels, rows, flags, strict=True):
+            yield PowerRow(
+                device, channel, boot, seq, stamp, ticks, _known(V_k), _known(A_k), _known(P_k), _known(S_k),
+                _known(power_factor(P_k, S_k)), _known(f[k]), _known(W_k), names,
+            )  # fmt: skip
 
 
-def _listed(columns: list[np.ndarray], phase: int) -> list[_Quantities]:
-    """[windows][quantities] Python numbers, None for NaN."""
-    table = np.array([column[phase] for column in columns]).T
-    rows: list[Any] = table.tolist()
-    if np.isnan(table).any():
-        rows = [[None if value != value else value for value in row] for row in rows]
-    return rows
+def _known(value: float) -> float | None:
+    """None for NaN."""
+    return value if value == value else None
 
 
 def _total_flags(phases: list[set[str]]) -> list[str]:

@@ -56,11 +56,12 @@ class Summariser:
 def _timed(batch: WindowBatch, rows: Iterable[PowerRow]) -> Iterator[TimedRow]:
     """Rows with the register readings of their window; the total has the phases' sum."""
     window = {seq: k for k, seq in enumerate(batch.seq.tolist())}
-    utc, imported, exported = batch.utc_ns.tolist(), batch.imported, batch.exported
-    phase = {f"L{number + 1}": slice(number, number + 1) for number in range(len(imported))}
+    utc, imported, exported = batch.utc_ns.tolist(), batch.imported.tolist(), batch.exported.tolist()
+    every = range(len(imported))
+    phase = {f"L{number + 1}": [number] for number in every}
     for row in rows:
-        k, which = window[row.seq], phase.get(row.channel, slice(None))
-        yield TimedRow(row, utc[k], float(imported[which, k].sum()), float(exported[which, k].sum()))
+        k, which = window[row.seq], phase.get(row.channel, every)
+        yield TimedRow(row, utc[k], sum(imported[p][k] for p in which), sum(exported[p][k] for p in which))
 
 
 def _summary(timed: list[TimedRow], second: int) -> dict[str, Any]:
