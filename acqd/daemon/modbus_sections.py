@@ -6,7 +6,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from acqd.daemon.section import DeviceSection, Port, Positive, Section
+from acqd.daemon.device_section import NOT_OF_THE_SOURCE, DeviceSection
+from acqd.daemon.section import Port, Positive, Section
 from acqd.sources.spec import Spec, spec_of
 
 
@@ -43,7 +44,7 @@ class ModbusSection(_LinkKeys, DeviceSection):
 
     def spec(self) -> Spec:
         """The source as JSON, for MAIN_FAST's process; the keys of the link become one table."""
-        keys = self.model_dump(exclude=set(_LinkKeys.model_fields))
+        keys = self.model_dump(exclude=set(_LinkKeys.model_fields) | NOT_OF_THE_SOURCE)
         return spec_of(**keys, link=self.link())
 
 

@@ -7,8 +7,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from acqd.daemon.device_section import DeviceSection, WaveformKeys
 from acqd.daemon.modbus_sections import MetersSection, ModbusSection
-from acqd.daemon.section import DeviceSection, Nominal, Port, Positive, Section, Share
+from acqd.daemon.section import Nominal, Port, Positive, Section, Share
 from acqd.sources import ChannelMap, SimulationSettings
 from acqd.sources.simulated import Sag
 from acqd.sources.spec import Spec, replay_spec, simulated_spec
@@ -28,7 +29,7 @@ class SagSection(Section):
     depth: Share
 
 
-class SimulatedSection(Section):
+class SimulatedSection(WaveformKeys):
     """A simulated EL3783."""
 
     kind: Literal["simulated"] = "simulated"
@@ -56,12 +57,13 @@ class SimulatedSection(Section):
 
     def spec(self) -> Spec:
         """The source as JSON, for MAIN_FAST's process."""
-        values = {name: getattr(self, name) for name in type(self).model_fields.keys() - {"kind", "sags", "period_ms"}}
+        others = {"kind", "sags", "period_ms", "correction"}
+        values = {name: getattr(self, name) for name in type(self).model_fields.keys() - others}
         sags = tuple(Sag(sag.at, sag.duration, sag.depth) for sag in self.sags)
         return simulated_spec(SimulationSettings(**values, sags=sags)) | {"period_ms": self.period_ms}
 
 
-class ReplaySection(Section):
+class ReplaySection(WaveformKeys):
     """A recorded waveform in real time."""
 
     kind: Literal["replay"]

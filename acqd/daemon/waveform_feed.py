@@ -41,8 +41,9 @@ class WaveformFeed:
         self._cycles = Cycles()
         self._refused: list[str] = []
         self._executive = Executive(
-            source.spec(), self._make_meter, self._take, window=config.window, realtime=config.realtime.settings()
-        )
+            source.spec(), self._make_meter, self._take, window=config.window, realtime=config.realtime.settings(),
+            make_correction=source.correction.of,
+        )  # fmt: skip
 
     @property
     def refused(self) -> list[str]:

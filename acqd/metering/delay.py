@@ -10,7 +10,8 @@ import numpy as np
 
 from acqd.arrays import Floats
 
-_POINTS = 8
+POINTS = 8
+"""Samples that an interpolation reads."""
 
 
 def delayed(x: Floats, samples: float, begin: int, end: int) -> Floats:
@@ -20,22 +21,22 @@ def delayed(x: Floats, samples: float, begin: int, end: int) -> Floats:
         return x[begin - whole : end - whole]
     share = 1.0 - (samples - whole)  # between sample n - whole - 1 and the next
     padded = _padded(x)
-    first = begin - whole - 1 - (_POINTS // 2 - 1) + _POINTS
+    first = begin - whole - 1 - (POINTS // 2 - 1) + POINTS
     result = np.zeros(end - begin)
-    for k, weight in enumerate(_weights(share)):
+    for k, weight in enumerate(weights(share)):
         result += weight * padded[first + k : first + k + end - begin]
     return result
 
 
-def _weights(share: float) -> list[float]:
+def weights(share: float) -> list[float]:
     """Lagrange weights of samples -3 .. 4 at position `share` between samples 0 and 1."""
-    nodes = np.arange(_POINTS) - (_POINTS // 2 - 1)
+    nodes = np.arange(POINTS) - (POINTS // 2 - 1)
     return [float(np.prod([(share - m) / (n - m) for m in nodes if m != n])) for n in nodes]
 
 
 def _padded(x: Floats) -> Floats:
     """`x` continued at both ends by odd reflection, so that the stencil fits everywhere."""
-    if len(x) <= _POINTS:
-        return np.pad(x, _POINTS, mode="edge")
-    before, after = 2 * x[0] - x[_POINTS:0:-1], 2 * x[-1] - x[-2 : -2 - _POINTS : -1]
+    if len(x) <= POINTS:
+        return np.pad(x, POINTS, mode="edge")
+    before, after = 2 * x[0] - x[POINTS:0:-1], 2 * x[-1] - x[-2 : -2 - POINTS : -1]
     return np.concatenate((before, x, after))

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from acqd.changes import StateLog
 from acqd.errors import OperationError, UserError
 from acqd.metering import Meter, StreamFormat, WindowBatch
+from acqd.metering.correction import Correction
 from acqd.plc.fast_process import FastProcess, StartError, launch
 from acqd.plc.kernel_clock import KernelClock
 from acqd.plc.realtime import RealtimeSettings
@@ -46,9 +47,12 @@ class Executive:
         *,
         window: float = 0.04,
         realtime: RealtimeSettings | None = None,
+        make_correction: Callable[[StreamFormat], Correction | None] = lambda _: None,
     ) -> None:
+        """`make_meter` gets the format of the corrected samples."""
         self._orders = {"source": source, "window": window, "realtime": asdict(realtime or RealtimeSettings())}
-        self._make_meter = make_meter
+        self._make_meter, self._make_correction = make_meter, make_correction
+        self._form: StreamFormat | None = None
         self._on_batch = on_batch
         self._fast: FastProcess | None = None
         self._slow: SlowTask | None = None
@@ -187,13 +191,15 @@ class Executive:
 
     async def _launch(self) -> None:
         fast = await launch(self._orders | {"resume": self._reached}, self._wake_fd)
-        if self.meter is not None and fast.form != self.meter.form:
+        if self._form is not None and fast.form != self._form:
             fast.kill()
             raise OperationError("the source has another format than before (rate, scale or phases); start again")
         previous, self._fast = self._fast, fast
         if self._slow is None:
-            self.meter = self._make_meter(fast.form)
-            self._slow = SlowTask(fast.ring, self.meter, fast.flags)
+            self._form = fast.form
+            correction = self._make_correction(fast.form)
+            self.meter = self._make_meter(fast.form if correction is None else correction.form)
+            self._slow = SlowTask(fast.ring, self.meter, fast.flags, correction)
         else:
             self._slow.replace_ring(fast.ring)
         if previous is not None:

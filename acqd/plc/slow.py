@@ -6,15 +6,20 @@ import time
 from dataclasses import replace
 
 from acqd.metering import Meter, WindowBatch
+from acqd.metering.correction import Correction
 from acqd.plc.ring import Ring
 
 
 class SlowTask:
     """Turns the ring's samples into window quantities; its own duration is kept for the status."""
 
-    def __init__(self, ring: Ring, meter: Meter, flags: frozenset[str] = frozenset()) -> None:
+    def __init__(
+        self, ring: Ring, meter: Meter, flags: frozenset[str] = frozenset(), correction: Correction | None = None
+    ) -> None:
+        """`meter` takes the samples as `correction` leaves them."""
         self._ring = ring
         self._meter = meter
+        self._correction = correction
         self.flags = flags
         """Hold for the rows made from now on ("simulated")."""
         self.windows = 0
@@ -31,7 +36,8 @@ class SlowTask:
         for block in self._ring.read():
             if self.flags:
                 block = replace(block, flags=block.flags | self.flags)
-            batch = self._meter.feed(block)
+            corrected = block if self._correction is None else self._correction.apply(block)
+            batch = None if corrected is None else self._meter.feed(corrected)
             if batch is not None:
                 batches.append(batch)
         if not batches:

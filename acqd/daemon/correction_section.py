@@ -1,0 +1,51 @@
+"""`[source.correction]` of acqd.toml: errors of the transformers in front of a box."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from acqd.daemon.section import Positive, Section
+from acqd.errors import UserError
+from acqd.metering import StreamFormat
+from acqd.metering.correction import ChannelErrors, Correction
+
+_Delay = Annotated[float, Field(ge=-1000, le=1000)]
+_Gains = Annotated[list[Positive], Field(min_length=1, max_length=3)]
+_Offsets = Annotated[list[float], Field(min_length=1, max_length=3)]
+_Delays = Annotated[list[_Delay], Field(min_length=1, max_length=3)]
+
+
+class CorrectionSection(Section):
+    """One value per phase, or one for all phases."""
+
+    u_gain: _Gains = Field(default=[1.0])
+    i_gain: _Gains = Field(default=[1.0])
+    u_offset: _Offsets = Field(default=[0.0])
+    i_offset: _Offsets = Field(default=[0.0])
+    u_delay_us: _Delays = Field(default=[0.0])
+    i_delay_us: _Delays = Field(default=[0.0])
+
+    def of(self, form: StreamFormat) -> Correction | None:
+        """The correction of a stream; None where there is nothing to correct. Raises UserError."""
+        if self == CorrectionSection():
+            return None
+        gain, offset = self._pairs("gain", form.phases), self._pairs("offset", form.phases)
+        delay_s = [delay * 1e-6 for delay in self._pairs("delay_us", form.phases)]
+        return Correction(form, ChannelErrors(gain, offset, delay_s))
+
+    def _pairs(self, name: str, phases: int) -> list[float]:
+        """Values in the order U1, I1, U2, I2 ..."""
+        pairs: list[float] = []
+        for phase in range(phases):
+            for quantity in "ui":
+                key = f"{quantity}_{name}"
+                values = getattr(self, key)
+                if len(values) not in (1, phases):
+                    raise UserError(
+                        f"source.correction.{key}: {len(values)} values, but the source has {phases} phases; "
+                        f"give one for each phase, or one for all"
+                    )
+                pairs.append(values[phase % len(values)])
+        return pairs
