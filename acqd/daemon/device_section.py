@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Literal
+
 from acqd.daemon.correction_section import CorrectionSection
 from acqd.daemon.section import Nominal, Positive, Section
+from acqd.errors import UserError
+from acqd.metering import StreamFormat
+from acqd.metering.stages import Stage
+from acqd.metering.wiring import Aron
 from acqd.sources.spec import Spec, spec_of
 
-NOT_OF_THE_SOURCE = {"correction"}
+NOT_OF_THE_SOURCE = {"correction", "wiring"}
 """Keys that concern the samples after MAIN_FAST."""
 
 
@@ -14,6 +21,19 @@ class WaveformKeys(Section):
     """Keys of everything that delivers samples."""
 
     correction: CorrectionSection = CorrectionSection()
+    wiring: Literal["star", "aron"] = "star"
+    """star: each pair is a phase; aron: two pairs of a three-wire system."""
+
+    @property
+    def makers(self) -> list[Callable[[StreamFormat], Stage | None]]:
+        """Stages between the source and the meter."""
+        return [self.correction.of, self._wired]
+
+    def _wired(self, form: StreamFormat) -> Aron | None:
+        try:
+            return Aron(form) if self.wiring == "aron" else None
+        except ValueError as error:
+            raise UserError(f"source: {error}") from None
 
 
 class DeviceSection(WaveformKeys):

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from acqd.daemon.device_section import DeviceSection, WaveformKeys
+from acqd.daemon.device_section import NOT_OF_THE_SOURCE, DeviceSection, WaveformKeys
 from acqd.daemon.modbus_sections import MetersSection, ModbusSection
 from acqd.daemon.section import Nominal, Port, Positive, Section, Share
 from acqd.sources import ChannelMap, SimulationSettings
@@ -57,7 +57,7 @@ class SimulatedSection(WaveformKeys):
 
     def spec(self) -> Spec:
         """The source as JSON, for MAIN_FAST's process."""
-        others = {"kind", "sags", "period_ms", "correction"}
+        others = {"kind", "sags", "period_ms"} | NOT_OF_THE_SOURCE
         values = {name: getattr(self, name) for name in type(self).model_fields.keys() - others}
         sags = tuple(Sag(sag.at, sag.duration, sag.depth) for sag in self.sags)
         return simulated_spec(SimulationSettings(**values, sags=sags)) | {"period_ms": self.period_ms}

@@ -42,7 +42,7 @@ class WaveformFeed:
         self._refused: list[str] = []
         self._executive = Executive(
             source.spec(), self._make_meter, self._take, window=config.window, realtime=config.realtime.settings(),
-            make_correction=source.correction.of,
+            makers=source.makers,
         )  # fmt: skip
 
     @property

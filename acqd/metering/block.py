@@ -38,6 +38,12 @@ class SampleBlock:
     flags: frozenset[str] = field(default_factory=frozenset)
     """Row flags that hold for every window this block touches ("late", "simulated" ...)."""
 
+    def overrange(self, form: StreamFormat) -> bool:
+        """Whether a code is at its end stop; double numbers have none, so this is asked before codes become such."""
+        if form.bits == 64 or not len(self.codes):
+            return False
+        return bool(self.codes.max() >= form.code_max or self.codes.min() <= form.code_min)
+
 
 def code_type(bits: CodeBits) -> np.dtype[np.int16 | np.int32 | np.float64]:
     """Type of codes of this width."""

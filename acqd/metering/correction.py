@@ -64,7 +64,7 @@ class Correction:
         """
         if self._only_gain:
             return block
-        flags = block.flags | ({"overrange"} if self._at_end_stop(block) else frozenset())
+        flags = block.flags | ({"overrange"} if block.overrange(self._input) else frozenset())
         codes = block.codes - self._offset
         if block.index != self._next:  # a gap, or the beginning
             self._kept = codes[:0]
@@ -87,10 +87,3 @@ class Correction:
             for k, weight in enumerate(self._weights[channel]):
                 result[:, channel] += weight * x[start + k : start + k + count, channel]
         return result
-
-    def _at_end_stop(self, block: SampleBlock) -> bool:
-        """Double numbers have no end stops: an over-range of the converter is noted before the conversion."""
-        if self._input.bits == 64 or not len(block.codes):
-            return False
-        high, low = block.codes.max(), block.codes.min()
-        return bool(high >= self._input.code_max or low <= self._input.code_min)

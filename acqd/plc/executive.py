@@ -11,7 +11,7 @@ import contextlib
 import logging
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 
 import numpy as np
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from acqd.changes import StateLog
 from acqd.errors import OperationError, UserError
 from acqd.metering import Meter, StreamFormat, WindowBatch
-from acqd.metering.correction import Correction
+from acqd.metering.stages import Stage, Stages
 from acqd.plc.fast_process import FastProcess, StartError, launch
 from acqd.plc.kernel_clock import KernelClock
 from acqd.plc.realtime import RealtimeSettings
@@ -47,11 +47,11 @@ class Executive:
         *,
         window: float = 0.04,
         realtime: RealtimeSettings | None = None,
-        make_correction: Callable[[StreamFormat], Correction | None] = lambda _: None,
+        makers: Sequence[Callable[[StreamFormat], Stage | None]] = (),
     ) -> None:
-        """`make_meter` gets the format of the corrected samples."""
+        """`makers` make the stages before the meter; `make_meter` gets the format after them."""
         self._orders = {"source": source, "window": window, "realtime": asdict(realtime or RealtimeSettings())}
-        self._make_meter, self._make_correction = make_meter, make_correction
+        self._make_meter, self._makers = make_meter, makers
         self._form: StreamFormat | None = None
         self._on_batch = on_batch
         self._fast: FastProcess | None = None
@@ -197,9 +197,9 @@ class Executive:
         previous, self._fast = self._fast, fast
         if self._slow is None:
             self._form = fast.form
-            correction = self._make_correction(fast.form)
-            self.meter = self._make_meter(fast.form if correction is None else correction.form)
-            self._slow = SlowTask(fast.ring, self.meter, fast.flags, correction)
+            stages = Stages(fast.form, self._makers)
+            self.meter = self._make_meter(stages.form)
+            self._slow = SlowTask(fast.ring, self.meter, fast.flags, stages)
         else:
             self._slow.replace_ring(fast.ring)
         if previous is not None:

@@ -6,7 +6,7 @@ import time
 from dataclasses import replace
 
 from acqd.metering import Meter, WindowBatch
-from acqd.metering.correction import Correction
+from acqd.metering.stages import Stages
 from acqd.plc.ring import Ring
 
 
@@ -14,12 +14,12 @@ class SlowTask:
     """Turns the ring's samples into window quantities; its own duration is kept for the status."""
 
     def __init__(
-        self, ring: Ring, meter: Meter, flags: frozenset[str] = frozenset(), correction: Correction | None = None
+        self, ring: Ring, meter: Meter, flags: frozenset[str] = frozenset(), stages: Stages | None = None
     ) -> None:
-        """`meter` takes the samples as `correction` leaves them."""
+        """`meter` takes the samples as `stages` leave them."""
         self._ring = ring
         self._meter = meter
-        self._correction = correction
+        self._stages = stages
         self.flags = flags
         """Hold for the rows made from now on ("simulated")."""
         self.windows = 0
@@ -36,8 +36,8 @@ class SlowTask:
         for block in self._ring.read():
             if self.flags:
                 block = replace(block, flags=block.flags | self.flags)
-            corrected = block if self._correction is None else self._correction.apply(block)
-            batch = None if corrected is None else self._meter.feed(corrected)
+            ready = block if self._stages is None else self._stages.apply(block)
+            batch = None if ready is None else self._meter.feed(ready)
             if batch is not None:
                 batches.append(batch)
         if not batches:
