@@ -1,0 +1,131 @@
+"""f, its rate of change and phase jumps of an interval, from one phasor per cycle.
+
+Every cycle of the interval is projected on the fundamental at a trial frequency; the phases of the phasors, all phases
+of the system together (weights |c|^2), are fitted with a parabola. Its slope corrects the trial, until nothing is left:
+then the phase at the end of the interval is that at its begin plus whole cycles, also while f changes. The curvature is
+the rate of change of frequency (ROCOF). A step of the phase within the interval is a regressor of its own, so that a
+jump does not move f.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from acqd.arrays import Floats
+from acqd.metering.interval import interval_sums
+
+MIN_PURITY = 0.5
+"""Share of the AC power that the fundamental of a mains voltage carries at least."""
+JUMP = 0.01
+"""rad; a smaller step is not told from a change of f."""
+_CLEARER = 8.0  # a jump leaves so much less of the squares than a parabola alone
+_STEPS = 6
+_CLOSE = 1e-4  # Hz
+
+
+@dataclass(frozen=True, slots=True)
+class CycleFit:
+    """What the cycles of one interval say."""
+
+    f: float
+    """Hz, mean over the interval; NaN where no fundamental is credible."""
+    rocof: float
+    """Hz/s."""
+    jump: float
+    """rad; 0 where the phase is steady."""
+
+    @property
+    def credible(self) -> bool:
+        """Whether there is a fundamental."""
+        return self.f == self.f
+
+
+NONE = CycleFit(np.nan, np.nan, 0.0)
+
+
+def fit_cycles(u: Floats, start: float, f: float, rate: float, cycles: int, dead: Floats) -> CycleFit:
+    """Fit the interval of `u` [phases, samples] that begins at `start` samples; `f` [Hz] is about right.
+
+    `dead` [phases]: RMS below which a voltage is none. NONE where the interval does not lie inside `u`, or holds a
+    cycle without voltage.
+    """
+    found = NONE
+    for _ in range(_STEPS):
+        end = start + cycles * rate / f
+        if not np.isfinite(end) or end + 1 > u.shape[1]:
+            return NONE
+        phasors, purity = cycle_phasors(u, start, f, rate, cycles)
+        alive = np.abs(phasors) > dead[:, None]
+        if purity < MIN_PURITY or not alive.any(axis=0).all():
+            return NONE
+        slope, curve, jump = _fit(_phases(phasors), cycles)
+        correction = slope * f / (2 * np.pi)
+        found = CycleFit(f + correction, 2 * curve * f * f / (2 * np.pi), jump)
+        f += correction
+        if abs(correction) < _CLOSE:
+            break
+    return found
+
+
+def cycle_phasors(u: Floats, start: float, f: float, rate: float, cycles: int) -> tuple[Floats, float]:
+    """RMS phasors of consecutive cycles, complex [phases, cycles], and the fundamental's share of the AC power."""
+    length = rate / f
+    edges = start + length * np.arange(cycles + 1)
+    first = max(0, int(edges[0]) - 1)
+    part = u[:, first : int(edges[-1]) + 2]
+    angle = 2 * np.pi / length * (np.arange(part.shape[1]) + 0.5 + first - start)
+    turned = np.stack((part * np.cos(angle), part * -np.sin(angle), part, part * part))
+    sums = interval_sums(turned, edges[:-1] - first, edges[1:] - first) / length
+    phasors = np.sqrt(2) * (sums[0] + 1j * sums[1])
+    ac = sums[3].mean(axis=1) - sums[2].mean(axis=1) ** 2
+    purity = float((np.abs(phasors) ** 2).mean(axis=1).sum() / max(float(ac.sum()), 1e-30))
+    return phasors, purity
+
+
+def _phases(phasors: Floats) -> Floats:
+    """Phase of each cycle against the first one [rad], unwrapped, all phases of the system together."""
+    turns = (phasors[:, :-1].conj() * phasors[:, 1:]).sum(axis=0)
+    return np.concatenate(([0.0], np.cumsum(np.angle(turns))))
+
+
+def _fit(phases: Floats, cycles: int) -> tuple[float, float, float]:
+    """Slope [rad/cycle] and curvature [rad/cycle^2] of the parabola a + b m + c m^2, and the jump [rad]."""
+    inverse, design = _parabola(cycles)
+    plain = inverse @ phases
+    rest = float(((phases - design @ plain) ** 2).sum())
+    best = (float(plain[1]), float(plain[2]), 0.0)
+    least = rest / _CLEARER
+    for inverse, design in _with_jump(cycles):
+        values = inverse @ phases
+        left = float(((phases - design @ values) ** 2).sum())
+        step = float(values[3]) if len(values) > 4 else float(values[-1])
+        if left < least and abs(step) > JUMP:
+            least, best = left, (float(values[1]), float(values[2]), step)
+    return best
+
+
+@lru_cache(maxsize=2)
+def _parabola(cycles: int) -> tuple[Floats, Floats]:
+    """Pseudo-inverse and design matrix, weights 1 - (m / half)^2: an interharmonic far from f moves the slope little."""
+    m = np.arange(cycles) - (cycles - 1) / 2
+    design = m[:, None] ** np.arange(3)
+    root = np.sqrt(1 - (m / (cycles / 2 + 0.5)) ** 2)
+    return np.linalg.pinv(design * root[:, None]) * root, design
+
+
+@lru_cache(maxsize=2)
+def _with_jump(cycles: int) -> list[tuple[Floats, Floats]]:
+    """The same with a step after cycle k, whose phasor is of both sides and left out."""
+    _, parabola = _parabola(cycles)
+    m = np.arange(cycles)
+    designs = []
+    for k in range(cycles):
+        only = (m == k).astype(float)[:, None]
+        step = (m > k).astype(float)[:, None]
+        inner = 0 < k < cycles - 1
+        design = np.hstack((parabola, step, only) if inner else (parabola, only))
+        designs.append((np.linalg.pinv(design), design))
+    return designs

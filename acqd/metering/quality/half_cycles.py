@@ -1,0 +1,34 @@
+"""Flags of an interval from Urms(1/2): RMS of one cycle, refreshed every half cycle (IEC 61000-4-30, section 5.4.1)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from acqd.arrays import Floats
+from acqd.metering.interval import interval_sums
+
+DIP, SWELL, INTERRUPTION = 0.90, 1.10, 0.05
+"""Shares of the declared voltage (EN 50160, sections 3.3, 3.21, 3.22)."""
+
+
+def one_cycle_rms(u: Floats, start: float, length: float, cycles: int) -> Floats:
+    """RMS of `u` [phases, samples] over each cycle that lies in the interval, every half cycle: [phases, 2 n - 1]."""
+    half = length / cycles / 2
+    begins = start + half * np.arange(2 * cycles - 1)
+    squares = interval_sums(u * u, begins, begins + 2 * half) / (2 * half)
+    return np.asarray(np.sqrt(np.maximum(squares, 0.0)))
+
+
+def event_flags(rms: Floats, declared: float) -> set[str]:
+    """Flags of an interval whose one-cycle RMS values are `rms` [phases, n]: "dip", "swell", "interruption".
+
+    One phase suffices for a dip or a swell; an interruption is one of all phases at once.
+    """
+    flags = set()
+    if (rms < DIP * declared).any():
+        flags.add("dip")
+    if (rms > SWELL * declared).any():
+        flags.add("swell")
+    if (rms < INTERRUPTION * declared).all(axis=0).any():
+        flags.add("interruption")
+    return flags

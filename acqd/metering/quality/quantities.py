@@ -1,0 +1,123 @@
+"""All quantities of a 10/12-cycle interval, from its samples."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from acqd.arrays import Floats
+from acqd.metering.interval import interval_sums
+from acqd.metering.quality.apparent import arithmetic_apparent, effective_apparent
+from acqd.metering.quality.components import rotation, symmetrical, unbalance
+from acqd.metering.quality.half_cycles import event_flags, one_cycle_rms
+from acqd.metering.quality.intervals import Interval
+from acqd.metering.quality.spectrum import (
+    Lines,
+    harmonic_subgroups,
+    interharmonic_subgroups,
+    known_orders,
+    spectrum,
+    thds,
+)
+from acqd.metering.quality.values import QualityValues
+
+
+def measure(interval: Interval, declared: float) -> QualityValues:
+    """Quantities of `interval`; `declared` voltage [V], for the flags of events."""
+    u, i = interval.x[0::2], interval.x[1::2]
+    lines = spectrum(interval.x, interval.start, interval.length, interval.cycles)
+    phase = _waveform(interval, u, i) | _fundamental(lines, interval.cycles)
+    for name, channels in (("V", lines[0::2]), ("I", lines[1::2])):
+        phase |= _groups(name, channels, interval)
+    rms = one_cycle_rms(u, interval.start, interval.length, interval.cycles)
+    known = interval.fit.credible
+    return QualityValues(
+        kind="10/12",
+        utc_ns=interval.utc_ns,
+        duration=interval.duration,
+        intervals=1,
+        f=interval.f if known else np.nan,
+        rocof=interval.fit.rocof if known and not interval.fit.jump else np.nan,
+        phase=phase,
+        system=_system(interval, u, i, phase) if len(u) > 1 else {},
+        flags=interval.flags | event_flags(rms, declared),
+        phase_flags=[_overrange(interval, k) for k in range(len(u))],
+    )
+
+
+def _overrange(interval: Interval, phase: int) -> frozenset[str]:
+    stopped = {2 * phase, 2 * phase + 1} & interval.overrange
+    return frozenset({"overrange"}) if stopped else frozenset()
+
+
+def _waveform(interval: Interval, u: Floats, i: Floats) -> dict[str, Floats]:
+    """What needs no spectrum: RMS and power of all that the sampling rate lets through, crest factors."""
+    V, I, P = _rms(interval, u), _rms(interval, i), _mean(interval, u * i)  # noqa: E741
+    inside = slice(int(interval.start), int(np.ceil(interval.start + interval.length)))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        crests = [np.abs(x[:, inside]).max(axis=1) / rms for x, rms in ((u, V), (i, I))]
+    crests = [np.where(np.isfinite(crest), crest, np.nan) for crest in crests]
+    return {"Vrms": V, "Irms": I, "P": P, "S": V * I, "V_crest": crests[0], "I_crest": crests[1]}
+
+
+def _fundamental(lines: Lines, cycles: int) -> dict[str, Floats]:
+    """Magnitudes and angles of the fundamental, its powers, DC.
+
+    S1 = U1 I1 conj = P1 + j Q1 (IEEE 1459-2010, section 3.1.2.4): Q1 > 0 where the current lags (inductive, import).
+    Angles [deg] refer to U1 of L1.
+    """
+    U1, I1 = lines[0::2, cycles], lines[1::2, cycles]
+    power = U1 * I1.conj()
+    reference = U1[0] / abs(U1[0]) if abs(U1[0]) > 0 else 1.0
+    angles = [np.where(np.abs(x) > 0, np.degrees(np.angle(x / reference)), np.nan) for x in (U1, I1)]
+    return {
+        "V1": np.abs(U1), "I1": np.abs(I1), "V1_angle": angles[0], "I1_angle": angles[1],
+        "P1": power.real, "Q1": power.imag, "S1": np.abs(power),
+        "V_dc": lines[0::2, 0].real, "I_dc": lines[1::2, 0].real,
+    }  # fmt: skip
+
+
+def _groups(name: str, lines: Lines, interval: Interval) -> dict[str, Floats]:
+    known = known_orders(interval.rate, interval.f)
+    harmonics = harmonic_subgroups(lines, interval.cycles)
+    between = interharmonic_subgroups(lines, interval.cycles)
+    harmonics[:, known:] = np.nan
+    between[:, known:] = np.nan
+    return {f"{name}_thds": thds(harmonics), f"{name}_h": harmonics, f"{name}_ih": between}
+
+
+def _system(interval: Interval, u: Floats, i: Floats, phase: dict[str, Floats]) -> dict[str, float]:
+    """Quantities of two or three phases; NaN where they need three."""
+    V, I = phase["Vrms"], phase["Irms"]  # noqa: E741
+    line = _rms(interval, u[[0, 1, 2]] - u[[1, 2, 0]]) if len(u) == 3 else _rms(interval, u[:1] - u[1:])
+    system = {
+        "Vrms": float(np.sqrt(np.mean(V**2))), "Irms": float(np.sqrt(np.mean(I**2))), "P": float(phase["P"].sum()),
+        "S": arithmetic_apparent(V, I),
+        "P1": float(phase["P1"].sum()), "Q1": float(phase["Q1"].sum()), "S1": float(phase["S1"].sum()),
+        "V_12": float(line[0]),
+    }  # fmt: skip
+    return system | _three(interval, i, phase, line) if len(u) == 3 else system
+
+
+def _three(interval: Interval, i: Floats, phase: dict[str, Floats], line: Floats) -> dict[str, float]:
+    U = phase["V1"] * np.exp(1j * np.radians(np.nan_to_num(phase["V1_angle"])))
+    I = phase["I1"] * np.exp(1j * np.radians(np.nan_to_num(phase["I1_angle"])))  # noqa: E741
+    neutral = float(_rms(interval, i.sum(axis=0, keepdims=True))[0])
+    V_u2, V_u0 = unbalance(U)
+    I_u2, I_u0 = unbalance(I)
+    return {
+        "V_23": float(line[1]), "V_31": float(line[2]),
+        "V_pos": float(abs(symmetrical(U)[1])), "V_u2": V_u2, "V_u0": V_u0, "I_u2": I_u2, "I_u0": I_u0,
+        "I_n_derived": neutral,
+        "Se": effective_apparent(phase["Vrms"], line, phase["Irms"], neutral),
+        "rotation": rotation(U),
+    }  # fmt: skip
+
+
+def _mean(interval: Interval, x: Floats) -> Floats:
+    """Mean over the interval of `x` [channels, samples]."""
+    bounds = np.array([interval.start]), np.array([interval.start + interval.length])
+    return np.asarray(interval_sums(x, *bounds)[:, 0] / interval.length)
+
+
+def _rms(interval: Interval, x: Floats) -> Floats:
+    return np.asarray(np.sqrt(np.maximum(_mean(interval, x * x), 0.0)))

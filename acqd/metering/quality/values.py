@@ -1,0 +1,81 @@
+"""Every quantity of an aggregation interval: name, unit, and how longer intervals are made of shorter ones."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from acqd.arrays import Floats
+
+Kind = Literal["10/12", "150/180", "10min", "2h", "10s"]
+KINDS: tuple[Kind, ...] = ("10/12", "150/180", "10min", "2h", "10s")
+Rule = Literal["rms", "mean", "angle"]
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """One quantity of a row."""
+
+    unit: str
+    rule: Rule
+    """rms: square root of the mean square (IEC 61000-4-30, section 4.4); mean: of what has a sign or is a power;
+    angle: of the mean of unit phasors."""
+
+
+_RMS_V, _RMS_A, _SHARE = Quantity("V", "rms"), Quantity("A", "rms"), Quantity("%", "rms")
+_V, _A, _W = Quantity("V", "mean"), Quantity("A", "mean"), Quantity("W", "mean")
+_VA, _VAR, _DEGREE = Quantity("VA", "mean"), Quantity("var", "mean"), Quantity("deg", "angle")
+
+PHASE: dict[str, Quantity] = {
+    "Vrms": _RMS_V, "Irms": _RMS_A, "P": _W, "S": _VA,
+    "V1": _RMS_V, "I1": _RMS_A, "V1_angle": _DEGREE, "I1_angle": _DEGREE,
+    "P1": _W, "Q1": _VAR, "S1": _VA,
+    "V_dc": _V, "I_dc": _A, "V_crest": Quantity("", "rms"), "I_crest": Quantity("", "rms"),
+    "V_thds": _SHARE, "I_thds": _SHARE,
+}  # fmt: skip
+"""Quantities of one phase, [phases]."""
+
+LISTS: dict[str, Quantity] = {"V_h": _RMS_V, "I_h": _RMS_A, "V_ih": _RMS_V, "I_ih": _RMS_A}
+"""Lists of one phase, [phases, 50]: harmonic subgroups 1 .. 50, interharmonic centred subgroups 0 .. 49."""
+
+SYSTEM: dict[str, Quantity] = {
+    "Vrms": _RMS_V, "Irms": _RMS_A, "P": _W, "S": _VA, "Se": _VA,
+    "P1": _W, "Q1": _VAR, "S1": _VA,
+    "V_12": _RMS_V, "V_23": _RMS_V, "V_31": _RMS_V,
+    "V_pos": _RMS_V, "V_u2": _SHARE, "V_u0": _SHARE, "I_u2": _SHARE, "I_u0": _SHARE,
+    "I_n_derived": _RMS_A, "rotation": Quantity("", "mean"),
+}  # fmt: skip
+"""Quantities of all phases together."""
+
+
+@dataclass(frozen=True, slots=True)
+class QualityValues:
+    """The quantities of one aggregation interval; NaN where a quantity does not exist."""
+
+    kind: Kind
+    utc_ns: int
+    """Begin."""
+    duration: float
+    """s."""
+    intervals: int
+    """10/12-cycle intervals in it."""
+    f: float
+    """Hz: mean over the interval."""
+    rocof: float
+    """Hz/s."""
+    phase: dict[str, Floats]
+    """Of PHASE and LISTS."""
+    system: dict[str, float]
+    """Of SYSTEM; empty for one phase."""
+    flags: frozenset[str]
+    """Of the whole system."""
+    phase_flags: list[frozenset[str]] = field(default_factory=list)
+    """Besides these, of one phase."""
+
+
+def power_factor_of(P: Floats, S: Floats) -> Floats:
+    """P / S with the sign of P; NaN without apparent power."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(np.where(S > 0, P / S, np.nan))
