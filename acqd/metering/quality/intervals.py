@@ -18,7 +18,7 @@ from acqd.arrays import Floats
 from acqd.metering.block import SampleBlock, StreamFormat
 from acqd.metering.quality.coarse import coarse_f, mains_range, nominal_system
 from acqd.metering.quality.cycles import NONE, CycleFit, fit_cycles
-from acqd.metering.quality.decimate import factor_of
+from acqd.metering.quality.decimate import decimated, factor_of
 from acqd.metering.quality.resample import MARGIN
 from acqd.metering.quality.run import SampleRun
 
@@ -26,6 +26,8 @@ TICK_NS = 600 * 10**9
 FIFTEEN = 15
 """10/12-cycle intervals in a 150/180-cycle one."""
 _AT_TICK_NS = 1_000_000
+_EDGE = 0.1
+"""Hz beyond the range, so that its bounds are no edges."""
 _ROOM = 1.02
 """f may fall by so much from one interval to the next without a second look."""
 
@@ -79,7 +81,8 @@ class IntervalCutter:
         self._form, self._dead = form, dead
         self.cycles = 12 if nominal_system(form.f_nominal) > 55 else 10
         self._range = mains_range(form.f_nominal)
-        self._margin = MARGIN * factor_of(form.rate / form.f_nominal) + 1
+        self._factor = factor_of(form.rate / self._range[1])
+        self._margin = MARGIN * factor_of(form.rate / (self._range[0] - _EDGE)) + 1  # for any f
         self._run = SampleRun(form)
         self._chains: list[_Chain] = []  # the old one first
         self._f = form.f_nominal
@@ -117,25 +120,26 @@ class IntervalCutter:
         length = self.cycles * self._form.rate / self._f
         return None if self._run.end < chain.begin + length + self._margin else self._interval(chain, length, fit)
 
+    @np.errstate(invalid="ignore", over="ignore")  # samples that are no numbers give no f
     def _fit(self, begin: float, nominal: float) -> CycleFit | None:
         """f of the interval from `begin` on; None when it may be longer than the samples that are there."""
-        longest = self.cycles * self._form.rate / self._range[0]
-        x, low = self._run.physical(begin - 1, begin + longest + 2)
-        u = x[0::2]
+        longest = self.cycles * self._form.rate / (self._range[0] - _EDGE)
+        x, low = self._run.physical(begin - 1, begin + longest + 2 * self._factor)
+        u, start, rate = decimated(x[0::2], self._factor), (begin - low) / self._factor, self._form.rate / self._factor
         if self._known:
-            fit = self._credible(fit_cycles(u, begin - low, self._f, self._form.rate, self.cycles, self._dead))
+            fit = self._credible(u, start, rate, self._f)
             if fit.credible:
                 return fit
-        if low + u.shape[1] < begin + longest + 1:
+        if low + x.shape[1] < begin + longest + self._factor:
             return None  # it may last longer than expected
-        first = int(begin) - low
-        if not (u[:, first:].std(axis=1) > self._dead).any():
+        within = u[:, int(start) : int(start + nominal / self._factor)]
+        if not (within.std(axis=1) > self._dead).any():
             return NONE
-        trial = coarse_f(u[:, first : first + int(nominal)], self._form.rate, self._form.f_nominal)
-        return self._credible(fit_cycles(u, begin - low, trial, self._form.rate, self.cycles, self._dead))
+        return self._credible(u, start, rate, coarse_f(within, rate, self._form.f_nominal))
 
-    def _credible(self, fit: CycleFit) -> CycleFit:
-        return fit if self._range[0] <= fit.f <= self._range[1] else NONE
+    def _credible(self, u: Floats, start: float, rate: float, trial: float) -> CycleFit:
+        fit = fit_cycles(u, start, trial, rate, self.cycles, self._dead)
+        return fit if self._range[0] - _EDGE <= fit.f <= self._range[1] + _EDGE else NONE
 
     def _interval(self, chain: _Chain, length: float, fit: CycleFit) -> Interval:
         begin, end = chain.begin, chain.begin + length

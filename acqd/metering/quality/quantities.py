@@ -21,6 +21,7 @@ from acqd.metering.quality.spectrum import (
 from acqd.metering.quality.values import QualityValues
 
 
+@np.errstate(invalid="ignore", over="ignore")
 def measure(interval: Interval, declared: float) -> QualityValues:
     """Quantities of `interval`; `declared` voltage [V], for the flags of events."""
     u, i = interval.x[0::2], interval.x[1::2]
