@@ -73,7 +73,7 @@ def fit_cycles(u: Floats, start: float, f: float, rate: float, cycles: int, dead
 def cycle_phasors(u: Floats, start: float, f: float, rate: float, cycles: int) -> tuple[Floats, float]:
     """RMS phasors of consecutive cycles, complex [phases, cycles], and the fundamental's share of the AC power."""
     length = rate / f
-    edges = start + length * np.arange(cycles + 1)
+    edges = np.asarray(start + length * np.arange(cycles + 1))
     first = max(0, int(edges[0]) - 1)
     part = u[:, first : int(edges[-1]) + 2]
     angle = 2 * np.pi / length * (np.arange(part.shape[1]) + 0.5 + first - start)
@@ -109,11 +109,11 @@ def _fit(phases: Floats, cycles: int) -> tuple[float, float, float]:
 
 @lru_cache(maxsize=2)
 def _parabola(cycles: int) -> tuple[Floats, Floats]:
-    """Pseudo-inverse and design matrix, weights 1 - (m / half)^2: an interharmonic far from f moves the slope little."""
+    """Pseudo-inverse and design matrix, weights 1 - (m / half)^2: interharmonics far from f move the slope little."""
     m = np.arange(cycles) - (cycles - 1) / 2
     design = m[:, None] ** np.arange(3)
     root = np.sqrt(1 - (m / (cycles / 2 + 0.5)) ** 2)
-    return np.linalg.pinv(design * root[:, None]) * root, design
+    return np.asarray(np.linalg.pinv(design * root[:, None]) * root), np.asarray(design)
 
 
 @lru_cache(maxsize=2)

@@ -1,8 +1,8 @@
 """Fewer samples of a fast stream: means of so many neighbours, and what that takes from each frequency.
 
-Harmonics up to the 50th need no more than 800 samples per cycle. The mean of q samples has its zeros at multiples of the new
-rate, exactly where frequencies fold to DC; what folds to the 50th harmonic is damped to a tenth or less. Its droop in
-the band is known and divided out (`droop`).
+Harmonics up to the 50th need no more than 800 samples per cycle. The mean of q samples has its zeros at multiples of
+the new rate, exactly where frequencies fold to DC; what folds to the 50th harmonic is damped to a tenth or less. Its
+droop in the band is known and divided out (`droop`).
 """
 
 from __future__ import annotations

@@ -188,6 +188,6 @@ def tick_number(utc_ns: int) -> int:
 
 
 def threshold(form: StreamFormat, share: float, nominal_voltage: float) -> Floats:
-    """Voltage of each phase [V] below which there is none: a share of nominal, at least four digits of the converter."""
+    """V of each phase below which there is no voltage: a share of nominal, at least four digits of the converter."""
     digits = 4.0 * np.asarray(form.scale)[0::2] if form.bits < 64 else np.zeros(form.phases)
     return np.asarray(np.maximum(share * nominal_voltage, digits))

@@ -7,7 +7,7 @@ import numpy as np
 from acqd.arrays import Floats
 from acqd.metering.interval import interval_sums
 from acqd.metering.quality.apparent import arithmetic_apparent, effective_apparent
-from acqd.metering.quality.components import rotation, symmetrical, unbalance
+from acqd.metering.quality.components import Phasors, rotation, symmetrical, unbalance
 from acqd.metering.quality.half_cycles import event_flags, one_cycle_rms
 from acqd.metering.quality.intervals import Interval
 from acqd.metering.quality.spectrum import (
@@ -100,8 +100,7 @@ def _system(interval: Interval, u: Floats, i: Floats, phase: dict[str, Floats]) 
 
 
 def _three(interval: Interval, i: Floats, phase: dict[str, Floats], line: Floats) -> dict[str, float]:
-    U = phase["V1"] * np.exp(1j * np.radians(np.nan_to_num(phase["V1_angle"])))
-    I = phase["I1"] * np.exp(1j * np.radians(np.nan_to_num(phase["I1_angle"])))  # noqa: E741
+    U, I = (_phasors(phase, name) for name in ("V1", "I1"))  # noqa: E741
     neutral = float(_rms(interval, i.sum(axis=0, keepdims=True))[0])
     V_u2, V_u0 = unbalance(U)
     I_u2, I_u0 = unbalance(I)
@@ -112,6 +111,11 @@ def _three(interval: Interval, i: Floats, phase: dict[str, Floats], line: Floats
         "Se": effective_apparent(phase["Vrms"], line, phase["Irms"], neutral),
         "rotation": rotation(U),
     }  # fmt: skip
+
+
+def _phasors(phase: dict[str, Floats], name: str) -> Phasors:
+    turned = np.radians(np.nan_to_num(phase[f"{name}_angle"]))
+    return np.asarray(phase[name] * np.exp(1j * turned))
 
 
 def _mean(interval: Interval, x: Floats) -> Floats:

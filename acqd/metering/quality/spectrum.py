@@ -6,6 +6,8 @@ cycles and no line leaks into another one. Lines are 5 Hz apart at 50 Hz (N = 10
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -78,4 +80,4 @@ def _grouped(lines: Lines, centres: NDArray[np.int64], around: range) -> Floats:
 
 def _points_per_cycle(samples: float) -> int:
     """Power of two not below `samples` per cycle, so that nothing folds; enough for the 51st harmonic."""
-    return max(128, 2 ** int(np.ceil(np.log2(samples))))
+    return max(128, 1 << math.ceil(math.log2(samples)))

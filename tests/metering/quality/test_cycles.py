@@ -41,8 +41,9 @@ def test_no_wrong_f_after_a_phase_jump():
     random = np.random.default_rng(3)
     flagged = 0
     for _ in range(12):
-        degrees, at, f = random.uniform(5, 60) * random.choice([-1, 1]), random.uniform(0.4, 0.8), random.uniform(49, 51)
-        angle = 2 * np.pi * f * t[:24_000] + np.radians(degrees) * (t[:24_000] > at)
+        at, f = random.uniform(0.4, 0.8), random.uniform(49, 51)
+        jump = np.radians(random.uniform(5, 60)) * random.choice([-1, 1])
+        angle = 2 * np.pi * f * t[:24_000] + jump * (t[:24_000] > at)
         x = three_phases(angle) + random.normal(0, 0.1, (24_000, 6))
         values = of_kind(metered(x))
         flagged += sum("transient" in one.flags for one in values)

@@ -34,7 +34,8 @@ def test_fundamental_powers_have_their_signs_and_dc_stays_out(f, lag, amperes, d
 
 def test_distortion_line_voltages_neutral_and_unbalance():
     x = three_phases(2 * np.pi * 50.1 * t, amperes=5.0)
-    x[:, 0::2] += 0.05 * 230 * np.sqrt(2) * np.cos(5 * 2 * np.pi * 50.1 * t)[:, None]  # zero sequence: not between lines
+    fifth = 0.05 * 230 * np.sqrt(2) * np.cos(5 * 2 * np.pi * 50.1 * t)
+    x[:, 0::2] += fifth[:, None]  # zero sequence: not between lines
     x[:, 5] = 0
     [one, *_] = of_kind(metered(x, RATE))
     assert one.phase["V_thds"] == pytest.approx(5.0, abs=0.01)
