@@ -5,8 +5,11 @@ from __future__ import annotations
 import sqlalchemy as sa
 from sqlalchemy.dialects import postgresql
 
+from acqd.telemetry import quality_row
+
 metadata = sa.MetaData()
 _JSON = sa.JSON().with_variant(postgresql.JSONB(), "postgresql")
+_LIST = sa.JSON(none_as_null=True).with_variant(postgresql.JSONB(none_as_null=True), "postgresql")
 _TIME = sa.Text().with_variant(sa.DateTime(timezone=True), "postgresql")
 _BIG = sa.BigInteger().with_variant(sa.Integer(), "sqlite")
 
@@ -25,6 +28,25 @@ power = sa.Table(
     sa.PrimaryKeyConstraint("device", "channel", "boot", "seq"),
 )
 """One row per window and channel. SQLite keeps `time` as RFC 3339 text, PostgreSQL as timestamptz."""
+
+power_quality = sa.Table(
+    "power_quality",
+    metadata,
+    *(sa.Column(name, sa.Text, nullable=False) for name in ("device", "channel", "boot")),
+    sa.Column("seq", _BIG, nullable=False),
+    sa.Column("time", _TIME, nullable=False),
+    sa.Column("filetime", _BIG, nullable=False),
+    sa.Column("aggregation", sa.Text, nullable=False),
+    sa.Column("duration", sa.Double),
+    sa.Column("intervals", sa.Integer, nullable=False),
+    sa.Column("flags", _JSON, nullable=False),
+    *(sa.Column(name, sa.Double) for name in quality_row.NUMBERS),
+    sa.Column("rotation", sa.Text),
+    *(sa.Column(name, _LIST) for name in quality_row.LISTS),
+    sa.Column("schema", sa.SmallInteger, nullable=False),
+    sa.PrimaryKeyConstraint("device", "channel", "boot", "seq"),
+)
+"""One row per aggregation interval and channel; harmonics and interharmonics as JSON arrays of 50 numbers."""
 
 quarantine = sa.Table(
     "quarantine",

@@ -10,15 +10,16 @@ import logging
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeAlias
 
 import orjson
 import sqlalchemy as sa
 
-from acqd.storage import quarantining, rows
+from acqd.storage import quality_rows, quarantining, rows
 from acqd.storage.allowance import MALFORMED_BYTES_PER_DAY, Allowance
 from acqd.storage.database import transaction
 from acqd.telemetry import topics
+from acqd.telemetry.quality_row import QualityRow, parse_quality
 from acqd.telemetry.ranges import Ranges
 from acqd.telemetry.row import PowerRow, parse_row
 from acqd.telemetry.row_message import payloads_of
@@ -28,6 +29,7 @@ from acqd.timestamps import filetime
 _log = logging.getLogger(__name__)
 _AHEAD_NS = 86_400 * 10**9
 """A row from further ahead would make what is asked for "until the newest row" wrong for as long."""
+_Row: TypeAlias = PowerRow | QualityRow
 CONFLICT = "another row with this key is stored"
 
 
@@ -75,7 +77,7 @@ class Writer:
 
     def _write(self, messages: Sequence[Received], malformed: Sequence[tuple[Received, str]]) -> Written:
         """`messages` of one row each; `malformed` are kept for their reasons."""
-        good: list[tuple[Received, PowerRow]] = []
+        good: list[tuple[Received, _Row]] = []
         refused = list(malformed)
         for message in messages:
             try:
@@ -92,7 +94,7 @@ class Writer:
         self._spend(kept, len(refused))
         written = Written(len(good) - conflicts, len(refused) + conflicts, conflicts)
         for _, row in good:
-            _note(written.receipts, row.device, row.channel, row.boot, row.seq)
+            _note(written.receipts, row.device, _stream_channel(row), row.boot, row.seq)
         for message, _ in refused:
             _note_refused(written.receipts, message)
         return written
@@ -125,14 +127,17 @@ class Writer:
             first.receipts,
         )
 
-    def _store(self, good: list[tuple[Received, PowerRow]], refused: list[tuple[Received, str]]) -> int:
+    def _store(self, good: list[tuple[Received, _Row]], refused: list[tuple[Received, str]]) -> int:
         """One transaction; the number of conflicts."""
         dbapi = self._engine.dialect.loaded_dbapi
         with transaction(self._engine) as connection:
             differing: list[int] = []
             try:
-                if good:
-                    differing = rows.insert(connection, [row for _, row in good])
+                power = [k for k, (_, row) in enumerate(good) if isinstance(row, PowerRow)]
+                if power:
+                    conflicts = rows.insert(connection, [row for _, row in good if isinstance(row, PowerRow)])
+                    differing = [power[k] for k in conflicts]
+                quality_rows.insert(connection, [row for _, row in good if isinstance(row, QualityRow)])
             except (sa.exc.DataError, sa.exc.IntegrityError, dbapi.DataError, dbapi.IntegrityError) as error:
                 raise _PoisonError(str(error).splitlines()[0]) from error
             except (ValueError, OverflowError) as error:  # the driver cannot even send it
@@ -163,11 +168,19 @@ def _size(message: Received) -> int:
     return min(len(message.payload), quarantining.PAYLOAD_KEPT)
 
 
-def _checked(message: Received) -> PowerRow:
+def _stream_channel(row: _Row) -> str:
+    return row.channel if isinstance(row, PowerRow) else topics.quality_stream(row.channel)
+
+
+def _parsed(message: Received) -> _Row:
+    return parse_quality(message.payload) if topics.is_quality(message.topic) else parse_row(message.payload)
+
+
+def _checked(message: Received) -> _Row:
     if message.oversized:
         raise ValueError(f"message of {message.oversized} bytes is too large for a row")
-    row = parse_row(message.payload)
-    expected = topics.power(row.device, row.channel)
+    row = _parsed(message)
+    expected = topics.row(row.device, _stream_channel(row))
     if message.topic not in (expected, topics.window(row.device)):
         raise ValueError(f"payload is of {expected}, but came by another topic")
     if not filetime(0) <= row.filetime <= filetime(time.time_ns() + _AHEAD_NS):
@@ -184,8 +197,9 @@ def _note_refused(receipts: dict[Stream, Ranges], message: Received) -> None:
     try:
         content: Any = orjson.loads(message.payload)
         device, channel, boot, seq = (content[name] for name in ("device", "channel", "boot", "seq"))
-        own = message.topic in (topics.power(device, channel), topics.window(device))
+        stream = topics.quality_stream(channel) if topics.is_quality(message.topic) else channel
+        own = message.topic in (topics.row(device, stream), topics.window(device))
         if own and isinstance(boot, str) and 0 <= seq < 2**63:
-            _note(receipts, device, channel, boot, int(seq))
+            _note(receipts, device, stream, boot, int(seq))
     except (ValueError, TypeError, KeyError):
         return

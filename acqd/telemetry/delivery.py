@@ -81,7 +81,7 @@ class Delivery:
 
     def put_rows(self, rows: Sequence[SpooledRow], energy: Energy | None = None) -> None:
         """Keep the rows of a window, and send them at once where there is a connection."""
-        if self._windows and rows:
+        if self._windows and rows and not topics.is_quality(rows[0].stream.channel):
             self._together = sum(1 for row in rows if _window(row) == _window(rows[0]))
         at_end = self._position == self.spool.end
         self._devices.update(row.stream.device for row in rows)
@@ -242,16 +242,19 @@ class Delivery:
         self._position = self.spool.start
 
 
-def _window(row: SpooledRow) -> tuple[str, str, int]:
-    """What the rows of a window have in common."""
-    return row.stream.device, row.stream.boot, row.seq
+def _window(row: SpooledRow) -> tuple[str, str, int, str]:
+    """What the rows of a window have in common; rows of power quality are large, and travel alone."""
+    alone = row.stream.channel if topics.is_quality(row.stream.channel) else ""
+    return row.stream.device, row.stream.boot, row.seq, alone
 
 
 def _row_message(row: SpooledRow) -> Message:
     stream, seq, payload = row
-    return Message(topics.power(stream.device, stream.channel), payload, tag=[(stream, seq)])
+    return Message(topics.row(stream.device, stream.channel), payload, tag=[(stream, seq)])
 
 
 def _window_message(rows: Sequence[SpooledRow]) -> Message:
+    if topics.is_quality(rows[0].stream.channel):
+        return _row_message(rows[0])
     sent = [(row.stream, row.seq) for row in rows]
     return Message(topics.window(rows[0].stream.device), joined(row.payload for row in rows), tag=sent)

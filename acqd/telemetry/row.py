@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Protocol, TypeVar
 
 import msgspec
 from msgspec import Meta
@@ -20,39 +20,39 @@ CHANNELS: tuple[Channel, ...] = ("L1", "L2", "L3", "total")
 _INT64 = 2**63 - 1
 _REASON = 300
 """Characters of the reason why a payload is no row."""
-_Quantity = Annotated[float, Meta(ge=-1e15, le=1e15)] | None
-_Name = Annotated[str, Meta(min_length=1, max_length=64)]
-_Integer = Annotated[int, Meta(ge=0, le=_INT64)]
+Number = Annotated[float, Meta(ge=-1e15, le=1e15)] | None
+Name = Annotated[str, Meta(min_length=1, max_length=64)]
+Integer = Annotated[int, Meta(ge=0, le=_INT64)]
 
 
 @dataclass(slots=True)
 class PowerRow:
     """Field order is column order. None where a quantity does not exist in this window."""
 
-    device: _Name
+    device: Name
     channel: Channel
-    boot: _Name
+    boot: Name
     """One daemon start."""
-    seq: _Integer
+    seq: Integer
     """Window number since that start."""
     time: str
     """RFC 3339 UTC of the window's first sample."""
-    filetime: _Integer
+    filetime: Integer
     """The same in NTFS FILETIME: 100 ns since 1601-01-01 UTC."""
-    Vrms: _Quantity
+    Vrms: Number
     """V."""
-    Irms: _Quantity
+    Irms: Number
     """A."""
-    P: _Quantity
+    P: Number
     """W."""
-    S: _Quantity
+    S: Number
     """VA."""
-    PF: _Quantity
-    f: _Quantity
+    PF: Number
+    f: Number
     """Hz."""
-    W: _Quantity
+    W: Number
     """kWh since the register began: import minus export."""
-    flags: list[_Name]
+    flags: list[Name]
     schema: Annotated[int, Meta(ge=SCHEMA, le=SCHEMA)] = SCHEMA
 
     def to_json(self) -> bytes:
@@ -69,12 +69,24 @@ def json_lines(rows: Iterable[PowerRow]) -> bytes:
     return _encoder.encode_lines(rows)
 
 
+class _Timed(Protocol):
+    time: str
+
+
+_Row = TypeVar("_Row", bound=_Timed)
+
+
 def parse_row(payload: bytes) -> PowerRow:
     """The row in a payload. Raises ValueError that says which field is wrong and why."""
+    return decoded(_decoder, payload)
+
+
+def decoded(decoder: msgspec.json.Decoder[_Row], payload: bytes) -> _Row:
+    """What `decoder` makes of a payload with a time. Raises ValueError that says which field is wrong and why."""
     if b"\\u0000" in payload:
         raise ValueError("text holds a NUL character, which no database column takes")
     try:
-        row = _decoder.decode(payload)
+        row = decoder.decode(payload)
     except (msgspec.DecodeError, ValueError, RecursionError) as error:
         raise ValueError(str(error)[:_REASON]) from None  # it quotes the payload
     try:

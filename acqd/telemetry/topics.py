@@ -8,6 +8,8 @@ ALL_POWER = "acqd/+/+/power"
 """Every device's rows, one message each."""
 ALL_WINDOWS = "acqd/+/window"
 """Every device's rows, one message per window."""
+ALL_QUALITY = "acqd/+/+/quality"
+"""Every device's rows of power quality."""
 ALL_SUMMARIES = "acqd/+/+/summary"
 ALL_STATUS = "acqd/+/status"
 """State of every daemon."""
@@ -17,6 +19,7 @@ ALL_SINKS = "acqd/sink/+/status"
 """Every sink's announcement."""
 OFFLINE = b"offline"
 """Last will and farewell on the status topic."""
+_QUALITY = "/quality"
 _PLAIN = re.compile(r"[/+#\0]")
 _DEVICE = re.compile(r"[A-Za-z0-9_.-]{1,64}")
 
@@ -29,6 +32,21 @@ def valid_device(name: str) -> bool:
 def power(device: str, channel: str) -> str:
     """Every window's row, QoS 1."""
     return f"acqd/{device}/{channel}/power"
+
+
+def quality_stream(channel: str) -> str:
+    """What names the rows of power quality of a channel in spool and receipts."""
+    return channel + _QUALITY
+
+
+def is_quality(stream_channel: str) -> bool:
+    """Whether a stream holds rows of power quality."""
+    return stream_channel.endswith(_QUALITY)
+
+
+def row(device: str, stream_channel: str) -> str:
+    """Every row of a stream, QoS 1: a channel's windows, or its power quality."""
+    return f"acqd/{device}/{stream_channel}" if is_quality(stream_channel) else power(device, stream_channel)
 
 
 def window(device: str) -> str:

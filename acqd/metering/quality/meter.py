@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from acqd.metering.block import SampleBlock, StreamFormat
 from acqd.metering.quality.aggregation import Aggregate
-from acqd.metering.quality.half_cycles import INTERRUPTION
+from acqd.metering.quality.event_flags import INTERRUPTION
 from acqd.metering.quality.intervals import FIFTEEN, Interval, IntervalCutter, threshold
 from acqd.metering.quality.quantities import measure
 from acqd.metering.quality.ten_seconds import TenSeconds

@@ -8,7 +8,7 @@ from acqd.arrays import Floats
 from acqd.metering.interval import interval_sums
 from acqd.metering.quality.apparent import arithmetic_apparent, effective_apparent
 from acqd.metering.quality.components import Phasors, rotation, symmetrical, unbalance
-from acqd.metering.quality.half_cycles import event_flags, one_cycle_rms
+from acqd.metering.quality.event_flags import event_flags, one_cycle_rms
 from acqd.metering.quality.intervals import Interval
 from acqd.metering.quality.spectrum import (
     Lines,

@@ -23,11 +23,12 @@ class TenSeconds:
     def __init__(self) -> None:
         self._slot: int | None = None
         self._cycles = self._known = 0.0
-        self._covered = 0
+        self._covered = self._phases = 0
         self._flags: set[str] = set()
 
     def add(self, values: QualityValues) -> Iterator[QualityValues]:
         """Take the next interval; the value of the 10 s that it completes."""
+        self._phases = len(values.phase_flags)
         begin, end = values.utc_ns, values.utc_ns + round(values.duration * 1e9)
         begin = max(begin, self._covered)  # at a ten-minute tick intervals overlap
         self._covered = max(self._covered, end)
@@ -63,6 +64,7 @@ class TenSeconds:
             phase={},
             system={},
             flags=frozenset(self._flags if whole else self._flags | {"gap"}),
+            phase_flags=[frozenset()] * self._phases,
         )
         self._cycles = self._known = 0.0
         self._flags.clear()

@@ -1,0 +1,164 @@
+"""The quality row: one aggregation interval of one channel, as MQTT payload, JSON line and SQL columns alike."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, fields
+from typing import Annotated, Any, Literal
+
+import msgspec
+import numpy as np
+from msgspec import Meta
+
+from acqd.metering.power import power_factor
+from acqd.metering.quality.values import KINDS, Kind, QualityValues
+from acqd.telemetry.row import CHANNELS, SCHEMA, Channel, Integer, Name, Number, decoded
+from acqd.timestamps import filetime, rfc3339
+
+_List = Annotated[list[Number], Meta(max_length=64)] | None
+_DECIMALS = 6
+"""Of harmonics: uV and uA."""
+_ROTATIONS: dict[float, Literal["L1-L2-L3", "L1-L3-L2"]] = {1.0: "L1-L2-L3", -1.0: "L1-L3-L2"}
+
+
+@dataclass(slots=True)
+class QualityRow:
+    """Field order is column order. None where a quantity does not exist in this interval or for this channel."""
+
+    device: Name
+    channel: Channel
+    boot: Name
+    seq: Integer
+    """Number of the value since the stream began, over all aggregations."""
+    time: str
+    """RFC 3339 UTC of the begin of the interval."""
+    filetime: Integer
+    """The same in NTFS FILETIME."""
+    aggregation: Kind
+    duration: Number
+    """s."""
+    intervals: Integer
+    """10/12-cycle intervals in it."""
+    flags: list[Name]
+    f: Number = None
+    rocof: Number = None
+    Vrms: Number = None
+    Irms: Number = None
+    P: Number = None
+    S: Number = None
+    PF: Number = None
+    V1: Number = None
+    I1: Number = None
+    V1_angle: Number = None
+    I1_angle: Number = None
+    P1: Number = None
+    Q1: Number = None
+    S1: Number = None
+    DPF: Number = None
+    V_dc: Number = None
+    I_dc: Number = None
+    V_crest: Number = None
+    I_crest: Number = None
+    V_thds: Number = None
+    I_thds: Number = None
+    Se: Number = None
+    PFe: Number = None
+    V_12: Number = None
+    V_23: Number = None
+    V_31: Number = None
+    V_pos: Number = None
+    V_u2: Number = None
+    V_u0: Number = None
+    I_u2: Number = None
+    I_u0: Number = None
+    I_n_derived: Number = None
+    rotation: Literal["L1-L2-L3", "L1-L3-L2"] | None = None
+    V_h: _List = None
+    I_h: _List = None
+    V_ih: _List = None
+    I_ih: _List = None
+    schema: Annotated[int, Meta(ge=SCHEMA, le=SCHEMA)] = SCHEMA
+
+    def to_json(self) -> bytes:
+        """The MQTT payload, without a line end."""
+        return _encoder.encode(self)
+
+
+LISTS = ("V_h", "I_h", "V_ih", "I_ih")
+"""Fields that hold 50 numbers each."""
+_NAMES = [field.name for field in fields(QualityRow)]
+NUMBERS = [name for name in _NAMES[_NAMES.index("f") : _NAMES.index("V_h")] if name != "rotation"]
+"""Fields that hold one number or None."""
+_encoder = msgspec.json.Encoder()
+_decoder = msgspec.json.Decoder(QualityRow)
+
+
+def parse_quality(payload: bytes) -> QualityRow:
+    """The row in a payload. Raises ValueError that says which field is wrong and why."""
+    return decoded(_decoder, payload)
+
+
+def quality_lines(rows: Iterable[QualityRow]) -> bytes:
+    """The rows as JSON lines."""
+    return _encoder.encode_lines(rows)
+
+
+def quality_rows(values: QualityValues, device: str, boot: str, seq: int) -> Iterator[QualityRow]:
+    """Rows of one value: L1, L2, L3 and, with more than one phase, total; of "10s" the total (or L1) only."""
+    phases = len(values.phase_flags)
+    for k in range(phases if values.phase else 0):
+        flags = values.flags | values.phase_flags[k]
+        yield _row(values, device, CHANNELS[k], boot, seq, flags, _of_phase(values, k))
+    if values.system:
+        everything = values.flags.union(*values.phase_flags)
+        yield _row(values, device, "total", boot, seq, everything, _of_system(values))
+    elif not values.phase:
+        yield _row(values, device, "total" if phases > 1 else "L1", boot, seq, values.flags, {})
+
+
+def _row(
+    values: QualityValues, device: str, channel: Channel, boot: str, seq: int, flags: frozenset[str],
+    quantities: dict[str, Any],
+) -> QualityRow:  # fmt: skip
+    return QualityRow(
+        device, channel, boot, seq, rfc3339(values.utc_ns), filetime(values.utc_ns), values.kind, values.duration,
+        values.intervals, sorted(flags), _known(values.f), _known(values.rocof), **quantities,
+    )  # fmt: skip
+
+
+def _of_phase(values: QualityValues, k: int) -> dict[str, Any]:
+    phase = values.phase
+    row: dict[str, Any] = {
+        name: _listed(value[k]) if name in LISTS else _known(float(value[k])) for name, value in phase.items()
+    }
+    row["PF"] = _known(float(power_factor(phase["P"], phase["S"])[k]))
+    row["DPF"] = _known(float(power_factor(phase["P1"], np.hypot(phase["P1"], phase["Q1"]))[k]))
+    return row
+
+
+def _of_system(values: QualityValues) -> dict[str, Any]:
+    system = values.system
+    row: dict[str, Any] = {name: _known(value) for name, value in system.items()}
+    row["rotation"] = _ROTATIONS.get(system.get("rotation", math.nan))
+    row["PF"] = _ratio(system["P"], system["S"])
+    row["PFe"] = _ratio(system["P"], system.get("Se", math.nan))
+    row["DPF"] = _ratio(system["P1"], math.hypot(system["P1"], system["Q1"]))
+    return row
+
+
+def _ratio(P: float, S: float) -> float | None:
+    return P / S if S > 0 else None
+
+
+def _known(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _listed(values: np.ndarray) -> list[float | None]:
+    return [value if math.isfinite(value) else None for value in np.round(values, _DECIMALS).tolist()]
+
+
+def from_kind(shortest: Kind) -> frozenset[Kind]:
+    """The aggregations from `shortest` on, with the 10 s frequency."""
+    return frozenset(KINDS[KINDS.index(shortest) :])
