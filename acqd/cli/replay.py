@@ -46,6 +46,7 @@ def replay(
     mode: Annotated[ModeName, typer.Option(help="Whole mains cycles, or exactly each window.")] = ModeName.SYNCHRONOUS,
     publish: Annotated[bool, typer.Option("--publish", help="Publish the rows over MQTT.")] = False,
     aggregate: Annotated[Path | None, typer.Option(help="Write 10/12-cycle values (IEC 61000-4-30).")] = None,
+    quality: Annotated[Path | None, typer.Option(help="Write power quality as JSON lines (docs/quality.md).")] = None,
     device: Annotated[str, typer.Option(help="Device name in the rows.")] = "replay",
     loops: Annotated[int, typer.Option("--loops", "--loop", min=1, help="Play each file so many times.")] = 1,
     window: Annotated[float, typer.Option(min=0.04, max=0.05, help="Window length in s.")] = 0.04,
@@ -86,6 +87,7 @@ def replay(
         start_utc_ns=_utc(start),
         out=out,
         aggregate=aggregate,
+        quality=quality,
         broker=broker_address(config, host, port) if publish else None,
     )
     console = Console(stderr=True)

@@ -15,6 +15,7 @@ from acqd.daemon.box_section import BoxSection
 from acqd.daemon.health.section import HealthSection
 from acqd.daemon.modbus_sections import MetersSection
 from acqd.daemon.mqtt_section import MqttSection
+from acqd.daemon.quality_section import QualitySection
 from acqd.daemon.section import Positive, Section
 from acqd.daemon.source_sections import SECTIONS, SimulatedSection, SourceSection
 from acqd.daemon.spool_section import SpoolSection
@@ -90,6 +91,7 @@ class Config(Section):
     boxes: list[BoxSection] = Field(default=[], max_length=64)
     """Several sources, written as [[source]]; then `source` means nothing."""
     metering: MeteringSection = MeteringSection()
+    quality: QualitySection = QualitySection()
     realtime: RealtimeSection = RealtimeSection()
     mqtt: MqttSection = MqttSection()
     spool: SpoolSection = SpoolSection()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 
 from acqd.daemon.box import Box
@@ -10,18 +11,28 @@ from acqd.daemon.feed import Deliver, Feed
 from acqd.daemon.feed_of_boxes import FeedOfBoxes
 from acqd.daemon.meter_feed import MeterFeed
 from acqd.daemon.modbus_sections import MetersSection
+from acqd.daemon.quality_feed import DeliverQuality
 from acqd.daemon.waveform_feed import WaveformFeed
 from acqd.telemetry.spool import Energy
 
+_log = logging.getLogger(__name__)
 Registers = Callable[[str], Energy | None]
 """The energy registers of a device after the last row that an earlier start has spooled."""
 
 
-def feed_of(config: Config, boot: str, deliver: Deliver, registers: Registers) -> Feed:
-    """The feed that makes the rows of this configuration."""
+def feed_of(
+    config: Config, boot: str, deliver: Deliver, registers: Registers, quality: DeliverQuality | None = None
+) -> Feed:
+    """The feed that makes the rows of this configuration; `quality` takes those of power quality."""
     if config.boxes:
         alone = [config.of_box(box) for box in config.boxes]
-        return FeedOfBoxes([Box(one, lambda one, boot: feed_of(one, boot, deliver, registers)) for one in alone], boot)
+
+        def make(one: Config, boot: str) -> Feed:
+            return feed_of(one, boot, deliver, registers, quality)
+
+        return FeedOfBoxes([Box(one, make) for one in alone], boot)
     if isinstance(config.source, MetersSection):
+        if config.quality.enabled:
+            _log.warning("%s: no power quality, which needs samples: RMS meters send none", ", ".join(config.devices))
         return MeterFeed(config.source, boot, deliver)
-    return WaveformFeed(config, config.source, boot, deliver, registers(config.device))
+    return WaveformFeed(config, config.source, boot, deliver, registers(config.device), quality)

@@ -11,20 +11,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
-import orjson
-
+from acqd.daemon.aggregate_file import AggregateFile
 from acqd.daemon.output_file import output_file
 from acqd.daemon.playback_report import PlaybackReport, describe
 from acqd.daemon.publish import Publisher
+from acqd.daemon.quality_feed import QualityFeed
+from acqd.daemon.quality_section import QualitySection
 from acqd.errors import UserError
 from acqd.metering import Meter, Mode, SampleBlock, StreamFormat, WindowBatch
-from acqd.metering.aggregate import TenTwelveCycle
 from acqd.plc.executive import Executive
 from acqd.sources import ChannelMap, ReplaySource, Waveform, load_waveform
 from acqd.sources.spec import replay_spec
 from acqd.telemetry.mqtt import BrokerAddress
-from acqd.telemetry.row import CHANNELS, json_lines, rows_of
-from acqd.timestamps import rfc3339
+from acqd.telemetry.quality_row import quality_lines
+from acqd.telemetry.row import json_lines, rows_of
 
 _CHUNK_S = 10.0  # of waveform per step at full speed
 
@@ -44,15 +44,17 @@ class Playback:
     start_utc_ns: int | None
     out: Path | None
     aggregate: Path | None
+    quality: Path | None
     broker: BrokerAddress | None
 
 
 def play(settings: Playback, progress: Callable[[float], None]) -> PlaybackReport:
     """Play all files in turn. Raises UserError; in that case no output file is left behind."""
-    outputs = [path.resolve() for path in (settings.out, settings.aggregate) if path is not None and str(path) != "-"]
+    named = (settings.out, settings.aggregate, settings.quality)
+    outputs = [path.resolve() for path in named if path is not None and str(path) != "-"]
     for path in outputs:
         if (path.is_file() and path in [file.resolve() for file in settings.files]) or outputs.count(path) > 1:
-            raise UserError(f"{path} would be overwritten; --out and --aggregate need separate files")
+            raise UserError(f"{path} would be overwritten; --out, --aggregate and --quality need separate files")
     waveforms = [load_waveform(path, settings.channels) for path in settings.files]
     report = PlaybackReport(recorded_s=sum(w.duration for w in waveforms) * settings.loops)
     run = _Run(settings, report, progress)
@@ -60,6 +62,7 @@ def play(settings: Playback, progress: Callable[[float], None]) -> PlaybackRepor
     with ExitStack() as stack:
         run.rows_out = stack.enter_context(output_file(settings.out)) if settings.out else None
         run.values_out = stack.enter_context(output_file(settings.aggregate)) if settings.aggregate else None
+        run.quality_out = stack.enter_context(output_file(settings.quality)) if settings.quality else None
         run.publisher = stack.enter_context(Publisher(settings.broker, settings.device)) if settings.broker else None
         for path, waveform in zip(settings.files, waveforms, strict=True):
             run.play(path, waveform)
@@ -79,6 +82,8 @@ class _Run:
         self._played_s = 0.0
         self.rows_out: BinaryIO | None = None
         self.values_out: BinaryIO | None = None
+        self.quality_out: BinaryIO | None = None
+        self._quality = QualityFeed(QualitySection(), settings.device, settings.nominal_voltage, lambda: self._boot)
         self.publisher: Publisher | None = None
 
     def play(self, path: Path, waveform: Waveform) -> None:
@@ -109,22 +114,20 @@ class _Run:
         source = ReplaySource(waveform, self._settings.loops)
         source.open(self._settings.start_utc_ns or time.time_ns())
         meter = self._make_meter(source.form)
-        aggregator = TenTwelveCycle(source.form) if self.values_out else None
+        take_block = self._block_takers(source.form)
         chunk = int(_CHUNK_S * source.form.rate)
         while (block := source.read(chunk)) is not None:
             batch = meter.feed(block)
-            if aggregator is not None:
-                self._write_values(aggregator, block, batch)
+            for also in take_block:
+                also(block)
             if batch is not None:
                 take(batch)
         return meter
 
     async def _in_real_time(self, path: Path, take: Callable[[WindowBatch], None]) -> Meter:
         settings = self._settings
-        if self.values_out:
-            raise UserError("--aggregate works with --speed max only")
         spec = replay_spec(path, settings.channels, settings.loops) | {"start_utc_ns": settings.start_utc_ns}
-        executive = Executive(spec, self._make_meter, take, window=settings.window)
+        executive = Executive(spec, self._make_meter, take, window=settings.window, make_watch=self._make_watch)
         await executive.start()
         await executive.run()
         executive.close()
@@ -140,20 +143,27 @@ class _Run:
         if self.publisher is not None:
             self.publisher.publish(rows)
 
-    def _write_values(self, aggregator: TenTwelveCycle, block: SampleBlock, batch: WindowBatch | None) -> None:
-        assert self.values_out is not None
-        for value in aggregator.feed(block, batch):
-            for phase in range(len(value.P)):
-                line = {
-                    "device": self._settings.device,
-                    "channel": CHANNELS[phase],
-                    "time": rfc3339(value.utc_ns),
-                    "cycles": value.cycles,
-                    "duration": value.duration,
-                    "Vrms": float(value.Vrms[phase]),
-                    "Irms": float(value.Irms[phase]),
-                    "P": float(value.P[phase]),
-                    "f": value.f,
-                    "flags": sorted(value.flags),
-                }
-                self.values_out.write(orjson.dumps(line, option=orjson.OPT_APPEND_NEWLINE))
+    def _block_takers(self, form: StreamFormat) -> list[Callable[[SampleBlock], None]]:
+        """What else the samples of a file of this format go to."""
+        takers: list[Callable[[SampleBlock], None]] = []
+        if self.values_out is not None:
+            takers.append(
+                AggregateFile(self.values_out, form, self._settings.device, self._settings.nominal_voltage).take
+            )
+        if self.quality_out is not None:
+            self._quality.open(form)
+            takers.append(self._write_quality)
+        return takers
+
+    def _make_watch(self, form: StreamFormat) -> Callable[[SampleBlock], None]:
+        takers = self._block_takers(form)
+
+        def watch(block: SampleBlock) -> None:
+            for also in takers:
+                also(block)
+
+        return watch
+
+    def _write_quality(self, block: SampleBlock) -> None:
+        assert self.quality_out is not None
+        self.quality_out.write(quality_lines(self._quality.take(block)))

@@ -15,6 +15,7 @@ from acqd.telemetry import topics
 from acqd.telemetry.connector import Connector
 from acqd.telemetry.counters import TelemetryCounters
 from acqd.telemetry.delivery import Delivery
+from acqd.telemetry.quality_row import QualityRow
 from acqd.telemetry.row import PowerRow
 from acqd.telemetry.spool import Energy, Spool, SpooledRow, Stream, confirm
 
@@ -63,6 +64,15 @@ class Uplink:
         )
         for summary in summaries:
             self._delivery.put_state(topics.summary(summary["device"], summary["channel"]), orjson.dumps(summary))
+
+    def put_quality(self, rows: Sequence[QualityRow]) -> None:
+        """Take rows of power quality."""
+        self._delivery.put_rows(
+            [
+                SpooledRow(Stream(row.device, topics.quality_stream(row.channel), row.boot), row.seq, row.to_json())
+                for row in rows
+            ]
+        )
 
     def put_status(self, payload: bytes) -> None:
         """Publish the status of the daemon."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import time
+from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any
 
@@ -11,9 +12,10 @@ from acqd.daemon.boot import Boot
 from acqd.daemon.config import Config
 from acqd.daemon.feed import Deliver
 from acqd.daemon.health.snapshot import Cycles, FeedHealth, SourceLink
+from acqd.daemon.quality_feed import DeliverQuality, QualityFeed
 from acqd.daemon.register import RegisterFile, greater
 from acqd.daemon.source_sections import WaveformSection
-from acqd.metering import Meter, StreamFormat, WindowBatch
+from acqd.metering import Meter, SampleBlock, StreamFormat, WindowBatch
 from acqd.plc.executive import Executive
 from acqd.plc.realtime import prioritise
 from acqd.telemetry.row import rows_of
@@ -27,13 +29,25 @@ class WaveformFeed:
     """One stream of samples."""
 
     def __init__(
-        self, config: Config, source: WaveformSection, boot: str, deliver: Deliver, energy: Energy | None = None
+        self,
+        config: Config,
+        source: WaveformSection,
+        boot: str,
+        deliver: Deliver,
+        energy: Energy | None = None,
+        deliver_quality: DeliverQuality | None = None,
     ) -> None:
         """`energy`: the registers after the last row that an earlier start has spooled."""
         self._config = config
         self._spooled = energy
         self._boot = Boot(boot)
         self._deliver = deliver
+        self._quality = (
+            QualityFeed(config.quality, config.device, config.metering.nominal_voltage, lambda: self._boot.name)
+            if deliver_quality is not None and config.quality.enabled
+            else None
+        )
+        self._deliver_quality = deliver_quality
         self._register = RegisterFile(config.state_dir, config.device) if config.state_dir else None
         self._summariser = Summariser()
         self._last_row: float | None = None
@@ -41,9 +55,14 @@ class WaveformFeed:
         self._cycles = Cycles()
         self._refused: list[str] = []
         self._executive = Executive(
-            source.spec(), self._make_meter, self._take, window=config.window, realtime=config.realtime.settings(),
+            source.spec(),
+            self._make_meter,
+            self._take,
+            window=config.window,
+            realtime=config.realtime.settings(),
             makers=source.makers,
-        )  # fmt: skip
+            make_watch=self._make_watch if self._quality is not None else None,
+        )
 
     @property
     def refused(self) -> list[str]:
@@ -124,3 +143,13 @@ class WaveformFeed:
         assert self._executive.meter is not None
         self._deliver(rows, self._summariser.add(batch, rows), self._executive.meter.energy.reading())
         self._last_row = time.monotonic()
+
+    def _make_watch(self, form: StreamFormat) -> Callable[[SampleBlock], None]:
+        assert self._quality is not None
+        self._quality.open(form)
+        return self._watch
+
+    def _watch(self, block: SampleBlock) -> None:
+        assert self._quality is not None and self._deliver_quality is not None
+        if rows := self._quality.take(block):
+            self._deliver_quality(rows)

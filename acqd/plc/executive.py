@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from acqd.changes import StateLog
 from acqd.errors import OperationError, UserError
-from acqd.metering import Meter, StreamFormat, WindowBatch
+from acqd.metering import Meter, SampleBlock, StreamFormat, WindowBatch
 from acqd.metering.stages import Stage, Stages
 from acqd.plc.fast_process import FastProcess, StartError, launch
 from acqd.plc.kernel_clock import KernelClock
@@ -48,12 +48,17 @@ class Executive:
         window: float = 0.04,
         realtime: RealtimeSettings | None = None,
         makers: Sequence[Callable[[StreamFormat], Stage | None]] = (),
+        make_watch: Callable[[StreamFormat], Callable[[SampleBlock], None]] | None = None,
     ) -> None:
-        """`makers` make the stages before the meter; `make_meter` gets the format after them."""
+        """`makers` make the stages before the meter; `make_meter` gets the format after them.
+
+        So does `make_watch`, which makes what gets every block after the meter.
+        """
         self._orders = {"source": source, "window": window, "realtime": asdict(realtime or RealtimeSettings())}
         self._make_meter, self._makers = make_meter, makers
         self._form: StreamFormat | None = None
         self._on_batch = on_batch
+        self._make_watch = make_watch
         self._fast: FastProcess | None = None
         self._slow: SlowTask | None = None
         self._wake_fd = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
@@ -199,7 +204,8 @@ class Executive:
             self._form = fast.form
             stages = Stages(fast.form, self._makers)
             self.meter = self._make_meter(stages.form)
-            self._slow = SlowTask(fast.ring, self.meter, fast.flags, stages)
+            watch = self._make_watch(stages.form) if self._make_watch is not None else None
+            self._slow = SlowTask(fast.ring, self.meter, fast.flags, stages, watch)
         else:
             self._slow.replace_ring(fast.ring)
         if previous is not None:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import replace
 
-from acqd.metering import Meter, WindowBatch
+from acqd.metering import Meter, SampleBlock, WindowBatch
 from acqd.metering.stages import Stages
 from acqd.plc.ring import Ring
 
@@ -14,12 +15,18 @@ class SlowTask:
     """Turns the ring's samples into window quantities; its own duration is kept for the status."""
 
     def __init__(
-        self, ring: Ring, meter: Meter, flags: frozenset[str] = frozenset(), stages: Stages | None = None
+        self,
+        ring: Ring,
+        meter: Meter,
+        flags: frozenset[str] = frozenset(),
+        stages: Stages | None = None,
+        watch: Callable[[SampleBlock], None] | None = None,
     ) -> None:
-        """`meter` takes the samples as `stages` leave them."""
+        """`meter` takes the samples as `stages` leave them, and then `watch` does."""
         self._ring = ring
         self._meter = meter
         self._stages = stages
+        self._watch = watch
         self.flags = flags
         """Hold for the rows made from now on ("simulated")."""
         self.windows = 0
@@ -38,6 +45,8 @@ class SlowTask:
                 block = replace(block, flags=block.flags | self.flags)
             ready = block if self._stages is None else self._stages.apply(block)
             batch = None if ready is None else self._meter.feed(ready)
+            if ready is not None and self._watch is not None:
+                self._watch(ready)
             if batch is not None:
                 batches.append(batch)
         if not batches:

@@ -10,7 +10,7 @@ import sqlalchemy as sa
 from sqlalchemy.dialects import postgresql, sqlite
 
 from acqd.storage.database import transaction
-from acqd.storage.schema import ROLLUPS, power, power_1min, quarantine
+from acqd.storage.schema import ROLLUPS, power, power_1min, power_quality, quarantine
 from acqd.timestamps import filetime, rfc3339
 
 _TICKS = 10_000_000  # FILETIME ticks per second
@@ -50,11 +50,20 @@ def maintain(engine: sa.Engine, retention: Retention, now: float | None = None) 
         cut = _cut(now, retention.power_days) // 900 * 900
         minutes, quarters = (_roll_up(connection, seconds, now, int(cut)) for seconds in ROLLUPS)
         power_deleted = _delete(connection, power, power.c.filetime < _ticks(cut)) if cut else 0
+        power_deleted += _delete_quality(connection, cut, ("10/12", "150/180", "10s"))
         cut = _cut(now, retention.rollup_1min_days)
         rollup_deleted = _delete(connection, power_1min, power_1min.c.start < cut) if cut else 0
+        rollup_deleted += _delete_quality(connection, cut, ("10min", "2h"))
         cut = _cut(now, retention.quarantine_days)
         quarantine_deleted = _delete(connection, quarantine, _received_before(engine, cut)) if cut else 0
     return Maintained(minutes, quarters, power_deleted, rollup_deleted, quarantine_deleted)
+
+
+def _delete_quality(connection: sa.Connection, cut: float, aggregations: tuple[str, ...]) -> int:
+    """Rows of power quality: short aggregations are kept as rows are, long ones as one-minute roll-ups are."""
+    c = power_quality.c
+    old = sa.and_(c.filetime < _ticks(cut), c.aggregation.in_(aggregations))
+    return _delete(connection, power_quality, old) if cut else 0
 
 
 def _cut(now: float, days: float) -> float:

@@ -26,7 +26,7 @@ def measure(interval: Interval, declared: float) -> QualityValues:
     """Quantities of `interval`; `declared` voltage [V], for the flags of events."""
     u, i = interval.x[0::2], interval.x[1::2]
     lines = spectrum(interval.x, interval.start, interval.length, interval.cycles)
-    phase = _waveform(interval, u, i) | _fundamental(lines, interval.cycles)
+    phase = waveform_values(interval) | _fundamental(lines, interval.cycles)
     for name, channels in (("V", lines[0::2]), ("I", lines[1::2])):
         phase |= _groups(name, channels, interval)
     rms = one_cycle_rms(u, interval.start, interval.length, interval.cycles)
@@ -50,8 +50,9 @@ def _overrange(interval: Interval, phase: int) -> frozenset[str]:
     return frozenset({"overrange"}) if stopped else frozenset()
 
 
-def _waveform(interval: Interval, u: Floats, i: Floats) -> dict[str, Floats]:
+def waveform_values(interval: Interval) -> dict[str, Floats]:
     """What needs no spectrum: RMS and power of all that the sampling rate lets through, crest factors."""
+    u, i = interval.x[0::2], interval.x[1::2]
     V, I, P = _rms(interval, u), _rms(interval, i), _mean(interval, u * i)  # noqa: E741
     inside = slice(int(interval.start), int(np.ceil(interval.start + interval.length)))
     with np.errstate(invalid="ignore", divide="ignore"):

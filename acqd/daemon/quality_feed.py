@@ -1,0 +1,38 @@
+"""Rows of power quality from the blocks that the meter is fed with."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeAlias
+
+from acqd.daemon.quality_section import QualitySection
+from acqd.metering import SampleBlock, StreamFormat
+from acqd.metering.quality.meter import QualityMeter
+from acqd.telemetry.quality_row import QualityRow, from_kind, quality_rows
+
+DeliverQuality: TypeAlias = Callable[[list[QualityRow]], None]
+
+
+class QualityFeed:
+    """One stream; `take` is called in MAIN_SLOW with every block, before or after its windows are metered."""
+
+    def __init__(self, section: QualitySection, device: str, declared_voltage: float, boot: Callable[[], str]) -> None:
+        """`boot` names the boot of the rows; `declared_voltage` [V] is that of the flags dip and swell."""
+        self._kinds = from_kind(section.interval)
+        self._device, self._declared, self._boot = device, declared_voltage, boot
+        self._meter: QualityMeter | None = None
+        self._seq = 0
+
+    def open(self, form: StreamFormat) -> None:
+        """Begin a stream of this format."""
+        self._meter = QualityMeter(form, declared_voltage=self._declared)
+
+    def take(self, block: SampleBlock) -> list[QualityRow]:
+        """Rows that the block completes."""
+        assert self._meter is not None
+        rows: list[QualityRow] = []
+        for values in self._meter.feed(block):
+            if values.kind in self._kinds:
+                rows += quality_rows(values, self._device, self._boot(), self._seq)
+                self._seq += 1
+        return rows

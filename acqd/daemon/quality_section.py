@@ -1,0 +1,15 @@
+"""The section `[quality]`: whether power quality is metered, and from which aggregation on there are rows."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from acqd.daemon.section import Section
+
+
+class QualitySection(Section):
+    """Power quality beside the windows."""
+
+    enabled: bool = False
+    interval: Literal["10/12", "150/180", "10min"] = "10/12"
+    """The shortest aggregation with rows; the longer ones always have them."""
