@@ -9,7 +9,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, TypeAlias
 
 from acqd.daemon.aggregate_file import AggregateFile
 from acqd.daemon.output_file import output_file
@@ -26,6 +26,7 @@ from acqd.telemetry.mqtt import BrokerAddress
 from acqd.telemetry.quality_row import quality_lines
 from acqd.telemetry.row import json_lines, rows_of
 
+_Taker: TypeAlias = Callable[[SampleBlock], None]
 _CHUNK_S = 10.0  # of waveform per step at full speed
 
 
@@ -114,12 +115,11 @@ class _Run:
         source = ReplaySource(waveform, self._settings.loops)
         source.open(self._settings.start_utc_ns or time.time_ns())
         meter = self._make_meter(source.form)
-        take_block = self._block_takers(source.form)
+        watch = self._make_watch(source.form)
         chunk = int(_CHUNK_S * source.form.rate)
         while (block := source.read(chunk)) is not None:
             batch = meter.feed(block)
-            for also in take_block:
-                also(block)
+            watch(block)
             if batch is not None:
                 take(batch)
         return meter
@@ -143,24 +143,19 @@ class _Run:
         if self.publisher is not None:
             self.publisher.publish(rows)
 
-    def _block_takers(self, form: StreamFormat) -> list[Callable[[SampleBlock], None]]:
+    def _make_watch(self, form: StreamFormat) -> _Taker:
         """What else the samples of a file of this format go to."""
-        takers: list[Callable[[SampleBlock], None]] = []
+        settings = self._settings
+        takers: list[_Taker] = []
         if self.values_out is not None:
-            takers.append(
-                AggregateFile(self.values_out, form, self._settings.device, self._settings.nominal_voltage).take
-            )
+            takers.append(AggregateFile(self.values_out, form, settings.device, settings.nominal_voltage).take)
         if self.quality_out is not None:
             self._quality.open(form)
             takers.append(self._write_quality)
-        return takers
-
-    def _make_watch(self, form: StreamFormat) -> Callable[[SampleBlock], None]:
-        takers = self._block_takers(form)
 
         def watch(block: SampleBlock) -> None:
-            for also in takers:
-                also(block)
+            for take in takers:
+                take(block)
 
         return watch
 

@@ -40,8 +40,8 @@ def test_replay_of_several_files_keeps_keys_unique_and_recorded_time(tmp_path, w
 def test_replay_in_real_time_gives_the_same_rows(tmp_path):
     write_csv(tmp_path / "a.csv", rows=10_000)
     options = ["a.csv", "--start", "2021-07-13T10:15:00Z", "--out"]
-    assert acqd_here("replay", *options, "max.jsonl", cwd=tmp_path).returncode == 0
-    result = acqd("replay", *options, "real.jsonl", "--speed", "1", cwd=tmp_path)
+    assert acqd_here("replay", *options, "max.jsonl", "--quality", "max.quality", cwd=tmp_path).returncode == 0
+    result = acqd("replay", *options, "real.jsonl", "--speed", "1", "--quality", "real.quality", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     fast, real = (
         [json.loads(line) for line in (tmp_path / f"{name}.jsonl").read_text().splitlines()] for name in ("max", "real")
@@ -52,6 +52,31 @@ def test_replay_in_real_time_gives_the_same_rows(tmp_path):
     assert len(whole) == 25 or len(whole) < len(real)
     same = {row["time"]: row["P"] for row in fast}
     np.testing.assert_allclose([row["P"] for row in whole], [same[row["time"]] for row in whole], rtol=1e-6)
+    if len(whole) == 25:
+        fast, real = (
+            [json.loads(line) | {"boot": ""} for line in (tmp_path / f"{name}.quality").read_text().splitlines()]
+            for name in ("max", "real")
+        )
+        late = [{**one, "flags": []} for one in real]
+        assert late == [{**one, "flags": []} for one in fast] and fast[0]["channel"] == "L1"
+
+
+def test_power_quality_and_aggregates_of_a_recording(tmp_path, waveforms):
+    source = waveforms / "merging_unit_3ph" / "replay_20k_el3783.npz"
+    words = ["replay", source, "--quality", "q.jsonl", "--aggregate", "a.jsonl", "--nominal-voltage", "57.7"]
+    done = acqd_here(*words, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    rows = [json.loads(line) for line in (tmp_path / "q.jsonl").read_text().splitlines()]
+    short = [row for row in rows if row["aggregation"] == "10/12"]
+    values = [json.loads(line) for line in (tmp_path / "a.jsonl").read_text().splitlines()]
+    phases = [row for row in short if row["channel"] != "total"]
+    assert len(values) == len(phases) >= 90 and {row["aggregation"] for row in rows} == {"10/12", "150/180"}
+    for row, value in zip(phases, values, strict=True):
+        assert all(row[key] == value[key] for key in ("device", "channel", "time", "Vrms", "Irms", "P", "f"))
+    keys = [(row["channel"], row["seq"]) for row in rows]
+    assert len(set(keys)) == len(keys)
+    both = refused(acqd_here("replay", source, "--quality", "x.jsonl", "--aggregate", "x.jsonl", cwd=tmp_path))
+    assert "separate files" in both and not (tmp_path / "x.jsonl").exists()
 
 
 def test_replay_publishes_every_row_to_the_sink(tmp_path, mosquitto, waveforms):

@@ -6,8 +6,9 @@ import json
 import signal
 import sqlite3
 
+from acqd.telemetry.broker import free_port
 from tests.commands import acqd, start
-from tests.waiting import LIMIT_S
+from tests.waiting import LIMIT_S, wait_for
 
 
 def test_demonstration_runs_out_of_the_box(tmp_path):
@@ -43,3 +44,32 @@ def test_sigterm_finishes_the_window_and_exits_0(tmp_path, mosquitto):
     again.terminate()
     again.communicate(timeout=LIMIT_S)
     assert first["W"] > register["phases"][0]["import_kWh"]
+
+
+def test_power_quality_reaches_the_database(tmp_path):
+    database = tmp_path / "q.sqlite"
+    (tmp_path / "acqd.toml").write_text(
+        f"[mqtt]\nport = {free_port()}\n[broker]\nembedded = true\n[sink]\nembedded = true\n"
+        f'database = "{database}"\n[quality]\nenabled = true\n[health]\nport = 0\nsink_port = 0\n'
+    )
+    daemon = start("run", "--config", "acqd.toml", "--json", cwd=tmp_path)
+    try:
+        wait_for(lambda: daemon.poll() is not None or len(_quality(database)) >= 8, "rows of power quality")
+    finally:
+        daemon.send_signal(signal.SIGTERM)
+        _, err = daemon.communicate(timeout=LIMIT_S)
+    assert daemon.returncode == 0, err
+    rows = [row for row in _quality(database) if row["aggregation"] == "10/12"]
+    assert {row["channel"] for row in rows} == {"L1", "L2", "L3", "total"}
+    for row in rows:
+        assert "simulated" in json.loads(row["flags"])
+        if row["channel"] == "L1" and not {"gap", "transient"} & set(json.loads(row["flags"])):
+            assert abs(row["V1"] - 230) < 1 and abs(json.loads(row["V_h"])[4] - 0.02 * 230) < 0.1
+
+
+def _quality(database):
+    with sqlite3.connect(database) as connection:
+        connection.row_factory = sqlite3.Row
+        if not connection.execute("SELECT 1 FROM sqlite_master WHERE name = 'power_quality'").fetchall():
+            return []  # the sink has yet to make it
+        return connection.execute("SELECT * FROM power_quality").fetchall()

@@ -8,6 +8,7 @@ import sqlite3
 import subprocess
 from contextlib import contextmanager
 
+import numpy as np
 import psycopg
 import pytest
 import sqlalchemy as sa
@@ -15,10 +16,12 @@ import sqlalchemy as sa
 from acqd.daemon.config import Config
 from acqd.daemon.uplink import Uplink
 from acqd.storage.database import engine_for, open_database
-from acqd.storage.schema import power, quarantine
+from acqd.storage.schema import power, power_quality, quarantine
 from acqd.telemetry.broker import free_port
 from acqd.telemetry.mqtt import BrokerAddress
+from acqd.telemetry.quality_row import quality_rows
 from tests.commands import ACQD
+from tests.metering.quality.waves import metered, three_phases
 from tests.storage.rows import count, row
 from tests.storage.test_sink import publish, publisher, running_sink
 from tests.waiting import LIMIT_S, finish, until, wait_for
@@ -94,6 +97,34 @@ def test_the_daemon_comes_first_and_the_sink_later(mosquitto, database, tmp_path
         await daemon.stop(tasks)
 
     finish(scenario())
+
+
+@pytest.mark.parametrize("rows", ["channel", "window"])
+def test_rows_of_power_quality_survive_an_outage_too(mosquitto, tmp_path, rows):
+    engine = open_database(str(tmp_path / "a.sqlite"))
+    t = np.arange(8_000) / 4_000
+    values = metered(three_phases(2 * np.pi * 50 * t), 4_000.0)
+    made = [one for k, value in enumerate(values) for one in quality_rows(value, "cell1", "boot1", k)]
+
+    async def scenario():
+        daemon = Daemon(tmp_path, mosquitto.port, rows)
+        tasks = daemon.uplink.tasks()
+        with sink(mosquitto, engine):
+            daemon.uplink.put_quality(made[:12])
+            await daemon.make(5)
+            await daemon.delivered()
+            await asyncio.to_thread(kill, mosquitto, forgets=True)
+            daemon.uplink.put_quality(made[12:])
+            await daemon.make(5)
+            await asyncio.to_thread(mosquitto.start)
+            await daemon.delivered()
+        assert stored(engine) == taped(daemon)
+        await daemon.stop(tasks)
+
+    finish(scenario())
+    with engine.connect() as connection:
+        found = connection.execute(sa.select(power_quality.c.channel, power_quality.c.seq)).all()
+    assert sorted(found) == sorted((one.channel, one.seq) for one in made)
 
 
 @pytest.mark.parametrize(("forgets", "rows"), [(True, "channel"), (False, "channel"), (True, "window")])

@@ -85,6 +85,20 @@ def test_the_rows_of_a_window_travel_in_one_message_and_are_settled_one_by_one()
     assert again[0].payload == b'[{"k":0},{"k":0},{"k":0}]'
 
 
+def test_rows_of_power_quality_travel_alone_on_their_topic_and_have_receipts_of_their_own():
+    window, quality = Stream("t", "L1", "boot"), Stream("t", "L1/quality", "boot")
+    bench = Bench(windows=True)
+    bench.box.begin()
+    bench.box.put_rows([SpooledRow(window, 7, b"{}")])
+    bench.box.put_rows([SpooledRow(quality, 7, b'{"k":1}'), SpooledRow(quality, 8, b'{"k":2}')])
+    sent = [(message.topic, message.payload) for message in bench.messages()]
+    alone = [("acqd/t/L1/quality", b'{"k":1}'), ("acqd/t/L1/quality", b'{"k":2}')]
+    assert sent == [("acqd/t/window", b"[{}]"), *alone]
+    [(topic, payload)] = receipts("s", {quality: Ranges([(7, 7)])})
+    bench.box.received(topic, payload, retained=False)
+    assert len(bench.box) == 2 and bench.box.outstanding == 2
+
+
 def test_windows_of_one_channel_do_not_overfill_the_connection():
     bench = Bench(windows=True)
     bench.make(500)
