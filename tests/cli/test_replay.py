@@ -64,6 +64,7 @@ def test_replay_in_real_time_gives_the_same_rows(tmp_path):
 def test_power_quality_and_aggregates_of_a_recording(tmp_path, waveforms):
     source = waveforms / "merging_unit_3ph" / "replay_20k_el3783.npz"
     words = ["replay", source, "--quality", "q.jsonl", "--aggregate", "a.jsonl", "--nominal-voltage", "57.7"]
+    words += ["--start", "2021-07-13T10:15:01Z"]
     done = acqd_here(*words, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     rows = [json.loads(line) for line in (tmp_path / "q.jsonl").read_text().splitlines()]

@@ -48,9 +48,8 @@ def test_rows_are_of_each_channel_and_read_back_equal(made):
     for one in made:
         assert parse_quality(one.to_json()) == one
     phase, total = made[1], made[3]
-    assert (
-        phase.V1 == pytest.approx(230, rel=1e-4) and phase.Se is None and len(phase.V_h) == 50 and phase.V_h[40] is None
-    )
+    assert abs(phase.V1 - 230) < 0.01 and phase.Se is None
+    assert len(phase.V_h) == 50 and phase.V_h[40] is None
     assert total.rotation == "L1-L2-L3" and total.PFe == pytest.approx(np.cos(0.5)) and total.V_h is None
     [ten] = [one for one in made if one.aggregation == "10s"][:1]
     assert ten.channel == "total" and ten.Vrms is None
