@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
-import numpy as np
-
 from acqd.arrays import Floats
 
 Kind = Literal["10/12", "150/180", "10min", "2h", "10s"]
@@ -73,9 +71,3 @@ class QualityValues:
     """Of the whole system."""
     phase_flags: list[frozenset[str]] = field(default_factory=list)
     """Besides these, of one phase."""
-
-
-def power_factor_of(P: Floats, S: Floats) -> Floats:
-    """P / S with the sign of P; NaN without apparent power."""
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.asarray(np.where(S > 0, P / S, np.nan))
