@@ -132,8 +132,8 @@ def _of_phase(values: QualityValues, k: int) -> dict[str, Any]:
     row: dict[str, Any] = {
         name: _listed(value[k]) if name in LISTS else _known(float(value[k])) for name, value in phase.items()
     }
-    row["PF"] = _known(float(power_factor(phase["P"], phase["S"])[k]))
-    row["DPF"] = _known(float(power_factor(phase["P1"], np.hypot(phase["P1"], phase["Q1"]))[k]))
+    row["PF"] = _power_factor(row["P"], row["S"])
+    row["DPF"] = _power_factor(row["P1"], math.hypot(row["P1"] or 0.0, row["Q1"] or 0.0))
     return row
 
 
@@ -141,14 +141,14 @@ def _of_system(values: QualityValues) -> dict[str, Any]:
     system = values.system
     row: dict[str, Any] = {name: _known(value) for name, value in system.items()}
     row["rotation"] = _ROTATIONS.get(system.get("rotation", math.nan))
-    row["PF"] = _ratio(system["P"], system["S"])
-    row["PFe"] = _ratio(system["P"], system.get("Se", math.nan))
-    row["DPF"] = _ratio(system["P1"], math.hypot(system["P1"], system["Q1"]))
+    row["PF"] = _power_factor(row["P"], row["S"])
+    row["PFe"] = _power_factor(row["P"], row.get("Se"))
+    row["DPF"] = _power_factor(row["P1"], math.hypot(row["P1"] or 0.0, row["Q1"] or 0.0))
     return row
 
 
-def _ratio(P: float, S: float) -> float | None:
-    return P / S if S > 0 else None
+def _power_factor(P: float | None, S: float | None) -> float | None:
+    return None if P is None or S is None else _known(power_factor(P, S))
 
 
 def _known(value: float) -> float | None:
