@@ -1,0 +1,152 @@
+"""Power quality beside pqopen-lib: the same simulated three-phase arrays, whose quantities are known exactly."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acqd.metering import SampleBlock, StreamFormat
+from acqd.metering.quality.components import unbalance
+from acqd.metering.quality.meter import QualityMeter
+from acqd.metering.quality.values import QualityValues
+from tools.bench.report import Figure
+from tools.bench.waves import EN50160, RATE, SCALE
+
+_SECONDS, _SETTLED = 12.0, 4.0
+_FREQUENCIES = (49.73, 50.02, 50.5)
+_BETWEEN = 0.01
+"""Interharmonic at 2.5 f, share of U1."""
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """Quantities of 10-cycle intervals."""
+
+    harmonics: Floats
+    """[intervals, 50] V of L1."""
+    between: Floats
+    """[intervals, 49] V of L1, between harmonics 1 and 50."""
+    thd: Floats
+    """% of U, L1."""
+    u2: Floats
+    u0: Floats
+    f: Floats
+    """Hz."""
+    ms: float
+    """Per interval."""
+
+
+def _wave(f: float, slope: float = 0.0) -> tuple[NDArray[np.int16], tuple[float, float], Floats]:
+    """Codes, (u2, u0) in %, and f at every sample; f is `f` in the middle."""
+    random = np.random.default_rng(int(100 * f))
+    t = np.arange(int(_SECONDS * RATE)) / RATE
+    angle = 2 * np.pi * (f * t + slope * (t * t - _SECONDS * t) / 2)
+    phasors = np.array([1.0, 0.985 * np.exp(-2.11j), 1.01 * np.exp(2.09j)])
+    turns = {h: random.uniform(0, 2 * np.pi) for h in EN50160}
+    codes = np.empty((len(t), 6), dtype=np.int16)
+    for k, phasor in enumerate(phasors):
+        own = angle + np.angle(phasor)
+        u = np.abs(phasor) * np.cos(own) + _BETWEEN * np.cos(2.5 * angle)
+        for h, share in EN50160.items():
+            u += share * np.cos(h * own + turns[h])
+        codes[:, 2 * k] = np.rint(u * 230 * np.sqrt(2) / SCALE[0])
+        codes[:, 2 * k + 1] = np.rint(np.cos(own - 0.5) * 3 * np.sqrt(2) / SCALE[1])
+    return codes, unbalance(phasors), f + slope * (t - _SECONDS / 2)
+
+
+def _ours(codes: NDArray[np.int16]) -> _Found:
+    meter = QualityMeter(StreamFormat(RATE, SCALE * 3))
+    begun, values = time.process_time(), list[QualityValues]()
+    for start in range(0, len(codes), 800):
+        block = SampleBlock(codes[start : start + 800], start, round(start * 1e9 / RATE))
+        values += [one for one in meter.feed(block) if one.kind == "10/12"]
+    spent = time.process_time() - begun
+    late = [one for one in values if one.utc_ns > _SETTLED * 1e9]
+    return _Found(
+        np.array([one.phase["V_h"][0] for one in late]),
+        np.array([one.phase["V_ih"][0, 1:] for one in late]),
+        np.array([one.phase["V_thds"][0] for one in late]),
+        np.array([one.system["V_u2"] for one in late]),
+        np.array([one.system["V_u0"] for one in late]),
+        np.array([(one.f, one.utc_ns * 1e-9 + one.duration / 2) for one in late]),
+        spent / len(values) * 1e3,
+    )
+
+
+def _pqopen(codes: NDArray[np.int16]) -> _Found:
+    from daqopen.channelbuffer import AcqBuffer
+    from pqopen.powersystem import PowerSystem
+
+    buffers = [AcqBuffer(size=400_000, scale_gain=SCALE[k % 2], name=f"c{k}") for k in range(6)]
+    system = PowerSystem(zcd_channel=buffers[0], input_samplerate=RATE, nominal_frequency=50.0, nper=10)
+    for phase in range(3):
+        system.add_phase(u_channel=buffers[2 * phase], i_channel=buffers[2 * phase + 1], name=str(phase + 1))
+    system.enable_harmonic_calculation(50)
+    begun = time.process_time()
+    for start in range(0, len(codes), 800):
+        for channel, buffer in enumerate(buffers):
+            buffer.put_data(codes[start : start + 800, channel])
+        system.process()
+    spent = time.process_time() - begun
+
+    def read(name: str) -> tuple[Floats, Floats]:
+        values, at = system.output_channels[name].read_data_by_acq_sidx(0, len(codes))
+        late = np.asarray(at) > _SETTLED * RATE
+        return np.asarray(values, dtype=np.float64)[late], np.asarray(at, dtype=np.float64)[late]
+
+    f, at = (np.convolve(x, np.full(10, 0.1), "valid") for x in read("Freq"))
+    # Means of ten periods; a value belongs to the period that ends with it.
+    return _Found(
+        read("U1_H_rms")[0][:, 1:], read("U1_IH_rms")[0][:, 1:50], read("U1_THD")[0],
+        read("U_unbal_2")[0], read("U_unbal_0")[0], np.stack((f, at / RATE - 0.5 / 50), axis=1),
+        spent / (_SECONDS * 5) * 1e3,
+    )  # fmt: skip
+
+
+def _errors(found: _Found, truth: tuple[float, float], f: Floats) -> dict[str, float]:
+    harmonics, between = np.zeros(50), np.zeros(49)
+    harmonics[0] = 1.0
+    for h, share in EN50160.items():
+        harmonics[h - 1] = share
+    between[1] = _BETWEEN
+    at = np.clip(np.rint(found.f[:, 1] * RATE).astype(int), 0, len(f) - 1)
+    thd = 100 * np.sqrt((harmonics[1:] ** 2).sum())
+    return {
+        "harmonics, % of U1": float(np.abs(found.harmonics / 230 - harmonics).max() * 100),
+        "interharmonic subgroups, % of U1": float(np.abs(found.between / 230 - between).max() * 100),
+        "THD, percentage points": float(np.abs(found.thd - thd).max()),
+        "u2, percentage points": float(np.abs(found.u2 - truth[0]).max()),
+        "u0, percentage points": float(np.abs(found.u0 - truth[1]).max()),
+        "f, mHz": float(np.abs(found.f[:, 0] - f[at]).max() * 1000),
+    }
+
+
+_TARGETS = {
+    "harmonics, % of U1": "<= 0.1", "interharmonic subgroups, % of U1": "<= 0.1", "THD, percentage points": "<= 0.1",
+    "u2, percentage points": "<= 0.15", "u0, percentage points": "<= 0.15", "f, mHz": "<= 10",
+}  # fmt: skip
+
+
+def quality() -> Iterator[Figure]:
+    """Worst 10-cycle interval of three frequencies, and of a ramp of 0.25 Hz/s."""
+    for title, cases in (
+        ("49.73, 50.02, 50.5 Hz", [_wave(f) for f in _FREQUENCIES]),
+        ("a ramp of 0.25 Hz/s", [_wave(50.0, 0.25)]),
+    ):
+        section = f"power quality, simulated, {title}: worst 10-cycle interval"
+        results = {name: [(meter(codes), truth, f) for codes, truth, f in cases] for name, meter in _METERS.items()}
+        for quantity, target in _TARGETS.items():
+            for name, found in results.items():
+                worst = max(_errors(*one)[quantity] for one in found)
+                value, unit = quantity.rsplit(", ", 1)
+                yield Figure(section, f"{value}: {name}", worst, unit, target if name == "acqd" else "")
+        for name, found in results.items():
+            yield Figure(section, f"duration of an interval: {name}", max(one[0].ms for one in found), "ms")
+
+
+_METERS = {"acqd": _ours, "pqopen-lib": _pqopen}
