@@ -25,7 +25,7 @@ from tools.common.tables import show
 
 _SECTIONS: dict[str, list[Callable[[], Iterator[Figure]]]] = {
     "accuracy": [accuracy.synthetic, accuracy.exactness, accuracy.recordings],
-    "quality": [quality.quality],
+    "quality": [quality.quality, quality.beside],
     "speed": [speed.pqopen, speed.kernel, speed.replay, speed.main_slow],
     "live": [live.daemon, live.from_file, live.jitter],
     "sources": [sources.sources],

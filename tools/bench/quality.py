@@ -149,4 +149,24 @@ def quality() -> Iterator[Figure]:
             yield Figure(section, f"duration of an interval: {name}", max(one[0].ms for one in found), "ms")
 
 
+def beside() -> Iterator[Figure]:
+    """An interharmonic near f, three phases: what it does to f of an interval, and whether that is flagged."""
+    section = "power quality, simulated: f of 10-cycle intervals beside an interharmonic of 2 %"
+    t = np.arange(int(_SECONDS * RATE)) / RATE
+    for between in (45.0, 55.0, 60.0, 72.0):
+        codes = np.empty((len(t), 6), dtype=np.int16)
+        for k in range(3):
+            u = np.cos(2 * np.pi * (50.02 * t - k / 3)) + 0.02 * np.cos(2 * np.pi * between * t)
+            codes[:, 2 * k] = np.rint(u * 230 * np.sqrt(2) / SCALE[0])
+            codes[:, 2 * k + 1] = 0
+        meter = QualityMeter(StreamFormat(RATE, SCALE * 3))
+        values = [one for one in meter.feed(SampleBlock(codes, 0, 0)) if one.kind == "10/12"]
+        errors = [abs(one.f - 50.02) * 1000 for one in values]
+        wrong = [one for one, error in zip(values, errors, strict=True) if error > 10]
+        yield Figure(section, f"{between:g} Hz: worst f", max(errors), "mHz")
+        silent = sum("transient" not in one.flags for one in wrong)
+        yield Figure(section, f"{between:g} Hz: beyond 10 mHz", 100 * len(wrong) / len(values), "% of intervals")
+        yield Figure(section, f"{between:g} Hz: of these not flagged", silent, "intervals")
+
+
 _METERS = {"acqd": _ours, "pqopen-lib": _pqopen}

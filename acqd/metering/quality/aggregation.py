@@ -1,4 +1,4 @@
-"""150/180-cycle, 10 min and 2 h values from shorter ones (IEC 61000-4-30:2015, sections 4.4 to 4.6)."""
+"""150/180-cycle, 10 min and 2 h values from shorter ones (IEC 61000-4-30:2015, sections 4.4 and 4.5)."""
 
 from __future__ import annotations
 

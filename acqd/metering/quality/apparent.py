@@ -19,5 +19,5 @@ def effective_apparent(V: Floats, V_line: Floats, I: Floats, I_n: float) -> floa
 
 
 def arithmetic_apparent(V: Floats, I: Floats) -> float:  # noqa: E741
-    """Arithmetic apparent power SA = sum of V I over the phases [VA], IEEE 1459-2010, section 3.2.2.5."""
+    """Arithmetic apparent power SA = sum of V I over the phases [VA], IEEE 1459-2010, section 3.2.2."""
     return float((V * I).sum())

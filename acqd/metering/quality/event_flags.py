@@ -8,7 +8,7 @@ from acqd.arrays import Floats
 from acqd.metering.interval import interval_sums
 
 DIP, SWELL, INTERRUPTION = 0.90, 1.10, 0.05
-"""Shares of the declared voltage (EN 50160, sections 3.3, 3.21, 3.22)."""
+"""Shares of the declared voltage (EN 50160)."""
 
 
 def one_cycle_rms(u: Floats, start: float, length: float, cycles: int) -> Floats:

@@ -64,7 +64,7 @@ def waveform_values(interval: Interval) -> dict[str, Floats]:
 def _fundamental(lines: Lines, cycles: int) -> dict[str, Floats]:
     """Magnitudes and angles of the fundamental, its powers, DC.
 
-    S1 = U1 I1 conj = P1 + j Q1 (IEEE 1459-2010, section 3.1.2.4): Q1 > 0 where the current lags (inductive, import).
+    S1 = U1 I1 conj = P1 + j Q1 (IEEE 1459-2010, section 3.1.2): Q1 > 0 where the current lags (inductive, import).
     Angles [deg] refer to U1 of L1.
     """
     U1, I1 = lines[0::2, cycles], lines[1::2, cycles]

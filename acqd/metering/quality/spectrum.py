@@ -38,14 +38,14 @@ def spectrum(x: Floats, start: float, length: float, cycles: int) -> Lines:
 def harmonic_subgroups(lines: Lines, cycles: int) -> Floats:
     """G_sg,n of harmonics n = 1 .. 50 [channels, 50]: the harmonic's line and its two neighbours, squares added.
 
-    IEC 61000-4-7, equation (9).
+    IEC 61000-4-7, section 5.5.1.
     """
     return _grouped(lines, np.arange(1, ORDERS + 1) * cycles, range(-1, 2))
 
 
 def interharmonic_subgroups(lines: Lines, cycles: int) -> Floats:
     """G_isg,n centred subgroups between harmonics n and n + 1, n = 0 .. 49 [channels, 50]: all lines but the
-    neighbours of harmonics. IEC 61000-4-7, equation (11); used by IEC 61000-4-30, section 5.9.
+    neighbours of harmonics. IEC 61000-4-7, annex A; used by IEC 61000-4-30, section 5.9.
     """
     return _grouped(lines, np.arange(ORDERS) * cycles, range(2, cycles - 1))
 
@@ -53,7 +53,7 @@ def interharmonic_subgroups(lines: Lines, cycles: int) -> Floats:
 def interharmonic_groups(lines: Lines, cycles: int) -> Floats:
     """G_ig,n groups between harmonics n and n + 1, n = 0 .. 49 [channels, 50]: all lines between them.
 
-    IEC 61000-4-7, equation (10).
+    IEC 61000-4-7, annex A.
     """
     return _grouped(lines, np.arange(ORDERS) * cycles, range(1, cycles))
 
@@ -66,7 +66,7 @@ def known_orders(rate: float, f: float) -> int:
 def thds(subgroups: Floats) -> Floats:
     """Total harmonic distortion of subgroups 2 .. 50 in % of the first; NaN where there is no fundamental.
 
-    THDS of IEC 61000-4-7, equation (13). Harmonics that the sampling rate does not tell (NaN) are left out.
+    THDS of IEC 61000-4-7, section 3.2. Harmonics that the sampling rate does not tell (NaN) are left out.
     """
     distortion = np.sqrt(np.nansum(np.square(subgroups[:, 1:]), axis=1))
     with np.errstate(invalid="ignore", divide="ignore"):

@@ -1,4 +1,4 @@
-"""10 min and 2 h values, which end with the ticks of UTC (IEC 61000-4-30:2015, sections 4.5.3 and 4.5.4)."""
+"""10 min and 2 h values, which end with the ticks of UTC (IEC 61000-4-30:2015, section 4.5)."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ class Quantity:
 
     unit: str
     rule: Rule
-    """rms: square root of the mean square (IEC 61000-4-30, section 4.4); mean: of what has a sign or is a power;
+    """rms: square root of the mean square (IEC 61000-4-30, section 4.5); mean: of what has a sign or is a power;
     angle: of the mean of unit phasors."""
 
 
