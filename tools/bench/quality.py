@@ -150,13 +150,13 @@ def quality() -> Iterator[Figure]:
 
 
 def beside() -> Iterator[Figure]:
-    """An interharmonic near f, three phases: what it does to f of an interval, and whether that is flagged."""
+    """An interharmonic of positive sequence, the worst case: what it does to f, and whether that is flagged."""
     section = "power quality, simulated: f of 10-cycle intervals beside an interharmonic of 2 %"
     t = np.arange(int(_SECONDS * RATE)) / RATE
-    for between in (45.0, 55.0, 60.0, 72.0):
+    for between in (48.0, 52.0, 55.0, 58.0, 60.0, 72.0):
         codes = np.empty((len(t), 6), dtype=np.int16)
         for k in range(3):
-            u = np.cos(2 * np.pi * (50.02 * t - k / 3)) + 0.02 * np.cos(2 * np.pi * between * t)
+            u = np.cos(2 * np.pi * (50.02 * t - k / 3)) + 0.02 * np.cos(2 * np.pi * (between * t - k / 3))
             codes[:, 2 * k] = np.rint(u * 230 * np.sqrt(2) / SCALE[0])
             codes[:, 2 * k + 1] = 0
         meter = QualityMeter(StreamFormat(RATE, SCALE * 3))

@@ -21,6 +21,9 @@ MIN_PURITY = 0.5
 """Share of the AC power that the fundamental of a mains voltage carries at least."""
 JUMP = 0.01
 """rad; a smaller step is not told from a change of f."""
+BEAT = 0.005
+"""Hz by which f differs when a beat of one period per interval is fitted too: then an interharmonic beside f, or f that
+does not change steadily, may move it."""
 _CLEARER = 8.0  # a jump leaves so much less of the squares than a parabola alone
 _STEPS = 6
 _CLOSE = 1e-4  # Hz
@@ -35,7 +38,9 @@ class CycleFit:
     rocof: float
     """Hz/s."""
     jump: float
-    """rad; 0 where the phase is steady."""
+    """rad; 0 where there is none."""
+    beats: bool = False
+    """Whether the phase swings within the interval, so that f is not sure."""
 
     @property
     def credible(self) -> bool:
@@ -61,9 +66,11 @@ def fit_cycles(u: Floats, start: float, f: float, rate: float, cycles: int, dead
         alive = np.abs(phasors) > dead[:, None]
         if purity < MIN_PURITY or not alive.any(axis=0).all():
             return NONE
-        slope, curve, jump = _fit(_phases(phasors), cycles)
+        phases = _phases(phasors)
+        slope, curve, jump = _fit(phases, cycles)
         correction = slope * f / (2 * np.pi)
-        found = CycleFit(f + correction, 2 * curve * f * f / (2 * np.pi), jump)
+        beat = abs(float(_slope_with_beat(cycles) @ phases) - slope) * f / (2 * np.pi)
+        found = CycleFit(f + correction, 2 * curve * f * f / (2 * np.pi), jump, not jump and beat > BEAT)
         f += correction
         if abs(correction) < _CLOSE:
             break
@@ -114,6 +121,14 @@ def _parabola(cycles: int) -> tuple[Floats, Floats]:
     design = m[:, None] ** np.arange(3)
     root = np.sqrt(1 - (m / (cycles / 2 + 0.5)) ** 2)
     return np.asarray(np.linalg.pinv(design * root[:, None]) * root), np.asarray(design)
+
+
+@lru_cache(maxsize=2)
+def _slope_with_beat(cycles: int) -> Floats:
+    """Phases times this is the slope of a parabola and a sine of one period per interval."""
+    _, parabola = _parabola(cycles)
+    turn = 2 * np.pi * (np.arange(cycles) + 0.5) / cycles
+    return np.asarray(np.linalg.pinv(np.column_stack((parabola, np.sin(turn), np.cos(turn))))[1])
 
 
 @lru_cache(maxsize=2)

@@ -147,7 +147,7 @@ class IntervalCutter:
         codes, _ = self._run.codes(begin, end)
         stopped = (codes >= self._form.code_max) | (codes <= self._form.code_min)
         flags = self._run.flags(begin, end)
-        if fit.jump or not fit.credible:
+        if fit.jump or fit.beats or not fit.credible:
             flags |= {"transient"}
         if chain.fresh and self._gap:
             flags |= {"gap"}

@@ -59,6 +59,13 @@ def test_an_interharmonic_of_two_percent_moves_f_by_less_than_5_mhz(between):
         assert one.f == pytest.approx(50.02, abs=5e-3)
 
 
+@pytest.mark.parametrize("between", [45.5, 54.5, 57.0, 62.0])
+def test_f_that_an_interharmonic_of_positive_sequence_moves_is_flagged(between):
+    x = three_phases(2 * np.pi * 50.02 * t) + 0.02 * three_phases(2 * np.pi * between * t)
+    for one in of_kind(metered(x)):
+        assert abs(one.f - 50.02) < 0.01 or "transient" in one.flags
+
+
 def test_noise_has_no_frequency():
     x = np.random.default_rng(0).normal(0, 200, (30_000, 6))
     values = of_kind(metered(x))
