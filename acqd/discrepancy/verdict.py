@@ -20,8 +20,9 @@ def settled(
     """The verdict, the model that it permits, and notes.
 
     Effects are found only if they are likelier than all others and explain a fair share of the excess over the
-    reference (without one, over the noise floor). Nothing is left only where the error has not grown beyond that of
-    the reference.
+    reference (without one, over the noise floor). A structure is unknown only in a residual above that of the
+    reference, where the model misses as much. Nothing is left only where the error has not grown beyond that of the
+    reference.
     """
     errors_of_reference = errors_of(subject.model, subject.reference) if subject.reference else []
     lowest_W = rms(errors_of_reference) if errors_of_reference else floor_W
@@ -37,10 +38,13 @@ def settled(
         return "not_identifiable", _nothing_added(subject, improved, errors_before), [*notes, remark]
     if improved.reported_only:
         return "not_identifiable", improved, notes
+    sizes = f"{rms(errors_before):.2f} W RMS, {lowest_W:.2f} W in the reference"
+    if tracing.unknown is not None and errors_of_reference and rms(errors_before) <= lowest_W:
+        remark = f"what follows an unnamed cause is in a residual that has not grown ({sizes}): no finding"
+        return "not_identifiable", improved, [*notes, remark]
     if tracing.unknown is not None:
         return "unknown_structure", improved, notes
     if grown(subject.held_out, errors_before, subject.reference, errors_of_reference):
-        sizes = f"{rms(errors_before):.2f} W RMS, {lowest_W:.2f} W in the reference"
         return "not_identifiable", improved, [*notes, f"the residual has grown ({sizes}), and no cause is credible"]
     # too few rows without an effect do not prove its absence
     few = subject.fit_s < THRESHOLDS.enough_s

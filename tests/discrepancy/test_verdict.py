@@ -7,8 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from acqd.discrepancy.recordings import Subject
+from acqd.discrepancy.repair.guard import Improved
 from acqd.discrepancy.repair.torque_scale import TorqueScale
-from acqd.discrepancy.verdict import grown
+from acqd.discrepancy.residual.residuals import errors_of
+from acqd.discrepancy.selection.accepted import Tracing, Unknown
+from acqd.discrepancy.verdict import grown, settled
 from tests.builders import grey, recording
 
 
@@ -24,6 +28,25 @@ def test_an_error_beyond_that_of_the_reference_has_grown():
     one_stop = [random.normal(0, 6.1, 60) for _ in new]
     one_stop[0] = one_stop[0] * 10
     assert not grown(new, one_stop, reference, usual)
+
+
+@pytest.mark.parametrize(
+    ("now_W", "verdict"), [(5.0, "not_identifiable"), (16.0, "unknown_structure"), (50.0, "unknown_structure")]
+)
+def test_an_unnamed_cause_is_a_finding_only_where_the_residual_has_grown(now_W, verdict):
+    model, random = grey(), np.random.default_rng(2)
+
+    def recordings(count, size_W, seed):
+        made = [recording(model, k, rows=60, seed=seed) for k in range(count)]
+        return [replace(each, P=each.P + random.normal(0, size_W, 60)) for each in made]
+
+    reference, new = recordings(8, 10.0, 0), recordings(4, now_W, 3)
+    subject = Subject(None, model, model, None, None, "change", new, new, reference, frozenset(), frozenset(), [])
+    errors = errors_of(model, new)
+    improved = Improved(model, kept=[], reported_only=[], refused=[], gains=[], errors=errors)
+    tracing = Tracing(design=None, regression=None, unknown=Unknown(None, None))
+    said, _, notes = settled(subject, tracing, improved, errors, 0.5)
+    assert said == verdict and ("has not grown" in " ".join(notes)) == (said == "not_identifiable")
 
 
 @given(st.floats(0.7, 1.4), st.floats(0.0, 0.1), st.floats(0.1, 20), st.floats(0, 2))
