@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from acqd.arrays import Floats
 from acqd.dataset.power import PowerStream
 from acqd.dataset.resample import resampled
+from acqd.dataset.schema import recording_table
 from acqd.robot.log import RobotLog, in_time
 
 _POWER_GAP = 2.1  # windows to the nearest known one: up to three missing in a row are bridged
@@ -34,10 +35,10 @@ class Recording:
     context: NDArray[np.bool_] | None = None
     """[T], of a piece of a log: rows of its neighbours, whose angles alone may be used; None for a whole log."""
 
-    def table(self) -> pa.Table:
-        """The recording as a table for Parquet."""
+    def table(self, sliding: tuple[int, ...] = ()) -> pa.Table:
+        """The recording as a table for Parquet; `sliding` are the prismatic joints, from 0, whose units are others."""
         flags = {"valid": self.valid} if self.context is None else {"valid": self.valid, "context": self.context}
-        return pa.table({"time_ns": self.time_ns, **self.columns, **flags})
+        return recording_table(self.time_ns, {**self.columns, **flags}, sliding)
 
 
 def merge(name: str, log: RobotLog, power: PowerStream, lag_s: float, drift_ppm: float, step_s: float) -> Recording:

@@ -6,14 +6,16 @@ import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import numpy as np
 import orjson
 import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
 
 from acqd.dataset.power_source import BLOCK_ROWS, PowerRows, choose
+from acqd.dataset.schema import UTC_NS
 from acqd.errors import InputError, UserError
-from acqd.timestamps import parse_times
+from acqd.timestamps import Nanoseconds, parse_times
 
 Reader = Callable[[Path], Iterator[pa.RecordBatch]]
 
@@ -108,11 +110,18 @@ def _power_rows(path: Path, table: pa.RecordBatch, clock: str, rows: list[int]) 
     data = table.to_pydict()
     volts = data.get("Vrms", [None] * len(table))
     flags = [_flag_names(data["flags"][k]) for k in rows] if "flags" in data else [()] * len(rows)
-    stamps = parse_times(path, clock, [_timestamp(data[clock][k]) for k in rows])
+    stamps = _stamps(path, table.column(clock).take(pa.array(rows)), clock)
     try:
         return PowerRows.of(stamps, [_number(data["P"][k]) for k in rows], [_number(volts[k]) for k in rows], flags)
     except ValueError as error:
         raise InputError(path, f"column P or Vrms: {error}") from None
+
+
+def _stamps(path: Path, column: pa.Array, name: str) -> Nanoseconds:
+    """Nanoseconds UTC; timestamps with a zone are taken as they are. Raises InputError."""
+    if pa.types.is_timestamp(column.type) and column.type.tz is not None and not column.null_count:
+        return np.asarray(column.cast(UTC_NS).cast(pa.int64()).to_numpy())
+    return parse_times(path, name, [_timestamp(cell) for cell in column.to_pylist()])
 
 
 def _timestamp(cell: object) -> object:

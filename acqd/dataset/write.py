@@ -86,7 +86,9 @@ def write_dataset(
     def fill(folder: Path) -> None:
         (folder / "recordings").mkdir()
         for recording in recordings:
-            pyarrow.parquet.write_table(recording.table(), folder / "recordings" / f"{recording.name}.parquet")
+            pyarrow.parquet.write_table(
+                recording.table(robot.sliding), folder / "recordings" / f"{recording.name}.parquet"
+            )
         write_report(folder)
 
     if before.manifest:

@@ -11,6 +11,7 @@ import pyarrow.parquet
 
 from acqd.arrays import Floats
 from acqd.dataset.manifest import load_manifest
+from acqd.dataset.schema import columns_of
 from acqd.dataset.split import Part
 from acqd.errors import InputError, UserError
 from acqd.models.features import derivatives, padded
@@ -136,7 +137,7 @@ def _segments(file: Path, entry: dict[str, object], step_s: float) -> list[Segme
         table = pyarrow.parquet.read_table(file)
     except (OSError, pyarrow.ArrowInvalid) as error:
         raise InputError(file, f"cannot be read ({str(error).splitlines()[0]}); build the dataset again") from None
-    return segments_of({name: table[name].to_numpy() for name in table.column_names}, entry, step_s)
+    return segments_of(columns_of(table), entry, step_s)
 
 
 def segments_of(columns: dict[str, Floats], entry: dict[str, object], step_s: float) -> list[Segment]:

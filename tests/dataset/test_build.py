@@ -5,6 +5,7 @@ import pyarrow.parquet
 
 from acqd.dataset.build import BuildConfig, build
 from acqd.dataset.manifest import load_manifest
+from acqd.dataset.schema import columns_of
 from acqd.robot import load_description
 from acqd.robot.log import read_log
 from tests.campaigns import quiet, write_power
@@ -14,7 +15,10 @@ def test_merged_power_is_where_the_motion_is(campaign, dataset):
     robot = load_description(campaign[0].settings.robot)
     for path in sorted((dataset[0] / "recordings").glob("*.parquet")):
         table = pyarrow.parquet.read_table(path)
-        step = np.diff(table["time_ns"].to_numpy())
+        assert {n: (table.schema.field(n).metadata or {}).get(b"unit") for n in ("P", "q1", "valid")} == {
+            "P": b"W", "q1": b"rad", "valid": None,
+        }  # fmt: skip
+        step = np.diff(columns_of(table)["time_ns"])
         assert (step == 40_000_000).all()
         q = np.column_stack([table[f"q{k + 1}"].to_numpy() for k in range(robot.axes)])
         speed = np.abs(np.gradient(q, 0.04, axis=0)).sum(axis=1)

@@ -5,6 +5,7 @@ import pyarrow.parquet
 import pytest
 
 from acqd.dataset.manifest import load_manifest
+from acqd.dataset.schema import columns_of
 from acqd.errors import UserError
 from acqd.robot import load_description
 from acqd.robot.log import read_log
@@ -22,7 +23,7 @@ def test_a_real_log_with_its_power_needs_no_alignment(tmp_path):
     assert entry["lag_s"] == 0 and entry["valid_s"] > 24.8
     table = pyarrow.parquet.read_table(tmp_path / "ds" / entry["file"])
     log = read_log(file, load_description("ur3e"))
-    own = np.interp(table["time_ns"].to_numpy() * 1e-9, log.time, log.power)
+    own = np.interp(columns_of(table)["time_ns"] * 1e-9, log.time, log.power)
     np.testing.assert_allclose(table["P"].to_numpy(), own, atol=0.05)  # the row is at the time of its sample
 
 
@@ -32,7 +33,7 @@ def test_faster_and_slower_power_is_where_the_motion_is(tmp_path, step):
     write_log(tmp_path / "logs" / "a.csv", time[::step], q[::step], power[::step])
     build_from(tmp_path / "logs", tmp_path / "ds", cut_s=0)
     table = pyarrow.parquet.read_table(tmp_path / "ds" / "recordings" / "a.parquet")
-    expected = np.interp(table["time_ns"].to_numpy() * 1e-9, time, power)
+    expected = np.interp(columns_of(table)["time_ns"] * 1e-9, time, power)
     assert np.corrcoef(table["P"].to_numpy()[5:-5], expected[5:-5])[0, 1] > 0.995
 
 

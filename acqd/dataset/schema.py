@@ -1,0 +1,53 @@
+"""Columns of a recording in Arrow and Parquet: times as UTC timestamps, units in the metadata of the fields."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+import numpy as np
+import pyarrow as pa
+
+from acqd.arrays import Floats
+
+TIME = "time"
+_UNITS = {
+    "P": "W",
+    "Vrms": "V",
+    "q": "rad",
+    "qd": "rad/s",
+    "tau": "Nm",
+    "current": "A",
+    "temperature": "degC",
+    "brake": "1",
+    "tool": "1",
+}
+_SLIDING = {"q": "m", "qd": "m/s", "tau": "N"}
+UTC_NS = pa.timestamp("ns", tz="UTC")
+
+
+def unit_of(column: str, sliding: tuple[int, ...] = ()) -> str | None:
+    """Unit of a column such as `P` or `tau3`; `sliding` are the prismatic joints from 0. None: it has no unit."""
+    quantity, axis = re.fullmatch(r"(.*?)(\d*)", column).groups()  # type: ignore[union-attr]
+    slides = axis != "" and int(axis) - 1 in sliding
+    return _SLIDING.get(quantity, _UNITS.get(quantity)) if slides else _UNITS.get(quantity)
+
+
+def recording_table(time_ns: np.ndarray, columns: Mapping[str, np.ndarray], sliding: tuple[int, ...] = ()) -> pa.Table:
+    """A table with the column `time`, then `columns` [T] each."""
+    fields = [pa.field(TIME, UTC_NS)]
+    arrays = [pa.array(np.asarray(time_ns, dtype=np.int64)).cast(UTC_NS)]
+    for name, values in columns.items():
+        array = pa.array(values)
+        unit = unit_of(name, sliding)
+        fields.append(pa.field(name, array.type, metadata=None if unit is None else {"unit": unit}))
+        arrays.append(array)
+    return pa.Table.from_arrays(arrays, schema=pa.schema(fields))
+
+
+def columns_of(table: pa.Table) -> dict[str, Floats]:
+    """The columns [T] of a recording, its time as `time_ns` (int64), which is how earlier versions stored it."""
+    columns = {name: table[name].to_numpy() for name in table.column_names if name != TIME}
+    if TIME in table.column_names:
+        columns["time_ns"] = table[TIME].cast(UTC_NS).cast(pa.int64()).to_numpy()
+    return columns
