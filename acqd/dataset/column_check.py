@@ -8,6 +8,7 @@ from acqd.arrays import Floats
 from acqd.dataset.regressors import best_torque
 from acqd.errors import InputError
 from acqd.robot.description import RobotDescription
+from acqd.robot.inertia import inverse_dynamics
 from acqd.robot.log import RobotLog, in_time
 
 _LOGS_CHECKED = 6
@@ -29,11 +30,6 @@ def to_check(logs: list[RobotLog], robot: RobotDescription) -> list[RobotLog]:
 
 def check_columns(log: RobotLog, robot: RobotDescription) -> None:
     """Raises InputError when logged torques contradict the logged angles."""
-    try:
-        from acqd.robot.arm import Arm
-        from acqd.robot.dynamics import inverse_dynamics
-    except ModuleNotFoundError:
-        return  # without a robot library there is nothing to compare with
     if best_torque(log) != "measured":
         return
     time, rows = in_time(log)
@@ -42,7 +38,7 @@ def check_columns(log: RobotLog, robot: RobotDescription) -> None:
     qd = np.gradient(q, _STEP_S, axis=0)
     assert log.tau is not None
     logged = _on_grid(grid, time, log.tau[rows])
-    computed = inverse_dynamics(Arm(robot), q, qd, np.gradient(qd, _STEP_S, axis=0))
+    computed = inverse_dynamics(robot, q, qd, np.gradient(qd, _STEP_S, axis=0))
     moving = np.flatnonzero((logged.std(axis=0) > _MIN_DEVIATION_NM) & (computed.std(axis=0) > _MIN_DEVIATION_NM))
     if len(moving) < 2:
         return

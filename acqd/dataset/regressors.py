@@ -17,8 +17,9 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.signal import butter, lfilter, sosfiltfilt
 
 from acqd.arrays import Floats
-from acqd.errors import InputError, UserError
+from acqd.errors import InputError
 from acqd.robot.description import RobotDescription
+from acqd.robot.inertia import inverse_dynamics
 from acqd.robot.log import RobotLog, in_time
 
 TorqueSource = Literal["measured", "model", "current"]
@@ -92,7 +93,7 @@ def band_limited(values: Floats, step_s: float) -> Floats:
 
 
 def regressors_of(log: RobotLog, robot: RobotDescription, torque: TorqueSource | None = None) -> Regressors:
-    """Regressors of one log; without `torque`, from measured torques if logged. Raises InputError, UserError."""
+    """Regressors of one log; without `torque`, from measured torques if logged. Raises InputError."""
     time, rows = in_time(log)
     if len(time) < _MIN_ROWS or time[-1] - time[0] < _MIN_S:
         raise InputError(log.path, f"{len(time)} rows over {time[-1] - time[0]:.1f} s are too few to be aligned")
@@ -142,12 +143,7 @@ def _torque(
 ) -> Floats:
     grid, time, rows = sampling
     if source == "model":
-        try:
-            from acqd.robot.arm import Arm
-            from acqd.robot.dynamics import inverse_dynamics
-        except ModuleNotFoundError:
-            raise UserError("torques from the description need Pinocchio: pip install 'acqd[lab]'") from None
-        return inverse_dynamics(Arm(robot), *motion)
+        return inverse_dynamics(robot, *motion)
     measured = log.tau if source == "measured" else log.current
     if measured is None:
         raise InputError(log.path, f"has no {'tau' if source == 'measured' else 'current'} columns")

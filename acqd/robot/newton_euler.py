@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from acqd.arrays import Floats
 from acqd.robot.description import RobotDescription
@@ -39,9 +38,9 @@ class Chain:
         axis = np.array([joint.axis for joint in robot.joint], dtype=np.float64)
         return cls(
             np.array([joint.xyz for joint in robot.joint], dtype=np.float64),
-            np.array([_from_rpy(np.radians(joint.rpy_deg)) for joint in robot.joint]),
+            np.array([rotation_of(joint.rpy_deg) for joint in robot.joint]),
             axis / np.linalg.norm(axis, axis=1, keepdims=True),
-            np.array([robot.flange.xyz, _from_rpy(np.radians(robot.flange.rpy_deg))[:, 2]], dtype=np.float64),
+            np.array([robot.flange.xyz, rotation_of(robot.flange.rpy_deg)[:, 2]], dtype=np.float64),
             robot.sliding,
         )
 
@@ -183,6 +182,8 @@ def _axis_rotation(axis: Floats, angle: Floats) -> Floats:
     return np.asarray(np.eye(3) + sine * K + rest * (K @ K))
 
 
-def _from_rpy(rpy: NDArray[np.float64]) -> Floats:
+def rotation_of(rpy_deg: tuple[float, float, float]) -> Floats:
+    """Rotation [3, 3]: roll about x, then pitch about y, then yaw about z of the fixed frame (URDF)."""
+    rpy = np.radians(rpy_deg)
     roll, pitch, yaw = (_axis_rotation(np.eye(3)[k], rpy[k : k + 1])[0] for k in range(3))
     return np.asarray(yaw @ pitch @ roll)
