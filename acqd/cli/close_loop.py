@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from datetime import UTC, datetime
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -15,6 +14,7 @@ from rich.table import Table
 
 from acqd.cli.options import Json
 from acqd.errors import UserError
+from acqd.extras import LOOP, require
 
 _TIMES = ["%Y-%m-%dT%H:%M:%S", "%Y-%m-%dT%H:%M:%SZ", "%Y-%m-%d %H:%M:%S", "%Y-%m-%d"]
 
@@ -54,14 +54,12 @@ def close_loop(
 
     Example: acqd close-loop ds --model ds0.models/grey-box-everything-s1 [--watch]
     """
-    missing = [n for n in ("matplotlib", "pyarrow", "scipy", "safetensors", "pinocchio") if find_spec(n) is None]
-    if missing:
-        raise UserError(f"acqd close-loop needs {' and '.join(missing)}: pip install 'acqd[data,predict]'")
+    require("acqd close-loop", LOOP, "loop")
     if watch and since is not None:
         raise UserError("--since is for a single run; --watch judges every recording that its model has not seen")
     if not watch and (every is not None or false_alarm is not None):
         raise UserError("--every and --false-alarm are for --watch")
-    from acqd.cli.models.places import default_folder
+    from acqd.dataset.places import default_folder
     from acqd.discrepancy.config import CloseConfig
     from acqd.discrepancy.loop import close_loop as run
     from acqd.discrepancy.report.summary import as_json

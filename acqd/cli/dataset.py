@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -15,6 +14,7 @@ from rich.table import Table
 
 from acqd.cli.options import Json
 from acqd.errors import UserError
+from acqd.extras import require
 
 if TYPE_CHECKING:
     from acqd.dataset.config import BuildReport
@@ -33,9 +33,7 @@ class Torque(StrEnum):
 @app.callback()
 def dataset() -> None:
     """Merge power rows with robot logs whose clocks nobody synchronised."""
-    missing = [name for name in ("pyarrow", "scipy") if find_spec(name) is None]
-    if missing:
-        raise UserError(f"acqd dataset needs {' and '.join(missing)}: pip install 'acqd[data]'")
+    require("acqd dataset", ("jinja2", "matplotlib", "pyarrow", "scipy"), "data")
 
 
 @app.command()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -11,7 +10,7 @@ import typer
 from rich.console import Console
 
 from acqd.cli.options import Json
-from acqd.errors import UserError
+from acqd.extras import require
 
 
 def export_fmu(
@@ -28,9 +27,7 @@ def export_fmu(
 
     Example: acqd export-fmu ds.models/21x1dim-everything-s1 --out power.fmu --platform linux64,win64
     """
-    missing = [name for name in ("scipy", "safetensors") if find_spec(name) is None]
-    if missing:
-        raise UserError(f"acqd export-fmu needs {' and '.join(missing)}: pip install 'acqd[predict]'")
+    require("acqd export-fmu", ("safetensors", "scipy"), "predict")
     from acqd.fmu.package import export_fmu as run
     from acqd.fmu.platforms import here
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import logging
 import signal
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -15,6 +14,7 @@ import typer
 from acqd.cli.options import ConfigFile, Host, Json, Port, configured
 from acqd.daemon.notify import notify
 from acqd.errors import UserError
+from acqd.extras import require
 
 
 def sidecar(
@@ -40,9 +40,7 @@ def sidecar(
 
     Example: acqd sidecar /srv/robot-logs --model ds.models/grey-box-everything-s1 --config /etc/acqd/acqd.toml
     """
-    missing = [n for n in ("watchfiles", "pyarrow", "scipy", "safetensors", "pinocchio") if find_spec(n) is None]
-    if missing:
-        raise UserError(f"acqd sidecar needs {' and '.join(missing)}: pip install 'acqd[sidecar]'")
+    require("acqd sidecar", ("pyarrow", "safetensors", "scipy", "watchfiles"), "sidecar")
     if live and no_mqtt:
         raise UserError("--live answers over MQTT; leave out --no-mqtt")
     from acqd.sidecar.lock import exclusive

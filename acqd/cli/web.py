@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from importlib.util import find_spec
 from typing import Annotated
 
 import orjson
 import typer
 
 from acqd.cli.options import ConfigFile, Json, configured
-from acqd.errors import UserError
+from acqd.extras import require
 from acqd.telemetry.broker import check_port
 
 
@@ -27,9 +26,7 @@ def web(
 
     Example: acqd web --config acqd.toml
     """
-    missing = [name for name in ("starlette", "uvicorn") if find_spec(name) is None]
-    if missing:
-        raise UserError(f"acqd web needs {' and '.join(missing)}: pip install 'acqd[web]'")
+    require("acqd web", ("starlette", "uvicorn"), "web")
     from acqd.web.server import Server
     from acqd.web.settings import WebSettings, token_for
 

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from importlib.util import find_spec
-
 import typer
 
 from acqd.cli.lab import campaign, effects, execute, trajectories
-from acqd.errors import UserError
+from acqd.extras import require
 
 app = typer.Typer(no_args_is_help=True)
 
@@ -15,9 +13,7 @@ app = typer.Typer(no_args_is_help=True)
 @app.callback()
 def lab() -> None:
     """The virtual laboratory: excite a robot, measure it, know the truth. All data are simulated."""
-    missing = [name for name in ("pinocchio", "scipy", "matplotlib") if find_spec(name) is None]
-    if missing:
-        raise UserError(f"acqd lab needs {' and '.join(missing)}: pip install 'acqd[lab]'")
+    require("acqd lab", ("jinja2", "matplotlib", "pinocchio", "scipy"), "lab")
 
 
 app.command("trajectories")(trajectories.trajectories)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
 
@@ -12,9 +11,9 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-from acqd.cli.models.places import default_models
 from acqd.cli.options import Json
-from acqd.errors import UserError
+from acqd.dataset.places import default_models
+from acqd.extras import require
 
 
 def compare(
@@ -27,9 +26,7 @@ def compare(
 
     Example: acqd compare ds --out report.html
     """
-    missing = [name for name in ("matplotlib", "pyarrow", "scipy", "safetensors") if find_spec(name) is None]
-    if missing:
-        raise UserError(f"acqd compare needs {' and '.join(missing)}: pip install 'acqd[data,predict]'")
+    require("acqd compare", ("jinja2", "matplotlib", "pyarrow", "safetensors", "scipy"), "data,predict")
     from acqd.models.compare.evaluate import compare as run
     from acqd.models.compare.report import as_json, write_report
     from acqd.models.segments import load_dataset

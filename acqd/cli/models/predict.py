@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
 
@@ -12,7 +11,7 @@ import typer
 from rich.console import Console
 
 from acqd.cli.options import Json
-from acqd.errors import UserError
+from acqd.extras import require
 
 
 def predict(
@@ -28,9 +27,7 @@ def predict(
 
     Example: acqd predict ds.models/grey-box-everything-s1 campaign/logs/cell-01/all_01_0001.log --out power.csv
     """
-    missing = [name for name in ("safetensors", "scipy") if find_spec(name) is None]
-    if missing:
-        raise UserError(f"acqd predict needs {' and '.join(missing)}: pip install 'acqd[predict]'")
+    require("acqd predict", ("safetensors", "scipy"), "predict")
     from acqd.models.bundle.restore import open_model
     from acqd.models.predict import predict_log
 

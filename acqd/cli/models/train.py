@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from enum import StrEnum
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,9 +13,10 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 from rich.table import Table
 
-from acqd.cli.models.places import default_models
 from acqd.cli.options import Json
+from acqd.dataset.places import default_models
 from acqd.errors import UserError
+from acqd.extras import require
 
 
 class Engine(StrEnum):
@@ -88,9 +88,7 @@ def train(
 
     acqd train ds --table-7-1
     """
-    missing = [name for name in ("pyarrow", "scipy", "safetensors") if find_spec(name) is None]
-    if missing:
-        raise UserError(f"acqd train needs {' and '.join(missing)}: pip install 'acqd[data,predict]'")
+    require("acqd train", ("pyarrow", "safetensors", "scipy"), "data,predict")
     if (network is None) != table_7_1:
         raise UserError("name one --network, or ask for --table-7-1")
     if out is not None and (table_7_1 or len(seed or []) > 1):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,8 +12,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from acqd.cli.options import Json
-from acqd.cli.robot.from_urdf import require_pinocchio
 from acqd.errors import UserError
+from acqd.extras import require
 
 if TYPE_CHECKING:
     from acqd.robot_check.check import Check
@@ -32,9 +31,9 @@ def check(
 
     Example: acqd robot check arm.toml --out arm.html
     """
-    require_pinocchio("robot check")
-    if find_spec("matplotlib") is None and out is not None:
-        raise UserError("acqd robot check --out needs matplotlib: pip install 'acqd[lab]'")
+    require("acqd robot check", ("pinocchio",), "lab")
+    if out is not None:
+        require("acqd robot check --out", ("jinja2", "matplotlib"), "lab")
     from acqd.robot.description import load_description
     from acqd.robot_check.check import check_description
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
 
@@ -12,6 +11,7 @@ from rich.console import Console
 
 from acqd.cli.options import Json
 from acqd.errors import UserError
+from acqd.extras import require
 
 
 def from_urdf(
@@ -27,7 +27,7 @@ def from_urdf(
 
     Example: acqd robot from-urdf arm.urdf --tip tool0 --out arm.toml
     """
-    require_pinocchio("robot from-urdf")
+    require("acqd robot from-urdf", ("pinocchio",), "lab")
     from acqd.atomic import write_complete
     from acqd.robot.toml_text import description_text
     from acqd.robot.urdf.describe import describe_urdf
@@ -50,9 +50,3 @@ def from_urdf(
     for note in converted.notes:
         console.print(f"  {note}")
     console.print(f"next: acqd robot check {target} --out {target.with_suffix('.html')}")
-
-
-def require_pinocchio(command: str) -> None:
-    """Raises UserError when the robot library is not installed."""
-    if find_spec("pinocchio") is None:
-        raise UserError(f"acqd {command} needs Pinocchio: pip install 'acqd[lab]'")
