@@ -1,0 +1,23 @@
+"""Robot logs."""
+
+from __future__ import annotations
+
+from acqd.api.places import Place, path_of
+from acqd.api.robot import Robot
+from acqd.robot.log import RobotLog
+from acqd.robot.log import read_log as read
+
+__all__ = ["RobotLog", "read_log"]
+
+
+def read_log(path: Place, robot: Robot | Place) -> RobotLog:
+    """Read a robot's log: DataRecorder text, CSV, Parquet or a ROS bag, with the columns that `robot` names.
+
+    Raises InputError that names row and column, UserError without the library that a format needs.
+
+    >>> log = read_log("logs/example.csv", "ur10e")
+    >>> log.q.shape
+    (900, 6)
+    """
+    known = robot if isinstance(robot, Robot) else Robot(robot)
+    return read(path_of(path), known.description)

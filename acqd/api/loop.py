@@ -1,0 +1,91 @@
+"""The closing loop: residual, effect, better model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from acqd.api.dataset import Dataset
+from acqd.api.models import Model
+from acqd.api.places import Place, path_of
+from acqd.dataset.places import default_folder
+from acqd.extras import LOOP, require
+
+
+@dataclass(frozen=True, slots=True)
+class LoopResult:
+    """Result of a run of the loop: report.json, report.html and the repaired model, in a folder."""
+
+    path: Path
+    """Folder of the report."""
+    report: dict[str, Any]
+    """Contents of report.json."""
+
+    @property
+    def verdict(self) -> str:
+        """effects_found, nothing_left, unknown_structure or not_identifiable."""
+        return str(self.report["verdict"])
+
+    @property
+    def effects(self) -> list[dict[str, Any]]:
+        """Effects that were found, each with id, where, parameters, confidence and rivals."""
+        return list(self.report["effects"])
+
+    def model(self) -> Model:
+        """The repaired model."""
+        return Model(self.path / "model")
+
+
+def close_loop(
+    dataset: Dataset | Place,
+    model: Model | Place,
+    out: Place | None = None,
+    *,
+    reference: Dataset | Place | None = None,
+    max_effects: int = 5,
+    only: Sequence[str] = (),
+    exclude: Sequence[str] = (),
+    seed: int = 1,
+    robot: str | None = None,
+    since: datetime | None = None,
+) -> LoopResult:
+    """Find the cause of a model's residual, add the cause to the model, report the error before and after.
+
+    `dataset` has the recordings in question, `reference` those to compare with (default: what the model remembers);
+    `out` defaults to DATASET.loop. `since` leaves out recordings that ended before. Raises UserError, InputError,
+    OperationError.
+
+    >>> result = close_loop("now", "model", "loop", only=["payload", "offset_shift"])
+    >>> result.verdict, result.effects[0]["id"]
+    ('effects_found', 'payload')
+    """
+    require("close_loop", LOOP, "loop")
+    import orjson
+
+    from acqd.discrepancy.config import CloseConfig
+    from acqd.discrepancy.loop import close_loop as close
+    from acqd.discrepancy.report.write import require_writable, write_all
+
+    folder = _folder(dataset)
+    config = CloseConfig(
+        dataset=folder,
+        bundle=model.path if isinstance(model, Model) else path_of(model),
+        out=default_folder(folder, "loop") if out is None else path_of(out),
+        reference=None if reference is None else _folder(reference),
+        max_effects=max_effects,
+        only=tuple(only),
+        exclude=tuple(exclude),
+        seed=seed,
+        robot=robot,
+        since_s=None if since is None else since.timestamp(),
+    )
+    require_writable(config.out)
+    write_all(config, close(config, lambda *_: None))
+    return LoopResult(config.out, orjson.loads((config.out / "report.json").read_bytes()))
+
+
+def _folder(dataset: Dataset | Place) -> Path:
+    return dataset.path if isinstance(dataset, Dataset) else path_of(dataset)

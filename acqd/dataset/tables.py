@@ -1,0 +1,158 @@
+"""Datasets from and to one Arrow table with the rows of all recordings: for data that were merged elsewhere."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+import orjson
+import pyarrow as pa
+import pyarrow.parquet
+
+from acqd import __version__
+from acqd.dataset.growing import write_new
+from acqd.dataset.manifest import load_manifest
+from acqd.dataset.merge import Recording
+from acqd.dataset.power import Measured
+from acqd.dataset.schema import TIME, UTC_NS, columns_of, recording_table
+from acqd.dataset.split import with_split
+from acqd.errors import InputError, UserError
+from acqd.robot.description import RobotDescription, load_description
+
+RECORDING = "recording"
+_IGNORED = (RECORDING, TIME, "split", "valid", "context")
+_STEP_ERROR = 0.02  # of a step, by which a row may be early or late
+_NAME = re.compile(r"[\w.+-]{1,120}")
+
+
+def table_of(dataset: Path) -> pa.Table:
+    """All recordings below each other: `recording`, `split`, `time`, and the columns that all of them have.
+
+    Raises UserError, InputError.
+    """
+    parts = []
+    for entry in load_manifest(dataset)["recordings"]:
+        path = dataset / entry["file"]
+        try:
+            table = pyarrow.parquet.read_table(path)
+        except (OSError, pa.ArrowInvalid) as error:
+            raise InputError(path, f"cannot be read ({str(error).splitlines()[0]}); build the dataset again") from None
+        columns = columns_of(table)
+        columns.pop("context", None)
+        table = recording_table(columns.pop("time_ns"), columns)
+        for name in ("split", RECORDING):
+            table = table.add_column(0, name, pa.array([str(entry.get(name, entry["name"]))] * len(table)))
+        parts.append(table)
+    common = [name for name in parts[0].column_names if all(name in part.column_names for part in parts)]
+    return pa.concat_tables([part.select(common) for part in parts])
+
+
+def write_table(table: pa.Table, out: Path, robot: str, measured: Measured, seed: int = 1) -> None:
+    """The dataset `out` of a table with `recording`, `time` (timestamp), `P` [W], `q1`.. [rad] and more, row by row.
+
+    Rows of a recording are equidistant, with the same step in all of them; the split is by source trajectory unless
+    a column `split` names it. Raises UserError for anything else, OperationError when it cannot be written.
+    """
+    description = load_description(robot)
+    if measured not in get_args(Measured):
+        raise UserError(f"measured {measured!r}: expected {', '.join(get_args(Measured))}")
+    if out.exists():
+        raise UserError(f"{out} exists; choose another folder, or remove it")
+    _require_columns(table, description)
+    recordings, steps, parts = [], [], []
+    for name in dict.fromkeys(table[RECORDING].to_pylist()):
+        rows = table.filter(pa.compute.equal(table[RECORDING], name))
+        recording, step_ns = _recording(str(name), rows, description)
+        recordings.append(recording)
+        steps.append(step_ns)
+        parts.append(rows["split"][0].as_py() if "split" in table.column_names else None)
+    step_s = float(np.median(steps)) * 1e-9
+    wrong = [r.name for r, step in zip(recordings, steps, strict=True) if abs(step * 1e-9 - step_s) > 1e-6]
+    if wrong:
+        raise UserError(f"recording {wrong[0]}: another step than {step_s:.6g} s; resample all recordings to one step")
+    entries = [_entry(recording, part, step_s) for recording, part in zip(recordings, parts, strict=True)]
+    manifest = {
+        "acqd": __version__,
+        "robot": description.name,
+        "description": str(Path(robot).resolve()) if Path(robot).is_file() else robot,
+        "measured": measured,
+        "step_s": step_s,
+        "power": {"origin": "table"},
+        "version": 1,
+        "refused": [],
+        "recordings": with_split(entries, seed),
+    }
+
+    def fill(folder: Path) -> None:
+        (folder / "recordings").mkdir()
+        for recording in recordings:
+            path = folder / "recordings" / f"{recording.name}.parquet"
+            pyarrow.parquet.write_table(recording.table(description.sliding), path)
+
+    write_new(out, orjson.dumps(manifest, option=orjson.OPT_INDENT_2), fill)
+
+
+def _require_columns(table: pa.Table, robot: RobotDescription) -> None:
+    needed = [RECORDING, TIME, "P", *(f"q{k + 1}" for k in range(robot.axes))]
+    missing = [name for name in needed if name not in table.column_names]
+    if missing:
+        raise UserError(f"the table lacks {', '.join(missing)}: {robot.name} needs {', '.join(needed)}")
+    if not len(table):
+        raise UserError("the table has no rows")
+    if not pa.types.is_timestamp(table.schema.field(TIME).type) or table.schema.field(TIME).type.tz is None:
+        raise UserError("column time: expected timestamps with a time zone, such as UTC")
+
+
+def _recording(name: str, rows: pa.Table, robot: RobotDescription) -> tuple[Recording, float]:
+    """One recording and its step [ns]. Raises UserError."""
+    if not _NAME.fullmatch(name):
+        raise UserError(f"recording {name!r}: expected a name of letters, digits and . _ + -")
+    time_ns = rows[TIME].cast(UTC_NS).cast(pa.int64()).to_numpy()
+    if len(time_ns) < 3:
+        raise UserError(f"recording {name}: has {len(time_ns)} rows, expected at least three")
+    steps = np.diff(time_ns)
+    step_ns = float(np.median(steps))
+    uneven = np.flatnonzero(np.abs(steps - step_ns) > _STEP_ERROR * step_ns)
+    if len(uneven) or step_ns <= 0:
+        row = int(uneven[0]) + 2 if len(uneven) else 2
+        raise UserError(
+            f"recording {name}: row {row} is not {step_ns * 1e-9:.6g} s after the row before; resample it to one step"
+        )
+    columns = {name: _numbers(name, rows) for name in rows.column_names if name not in _IGNORED}
+    essential = [columns["P"], *(columns[f"q{k + 1}"] for k in range(robot.axes))]
+    valid = np.asarray(np.isfinite(np.array(essential)).all(axis=0))
+    if "valid" in rows.column_names:
+        valid &= rows["valid"].to_numpy().astype(bool)
+    return Recording(name, time_ns, columns, valid), step_ns
+
+
+def _numbers(name: str, rows: pa.Table) -> np.ndarray:
+    try:
+        return np.asarray(rows[name].cast(pa.float64()).to_numpy(zero_copy_only=False))
+    except (pa.ArrowInvalid, pa.ArrowNotImplementedError):
+        raise UserError(f"column {name}: holds {rows.schema.field(name).type}, expected numbers") from None
+
+
+def _entry(recording: Recording, part: str | None, step_s: float) -> dict[str, Any]:
+    digest = hashlib.sha256(recording.time_ns.tobytes() + recording.columns["P"].tobytes()).hexdigest()
+    entry = {
+        "name": recording.name,
+        "file": f"recordings/{recording.name}.parquet",
+        "rows": len(recording.valid),
+        "context_rows": 0,
+        "valid_s": float(recording.valid.sum()) * step_s,
+        "lag_s": 0.0,
+        "lag_within_s": None,
+        "lag_by": "table",
+        "own_lag": {"s": 0.0, "r2": 1.0, "stands_out": 1.0},
+        "note": "",
+        "log": {"path": recording.name, "sha256": digest, "rows": len(recording.valid)},
+    }
+    if part is None:
+        return entry
+    if part not in ("train", "validation", "test"):
+        raise UserError(f"recording {recording.name}: split {part!r}, expected train, validation or test")
+    return entry | {"split": part, "source": recording.name}

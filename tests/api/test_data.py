@@ -1,0 +1,81 @@
+"""Rows, logs and datasets, and their way through Arrow and pandas."""
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet
+import pytest
+
+import acqd
+from acqd.models.segments import load_dataset
+
+
+def test_a_dataset_survives_arrow(folder):
+    before = acqd.Dataset("ds")
+    table = before.to_arrow()
+    assert table.schema.field("P").metadata == {b"unit": b"W"} and str(table.schema.field("time").type.tz) == "UTC"
+    after = acqd.Dataset.from_arrow(table, "copy", robot=acqd.Robot("ur10e"), measured="simulated")
+    assert (after.robot, after.step_s, after.recordings) == (
+        before.robot,
+        pytest.approx(before.step_s),
+        before.recordings,
+    )
+    pairs = list(zip(load_dataset(before.path).segments, load_dataset(after.path).segments, strict=True))
+    assert pairs
+    for old, new in pairs:
+        assert (old.recording, old.split) == (new.recording, new.split)
+        np.testing.assert_array_equal(old.P, new.P)
+        np.testing.assert_array_equal(old.q, new.q)
+        assert old.start_s == pytest.approx(new.start_s, abs=1e-6)
+
+
+def test_a_model_trains_on_a_data_frame(folder):
+    pandas = pytest.importorskip("pandas")
+    frame = acqd.Dataset("ds").to_pandas().drop(columns=["split", "valid"])
+    data = acqd.Dataset.from_pandas(frame, "copy", robot="ur10e", measured="simulated")
+    assert isinstance(data.to_pandas(), pandas.DataFrame)
+    model = acqd.train(data)
+    assert model.path.parent.name == "copy.models"
+    assert model.metadata["metrics"]["test"]["rmse"] < 3
+
+
+def test_tables_that_are_no_dataset_are_named(folder):
+    table = acqd.Dataset("ds").to_arrow()
+    time = table["time"]
+    cases = {
+        "lacks P, q6": table.drop_columns(["P", "q6"]),
+        "with a time zone": table.set_column(table.column_names.index("time"), "time", time.cast(pa.timestamp("ns"))),
+        "holds string, expected numbers": table.append_column("Vdc", pa.array(["x"] * len(table))),
+        "row 6 is not 0.04 s after": pa.concat_tables([table.slice(0, 5), table.slice(8)]),
+        "the table has no rows": table.slice(0, 0),
+        "expected train, validation or test": table.set_column(1, "split", pa.array(["all"] * len(table))),
+        "expected a name of letters": table.set_column(0, "recording", pa.array(["../x"] * len(table))),
+    }
+    for complaint, wrong in cases.items():
+        with pytest.raises(acqd.UserError, match=complaint):
+            acqd.Dataset.from_arrow(wrong, "copy", robot="ur10e")
+        assert not (folder / "copy").exists(), complaint
+    with pytest.raises(acqd.UserError, match="exists"):
+        acqd.Dataset.from_arrow(table, "ds", robot="ur10e")
+
+
+def test_rows_are_utc_timestamps_with_units(folder):
+    rows = acqd.read_rows("power.csv")
+    table = rows.to_arrow()
+    assert table.schema.field("Vrms").metadata == {b"unit": b"V"}
+    np.testing.assert_array_equal(table["time"].cast(pa.int64()).to_numpy(), rows.time_ns)
+    pyarrow.parquet.write_table(table, "rows.parquet")
+    again = acqd.read_rows("rows.parquet")
+    np.testing.assert_array_equal(again.P, rows.P)
+    np.testing.assert_array_equal(again.time_ns, rows.time_ns)
+    with pytest.raises(acqd.InputError, match="no such file"):
+        acqd.read_rows("none.csv")
+
+
+def test_a_prediction_of_arrays_equals_that_of_the_log(folder):
+    log = acqd.read_log("logs/example.csv", "ur10e")
+    model = acqd.open_model("model")
+    np.testing.assert_array_equal(acqd.predict(model, log).P, acqd.predict("model", "logs/example.csv").P)
+    with pytest.raises(acqd.UserError, match=r"expected \[rows, 6\]"):
+        model.predict(np.zeros((10, 7)))
+    with pytest.raises(acqd.UserError, match="signals have the shape"):
+        model.predict(np.zeros((10, 6)), np.zeros((10, 9)))
