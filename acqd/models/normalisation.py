@@ -12,7 +12,7 @@ from acqd.arrays import Floats
 if TYPE_CHECKING:
     from acqd.models.segments import Segment
 
-_MIN_SCALE = 1e-3  # so that the noise of an axis that hardly moves is not amplified
+_MIN_SCALE = 1e-3  # so that the noise of an axis that hardly moves, or of constant power, is not amplified
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,7 @@ class Normalisation:
         P = np.concatenate([s.P for s in segments])
         offset = np.array([values.mean(axis=0) for values in quantities])
         scale = np.array([np.maximum(values.std(axis=0), _MIN_SCALE) for values in quantities])
-        return cls(offset, scale, float(P.mean()), float(P.std()))
+        return cls(offset, scale, float(P.mean()), max(float(P.std()), _MIN_SCALE))
 
     def inputs(self, order: int, values: Floats) -> Floats:
         """Normalised angles (order 0), velocities (1) or accelerations (2), [..., axes]."""

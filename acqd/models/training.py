@@ -38,7 +38,7 @@ def train_one(config: TrainConfig, progress: Progress) -> dict[str, Any]:
     data = load_dataset(config.dataset)
     started = time.monotonic()
     training = data.part("train", config.kinds)
-    trained = _train(config, data, progress)
+    trained = fit(config, data, progress)
     metrics = {}
     for split in ("train", "validation", "test"):
         segments = data.part(split, config.kinds) if split != "test" else data.part(split)
@@ -91,7 +91,8 @@ def _checkpoint(config: TrainConfig) -> Path:
     return config.out.parent / ".checkpoints" / f"{config.out.name}.safetensors"
 
 
-def _train(config: TrainConfig, data: Dataset, progress: Progress) -> TrainedModel:
+def fit(config: TrainConfig, data: Dataset, progress: Progress) -> TrainedModel:
+    """Train a model without writing its bundle; a network keeps a checkpoint near `config.out`. Raises UserError."""
     if config.network == GREY_BOX:
         from acqd.models.greybox.bundle_io import train_grey_box
 

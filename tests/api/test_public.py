@@ -63,10 +63,10 @@ def test_the_types_name_what_the_package_exports():
         acqd.no_such_name  # noqa: B018
 
 
-@pytest.mark.parametrize("module", ["dataset", "logs", "loop", "meter", "models", "robot", "rows"])
+@pytest.mark.parametrize("module", ["dataset", "estimator", "logs", "loop", "meter", "models", "robot", "rows"])
 def test_examples_in_docstrings(module, folder):
-    if module in ("dataset", "rows"):
-        pytest.importorskip("pandas")
+    for needed in {"dataset": ("pandas",), "rows": ("pandas",), "estimator": ("pandas", "sklearn")}.get(module, ()):
+        pytest.importorskip(needed)
     names = {name: getattr(acqd, name) for name in acqd.__all__} | {"np": np}
     runner, finder = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS), doctest.DocTestFinder(exclude_empty=True)
     examples = finder.find(importlib.import_module(f"acqd.api.{module}"), extraglobs=names)

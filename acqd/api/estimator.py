@@ -1,0 +1,153 @@
+"""The grey box, the hybrid and the networks as a regressor of scikit-learn. Needs the extra `sklearn`."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from acqd.errors import UserError
+
+try:
+    from sklearn.base import BaseEstimator, RegressorMixin
+    from sklearn.metrics import r2_score
+    from sklearn.utils.validation import check_consistent_length, check_is_fitted, validate_data
+except ModuleNotFoundError:
+    raise UserError("PowerRegressor needs scikit-learn: pip install 'acqd[sklearn]'") from None
+
+from acqd.dataset.split import Part
+from acqd.models.config import TrainConfig
+from acqd.models.networks.settings import TrainingSettings
+from acqd.models.segments import Dataset, Segment
+from acqd.models.training import NAMES, fit
+from acqd.robot.description import load_description
+
+if TYPE_CHECKING:
+    from acqd.arrays import Floats
+
+_VALIDATION = 0.15  # of the rows, where all are one recording
+_MIN_ROWS = 4  # of a recording: two parts, and a difference in each
+
+
+class PowerRegressor(RegressorMixin, BaseEstimator):  # type: ignore[misc]
+    """Mains power [W] of a robot from its joint angles [rad], row by row in time.
+
+    X [T, axes + signals] are angles, then the logged signals named in `signals`; rows are `step_s` apart. `groups`
+    tells recordings apart, because velocities and the state of a network do not cross from one to the next; without
+    it, all rows are one recording. Rows must stay in the order of time: cross-validation has to keep whole recordings
+    (`GroupKFold`) and to hand their names on (scikit-learn's metadata routing), and X may not be shuffled.
+
+    >>> frame = Dataset("ds").to_pandas().query("valid")
+    >>> X, y = frame[[f"q{k}" for k in range(1, 7)]], frame["P"]
+    >>> model = PowerRegressor("grey-box", robot="ur10e").fit(X, y, groups=frame["recording"])
+    >>> model.score(X, y, groups=frame["recording"]) > 0.9
+    True
+    """
+
+    def __init__(
+        self,
+        network: str = "grey-box",
+        *,
+        robot: str | None = None,
+        step_s: float = 0.04,
+        signals: Sequence[str] = (),
+        epochs: int = 300,
+        seed: int = 1,
+    ) -> None:
+        """`network` as in `acqd.train`; grey-box and hybrid need `robot`, networks use `epochs`."""
+        self.network = network
+        self.robot = robot
+        self.step_s = step_s
+        self.signals = signals
+        self.epochs = epochs
+        self.seed = seed
+
+    def fit(self, X: Any, y: Any, groups: Any = None) -> PowerRegressor:
+        """Fit to angles X [T, axes + signals] and power y [T]. Raises ValueError, UserError."""
+        X, y = validate_data(self, X, y, dtype=np.float64, ensure_min_samples=_MIN_ROWS, y_numeric=True)
+        if self.network not in NAMES:
+            raise ValueError(f"no network {self.network!r}; the networks are {', '.join(NAMES)}")
+        axes = X.shape[1] - len(self.signals)
+        robot = self._robot_of(axes)
+        segments = _with_validation(list(self._segments(X, np.asarray(y, dtype=np.float64), groups, axes)))
+        data = Dataset(Path("memory"), "0" * 64, robot, robot, self.step_s, "mains", segments)
+        settings = TrainingSettings(epochs=self.epochs)
+        with tempfile.TemporaryDirectory() as folder:  # of the network's checkpoint
+            out = Path(folder) / "bundle"
+            config = TrainConfig(Path("memory"), self.network, out, (), self.seed, settings)
+            self.predictor_ = fit(config, data, lambda *_: None).predictor
+        return self
+
+    def predict(self, X: Any, groups: Any = None) -> Floats:
+        """Power [T] W of angles and signals X [T, axes + signals]."""
+        check_is_fitted(self, "predictor_")
+        X = validate_data(self, X, dtype=np.float64, reset=False)
+        model = self.predictor_
+        signals = X[:, model.axes :][:, [list(self.signals).index(name) for name in model.signals]]
+        power = np.empty(len(X))
+        for rows in _recordings(groups, len(X)):
+            power[rows] = model.sequence(X[rows, : model.axes], signals[rows])
+        return power
+
+    def score(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> float:
+        """Coefficient of determination R^2 of the prediction."""
+        return float(r2_score(y, self.predict(X, groups), sample_weight=sample_weight))
+
+    def _robot_of(self, axes: int) -> str:
+        """The description of a robot with so many joints; empty for networks. Raises ValueError, UserError."""
+        if self.network not in ("grey-box", "hybrid"):
+            return ""
+        if self.robot is None:
+            raise ValueError(f"network {self.network!r} needs a robot description: PowerRegressor(robot=...)")
+        expected = load_description(self.robot).axes
+        if axes != expected:
+            raise ValueError(f"X has {axes} joint angles, but {self.robot} has {expected} joints")
+        return self.robot
+
+    def _segments(self, X: Floats, y: Floats, groups: Any, axes: int) -> Iterator[Segment]:
+        for number, rows in enumerate(_recordings(groups, len(X))):
+            signals = {name: X[rows, axes + k] for k, name in enumerate(self.signals)}
+            name = f"r{number:04d}"
+            yield Segment(name, name, "other", "train", X[rows, :axes], y[rows], None, signals)
+
+    def __sklearn_tags__(self) -> Any:
+        """Rows are a sequence: scores on the shuffled toy data of scikit-learn's checks are poor."""
+        tags = super().__sklearn_tags__()
+        tags.regressor_tags.poor_score = True
+        tags.non_deterministic = False
+        return tags
+
+
+def _recordings(groups: Any, rows: int) -> list[slice]:
+    """Slices of consecutive rows with the same group. Raises ValueError for another length."""
+    if groups is None:
+        return [slice(0, rows)]
+    names = np.asarray(groups)
+    check_consistent_length(names, np.empty(rows))
+    edges = [0, *(np.flatnonzero(names[1:] != names[:-1]) + 1).tolist(), rows]
+    return [slice(first, last) for first, last in pairwise(edges)]
+
+
+def _with_validation(segments: list[Segment]) -> list[Segment]:
+    """Every seventh recording for validation; of fewer than seven the end of each."""
+    if len(segments) >= 7:
+        return [replace(s, split=_part(k)) for k, s in enumerate(segments)]
+    parts = []
+    for segment in segments:
+        end = min(len(segment.P) - 2, max(2, int((1 - _VALIDATION) * len(segment.P))))
+        if end < 2:
+            raise UserError(f"a recording of {len(segment.P)} rows is too short: expected at least {_MIN_ROWS}")
+        halves: list[tuple[slice, Part]] = [(slice(None, end), "train"), (slice(end, None), "validation")]
+        for rows, part in halves:
+            signals = {name: values[rows] for name, values in segment.signals.items()}
+            parts.append(replace(segment, split=part, q=segment.q[rows], P=segment.P[rows], signals=signals))
+    return parts
+
+
+def _part(number: int) -> Part:
+    return "validation" if number % 7 == 3 else "train"
