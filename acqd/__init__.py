@@ -15,7 +15,7 @@ _MODULES = {
     "acqd.api.logs": ("RobotLog", "read_log"),
     "acqd.api.loop": ("LoopResult", "close_loop"),
     "acqd.api.meter": ("Meter", "WindowBatch"),
-    "acqd.api.models": ("Model", "export_fmu", "open_model", "predict", "train"),
+    "acqd.api.models": ("Model", "export_fmu", "export_onnx", "open_model", "predict", "train"),
     "acqd.api.robot": ("Robot",),
     "acqd.api.rows": ("Rows", "read_rows"),
     "acqd.models.predict": ("Prediction",),

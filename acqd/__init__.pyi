@@ -7,6 +7,7 @@ from acqd.api.meter import Meter as Meter
 from acqd.api.meter import WindowBatch as WindowBatch
 from acqd.api.models import Model as Model
 from acqd.api.models import export_fmu as export_fmu
+from acqd.api.models import export_onnx as export_onnx
 from acqd.api.models import open_model as open_model
 from acqd.api.models import predict as predict
 from acqd.api.models import train as train

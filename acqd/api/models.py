@@ -149,3 +149,17 @@ def export_fmu(
 
     bundle = model.path if isinstance(model, Model) else path_of(model)
     return export(bundle, path_of(out), fmi, list(platforms) or [here()], lambda _: None).path
+
+
+def export_onnx(model: Model | Place, out: Place) -> Path:
+    """Export a network as ONNX: joint angles `q` [T, axes] rad, `step_s` apart, to power `P` [T] W. Returns the file.
+
+    Raises UserError for other models, InputError, OperationError.
+    """
+    require("export_onnx", ("onnx", "safetensors", "scipy"), "onnx")
+    from acqd.models.networks.onnx_file import export_onnx as export
+
+    opened = model if isinstance(model, Model) else Model(model)
+    path = path_of(out)
+    export(opened.bundle, opened.predictor, path)
+    return path

@@ -19,6 +19,7 @@ from acqd.cli import (
     doctor,
     ethercat,
     export_fmu,
+    export_onnx,
     jitter,
     lab,
     modbus,
@@ -56,6 +57,7 @@ app.command("compare", rich_help_panel=_MODELS)(models.compare)
 app.command("predict", rich_help_panel=_MODELS)(models.predict)
 app.command("close-loop", rich_help_panel=_MODELS)(close_loop.close_loop)
 app.command("export-fmu", rich_help_panel=_MODELS)(export_fmu.export_fmu)
+app.command("export-onnx", rich_help_panel=_MODELS)(export_onnx.export_onnx)
 app.command("sidecar", rich_help_panel=_MODELS)(sidecar.sidecar)
 app.add_typer(config.app, name="config", rich_help_panel=_SERVICE)
 app.command("status", rich_help_panel=_SERVICE)(status.status)
