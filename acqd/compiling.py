@@ -10,8 +10,11 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
+from acqd.c_builds import CBuild
 from acqd.errors import OperationError
 
+PREBUILT = Path(__file__).with_name("prebuilt")
+"""Libraries that a wheel brings along."""
 NO_COMPILER = "no C compiler found (cc, gcc, clang): install one (apt-get install gcc)"
 
 
@@ -42,16 +45,22 @@ def compile_shared(
         raise OperationError(f"{command[0]} cannot compile {what or out.name}: {lines[0] if lines else 'no message'}")
 
 
-def cached_library(name: str, source: Path, flags: Sequence[str]) -> Path:
-    """Path of `source` compiled with `flags`: by the system's compiler at first use, then from the cache.
+def file_name(build: CBuild) -> str:
+    """Name of the compiled file, with a hash of source and flags: another version has another file."""
+    digest = hashlib.sha256(build.source.read_bytes() + " ".join(build.flags).encode()).hexdigest()[:16]
+    return f"{build.name}-{digest}.so"
 
-    The file name holds a hash of source and flags: another version has another file.
+
+def cached_library(build: CBuild) -> Path:
+    """Path of the compiled library: from the wheel, from the cache, or by the system's compiler, once.
+
     Raises OperationError without a compiler, for a cache that is not writable, and for C that does not compile.
     """
-    digest = hashlib.sha256(source.read_bytes() + " ".join(flags).encode()).hexdigest()[:16]
-    path = cache_folder() / f"{name}-{digest}.so"
-    if path.exists():
-        return path
+    name = file_name(build)
+    path = cache_folder() / name
+    for existing in (PREBUILT / name, path):
+        if existing.exists():
+            return existing
     command = system_compiler()
     if command is None:
         raise OperationError(NO_COMPILER)
@@ -63,7 +72,7 @@ def cached_library(name: str, source: Path, flags: Sequence[str]) -> Path:
         raise OperationError(f"{path.parent}: {error.strerror}; set XDG_CACHE_HOME to a folder to write in") from None
     temporary = Path(temporary_name)
     try:
-        compile_shared([command], [*flags, str(source)], temporary)
+        compile_shared([command], [*build.flags, str(build.source)], temporary)
         temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)

@@ -27,6 +27,7 @@ from acqd.cli import (
     replay,
     robot,
     run,
+    service,
     sidecar,
     sink,
     status,
@@ -60,6 +61,7 @@ app.command("export-fmu", rich_help_panel=_MODELS)(export_fmu.export_fmu)
 app.command("export-onnx", rich_help_panel=_MODELS)(export_onnx.export_onnx)
 app.command("sidecar", rich_help_panel=_MODELS)(sidecar.sidecar)
 app.add_typer(config.app, name="config", rich_help_panel=_SERVICE)
+app.add_typer(service.app, name="service", rich_help_panel=_SERVICE)
 app.command("status", rich_help_panel=_SERVICE)(status.status)
 app.command("doctor", rich_help_panel=_SERVICE)(doctor.doctor)
 app.command("jitter", rich_help_panel=_SERVICE)(jitter.jitter)

@@ -12,11 +12,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from acqd.c_builds import window
 from acqd.compiling import system_compiler
 from acqd.instruction_sets import INSTRUCTION_SETS, best_instruction_set
 from acqd.metering import Meter, SampleBlock, StreamFormat, WindowBatch
 from acqd.metering.kernel import why_not
-from acqd.metering.kernel.compiled import SOURCE, library
+from acqd.metering.kernel.compiled import library
 from tests.mains import EN50160, make_mains
 
 pytestmark = pytest.mark.skipif(system_compiler() is None, reason="no C compiler")
@@ -113,11 +114,11 @@ def test_no_read_outside_the_samples_and_no_undefined_behaviour(tmp_path):
     runtime = subprocess.run([compiler, "-print-file-name=libasan.so"], capture_output=True, text=True).stdout.strip()
     if not Path(runtime).is_absolute():
         pytest.skip("no address sanitizer")
-    built = tmp_path / "window.so"
+    built, source = tmp_path / "window.so", window(6, best_instruction_set()).source
     flags = ["-O1", "-g", "-std=gnu11", "-fPIC", "-shared", "-w", "-fsanitize=address,undefined", "-DCHANNELS=6"]
-    subprocess.run([compiler, *flags, "-fno-sanitize-recover=all", SOURCE, "-o", built, "-lm"], check=True)
+    subprocess.run([compiler, *flags, "-fno-sanitize-recover=all", source, "-o", built, "-lm"], check=True)
     environment = os.environ | {"ACQD_METERING": str(built), "LD_PRELOAD": runtime, "ASAN_OPTIONS": "detect_leaks=0"}
     done = subprocess.run(
-        [sys.executable, "-c", SANITISED], env=environment, capture_output=True, text=True, cwd=SOURCE.parents[3]
+        [sys.executable, "-c", SANITISED], env=environment, capture_output=True, text=True, cwd=source.parents[3]
     )
     assert done.stdout == "clean\n", done.stderr[-3_000:]

@@ -8,13 +8,12 @@ import logging
 import os
 from pathlib import Path
 
+from acqd.c_builds import window
 from acqd.compiling import cached_library
 from acqd.errors import OperationError
 from acqd.instruction_sets import InstructionSet, best_instruction_set
 
 _log = logging.getLogger(__name__)
-SOURCE = Path(__file__).with_name("window.c")
-FLAGS = ("-O2", "-std=gnu11", "-fPIC", "-shared", "-ffp-contract=fast", "-fno-math-errno", "-fno-trapping-math", "-w")
 SWITCH = "ACQD_METERING"
 """Environment variable: "numpy" for the path without C, or the file of a library that was built elsewhere."""
 
@@ -25,8 +24,7 @@ def library(channels: int, instructions: InstructionSet | None = None) -> ctypes
     if given:
         return load(Path(given))
     chosen = instructions or best_instruction_set()
-    flags = [*FLAGS, *chosen.options, f"-DCHANNELS={channels}"]
-    return load(cached_library(f"window-{chosen.name}-{channels}", SOURCE, flags))
+    return load(cached_library(window(channels, chosen)))
 
 
 def load(path: Path) -> ctypes.CDLL:

@@ -1,0 +1,123 @@
+"""What an installation consists of: files with owners and modes, and the services to be enabled."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from importlib.resources import files
+from pathlib import Path
+from typing import Literal
+
+from acqd.errors import UserError
+from acqd.installation.broker_access import SIDECAR, SINK, broker_configuration
+from acqd.installation.shared_files import shared_text
+
+Service = Literal["daemon", "sink", "sidecar", "maintain"]
+UNITS: dict[Service, tuple[str, ...]] = {
+    "daemon": ("acqd.service",),
+    "sink": ("acqd-sink.service",),
+    "sidecar": ("acqd-sidecar.service",),
+    "maintain": ("acqd-maintain.service", "acqd-maintain.timer"),
+}
+_OWNERS: dict[Service, str] = {"sink": SINK, "maintain": SINK, "sidecar": SIDECAR}
+_DROP_INS = {"raw-network": "acqd-raw-network.conf", "serial": "acqd-serial.conf"}
+_SYSUSERS = 'u acqd - "acqd power metering" /var/lib/acqd /usr/sbin/nologin\n'
+_TMPFILES = "d /etc/acqd 0750 root acqd -\nd /var/lib/acqd 0750 acqd acqd -\nd /var/cache/acqd 0750 acqd acqd -\n"
+_CREDENTIAL = "[Service]\nLoadCredential=mqtt.password:/etc/acqd/{user}.password\n"
+
+
+@dataclass(frozen=True, slots=True)
+class File:
+    """A file of the installation, at an absolute path below the root."""
+
+    path: str
+    text: str
+    mode: int = 0o644
+    group: str = "root"
+    keep: bool = False
+    """Whether an existing file stays as it is: configuration, which a person edits."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """What is to be installed."""
+
+    program: str
+    """Path of the command acqd."""
+    services: tuple[Service, ...] = ("daemon", "sink", "maintain")
+    device: str = "box"
+    """Name of the device, which is also its user at the broker."""
+    drop_ins: tuple[str, ...] = ()
+    """raw-network, serial: rights that a source needs."""
+    broker: bool = True
+    """Passwords and access rules for a mosquitto on this computer."""
+    passwords: dict[str, str] = field(default_factory=dict, repr=False)
+    """New passwords by user of the broker."""
+
+
+def files_of(wanted: Wanted) -> list[File]:
+    """All files but the broker's password file. Raises UserError."""
+    unknown = set(wanted.drop_ins) - set(_DROP_INS)
+    if unknown:
+        raise UserError(f"no rights {', '.join(sorted(unknown))}; there are {', '.join(_DROP_INS)}")
+    made = [
+        File("/etc/sysusers.d/acqd.conf", _SYSUSERS),
+        File("/etc/tmpfiles.d/acqd.conf", _TMPFILES),
+    ]
+    for service in wanted.services:
+        made += _service_files(wanted, service)
+    for name in wanted.drop_ins:
+        text = shared_text(f"systemd/{_DROP_INS[name]}")
+        made.append(File(f"/etc/systemd/system/acqd.service.d/{name}.conf", text))
+    if wanted.broker:
+        made += [
+            File("/etc/mosquitto/conf.d/acqd.conf", broker_configuration()),
+            File("/etc/mosquitto/acqd.acl", shared_text("config/mosquitto.acl"), 0o640, "mosquitto", keep=True),
+        ]
+        made += [
+            File(f"/etc/acqd/{user}.password", f"{password}\n", 0o600, keep=True)
+            for user, password in wanted.passwords.items()
+        ]
+    return list({file.path: file for file in made}.values())  # maintenance shares the sink's configuration
+
+
+def users_of(wanted: Wanted) -> list[str]:
+    """Users of the broker that the services need."""
+    return list(dict.fromkeys(user_of(wanted, service) for service in wanted.services))
+
+
+def user_of(wanted: Wanted, service: Service) -> str:
+    """The broker's user of a service: the device's name, acqd-sink or acqd-sidecar."""
+    return _OWNERS.get(service, wanted.device)
+
+
+def _service_files(wanted: Wanted, service: Service) -> list[File]:
+    user = user_of(wanted, service)
+    toml = {"daemon": "acqd", "maintain": "sink"}.get(service, service)
+    config = configuration(user if wanted.broker else None, wanted.device)
+    made = [File(f"/etc/acqd/{toml}.toml", config, 0o640, "acqd", keep=True)]
+    for unit in UNITS[service]:
+        text = shared_text(f"systemd/{unit}").replace("/opt/acqd/.venv/bin/acqd", wanted.program)
+        text = text.replace("/etc/acqd/acqd.toml", f"/etc/acqd/{toml}.toml")
+        text = re.sub(r"^(Documentation=file:|# Installed by hand:).*\n", "", text, flags=re.MULTILINE)
+        made.append(File(f"/etc/systemd/system/{unit}", text))
+        if wanted.broker and unit.endswith(".service"):
+            drop_in = f"/etc/systemd/system/{unit}.d/password.conf"
+            made.append(File(drop_in, _CREDENTIAL.format(user=user)))
+    return made
+
+
+def configuration(user: str | None, device: str) -> str:
+    """acqd.toml with every key; with the user of the broker and where the password is."""
+    text = files("acqd.daemon").joinpath("acqd.toml").read_text(encoding="utf-8")
+    text = re.sub(r'^(# )?device = "[^"]*"', f'device = "{device}"', text, count=1, flags=re.MULTILINE)
+    if user is None:
+        return text
+    text = re.sub(r'^# username = "[^"]*"', f'username = "{user}"', text, count=1, flags=re.MULTILINE)
+    return re.sub(r"^# (password_file = .*)", r"\1", text, count=1, flags=re.MULTILINE)
+
+
+def default_program(argv0: str) -> str:
+    """The command acqd that is running, as units should name it."""
+    path = Path(argv0).resolve() if "/" in argv0 else Path(argv0)
+    return str(path) if path.name == "acqd" else "/opt/acqd/.venv/bin/acqd"

@@ -1,0 +1,153 @@
+"""`acqd service` below a root folder, and its broker and units with the real programs."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import re
+import shutil
+import stat
+import subprocess
+
+import aiomqtt
+import pytest
+
+from acqd.daemon.config import load_config
+from acqd.installation.broker_access import password_line
+from tests.commands import acqd_here, refused
+
+pytestmark = [
+    pytest.mark.skipif(os.geteuid() != 0, reason="users and owners need root"),
+    pytest.mark.skipif(shutil.which("systemd-sysusers") is None, reason="no systemd here"),
+]
+
+
+def contents(root):
+    """Files with their text, mode and owners."""
+    by_the_way = (".pwd.lock", "passwd-", "group-", "shadow-", "gshadow-")
+    files = [path for path in sorted(root.rglob("*")) if path.is_file() and path.name not in by_the_way]
+    return {
+        f"/{path.relative_to(root)}": (path.read_bytes(), stat.S_IMODE(path.stat().st_mode), path.stat().st_gid)
+        for path in files
+    }
+
+
+def installed(root, *options):
+    done = acqd_here("service", "install", "--root", root, "--program", "/bin/true", *options)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.fixture
+def root(tmp_path):
+    """A system where mosquitto is installed."""
+    (tmp_path / "etc").mkdir()
+    (tmp_path / "etc" / "group").write_text("root:x:0:\nmosquitto:x:117:\n")
+    return tmp_path
+
+
+def test_an_installation_has_user_folders_units_and_access(root):
+    installed(root, "--device", "hall-3", "--rights", "raw-network", "--with", "daemon", "--with", "sink")
+    files = contents(root)
+    assert re.search(r"^acqd:x:\d+:\d+:acqd power metering:/var/lib/acqd:", files["/etc/passwd"][0].decode(), re.M)
+    group = int(re.search(r"^acqd:x:(\d+):", files["/etc/group"][0].decode(), re.M)[1])
+    for folder, mode in (("etc/acqd", 0o750), ("var/lib/acqd", 0o750)):
+        status = (root / folder).stat()
+        assert stat.S_IMODE(status.st_mode) == mode and status.st_gid == group
+    assert files["/etc/acqd/acqd.toml"][1:] == (0o640, group)
+    assert files["/etc/acqd/hall-3.password"][1] == files["/etc/acqd/acqd-sink.password"][1] == 0o600
+    assert files["/etc/mosquitto/acqd.passwords"][1:] == (0o640, 117)
+    assert b"CAP_NET_RAW" in files["/etc/systemd/system/acqd.service.d/raw-network.conf"][0]
+    assert b"ExecStart=/bin/true run --config /etc/acqd/acqd.toml" in files["/etc/systemd/system/acqd.service"][0]
+    assert "/etc/systemd/system/acqd-sidecar.service" not in files
+    text = (root / "etc/acqd/acqd.toml").read_text().replace("$CREDENTIALS_DIRECTORY/mqtt", f"{root}/etc/acqd/hall-3")
+    (root / "acqd.toml").write_text(text)
+    settings = load_config(root / "acqd.toml")
+    assert settings.device == settings.mqtt.username == "hall-3"
+
+
+def test_a_second_installation_changes_nothing(root):
+    installed(root)
+    (root / "etc/acqd/acqd.toml").write_text('device = "mine"\n')
+    before = contents(root)
+    assert installed(root) == "nothing to do\n"
+    assert contents(root) == before
+    (root / "etc/systemd/system/acqd.service").write_text("of an earlier version")
+    assert installed(root) == "wrote /etc/systemd/system/acqd.service\n"
+    assert contents(root) == before
+
+
+def test_removal_keeps_rows_and_configuration_unless_purged(root):
+    before = contents(root)
+    installed(root, "--rights", "serial", "--with", "sidecar", "--with", "daemon")
+    (root / "var/lib/acqd/acqd.sqlite").write_text("rows")
+    assert acqd_here("service", "remove", "--root", root).returncode == 0
+    left = set(contents(root)) - set(before)
+    assert left == {
+        "/etc/passwd", "/etc/shadow", "/etc/gshadow", "/etc/acqd/acqd.toml", "/etc/acqd/sidecar.toml",
+        "/etc/acqd/box.password", "/etc/acqd/acqd-sidecar.password", "/etc/acqd/viewer.password",
+        "/var/lib/acqd/acqd.sqlite",
+    }  # fmt: skip
+    assert not list((root / "etc/systemd/system").iterdir())
+    assert acqd_here("service", "remove", "--purge", "--root", root).returncode == 0
+    assert set(contents(root)) - set(before) == {"/etc/passwd", "/etc/shadow", "/etc/gshadow"}
+    assert b"acqd" not in (root / "etc/passwd").read_bytes() + (root / "etc/group").read_bytes()
+    assert acqd_here("service", "remove", "--purge", "--root", root).stdout == "nothing to do\n"
+
+
+def test_what_cannot_be_installed_is_named(root):
+    assert "no service kitchen" in refused(acqd_here("service", "install", "--with", "kitchen", "--root", root))
+    assert "no rights all" in refused(acqd_here("service", "install", "--rights", "all", "--root", root))
+    assert "letters, digits" in refused(acqd_here("service", "install", "--device", "a/b", "--root", root))
+    (root / "etc" / "group").write_text("root:x:0:\n")
+    assert "--no-broker" in refused(acqd_here("service", "install", "--root", root))
+    assert "not a folder" in refused(acqd_here("service", "install", "--root", root / "nowhere"))
+
+
+def test_systemd_accepts_the_units(root):
+    everything = [word for name in ("daemon", "sink", "sidecar", "maintain") for word in ("--with", name)]
+    installed(root, *everything, "--rights", "serial")
+    units = sorted((root / "etc/systemd/system").glob("acqd*.*e*"))
+    units = [path for path in units if path.is_file()]
+    assert len(units) == 5
+    verified = subprocess.run(["systemd-analyze", "verify", *units], capture_output=True, text=True, check=False)
+    complaints = [line for line in verified.stderr.splitlines() if "acqd" in line]
+    assert verified.returncode == 0 and not complaints, complaints
+
+
+def test_mosquitto_grants_what_the_rules_say(root, mosquitto):
+    installed(root, "--device", "hall-3")
+    mosquitto.stop()
+    configuration = (root / "etc/mosquitto/conf.d/acqd.conf").read_text()
+    assert "allow_anonymous false" in configuration
+    lines = [line for line in configuration.splitlines() if line.startswith(("password_file", "acl_file", "allow"))]
+    mosquitto.extra = "\n".join(line.replace(" /etc", f" {root}/etc") for line in lines) + "\n"
+    mosquitto.start()
+    password = (root / "etc/acqd/hall-3.password").read_text().strip()
+    viewer = (root / "etc/acqd/viewer.password").read_text().strip()
+
+    async def seen():
+        async with (
+            aiomqtt.Client("127.0.0.1", mosquitto.port, username="viewer", password=viewer) as watching,
+            aiomqtt.Client("127.0.0.1", mosquitto.port, username="hall-3", password=password) as writing,
+        ):
+            await watching.subscribe("acqd/#", qos=1)
+            for topic in ("acqd/other/L1/power", "acqd/hall-3/L1/power"):
+                await writing.publish(topic, b"row", qos=1)
+            async for message in watching.messages:
+                return str(message.topic)
+        return None
+
+    assert asyncio.run(asyncio.wait_for(seen(), 60)) == "acqd/hall-3/L1/power"
+
+    async def stranger():
+        async with aiomqtt.Client("127.0.0.1", mosquitto.port, username="hall-3", password="guess"):
+            pass
+
+    with pytest.raises(aiomqtt.MqttError):
+        asyncio.run(stranger())
+
+
+def test_passwords_are_salted():
+    one, other = password_line("a", "secret"), password_line("a", "secret")
+    assert one != other and re.fullmatch(r"a:\$7\$101\$[\w+/=]{16}\$[\w+/=]{88}", one)

@@ -1,0 +1,1 @@
+"""What each extra of acqd installs: megabytes, minutes, and whether its use works without anything else."""
