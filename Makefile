@@ -1,5 +1,5 @@
 # `make run` and `make test` are all a newcomer needs; tools/bootstrap.sh does the work.
-.PHONY: run test lint bench faults soak sbom fuzz install clean
+.PHONY: run test lint bench faults soak sbom fuzz docs install clean
 
 run:
 	@sh tools/bootstrap.sh run $(ARGS)
@@ -27,6 +27,11 @@ sbom:
 fuzz:
 	@sh tools/bootstrap.sh install dev
 	@$${ACQD_VENV:-.venv}/bin/python -m tools.studies.fuzz $(ARGS)
+
+# the site in site/, and man pages in site/man
+docs:
+	@sh tools/bootstrap.sh install docs
+	@$${ACQD_VENV:-.venv}/bin/python -m tools.docs $(ARGS)
 
 install:
 	@sh tools/bootstrap.sh install $(EXTRA)
