@@ -46,17 +46,22 @@ class Dataset:
         device: str | None = None,
         channel: str | None = None,
         lag_s: float | None = None,
+        cut_s: float | Literal["auto"] | None = None,
         append: bool = False,
     ) -> Dataset:
         """Merge power rows (file, SQL URL, or "log") with robot logs, and find the shift of the clocks.
 
-        `lag_s`: controller clock minus power clock, if known. Raises UserError, InputError, OperationError.
+        `lag_s`: controller clock minus power clock, if known; `cut_s`: length of the pieces into which long logs are
+        cut ("auto": chosen from the motion, None: only a single long log is cut). Raises UserError, InputError,
+        OperationError.
         """
         require("Dataset.build", ("jinja2", "matplotlib", "pyarrow", "scipy"), "data")
         from acqd.dataset.build import BuildConfig, build
 
         name = _name_of(robot)
-        config = BuildConfig(str(power), path_of(logs), path_of(out), name, device, channel, lag_s=lag_s, append=append)
+        config = BuildConfig(
+            str(power), path_of(logs), path_of(out), name, device, channel, lag_s=lag_s, cut_s=cut_s, append=append
+        )
         build(config, lambda *_: None)
         return cls(out)
 

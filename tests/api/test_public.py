@@ -75,3 +75,10 @@ def test_examples_in_docstrings(module, folder):
         runner.run(example, out=said.append)
     assert not runner.failures, "".join(said)
     assert runner.tries, "no example"
+
+
+@pytest.mark.slow
+def test_examples_of_the_page_about_python(folder):
+    pytest.importorskip("pandas")
+    failed, tried = doctest.testfile(str(ROOT / "docs" / "python.md"), module_relative=False)
+    assert not failed and tried > 10

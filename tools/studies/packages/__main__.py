@@ -21,9 +21,9 @@ USES = {"daemon": "", "sidecar": "sidecar", "loop": "loop", "fmu": "fmu"}
 """The extra of each use of smoke.py."""
 
 
-def build(folder: Path) -> Path:
-    """The wheel that comes of the source distribution. Raises OperationError."""
-    _run([sys.executable, "-m", "build", "--outdir", str(folder), str(ROOT)], folder)
+def build(folder: Path, source: Path = ROOT) -> Path:
+    """The wheel that comes of the source distribution of the tree `source`, in `folder`. Raises OperationError."""
+    _run([sys.executable, "-m", "build", "--outdir", str(folder), str(source)], folder)
     return next(folder.glob("*.whl"))
 
 
