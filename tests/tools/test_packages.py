@@ -7,7 +7,7 @@ import zipfile
 import pytest
 
 from tests.places import ROOT
-from tools.studies.packages.__main__ import build, measure
+from tools.studies.packages.__main__ import USES, build, measure
 
 pytestmark = pytest.mark.slow
 pytest.importorskip("build", reason="build is not installed: pip install build")
@@ -40,8 +40,6 @@ def test_the_wheel_is_complete(wheel):
     assert {name for name in known if not name.startswith(".git")} <= inside
 
 
-@pytest.mark.parametrize(
-    ("use", "extra"), [("daemon", ""), ("sidecar", "sidecar"), ("loop", "loop"), ("fmu", "predict")]
-)
-def test_every_use_works_with_its_extra_alone(wheel, use, extra):
-    assert "MB" in measure(wheel, use, extra, ROOT / "constraints.txt")
+@pytest.mark.parametrize("use", USES)
+def test_every_use_works_with_its_extra_alone(wheel, use):
+    assert "MB" in measure(wheel, use, USES[use], ROOT / "constraints.txt")
