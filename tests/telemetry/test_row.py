@@ -92,7 +92,10 @@ def test_malformed_rows_are_refused_with_the_field(change, complaint):
 def test_deep_nesting_and_absurd_numbers_are_refused():
     _, _, rows = some_rows(phases=1)
     text = rows[0].to_json()
-    for bad in (text[:-1] + b',"x":' + b"[" * 100_000 + b"]" * 100_000 + b"}", text.replace(b'"S":', b'"S":1e200,"SS":')):
+    for bad in (
+        text[:-1] + b',"x":' + b"[" * 100_000 + b"]" * 100_000 + b"}",
+        text.replace(b'"S":', b'"S":1e200,"SS":'),
+    ):
         with pytest.raises(ValueError):
             parse_row(bad)
 
