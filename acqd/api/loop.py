@@ -58,7 +58,7 @@ def close_loop(
     `out` defaults to DATASET.loop. `since` leaves out recordings that ended before. Raises UserError, InputError,
     OperationError.
 
-    >>> result = close_loop("now", "model", "loop", only=["payload", "offset_shift"])
+    >>> result = close_loop("now", "model", "loop", only=["payload"])
     >>> result.verdict, result.effects[0]["id"]
     ('effects_found', 'payload')
     """

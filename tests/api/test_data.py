@@ -79,3 +79,13 @@ def test_a_prediction_of_arrays_equals_that_of_the_log(folder):
         model.predict(np.zeros((10, 7)))
     with pytest.raises(acqd.UserError, match="signals have the shape"):
         model.predict(np.zeros((10, 6)), np.zeros((10, 9)))
+
+
+def test_a_loop_that_cannot_be_closed_is_named(folder):
+    with pytest.raises(acqd.InputError, match="is not a bundle"):
+        acqd.close_loop("now", "nowhere", "loop")
+    with pytest.raises(acqd.UserError, match="is not a dataset"):
+        acqd.close_loop("nowhere", "model", "loop")
+    with pytest.raises(acqd.UserError, match="not an earlier report"):
+        acqd.close_loop("now", "model", "logs")
+    assert not (folder / "loop").exists()

@@ -54,8 +54,14 @@ def test_checks_of_scikit_learn(estimator, check):
     check(estimator)
 
 
-def rows_of(name):
+def frame_of(name):
+    """Five recordings: a fit of all takes a second."""
     frame = acqd.Dataset(name).to_pandas().query("valid")
+    return frame[frame["recording"].isin(frame["recording"].unique()[:5])]
+
+
+def rows_of(name):
+    frame = frame_of(name)
     return frame[[f"q{k}" for k in range(1, 7)]], frame["P"], frame["recording"]
 
 
@@ -63,7 +69,7 @@ def test_a_grey_box_predicts_recordings_that_it_has_not_seen(folder):
     X, y, groups = rows_of("ds")
     with config_context(enable_metadata_routing=True):
         model = PowerRegressor("grey-box", robot="ur10e").set_fit_request(groups=True).set_score_request(groups=True)
-        scores = cross_val_score(model, X, y, cv=GroupKFold(3), params={"groups": groups})
+        scores = cross_val_score(model, X, y, cv=GroupKFold(2), params={"groups": groups})
     assert min(scores) > 0.95, scores
     assert clone(model).get_params() == model.get_params()
 
@@ -72,14 +78,14 @@ def test_recordings_are_predicted_apart(folder):
     X, y, groups = rows_of("ds")
     model = PowerRegressor("grey-box", robot="ur10e").fit(X, y, groups=groups)
     whole = model.predict(X, groups=groups)
-    for name in groups.unique()[:2]:
+    for name in groups.unique()[:1]:
         rows = (groups == name).to_numpy()
         np.testing.assert_array_equal(whole[rows], model.predict(X[rows]))
 
 
 def test_signals_are_further_columns(folder):
     X, y, groups = rows_of("ds")
-    brake = acqd.Dataset("ds").to_pandas().query("valid")["brake"]
+    brake = frame_of("ds")["brake"]
     model = PowerRegressor("grey-box", robot="ur10e", signals=("brake",))
     model.fit(X.assign(brake=brake), y, groups=groups)
     assert model.predictor_.signals == ("brake",)

@@ -63,7 +63,10 @@ def test_the_types_name_what_the_package_exports():
         acqd.no_such_name  # noqa: B018
 
 
-@pytest.mark.parametrize("module", ["dataset", "estimator", "logs", "loop", "meter", "models", "robot", "rows"])
+_MODULES = ["dataset", "estimator", "logs", "meter", "models", "robot", "rows"]
+
+
+@pytest.mark.parametrize("module", [*_MODULES, pytest.param("loop", marks=pytest.mark.slow)])
 def test_examples_in_docstrings(module, folder):
     for needed in {"dataset": ("pandas",), "rows": ("pandas",), "estimator": ("pandas", "sklearn")}.get(module, ()):
         pytest.importorskip(needed)
