@@ -22,6 +22,7 @@ def test_every_command_is_in_the_reference():
     for name, command in tree.commands.items():
         for child in getattr(command, "commands", None) or [""]:
             assert f"### acqd {name} {child}".rstrip() + "\n" in text
+    assert "### acqd sink\n" in text and text.count("\n## ") == len({command.panel for command in all_commands()})
     close = next(command for command in all_commands() if command.name == "acqd close-loop")
     assert close.usage == "acqd close-loop [OPTIONS] DS" and close.examples[0].startswith("acqd close-loop ")
     assert {"--model PATH", "--seed INT"} <= {parameter.name for parameter in close.parameters}

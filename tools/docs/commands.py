@@ -27,7 +27,7 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """A command that does something (not a group of commands)."""
+    """A command that does something; a group of commands only if it does."""
 
     words: tuple[str, ...]
     """Such as ("acqd", "dataset", "build")."""
@@ -49,8 +49,10 @@ class Command:
 
 
 def all_commands() -> list[Command]:
-    """Every command, in the order of `acqd --help`."""
-    return list(_below(typer.main.get_command(app), ("acqd",), ""))
+    """Every command, panel by panel in the order of `acqd --help`."""
+    found = list(_below(typer.main.get_command(app), ("acqd",), ""))
+    panels = list(dict.fromkeys(command.panel for command in found))
+    return sorted(found, key=lambda command: panels.index(command.panel))
 
 
 def _below(command: Any, words: tuple[str, ...], panel: str) -> Iterator[Command]:
@@ -60,7 +62,8 @@ def _below(command: Any, words: tuple[str, ...], panel: str) -> Iterator[Command
         for name, child in children.items():
             if not child.hidden:
                 yield from _below(child, (*words, name), panel)
-        return
+        if not command.invoke_without_command or len(words) == 1:
+            return
     text, examples = _parts(command.help or "")
     yield Command(words, str(panel), text, examples, [_parameter(each) for each in command.params if _shown(each)])
 
