@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any, Protocol
 
 from acqd.daemon.health.snapshot import FeedHealth
+from acqd.plc.recent import SampledWindow
 from acqd.telemetry.row import PowerRow
 from acqd.telemetry.spool import Energy
 
@@ -40,6 +41,9 @@ class Feed(Protocol):
 
     def health(self) -> FeedHealth:
         """Connection to the source, cycles and clock; asked in the threads of the health endpoints."""
+
+    def window(self, device: str) -> tuple[str, SampledWindow | None] | None:
+        """Name and newest window of a device ("": the first one); None: it is not of this feed. In any thread."""
 
     def status(self) -> dict[str, Any]:
         """The source's part of the status message."""

@@ -17,6 +17,7 @@ from acqd.daemon.modbus_sections import MetersSection
 from acqd.errors import UserError
 from acqd.metering.power import effective
 from acqd.plc.kernel_clock import KernelClock, WallClockSteps
+from acqd.plc.recent import SampledWindow
 from acqd.sources.spec import device_module
 from acqd.telemetry.row import CHANNELS, Channel, PowerRow
 from acqd.telemetry.summary import Summariser, TimedRow
@@ -94,6 +95,11 @@ class MeterFeed:
         if time.monotonic() - self._last_row < patience_s:
             return True
         return self._bus.polling and all(meter.trouble for meter in self._bus.meters)
+
+    def window(self, device: str) -> tuple[str, SampledWindow | None] | None:
+        """Name of a meter, and None: registers have no samples. None for another name."""
+        names = list(self._summarisers)
+        return (device or names[0], None) if device in ("", *names) else None
 
     def health(self) -> FeedHealth:
         """Connected while the bus runs and a meter answers; `trouble` names the bus, or the meters that are silent."""

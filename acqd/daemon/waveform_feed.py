@@ -18,6 +18,7 @@ from acqd.daemon.source_sections import WaveformSection
 from acqd.metering import Meter, SampleBlock, StreamFormat, WindowBatch
 from acqd.plc.executive import Executive
 from acqd.plc.realtime import prioritise
+from acqd.plc.recent import SampledWindow
 from acqd.telemetry.row import rows_of
 from acqd.telemetry.spool import Energy
 from acqd.telemetry.summary import Summariser
@@ -104,7 +105,10 @@ class WaveformFeed:
         lost = executive.health
         with contextlib.suppress(ValueError):  # the ring is being replaced: the figures of the last look hold
             summary = executive.cycle_summary()
-            self._cycles = Cycles(summary.cycles, summary.late, summary.missed, summary.exceeded, executive.restarts)
+            self._cycles = Cycles(
+                summary.cycles, summary.late, summary.missed, summary.exceeded, executive.restarts,
+                executive.latencies(), executive.durations(),
+            )  # fmt: skip
         return FeedHealth(
             self._boot.name,
             SourceLink(lost.connected, lost.reconnects, lost.reason, lost.lost),
@@ -112,6 +116,13 @@ class WaveformFeed:
             self._cycles,
             executive.clock.synchronised,
         )
+
+    def window(self, device: str) -> tuple[str, SampledWindow | None] | None:
+        """The newest window; None for another device's name. May be asked in any thread."""
+        recent = self._executive.recent
+        if device not in ("", self._config.device):
+            return None
+        return self._config.device, recent.window() if recent is not None else None
 
     def status(self) -> dict[str, Any]:
         """Health of the source, statistics of MAIN_FAST and MAIN_SLOW."""

@@ -21,9 +21,11 @@ from acqd.changes import StateLog
 from acqd.errors import OperationError, UserError
 from acqd.metering import Meter, SampleBlock, StreamFormat, WindowBatch
 from acqd.metering.stages import Stage, Stages
+from acqd.plc.distribution import Distribution, of_microseconds
 from acqd.plc.fast_process import FastProcess, StartError, launch
 from acqd.plc.kernel_clock import KernelClock
 from acqd.plc.realtime import RealtimeSettings
+from acqd.plc.recent import RecentSamples
 from acqd.plc.ring import ENDED
 from acqd.plc.slow import SlowTask
 from acqd.plc.source_watch import SourceWatch
@@ -57,6 +59,7 @@ class Executive:
         self._orders = {"source": source, "window": window, "realtime": asdict(realtime or RealtimeSettings())}
         self._make_meter, self._makers = make_meter, makers
         self._form: StreamFormat | None = None
+        self._window = window
         self._on_batch = on_batch
         self._make_watch = make_watch
         self._fast: FastProcess | None = None
@@ -73,6 +76,8 @@ class Executive:
         """Whether MAIN_FAST is gone and being launched again."""
         self.clock = KernelClock()
         self.meter: Meter | None = None
+        self.recent: RecentSamples | None = None
+        """The newest samples, for readers in any thread; None before the start."""
         self.failure: Exception | None = None
 
     async def start(self) -> StreamFormat:
@@ -188,6 +193,15 @@ class Executive:
         assert self._fast is not None
         return CycleStats(self._fast.ring.cycle_slots, self._fast.period_ns).histogram()
 
+    def latencies(self) -> Distribution:
+        """How late the current fast process woke."""
+        summary = self.cycle_summary()
+        return of_microseconds(self.cycle_histogram(), summary.mean_us * summary.cycles)
+
+    def durations(self) -> Distribution | None:
+        """How long MAIN_SLOW took per wake-up; None before the start."""
+        return self._slow.durations.distribution() if self._slow is not None else None
+
     def slow_us(self) -> float:
         """Mean duration of MAIN_SLOW per window so far [us]."""
         if self._slow is None or not self._slow.windows:
@@ -205,7 +219,9 @@ class Executive:
             stages = Stages(fast.form, self._makers)
             self.meter = self._make_meter(stages.form)
             watch = self._make_watch(stages.form) if self._make_watch is not None else None
-            self._slow = SlowTask(fast.ring, self.meter, fast.flags, stages, watch)
+            self.recent = RecentSamples(stages.form, self._window)
+            watches = [self.recent.add, *([watch] if watch is not None else [])]
+            self._slow = SlowTask(fast.ring, self.meter, fast.flags, stages, watches)
         else:
             self._slow.replace_ring(fast.ring)
         if previous is not None:

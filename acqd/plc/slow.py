@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from acqd.metering import Meter, SampleBlock, WindowBatch
 from acqd.metering.stages import Stages
+from acqd.plc.distribution import Durations
 from acqd.plc.ring import Ring
 
 
@@ -20,17 +21,19 @@ class SlowTask:
         meter: Meter,
         flags: frozenset[str] = frozenset(),
         stages: Stages | None = None,
-        watch: Callable[[SampleBlock], None] | None = None,
+        watches: Sequence[Callable[[SampleBlock], None]] = (),
     ) -> None:
-        """`meter` takes the samples as `stages` leave them, and then `watch` does."""
+        """`meter` takes the samples as `stages` leave them, and then `watches` do."""
         self._ring = ring
         self._meter = meter
         self._stages = stages
-        self._watch = watch
+        self._watches = watches
         self.flags = flags
         """Hold for the rows made from now on ("simulated")."""
         self.windows = 0
         self.busy_ns = 0
+        self.durations = Durations()
+        """Of the cycles that completed windows."""
 
     def replace_ring(self, ring: Ring) -> None:
         """Continue with a restarted MAIN_FAST; the samples in between are a gap."""
@@ -45,13 +48,16 @@ class SlowTask:
                 block = replace(block, flags=block.flags | self.flags)
             ready = block if self._stages is None else self._stages.apply(block)
             batch = None if ready is None else self._meter.feed(ready)
-            if ready is not None and self._watch is not None:
-                self._watch(ready)
+            if ready is not None:
+                for watch in self._watches:
+                    watch(ready)
             if batch is not None:
                 batches.append(batch)
         if not batches:
             return None
         joined = WindowBatch.join(batches)
         self.windows += len(joined)
-        self.busy_ns += time.perf_counter_ns() - begun
+        busy_ns = time.perf_counter_ns() - begun
+        self.busy_ns += busy_ns
+        self.durations.add(busy_ns)
         return joined

@@ -28,7 +28,7 @@ class DaemonHealth(ServiceHealth):
 
     def __init__(self, section: HealthSection, device: str, feed: Feed, progress: Callable[[], Progress]) -> None:
         self._device, self._feed, self._progress = device, feed, progress
-        super().__init__(section.host, section.port)
+        super().__init__(section.host, section.port, feed.window)
 
     def alive(self) -> bool:
         """Whether rows advance, or what they need is away and being brought back."""

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import accumulate
 
 from prometheus_client import CollectorRegistry, generate_latest
-from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily, Metric
 from prometheus_client.registry import Collector
 
-from acqd.daemon.health.snapshot import Delivery, Snapshot
+from acqd.daemon.health.snapshot import Cycles, Delivery, Snapshot
 from acqd.daemon.health.verdict import verdict
 
 CONTENT_TYPE = "text/plain; version=0.0.4; charset=utf-8"
@@ -37,6 +38,7 @@ class _Once(Collector):
         for name, text, value in _gauges(snapshot):
             if value is not None:
                 yield _with(GaugeMetricFamily(f"acqd_{name}", text, labels=list(labels)), labels, value)
+        yield from _histograms(snapshot, labels)
         links = {"source": snapshot.source, "broker": snapshot.broker, "database": snapshot.database}
         up = GaugeMetricFamily("acqd_connected", "1 while the peer is connected", labels=[*labels, "peer"])
         again = CounterMetricFamily("acqd_reconnects", "Connections made again", labels=[*labels, "peer"])
@@ -45,6 +47,20 @@ class _Once(Collector):
                 up.add_metric([*labels.values(), peer], float(link.connected))
                 again.add_metric([*labels.values(), peer], link.reconnects)
         yield from (up, again)
+
+
+def _histograms(snapshot: Snapshot, labels: dict[str, str]) -> Iterator[Metric]:
+    cycles = snapshot.cycles or Cycles()
+    for name, text, times in (
+        ("main_fast_latency_seconds", "How late MAIN_FAST woke", cycles.latency),
+        ("main_slow_duration_seconds", "How long MAIN_SLOW took per wake-up", cycles.slow),
+    ):
+        if times is not None:
+            limits = [*(f"{upper * 1e-6:g}" for upper in times.upper_us), "+Inf"]
+            buckets = list(zip(limits, accumulate(times.counts), strict=True))
+            family = HistogramMetricFamily(f"acqd_{name}", text, labels=list(labels))
+            family.add_metric(list(labels.values()), buckets, times.sum_us * 1e-6)
+            yield family
 
 
 def _with(

@@ -1,4 +1,4 @@
-"""The endpoints /healthz, /readyz, /status and /metrics, served by a thread: a blocked service can still say so."""
+"""The endpoints /healthz, /readyz, /status, /metrics and /window, in a thread: a blocked service can still say so."""
 
 from __future__ import annotations
 
@@ -9,12 +9,14 @@ from dataclasses import asdict
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from socketserver import ThreadingMixIn
 from typing import Any
+from urllib.parse import parse_qs
 
 import orjson
 
 from acqd.daemon.health.metrics import CONTENT_TYPE, metrics
 from acqd.daemon.health.snapshot import Snapshot
 from acqd.daemon.health.verdict import verdict
+from acqd.daemon.health.window import WindowOf, window_page
 
 _log = logging.getLogger(__name__)
 _JSON = "application/json"
@@ -25,14 +27,15 @@ _CLIENTS = 8  # at once
 class HealthServer:
     """Serves snapshots of one service; a port that cannot be used is logged and does not stop the service."""
 
-    def __init__(self, host: str, port: int, snapshot: Callable[[], Snapshot]) -> None:
-        self._host, self._port, self._snapshot = host, port, snapshot
+    def __init__(self, host: str, port: int, snapshot: Callable[[], Snapshot], window: WindowOf | None = None) -> None:
+        """`window`: what /window shows; None: there is no such endpoint."""
+        self._host, self._port, self._snapshot, self._window = host, port, snapshot, window
         self._server: _Server | None = None
 
     def start(self) -> None:
         """Listen."""
         try:
-            self._server = _Server((self._host, self._port), _handler(self._snapshot))
+            self._server = _Server((self._host, self._port), _handler(self._snapshot, self._window))
         except OSError as error:
             _log.info(
                 "health: port %s:%d cannot be used (%s); this service has no endpoints, see [health]",
@@ -81,13 +84,18 @@ class _Server(ThreadingMixIn, HTTPServer):
         _log.debug("health: request of %s failed", client_address, exc_info=True)
 
 
-def _handler(snapshot: Callable[[], Snapshot]) -> type[BaseHTTPRequestHandler]:
+def _handler(snapshot: Callable[[], Snapshot], window: WindowOf | None) -> type[BaseHTTPRequestHandler]:
     class Handler(BaseHTTPRequestHandler):
         timeout = _REQUEST_S
         server_version, sys_version = "acqd", ""
 
         def do_GET(self) -> None:
-            code, kind, body = _page(self.path.partition("?")[0], snapshot)
+            path, _, query = self.path.partition("?")
+            if path == "/window" and window is not None:
+                code, body = window_page(window, parse_qs(query).get("device", [""])[0])
+                kind = _JSON
+            else:
+                code, kind, body = _page(path, snapshot)
             self.send_response(code)
             self.send_header("Content-Type", kind)
             self.send_header("Content-Length", str(len(body)))
@@ -104,7 +112,7 @@ def _handler(snapshot: Callable[[], Snapshot]) -> type[BaseHTTPRequestHandler]:
 def _page(path: str, snapshot: Callable[[], Snapshot]) -> tuple[int, str, bytes]:
     """Status code, content type and body of an endpoint."""
     if path not in ("/healthz", "/readyz", "/status", "/metrics"):
-        return 404, _JSON, orjson.dumps({"error": "expected /healthz, /readyz, /status or /metrics"})
+        return 404, _JSON, orjson.dumps({"error": "expected /healthz, /readyz, /status, /metrics or /window"})
     now = snapshot()
     if path == "/metrics":
         return 200, CONTENT_TYPE, metrics(now)

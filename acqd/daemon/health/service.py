@@ -8,15 +8,16 @@ from abc import ABC, abstractmethod
 from acqd.daemon.health.server import HealthServer
 from acqd.daemon.health.snapshot import Snapshot
 from acqd.daemon.health.watchdog import Watchdog
+from acqd.daemon.health.window import WindowOf
 
 
 class ServiceHealth(ABC):
     """Asked by threads: everything here reads plain attributes and never waits."""
 
-    def __init__(self, host: str, port: int) -> None:
-        """Port 0: no endpoints."""
+    def __init__(self, host: str, port: int, window: WindowOf | None = None) -> None:
+        """Port 0: no endpoints. `window`: what /window shows."""
         self._begun = self._turned = time.monotonic()
-        self._server = HealthServer(host, port, self.snapshot) if port else None
+        self._server = HealthServer(host, port, self.snapshot, window) if port else None
         self._watchdog = Watchdog(self.alive)
 
     @abstractmethod

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from acqd.plc.distribution import Distribution
+
 
 @dataclass(frozen=True, slots=True)
 class Link:
@@ -57,6 +59,10 @@ class Cycles:
     exceeded: int = 0
     restarts: int = 0
     """Times MAIN_FAST was launched again."""
+    latency: Distribution | None = None
+    """How late MAIN_FAST woke."""
+    slow: Distribution | None = None
+    """How long MAIN_SLOW took per wake-up."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,6 +29,9 @@ class Feed:
     def health(self):
         return FeedHealth("b00t", SourceLink(True), 0.02)
 
+    def window(self, device):
+        return device, None
+
 
 @pytest.fixture
 def clock(monkeypatch):
