@@ -2,39 +2,58 @@
 
 from __future__ import annotations
 
+import logging
+import sys
 from typing import Annotated
 
 import orjson
 import typer
 
 from acqd.cli.options import ConfigFile, Json, configured
+from acqd.daemon.config import Config
 from acqd.extras import require
+from acqd.plc.realtime import die_with_parent
 from acqd.telemetry.broker import check_port
+
+_log = logging.getLogger(__name__)
 
 
 def web(
     config: ConfigFile = None,
-    listen: Annotated[str, typer.Option(help="Address to serve on; any but loopback needs the token.")] = "127.0.0.1",
-    web_port: Annotated[int, typer.Option("--web-port", min=1, max=65535, help="Port to serve on.")] = 8731,
+    listen: Annotated[
+        str | None, typer.Option(help="Address to serve on (default 127.0.0.1); any but loopback needs the token.")
+    ] = None,
+    web_port: Annotated[
+        int | None, typer.Option("--web-port", min=1, max=65535, help="Port to serve on (default 8731).")
+    ] = None,
     host: Annotated[str | None, typer.Option(help="Broker host (default 127.0.0.1, or the config's).")] = None,
     port: Annotated[int | None, typer.Option(min=1, max=65535, help="Broker port (default 1883).")] = None,
     database: Annotated[str | None, typer.Option(help="SQL database of the past (default: the config's).")] = None,
     token: Annotated[str | None, typer.Option(help="Token to ask for (default off loopback: a new one).")] = None,
+    embedded: Annotated[bool, typer.Option("--embedded", hidden=True)] = False,
     json: Json = False,
 ) -> None:
-    """Serve the live page: power, voltage, current and energy as numbers and charts, and the services' health.
+    """Serve the live page: numbers, charts, waveforms, predictions and the services' health.
 
     Example: acqd web --config acqd.toml
     """
     require("acqd web", ("starlette", "uvicorn"), "web")
     from acqd.web.server import Server
-    from acqd.web.settings import WebSettings, token_for
+    from acqd.web.settings import settings_of
 
-    chosen = configured(config, host, port)
-    check_port(listen, web_port)
-    settings = WebSettings(
-        chosen.mqtt.address(), database or chosen.sink.database, chosen.health, listen, web_port,
-        token_for(listen, token),
-    )  # fmt: skip
-    print(orjson.dumps({"address": settings.address}).decode() if json else f"look at {settings.address}", flush=True)
-    Server(settings).run()
+    if embedded:
+        die_with_parent()
+    # `acqd run` hands its configuration over on stdin, as to the sink
+    chosen = Config.model_validate_json(sys.stdin.read()) if embedded else configured(config, host, port)
+    given = {"host": listen, "port": web_port, "token": token}
+    section = chosen.web.model_copy(update={name: value for name, value in given.items() if value is not None})
+    check_port(section.host, section.port)
+    settings = settings_of(chosen.mqtt.address(), database or chosen.sink.database, chosen.health, section)
+    server = Server(settings)
+    if embedded:
+        print("ready", flush=True)
+        _log.info("look at %s", settings.address)
+    else:
+        address = orjson.dumps({"address": settings.address}).decode()
+        print(address if json else f"look at {settings.address}", flush=True)
+    server.run()

@@ -19,6 +19,7 @@ from acqd.daemon.quality_section import QualitySection
 from acqd.daemon.section import Positive, Section
 from acqd.daemon.source_sections import SECTIONS, SimulatedSection, SourceSection
 from acqd.daemon.spool_section import SpoolSection
+from acqd.daemon.web_section import WebSection
 from acqd.errors import InputError
 from acqd.plc.realtime import RealtimeSettings
 from acqd.storage.sink_settings import SinkSettings
@@ -98,6 +99,7 @@ class Config(Section):
     broker: BrokerSection = BrokerSection()
     sink: SinkSection = Field(default_factory=SinkSection)
     health: HealthSection = HealthSection()
+    web: WebSection = WebSection()
 
     @field_validator("device")
     @classmethod
@@ -224,7 +226,7 @@ _KINDS: dict[str, type[Section]] = {
 }
 
 
-_SECRET = {"password", "password_file", "database", "username"}
+_SECRET = {"token", "password", "password_file", "database", "username"}
 _NET_ID = "expected six numbers like 5.12.34.56.1.1"
 _EXPECTED = {
     "source.ams_net_id": _NET_ID,

@@ -18,7 +18,7 @@ import orjson
 from acqd import __version__
 from acqd.daemon.broker_process import BrokerProcess
 from acqd.daemon.config import Config
-from acqd.daemon.embedded_sink import EmbeddedSink
+from acqd.daemon.embedded_child import EmbeddedChild
 from acqd.daemon.feed import Feed
 from acqd.daemon.feeds import feed_of
 from acqd.daemon.health.daemon import DaemonHealth, Progress
@@ -69,7 +69,8 @@ class Service:
         for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
             loop.add_signal_handler(number, self._stop.set)
         broker = BrokerProcess(self.config.broker.host, self.config.mqtt.port) if self.config.broker.embedded else None
-        sink = EmbeddedSink(self.config) if self.config.sink.embedded else None
+        sink = EmbeddedChild("sink", self.config) if self.config.sink.embedded else None
+        page = EmbeddedChild("web", self.config) if self.config.web.enabled else None
         background: list[asyncio.Task[None]] = []
         try:
             if broker is not None:
@@ -85,13 +86,15 @@ class Service:
             background.append(asyncio.create_task(self._housekeeping()))
             if sink is not None:
                 background.append(asyncio.create_task(sink.watch()))
+            if page is not None:
+                background.append(asyncio.create_task(page.keep()))
             self._health.start()
             notify(f"READY=1\nSTATUS=metering {self.config.device}")
             await self._until_done(metering, background, duration)
         finally:
             notify("STOPPING=1")
             self._health.stop()
-            await self._shut_down(background, broker, sink)
+            await self._shut_down(background, broker, [each for each in (page, sink) if each is not None])
 
     async def _until_done(
         self, metering: asyncio.Task[None], background: list[asyncio.Task[None]], duration: float | None
@@ -112,7 +115,7 @@ class Service:
         self,
         background: list[asyncio.Task[None]],
         broker: BrokerProcess | None,
-        sink: EmbeddedSink | None,
+        children: list[EmbeddedChild],
     ) -> None:
         """Stop the feed first and the broker last, so that the last rows reach the sink."""
         await self._feed.stop()
@@ -124,8 +127,8 @@ class Service:
         await asyncio.gather(*background, return_exceptions=True)
         if self._uplink is not None:
             self._uplink.close()
-        if sink is not None:
-            await sink.stop()
+        for child in children:
+            await child.stop()
         if broker is not None:
             await broker.stop()
         self._feed.close()

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import ipaddress
 import secrets
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from acqd.daemon.health.section import HealthSection
+from acqd.daemon.web_section import WebSection
 from acqd.telemetry.mqtt import BrokerAddress
 
 
@@ -22,11 +23,19 @@ class WebSettings:
     port: int = 8731
     token: str | None = None
     """Asked for in the address; None: nobody is asked."""
+    section: WebSection = field(default_factory=WebSection)
+    """Robot, folders and the loop."""
 
     @property
     def address(self) -> str:
         """What to type into a browser."""
         return f"http://{self.host}:{self.port}/{f'?token={self.token}' if self.token else ''}"
+
+
+def settings_of(broker: BrokerAddress, database: str, health: HealthSection, section: WebSection) -> WebSettings:
+    """The settings of [web]."""
+    token = token_for(section.host, section.token or None)
+    return WebSettings(broker, database, health, section.host, section.port, token, section)
 
 
 def token_for(host: str, given: str | None) -> str | None:

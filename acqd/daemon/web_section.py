@@ -1,0 +1,37 @@
+"""`[web]` of acqd.toml: the live page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pydantic import Field, model_validator
+
+from acqd.daemon.section import Port, Section
+
+
+class WebSection(Section):
+    """Where the page is served, and which folders it shows."""
+
+    enabled: bool = False
+    """`acqd run` starts the page as a process of its own."""
+    host: str = "127.0.0.1"
+    port: Port = 8731
+    token: str = Field(default="", repr=False)
+    """Asked for in the address; empty: none on loopback, elsewhere a new one per start."""
+    robot: str = ""
+    """Robot whose posture is drawn; empty: none."""
+    reports: Path | None = None
+    """Folder with results of `acqd close-loop`; its newest report is shown, and proposals are written there."""
+    loop: bool = False
+    """Whether the page may search for the cause of an alarm, and replace the model when somebody confirms that."""
+    logs: Path | None = None
+    """Folder of the robot's logs, that of the sidecar."""
+    model: Path | None = None
+    """Bundle of the sidecar."""
+
+    @model_validator(mode="after")
+    def _paths_of_the_loop(self) -> WebSection:
+        missing = [name for name in ("reports", "logs", "model") if getattr(self, name) is None]
+        if self.loop and missing:
+            raise ValueError(f"loop is true, but {' and '.join(missing)} {'is' if len(missing) == 1 else 'are'} not set")
+        return self
