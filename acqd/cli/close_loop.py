@@ -9,10 +9,10 @@ from typing import Annotated, Any
 import orjson
 import typer
 from rich.console import Console
-from rich.progress import Progress
 from rich.table import Table
 
 from acqd.cli.options import Json
+from acqd.cli.progress import progress
 from acqd.errors import UserError
 from acqd.extras import LOOP, require
 
@@ -77,10 +77,9 @@ def close_loop(
         return
     require_writable(folder)
     console = Console(stderr=True)
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("reading", total=1.0)
-        closed = run(config, lambda what, share: bar.update(task, description=what, completed=share))
-        bar.update(task, description="drawing", completed=0.9)
+    with progress(console) as show_step:
+        closed = run(config, show_step)
+        show_step("drawing", 0.9)
         write_all(config, closed)
     result = as_json(config, closed)
     for note in closed.notes:

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import orjson
 import typer
 from rich.console import Console
-from rich.progress import Progress
 from rich.table import Table
 
 from acqd.cli.options import Json
+from acqd.cli.progress import progress
 from acqd.errors import UserError
 from acqd.extras import require
 
@@ -83,9 +83,8 @@ def build(
         power, logs, out, description, device, channel, source, search, step_s, seed, lag, length, append
     )
     console = Console(stderr=True)
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
-        bar = progress.add_task("reading", total=1.0)
-        report = run(build_config, lambda what, share: progress.update(bar, description=what, completed=share))
+    with progress(console) as show_step:
+        report = run(build_config, show_step)
     for line in [*report.refused, *report.notes]:
         console.print(f"acqd: {line}", soft_wrap=True, highlight=False)
     print(orjson.dumps(report).decode() if json else summary(report, lag, power))

@@ -33,5 +33,7 @@ class WebSection(Section):
     def _paths_of_the_loop(self) -> WebSection:
         missing = [name for name in ("reports", "logs", "model") if getattr(self, name) is None]
         if self.loop and missing:
-            raise ValueError(f"loop is true, but {' and '.join(missing)} {'is' if len(missing) == 1 else 'are'} not set")
+            raise ValueError(
+                f"loop is true, but {' and '.join(missing)} {'is' if len(missing) == 1 else 'are'} not set"
+            )
         return self

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import orjson
 import sqlalchemy as sa
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
@@ -22,19 +21,19 @@ from acqd.daemon.health.runbook import entry_for
 from acqd.errors import UserError
 from acqd.storage.database import read_database
 from acqd.web.access import Access
+from acqd.web.answers import HEADERS, NOT_KEPT, as_response
 from acqd.web.history import Span, devices, history
 from acqd.web.hub import Hub
+from acqd.web.loop_routes import LoopRoutes
+from acqd.web.posture import Posture
+from acqd.web.predictions import course, logs
+from acqd.web.reports import REPORT_POLICY, newest_report, summary
 from acqd.web.runbook import runbook_page
+from acqd.web.scope import Scope, ScopeError
 from acqd.web.settings import WebSettings
 
 _ASSETS = Path(__file__).with_name("assets")
-_PUBLIC = ("page.css", "page.js", "uPlot.min.css", "uPlot.iife.min.js", "uPlot.LICENSE")
-_POLICY = "default-src 'self'; img-src 'self' data:; style-src 'self' 'unsafe-inline'; frame-ancestors 'none'"
-_HEADERS = {
-    "content-security-policy": _POLICY,
-    "x-content-type-options": "nosniff",
-    "referrer-policy": "no-referrer",
-}
+_SUFFIXES = {".css", ".js", ".LICENSE"}
 _NO_DATABASE = "the database is not there yet: does a sink write to it?"
 
 
@@ -43,16 +42,22 @@ class Site:
 
     def __init__(self, settings: WebSettings) -> None:
         self._settings = settings
-        self.hub = Hub(settings.broker)
+        self._posture = Posture(settings.section.robot)
+        self.hub = Hub(settings.broker, self._posture)
+        self._scope = Scope(settings.health)
+        self._loop = LoopRoutes(settings, self._database)
         self._engine: sa.Engine | None = None
+        self._assets = {path.name for path in _ASSETS.iterdir() if path.suffix in _SUFFIXES}
 
     def app(self) -> Starlette:
         """To be served."""
-        routes = [
-            Route("/", self._page), Route("/events", self._events), Route("/api/history", self._history),
-            Route("/api/devices", self._devices), Route("/api/health", self._health),
-            Route("/assets/{name}", self._asset), Route("/runbook", self._runbook),
-        ]  # fmt: skip
+        gets = {
+            "/": self._page, "/events": self._events, "/assets/{name}": self._asset, "/runbook": self._runbook,
+            "/report": self._report, "/api/history": self._history, "/api/devices": self._devices,
+            "/api/health": self._health, "/api/window": self._window, "/api/predictions": self._predictions,
+            "/api/course": self._course, "/api/report": self._newest,
+        }  # fmt: skip
+        routes = [*(Route(path, endpoint) for path, endpoint in gets.items()), *self._loop.routes()]
         hosts = frozenset({self._settings.host, "127.0.0.1", "localhost", "[::1]"})
         guard = Middleware(Access, token=self._settings.token, hosts=hosts)
         return Starlette(routes=routes, middleware=[guard], lifespan=self._lifespan)
@@ -62,19 +67,34 @@ class Site:
         task = asyncio.create_task(self.hub.run())
         yield
         task.cancel()
+        await self._loop.job.cancel()
 
     async def _page(self, _: Request) -> Response:
-        return FileResponse(_ASSETS / "index.html", headers=_HEADERS)
+        return FileResponse(_ASSETS / "index.html", headers=HEADERS)
 
     async def _asset(self, request: Request) -> Response:
         name = request.path_params["name"]
-        if name not in _PUBLIC:
+        if name not in self._assets:
             return Response("no such file", 404)
-        return FileResponse(_ASSETS / name, headers=_HEADERS | {"cache-control": "no-cache"})
+        return FileResponse(_ASSETS / name, headers=HEADERS | {"cache-control": "no-cache"})
 
     async def _events(self, _: Request) -> Response:
-        headers = _HEADERS | {"cache-control": "no-store", "x-accel-buffering": "no"}
+        headers = NOT_KEPT | {"x-accel-buffering": "no"}
         return StreamingResponse(self.hub.events(), media_type="text/event-stream", headers=headers)
+
+    async def _runbook(self, _: Request) -> Response:
+        return HTMLResponse(runbook_page(), headers=HEADERS)
+
+    async def _report(self, _: Request) -> Response:
+        newest = await asyncio.to_thread(newest_report, self._settings.section.reports)
+        if newest is None:
+            return Response("there is no report yet", 404, HEADERS)
+        policy = {"content-security-policy": REPORT_POLICY}
+        return FileResponse(newest / "report.html", headers=NOT_KEPT | policy)
+
+    async def _newest(self, _: Request) -> Response:
+        newest = await asyncio.to_thread(newest_report, self._settings.section.reports)
+        return as_response(await asyncio.to_thread(summary, newest) if newest is not None else {})
 
     async def _devices(self, _: Request) -> Response:
         return await self._answer(lambda engine: {"devices": devices(engine)})
@@ -84,17 +104,28 @@ class Site:
         try:
             span = Span(query.get("device", ""), float(query.get("seconds", "60")), query.get("quantity", "P"))
         except ValueError as error:
-            return _json({"error": str(error)}, 400)
+            return as_response({"error": str(error)}, 400)
         return await self._answer(lambda engine: history(engine, span))
 
-    async def _runbook(self, _: Request) -> Response:
-        return HTMLResponse(runbook_page(), headers=_HEADERS)
+    async def _predictions(self, _: Request) -> Response:
+        posture = {"robot": self._posture.robot, "note": self._posture.note}
+        return await self._answer(lambda engine: {"logs": logs(engine), "posture": posture})
 
-    async def _answer(self, query: Any) -> Response:
+    async def _course(self, request: Request) -> Response:
+        return await self._answer(lambda engine: course(engine, request.query_params.get("sha256", "")))
+
+    async def _window(self, request: Request) -> Response:
         try:
-            return _json(await asyncio.to_thread(lambda: query(self._database())))
+            return as_response(await asyncio.to_thread(self._scope.picture, request.query_params.get("device", "")))
+        except ScopeError as error:
+            return as_response({"note": str(error)})  # a state to show, not a failure of the page
+
+    async def _answer(self, query: Callable[[sa.Engine], Any]) -> Response:
+        try:
+            return as_response(await asyncio.to_thread(lambda: query(self._database())))
         except (UserError, sa.exc.SQLAlchemyError) as error:
-            return _json({"error": _NO_DATABASE if isinstance(error, UserError) else "the database is busy"}, 503)
+            text = _NO_DATABASE if isinstance(error, UserError) else "the database is busy"
+            return as_response({"error": text}, 503)
 
     def _database(self) -> sa.Engine:
         """Opened with the first question. Raises UserError."""
@@ -107,14 +138,10 @@ class Site:
         answers = await asyncio.gather(*(asyncio.to_thread(ask, section, service) for service in SERVICES))
         links = {text: entry.anchor for each in answers if each for text in _said(each) if (entry := entry_for(text))}
         page = {"viewers": self.hub.viewers, "lost": self.hub.lost, "connected": self.hub.connected}
-        return _json(
+        return as_response(
             {"services": [asdict(each) for each in answers if each is not None], "page": page, "runbook": links}
         )
 
 
 def _said(answer: Answer) -> list[str]:
     return [*answer.problems, *answer.notes]
-
-
-def _json(content: object, status: int = 200) -> Response:
-    return Response(orjson.dumps(content), status, _HEADERS | {"cache-control": "no-store"}, "application/json")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import time
 from collections.abc import AsyncIterator
 
 import aiomqtt
@@ -12,20 +13,30 @@ from acqd.telemetry import topics
 from acqd.telemetry.mqtt import BrokerAddress
 from acqd.telemetry.row import parse_row
 from acqd.telemetry.row_message import payloads_of
+from acqd.web.posture import Posture
 
 FLUSH_S = 0.08
 _BEHIND = 50
 """Events that wait for a viewer at most: four seconds; then the oldest are lost."""
 _RETRY_S = 1.0
 _BEAT_S = 5.0
+_POSTURE_S = 0.2
+_KEPT = ("broker", "status", "alarm", "posture")
+"""Events whose newest one a new viewer gets at once."""
+_TOPICS = (
+    topics.ALL_POWER, topics.ALL_WINDOWS, topics.ALL_STATUS, topics.ALL_PREDICTIONS, topics.ALL_ALARMS,
+    topics.ALL_JOINTS,
+)  # fmt: skip
 _SHOWN = ("device", "channel", "boot", "seq", "time", "filetime", "Vrms", "Irms", "P", "S", "PF", "f", "W", "flags")
 
 
 class Hub:
     """One subscription for any number of viewers."""
 
-    def __init__(self, address: BrokerAddress) -> None:
+    def __init__(self, address: BrokerAddress, posture: Posture | None = None) -> None:
+        """`posture`: kinematics of the arm to draw; None: none is drawn."""
         self._address = address
+        self._posture, self._postures = posture, dict[str, float]()
         self._viewers: set[asyncio.Queue[bytes]] = set()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._ended = False
@@ -61,7 +72,7 @@ class Hub:
             tls_context=address.tls_context(), timeout=5.0,
         )  # fmt: skip
         async with client:
-            for topic in (topics.ALL_POWER, topics.ALL_WINDOWS, topics.ALL_STATUS, topics.ALL_PREDICTIONS):
+            for topic in _TOPICS:
                 await client.subscribe(topic, qos=0)
             self.connected, self.trouble = True, ""
             self._tell("broker", {"connected": True, "trouble": ""})
@@ -81,6 +92,10 @@ class Hub:
             self._tell("status", {"device": device, "online": payload != topics.OFFLINE})
         elif kind == "live":
             self._prediction(device, payload)
+        elif kind == "alarm":
+            self._alarm(device, payload)
+        elif kind == "joints":
+            self._joints(device, payload)
 
     def _prediction(self, device: str, payload: bytes) -> None:
         try:
@@ -90,9 +105,28 @@ class Hub:
             return
         self._tell("prediction", power)
 
+    def _alarm(self, device: str, payload: bytes) -> None:
+        """An empty message clears the alarm."""
+        try:
+            message = orjson.loads(payload) if payload else {}
+            alarm = {name: message.get(name) for name in ("chart", "onset_s", "raised_s", "log")} if message else None
+        except (orjson.JSONDecodeError, AttributeError):
+            return
+        self._tell("alarm", {"device": device, "alarm": alarm})
+
+    def _joints(self, device: str, payload: bytes) -> None:
+        """Five drawings a second: kinematics of every row would be wasted."""
+        now = time.monotonic()
+        if self._posture is None or now - self._postures.get(device, 0.0) < _POSTURE_S:
+            return
+        points = self._posture.points(payload)
+        if points is not None:
+            self._postures[device] = now
+            self._tell("posture", {"device": device, "points": points})
+
     def _tell(self, event: str, data: object) -> None:
         text = b"event: %s\ndata: %s\n\n" % (event.encode(), orjson.dumps(data))
-        if event in ("broker", "status"):
+        if event in _KEPT:
             device = data.get("device", "") if isinstance(data, dict) else ""
             self._state[f"{event} {device}"] = text
         for queue in self._viewers:

@@ -14,7 +14,11 @@ def window(rate, seconds, f, shares, offset=0.0):
     """A window as /window serves it, with 230 V, 2 A and the given harmonics of the current."""
     t = np.arange(round(rate * seconds)) / rate
     u = 230 * np.sqrt(2) * np.sin(2 * np.pi * f * t + 0.4)
-    i = 2 * np.sqrt(2) * (np.sin(2 * np.pi * f * t) + sum(a * np.sin(2 * np.pi * n * f * t + n) for n, a in shares.items()))
+    i = (
+        2
+        * np.sqrt(2)
+        * (np.sin(2 * np.pi * f * t) + sum(a * np.sin(2 * np.pi * n * f * t + n) for n, a in shares.items()))
+    )
     codes = [np.round(u / 0.02).astype(int).tolist(), np.round((i + offset) / 0.0003).astype(int).tolist()]
     named = {"device": "press", "seq": 7, "time": "", "filetime": 1, "flags": []}
     return named | {"rate": rate, "f_nominal": 50.0, "channels": ["U1", "I1"], "scale": [0.02, 0.0003], "codes": codes}

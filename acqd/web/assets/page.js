@@ -7,9 +7,12 @@ const POINTS = 1500, PIXELS = 600, UNIX_OF_FILETIME = 11644473600, QUIET_S = 3;
 const view = { device: "", seconds: 60, quantity: "P" };
 let latest = {}, series = { time: [], channels: {} }, waiting = [], loading = 0, plot = null, lastRow = 0, broker = true, delayMs = null;
 let predicted = [], drawn = 0;
+const onDevice = [], visible = new WeakMap();
 
 const text = (value, digits) => value === null || value === undefined ? "-" : value.toFixed(digits);
 const put = (node, value) => { if (node.textContent !== value) node.textContent = value; };
+const visibility = new IntersectionObserver((entries) => entries.forEach((entry) => visible.set(entry.target, entry.isIntersecting)));
+const inSight = (node) => visible.get(node) && document.visibilityState === "visible";
 const energy = (kWh) => Math.abs(kWh) < 1 ? [kWh * 1000, "Wh"] : Math.abs(kWh) < 1000 ? [kWh, "kWh"] : [kWh / 1000, "MWh"];
 const unixOf = (row) => row.filetime / 1e7 - UNIX_OF_FILETIME;
 
@@ -19,6 +22,7 @@ function choose(device) {
   predicted = [];
   put($("device"), device);
   load();
+  onDevice.forEach((look) => look());
 }
 
 function known(device) {
@@ -84,6 +88,24 @@ async function load() {
   summary();
 }
 
+function cells(row, texts) {
+  texts.forEach((cell, k) => put(row.cells[k] ?? row.appendChild(k ? document.createElement("td") : Object.assign(document.createElement("th"), { scope: "row" })), cell));
+}
+
+function legend(list, items) {
+  list.replaceChildren(...items.map(([name, stroke, dash]) => {
+    const item = document.createElement("li");
+    item.innerHTML = `<svg viewBox="0 0 28 8" aria-hidden="true"><path d="M0 4H28" stroke="${stroke}" stroke-width="3" stroke-dasharray="${(dash ?? []).join(" ")}"/></svg>`;
+    item.append(name);
+    return item;
+  }));
+}
+
+function axes(first, second) {
+  const grid = { stroke: colour("line"), width: 1 }, axis = { stroke: colour("ink"), grid, ticks: grid };
+  return [{ ...axis, ...first }, { ...axis, size: 65, ...second }];
+}
+
 const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 
 function clockTimes(_, times) {
@@ -106,17 +128,15 @@ function draw(anew) {
   }
   if (!plot || anew || plot.series.length !== rows.length) {
     if (plot) plot.destroy();
-    const grid = { stroke: colour("line"), width: 1 };
-    const axis = { stroke: colour("ink"), grid, ticks: grid };
     const lines = shown.map((name) => ({ label: name, stroke: colour(name), width: name === "total" ? 2 : 1.3, dash: DASH[name], spanGaps: true, points: { show: false } }));
     const option = $("quantity").selectedOptions[0];
     plot = new uPlot({
       width: $("chart").clientWidth, height: 300, legend: { show: false }, cursor: { drag: { x: false } },
       scales: { x: { range: () => { const end = Math.max(Date.now() / 1000, series.time[series.time.length - 1] ?? 0); return [end - view.seconds, end]; } } },
-      axes: [{ ...axis, label: "time (of this browser)", values: clockTimes, space: 70 }, { ...axis, label: option.textContent, size: 65 }],
+      axes: axes({ label: "time (of this browser)", values: clockTimes, space: 70 }, { label: option.textContent }),
       series: [{}, ...lines],
     }, rows, $("chart"));
-    $("legend").innerHTML = shown.map((name) => `<li><svg viewBox="0 0 28 8" aria-hidden="true"><path d="M0 4H28" stroke="${colour(name)}" stroke-width="3" stroke-dasharray="${(DASH[name] ?? []).join(" ")}"/></svg>${name.replace(/[<&]/g, "")}</li>`).join("");
+    legend($("legend"), shown.map((name) => [name, colour(name), DASH[name]]));
   } else plot.setData(rows);
 }
 
@@ -136,8 +156,7 @@ function numbers() {
   const body = $("phases").tBodies[0];
   Object.keys(latest).sort().forEach((name, k) => {
     const row = body.rows[k] ?? body.insertRow();
-    const cells = [name, ...["P", "Vrms", "Irms", "S", "PF"].map((q) => text(latest[name][q], DIGITS[q])), latest[name].W === null ? "-" : (1000 * latest[name].W).toFixed(2)];
-    cells.forEach((cell, c) => put(row.cells[c] ?? row.appendChild(c ? document.createElement("td") : Object.assign(document.createElement("th"), { scope: "row" })), cell));
+    cells(row, [name, ...["P", "Vrms", "Irms", "S", "PF"].map((q) => text(latest[name][q], DIGITS[q])), latest[name].W === null ? "-" : (1000 * latest[name].W).toFixed(2)]);
   });
   if (predicted.length && performance.now() - predicted.at < 3000) {
     const power = predicted[predicted.length - 1][1];
@@ -167,36 +186,6 @@ function state() {
   $("state").className = kind;
   put($("state"), words);
   if (kind === "fine" && delayMs !== null) put($("delay"), `The newest row is ${Math.round(delayMs)} ms old (a row is 40 ms long and is made when it ends).`);
-}
-
-function report(cell, details, runbook) {
-  const words = details.join("\n");
-  if (cell.dataset.words === words) return;
-  cell.dataset.words = words;
-  cell.replaceChildren(details.length ? document.createElement("ul") : "nothing to report");
-  for (const sentence of details) {
-    const item = cell.firstChild.appendChild(document.createElement("li"));
-    item.append(sentence);
-    if (!runbook[sentence]) continue;
-    item.append(" ", Object.assign(document.createElement("a"), { href: `/runbook#${runbook[sentence]}`, textContent: "what to do" }));
-  }
-}
-
-async function health() {
-  try {
-    const { services, runbook } = await (await fetch("/api/health")).json();
-    const body = $("services").tBodies[0];
-    while (body.rows.length > services.length) body.deleteRow(-1);
-    services.forEach((service, k) => {
-      const row = body.rows[k] ?? body.insertRow();
-      while (row.cells.length < 3) row.insertCell();
-      const details = [...service.problems, ...service.notes];
-      put(row.cells[0], service.service);
-      put(row.cells[1], service.ready ? "ready" : "not ready");
-      row.cells[1].className = service.ready ? "fine" : "bad";
-      report(row.cells[2], details, runbook);
-    });
-  } catch { /* asked again soon */ }
 }
 
 for (const [name, seconds] of RANGES) {
@@ -237,5 +226,3 @@ setInterval(() => {
   if (due && !loading && plot && document.visibilityState === "visible") draw(false);
 }, 100);
 setInterval(state, 500);
-setInterval(health, 5000);
-health();

@@ -1,0 +1,32 @@
+"""The newest report of the loop in a folder."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+REPORT_POLICY = (
+    "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:; sandbox allow-scripts"
+)
+"""A report is one self-contained file. The sandbox keeps its script away from the page's cookie and requests."""
+_KEYS = ("verdict", "before", "after", "effects", "unexplained", "next", "measured", "recordings", "model", "dataset")
+
+
+def newest_report(folder: Path | None) -> Path | None:
+    """Folder of the newest result: `folder` itself, or one or two levels below."""
+    if folder is None or not folder.is_dir():
+        return None
+    found = [path for depth in ("", "*/", "*/*/") for path in folder.glob(f"{depth}report.html")]
+    newest = max(found, key=lambda path: path.stat().st_mtime, default=None)
+    return newest.parent if newest is not None else None
+
+
+def summary(report: Path) -> dict[str, Any]:
+    """What the page shows of a result; `name` and `written` (Unix s) when its report.json cannot be read."""
+    shown = {"name": report.name, "written": (report / "report.html").stat().st_mtime}
+    try:
+        content = json.loads((report / "report.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return shown
+    return shown | {key: content[key] for key in _KEYS if isinstance(content, dict) and key in content}
