@@ -70,7 +70,7 @@ def _advise(console: Console, sentence: str) -> None:
     """The line of the runbook that mends it."""
     entry = entry_for(sentence)
     if entry is not None:
-        console.print(f"  {escape(entry.steps.replace('`', ''))} (docs/operations.md)", soft_wrap=True, highlight=False)
+        console.print(f"  {escape(entry.plain_steps)} ({entry.link})", soft_wrap=True, highlight=False)
 
 
 def _link(name: str, status: dict[str, Any]) -> str:

@@ -25,5 +25,6 @@ def runbook_page() -> str:
 
 
 def _marked(text: str) -> str:
-    """Code between backticks, as in the document."""
-    return re.sub(r"`([^`]*)`", r"<code>\1</code>", escape(text, quote=False))
+    """Code between backticks, as in the document; of a link to another document its name."""
+    plain = re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", escape(text, quote=False))
+    return re.sub(r"`([^`]*)`", r"<code>\1</code>", plain)

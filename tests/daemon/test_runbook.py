@@ -14,7 +14,8 @@ _DOCUMENT = Path(__file__).parents[2] / "docs" / "operations.md"
 def test_the_entries_are_lines_of_the_document():
     lines = _DOCUMENT.read_text(encoding="utf-8").splitlines()
     for entry in RUNBOOK:
-        assert any(entry.symptom in line and entry.steps in line for line in lines), entry.anchor
+        line = next(line for line in lines if f'id="{entry.anchor}"' in line)
+        assert entry.symptom in line and entry.steps in line, entry.anchor
     assert len({entry.anchor for entry in RUNBOOK}) == len(RUNBOOK)
 
 
@@ -44,3 +45,14 @@ def test_services_that_do_not_answer_have_an_entry():
 
     answer = ask(HealthSection(port=free_port()), "daemon")
     assert answer is not None and entry_for(answer.problems[0]) is not None
+
+
+def test_every_check_of_the_doctor_has_an_entry():
+    import re
+
+    folder = Path(__file__).parents[2] / "acqd" / "daemon"
+    named = {
+        name for path in folder.glob("*checks.py") for name in re.findall(r'Finding\(\s*"([^"]+)"', path.read_text())
+    }
+    assert len(named) > 10
+    assert {name for name in named if entry_for(f"doctor: {name}") is None} == {"python"}  # never in a bad state

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 
@@ -15,7 +16,17 @@ class Entry:
     """As in docs/operations.md."""
     steps: str
     pattern: re.Pattern[str]
-    """Sentences of /status that mean this symptom."""
+    """Sentences of /status that mean this symptom; `doctor: CHECK` for a check of `acqd doctor`."""
+
+    @property
+    def link(self) -> str:
+        """Place in the documentation."""
+        return f"docs/operations.md#{self.anchor}"
+
+    @property
+    def plain_steps(self) -> str:
+        """The steps without the marks of the document, for a terminal."""
+        return re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", self.steps).replace("`", "")
 
 
 def _entry(anchor: str, symptom: str, steps: str, pattern: str) -> Entry:
@@ -57,7 +68,7 @@ RUNBOOK = (
         "clock",
         "rows flagged `unsynchronised`",
         "`chronyc tracking` or `timedatectl`: nobody disciplines the clock",
-        r"clock is not synchronised",
+        r"clock is not synchronised|^doctor: time synchronisation",
     ),
     _entry(
         "broker-away",
@@ -75,7 +86,7 @@ RUNBOOK = (
         "database-away",
         "`database away: ...` (sink)",
         "the sentence is the database's; rows wait with the broker",
-        r"database away",
+        r"database away|^doctor: database",
     ),
     _entry(
         "quarantine",
@@ -83,9 +94,56 @@ RUNBOOK = (
         "another client publishes as this device; the table `quarantine`",
         r"quarantine",
     ),
+    _entry(
+        "host",
+        "doctor: `kernel`, `cpu governor`, `clocksource`",
+        "a PREEMPT_RT kernel, governor `performance` and clock `tsc`; without them some wake-ups are late",
+        r"^doctor: (kernel|cpu governor|clocksource)",
+    ),
+    _entry(
+        "privileges",
+        "doctor: `real-time priority`, `locked memory`, `raw network access`",
+        "`systemd/acqd.service` grants them: `LimitRTPRIO`, `LimitMEMLOCK`, `AmbientCapabilities`",
+        r"^doctor: (real-time priority|locked memory|raw network access)",
+    ),
+    _entry(
+        "compiler",
+        "doctor: `metering` is numpy",
+        "`apt install gcc`; rows are right without it, a window takes longer",
+        r"^doctor: metering",
+    ),
+    _entry(
+        "device",
+        "doctor: `source ...`",
+        "what the finding names: cable, power, address, permission; [sources.md](sources.md) has each kind",
+        r"^doctor: source",
+    ),
+    _entry(
+        "broker-settings",
+        "doctor: `broker`, `broker delay`, `secrets`",
+        "`[mqtt]` of acqd.toml, `config/mosquitto.conf`; [security.md](security.md)",
+        r"^doctor: (broker|secrets)",
+    ),
+    _entry(
+        "state-dir",
+        "doctor: `spool`",
+        "`state_dir` in acqd.toml, or `StateDirectory=` of the unit, on a disk with room: rows then survive a restart",
+        r"^doctor: spool",
+    ),
+    _entry(
+        "disk",
+        "doctor: `disk`",
+        "free the disk, or `keep_days` in `[sink]` and `acqd sink maintain`; a week of rows needs 2 GB",
+        r"^doctor: disk",
+    ),
 )
 
 
 def entry_for(sentence: str) -> Entry | None:
-    """The line of the runbook for a problem or note of /status."""
+    """The line of the runbook for a problem or note of /status, or for `doctor: CHECK`."""
     return next((entry for entry in RUNBOOK if entry.pattern.search(sentence)), None)
+
+
+def links_for(sentences: Iterable[str]) -> dict[str, str]:
+    """Links of the sentences that have a line."""
+    return {text: entry.link for text in sentences if (entry := entry_for(text))}

@@ -14,6 +14,7 @@ from urllib.parse import parse_qs
 import orjson
 
 from acqd.daemon.health.metrics import CONTENT_TYPE, metrics
+from acqd.daemon.health.runbook import links_for
 from acqd.daemon.health.snapshot import Snapshot
 from acqd.daemon.health.verdict import verdict
 from acqd.daemon.health.window import WindowOf, window_page
@@ -118,6 +119,7 @@ def _page(path: str, snapshot: Callable[[], Snapshot]) -> tuple[int, str, bytes]
         return 200, CONTENT_TYPE, metrics(now)
     judged = verdict(now)
     told = {"alive": judged.alive, "ready": judged.ready, "problems": judged.problems, "notes": judged.notes}
+    told["runbook"] = links_for([*judged.problems, *judged.notes])
     if path == "/status":
         return 200, _JSON, orjson.dumps(told | asdict(now))
     good = judged.alive if path == "/healthz" else judged.ready

@@ -10,7 +10,11 @@ let predicted = [], drawn = 0;
 const onDevice = [], visible = new WeakMap();
 
 const text = (value, digits) => value === null || value === undefined ? "-" : value.toFixed(digits);
-const put = (node, value) => { if (node.textContent !== value) node.textContent = value; };
+const put = (node, value) => {
+  if ((node.firstChild?.nodeValue ?? "") === value) return false;
+  node.textContent = value;
+  return true;
+};
 const visibility = new IntersectionObserver((entries) => entries.forEach((entry) => visible.set(entry.target, entry.isIntersecting)));
 const inSight = (node) => visible.get(node) && document.visibilityState === "visible";
 const energy = (kWh) => Math.abs(kWh) < 1 ? [kWh * 1000, "Wh"] : Math.abs(kWh) < 1000 ? [kWh, "kWh"] : [kWh / 1000, "MWh"];
@@ -184,7 +188,10 @@ function state() {
   const [kind, words] = bad ? ["bad", broker ? "no connection to acqd web; trying again" : "acqd web has no connection to the broker"]
     : !lastRow || quiet > QUIET_S ? ["open", `waiting for rows${lastRow ? ` for ${quiet.toFixed(0)} s` : ""}`] : ["fine", "live"];
   $("state").className = kind;
-  put($("state"), words);
+  if (put($("state"), words)) {
+    const anchor = bad && !broker ? "broker-away" : bad ? "no-answer" : kind === "open" && lastRow ? "no-rows" : "";
+    if (anchor) $("state").append(" ", Object.assign(document.createElement("a"), { href: `/runbook#${anchor}`, textContent: "what to do" }));
+  }
   if (kind === "fine" && delayMs !== null) put($("delay"), `The newest row is ${Math.round(delayMs)} ms old (a row is 40 ms long and is made when it ends).`);
 }
 
