@@ -33,7 +33,7 @@
 
   async function newest() {
     const result = await (await fetch("/api/report")).json();
-    $("report").hidden = !result.name || current.job.state === "done";
+    $("report").hidden = !result.name || current.job?.state === "done";
     if (result.name) {
       $("loop-section").hidden = false;
       $("report").replaceChildren(tile(result, `Newest report: ${result.name}, ${new Date(1000 * result.written).toISOString().slice(0, 16).replace("T", " ")} UTC`));

@@ -1,0 +1,117 @@
+"""Waveform, prediction, arm, health and report of the live page in a browser."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import orjson
+import pytest
+
+from acqd.daemon.health.section import HealthSection
+from acqd.daemon.health.server import HealthServer
+from acqd.daemon.health.snapshot import Cycles
+from acqd.daemon.web_section import WebSection
+from acqd.metering import StreamFormat
+from acqd.plc.distribution import Durations
+from acqd.plc.recent import SampledWindow
+from acqd.sidecar.store import Done, Store
+from acqd.storage.database import open_database
+from acqd.telemetry.broker import free_port
+from acqd.telemetry.mqtt import BrokerAddress
+from acqd.web.settings import WebSettings
+from tests.browser import chromium, looks, serious_findings
+from tests.daemon.health.snapshots import daemon
+from tests.web.test_in_a_browser import Served, publisher, send, shows  # noqa: F401 - a fixture
+
+pytestmark = pytest.mark.browser
+pytest.importorskip("uvicorn")
+_WEIGHT_BYTES = 300_000
+_T0 = 134_398_703_195_133_591
+_RESULT = {
+    "verdict": "effects_found", "before": {"rmse": 25.0}, "after": {"rmse": 1.5}, "next": ["weigh the gripper"],
+    "recordings": {"fit": 13, "held_out": 3}, "unexplained": "",
+    "effects": [{"id": "payload", "where": "flange", "confidence": 0.97, "added": True,
+                 "parameters": {"mass": {"value": 2.04, "unit": "kg", "ci95": [1.9, 2.2]}}}],
+}  # fmt: skip
+
+
+def window_of(device):
+    """230 V and 2 A with 15 % of the third harmonic."""
+    t = 2 * np.pi * 50 * np.arange(800) / 20_000
+    u, i = 230 * np.sqrt(2) * np.sin(t), 2 * np.sqrt(2) * (np.sin(t) + 0.15 * np.sin(3 * t))
+    codes = np.column_stack([u / 0.02, i / 0.0003]).round().astype(np.int16)
+    return device, SampledWindow(StreamFormat(20_000, (0.02, 0.0003)), 7, 1_763_856_000 * 10**9, codes, frozenset())
+
+
+def snapshot():
+    slow = Durations()
+    for us in (80, 300, 300, 1500):
+        slow.add(us * 1000)
+    return daemon(cycles=Cycles(60_000, 5, 2, 1, 0, slow.distribution(), slow.distribution()), synchronised=False)
+
+
+def predict(database):
+    """A log whose measured power is 20 W above the predicted."""
+    predicted = np.linspace(100, 200, 500)
+    message = {"log": "run-1.csv", "begin": "2026-11-23T00:00:00.000Z", "end": "2026-11-23T00:00:20.000Z",
+               "rmse_W": 20.0,
+               "energy_kWh": 0.001, "energy_predicted_kWh": 0.0009, "drift": "alarm",
+               "alarm": {"chart": "level up", "onset_s": 1.76e9, "raised_s": 1.76e9, "log": "run-1.csv"}}  # fmt: skip
+    filetimes = _T0 + 400_000 * np.arange(500)
+    done = Done("a" * 64, "run-1.csv", "m", "ok", message, filetimes, predicted + 20, predicted)
+    Store(open_database(database)).commit(done, {})
+    return message["alarm"]
+
+
+@pytest.fixture
+def page_of_all(mosquitto, tmp_path):
+    health = HealthSection(port=free_port(), sink_port=0)
+    server = HealthServer(health.host, health.port, snapshot, window_of)
+    server.start()
+    result = tmp_path / "loops" / "one"
+    result.mkdir(parents=True)
+    (result / "report.html").write_text("<title>report</title><script>document.title = 'shown'</script>")
+    (result / "report.json").write_text(json.dumps(_RESULT))
+    database = str(tmp_path / "power.sqlite")
+    alarm = predict(database)
+    section = WebSection(robot="iiwa7_r800", reports=tmp_path / "loops")
+    broker = BrokerAddress("127.0.0.1", mosquitto.port)
+    served = Served(WebSettings(broker, database, health, port=free_port(), section=section))
+    yield served, alarm
+    served.stop()
+    server.stop()
+
+
+def test_every_panel_shows_its_data_and_nothing_is_wrong(page_of_all, publisher):  # noqa: F811 - the fixture
+    served, alarm = page_of_all
+    address = served.server._site._settings.address
+    with chromium() as browser:
+        for page in looks(browser):
+            weight = []
+            page.on("response", lambda answer, weight=weight: "api" not in answer.url and weight.append(answer))
+            page.goto(address)
+            shows(page, "#log-table", "run-1.csv")
+            sent = send(publisher, 7, 123.4)
+            publisher.publish(f"acqd/{sent.device}/prediction/alarm", orjson.dumps(alarm), retain=True)
+            publisher.publish(f"acqd/{sent.device}/joints", b'{"time": 1, "q": [0, 0.5, 0, -1.4, 0, 1.1, 0]}')
+            shows(page, "#device", sent.device)
+            page.locator("#scope").scroll_into_view_if_needed()
+            shows(page, "#wave-figures", "15.00")
+            shows(page, "#wave-figures", "230.0 V")
+            shows(page, "#alarm", "The residual has changed since 2025-10-09")
+            shows(page, "#course-note", "residual from 20.0 to 20.0 W")
+            shows(page, "#posture-note", "iiwa7_r800")
+            shows(page, "#report", "A missing effect was found.")
+            shows(page, "#report", "mass 2.04 kg (1.9 to 2.2); confidence 97 %")
+            shows(page, "#slow", "200 µs to 500 µs")
+            shows(page, "#services a", "what to do")
+            assert page.is_hidden("#loop-controls")
+            page.focus("#hold")
+            page.keyboard.press("Enter")
+            assert page.get_attribute("#hold", "aria-pressed") == "true"
+            assert serious_findings(page) == [] and page.errors == []
+            bodies = [answer.body() for answer in weight if "/events" not in answer.url]
+            assert 50_000 < sum(map(len, bodies)) < _WEIGHT_BYTES
+            page.goto(f"{address}report")
+            page.wait_for_function("document.title == 'shown'")
