@@ -19,7 +19,7 @@ import typer
 from rich.console import Console
 
 from acqd.errors import OperationError
-from tools.bench import accuracy, at_work, delivery, lab, live, load, models, quality, sink, sources, speed
+from tools.bench import accuracy, at_work, delivery, lab, live, load, models, quality, sink, sources, speed, web
 from tools.bench.report import Figure, table
 from tools.common.tables import show
 
@@ -35,6 +35,7 @@ _SECTIONS: dict[str, list[Callable[[], Iterator[Figure]]]] = {
     "lab": [lab.motions, lab.campaign],
     "models": [models.time_shifts, models.training_step, models.thesis_campaign],
     "work": [at_work.fmu_and_sidecar],
+    "web": [web.page],
 }
 
 

@@ -15,16 +15,16 @@ def motion_picture(case: Case) -> Figure:
     axes = figure.subplots(segment.q.shape[1], 2, sharex=True)
     t = step_s * np.arange(len(twin.q))
     for k in range(segment.q.shape[1]):
-        axes[k, 0].plot(t, np.degrees(segment.q[:, k]), color="#1f5f8b", lw=1)
-        axes[k, 0].plot(t, np.degrees(twin.q[:, k]), color="#b45309", lw=1)
+        axes[k, 0].plot(t, np.degrees(segment.q[:, k]), color="#000000", lw=1)
+        axes[k, 0].plot(t, np.degrees(twin.q[:, k]), color="#b45309", lw=1, ls="--")
         axes[k, 0].set_ylabel(f"q{k + 1} [deg]", fontsize=8)
     measured, simulated = flange(arm, segment.q), flange(arm, twin.q)
     for k, name in enumerate("xyz"):
-        axes[k, 1].plot(t, measured[:, k], color="#1f5f8b", lw=1, label="measured")
-        axes[k, 1].plot(t, simulated[:, k], color="#b45309", lw=1, label="twin")
+        axes[k, 1].plot(t, measured[:, k], color="#000000", lw=1, label="measured")
+        axes[k, 1].plot(t, simulated[:, k], color="#b45309", lw=1, ls="--", label="twin")
         axes[k, 1].set_ylabel(f"{name} [m]", fontsize=8)
     axes[0, 1].legend(fontsize=8)
-    axes[3, 1].plot(t, 1000 * np.linalg.norm(measured - simulated, axis=1), color="#444", lw=1)
+    axes[3, 1].plot(t, 1000 * np.linalg.norm(measured - simulated, axis=1), color="#52606d", lw=1)
     axes[3, 1].set_ylabel("distance [mm]", fontsize=8)
     for k in range(4, segment.q.shape[1]):
         axes[k, 1].axis("off")
@@ -42,8 +42,8 @@ def power_picture(case: Case, name: str, *, peak: bool) -> Figure:
     t = case.data.step_s * np.arange(len(segment.P))
     both = (("predicted", case.predicted(name)[0]), ("simulated", case.simulated(name)[0]))
     for axis, (kind, power) in zip(axes, both, strict=True):
-        axis.plot(t, np.where(shown, segment.P, np.nan), color="#1f5f8b", lw=1, label="measured")
-        axis.plot(t[: len(power)], np.where(shown[: len(power)], power, np.nan), color="#b45309", lw=1, label=kind)
+        axis.plot(t, np.where(shown, segment.P, np.nan), color="#000000", lw=1, label="measured")
+        axis.plot(t[: len(power)], np.where(shown[: len(power)], power, np.nan), color="#b45309", lw=1, ls="--", label=kind)
         axis.set_ylabel("power [W]")
         axis.legend(fontsize=8)
     axes[1].set_xlabel("time [s]")
@@ -58,9 +58,11 @@ def peak_picture(case: Case) -> Figure:
     middle = int(np.argmax(np.diff(segment.signals["brake"], prepend=0.0) > 0))
     rows = slice(max(middle - 15, 0), middle + 40)
     t = step_s * (np.arange(len(segment.P)) - middle)
-    axis.plot(t[rows], segment.P[rows], color="#1f5f8b", lw=2, label="measured")
-    for name, color in ((NETWORK, "#9ca3af"), (GREY_BOX, "#15803d"), (CLOSED, "#b45309")):
-        axis.plot(t[rows], case.predicted(name)[0][rows], color=color, lw=1.2, label=name)
+    axis.plot(t[rows], segment.P[rows], color="#000000", lw=2, label="measured")
+    for name, color, style in (
+        (NETWORK, "#94a3b8", ":"), (GREY_BOX, "#b45309", "--"), (CLOSED, "#1d6fa5", "-")
+    ):  # fmt: skip
+        axis.plot(t[rows], case.predicted(name)[0][rows], color=color, lw=1.4, ls=style, label=name)
     axis.set_xlabel("time since the brakes opened [s]")
     axis.set_ylabel("power [W]")
     axis.legend(fontsize=8)
