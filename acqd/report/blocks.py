@@ -10,6 +10,9 @@ from acqd.report.bars import Bars
 from acqd.report.digits import number
 from acqd.report.lines import Chart
 
+_SHORT = 18
+"""Characters of a cell that need no line break."""
+
 
 @dataclass(frozen=True, slots=True)
 class Text:
@@ -27,8 +30,8 @@ class Table:
     label: str
     header: list[str]
     rows: list[list[str]]
-    words: frozenset[int]
-    """Columns that hold words, besides the first."""
+    classes: list[str]
+    """Of the style sheet, per column: words (sentences), text (to the left), short (no line breaks)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,12 +95,19 @@ class Section:
 def table_of(label: str, header: Sequence[str], rows: Sequence[Sequence[object]]) -> Table:
     """A table of any cells; floats are shown to four significant digits at most."""
     texts = [[_cell(cell) for cell in row] for row in rows]
-    words = {
-        column
-        for column in range(1, len(header))
-        if any(isinstance(row[column], str) and _is_prose(row[column]) for row in rows)
-    }
-    return Table(label, list(header), texts, frozenset(words))
+    columns = [[row[column] for row in rows] for column in range(len(header))]
+    return Table(label, list(header), texts, ["", *map(_classes, columns[1:])])
+
+
+def _classes(column: Sequence[object]) -> str:
+    """Classes of a column's cells."""
+    texts = [cell for cell in column if isinstance(cell, str) and cell]
+    if any(map(_is_prose, texts)):
+        return "words"
+    if not texts:
+        return ""
+    named = ["text"] if all(text[0].isalpha() for text in texts) else []
+    return " ".join([*named, "short"] if all(len(text) <= _SHORT for text in texts) else named)
 
 
 def _is_prose(cell: object) -> bool:

@@ -17,7 +17,7 @@ def check_page(check: Check) -> Page:
     page.verdict(_verdict(check))
     page.figure(
         arm_picture(robot),
-        "Orange: frames of base, joints and flange; black: joint axes (dashed: prismatic); blue: centres of mass, area "
+        "Orange: frames of base, joints and flange; thin: joint axes (dashed: prismatic); blue: centres of mass, area "
         "by mass; grey: collision capsules.",
     )
     page.heading("Findings")
@@ -77,7 +77,7 @@ def _verdict(check: Check) -> Verdict:
     ]
     if first is not None:
         figures.append(
-            KeyFigure("guess that matters most", f"{first.joint} {first.key}", f"{first.change_W:.1f} W RMS")
+            KeyFigure("guess that matters most", f"{first.change_W:.1f} W RMS", f"{first.joint} {first.key}")
         )
     if not check.findings:
         return Verdict("fine", "Nothing in the description is implausible", "", figures)

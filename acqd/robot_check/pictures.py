@@ -81,6 +81,7 @@ def _equal(axes: Any, points: Floats) -> None:
     for name, middle in zip("xyz", centre, strict=True):
         getattr(axes, f"set_{name}lim")(middle - half, middle + half)
         getattr(axes, f"set_{name}label")(f"{name} [m]", fontsize=8)
+        getattr(axes, f"{name}axis").pane.set_visible(False)  # its grey would be dirt on a dark page
     axes.tick_params(labelsize=7)
     axes.set_box_aspect((1, 1, 1))
 

@@ -39,3 +39,10 @@ for (const chart of document.querySelectorAll(".chart")) {
     show(at + step);
   });
 }
+// paper cannot be unfolded
+const folded = () => document.querySelectorAll("details:not([open])");
+addEventListener("beforeprint", () => folded().forEach((details) => { details.open = true; details.dataset.printed = "1"; }));
+addEventListener("afterprint", () => document.querySelectorAll("details[data-printed]").forEach((details) => {
+  details.open = false;
+  delete details.dataset.printed;
+}));

@@ -43,7 +43,9 @@ def power_picture(case: Case, name: str, *, peak: bool) -> Figure:
     both = (("predicted", case.predicted(name)[0]), ("simulated", case.simulated(name)[0]))
     for axis, (kind, power) in zip(axes, both, strict=True):
         axis.plot(t, np.where(shown, segment.P, np.nan), color="#000000", lw=1, label="measured")
-        axis.plot(t[: len(power)], np.where(shown[: len(power)], power, np.nan), color="#b45309", lw=1, ls="--", label=kind)
+        axis.plot(
+            t[: len(power)], np.where(shown[: len(power)], power, np.nan), color="#b45309", lw=1, ls="--", label=kind
+        )
         axis.set_ylabel("power [W]")
         axis.legend(fontsize=8)
     axes[1].set_xlabel("time [s]")
