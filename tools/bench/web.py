@@ -122,7 +122,8 @@ def _loads(section: str, browser: Any, port: int) -> Iterator[Figure]:
     """First contentful paint, and bytes of everything but data."""
     paints, weight = [], 0
     for _ in range(_LOADS):
-        page, answers = browser.new_page(), []
+        answers: list[Any] = []
+        page = browser.new_page()
         page.on("response", lambda answer, kept=answers: kept.append(answer))  # playwright marks the handler
         page.goto(f"http://127.0.0.1:{port}/")
         page.wait_for_function("performance.getEntriesByName('first-contentful-paint').length")
