@@ -76,6 +76,11 @@ def filetime(utc_ns: int) -> int:
     return utc_ns // 100 + _FILETIME_1970
 
 
+def utc_ns(filetime_100ns: int) -> int:
+    """NTFS FILETIME as UTC nanoseconds."""
+    return (filetime_100ns - _FILETIME_1970) * 100
+
+
 def unix_s(filetime_100ns: int) -> float:
     """NTFS FILETIME as Unix seconds."""
     return (filetime_100ns - _FILETIME_1970) * 1e-7

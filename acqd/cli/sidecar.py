@@ -76,7 +76,7 @@ def sidecar(
         for note in worker.notes:
             logging.getLogger(__name__).warning("%s", note)
         broker = None if no_mqtt else settings.mqtt.address()
-        store = Store(engine)
+        store = Store(engine, name)
         service = Sidecar(logs, worker, store, broker, name, live=live, retry_refused=retry_refused, report=report)
         with exclusive(engine):
             await service.run(stop, alive, until_idle=until_idle)

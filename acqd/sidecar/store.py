@@ -5,9 +5,10 @@ So no log is done twice, at whatever moment the process ends.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
+from datetime import datetime
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ import sqlalchemy as sa
 from acqd.arrays import Floats
 from acqd.storage.database import transaction
 from acqd.storage.schema import prediction, prediction_log, sidecar_state
+from acqd.timestamps import rfc3339, utc_ns
 
 _ROWS_AT_ONCE = 5000  # of one statement: a log of hours has many
 
@@ -41,8 +43,9 @@ class Done:
 class Store:
     """Logs, predictions and memory in one database."""
 
-    def __init__(self, engine: sa.Engine) -> None:
-        self.engine = engine
+    def __init__(self, engine: sa.Engine, device: str | None = None) -> None:
+        """`device`: whose power is predicted, for the rows."""
+        self.engine, self._device = engine, device
 
     def status(self, sha256: str) -> str | None:
         """Status of the log with this content: "ok", "refused", "superseded"; None if the log is new."""
@@ -67,7 +70,7 @@ class Store:
         """
         with transaction(self.engine) as connection:
             _supersede(connection, done.name, elsewhere)
-            _insert(connection, done)
+            _insert(connection, done, self._device)
             for key, value in memory.items():
                 connection.execute(sa.delete(sidecar_state).where(sidecar_state.c.key == key))
                 connection.execute(sa.insert(sidecar_state).values(key=key, value=value))
@@ -100,22 +103,27 @@ def _supersede(connection: sa.Connection, name: str, elsewhere: Callable[[str], 
         connection.execute(entry.values(status="superseded"))
 
 
-def _insert(connection: sa.Connection, done: Done) -> None:
+def _insert(connection: sa.Connection, done: Done, device: str | None) -> None:
     for table in (prediction, prediction_log):  # the same content may have been superseded or refused before
         connection.execute(sa.delete(table).where(table.c.sha256 == done.sha256))
-    now = datetime.now(UTC)
-    stamp: Any = now if connection.dialect.name == "postgresql" else now.isoformat(timespec="milliseconds")
     connection.execute(
         sa.insert(prediction_log).values(
             sha256=done.sha256, name=done.name, model=done.model, status=done.status, message=done.message,
-            published=False, done=stamp,
+            published=False, done=_stamp(connection, time.time_ns(), 3),
         )
     )  # fmt: skip
     for first in range(0, len(done.filetime), _ROWS_AT_ONCE):
         part = slice(first, first + _ROWS_AT_ONCE)
         rows = zip(done.filetime[part].tolist(), done.P[part].tolist(), done.P_predicted[part].tolist(), strict=True)
         values = [
-            {"sha256": done.sha256, "filetime": t, "P": P, "P_predicted": predicted, "residual": P - predicted}
+            {"sha256": done.sha256, "filetime": t, "P": P, "P_predicted": predicted, "residual": P - predicted,
+             "device": device, "time": _stamp(connection, utc_ns(t))}
             for t, P, predicted in rows
-        ]
+        ]  # fmt: skip
         connection.execute(sa.insert(prediction), values)
+
+
+def _stamp(connection: sa.Connection, ns: int, digits: int = 6) -> Any:
+    """A time as the database wants it: PostgreSQL takes timestamptz, SQLite RFC 3339."""
+    text = rfc3339(ns, digits)
+    return datetime.fromisoformat(text) if connection.dialect.name == "postgresql" else text

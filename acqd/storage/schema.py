@@ -101,9 +101,16 @@ prediction = sa.Table(
     sa.Column("sha256", sa.Text, nullable=False),
     sa.Column("filetime", _BIG, nullable=False),
     *(sa.Column(name, sa.Double) for name in ("P", "P_predicted", "residual")),
+    sa.Column("device", sa.Text),
+    sa.Column("time", _TIME),
     sa.PrimaryKeyConstraint("sha256", "filetime"),
+    sa.Index("prediction_device_time", "device", "time"),
 )
-"""One row per 40 ms of a log: measured and predicted power, and their difference (W)."""
+"""One row per 40 ms of a log: measured and predicted power, and their difference (W).
+
+`device` is null in rows of earlier versions where the database has several devices. The views `v_prediction`,
+`v_power_1min` and `v_power_15min` have a time stamp as the first column, for dashboards.
+"""
 
 sidecar_state = sa.Table(
     "sidecar_state",
