@@ -12,6 +12,7 @@ from typing import Annotated, NoReturn, TextIO
 import typer
 
 from acqd.cli import (
+    bridge,
     broker,
     close_loop,
     config,
@@ -65,6 +66,7 @@ app.add_typer(service.app, name="service", rich_help_panel=_SERVICE)
 app.command("status", rich_help_panel=_SERVICE)(status.status)
 app.command("doctor", rich_help_panel=_SERVICE)(doctor.doctor)
 app.command("jitter", rich_help_panel=_SERVICE)(jitter.jitter)
+app.add_typer(bridge.app, name="bridge", rich_help_panel=_SERVICE)
 app.command("broker", rich_help_panel=_SERVICE)(broker.broker)
 
 

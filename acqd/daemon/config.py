@@ -13,6 +13,7 @@ from pydantic import BaseModel, Field, ValidationError, field_validator, model_v
 
 from acqd.daemon.box_section import BoxSection
 from acqd.daemon.health.section import HealthSection
+from acqd.daemon.homeassistant_section import HomeAssistantSection
 from acqd.daemon.modbus_sections import MetersSection
 from acqd.daemon.mqtt_section import MqttSection
 from acqd.daemon.quality_section import QualitySection
@@ -100,6 +101,7 @@ class Config(Section):
     sink: SinkSection = Field(default_factory=SinkSection)
     health: HealthSection = HealthSection()
     web: WebSection = WebSection()
+    homeassistant: HomeAssistantSection = HomeAssistantSection()
 
     @field_validator("device")
     @classmethod

@@ -1,0 +1,48 @@
+"""`acqd bridge`: rows in the form of other programs, on the same broker."""
+
+from __future__ import annotations
+
+import socket
+from typing import Annotated
+
+import orjson
+import typer
+
+from acqd.cli.options import ConfigFile, Host, Json, Port, configured
+
+app = typer.Typer(no_args_is_help=True, help="Rows in the form of other programs, on the same broker.")
+_RETAINED_S = 2.0
+"""A broker sends at once what it has retained; this is ample [s]."""
+
+
+@app.command("homeassistant")
+def homeassistant(
+    config: ConfigFile = None,
+    host: Host = None,
+    port: Port = None,
+    once: Annotated[bool, typer.Option("--once", help="End when the retained summaries are announced.")] = False,
+    remove: Annotated[
+        bool, typer.Option("--remove", help="Take acqd's entities out of Home Assistant, and end.")
+    ] = False,
+    device: Annotated[str | None, typer.Option(help="With --remove: only this device.")] = None,
+    json: Json = False,
+) -> None:
+    """Announce every channel's quantities to Home Assistant (MQTT discovery), and devices that come later.
+
+    Example: acqd bridge homeassistant --config /etc/acqd/acqd.toml
+    """
+    from acqd.integrations.homeassistant import Discovery, Removal
+    from acqd.integrations.service import serve
+
+    settings = configured(config, host, port)
+    section, address = settings.homeassistant, settings.mqtt.address()
+    name = f"acqd-homeassistant-{socket.gethostname()}"
+    if remove:
+        removal = Removal(section.prefix, device)
+        serve(address, removal, f"{name}-remove", _RETAINED_S)
+        count, what = removal.removed, "removed"
+    else:
+        discovery = Discovery(section.prefix, section.expire_s, section.channels)
+        serve(address, discovery, name, _RETAINED_S if once else None)
+        count, what = discovery.announced, "announced"
+    print(orjson.dumps({what: count}).decode() if json else f"{count} entities {what}")

@@ -1,0 +1,32 @@
+"""A bridge as a service: runs until SIGTERM or SIGINT, and says to systemd when it is ready."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+from collections.abc import Awaitable, Callable
+
+from acqd.daemon.notify import notify
+from acqd.integrations.bridge import Bridge, Relay
+from acqd.telemetry.mqtt import BrokerAddress
+
+
+def serve(address: BrokerAddress, bridge: Bridge, name: str, for_s: float | None = None) -> None:
+    """Relay until the process is asked to stop, or for `for_s` seconds of a connection. Raises UserError."""
+
+    async def relay(stop: asyncio.Event) -> None:
+        await Relay(address, bridge, name).run(stop, for_s)
+
+    asyncio.run(until_stopped(relay))
+
+
+async def until_stopped(work: Callable[[asyncio.Event], Awaitable[None]]) -> None:
+    """Run `work` with an event that SIGTERM and SIGINT set."""
+    stop = asyncio.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        asyncio.get_running_loop().add_signal_handler(number, stop.set)
+    notify("READY=1")
+    try:
+        await work(stop)
+    finally:
+        notify("STOPPING=1")

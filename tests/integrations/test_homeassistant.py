@@ -1,0 +1,108 @@
+"""Discovery messages: those that Home Assistant has accepted, for every device that shows itself."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from pathlib import Path
+
+import aiomqtt
+import orjson
+import pytest
+
+from acqd import __version__
+from acqd.integrations.bridge import Relay
+from acqd.integrations.daemons import Daemons
+from acqd.integrations.homeassistant import Discovery, Removal, node
+from acqd.telemetry.mqtt import BrokerAddress
+from tests.integrations.messages import status, summary
+from tests.waiting import finish, until
+
+ACCEPTED = Path(__file__).with_name("homeassistant_accepted.json")
+"""Written by `python -m tools.studies.homeassistant --captured`: these became entities of the right kind."""
+
+
+def announced(*messages, **settings):
+    discovery = Discovery(**settings)
+    discovery.begin()
+    return {sent.topic: orjson.loads(sent.payload) for message in messages for sent in discovery.take(*message)}
+
+
+def test_messages_are_those_that_home_assistant_has_accepted():
+    accepted = json.loads(ACCEPTED.read_text())
+    made = announced(status("cell.1"), *(summary(channel=channel) for channel in ("L1", "L2", "L3", "total")))
+    for message in accepted.values():
+        message["origin"]["sw_version"] = __version__
+    assert made == accepted and len(made) == 36
+
+
+def test_a_channel_is_announced_once_and_again_when_its_daemon_shows_itself():
+    discovery = Discovery()
+    first, again = list(discovery.take(*summary())), list(discovery.take(*summary(P=1.0)))
+    assert len(first) == 9 and not again and all(message.retain for message in first)
+    assert not any(b"availability" in message.payload for message in first)
+    discovery.take(*status("cell.1"))
+    changed = list(discovery.take(*summary()))
+    assert {message.topic for message in changed} == {message.topic for message in first}
+    assert orjson.loads(changed[0].payload)["availability_topic"] == "acqd/cell.1/status"
+
+
+def test_a_quantity_without_values_is_no_entity():
+    made = announced(summary(S=None, W_export=None))
+    assert len(made) == 7 and not any("W_export" in topic or "total_S/" in topic for topic in made)
+
+
+@pytest.mark.parametrize("payload", [b"", b"{", b"[]", b"null", b'{"device": "cell.1"}', summary("other")[1]])
+def test_messages_that_are_no_summaries_of_their_topic_are_ignored(payload):
+    assert not announced((summary()[0], payload))
+
+
+def test_different_devices_have_different_nodes():
+    names = ["a.b", "a-b", "a_b", "a b", "ä"]
+    assert len({node(name) for name in names}) == len(names) and node("press-1") == "press-1"
+
+
+@pytest.mark.parametrize(
+    "content",
+    [{"meters": {"press-1": {}}}, {"devices": ["press-1"]}, {"sources": [{"device": "press-1"}]}, {"boot": "b1"}],
+)
+def test_a_device_with_another_name_than_its_daemon_is_available_with_it(content):
+    daemons = Daemons()
+    daemons.take("hall", orjson.dumps({"boot": "other"} | content))
+    daemons.take("elsewhere", b"offline")
+    assert daemons.of("press-1", "b1") == "hall" and daemons.of("press-2") is None
+    daemons.take("hall", b"offline")
+    assert daemons.of("press-1", "b1") == "hall"
+
+
+def test_entities_are_announced_and_removed_through_a_broker_and_others_stay(mosquitto):
+    address = BrokerAddress(port=mosquitto.port)
+    foreign = "homeassistant/sensor/other/x/config"
+
+    async def retained(client, found):
+        async for message in client.messages:
+            found[str(message.topic)] = message.payload
+
+    async def relay(bridge, done):
+        stop = asyncio.Event()
+        task = asyncio.create_task(Relay(address, bridge, "test").run(stop))
+        await until(done, "relayed")
+        stop.set()
+        await task
+
+    async def scenario():
+        found = {}
+        async with aiomqtt.Client("127.0.0.1", mosquitto.port) as client:
+            await client.subscribe("homeassistant/#", qos=1)
+            listening = asyncio.create_task(retained(client, found))
+            await client.publish(foreign, b'{"origin":{"name":"other"}}', 1, retain=True)
+            for message in (status("cell.1"), summary(), summary("b", "L1")):
+                await client.publish(*message, qos=1, retain=True)
+            await relay(Discovery(), lambda: len(found) == 19)
+            only = Removal(device="b")
+            await relay(only, lambda: sum(payload == b"" for payload in found.values()) == 9)
+            await relay(Removal(), lambda: sum(payload == b"" for payload in found.values()) == 18)
+            listening.cancel()
+        assert only.removed == 9 and found[foreign]
+
+    finish(scenario())

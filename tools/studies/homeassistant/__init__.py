@@ -1,0 +1,1 @@
+"""acqd's discovery messages in Home Assistant itself."""
