@@ -47,7 +47,7 @@ def upgrade() -> None:
     columns = ", ".join(f'"{name}"' for name in _ROLLED_UP)
     for name in ("power_1min", "power_15min"):
         op.execute(
-            f'CREATE VIEW v_{name} AS SELECT {_START[kind]} AS "time", device, channel, {columns},'
+            f'CREATE VIEW v_{name} AS SELECT {_START[kind]} AS "time", device, channel, "start", {columns},'
             f' "rows", flagged FROM {name}'
         )
 
