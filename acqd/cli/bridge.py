@@ -46,3 +46,23 @@ def homeassistant(
         serve(address, discovery, name, _RETAINED_S if once else None)
         count, what = discovery.announced, "announced"
     print(orjson.dumps({what: count}).decode() if json else f"{count} entities {what}")
+
+
+@app.command("influx")
+def influx(config: ConfigFile = None, host: Host = None, port: Port = None, json: Json = False) -> None:
+    """Write rows to InfluxDB (line protocol over HTTP); see [influx] in acqd.toml.
+
+    Example: acqd bridge influx --config /etc/acqd/acqd.toml
+    """
+    from acqd.integrations.influx import Influx, check_url
+    from acqd.integrations.service import serve
+
+    settings = configured(config, host, port)
+    section = settings.influx
+    check_url(section.url)
+    with Influx(section.url, section.token, section.measurement, section.waiting) as bridge:
+        serve(settings.mqtt.address(), bridge, f"acqd-influx-{socket.gethostname()}")
+    counts = {"written": bridge.written, "dropped": bridge.dropped, "refused": bridge.refused}
+    print(
+        orjson.dumps(counts).decode() if json else ", ".join(f"{value} rows {name}" for name, value in counts.items())
+    )

@@ -14,6 +14,7 @@ from pydantic import BaseModel, Field, ValidationError, field_validator, model_v
 from acqd.daemon.box_section import BoxSection
 from acqd.daemon.health.section import HealthSection
 from acqd.daemon.homeassistant_section import HomeAssistantSection
+from acqd.daemon.influx_section import InfluxSection
 from acqd.daemon.modbus_sections import MetersSection
 from acqd.daemon.mqtt_section import MqttSection
 from acqd.daemon.quality_section import QualitySection
@@ -102,6 +103,7 @@ class Config(Section):
     health: HealthSection = HealthSection()
     web: WebSection = WebSection()
     homeassistant: HomeAssistantSection = HomeAssistantSection()
+    influx: InfluxSection = InfluxSection()
 
     @field_validator("device")
     @classmethod
@@ -229,6 +231,7 @@ _KINDS: dict[str, type[Section]] = {
 
 
 _SECRET = {"token", "password", "password_file", "database", "username"}
+_SECRET = {"password", "password_file", "database", "username", "token", "url"}
 _NET_ID = "expected six numbers like 5.12.34.56.1.1"
 _EXPECTED = {
     "source.ams_net_id": _NET_ID,

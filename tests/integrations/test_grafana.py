@@ -67,7 +67,7 @@ def test_every_sql_query_is_answered_by_postgresql(filled):
                     query = sql(target["rawSql"], begin, end, device="'cell'", channel="'L1','total'")
                     answer = connection.exec_driver_sql(query).mappings().all()
                     assert answer, f"{panel['title']}: {query}"
-                    assert panel["type"] == "stat" or list(answer[0])[0] == "time"
+                    assert panel["type"] == "stat" or next(iter(answer[0])) == "time"
         by_title = {panel["title"]: panel["targets"][0].get("rawSql") for panel in panels()}
         energy = sql(by_title["Energy in this span"], *SPANS[1], device="'cell'")
         assert connection.exec_driver_sql(energy).scalar() == pytest.approx(0.9)

@@ -12,7 +12,6 @@ from typing import Any
 
 from grafana_foundation_sdk.builders import dashboard, prometheus, stat, timeseries
 from grafana_foundation_sdk.cog.encoder import JSONEncoder
-from grafana_foundation_sdk.cog.variants import Dataquery
 from grafana_foundation_sdk.models.dashboard import DataSourceRef, GridPos, VariableOption
 
 from tools.grafana import queries
@@ -20,10 +19,14 @@ from tools.grafana import queries
 OUT = Path(__file__).parents[2] / "config" / "grafana" / "dashboards" / "acqd.json"
 ROWS = DataSourceRef(type_val="grafana-postgresql-datasource", uid="acqd-rows")
 HEALTH = DataSourceRef(type_val="prometheus", uid="acqd-health")
+_QUANTITIES = {
+    "P": ("Power", "watt"), "Vrms": ("Voltage", "volt"), "Irms": ("Current", "amp"),
+    "PF": ("Power factor", "none"), "f": ("Frequency", "hertz"), "W": ("Net energy", "kwatth"),
+}  # fmt: skip
 _HALF, _THIRD, _HIGH = 12, 8, 8
 
 
-class Sql(Dataquery):
+class Sql:
     """A query of the PostgreSQL data source, which the SDK has no model of."""
 
     def __init__(self, text: str, form: str) -> None:
@@ -98,9 +101,7 @@ def _power(place: _Places) -> list[Any]:
         _number("Energy in this span", queries.ENERGY, "kwatth", place),
         _number("Frequency now", queries.latest("f"), "hertz", place),
     ]
-    quantities = {"P": ("Power", "watt"), "Vrms": ("Voltage", "volt"), "Irms": ("Current", "amp"),
-                  "PF": ("Power factor", "none"), "f": ("Frequency", "hertz"), "W": ("Net energy", "kwatth")}  # fmt: skip
-    panels += [_lines(title, queries.over_time(name), unit, place) for name, (title, unit) in quantities.items()]
+    panels += [_lines(title, queries.over_time(name), unit, place) for name, (title, unit) in _QUANTITIES.items()]
     return [*panels, _lines("Flagged rows", queries.FLAGGED, "percentunit", place)]
 
 
@@ -116,18 +117,18 @@ def _health(place: _Places) -> list[Any]:
 
 
 def _number(title: str, query: str, unit: str, place: _Places) -> Any:
-    panel = stat.Panel().title(title).datasource(ROWS).unit(unit).grid_pos(place.next(_THIRD))
+    panel: Any = stat.Panel().title(title).datasource(ROWS).unit(unit).grid_pos(place.next(_THIRD))
     return panel.with_target(Sql(query, "table"))
 
 
 def _lines(title: str, query: str, unit: str, place: _Places) -> Any:
-    panel = timeseries.Panel().title(title).datasource(ROWS).unit(unit).grid_pos(place.next(_HALF))
+    panel: Any = timeseries.Panel().title(title).datasource(ROWS).unit(unit).grid_pos(place.next(_HALF))
     return panel.with_target(Sql(query, "time_series"))
 
 
 def _metric(title: str, expression: str, legend: str, unit: str, place: _Places) -> Any:
     query = prometheus.Dataquery().expr(expression).legend_format(legend).ref_id("A")
-    panel = timeseries.Panel().title(title).datasource(HEALTH).unit(unit).grid_pos(place.next(_THIRD))
+    panel: Any = timeseries.Panel().title(title).datasource(HEALTH).unit(unit).grid_pos(place.next(_THIRD))
     return panel.with_target(query)
 
 

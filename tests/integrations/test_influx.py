@@ -1,0 +1,95 @@
+"""Rows in line protocol: in a real InfluxDB, and through its absence."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import tomllib
+import urllib.parse
+import urllib.request
+from dataclasses import replace
+
+import pytest
+
+from acqd.integrations.influx import Influx, line
+from acqd.telemetry.broker import free_port
+from acqd.telemetry.row import PowerRow
+from acqd.timestamps import utc_ns
+from tests.places import ROOT
+from tests.storage.rows import T0, row
+from tests.waiting import wait_for
+
+
+def take(bridge, sent):
+    bridge.take(f"acqd/{sent.device}/{sent.channel}/power", sent.to_json())
+
+
+def test_line_of_a_row():
+    sent = replace(row(7, P=1.5, PF=None), device="hall 3,a=b", flags=["gap", 'od"d'])
+    text = line(sent)
+    assert text.startswith(f"power,device=hall\\ 3\\,a\\=b,channel={sent.channel} ")
+    assert "P=1.5" in text and "PF=" not in text and ",seq=7i," in text and 'flags="gap od\\"d"' in text
+    assert text.endswith(f" {utc_ns(sent.filetime)}")
+
+
+def test_what_is_no_row_or_of_another_topic_is_left_out():
+    bridge = Influx("http://127.0.0.1:1/write")
+    sent = row(1)
+    bridge.take("acqd/other/L1/power", sent.to_json())
+    bridge.take(f"acqd/{sent.device}/L1/power", b"{}")
+    assert bridge._lines.empty()
+    take(bridge, sent)
+    assert not bridge._lines.empty()
+
+
+def test_rows_that_do_not_fit_are_counted():
+    bridge = Influx("http://127.0.0.1:1/write", waiting=2)
+    for seq in range(5):
+        take(bridge, row(seq))
+    assert bridge.dropped == 3
+
+
+@pytest.mark.skipif(shutil.which("influxd") is None, reason="needs influxd (Debian: influxdb)")
+def test_a_real_influxdb_has_every_row_also_those_from_before_its_start(tmp_path):
+    http, rpc = free_port(), free_port()
+    base = f"http://127.0.0.1:{http}"
+    config = tmp_path / "influx.toml"
+    config.write_text(
+        f'reporting-disabled = true\nbind-address = "127.0.0.1:{rpc}"\n[meta]\ndir = "{tmp_path}/meta"\n'
+        f'[data]\ndir = "{tmp_path}/data"\nwal-dir = "{tmp_path}/wal"\n'
+        f'[http]\nbind-address = "127.0.0.1:{http}"\nlog-enabled = false\n[monitor]\nstore-enabled = false\n'
+    )
+    with Influx(f"{base}/write?db=acqd&precision=ns") as bridge:
+        for seq in range(100):
+            take(bridge, row(seq, t=T0 + seq, P=float(seq)))
+        with subprocess.Popen(
+            ["influxd", "-config", config], stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL
+        ) as db:
+            try:
+                wait_for(lambda: asked(base, "CREATE DATABASE acqd", post=True), "InfluxDB answers")
+                wait_for(lambda: bridge.written == 100, "rows are written")
+                answer = asked(base, "SELECT count(P), sum(P), max(seq) FROM power GROUP BY device, channel")
+            finally:
+                db.terminate()
+    (series,) = answer["results"][0]["series"]
+    assert series["tags"] == {"device": row(0).device, "channel": row(0).channel}
+    assert series["values"][0][1:] == [100, sum(range(100)), 99]
+
+
+def asked(base, query, post=False):
+    text = urllib.parse.urlencode({"db": "acqd", "q": query})
+    try:
+        with urllib.request.urlopen(f"{base}/query?{text}", b"" if post else None, timeout=5) as answer:
+            return json.load(answer)
+    except OSError:
+        return None
+
+
+def test_telegraf_is_told_the_keys_and_types_of_rows():
+    (consumer,) = tomllib.loads((ROOT / "config" / "telegraf" / "acqd.conf").read_text())["inputs"]["mqtt_consumer"]
+    (parser,) = consumer["json_v2"]
+    types = {entry["path"]: entry["type"] for entry in parser["field"]}
+    assert set(types) | {"device", "channel", "time"} <= set(PowerRow.__slots__)
+    assert all(types[name] == "float" for name in ("Vrms", "Irms", "P", "S", "PF", "f", "W"))
+    assert {entry["path"] for entry in parser["tag"]} == {"device", "channel"} and parser["timestamp_path"] == "time"
