@@ -25,6 +25,7 @@ from acqd.cli import (
     lab,
     modbus,
     models,
+    opcua,
     replay,
     robot,
     run,
@@ -63,6 +64,7 @@ app.command("export-onnx", rich_help_panel=_MODELS)(export_onnx.export_onnx)
 app.command("sidecar", rich_help_panel=_MODELS)(sidecar.sidecar)
 app.add_typer(config.app, name="config", rich_help_panel=_SERVICE)
 app.add_typer(service.app, name="service", rich_help_panel=_SERVICE)
+app.command("opcua", rich_help_panel=_SERVICE)(opcua.opcua)
 app.command("status", rich_help_panel=_SERVICE)(status.status)
 app.command("doctor", rich_help_panel=_SERVICE)(doctor.doctor)
 app.command("jitter", rich_help_panel=_SERVICE)(jitter.jitter)

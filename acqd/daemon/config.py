@@ -17,6 +17,7 @@ from acqd.daemon.homeassistant_section import HomeAssistantSection
 from acqd.daemon.influx_section import InfluxSection
 from acqd.daemon.modbus_sections import MetersSection
 from acqd.daemon.mqtt_section import MqttSection
+from acqd.daemon.opcua_section import OpcUaSection
 from acqd.daemon.quality_section import QualitySection
 from acqd.daemon.section import Positive, Section
 from acqd.daemon.source_sections import SECTIONS, SimulatedSection, SourceSection
@@ -104,6 +105,7 @@ class Config(Section):
     web: WebSection = WebSection()
     homeassistant: HomeAssistantSection = HomeAssistantSection()
     influx: InfluxSection = InfluxSection()
+    opcua: OpcUaSection = OpcUaSection()
 
     @field_validator("device")
     @classmethod

@@ -1,0 +1,40 @@
+"""`acqd opcua`: the rows as variables of an OPC UA server."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import socket
+from importlib.util import find_spec
+
+import orjson
+
+from acqd.cli.options import ConfigFile, Host, Json, Port, configured
+from acqd.errors import UserError
+
+
+def opcua(config: ConfigFile = None, host: Host = None, port: Port = None, json: Json = False) -> None:
+    """Serve rows as OPC UA variables with units, source timestamps and quality; see [opcua] in acqd.toml.
+
+    Example: acqd opcua --config /etc/acqd/acqd.toml
+    """
+    if find_spec("asyncua") is None:
+        raise UserError("acqd opcua needs asyncua: pip install 'acqd[opcua]'")
+    from acqd.integrations.bridge import Relay
+    from acqd.integrations.opcua.server import OpcUaServer
+    from acqd.integrations.service import until_stopped
+
+    logging.getLogger("asyncua").setLevel(logging.ERROR)  # it warns of every client without encryption
+    settings = configured(config, host, port)
+    server = OpcUaServer(settings.opcua)
+    relay = Relay(settings.mqtt.address(), server, f"acqd-opcua-{socket.gethostname()}")
+
+    async def both(stop: asyncio.Event) -> None:
+        serving = asyncio.ensure_future(server.serve(stop))
+        relaying = asyncio.ensure_future(relay.run(stop))
+        await asyncio.wait({serving, relaying}, return_when=asyncio.FIRST_COMPLETED)
+        stop.set()
+        await asyncio.gather(serving, relaying)
+
+    print(orjson.dumps({"endpoint": server.endpoint}).decode() if json else f"serving {server.endpoint}", flush=True)
+    asyncio.run(until_stopped(both))

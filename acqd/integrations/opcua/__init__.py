@@ -1,0 +1,1 @@
+"""An OPC UA server with the rows as variables; needs acqd[opcua]."""

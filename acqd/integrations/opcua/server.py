@@ -1,0 +1,155 @@
+"""The server: rows from the broker to variables, and bad values where rows stop."""
+
+from __future__ import annotations
+
+import asyncio
+import hmac
+import logging
+import time
+from collections import deque
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from asyncua import Server, ua
+from asyncua.crypto.permission_rules import User, UserRole
+
+from acqd.daemon.opcua_section import OpcUaSection
+from acqd.errors import UserError
+from acqd.integrations.daemons import Daemons
+from acqd.integrations.opcua.space import NAMESPACE, Space
+from acqd.telemetry import topics
+from acqd.telemetry.message import Message
+from acqd.telemetry.row import PowerRow, parse_row
+
+_log = logging.getLogger(__name__)
+_WAITING = 20_000
+"""Rows; the oldest are lost when a client keeps the server busy for longer."""
+_LOOK_S = 0.02
+_INTERVALS = 5
+
+
+class OpcUaServer:
+    """A bridge that answers with no messages: it writes the rows into the address space."""
+
+    def __init__(self, section: OpcUaSection) -> None:
+        self._section = section
+        self._rows: deque[PowerRow] = deque(maxlen=_WAITING)
+        self._daemons = Daemons()
+        self._seen: dict[tuple[str, str], _Pace] = {}
+        self._gone: set[str] = set()
+
+    def subscriptions(self) -> Sequence[str]:
+        """Rows, and whether their daemons are online."""
+        return topics.ALL_STATUS, topics.ALL_POWER
+
+    def will(self) -> None:
+        """None."""
+
+    def begin(self) -> Iterable[Message]:
+        """Nothing to send."""
+        return ()
+
+    def take(self, topic: str, payload: bytes) -> Iterable[Message]:
+        """A row or a status."""
+        if topic.endswith("/status"):
+            daemon = topic.split("/")[1]
+            self._daemons.take(daemon, payload)
+            (self._gone.add if payload == topics.OFFLINE else self._gone.discard)(daemon)
+            return ()
+        try:
+            row = parse_row(payload)
+        except ValueError:
+            return ()
+        if topic == topics.power(row.device, row.channel):
+            self._rows.append(row)
+        return ()
+
+    def tick(self) -> Iterable[Message]:
+        """Nothing is due."""
+        return ()
+
+    async def serve(self, stop: asyncio.Event) -> None:
+        """Serve until `stop` is set. Raises UserError when the port or the certificate cannot be used."""
+        server = await self._server()
+        try:
+            await server.start()
+        except OSError as error:
+            raise UserError(f"[opcua] {self.endpoint}: {error.strerror or error}; choose another port") from None
+        _log.info("OPC UA server at %s", self.endpoint)
+        try:
+            space = Space(server, await server.register_namespace(NAMESPACE))
+            while not stop.is_set():
+                await self._write(space)
+                await asyncio.sleep(_LOOK_S)
+        finally:
+            await server.stop()
+
+    @property
+    def endpoint(self) -> str:
+        """What clients connect to."""
+        return f"opc.tcp://{self._section.host}:{self._section.port}/acqd"
+
+    async def _server(self) -> Server:
+        section = self._section
+        server = Server(user_manager=_Readers(section.username, section.password))
+        await server.init()
+        server.set_endpoint(self.endpoint)
+        server.set_server_name("acqd")
+        if section.certificate is None or section.key is None:
+            server.set_security_policy([ua.SecurityPolicyType.NoSecurity])
+            return server
+        try:
+            await server.load_certificate(section.certificate)
+            await server.load_private_key(section.key)
+        except (OSError, ValueError) as error:
+            raise UserError(f"[opcua] certificate and key cannot be used: {error}; expected PEM or DER files") from None
+        server.set_security_policy([ua.SecurityPolicyType.Basic256Sha256_SignAndEncrypt])
+        return server
+
+    async def _write(self, space: Space) -> None:
+        now = time.monotonic()
+        while self._rows:
+            row = self._rows.popleft()
+            await space.write(row)
+            self._seen.setdefault((row.device, row.channel), _Pace(now)).next(now, row.boot)
+        for (device, channel), pace in self._seen.items():
+            daemon = self._daemons.of(device, pace.boot)
+            if pace.running and (now - pace.last > pace.limit(self._section.stale_s) or daemon in self._gone):
+                pace.running = False
+                await space.spoil(device, channel)
+
+
+class _Pace:
+    """When the rows of a channel come."""
+
+    def __init__(self, now: float) -> None:
+        self.last, self.interval, self.running, self.boot = now, 0.0, True, ""
+
+    def next(self, now: float, boot: str) -> None:
+        """A row has come."""
+        if self.running and now > self.last:
+            self.interval = now - self.last
+        self.last, self.running, self.boot = now, True, boot
+
+    def limit(self, shortest_s: float) -> float:
+        """Silence that means an end of the rows [s]."""
+        return max(shortest_s, _INTERVALS * self.interval)
+
+
+class _Readers:
+    """Every client reads and none writes; with a user name, only those who know the password."""
+
+    def __init__(self, username: str | None, password: str | None) -> None:
+        self._wanted = (username, password)
+
+    def get_user(
+        self, _server: Any, username: str | None = None, password: str | None = None, certificate: Any = None
+    ) -> User | None:
+        """The user's role, None to refuse."""
+        del certificate
+        name, secret = self._wanted
+        if name is not None and secret is not None:
+            same = hmac.compare_digest(str(username).encode(), name.encode())
+            if not (hmac.compare_digest(str(password).encode(), secret.encode()) and same):
+                return None
+        return User(role=UserRole.User)

@@ -1,0 +1,93 @@
+"""Rows in OPC UA, as a client of another project reads them."""
+
+from __future__ import annotations
+
+import asyncio
+from datetime import datetime
+
+import pytest
+
+pytest.importorskip("asyncua", reason="needs acqd[opcua]")
+
+from asyncua import Client, ua
+from asyncua.crypto.permission_rules import UserRole
+
+from acqd.daemon.opcua_section import OpcUaSection
+from acqd.integrations.opcua.quality import status_of
+from acqd.integrations.opcua.server import OpcUaServer, _Readers
+from acqd.telemetry.broker import free_port
+from tests.integrations.messages import status
+from tests.storage.rows import row
+from tests.waiting import LIMIT_S, finish, until
+
+
+def take(server, sent):
+    server.take(f"acqd/{sent.device}/{sent.channel}/power", sent.to_json())
+
+
+@pytest.mark.parametrize(
+    ("flags", "code"),
+    [([], "Good"), (["late", "rms_meter"], "Good"), (["gap"], "UncertainSubNormal"),
+     (["gap", "simulated"], "UncertainSimulatedValue"), (["gap", "invalid"], "BadSensorFailure")],
+)  # fmt: skip
+def test_quality_is_that_of_the_worst_flag(flags, code):
+    assert status_of(flags).name == code
+
+
+def test_a_client_reads_values_units_times_and_quality_and_may_not_write():
+    async def scenario():
+        section = OpcUaSection(port=free_port(), stale_s=0.5)
+        server, stop = OpcUaServer(section), asyncio.Event()
+        serving = asyncio.create_task(server.serve(stop))
+        sent = row(7, P=123.5, PF=None, flags=["gap"])
+        for each in (sent, row(7, device="press-1", t=1_700_000_200), row(6, P=1.0, t=1_600_000_000)):
+            take(server, each)
+        await until(lambda: not server._rows, "rows are written")
+        async with Client(server.endpoint) as client:
+            index = await client.get_namespace_index("urn:acqd:rows")
+            root = await client.nodes.objects.get_child(f"{index}:acqd")
+            assert {(await node.read_browse_name()).Name for node in await root.get_children()} == {"cell1", "press-1"}
+
+            def node(name, device="cell1"):
+                return client.get_node(ua.NodeId(f"{device}.L1.{name}", index))
+
+            value = await node("P").read_data_value(raise_on_bad_status=False)
+            assert value.Value.Value == 123.5 and value.StatusCode.name == "UncertainSubNormal"
+            assert value.SourceTimestamp.replace(tzinfo=None) == datetime.fromisoformat(sent.time).replace(tzinfo=None)
+            unit = await (await node("P").get_child("0:EngineeringUnits")).read_value()
+            assert (unit.UnitId, unit.DisplayName.Text) == (int.from_bytes(b"WTT", "big"), "W")
+            assert (await node("P").read_type_definition()).Identifier == ua.ObjectIds.AnalogUnitType
+            assert (await node("PF").read_data_value(raise_on_bad_status=False)).StatusCode.name == "BadNoData"
+            assert await node("flags").read_value() == ["gap"] and await node("seq").read_value() == 7
+            with pytest.raises(ua.UaStatusCodeError):
+                await node("P").write_value(5.0)
+            await stops(node("P", "press-1"), "BadNoCommunication")
+            take(server, row(8, device="press-1", t=1_700_000_300))
+            await stops(node("P", "press-1"), "Good")
+            server.take(*status("press-1"))
+            server.take("acqd/press-1/status", b"offline")
+            await stops(node("P", "press-1"), "BadNoCommunication")
+        stop.set()
+        await serving
+
+    async def stops(node, code):
+        for _ in range(int(LIMIT_S / 0.01)):
+            value = await node.read_data_value(raise_on_bad_status=False)
+            if value.StatusCode.name == code:
+                return
+            await asyncio.sleep(0.01)
+        raise AssertionError(f"not {code}: {value}")
+
+    finish(scenario())
+
+
+def test_off_loopback_strangers_are_kept_out():
+    with pytest.raises(ValueError, match="certificate, key, username and password are needed"):
+        OpcUaSection(host="0.0.0.0")
+
+
+def test_a_user_needs_the_password_and_nobody_is_an_administrator():
+    open_to_all, closed = _Readers(None, None), _Readers("scada", "right")
+    assert open_to_all.get_user(None, "admin").role == closed.get_user(None, "scada", "right").role == UserRole.User
+    for name, password in (("scada", "wrong"), ("scada", None), (None, None), ("admin", "right")):
+        assert closed.get_user(None, name, password) is None
