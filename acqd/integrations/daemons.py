@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import orjson
 
 from acqd.telemetry import topics
 
-_LISTS = ("devices", "meters", "sources")
-"""Keys of a status whose value names the devices of a daemon that has several."""
+_TABLES = ("boxes", "meters")
+"""Keys of a status, or of a box in one, whose tables are named after devices."""
 
 
 class Daemons:
@@ -17,8 +18,7 @@ class Daemons:
 
     def __init__(self) -> None:
         self._named: dict[str, set[str]] = {}
-        self._boots: dict[str, set[str]] = {}
-        self._simulated: dict[str, bool] = {}
+        self._boots: dict[str, str] = {}
 
     def take(self, daemon: str, payload: bytes) -> None:
         """A status message. What an earlier one said stays true of a daemon that has gone offline."""
@@ -29,9 +29,8 @@ class Daemons:
             return
         if payload == topics.OFFLINE or not isinstance(status, dict):
             return
-        self._named[daemon] = {name for key in _LISTS for name in _names(status.get(key))}
-        self._boots[daemon] = {str(status["boot"])} if "boot" in status else set()
-        self._simulated[daemon] = status.get("source") == "simulated" or status.get("simulated") is True
+        self._named[daemon] = set(_names(status))
+        self._boots[daemon] = str(status.get("boot", ""))
 
     def of(self, device: str, boot: str = "") -> str | None:
         """The daemon of a device: of the same name, else one that names the device, else one with the rows' boot."""
@@ -40,18 +39,14 @@ class Daemons:
         for daemon, names in self._named.items():
             if device in names:
                 return daemon
-        return next((daemon for daemon, boots in self._boots.items() if boot and boot in boots), None)
-
-    def simulated(self, daemon: str | None) -> bool:
-        """Whether the daemon has said that its source is simulated."""
-        return daemon is not None and self._simulated.get(daemon, False)
+        return next((daemon for daemon, known in self._boots.items() if boot and boot == known), None)
 
 
-def _names(value: Any) -> list[str]:
-    """Device names in a status: keys of a table, a list of names, or of tables with a name."""
-    if isinstance(value, dict):
-        return [str(name) for name in value]
-    if isinstance(value, list):
-        tables = [entry.get("device") or entry.get("name") for entry in value if isinstance(entry, dict)]
-        return [str(name) for name in [*tables, *(entry for entry in value if isinstance(entry, str))] if name]
-    return []
+def _names(status: dict[str, Any]) -> Iterator[str]:
+    """Devices in a status: of boxes, of meters, and of the meters of a box."""
+    for key in _TABLES:
+        table = status.get(key)
+        for name, content in table.items() if isinstance(table, dict) else ():
+            yield str(name)
+            if isinstance(content, dict):
+                yield from _names(content)

@@ -124,7 +124,7 @@ class Discovery:
         if channel not in self.channels or topic != topics.summary(device, channel):
             return ()
         daemon = self._daemons.of(device, str(summary.get("boot", "")))
-        simulated = self._daemons.simulated(daemon) or "simulated" in (summary.get("flags") or [])
+        simulated = "simulated" in (summary.get("flags") or [])
         place = Place(device, channel, daemon, self.expire_s, simulated)
         return list(self._news(place, summary))
 

@@ -15,10 +15,10 @@ from collections.abc import Iterable, Sequence
 import orjson
 
 from acqd.errors import UserError
+from acqd.integrations.rows import TOPICS, rows_of
 from acqd.retry import Backoff
-from acqd.telemetry import topics
 from acqd.telemetry.message import Message
-from acqd.telemetry.row import PowerRow, parse_row
+from acqd.telemetry.row import PowerRow
 from acqd.timestamps import utc_ns
 
 _log = logging.getLogger(__name__)
@@ -62,7 +62,7 @@ class Influx:
 
     def subscriptions(self) -> Sequence[str]:
         """All rows."""
-        return (topics.ALL_POWER,)
+        return TOPICS
 
     def will(self) -> None:
         """None."""
@@ -72,12 +72,8 @@ class Influx:
         return ()
 
     def take(self, topic: str, payload: bytes) -> Iterable[Message]:
-        """A row; what is none is left out."""
-        try:
-            row = parse_row(payload)
-        except ValueError:
-            return ()
-        if topic == topics.power(row.device, row.channel):
+        """Rows; what is none is left out."""
+        for row in rows_of(topic, payload):
             try:
                 self._lines.put_nowait(line(row, self._measurement))
             except queue.Full:

@@ -64,7 +64,12 @@ def test_different_devices_have_different_nodes():
 
 @pytest.mark.parametrize(
     "content",
-    [{"meters": {"press-1": {}}}, {"devices": ["press-1"]}, {"sources": [{"device": "press-1"}]}, {"boot": "b1"}],
+    [
+        {"meters": {"press-1": {}}},
+        {"boxes": {"press-1": {}}},
+        {"boxes": {"": {"meters": {"press-1": {}}}}},
+        {"boot": "b1"},
+    ],
 )
 def test_a_device_with_another_name_than_its_daemon_is_available_with_it(content):
     daemons = Daemons()

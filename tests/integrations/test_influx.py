@@ -37,10 +37,13 @@ def test_what_is_no_row_or_of_another_topic_is_left_out():
     bridge = Influx("http://127.0.0.1:1/write")
     sent = row(1)
     bridge.take("acqd/other/L1/power", sent.to_json())
-    bridge.take(f"acqd/{sent.device}/L1/power", b"{}")
+    for payload in (b"{}", b"", b"[]", b"null"):
+        bridge.take(f"acqd/{sent.device}/L1/power", payload)
+    bridge.take("acqd/other/window", b"[" + sent.to_json() + b"]")
     assert bridge._lines.empty()
     take(bridge, sent)
-    assert not bridge._lines.empty()
+    bridge.take(f"acqd/{sent.device}/window", b"[" + sent.to_json() + b"," + row(1, "L2").to_json() + b"]")
+    assert bridge._lines.qsize() == 3
 
 
 def test_rows_that_do_not_fit_are_counted():

@@ -17,9 +17,10 @@ from acqd.daemon.opcua_section import OpcUaSection
 from acqd.errors import UserError
 from acqd.integrations.daemons import Daemons
 from acqd.integrations.opcua.space import NAMESPACE, Space
+from acqd.integrations.rows import TOPICS, rows_of
 from acqd.telemetry import topics
 from acqd.telemetry.message import Message
-from acqd.telemetry.row import PowerRow, parse_row
+from acqd.telemetry.row import PowerRow
 
 _log = logging.getLogger(__name__)
 _WAITING = 20_000
@@ -40,7 +41,7 @@ class OpcUaServer:
 
     def subscriptions(self) -> Sequence[str]:
         """Rows, and whether their daemons are online."""
-        return topics.ALL_STATUS, topics.ALL_POWER
+        return topics.ALL_STATUS, *TOPICS
 
     def will(self) -> None:
         """None."""
@@ -56,12 +57,7 @@ class OpcUaServer:
             self._daemons.take(daemon, payload)
             (self._gone.add if payload == topics.OFFLINE else self._gone.discard)(daemon)
             return ()
-        try:
-            row = parse_row(payload)
-        except ValueError:
-            return ()
-        if topic == topics.power(row.device, row.channel):
-            self._rows.append(row)
+        self._rows.extend(rows_of(topic, payload))
         return ()
 
     def tick(self) -> Iterable[Message]:
