@@ -12,6 +12,7 @@ from typing import Annotated, NoReturn, TextIO
 import typer
 
 from acqd.cli import (
+    alarms,
     bridge,
     broker,
     close_loop,
@@ -68,6 +69,7 @@ app.command("opcua", rich_help_panel=_SERVICE)(opcua.opcua)
 app.command("status", rich_help_panel=_SERVICE)(status.status)
 app.command("doctor", rich_help_panel=_SERVICE)(doctor.doctor)
 app.command("jitter", rich_help_panel=_SERVICE)(jitter.jitter)
+app.add_typer(alarms.app, name="alarms", rich_help_panel=_SERVICE)
 app.add_typer(bridge.app, name="bridge", rich_help_panel=_SERVICE)
 app.command("broker", rich_help_panel=_SERVICE)(broker.broker)
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
 
+from acqd.daemon.alarms_section import AlarmsSection
 from acqd.daemon.box_section import BoxSection
 from acqd.daemon.health.section import HealthSection
 from acqd.daemon.homeassistant_section import HomeAssistantSection
@@ -106,6 +107,7 @@ class Config(Section):
     homeassistant: HomeAssistantSection = HomeAssistantSection()
     influx: InfluxSection = InfluxSection()
     opcua: OpcUaSection = OpcUaSection()
+    alarms: AlarmsSection = Field(default_factory=AlarmsSection)
 
     @field_validator("device")
     @classmethod
@@ -234,6 +236,7 @@ _KINDS: dict[str, type[Section]] = {
 
 _SECRET = {"token", "password", "password_file", "database", "username"}
 _SECRET = {"password", "password_file", "database", "username", "token", "url"}
+_SECRET = {"password", "password_file", "database", "username", "token", "url", "webhooks", "smtp_password"}
 _NET_ID = "expected six numbers like 5.12.34.56.1.1"
 _EXPECTED = {
     "source.ams_net_id": _NET_ID,

@@ -8,13 +8,12 @@ from __future__ import annotations
 import logging
 import queue
 import threading
-import urllib.error
-import urllib.request
 from collections.abc import Iterable, Sequence
 
 import orjson
 
 from acqd.errors import UserError
+from acqd.integrations.http import Answer, post
 from acqd.integrations.rows import TOPICS, rows_of
 from acqd.retry import Backoff
 from acqd.telemetry.message import Message
@@ -23,7 +22,8 @@ from acqd.timestamps import utc_ns
 
 _log = logging.getLogger(__name__)
 _AT_ONCE = 5_000
-_TIMEOUT_S = 10.0
+_END_S = 20.0
+_MALFORMED = 400
 _COLLECT_S = 0.5
 _TAG = str.maketrans({",": r"\,", "=": r"\=", " ": r"\ ", "\n": "", "\r": "", "\\": "/"})
 _TEXT = str.maketrans({'"': r"\"", "\\": r"\\", "\n": ""})
@@ -58,7 +58,7 @@ class Influx:
     def __exit__(self, *_: object) -> None:
         """Write what waits, as far as the server takes it at once."""
         self._ended.set()
-        self._thread.join(2 * _TIMEOUT_S)
+        self._thread.join(_END_S)
 
     def subscriptions(self) -> Sequence[str]:
         """All rows."""
@@ -111,20 +111,19 @@ class Influx:
         """Whether the server has taken the lines, or has refused them for good."""
         headers = {"Authorization": f"Token {self._token}"} if self._token else {}
         try:
-            request = urllib.request.Request(self._url, body, headers)
-            with urllib.request.urlopen(request, timeout=_TIMEOUT_S):
-                self.written += count
-                self._say("")
-                return True
-        except urllib.error.HTTPError as error:
-            self._say(f"{error.code}: {_reason(error)}")
-            if error.code != 400:  # 404: the database is not made yet; 401: the token is mended without a restart
-                return False
-            self.refused += count
-            return True
+            answer = post(self._url, body, headers)
         except (OSError, ValueError) as error:
-            self._say(str(getattr(error, "reason", error)))
+            self._say(str(error))
             return False
+        if answer.good:
+            self.written += count
+            self._say("")
+            return True
+        self._say(f"{answer.code}: {_reason(answer)}")
+        if answer.code != _MALFORMED:  # 404: the database is not made yet; 401: the token may be mended
+            return False
+        self.refused += count
+        return True
 
     def _say(self, trouble: str) -> None:
         """Log a change of state, not every attempt."""
@@ -135,11 +134,11 @@ class Influx:
         self._trouble = trouble
 
 
-def _reason(error: urllib.error.HTTPError) -> str:
+def _reason(answer: Answer) -> str:
     try:
-        return str(orjson.loads(error.read(10_000))["error"])[:200]
-    except (OSError, orjson.JSONDecodeError, KeyError, TypeError):
-        return str(error.reason)
+        return str(orjson.loads(answer.body)["error"])[:200]
+    except (orjson.JSONDecodeError, KeyError, TypeError):
+        return answer.reason
 
 
 def check_url(url: str) -> None:

@@ -33,7 +33,8 @@ def upgrade() -> None:
     time: Any = sa.DateTime(timezone=True) if kind == "postgresql" else sa.Text()
     op.add_column("prediction", sa.Column("device", sa.Text, nullable=True))
     op.add_column("prediction", sa.Column("time", time, nullable=True))
-    op.execute(f'UPDATE prediction SET "time" = {_TIME[kind]}')
+    predictions = sa.table("prediction", sa.column("time"))
+    op.execute(sa.update(predictions).values(time=sa.literal_column(_TIME[kind])))
     # A sidecar has one device. Where the rows of power are of several, nobody knows any more which one it was.
     op.execute(
         "UPDATE prediction SET device = (SELECT min(device) FROM power)"
@@ -44,12 +45,12 @@ def upgrade() -> None:
         'CREATE VIEW v_prediction AS SELECT p."time", p.device, l.name AS log, l.model, p."P", p."P_predicted",'
         " p.residual FROM prediction p JOIN prediction_log l ON l.sha256 = p.sha256"
     )
-    columns = ", ".join(f'"{name}"' for name in _ROLLED_UP)
     for name in ("power_1min", "power_15min"):
-        op.execute(
-            f'CREATE VIEW v_{name} AS SELECT {_START[kind]} AS "time", device, channel, "start", {columns},'
-            f' "rows", flagged FROM {name}'
-        )
+        columns: list[sa.ColumnClause[Any]] = [
+            sa.column(each) for each in ("device", "channel", "start", *_ROLLED_UP, "rows", "flagged")
+        ]
+        query = sa.select(sa.literal_column(_START[kind]).label("time"), *columns).select_from(sa.table(name))
+        op.execute(sa.text(f"CREATE VIEW v_{name} AS {query.compile(op.get_bind())}"))
 
 
 def downgrade() -> None:

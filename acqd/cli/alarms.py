@@ -1,0 +1,132 @@
+"""`acqd alarms`: tells people what is wrong."""
+
+from __future__ import annotations
+
+import asyncio
+import getpass
+import socket
+from typing import Annotated, Any
+
+import aiomqtt
+import orjson
+import typer
+
+from acqd.cli.options import ConfigFile, Host, Json, Port, broker_address, configured
+from acqd.errors import UserError
+from acqd.telemetry.mqtt import BrokerAddress
+
+app = typer.Typer(invoke_without_command=True)
+_LIST_S = 2.0
+
+
+@app.callback()
+def alarms(context: typer.Context, config: ConfigFile = None, host: Host = None, port: Port = None) -> None:
+    """Tell the webhooks and mailboxes of [alarms] when a residual changes or a daemon is in trouble.
+
+    Example: acqd alarms --config /etc/acqd/acqd.toml
+    """
+    if context.invoked_subcommand is not None:
+        if any((config, host, port)):
+            raise UserError(f"put the options after the subcommand: acqd alarms {context.invoked_subcommand} ...")
+        return
+    from acqd.integrations.alarms.service import Alarms
+    from acqd.integrations.service import serve
+
+    settings = configured(config, host, port)
+    if not settings.alarms.webhooks and not settings.alarms.mail_to:
+        raise UserError("[alarms] names nobody to tell: set webhooks or mail_to, and pass the file with --config")
+    with Alarms(settings.alarms) as service:
+        serve(settings.mqtt.address(), service.watch, f"acqd-alarms-{socket.gethostname()}")
+
+
+@app.command("list")
+def list_command(config: ConfigFile = None, host: Host = None, port: Port = None, json: Json = False) -> None:
+    """Show the active alarms, as the running `acqd alarms` publishes them; exit 1 when there are any.
+
+    Example: acqd alarms list --config /etc/acqd/acqd.toml
+    """
+    active = asyncio.run(_active(broker_address(config, host, port)))
+    if json:
+        print(orjson.dumps(active).decode())
+    else:
+        for alarm in active:
+            by = f"  acknowledged by {alarm['acknowledged_by']}" if alarm["acknowledged_by"] else ""
+            print(f"{alarm['since']}  {alarm['key']}  {alarm['text']}{by}")
+        if not active:
+            print("no alarms")
+    if active:
+        raise typer.Exit(1)
+
+
+@app.command("acknowledge")
+def acknowledge_command(
+    key: Annotated[str, typer.Argument(help="DEVICE/KIND, as `acqd alarms list` shows it.")],
+    by: Annotated[str, typer.Option(help="Who takes care of it (default: the user of this computer).")] = "",
+    config: ConfigFile = None,
+    host: Host = None,
+    port: Port = None,
+) -> None:
+    """Say that somebody takes care of an alarm: there are no more reminders of it.
+
+    Example: acqd alarms acknowledge cell-1/residual --by Ada
+    """
+    address = broker_address(config, host, port)
+    if key not in {alarm["key"] for alarm in asyncio.run(_active(address))}:
+        raise UserError(f"{key!r} is no active alarm; acqd alarms list shows the keys")
+    name = by or getpass.getuser()
+    asyncio.run(_send(address, orjson.dumps({"key": key, "by": name})))
+    print(f"{key} acknowledged by {name}")
+
+
+@app.command("test")
+def test_command(config: ConfigFile = None) -> None:
+    """Send a test notification to every target, once; exit 2 when one does not take it.
+
+    Example: acqd alarms test --config /etc/acqd/acqd.toml
+    """
+    from acqd.integrations.alarms.targets import RefusedError, targets_of
+
+    settings = configured(config).alarms
+    targets = targets_of(settings)
+    content = {"event": "test", "key": "test/test", "text": f"[acqd] test from {socket.gethostname()}", "details": {}}
+    for target in targets:
+        try:
+            target.send(content)
+        except (RefusedError, OSError, ValueError) as error:
+            reason = getattr(error, "reason", None) or error
+            raise UserError(f"{target.name}: {reason}; check [alarms] in the configuration") from None
+    print(f"{len(targets)} targets have taken the test")
+
+
+def _client(address: BrokerAddress) -> aiomqtt.Client:
+    return aiomqtt.Client(
+        address.host, address.port, username=address.username, password=address.password,
+        tls_context=address.tls_context(), timeout=5.0,
+    )  # fmt: skip
+
+
+async def _active(address: BrokerAddress) -> list[dict[str, Any]]:
+    """The retained list. Raises UserError when there is none: `acqd alarms` has never run on this broker."""
+    from acqd.integrations.alarms.watch import ACTIVE
+
+    try:
+        async with _client(address) as client:
+            await client.subscribe(ACTIVE, qos=1)
+            async with asyncio.timeout(_LIST_S):
+                message = await anext(aiter(client.messages))
+                found: list[dict[str, Any]] = orjson.loads(bytes(message.payload))
+                return found
+    except TimeoutError:
+        raise UserError(f"no list of alarms at {address}: start acqd alarms first") from None
+    except aiomqtt.MqttError as error:
+        raise UserError(f"broker {address}: {error}; check host and port") from None
+
+
+async def _send(address: BrokerAddress, payload: bytes) -> None:
+    from acqd.integrations.alarms.watch import ACKNOWLEDGE
+
+    try:
+        async with _client(address) as client:
+            await client.publish(ACKNOWLEDGE, payload, qos=1)
+    except aiomqtt.MqttError as error:
+        raise UserError(f"broker {address}: {error}; check host and port") from None

@@ -1,0 +1,38 @@
+"""`[alarms]` of acqd.toml."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from acqd.daemon.section import Port, Section
+
+_Url = Annotated[str, Field(pattern=r"^https?://")]
+_Address = Annotated[str, Field(pattern=r"^[^@\s]+@[^@\s]+$")]
+
+
+class AlarmsSection(Section):
+    """Whom `acqd alarms` tells, and how soon."""
+
+    webhooks: list[_Url] = Field(default_factory=list, repr=False)
+    mail_to: list[_Address] = Field(default_factory=list)
+    mail_from: _Address = "acqd@localhost.localdomain"
+    smtp_host: Annotated[str, Field(min_length=1)] = "127.0.0.1"
+    smtp_port: Port = 25
+    smtp_tls: Literal["none", "starttls", "tls"] = "none"
+    smtp_username: str | None = None
+    smtp_password: str | None = Field(default=None, repr=False)
+    delay_s: Annotated[float, Field(ge=0, le=86_400)] = 30.0
+    """A state of a daemon is an alarm when it has lasted so long [s]: a restart is none."""
+    remind_h: Annotated[float, Field(ge=0)] = 24.0
+    """An alarm that nobody has acknowledged is repeated; 0: never [h]."""
+    state: Path = Path("acqd-alarms.json")
+    """Remembers alarms and messages on their way over a restart."""
+
+    @model_validator(mode="after")
+    def _whole_login(self) -> AlarmsSection:
+        if (self.smtp_username is None) != (self.smtp_password is None):
+            raise ValueError("smtp_username and smtp_password belong together: set both or none")
+        return self

@@ -1,0 +1,67 @@
+"""Book, targets and state file of one `acqd alarms`."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import threading
+from dataclasses import asdict
+from typing import Any
+
+import orjson
+
+from acqd.atomic import write_complete
+from acqd.daemon.alarms_section import AlarmsSection
+from acqd.errors import OperationError
+from acqd.integrations.alarms.book import Alarm, Book, Notification
+from acqd.integrations.alarms.sender import Sender
+from acqd.integrations.alarms.targets import targets_of
+from acqd.integrations.alarms.watch import AlarmWatch
+
+_log = logging.getLogger(__name__)
+
+
+class Alarms:
+    """`watch` is the bridge; use as a context."""
+
+    def __init__(self, section: AlarmsSection) -> None:
+        self._path = section.state
+        self._book = Book(section.remind_h * 3600)
+        self._lock = threading.Lock()
+        self.sender = Sender(targets_of(section), self.save)
+        self.watch = AlarmWatch(self._book, self._tell, section.delay_s)
+        self._restore()
+
+    def __enter__(self) -> Alarms:
+        self.sender.__enter__()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.sender.__exit__()
+        self.save()
+
+    def save(self) -> None:
+        """Write alarms and waiting notifications to the state file; from any thread."""
+        with self._lock:
+            alarms = [asdict(alarm) for alarm in list(self._book.active.values())]
+            state = {"alarms": alarms, "waiting": self.sender.waiting()}
+            try:
+                write_complete(self._path, orjson.dumps(state))
+            except OperationError as error:
+                _log.error("%s", error)
+
+    def _tell(self, notification: Notification) -> None:
+        _log.warning("%s", notification.line())
+        self.sender.put(notification.as_json())
+        self.save()
+
+    def _restore(self) -> None:
+        """Continue where an earlier run ended; a state that cannot be read is left out: alarms are told again."""
+        state: Any = {}
+        with contextlib.suppress(OSError, orjson.JSONDecodeError):
+            state = orjson.loads(self._path.read_bytes())
+        try:
+            self._book.active = {entry["key"]: Alarm(**entry) for entry in state.get("alarms", [])}
+            self.sender.restore(state.get("waiting", {}))
+        except (TypeError, KeyError, AttributeError):
+            _log.warning("%s is no state of acqd alarms; starting with an empty one", self._path)
