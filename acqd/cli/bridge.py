@@ -66,3 +66,32 @@ def influx(config: ConfigFile = None, host: Host = None, port: Port = None, json
     print(
         orjson.dumps(counts).decode() if json else ", ".join(f"{value} rows {name}" for name, value in counts.items())
     )
+
+
+@app.command("plain")
+def plain(config: ConfigFile = None, host: Host = None, port: Port = None) -> None:
+    """Publish every quantity as a number of its own, acqd/DEVICE/CHANNEL/P; see [plain] in acqd.toml.
+
+    Example: acqd bridge plain --config /etc/acqd/acqd.toml
+    """
+    from acqd.integrations.plain import Plain
+    from acqd.integrations.service import serve
+
+    settings = configured(config, host, port)
+    bridge = Plain(settings.plain.prefix, every_row=settings.plain.every_row)
+    serve(settings.mqtt.address(), bridge, f"acqd-plain-{socket.gethostname()}")
+
+
+@app.command("sparkplug")
+def sparkplug(config: ConfigFile = None, host: Host = None, port: Port = None) -> None:
+    """Publish the 1 s summaries as an edge node of Sparkplug B; see [sparkplug] in acqd.toml.
+
+    Example: acqd bridge sparkplug --config /etc/acqd/acqd.toml
+    """
+    from acqd.integrations.service import serve
+    from acqd.integrations.sparkplug.node import Node
+
+    settings = configured(config, host, port)
+    section = settings.sparkplug
+    node = Node(section.group, section.node, section.stale_s)
+    serve(settings.mqtt.address(), node, f"acqd-sparkplug-{section.group}-{section.node}", qos=0)

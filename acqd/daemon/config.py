@@ -24,6 +24,7 @@ from acqd.daemon.section import Positive, Section
 from acqd.daemon.source_sections import SECTIONS, SimulatedSection, SourceSection
 from acqd.daemon.spool_section import SpoolSection
 from acqd.daemon.web_section import WebSection
+from acqd.daemon.topic_sections import PlainSection, SparkplugSection
 from acqd.errors import InputError
 from acqd.plc.realtime import RealtimeSettings
 from acqd.storage.sink_settings import SinkSettings
@@ -105,6 +106,8 @@ class Config(Section):
     health: HealthSection = HealthSection()
     web: WebSection = WebSection()
     homeassistant: HomeAssistantSection = HomeAssistantSection()
+    plain: PlainSection = PlainSection()
+    sparkplug: SparkplugSection = Field(default_factory=SparkplugSection)
     influx: InfluxSection = InfluxSection()
     opcua: OpcUaSection = OpcUaSection()
     alarms: AlarmsSection = Field(default_factory=AlarmsSection)

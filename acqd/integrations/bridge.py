@@ -28,7 +28,10 @@ class Bridge(Protocol):
         """Topics whose messages `take` wants."""
 
     def will(self) -> Message | None:
-        """What the broker publishes when the connection breaks, and the bridge itself before it ends."""
+        """What the broker publishes when the connection breaks, and the bridge itself before it ends.
+
+        Asked for once per connection, before `begin`.
+        """
 
     def begin(self) -> Iterable[Message]:
         """A new connection: messages to send first."""
@@ -43,9 +46,9 @@ class Bridge(Protocol):
 class Relay:
     """Keeps a bridge connected until it is stopped."""
 
-    def __init__(self, address: BrokerAddress, bridge: Bridge, name: str) -> None:
-        """`name` is the client's identifier, one per bridge and broker."""
-        self._address, self._bridge, self._name = address, bridge, name
+    def __init__(self, address: BrokerAddress, bridge: Bridge, name: str, qos: int = 1) -> None:
+        """`name` is the client's identifier, one per bridge and broker; `qos` of what the bridge sends."""
+        self._address, self._bridge, self._name, self._qos = address, bridge, name, qos
         self._failure = ""
         self._accepted = False
         self.connected = asyncio.Event()
@@ -88,24 +91,28 @@ class Relay:
         )  # fmt: skip
         async with client:
             _log.info("connected to broker %s", address)
-            await _send(client, self._bridge.begin())
             for topic in self._bridge.subscriptions():
                 await client.subscribe(topic, qos=1)
+            await self._send(client, self._bridge.begin())
             self._failure, self._accepted = "", True
             self.connected.set()
             await self._serve(client, stop, for_s)
             if last is not None:
-                await _send(client, [last])
+                await self._send(client, [last])
 
     async def _serve(self, client: aiomqtt.Client, stop: asyncio.Event, for_s: float | None) -> None:
         begun = time.monotonic()
         async for message in _messages(client, stop):
             if message is not None:
-                await _send(client, self._bridge.take(str(message.topic), bytes(message.payload)))
+                await self._send(client, self._bridge.take(str(message.topic), bytes(message.payload)))
                 continue
-            await _send(client, self._bridge.tick())
+            await self._send(client, self._bridge.tick())
             if for_s is not None and time.monotonic() - begun > for_s:
                 return
+
+    async def _send(self, client: aiomqtt.Client, messages: Iterable[Message]) -> None:
+        for message in messages:
+            await client.publish(message.topic, message.payload, qos=self._qos, retain=message.retain)
 
 
 async def _messages(client: aiomqtt.Client, stop: asyncio.Event) -> AsyncIterator[aiomqtt.Message | None]:
@@ -128,8 +135,3 @@ async def _messages(client: aiomqtt.Client, stop: asyncio.Event) -> AsyncIterato
             task.cancel()
             with contextlib.suppress(asyncio.CancelledError, aiomqtt.MqttError):
                 await task
-
-
-async def _send(client: aiomqtt.Client, messages: Iterable[Message]) -> None:
-    for message in messages:
-        await client.publish(message.topic, message.payload, qos=1, retain=message.retain)

@@ -15,6 +15,7 @@ import orjson
 
 from acqd import __version__
 from acqd.integrations.daemons import Daemons
+from acqd.integrations.plain import summary_of
 from acqd.integrations.quantities import EXPORTED, IMPORTED, POWER, SUMMARY, Quantity
 from acqd.telemetry import topics
 from acqd.telemetry.message import Message
@@ -116,13 +117,10 @@ class Discovery:
         if topic.endswith("/status"):
             self._daemons.take(topic.split("/")[1], payload)
             return ()
-        try:
-            summary = orjson.loads(payload)
-            device, channel = str(summary["device"]), str(summary["channel"])
-        except (orjson.JSONDecodeError, KeyError, TypeError):
+        summary = summary_of(topic, payload)
+        if summary is None or summary["channel"] not in self.channels:
             return ()
-        if channel not in self.channels or topic != topics.summary(device, channel):
-            return ()
+        device, channel = str(summary["device"]), str(summary["channel"])
         daemon = self._daemons.of(device, str(summary.get("boot", "")))
         simulated = "simulated" in (summary.get("flags") or [])
         place = Place(device, channel, daemon, self.expire_s, simulated)

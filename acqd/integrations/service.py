@@ -11,11 +11,11 @@ from acqd.integrations.bridge import Bridge, Relay
 from acqd.telemetry.mqtt import BrokerAddress
 
 
-def serve(address: BrokerAddress, bridge: Bridge, name: str, for_s: float | None = None) -> None:
+def serve(address: BrokerAddress, bridge: Bridge, name: str, for_s: float | None = None, qos: int = 1) -> None:
     """Relay until the process is asked to stop, or for `for_s` seconds of a connection. Raises UserError."""
 
     async def relay(stop: asyncio.Event) -> None:
-        await Relay(address, bridge, name).run(stop, for_s)
+        await Relay(address, bridge, name, qos).run(stop, for_s)
 
     asyncio.run(until_stopped(relay))
 

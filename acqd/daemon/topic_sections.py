@@ -1,0 +1,29 @@
+"""`[plain]` and `[sparkplug]` of acqd.toml."""
+
+from __future__ import annotations
+
+import socket
+from typing import Annotated
+
+from pydantic import Field
+
+from acqd.daemon.section import Positive, Section
+
+_Name = Annotated[str, Field(pattern=r"^[^/+#\s]{1,64}$")]
+
+
+class PlainSection(Section):
+    """Numbers of `acqd bridge plain`."""
+
+    prefix: Annotated[str, Field(pattern=r"^[^/+#\s]+(/[^/+#\s]+)*$")] = "acqd"
+    every_row: bool = False
+    """Of every row instead of the 1 s summaries."""
+
+
+class SparkplugSection(Section):
+    """The edge node of `acqd bridge sparkplug`."""
+
+    group: _Name = "acqd"
+    node: _Name = Field(default_factory=socket.gethostname)
+    stale_s: Positive = 60.0
+    """A device without summaries for so long is declared dead [s]."""

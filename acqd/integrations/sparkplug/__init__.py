@@ -1,0 +1,1 @@
+"""Sparkplug B: the summaries as metrics of an edge node, with births, deaths and sequence numbers."""
