@@ -17,6 +17,7 @@ from acqd.telemetry.mqtt import BrokerAddress
 
 app = typer.Typer(invoke_without_command=True)
 _LIST_S = 2.0
+_NOBODY = "[alarms] names nobody to tell: set webhooks or mail_to, and pass the file with --config"
 
 
 @app.callback()
@@ -34,7 +35,7 @@ def alarms(context: typer.Context, config: ConfigFile = None, host: Host = None,
 
     settings = configured(config, host, port)
     if not settings.alarms.webhooks and not settings.alarms.mail_to:
-        raise UserError("[alarms] names nobody to tell: set webhooks or mail_to, and pass the file with --config")
+        raise UserError(_NOBODY)
     with Alarms(settings.alarms) as service:
         serve(settings.mqtt.address(), service.watch, f"acqd-alarms-{socket.gethostname()}")
 
@@ -65,6 +66,7 @@ def acknowledge_command(
     config: ConfigFile = None,
     host: Host = None,
     port: Port = None,
+    json: Json = False,
 ) -> None:
     """Say that somebody takes care of an alarm: there are no more reminders of it.
 
@@ -75,11 +77,11 @@ def acknowledge_command(
         raise UserError(f"{key!r} is no active alarm; acqd alarms list shows the keys")
     name = by or getpass.getuser()
     asyncio.run(_send(address, orjson.dumps({"key": key, "by": name})))
-    print(f"{key} acknowledged by {name}")
+    print(orjson.dumps({"key": key, "by": name}).decode() if json else f"{key} acknowledged by {name}")
 
 
 @app.command("test")
-def test_command(config: ConfigFile = None) -> None:
+def test_command(config: ConfigFile = None, json: Json = False) -> None:
     """Send a test notification to every target, once; exit 2 when one does not take it.
 
     Example: acqd alarms test --config /etc/acqd/acqd.toml
@@ -95,7 +97,9 @@ def test_command(config: ConfigFile = None) -> None:
         except (RefusedError, OSError, ValueError) as error:
             reason = getattr(error, "reason", None) or error
             raise UserError(f"{target.name}: {reason}; check [alarms] in the configuration") from None
-    print(f"{len(targets)} targets have taken the test")
+    if not targets:
+        raise UserError(_NOBODY)
+    print(orjson.dumps({"targets": len(targets)}).decode() if json else f"{len(targets)} targets have taken the test")
 
 
 def _client(address: BrokerAddress) -> aiomqtt.Client:

@@ -69,7 +69,7 @@ def influx(config: ConfigFile = None, host: Host = None, port: Port = None, json
 
 
 @app.command("plain")
-def plain(config: ConfigFile = None, host: Host = None, port: Port = None) -> None:
+def plain(config: ConfigFile = None, host: Host = None, port: Port = None, json: Json = False) -> None:
     """Publish every quantity as a number of its own, acqd/DEVICE/CHANNEL/P; see [plain] in acqd.toml.
 
     Example: acqd bridge plain --config /etc/acqd/acqd.toml
@@ -79,11 +79,11 @@ def plain(config: ConfigFile = None, host: Host = None, port: Port = None) -> No
 
     settings = configured(config, host, port)
     bridge = Plain(settings.plain.prefix, every_row=settings.plain.every_row)
-    serve(settings.mqtt.address(), bridge, f"acqd-plain-{socket.gethostname()}")
+    _show(serve(settings.mqtt.address(), bridge, f"acqd-plain-{socket.gethostname()}"), json=json)
 
 
 @app.command("sparkplug")
-def sparkplug(config: ConfigFile = None, host: Host = None, port: Port = None) -> None:
+def sparkplug(config: ConfigFile = None, host: Host = None, port: Port = None, json: Json = False) -> None:
     """Publish the 1 s summaries as an edge node of Sparkplug B; see [sparkplug] in acqd.toml.
 
     Example: acqd bridge sparkplug --config /etc/acqd/acqd.toml
@@ -94,4 +94,8 @@ def sparkplug(config: ConfigFile = None, host: Host = None, port: Port = None) -
     settings = configured(config, host, port)
     section = settings.sparkplug
     node = Node(section.group, section.node, section.stale_s)
-    serve(settings.mqtt.address(), node, f"acqd-sparkplug-{section.group}-{section.node}", qos=0)
+    _show(serve(settings.mqtt.address(), node, f"acqd-sparkplug-{section.group}-{section.node}", qos=0), json=json)
+
+
+def _show(sent: int, *, json: bool) -> None:
+    print(orjson.dumps({"sent": sent}).decode() if json else f"{sent} messages sent")

@@ -52,6 +52,8 @@ class Relay:
         self._failure = ""
         self._accepted = False
         self.connected = asyncio.Event()
+        self.sent = 0
+        """Messages."""
 
     async def run(self, stop: asyncio.Event, for_s: float | None = None) -> None:
         """Relay until `stop` is set; with `for_s`, until so many seconds after a connection.
@@ -113,6 +115,7 @@ class Relay:
     async def _send(self, client: aiomqtt.Client, messages: Iterable[Message]) -> None:
         for message in messages:
             await client.publish(message.topic, message.payload, qos=self._qos, retain=message.retain)
+            self.sent += 1
 
 
 async def _messages(client: aiomqtt.Client, stop: asyncio.Event) -> AsyncIterator[aiomqtt.Message | None]:

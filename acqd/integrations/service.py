@@ -11,13 +11,18 @@ from acqd.integrations.bridge import Bridge, Relay
 from acqd.telemetry.mqtt import BrokerAddress
 
 
-def serve(address: BrokerAddress, bridge: Bridge, name: str, for_s: float | None = None, qos: int = 1) -> None:
-    """Relay until the process is asked to stop, or for `for_s` seconds of a connection. Raises UserError."""
+def serve(address: BrokerAddress, bridge: Bridge, name: str, for_s: float | None = None, qos: int = 1) -> int:
+    """Relay until the process is asked to stop, or for `for_s` seconds of a connection; the messages sent.
 
-    async def relay(stop: asyncio.Event) -> None:
-        await Relay(address, bridge, name, qos).run(stop, for_s)
+    Raises UserError.
+    """
+    relay = Relay(address, bridge, name, qos)
 
-    asyncio.run(until_stopped(relay))
+    async def run(stop: asyncio.Event) -> None:
+        await relay.run(stop, for_s)
+
+    asyncio.run(until_stopped(run))
+    return relay.sent
 
 
 async def until_stopped(work: Callable[[asyncio.Event], Awaitable[None]]) -> None:
