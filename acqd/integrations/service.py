@@ -10,6 +10,8 @@ from acqd.daemon.notify import notify
 from acqd.integrations.bridge import Bridge, Relay
 from acqd.telemetry.mqtt import BrokerAddress
 
+_BEAT_S = 10.0
+
 
 def serve(address: BrokerAddress, bridge: Bridge, name: str, for_s: float | None = None, qos: int = 1) -> int:
     """Relay until the process is asked to stop, or for `for_s` seconds of a connection; the messages sent.
@@ -31,7 +33,16 @@ async def until_stopped(work: Callable[[asyncio.Event], Awaitable[None]]) -> Non
     for number in (signal.SIGTERM, signal.SIGINT):
         asyncio.get_running_loop().add_signal_handler(number, stop.set)
     notify("READY=1")
+    alive = asyncio.create_task(_beat())
     try:
         await work(stop)
     finally:
+        alive.cancel()
         notify("STOPPING=1")
+
+
+async def _beat() -> None:
+    """Show systemd's watchdog that the event loop turns."""
+    while True:
+        notify("WATCHDOG=1")
+        await asyncio.sleep(_BEAT_S)
