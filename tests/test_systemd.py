@@ -10,7 +10,6 @@ import pytest
 
 from tests.places import ROOT
 
-
 UNITS = [path.stem for path in sorted((ROOT / "systemd").glob("*.service"))]
 
 

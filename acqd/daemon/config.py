@@ -23,8 +23,8 @@ from acqd.daemon.quality_section import QualitySection
 from acqd.daemon.section import Positive, Section
 from acqd.daemon.source_sections import SECTIONS, SimulatedSection, SourceSection
 from acqd.daemon.spool_section import SpoolSection
-from acqd.daemon.web_section import WebSection
 from acqd.daemon.topic_sections import PlainSection, SparkplugSection
+from acqd.daemon.web_section import WebSection
 from acqd.errors import InputError
 from acqd.plc.realtime import RealtimeSettings
 from acqd.storage.sink_settings import SinkSettings
