@@ -9,6 +9,8 @@ from typing import Any
 from acqd.daemon.box import Box
 from acqd.daemon.health.snapshot import Cycles, FeedHealth, SourceLink
 from acqd.errors import UserError
+from acqd.plc.distribution import together
+from acqd.plc.recent import SampledWindow
 
 
 class FeedOfBoxes:
@@ -75,6 +77,15 @@ class FeedOfBoxes:
         cycles = _together(part.cycles for part in parts.values() if part.cycles is not None)
         return FeedHealth(self._boot, source, age, cycles, all(clocks) if clocks else None)
 
+    def window(self, device: str) -> tuple[str, SampledWindow | None] | None:
+        """The newest window of a device of any box; None for its samples while its box is away."""
+        for _, feed in self._running():
+            found: tuple[str, SampledWindow | None] | None = feed.window(device)
+            if found is not None:
+                return found
+        away = [name for box in self._boxes for name in box.config.devices if device in ("", name)]
+        return (away[0], None) if away else None
+
     def status(self) -> dict[str, Any]:
         """Of every box, by its device."""
         boxes: dict[str, Any] = {
@@ -95,4 +106,5 @@ def _together(cycles: Iterable[Cycles]) -> Cycles | None:
     if not every:
         return None
     names = ("cycles", "late", "missed", "exceeded", "restarts")
-    return Cycles(**{name: sum(getattr(one, name) for one in every) for name in names})
+    sums = {name: sum(getattr(one, name) for one in every) for name in names}
+    return Cycles(**sums, latency=together(one.latency for one in every), slow=together(one.slow for one in every))

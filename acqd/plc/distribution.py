@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,3 +45,12 @@ def of_microseconds(histogram: NDArray[np.int64], sum_us: float) -> Distribution
     limits = tuple(limit for limit in UPPER_US if limit < len(histogram))
     counts = np.add.reduceat(histogram, (0, *limits))
     return Distribution(limits, tuple(counts.tolist()), sum_us)
+
+
+def together(parts: Iterable[Distribution | None]) -> Distribution | None:
+    """Sum of distributions with the same limits; None when there is none."""
+    every = [part for part in parts if part is not None]
+    if not every:
+        return None
+    counts = tuple(map(sum, zip(*(part.counts for part in every), strict=True)))
+    return Distribution(every[0].upper_us, counts, sum(part.sum_us for part in every))

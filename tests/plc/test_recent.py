@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from acqd.metering import SampleBlock, StreamFormat
-from acqd.plc.distribution import Durations, of_microseconds
+from acqd.plc.distribution import Durations, of_microseconds, together
 from acqd.plc.recent import RecentSamples
 from tests.plc.counting import RATE, counted, index_of
 
@@ -51,6 +51,8 @@ def test_times_are_counted_in_the_same_classes_both_ways():
     kept = durations.distribution()
     assert sum(kept.counts) == len(times_us) and kept.sum_us == sum(times_us)
     assert kept.counts[0] == 2 and kept.counts[kept.upper_us.index(50)] == 2 and kept.counts[-1] == 1
+    twice = together([kept, None, kept])
+    assert twice.counts == tuple(2 * count for count in kept.counts) and together([None]) is None
     histogram = np.zeros(2000, dtype=np.int64)
     histogram[[0, 1, 40, 1999]] = 3, 1, 2, 7
     coarse = of_microseconds(histogram, 1.0)

@@ -60,6 +60,46 @@ def test_a_viewer_who_falls_behind_loses_events_and_nobody_else_does():
     assert len(seen) == 200 and late == [150] and lost == 150 and (viewers, left) == (2, 1)
 
 
+def test_an_alarm_is_known_to_new_viewers_until_it_is_cleared():
+    async def scenario():
+        ours, texts = hub(), []
+        for payload in (b'{"chart": "level up", "onset_s": 5.0, "raised_s": 6.0, "log": "a"}', b"[1]", b"", b"{"):
+            ours.take("acqd/cell/prediction/alarm", payload)
+            events = ours.events()
+            await anext(events)
+            texts.append(orjson.loads((await anext(events)).partition(b"data: ")[2])["alarm"])
+            await events.aclose()
+        return texts
+
+    raised, still, cleared, after = asyncio.run(scenario())
+    assert raised == still == {"chart": "level up", "onset_s": 5.0, "raised_s": 6.0, "log": "a"}
+    assert cleared is after is None
+
+
+def test_joints_become_a_posture_five_times_a_second_at_most():
+    pytest.importorskip("pinocchio")
+    from acqd.web.posture import Posture
+
+    arm = Posture("iiwa7_r800")
+    for bad in (b"", b"{}", b'{"q": [1, 2]}', b'{"q": [0, 0, 0, 0, 0, 0, NaN]}', b'{"q": ["a", 0, 0, 0, 0, 0, 0]}'):
+        assert arm.points(bad) is None
+    upright = arm.points(b'{"q": [0, 0, 0, 0, 0, 0, 0]}')
+    assert upright[0] == [0, 0, 0] and upright[-1][2] == max(z for _, _, z in upright) > 1
+    assert Posture("").note and Posture("no_such_robot").note
+
+    async def scenario():
+        ours = Hub(BrokerAddress("127.0.0.1", 1), arm)
+        events = ours.events()
+        await anext(events)
+        for _ in range(10):
+            ours.take("acqd/cell/joints", b'{"q": [0, 0, 0, 0, 0, 0, 0]}')
+        ours._tell("end", {})
+        return await taken(events, 2)
+
+    posture, end = asyncio.run(scenario())
+    assert posture.startswith(b"event: posture") and end.startswith(b"event: end")
+
+
 @pytest.mark.parametrize(
     ("token", "host", "query", "cookie", "status"),
     [

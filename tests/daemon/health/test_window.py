@@ -5,11 +5,13 @@ from __future__ import annotations
 import asyncio
 import json
 from http.client import HTTPConnection
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from acqd.daemon.config import Config
+from acqd.daemon.feed_of_boxes import FeedOfBoxes
 from acqd.daemon.health.daemon import DaemonHealth, Progress
 from acqd.daemon.health.section import HealthSection
 from acqd.daemon.health.window import window_page
@@ -63,3 +65,15 @@ def test_the_samples_are_those_of_the_row_with_the_same_number():
 def test_a_meter_without_samples_says_so():
     code, body = window_page(lambda _: ("press-1", None), "press-1")
     assert code == 503 and b"no samples" in body
+
+
+def test_a_daemon_with_several_sources_shows_the_window_of_each():
+    def box(name, feed):
+        return SimpleNamespace(feed=feed, name=name, config=SimpleNamespace(devices=[name]))
+
+    def running(name):
+        return SimpleNamespace(window=lambda device: (name, f"samples of {name}") if device in ("", name) else None)
+
+    boxes = FeedOfBoxes([box("a", running("a")), box("b", running("b")), box("away", None)], "boot")
+    assert boxes.window("b") == ("b", "samples of b") and boxes.window("") == ("a", "samples of a")
+    assert boxes.window("away") == ("away", None) and boxes.window("other") is None
