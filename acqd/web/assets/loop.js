@@ -45,6 +45,7 @@
     if (!state.enabled) return;
     $("loop-section").hidden = $("loop-controls").hidden = false;
     const { job, alarms } = state, running = job.state === "running";
+    put($("loop-start"), view.device ? `Find the cause (power of ${view.device})` : "Find the cause");
     const choices = alarms.map((alarm) => String(alarm.onset_s)).join();
     if ($("alarms").dataset.choices !== choices) {
       $("alarms").dataset.choices = choices;

@@ -1,7 +1,7 @@
 "use strict";
 {
   const LOOK_MS = 15000, ROWS = 12;
-  const shown = { logs: [], chosen: "", course: null, power: null, residual: null };
+  const shown = { logs: [], chosen: "", course: null, power: null, residual: null, alarms: {}, postures: {} };
   const when = (unix) => new Date(1000 * unix).toISOString().slice(0, 19).replace("T", " ");
 
   function alarm(of) {
@@ -91,11 +91,19 @@
   $("logs").onchange = () => choose($("logs").value);
   events.addEventListener("alarm", (event) => {
     const { device, alarm: of } = JSON.parse(event.data);
+    shown.alarms[device] = of;
     if (!view.device || device === view.device) alarm(of);
   });
   events.addEventListener("posture", (event) => {
     const { device, points } = JSON.parse(event.data);
+    shown.postures[device] = points;
     if (!view.device || device === view.device) posture(points);
+  });
+  onDevice.push(() => {
+    alarm(shown.alarms[view.device]);
+    const points = shown.postures[view.device];
+    if (points) posture(points);
+    else if (Object.keys(shown.postures).length) $("arm-section").hidden = true;
   });
   addEventListener("resize", draw);
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
