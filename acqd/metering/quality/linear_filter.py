@@ -27,7 +27,8 @@ class Section:
 def bilinear(numerator: Sequence[float], denominator: Sequence[float], rate: float, match: float = 0.0) -> Section:
     """H(s) of up to second order, coefficients of s^2, s and 1, as a section at `rate` [1/s].
 
-    The numerator has no higher order than the denominator. `match` [Hz]: the frequency at which both agree exactly; the bilinear transform bends all others.
+    The numerator has no higher order than the denominator. `match` [Hz]: where both agree exactly; the bilinear
+    transform bends all other frequencies.
     """
     w = np.pi * match / rate
     c = 2 * rate if match <= 0 else 2 * np.pi * match / np.tan(w)

@@ -25,7 +25,7 @@ def short_term(Pinst: Floats) -> Floats:
     levels = [percent for _, percents in _TERMS for percent in percents]
     exceeded = dict(zip(levels, np.percentile(Pinst, [100 - level for level in levels], axis=1), strict=True))
     total = sum(weight * np.mean([exceeded[p] for p in percents], axis=0) for weight, percents in _TERMS)
-    return np.sqrt(np.asarray(total))
+    return np.asarray(np.sqrt(total), dtype=np.float64)
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 from scipy import signal
@@ -54,7 +56,7 @@ def test_intervals_lie_on_the_clock_and_blocks_may_be_of_any_length():
     t = np.arange(round(1215 * RATE)) / RATE
     u = carrier("230V", 50, t) * (1 + 0.00361 * np.where(np.floor(t * 110 / 60) % 2, 1, -1))
     edges = np.unique(np.r_[0, np.random.default_rng(0).integers(0, len(u), 40), len(u)])
-    first, second = meter_values(u, list(zip(edges[:-1], edges[1:], strict=True)), 1_800_000_000_000_000_000 - 10**9)
+    first, second = meter_values(u, list(itertools.pairwise(edges)), 1_800_000_000_000_000_000 - 10**9)
     assert first.utc_ns == 1_800_000_000_000_000_000 and first.flags == {"gap"}  # the filters had to settle
     assert second.utc_ns == first.utc_ns + 600 * 10**9 and second.flags == set()
     assert second.value[0] == pytest.approx(1, abs=0.05)
