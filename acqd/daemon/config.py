@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
 
 from acqd.daemon.box_section import BoxSection
+from acqd.daemon.events.section import EventsSection
 from acqd.daemon.health.section import HealthSection
 from acqd.daemon.modbus_sections import MetersSection
 from acqd.daemon.mqtt_section import MqttSection
@@ -97,6 +98,7 @@ class Config(Section):
     spool: SpoolSection = SpoolSection()
     broker: BrokerSection = BrokerSection()
     sink: SinkSection = Field(default_factory=SinkSection)
+    events: EventsSection = EventsSection()
     health: HealthSection = HealthSection()
 
     @field_validator("device")
@@ -121,6 +123,12 @@ class Config(Section):
         names = [name for box in self.boxes for name in box.devices]
         if twice := [name for name in names if names.count(name) > 1]:
             raise ValueError(f"two sources have the device {twice[0]!r}; their rows could not be told apart")
+        return self
+
+    @model_validator(mode="after")
+    def _events_of_samples(self) -> Config:
+        if self.events.enabled and all(isinstance(source, MetersSection) for source in self.sources):
+            raise ValueError('events.enabled: sources of kind "meters" have no samples; set it to false')
         return self
 
     @property

@@ -55,7 +55,7 @@ def _insert(connection: sa.Connection, events: Sequence[PowerEvent]) -> None:
     """An event that is stored with its end stays as it is."""
     postgres = connection.dialect.name == "postgresql"
     statement: Any = (postgresql.insert if postgres else sqlite.insert)(power_event)
-    changed = {name: statement.excluded[name] for name in power_event.columns.keys() if name not in _KEY}
+    changed = {c.name: statement.excluded[c.name] for c in power_event.columns if c.name not in _KEY}
     statement = statement.on_conflict_do_update(
         index_elements=list(_KEY), set_=changed, where=power_event.c.duration.is_(None)
     )

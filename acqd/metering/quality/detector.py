@@ -20,7 +20,10 @@ from acqd.metering.quality.reference import Reference
 class EventDetector:
     """Watches the voltages of one stream."""
 
-    def __init__(self, form: StreamFormat, reference: Reference, thresholds: Thresholds | None = None) -> None:
+    def __init__(
+        self, form: StreamFormat, reference: Reference, thresholds: Thresholds | None = None, first: int = 0
+    ) -> None:
+        """`first`: number of the first event."""
         limits = thresholds or Thresholds()
         self._form, self._reference = form, reference
         self._stream = HalfCycleStream(form)
@@ -33,7 +36,7 @@ class EventDetector:
         self._change = (
             RapidChange(phases, form.f_nominal, limits.rvc, limits.rvc_hysteresis) if limits.rvc > 0 else None
         )
-        self._number = 0
+        self._number = first
         self._anchor = (0, 0)
         self._flags: frozenset[str] = frozenset()
         self._unknown: frozenset[str] = frozenset({"start"})  # why the time before is not known
