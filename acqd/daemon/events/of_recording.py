@@ -35,12 +35,13 @@ def event_settings(out: Path | None, declared: str | None, thresholds: str | Non
         return None
     if declared is None:
         raise UserError("--events needs --declared-voltage: V (such as 230), or sliding where nobody has declared it")
-    sliding = declared == "sliding"
-    voltage = None if sliding else _number("--declared-voltage", declared)
+    known: dict[str, object] = {"enabled": True, **_thresholds(thresholds or "")}
+    if declared == "sliding":
+        known["sliding_reference"] = True
+    else:
+        known["declared_voltage"] = _number("--declared-voltage", declared)
     try:
-        section = EventsSection(
-            enabled=True, declared_voltage=voltage, sliding_reference=sliding, **_thresholds(thresholds or "")
-        )
+        section = EventsSection.model_validate(known)
     except ValidationError as error:
         fault = error.errors()[0]
         key = ".".join(map(str, fault["loc"])).replace("_", "-")

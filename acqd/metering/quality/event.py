@@ -25,12 +25,12 @@ class Thresholds:
 
     def __post_init__(self) -> None:
         if not 0 < self.interruption < self.dip < 1 < self.swell < 3:
-            raise ValueError("thresholds: expected 0 < interruption < dip < 1 < swell < 3")
+            raise ValueError("expected 0 < interruption < dip < 100 % < swell < 300 %")
         limits = (self.dip - self.interruption, 1 - self.dip, self.swell - 1)
         if not 0 <= self.hysteresis < min(limits):
-            raise ValueError(f"hysteresis: expected 0 or more, and less than {min(limits):g} for these thresholds")
+            raise ValueError(f"hysteresis: expected from 0 to less than {100 * min(limits):g} % with these thresholds")
         if not 0 <= self.rvc < 0.5 or not 0 <= self.rvc_hysteresis < 1:
-            raise ValueError("rapid voltage changes: expected a threshold from 0 to 0.5, hysteresis from 0 to 1")
+            raise ValueError("rapid voltage changes: expected a threshold from 0 to less than 50 %")
 
 
 @dataclass(frozen=True, slots=True)
