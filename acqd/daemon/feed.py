@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any, Protocol
 
 from acqd.daemon.health.snapshot import FeedHealth
+from acqd.sources.waveform import Waveform
 from acqd.telemetry.row import PowerRow
 from acqd.telemetry.spool import Energy
 
@@ -40,6 +41,9 @@ class Feed(Protocol):
 
     def health(self) -> FeedHealth:
         """Connection to the source, cycles and clock; asked in the threads of the health endpoints."""
+
+    def capture(self, device: str, seconds: float) -> Waveform | None:
+        """The newest samples of a device ("": the first one), in the event loop only; None: there are none."""
 
     def status(self) -> dict[str, Any]:
         """The source's part of the status message."""

@@ -9,6 +9,7 @@ from typing import Any
 from acqd.daemon.box import Box
 from acqd.daemon.health.snapshot import Cycles, FeedHealth, SourceLink
 from acqd.errors import UserError
+from acqd.sources.waveform import Waveform
 
 
 class FeedOfBoxes:
@@ -74,6 +75,11 @@ class FeedOfBoxes:
         age = None if None in ages or not ages else max(age for age in ages if age is not None)
         cycles = _together(part.cycles for part in parts.values() if part.cycles is not None)
         return FeedHealth(self._boot, source, age, cycles, all(clocks) if clocks else None)
+
+    def capture(self, device: str, seconds: float) -> Waveform | None:
+        """The newest samples of the box with this device."""
+        found = (feed.capture(device, seconds) for _, feed in self._running())
+        return next((waveform for waveform in found if waveform is not None), None)
 
     def status(self) -> dict[str, Any]:
         """Of every box, by its device."""

@@ -19,6 +19,7 @@ from acqd.daemon.source_sections import WaveformSection
 from acqd.metering import Meter, SampleBlock, StreamFormat, WindowBatch
 from acqd.plc.executive import Executive
 from acqd.plc.realtime import prioritise
+from acqd.sources.waveform import Waveform
 from acqd.telemetry.row import rows_of
 from acqd.telemetry.spool import Energy
 from acqd.telemetry.summary import Summariser
@@ -120,6 +121,14 @@ class WaveformFeed:
             self._cycles,
             executive.clock.synchronised,
         )
+
+    def capture(self, device: str, seconds: float) -> Waveform | None:
+        """The newest samples, out of the ring."""
+        recent = self._executive.recent(seconds) if device in ("", self._config.device) else None
+        if recent is None:
+            return None
+        block, form = recent
+        return Waveform(self._config.device, block.codes, form, block.utc_ns, "simulated" in block.flags)
 
     def status(self) -> dict[str, Any]:
         """Health of the source, statistics of MAIN_FAST and MAIN_SLOW."""

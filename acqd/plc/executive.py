@@ -12,7 +12,7 @@ import logging
 import os
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -187,6 +187,15 @@ class Executive:
         """Wake-ups of the current fast process per microsecond of latency."""
         assert self._fast is not None
         return CycleStats(self._fast.ring.cycle_slots, self._fast.period_ns).histogram()
+
+    def recent(self, seconds: float) -> tuple[SampleBlock, StreamFormat] | None:
+        """The newest samples as the meter gets them, without a gap; in the event loop only. None when there are none."""
+        if self._fast is None:
+            return None
+        block = self._fast.ring.recent(round(seconds * self._fast.form.rate))
+        stages = Stages(self._fast.form, self._makers)  # their own: those of the meter are in mid-stream
+        ready = None if block is None else stages.apply(replace(block, flags=block.flags | self._fast.flags))
+        return None if ready is None else (ready, stages.form)
 
     def slow_us(self) -> float:
         """Mean duration of MAIN_SLOW per window so far [us]."""

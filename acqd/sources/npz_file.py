@@ -43,7 +43,7 @@ def load(path: Path, channels: ChannelMap) -> Waveform:
     scale = _scales(path, channels, {} if physical else data, phases)
     f_nominal = channels.f_nominal or (_number(path, data, "f_nominal") if "f_nominal" in data else 50.0)
     rate = channels.rate or _number(path, data, "fs")
-    start = int(_number(path, data, "start_utc_ns")) if "start_utc_ns" in data else None
+    start = _integer(path, data, "start_utc_ns") if "start_utc_ns" in data else None
     if start is not None and not 0 <= start < LATEST_NS:
         raise InputError(path, f"start_utc_ns {start} is no time between 1970 and 2200")
     simulated = "simulated" in data and _number(path, data, "simulated") != 0
@@ -107,6 +107,12 @@ def _per_phase(path: Path, data: dict[str, Any], key: str, phases: int) -> list[
             path, f"{key} is {array!r:.60}, expected one finite number, or one for each of {phases} phases"
         )
     return [float(scale) for scale in array.ravel()]
+
+
+def _integer(path: Path, data: dict[str, Any], key: str) -> int:
+    """A number that may need more digits than a float has."""
+    value = int(_number(path, data, key))
+    return value if data[key].dtype.kind == "f" else int(data[key].reshape(()))
 
 
 def _number(path: Path, data: dict[str, Any], key: str) -> float:

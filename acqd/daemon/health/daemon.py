@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable
 from dataclasses import dataclass
 
 from acqd import __version__
 from acqd.daemon.feed import Feed
+from acqd.daemon.health.capture import CAPTURE, CapturePage
 from acqd.daemon.health.section import HealthSection
 from acqd.daemon.health.service import ServiceHealth
 from acqd.daemon.health.snapshot import Delivery, Link, Snapshot
@@ -28,7 +30,13 @@ class DaemonHealth(ServiceHealth):
 
     def __init__(self, section: HealthSection, device: str, feed: Feed, progress: Callable[[], Progress]) -> None:
         self._device, self._feed, self._progress = device, feed, progress
-        super().__init__(section.host, section.port)
+        self._capture = CapturePage(feed.capture)
+        super().__init__(section.host, section.port, {CAPTURE: self._capture.page})
+
+    def start(self) -> None:
+        """Open the port, in the event loop of the feed."""
+        self._capture.loop = asyncio.get_running_loop()
+        super().start()
 
     def alive(self) -> bool:
         """Whether rows advance, or what they need is away and being brought back."""

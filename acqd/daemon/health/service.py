@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 
-from acqd.daemon.health.server import HealthServer
+from acqd.daemon.health.server import HealthServer, Page
 from acqd.daemon.health.snapshot import Snapshot
 from acqd.daemon.health.watchdog import Watchdog
 
@@ -13,10 +14,10 @@ from acqd.daemon.health.watchdog import Watchdog
 class ServiceHealth(ABC):
     """Asked by threads: everything here reads plain attributes and never waits."""
 
-    def __init__(self, host: str, port: int) -> None:
-        """Port 0: no endpoints."""
+    def __init__(self, host: str, port: int, pages: Mapping[str, Page] | None = None) -> None:
+        """Port 0: no endpoints. `pages`: those that only this service has."""
         self._begun = self._turned = time.monotonic()
-        self._server = HealthServer(host, port, self.snapshot) if port else None
+        self._server = HealthServer(host, port, self.snapshot, pages) if port else None
         self._watchdog = Watchdog(self.alive)
 
     @abstractmethod
