@@ -30,7 +30,7 @@ class DaemonHealth(ServiceHealth):
 
     def __init__(self, section: HealthSection, device: str, feed: Feed, progress: Callable[[], Progress]) -> None:
         self._device, self._feed, self._progress = device, feed, progress
-        self._capture = CapturePage(feed.capture)
+        self._capture = CapturePage(lambda device, seconds: feed.capture(device, seconds))
         super().__init__(section.host, section.port, {CAPTURE: self._capture.page})
 
     def start(self) -> None:

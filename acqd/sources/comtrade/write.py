@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from acqd.atomic import write_complete
 from acqd.errors import UserError
+from acqd.sources.comtrade.header import SIMULATED
 from acqd.sources.waveform import Waveform
 
 _LARGEST = 2**31 - 1
@@ -45,7 +46,7 @@ def _content(waveform: Waveform, station: str) -> _Content:
     count, rate = len(codes), waveform.form.rate
     factor = time_factor(count, rate)
     start = _stamp(waveform.start_utc_ns or 0)
-    name = "simulated" if waveform.simulated else "measured"
+    name = SIMULATED if waveform.simulated else "measured"
     channels = [_channel(k, scale[k]) for k in range(len(scale))]
     lines = [
         f"{station},{name},2013", f"{len(scale)},{len(scale)}A,0D", *channels, f"{waveform.form.f_nominal:.17g}", "1",
