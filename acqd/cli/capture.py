@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import tempfile
 from dataclasses import replace
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Annotated
 
@@ -101,8 +101,8 @@ def _seconds(option: str, waveform: Waveform, text: str) -> float:
         raise UserError(f"{option} {text!r}: expected seconds, or a time like 2021-07-13T10:15:00Z") from None
     if waveform.start_utc_ns is None:
         raise UserError(f"{option} {text!r}: the recording does not say when it begins; give seconds")
-    utc = stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC)
-    return utc.timestamp() - waveform.start_utc_ns * 1e-9
+    since = (stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC)) - datetime(1970, 1, 1, tzinfo=UTC)
+    return (since // timedelta(microseconds=1) * 1000 - waveform.start_utc_ns) * 1e-9
 
 
 def _write(out: Path, waveform: Waveform) -> None:

@@ -42,15 +42,15 @@ def test_a_part_of_a_recording_begins_and_ends_where_it_was_asked_to(recording, 
     ],
 )  # fmt: skip
 def test_impossible_parts_are_refused(recording, tmp_path, words, says):
-    refused(acqd_here("capture", recording, *words, "--out", "p.npz", cwd=tmp_path), says)
+    assert says in refused(acqd_here("capture", recording, *words, "--out", "p.npz", cwd=tmp_path))
     assert not (tmp_path / "p.npz").exists()
 
 
 def test_outputs_that_cannot_be_are_refused(recording, tmp_path):
-    refused(acqd_here("capture", recording, "--out", "p.wav", cwd=tmp_path), "ends in .npz")
-    refused(acqd_here("capture", recording, "--out", "no/p.npz", cwd=tmp_path), "does not exist")
-    refused(acqd_here("capture", recording, "--out", recording, cwd=tmp_path), "overwritten")
-    refused(acqd_here("capture", "--from", "1", "--out", "p.npz", cwd=tmp_path), "for a recording")
+    assert "ends in .npz" in refused(acqd_here("capture", recording, "--out", "p.wav", cwd=tmp_path))
+    assert "does not exist" in refused(acqd_here("capture", recording, "--out", "no/p.npz", cwd=tmp_path))
+    assert "overwritten" in refused(acqd_here("capture", recording, "--out", recording, cwd=tmp_path))
+    assert "for a recording" in refused(acqd_here("capture", "--from", "1", "--out", "p.npz", cwd=tmp_path))
 
 
 def test_a_daemon_that_is_not_there_is_a_failure_in_one_line(tmp_path):
@@ -58,7 +58,7 @@ def test_a_daemon_that_is_not_there_is_a_failure_in_one_line(tmp_path):
     done = acqd_here("capture", "--config", "acqd.toml", "--out", "p.npz", cwd=tmp_path)
     assert done.returncode == 1 and "is the daemon running?" in done.stderr
     (tmp_path / "acqd.toml").write_text("[health]\nport = 0\n")
-    refused(acqd_here("capture", "--config", "acqd.toml", "--out", "p.npz", cwd=tmp_path), "port is 0")
+    assert "port is 0" in refused(acqd_here("capture", "--config", "acqd.toml", "--out", "p.npz", cwd=tmp_path))
 
 
 def test_replay_writes_the_events_of_each_recording(recording, tmp_path):
@@ -84,11 +84,11 @@ def test_replay_writes_the_events_of_each_recording(recording, tmp_path):
     ],
 )  # fmt: skip
 def test_events_that_nobody_can_find_are_refused(recording, tmp_path, words, says):
-    refused(acqd_here("replay", recording, *words, cwd=tmp_path), says)
+    assert says in refused(acqd_here("replay", recording, *words, cwd=tmp_path))
     assert not (tmp_path / "e").exists()
 
 
 def test_a_voltage_that_nobody_has_declared_may_be_its_own_reference(recording, tmp_path):
-    done = acqd_here("replay", recording, "--events", "-", "--declared-voltage", "sliding", cwd=tmp_path)
-    event = json.loads(done.stdout.splitlines()[0])
+    acqd_here("replay", recording, "--events", "e", "--declared-voltage", "sliding", cwd=tmp_path)
+    event = json.loads((tmp_path / "e").read_text())
     assert event["sliding"] and event["reference"] == pytest.approx(230, rel=1e-3)
