@@ -40,6 +40,13 @@ class ModeName(StrEnum):
     FIXED = "fixed"
 
 
+class Lamp(StrEnum):
+    """Lamp of the flickermeter."""
+
+    V230 = "230V"
+    V120 = "120V"
+
+
 def replay(
     files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="NPZ, CSV, WAV/FLAC or COMTRADE.")],
     out: Annotated[Path | None, typer.Option(help="Write the rows as JSON lines; - is stdout.")] = None,
@@ -55,6 +62,8 @@ def replay(
     thresholds: Annotated[
         str | None, typer.Option(help="Of events in %: dip=90,swell=110,interruption=5,hysteresis=2,rapid_change=5.")
     ] = None,
+    flicker: Annotated[Path | None, typer.Option(help="Write Pst and Plt (IEC 61000-4-15) as JSON lines.")] = None,
+    lamp: Annotated[Lamp, typer.Option(help="Of --flicker.")] = Lamp.V230,
     device: Annotated[str, typer.Option(help="Device name in the rows.")] = "replay",
     loops: Annotated[int, typer.Option("--loops", "--loop", min=1, help="Play each file so many times.")] = 1,
     window: Annotated[float, typer.Option(min=0.04, max=0.05, help="Window length in s.")] = 0.04,
@@ -97,6 +106,8 @@ def replay(
         aggregate=aggregate,
         quality=quality,
         events=event_settings(events, declared_voltage, thresholds),
+        flicker=flicker,
+        lamp=lamp.value,
         broker=broker_address(config, host, port) if publish else None,
     )
     console = Console(stderr=True)

@@ -7,6 +7,7 @@ import json
 import numpy as np
 import pytest
 
+from acqd.metering import StreamFormat
 from acqd.sources import load_waveform
 from acqd.sources.npz_write import npz_bytes
 from acqd.sources.waveform import Waveform
@@ -80,7 +81,7 @@ def test_replay_writes_the_events_of_each_recording(recording, tmp_path):
         (["--events", "e", "--declared-voltage", "230", "--thresholds", "dip=101"], "dip < 100 %"),
         (["--events", "e", "--declared-voltage", "230", "--thresholds", "sag=9"], "is not like dip=90"),
         (["--events", "e", "--declared-voltage", "230", "--out", "e"], "separate files"),
-        (["--events", "e", "--declared-voltage", "230", "--speed", "1"], "--speed max only"),
+        (["--events", "e", "--declared-voltage", "230", "--speed", "1"], "with --speed max only"),
     ],
 )  # fmt: skip
 def test_events_that_nobody_can_find_are_refused(recording, tmp_path, words, says):
@@ -92,3 +93,16 @@ def test_a_voltage_that_nobody_has_declared_may_be_its_own_reference(recording, 
     acqd_here("replay", recording, "--events", "e", "--declared-voltage", "sliding", cwd=tmp_path)
     event = json.loads((tmp_path / "e").read_text())
     assert event["sliding"] and event["reference"] == pytest.approx(230, rel=1e-3)
+
+
+def test_flicker_needs_ten_minutes(tmp_path):
+    t = np.arange(10_000) / 2_000
+    u = 325 * np.sin(2 * np.pi * 50 * t) * np.where(t < 2.5, 1.0, 0.98)
+    waveform = Waveform("f", np.column_stack([u, u]), StreamFormat(2_000.0, (1.0, 1.0), 50.0, 64), None)
+    (tmp_path / "f.npz").write_bytes(npz_bytes(waveform))
+    assert "needs 600 s" in refused(acqd_here("replay", "f.npz", "--flicker", "f", cwd=tmp_path))
+    done = acqd_here("replay", "f.npz", "--loops", "125", "--flicker", "f", "--lamp", "120V", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    (line,) = [json.loads(line) for line in (tmp_path / "f").read_text().splitlines()]
+    assert (line["channel"], line["lamp"], line["flags"]) == ("L1", "120V", [])
+    assert 0.5 < line["Pst"] < 5  # 24 changes of 2 % a minute
