@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from acqd.metering.quality.half_cycle import HalfCycleStream
@@ -52,6 +52,7 @@ def test_an_interruption_has_values_of_zero_and_the_clock_runs_on():
         assert Urms[begin > 20_000] == pytest.approx(230, rel=2e-3)
 
 
+@settings(max_examples=25)
 @given(st.lists(st.integers(1, 9_999), max_size=30, unique=True))
 def test_the_values_do_not_depend_on_how_the_stream_is_cut(cuts):
     u = voltages(lambda t, k: np.where(t > 0.5, 0.6 + 0.1 * k, 1.0), seconds=1.0, f=49.7)
