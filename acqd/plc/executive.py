@@ -189,7 +189,7 @@ class Executive:
         return CycleStats(self._fast.ring.cycle_slots, self._fast.period_ns).histogram()
 
     def recent(self, seconds: float) -> tuple[SampleBlock, StreamFormat] | None:
-        """The newest samples as the meter gets them, without a gap; in the event loop only. None when there are none."""
+        """The newest samples as the meter gets them, without a gap; in the event loop only."""
         if self._fast is None:
             return None
         block = self._fast.ring.recent(round(seconds * self._fast.form.rate))
