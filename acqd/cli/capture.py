@@ -31,8 +31,8 @@ def capture(
         float | None, typer.Option(min=0.001, max=MOST_S, help="How much of the daemon's newest samples [default: 1].")
     ] = None,
     device: Annotated[str, typer.Option(help="Of a daemon with several sources: which one.")] = "",
-    begin: Annotated[str | None, typer.Option("--from", help="Of a recording: s from its begin, or UTC.")] = None,
-    end: Annotated[str | None, typer.Option("--to", help="Of a recording: s from its begin, or UTC.")] = None,
+    begin: Annotated[str | None, typer.Option("--from", help="Of a recording: s from its start, or UTC.")] = None,
+    end: Annotated[str | None, typer.Option("--to", help="Of a recording: s from its start, or UTC.")] = None,
     mapping: Annotated[str | None, typer.Option("--map", help="Columns: u1=NAME,i1=NAME,...")] = None,
     rate: Annotated[float | None, typer.Option(min=1.0, help="Samples/s, where the file does not say.")] = None,
     u_scale: Annotated[float | None, typer.Option(min=1e-12, help="V per unit of the file.")] = None,
@@ -88,7 +88,7 @@ def _part(path: Path, waveform: Waveform, begin: str | None, end: str | None) ->
 
 
 def _seconds(option: str, waveform: Waveform, text: str) -> float:
-    """s since the begin of the recording."""
+    """s since the start of the recording."""
     try:
         value = float(text)
     except ValueError:

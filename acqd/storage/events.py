@@ -1,4 +1,4 @@
-"""Voltage events into the table `power_event`: the message of an event's end replaces that of its begin."""
+"""Voltage events into the table `power_event`: the message at an event's end replaces the message at its start."""
 
 from __future__ import annotations
 

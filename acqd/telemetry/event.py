@@ -4,38 +4,33 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from datetime import datetime
-from typing import Annotated, Literal
+from typing import Annotated
 
 import msgspec
 from msgspec import Meta
 
 from acqd.metering.quality.event import Event, Kind
-from acqd.telemetry.row import CHANNELS
+from acqd.telemetry.row import CHANNELS, Channel, Integer, Name, decoded
 from acqd.timestamps import filetime, rfc3339
 
 SCHEMA = 1
-_INT64 = 2**63 - 1
-_Name = Annotated[str, Meta(min_length=1, max_length=64)]
-_Integer = Annotated[int, Meta(ge=0, le=_INT64)]
 _Volts = Annotated[float, Meta(ge=0, le=1e9)]
-_REASON = 300
 
 
 @dataclass(slots=True)
 class PowerEvent:
-    """Field order is column order. The messages of begin and end have the same key: device, boot and number."""
+    """Field order is column order. The messages at start and end have the same key: device, boot and number."""
 
-    device: _Name
-    boot: _Name
+    device: Name
+    boot: Name
     """One daemon start."""
-    number: _Integer
+    number: Integer
     """Of the events since that start."""
     kind: Kind
     """`rvc` is a rapid voltage change."""
     time: str
-    """RFC 3339 UTC of its begin."""
-    filetime: _Integer
+    """RFC 3339 UTC of its start."""
+    filetime: Integer
     """The same in NTFS FILETIME."""
     duration: Annotated[float, Meta(ge=0, le=1e10)] | None
     """s; None: it goes on, and another message will say how it has ended."""
@@ -47,9 +42,9 @@ class PowerEvent:
     """The reference follows the voltage; otherwise somebody has declared it."""
     steady_change: _Volts | None
     """V: of an rvc, between the steady voltages before and after it."""
-    phases: Annotated[list[Literal["L1", "L2", "L3", "total"]], Meta(max_length=4)]
+    phases: Annotated[list[Channel], Meta(max_length=4)]
     """Those that crossed the threshold."""
-    flags: Annotated[list[_Name], Meta(max_length=32)]
+    flags: Annotated[list[Name], Meta(max_length=32)]
     waveform: Annotated[str, Meta(max_length=128)] | None
     """Name of the file with the samples, in the state folder of the daemon."""
     schema: Annotated[int, Meta(ge=SCHEMA, le=SCHEMA)] = SCHEMA
@@ -79,16 +74,4 @@ def event_lines(events: Iterable[PowerEvent]) -> bytes:
 
 def parse_event(payload: bytes) -> PowerEvent:
     """The event in a payload. Raises ValueError that says which field is wrong and why."""
-    if b"\\u0000" in payload:
-        raise ValueError("text holds a NUL character, which no database column takes")
-    try:
-        event = _decoder.decode(payload)
-    except (msgspec.DecodeError, ValueError, RecursionError) as error:
-        raise ValueError(str(error)[:_REASON]) from None  # it quotes the payload
-    try:
-        zoned = datetime.fromisoformat(event.time).tzinfo is not None
-    except ValueError:
-        zoned = False
-    if not zoned:
-        raise ValueError(f"time {event.time!r:.40} is not RFC 3339 with a time zone")
-    return event
+    return decoded(_decoder, payload)

@@ -14,7 +14,7 @@ from acqd.sources.waveform import Waveform
 from acqd.timestamps import rfc3339
 
 _DETECTION_S = 1.5
-"""A begin is known later than it happens: that of a rapid voltage change when the voltage was steady for a second."""
+"""An event is known later than it starts: a rapid voltage change, after a second of steady voltage."""
 
 Save = Callable[[str, Waveform], bool]
 """Takes a waveform and its name; False when there is no room for another one."""
@@ -54,7 +54,7 @@ class Recorder:
             self.finish()
 
     def begin(self, event: Event) -> str | None:
-        """Name of the waveform that will hold the begin of `event`; None when there is none."""
+        """Name of the waveform that will hold the start of `event`; None if its samples are gone."""
         begin = int(event.begin)
         if not self._blocks or begin < self._blocks[0].index:
             return None
@@ -65,7 +65,7 @@ class Recorder:
         return self._pending.name
 
     def end(self, event: Event) -> None:
-        """Record no longer than as long after the end as before the begin."""
+        """Record as long after the end of the event as before its start, at most."""
         if self._pending is not None and event.number == self._ends_with and event.end is not None:
             self._pending.end = min(self._pending.end, int(event.end) + self._pre)
 

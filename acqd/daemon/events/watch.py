@@ -33,7 +33,7 @@ class EventWatch:
         reference = section.reference(form.phases, form.f_nominal)
         self._sliding = reference.sliding
         self._detector = EventDetector(form, reference, section.thresholds())
-        self._waveforms: dict[int, str | None] = {}  # of the events that go on
+        self._waveforms: dict[int, str | None] = {}  # of the events in progress
         self._files: WaveformFiles | None = None
         self._recorder: Recorder | None = None
         if state_dir is not None and section.waveforms:
@@ -49,7 +49,7 @@ class EventWatch:
             self._report(event)
 
     def finish(self) -> None:
-        """No more samples: report what goes on as unfinished, and write the last waveform."""
+        """No more samples: report events in progress as unfinished, and write the last waveform."""
         for event in self._detector.finish():
             self._report(event)
         if self._recorder is not None:

@@ -1,6 +1,6 @@
 """A stream of sample blocks in, voltage events out.
 
-A gap is never bridged: an event in which samples go missing ends there, flagged `gap`, and one that goes on behind the
+A gap is never bridged: an event in which samples go missing ends there, flagged `gap`, and what continues behind the
 gap is another event, flagged as well.
 """
 
@@ -57,7 +57,7 @@ class EventDetector:
         self._unknown = gaps
 
     def finish(self) -> Iterator[Event]:
-        """The events that go on when the stream ends."""
+        """The events in progress when the stream ends."""
         yield from self._interrupt("unfinished")
 
     def _take(self, values: HalfCycles) -> Iterator[Event]:
@@ -87,7 +87,7 @@ class EventDetector:
 
     @property
     def _busy(self) -> bool:
-        """Whether a dip, swell or interruption goes on."""
+        """Whether a dip, swell or interruption is in progress."""
         return any(one.open is not None for one in self._excursions)
 
     def _rapid(

@@ -11,7 +11,7 @@ Kind = Literal["dip", "swell", "interruption", "rvc"]
 
 @dataclass(frozen=True, slots=True)
 class Thresholds:
-    """Shares of the reference voltage; the defaults are those of EN 50160 and IEC 61000-4-30."""
+    """Shares of the reference voltage; the defaults are from EN 50160 and IEC 61000-4-30."""
 
     dip: float = 0.90
     swell: float = 1.10
@@ -38,10 +38,10 @@ class Event:
     """One event; the same event is reported when it begins (without `end`) and when it has ended."""
 
     number: int
-    """Of the stream, from 0; the report of the end has the number of the beginning."""
+    """Of the stream, from 0; both reports have it."""
     kind: Kind
     begin: float
-    """Sample number (with fraction) of its begin: that of the cycle which crossed the threshold first."""
+    """Sample number (with fraction) at which the cycle starts that crossed the threshold first."""
     utc_ns: int
     """The same as UTC [ns]."""
     phases: tuple[int, ...]
@@ -57,5 +57,5 @@ class Event:
     steady_change: float | None = None
     """V: of an rvc, the difference of the steady voltages before and after it."""
     flags: frozenset[str] = field(default_factory=frozenset)
-    """Those of the samples, and `start` (its begin is not in the stream), `gap` (samples are missing before its begin
+    """Flags of the samples; `start` (it was there when the stream began), `gap` (samples are missing before its start
     or after its end: it may be longer), `unfinished` (the stream ends in it)."""

@@ -23,7 +23,7 @@ _MEAN_S = 27.3  # time constant of the normalisation: one minute from 10 to 90 %
 _PIECE = 1024  # inner samples, half a second, filtered at once
 _AWAY = 0.25  # share of the mean square below which the voltage is away: the normalisation waits
 SETTLING_S = 10.0
-"""After the begin and after a gap, Pinst does not count for so long."""
+"""After the start and after a gap, Pinst does not count for so long."""
 _ENOUGH = 0.5  # share of an interval without which it has no Pst
 
 

@@ -33,7 +33,7 @@ class Severity:
     """Pst or Plt of one interval."""
 
     utc_ns: int
-    """Its begin."""
+    """Start of the interval."""
     duration: float
     """s: 600 for Pst, 7200 for Plt."""
     value: Floats
