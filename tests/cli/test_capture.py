@@ -81,7 +81,6 @@ def test_replay_writes_the_events_of_each_recording(recording, tmp_path):
         (["--events", "e", "--declared-voltage", "230", "--thresholds", "dip=101"], "dip < 100 %"),
         (["--events", "e", "--declared-voltage", "230", "--thresholds", "sag=9"], "is not like dip=90"),
         (["--events", "e", "--declared-voltage", "230", "--out", "e"], "separate files"),
-        (["--events", "e", "--declared-voltage", "230", "--speed", "1"], "with --speed max only"),
     ],
 )  # fmt: skip
 def test_events_that_nobody_can_find_are_refused(recording, tmp_path, words, says):
