@@ -62,6 +62,15 @@ def test_the_end_replaces_the_begin_and_a_late_begin_changes_nothing(engine):
     assert count(engine) == 1
 
 
+def test_either_database_keeps_one_event(database):
+    engine = open_database(database)
+    for one in (event(duration=None, phases=[]), event(flags=["gap"]), event(duration=None)):
+        Writer(engine).write([sent(one), sent(event(1, duration=None)), message(row())])
+    first, second = stored(engine)
+    assert (first["duration"], first["flags"], second["duration"]) == (0.1, ["gap"], None)
+    assert count(engine) == 1
+
+
 def test_begin_and_end_may_come_in_one_batch(engine):
     Writer(engine).write([sent(event(duration=None)), sent(event(1)), sent(event())])
     assert [one["duration"] for one in stored(engine)] == [0.1, 0.1]
