@@ -15,6 +15,7 @@ from acqd.cli import (
     alarms,
     bridge,
     broker,
+    capture,
     close_loop,
     config,
     dataset,
@@ -50,6 +51,7 @@ app.command("run", rich_help_panel=_MEASURE)(run.run)
 app.command("watch", rich_help_panel=_MEASURE)(watch.watch)
 app.command("web", rich_help_panel=_MEASURE)(web.web)
 app.command("replay", rich_help_panel=_MEASURE)(replay.replay)
+app.command("capture", rich_help_panel=_MEASURE)(capture.capture)
 app.add_typer(ethercat.app, name="ethercat", rich_help_panel=_MEASURE)
 app.add_typer(modbus.app, name="modbus", rich_help_panel=_MEASURE)
 app.add_typer(sink.app, name="sink", rich_help_panel=_DATA)

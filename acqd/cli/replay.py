@@ -17,6 +17,7 @@ from rich.table import Table
 
 from acqd.cli.options import ConfigFile, Host, Json, Port, broker_address
 from acqd.cli.table import energy
+from acqd.daemon.events.of_recording import event_settings
 from acqd.daemon.playback import Playback, play
 from acqd.daemon.playback_report import PlaybackReport
 from acqd.errors import UserError
@@ -39,6 +40,13 @@ class ModeName(StrEnum):
     FIXED = "fixed"
 
 
+class Lamp(StrEnum):
+    """Lamp of the flickermeter."""
+
+    V230 = "230V"
+    V120 = "120V"
+
+
 def replay(
     files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="NPZ, CSV, WAV/FLAC or COMTRADE.")],
     out: Annotated[Path | None, typer.Option(help="Write the rows as JSON lines; - is stdout.")] = None,
@@ -47,6 +55,15 @@ def replay(
     publish: Annotated[bool, typer.Option("--publish", help="Publish the rows over MQTT.")] = False,
     aggregate: Annotated[Path | None, typer.Option(help="Write 10/12-cycle values (IEC 61000-4-30).")] = None,
     quality: Annotated[Path | None, typer.Option(help="Write power quality as JSON lines (docs/quality.md).")] = None,
+    events: Annotated[Path | None, typer.Option(help="Write dips, swells, interruptions as JSON lines.")] = None,
+    declared_voltage: Annotated[
+        str | None, typer.Option(help="100 % of the events: V, or sliding (it follows the voltage).")
+    ] = None,
+    thresholds: Annotated[
+        str | None, typer.Option(help="Of events in %: dip=90,swell=110,interruption=5,hysteresis=2,rapid_change=5.")
+    ] = None,
+    flicker: Annotated[Path | None, typer.Option(help="Write Pst and Plt (IEC 61000-4-15) as JSON lines.")] = None,
+    lamp: Annotated[Lamp, typer.Option(help="Of --flicker.")] = Lamp.V230,
     device: Annotated[str, typer.Option(help="Device name in the rows.")] = "replay",
     loops: Annotated[int, typer.Option("--loops", "--loop", min=1, help="Play each file so many times.")] = 1,
     window: Annotated[float, typer.Option(min=0.04, max=0.05, help="Window length in s.")] = 0.04,
@@ -88,6 +105,9 @@ def replay(
         out=out,
         aggregate=aggregate,
         quality=quality,
+        events=event_settings(events, declared_voltage, thresholds),
+        flicker=flicker,
+        lamp=lamp.value,
         broker=broker_address(config, host, port) if publish else None,
     )
     console = Console(stderr=True)
@@ -135,5 +155,6 @@ def _print(report: PlaybackReport) -> None:
         f"{report.rows} rows from {report.recorded_s:.2f} s of waveform in {report.elapsed_s:.2f} s "
         f"({report.recorded_s / max(report.elapsed_s, 1e-9):.0f} x real time); "
         f"{report.unused_samples} samples after the last whole windows have no row"
+        + (f"; {report.events} events" if report.events else "")
     )
     sys.stdout.flush()

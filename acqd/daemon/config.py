@@ -13,6 +13,7 @@ from pydantic import BaseModel, Field, ValidationError, field_validator, model_v
 
 from acqd.daemon.alarms_section import AlarmsSection
 from acqd.daemon.box_section import BoxSection
+from acqd.daemon.events.section import EventsSection
 from acqd.daemon.health.section import HealthSection
 from acqd.daemon.homeassistant_section import HomeAssistantSection
 from acqd.daemon.influx_section import InfluxSection
@@ -103,6 +104,7 @@ class Config(Section):
     spool: SpoolSection = SpoolSection()
     broker: BrokerSection = BrokerSection()
     sink: SinkSection = Field(default_factory=SinkSection)
+    events: EventsSection = EventsSection()
     health: HealthSection = HealthSection()
     web: WebSection = WebSection()
     homeassistant: HomeAssistantSection = HomeAssistantSection()
@@ -134,6 +136,12 @@ class Config(Section):
         names = [name for box in self.boxes for name in box.devices]
         if twice := [name for name in names if names.count(name) > 1]:
             raise ValueError(f"two sources have the device {twice[0]!r}; their rows could not be told apart")
+        return self
+
+    @model_validator(mode="after")
+    def _events_of_samples(self) -> Config:
+        if self.events.enabled and all(isinstance(source, MetersSection) for source in self.sources):
+            raise ValueError('events.enabled: sources of kind "meters" have no samples; set it to false')
         return self
 
     @property

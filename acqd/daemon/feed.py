@@ -7,6 +7,7 @@ from typing import Any, Protocol
 
 from acqd.daemon.health.snapshot import FeedHealth
 from acqd.plc.recent import SampledWindow
+from acqd.sources.waveform import Waveform
 from acqd.telemetry.row import PowerRow
 from acqd.telemetry.spool import Energy
 
@@ -44,6 +45,9 @@ class Feed(Protocol):
 
     def window(self, device: str) -> tuple[str, SampledWindow | None] | None:
         """Name and newest window of a device ("": the first one); None: it is not of this feed. In any thread."""
+
+    def capture(self, device: str, seconds: float) -> Waveform | None:
+        """The newest samples of a device ("": the first one), in the event loop only; None: there are none."""
 
     def status(self) -> dict[str, Any]:
         """The source's part of the status message."""

@@ -11,6 +11,7 @@ from acqd.daemon.health.snapshot import Cycles, FeedHealth, SourceLink
 from acqd.errors import UserError
 from acqd.plc.distribution import together
 from acqd.plc.recent import SampledWindow
+from acqd.sources.waveform import Waveform
 
 
 class FeedOfBoxes:
@@ -85,6 +86,11 @@ class FeedOfBoxes:
                 return found
         away = [name for box in self._boxes for name in box.config.devices if device in ("", name)]
         return (away[0], None) if away else None
+
+    def capture(self, device: str, seconds: float) -> Waveform | None:
+        """The newest samples of the box with this device."""
+        found = (feed.capture(device, seconds) for _, feed in self._running())
+        return next((waveform for waveform in found if waveform is not None), None)
 
     def status(self) -> dict[str, Any]:
         """Of every box, by its device."""

@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 from acqd.daemon.box import Box
 from acqd.daemon.config import Config
+from acqd.daemon.events.watch import Announce
 from acqd.daemon.feed import Deliver, Feed
 from acqd.daemon.feed_of_boxes import FeedOfBoxes
 from acqd.daemon.meter_feed import MeterFeed
@@ -21,18 +22,26 @@ Registers = Callable[[str], Energy | None]
 
 
 def feed_of(
-    config: Config, boot: str, deliver: Deliver, registers: Registers, quality: DeliverQuality | None = None
+    config: Config,
+    boot: str,
+    deliver: Deliver,
+    registers: Registers,
+    quality: DeliverQuality | None = None,
+    announce: Announce | None = None,
 ) -> Feed:
-    """The feed that makes the rows of this configuration; `quality` takes those of power quality."""
+    """The feed that makes the rows of this configuration.
+
+    `quality` takes those of power quality, `announce` takes voltage events.
+    """
     if config.boxes:
         alone = [config.of_box(box) for box in config.boxes]
 
         def make(one: Config, boot: str) -> Feed:
-            return feed_of(one, boot, deliver, registers, quality)
+            return feed_of(one, boot, deliver, registers, quality, announce)
 
         return FeedOfBoxes([Box(one, make) for one in alone], boot)
     if isinstance(config.source, MetersSection):
         if config.quality.enabled:
             _log.warning("%s: no power quality, which needs samples: RMS meters send none", ", ".join(config.devices))
         return MeterFeed(config.source, boot, deliver)
-    return WaveformFeed(config, config.source, boot, deliver, registers(config.device), quality)
+    return WaveformFeed(config, config.source, boot, deliver, registers(config.device), quality, announce)

@@ -111,6 +111,9 @@ class MeterFeed:
         age = time.monotonic() - self._last_row
         return FeedHealth(self._boot.name, source, age, synchronised=self._clock.synchronised)
 
+    def capture(self, device: str, seconds: float) -> None:
+        """Meters that are read have no samples."""
+
     def status(self) -> dict[str, Any]:
         """Profile, unit and trouble of each meter; launches of the bus after the first."""
         return {

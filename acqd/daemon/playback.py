@@ -12,6 +12,8 @@ from pathlib import Path
 from typing import BinaryIO, TypeAlias
 
 from acqd.daemon.aggregate_file import AggregateFile
+from acqd.daemon.events.of_recording import EventSettings, EventWriter
+from acqd.daemon.flicker_writer import FlickerWriter, check_length
 from acqd.daemon.output_file import output_file
 from acqd.daemon.playback_report import PlaybackReport, describe
 from acqd.daemon.publish import Publisher
@@ -19,6 +21,7 @@ from acqd.daemon.quality_feed import QualityFeed
 from acqd.daemon.quality_section import QualitySection
 from acqd.errors import UserError
 from acqd.metering import Meter, Mode, SampleBlock, StreamFormat, WindowBatch
+from acqd.metering.quality.lamp import LampName
 from acqd.plc.executive import Executive
 from acqd.sources import ChannelMap, ReplaySource, Waveform, load_waveform
 from acqd.sources.spec import replay_spec
@@ -46,17 +49,26 @@ class Playback:
     out: Path | None
     aggregate: Path | None
     quality: Path | None
+    events: EventSettings | None
+    flicker: Path | None
+    lamp: LampName
     broker: BrokerAddress | None
 
 
 def play(settings: Playback, progress: Callable[[float], None]) -> PlaybackReport:
     """Play all files in turn. Raises UserError; in that case no output file is left behind."""
-    named = (settings.out, settings.aggregate, settings.quality)
+    events = settings.events.out if settings.events else None
+    named = (settings.out, settings.aggregate, settings.quality, events, settings.flicker)
     outputs = [path.resolve() for path in named if path is not None and str(path) != "-"]
     for path in outputs:
         if (path.is_file() and path in [file.resolve() for file in settings.files]) or outputs.count(path) > 1:
-            raise UserError(f"{path} would be overwritten; --out, --aggregate and --quality need separate files")
+            raise UserError(
+                f"{path} would be overwritten; --out, --aggregate, --quality, --events and --flicker "
+                "need separate files"
+            )
     waveforms = [load_waveform(path, settings.channels) for path in settings.files]
+    for path, waveform in zip(settings.files, waveforms, strict=True) if settings.flicker else ():
+        check_length(path, waveform.duration * settings.loops)
     report = PlaybackReport(recorded_s=sum(w.duration for w in waveforms) * settings.loops)
     run = _Run(settings, report, progress)
     begun = time.perf_counter()
@@ -64,6 +76,8 @@ def play(settings: Playback, progress: Callable[[float], None]) -> PlaybackRepor
         run.rows_out = stack.enter_context(output_file(settings.out)) if settings.out else None
         run.values_out = stack.enter_context(output_file(settings.aggregate)) if settings.aggregate else None
         run.quality_out = stack.enter_context(output_file(settings.quality)) if settings.quality else None
+        run.events_out = stack.enter_context(output_file(settings.events.out)) if settings.events else None
+        run.flicker_out = stack.enter_context(output_file(settings.flicker)) if settings.flicker else None
         run.publisher = stack.enter_context(Publisher(settings.broker, settings.device)) if settings.broker else None
         for path, waveform in zip(settings.files, waveforms, strict=True):
             run.play(path, waveform)
@@ -85,11 +99,16 @@ class _Run:
         self.values_out: BinaryIO | None = None
         self.quality_out: BinaryIO | None = None
         self._quality = QualityFeed(QualitySection(), settings.device, settings.nominal_voltage, lambda: self._boot)
+        self.events_out: BinaryIO | None = None
+        self._events: EventWriter | None = None
+        self.flicker_out: BinaryIO | None = None
+        self._on_the_clock = False  # whether the recording says when it was made
         self.publisher: Publisher | None = None
 
     def play(self, path: Path, waveform: Waveform) -> None:
         """Meter one file."""
         batches: list[WindowBatch] = []
+        self._on_the_clock = waveform.start_utc_ns is not None or self._settings.start_utc_ns is not None
 
         def take(batch: WindowBatch) -> None:
             batches.append(batch)
@@ -102,6 +121,8 @@ class _Run:
         else:
             meter = self._at_full_speed(waveform, take)
         self._report.unused_samples += meter.finish()
+        if self._events is not None:
+            self._report.events = self._events.finish()
         if batches:
             whole = WindowBatch.join(batches)
             self._report.channels += describe(str(path), whole)
@@ -152,6 +173,15 @@ class _Run:
         if self.quality_out is not None:
             self._quality.open(form)
             takers.append(self._write_quality)
+        if self.events_out is not None and settings.events is not None:
+            first = self._report.events
+            self._events = EventWriter(settings.events, form, settings.device, self._boot, self.events_out, first)
+            takers.append(self._events.take)
+        if self.flicker_out is not None:
+            clock = self._on_the_clock
+            takers.append(
+                FlickerWriter(form, settings.lamp, settings.device, self.flicker_out, on_the_clock=clock).take
+            )
 
         def watch(block: SampleBlock) -> None:
             for take in takers:

@@ -35,6 +35,8 @@ class PlaybackReport:
     elapsed_s: float = 0.0
     unused_samples: int = 0
     """Samples after the last whole windows."""
+    events: int = 0
+    """Voltage events, where they are wanted."""
     channels: list[ChannelReport] = field(default_factory=list)
 
 

@@ -57,7 +57,8 @@ class Service:
         self._uplink = Uplink(config, config.devices, self._status) if config.mqtt.enabled else None
         registers = self._uplink.energy if self._uplink else lambda _: None
         quality = self._uplink.put_quality if self._uplink else None
-        self._feed: Feed = feed_of(config, self._boot, self._take, registers, quality)
+        announce = self._uplink.put_event if self._uplink else None
+        self._feed: Feed = feed_of(config, self._boot, self._take, registers, quality, announce)
         self._stop = asyncio.Event()
         self._started = time.time_ns()
         self._health = DaemonHealth(config.health, config.device, self._feed, self._progress)

@@ -15,6 +15,7 @@ from acqd.telemetry import topics
 from acqd.telemetry.connector import Connector
 from acqd.telemetry.counters import TelemetryCounters
 from acqd.telemetry.delivery import Delivery
+from acqd.telemetry.event import PowerEvent
 from acqd.telemetry.quality_row import QualityRow
 from acqd.telemetry.row import PowerRow
 from acqd.telemetry.spool import Energy, Spool, SpooledRow, Stream, confirm
@@ -73,6 +74,10 @@ class Uplink:
                 for row in rows
             ]
         )
+
+    def put_event(self, event: PowerEvent) -> None:
+        """Publish a voltage event."""
+        self._delivery.put_notice(topics.event(event.device), event.to_json())
 
     def put_status(self, payload: bytes) -> None:
         """Publish the status of the daemon."""

@@ -10,6 +10,7 @@ from typing import Any
 
 from acqd.daemon.boot import Boot
 from acqd.daemon.config import Config
+from acqd.daemon.events.watch import Announce, EventWatch
 from acqd.daemon.feed import Deliver
 from acqd.daemon.health.snapshot import Cycles, FeedHealth, SourceLink
 from acqd.daemon.quality_feed import DeliverQuality, QualityFeed
@@ -19,6 +20,7 @@ from acqd.metering import Meter, SampleBlock, StreamFormat, WindowBatch
 from acqd.plc.executive import Executive
 from acqd.plc.realtime import prioritise
 from acqd.plc.recent import SampledWindow
+from acqd.sources.waveform import Waveform
 from acqd.telemetry.row import rows_of
 from acqd.telemetry.spool import Energy
 from acqd.telemetry.summary import Summariser
@@ -37,8 +39,9 @@ class WaveformFeed:
         deliver: Deliver,
         energy: Energy | None = None,
         deliver_quality: DeliverQuality | None = None,
+        announce: Announce | None = None,
     ) -> None:
-        """`energy`: the registers after the last row that an earlier start has spooled."""
+        """`energy`: the registers after the last row that an earlier start has spooled; `announce` takes events."""
         self._config = config
         self._spooled = energy
         self._boot = Boot(boot)
@@ -49,6 +52,8 @@ class WaveformFeed:
             else None
         )
         self._deliver_quality = deliver_quality
+        self._first_boot, self._announce = boot, announce
+        self._events: EventWatch | None = None
         self._register = RegisterFile(config.state_dir, config.device) if config.state_dir else None
         self._summariser = Summariser()
         self._last_row: float | None = None
@@ -62,7 +67,7 @@ class WaveformFeed:
             window=config.window,
             realtime=config.realtime.settings(),
             makers=source.makers,
-            make_watch=self._make_watch if self._quality is not None else None,
+            make_watch=self._make_watch if self._quality is not None or config.events.enabled else None,
         )
 
     @property
@@ -78,7 +83,11 @@ class WaveformFeed:
 
     async def run(self) -> None:
         """Make rows until the source ends or `stop` is called."""
-        await self._executive.run()
+        try:
+            await self._executive.run()
+        finally:
+            if self._events is not None:
+                self._events.finish()
 
     async def stop(self) -> None:
         """End after the current window."""
@@ -124,6 +133,14 @@ class WaveformFeed:
             return None
         return self._config.device, recent.window() if recent is not None else None
 
+    def capture(self, device: str, seconds: float) -> Waveform | None:
+        """The newest samples, out of the ring."""
+        recent = self._executive.newest(seconds) if device in ("", self._config.device) else None
+        if recent is None:
+            return None
+        block, form = recent
+        return Waveform(self._config.device, block.codes, form, block.utc_ns, "simulated" in block.flags)
+
     def status(self) -> dict[str, Any]:
         """Health of the source, statistics of MAIN_FAST and MAIN_SLOW."""
         executive = self._executive
@@ -156,11 +173,16 @@ class WaveformFeed:
         self._last_row = time.monotonic()
 
     def _make_watch(self, form: StreamFormat) -> Callable[[SampleBlock], None]:
-        assert self._quality is not None
-        self._quality.open(form)
+        config = self._config
+        if self._quality is not None:
+            self._quality.open(form)
+        if config.events.enabled:
+            announce = self._announce or (lambda _: None)
+            self._events = EventWatch(config.events, form, config.device, self._first_boot, announce, config.state_dir)
         return self._watch
 
     def _watch(self, block: SampleBlock) -> None:
-        assert self._quality is not None and self._deliver_quality is not None
-        if rows := self._quality.take(block):
+        if self._events is not None:
+            self._events.feed(block)
+        if self._quality is not None and self._deliver_quality is not None and (rows := self._quality.take(block)):
             self._deliver_quality(rows)

@@ -12,7 +12,7 @@ import logging
 import os
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -201,6 +201,15 @@ class Executive:
     def durations(self) -> Distribution | None:
         """How long MAIN_SLOW took per wake-up; None before the start."""
         return self._slow.durations.distribution() if self._slow is not None else None
+
+    def newest(self, seconds: float) -> tuple[SampleBlock, StreamFormat] | None:
+        """The newest samples as the meter gets them, without a gap; in the event loop only."""
+        if self._fast is None:
+            return None
+        block = self._fast.ring.recent(round(seconds * self._fast.form.rate))
+        stages = Stages(self._fast.form, self._makers)  # their own: those of the meter are in mid-stream
+        ready = None if block is None else stages.apply(replace(block, flags=block.flags | self._fast.flags))
+        return None if ready is None else (ready, stages.form)
 
     def slow_us(self) -> float:
         """Mean duration of MAIN_SLOW per window so far [us]."""

@@ -76,6 +76,7 @@ class Ring:
         self._flags: frozenset[str] = frozenset()  # reader: the source's flags from here on
         self._health_version = 0  # reader: of the health that was read last
         self._last_health: SourceHealth | None = None
+        self._unbroken = 0  # reader: position from which on nothing is missing and time has not stepped
 
     @staticmethod
     def create(layout: RingLayout) -> tuple[Ring, int]:
@@ -196,7 +197,24 @@ class Ring:
             if kind == STEP:
                 behind = self._position - position  # more than 0 when the step itself was lapped
                 self._anchor = (self._index - behind, value)
+                self._unbroken = self._position
         return blocks
+
+    def recent(self, samples: int) -> SampleBlock | None:
+        """The newest samples that were read, once more: at most `samples`, without a gap or clock step among them.
+
+        None when there are none. In the reader's thread only.
+        """
+        capacity = self.layout.capacity
+        begin = max(self._position - samples, self._unbroken, 0)
+        codes = self._codes[np.arange(begin, self._position) % capacity]
+        # As in `_take`: what the writer has reached, or may be writing now, is not ours any more.
+        codes = codes[max(0, int(self._header[_HEAD]) - capacity * 3 // 4 - begin) :]
+        if not len(codes):
+            return None
+        anchor, utc = self._anchor
+        index = self._index - len(codes)
+        return SampleBlock(codes, index, utc + round((index - anchor) * 1e9 / self.layout.rate), 0, self._flags)
 
     def _take(self, until: int, lost: int, flags: frozenset[str]) -> SampleBlock:
         capacity = self.layout.capacity
@@ -208,6 +226,8 @@ class Ring:
         anchor, utc = self._anchor
         # The writer may have come round while we copied: what it reached is not ours any more.
         torn = min(self._overwritten(), len(codes))
+        if lost or torn:
+            self._unbroken = self._position + torn
         if torn:
             codes, lost = codes[torn:], lost + torn
             self._index += torn

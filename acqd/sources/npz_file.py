@@ -1,4 +1,4 @@
-"""NPZ recordings: converter codes and scales, as an EL3783 delivers them."""
+"""NPZ recordings: converter codes and scales, as an EL3783 delivers them, or volts and amperes."""
 
 from __future__ import annotations
 
@@ -9,37 +9,41 @@ from typing import Any
 import numpy as np
 
 from acqd.errors import InputError
-from acqd.sources.waveform import LATEST_NS, MOST_BYTES, ChannelMap, Waveform, stream_format
+from acqd.sources.waveform import LATEST_NS, MOST_BYTES, ChannelMap, Waveform, check_values, stream_format
 
 _KEYS = ("u_code", "i_code", "u_V_per_digit", "i_A_per_digit", "fs")
+_PHYSICAL = ("u_V", "i_A", "fs")
 
 
 def load(path: Path, channels: ChannelMap) -> Waveform:
     """`u_code`, `i_code` int16 [phase, sample], `u_V_per_digit`, `i_A_per_digit`, `fs` [1/s].
 
+    The scales are one number, or one per phase. Instead of codes and scales: `u_V`, `i_A` float [phase, sample].
     Optional: `f_nominal` [Hz], `start_utc_ns`, `simulated` (not 0: flags every row). Raises InputError.
     """
     data = _read(path)
-    missing = [key for key in _KEYS if key not in data]
+    physical = "u_V" in data and "u_code" not in data
+    missing = [key for key in (_PHYSICAL if physical else _KEYS) if key not in data]
     if missing:
         raise InputError(path, f"lacks {', '.join(missing)}; has {', '.join(sorted(data)) or 'nothing'}")
-    u, i = (_codes(path, key, data[key]) for key in ("u_code", "i_code"))
+    names = _PHYSICAL[:2] if physical else _KEYS[:2]
+    u, i = (_values(path, key, data[key]) if physical else _codes(path, key, data[key]) for key in names)
     if u.shape != i.shape:
-        raise InputError(path, f"u_code {u.shape} and i_code {i.shape} differ; expected the same [phase, sample]")
+        shapes = f"{names[0]} {u.shape} and {names[1]} {i.shape}"
+        raise InputError(path, f"{shapes} differ; expected the same [phase, sample]")
     phases, samples = u.shape
     if not 1 <= phases <= 3:
-        raise InputError(path, f"u_code has {phases} phases, expected 1 to 3 as [phase, sample]")
+        raise InputError(path, f"{names[0]} has {phases} phases, expected 1 to 3 as [phase, sample]")
     if not samples:
         raise InputError(path, "has no samples")
-    codes = np.empty((samples, 2 * phases), dtype=np.int16)
+    codes = np.empty((samples, 2 * phases), dtype=u.dtype)
     codes[:, 0::2], codes[:, 1::2] = u.T, i.T
-    scale = [
-        channels.u_scale or _number(path, data, "u_V_per_digit"),
-        channels.i_scale or _number(path, data, "i_A_per_digit"),
-    ] * phases
+    if physical:
+        check_values(path, codes)
+    scale = _scales(path, channels, {} if physical else data, phases)
     f_nominal = channels.f_nominal or (_number(path, data, "f_nominal") if "f_nominal" in data else 50.0)
     rate = channels.rate or _number(path, data, "fs")
-    start = int(_number(path, data, "start_utc_ns")) if "start_utc_ns" in data else None
+    start = _integer(path, data, "start_utc_ns") if "start_utc_ns" in data else None
     if start is not None and not 0 <= start < LATEST_NS:
         raise InputError(path, f"start_utc_ns {start} is no time between 1970 and 2200")
     simulated = "simulated" in data and _number(path, data, "simulated") != 0
@@ -77,6 +81,38 @@ def _codes(path: Path, key: str, array: Any) -> np.ndarray:
     if array.size and (array.min() < -32768 or array.max() > 32767 or (array != np.rint(array)).any()):
         raise InputError(path, f"{key} holds values that are no int16 codes; store codes and scales apart")
     return np.asarray(array.astype(np.int16))
+
+
+def _values(path: Path, key: str, array: Any) -> np.ndarray:
+    if array.dtype.kind not in "iuf" or array.ndim not in (1, 2):
+        raise InputError(path, f"{key} is {array.dtype} {array.shape}, expected numbers [phase, sample]")
+    return np.atleast_2d(array).astype(np.float64)
+
+
+def _scales(path: Path, channels: ChannelMap, data: dict[str, Any], phases: int) -> list[float]:
+    """V and A per code of every phase: as the user says, as the file says, else 1."""
+    u = [channels.u_scale] * phases if channels.u_scale else _per_phase(path, data, "u_V_per_digit", phases)
+    i = [channels.i_scale] * phases if channels.i_scale else _per_phase(path, data, "i_A_per_digit", phases)
+    return [scale for pair in zip(u, i, strict=True) for scale in pair]
+
+
+def _per_phase(path: Path, data: dict[str, Any], key: str, phases: int) -> list[float]:
+    if key not in data:
+        return [1.0] * phases
+    array = data[key]
+    if array.size == 1:
+        return [_number(path, data, key)] * phases
+    if array.size != phases or array.dtype.kind not in "iuf" or not np.isfinite(array).all():
+        raise InputError(
+            path, f"{key} is {array!r:.60}, expected one finite number, or one for each of {phases} phases"
+        )
+    return [float(scale) for scale in array.ravel()]
+
+
+def _integer(path: Path, data: dict[str, Any], key: str) -> int:
+    """A number that may need more digits than a float has."""
+    value = int(_number(path, data, key))
+    return value if data[key].dtype.kind == "f" else int(data[key].reshape(()))
 
 
 def _number(path: Path, data: dict[str, Any], key: str) -> float:

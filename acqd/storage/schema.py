@@ -62,6 +62,28 @@ quarantine = sa.Table(
 """Messages that are no new rows, and why; `sha256` is of topic, payload and reason."""
 
 
+power_event = sa.Table(
+    "power_event",
+    metadata,
+    sa.Column("device", sa.Text, nullable=False),
+    sa.Column("boot", sa.Text, nullable=False),
+    sa.Column("number", _BIG, nullable=False),
+    sa.Column("kind", sa.Text, nullable=False),
+    sa.Column("time", _TIME, nullable=False),
+    sa.Column("filetime", _BIG, nullable=False),
+    *(sa.Column(name, sa.Double) for name in ("duration", "extreme", "reference")),
+    sa.Column("sliding", sa.Boolean, nullable=False),
+    sa.Column("steady_change", sa.Double),
+    sa.Column("phases", _JSON, nullable=False),
+    sa.Column("flags", _JSON, nullable=False),
+    sa.Column("waveform", sa.Text),
+    sa.Column("schema", sa.SmallInteger, nullable=False),
+    sa.PrimaryKeyConstraint("device", "boot", "number"),
+    sa.Index("power_event_filetime", "filetime"),
+)
+"""Dips, swells, interruptions and rapid voltage changes; `duration` is null while an event goes on."""
+
+
 def _rollup(name: str) -> sa.Table:
     return sa.Table(
         name,

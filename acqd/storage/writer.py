@@ -15,7 +15,7 @@ from typing import Any, TypeAlias
 import orjson
 import sqlalchemy as sa
 
-from acqd.storage import quality_rows, quarantining, rows
+from acqd.storage import events, quality_rows, quarantining, rows
 from acqd.storage.allowance import MALFORMED_BYTES_PER_DAY, Allowance
 from acqd.storage.database import transaction
 from acqd.telemetry import topics
@@ -71,9 +71,14 @@ class Writer:
         self._full = False
 
     def write(self, messages: Sequence[Received]) -> Written:
-        """Commit all of `messages`, or nothing. Raises sqlalchemy.exc.DBAPIError while the database cannot."""
-        malformed: list[tuple[Received, str]] = []
-        return self._write(list(_rows_apart(messages, malformed)), malformed)
+        """Commit all rows of `messages`, or none. Raises sqlalchemy.exc.DBAPIError while the database cannot.
+
+        Voltage events have a transaction of their own; storing one twice changes nothing.
+        """
+        occurred = [message for message in messages if topics.is_event(message.topic)]
+        malformed = [(occurred[k], reason) for k, reason in events.store(self._engine, occurred)]
+        rows_only = [message for message in messages if not topics.is_event(message.topic)]
+        return self._write(list(_rows_apart(rows_only, malformed)), malformed)
 
     def _write(self, messages: Sequence[Received], malformed: Sequence[tuple[Received, str]]) -> Written:
         """`messages` of one row each; `malformed` are kept for their reasons."""

@@ -18,6 +18,7 @@ from typing import Literal
 from acqd.telemetry import topics
 from acqd.telemetry.in_flight import InFlight
 from acqd.telemetry.message import Message, Room
+from acqd.telemetry.notices import Notices
 from acqd.telemetry.ranges import Ranges
 from acqd.telemetry.receipts import parse_receipt
 from acqd.telemetry.row_message import joined
@@ -64,6 +65,7 @@ class Delivery:
         self._online = False
         self._live: deque[SpooledRow] = deque()
         self._states: dict[str, bytes] = {}
+        self._notices = Notices()
         self._position = spool.start
         self._flying, self._unsent = InFlight(), Unsent()
         self._acknowledged: dict[Stream, Ranges] = {}
@@ -101,6 +103,11 @@ class Delivery:
         self._states[topic] = payload
         self._changed.set()
 
+    def put_notice(self, topic: str, payload: bytes) -> None:
+        """Publish a message that is not retained, and again until the broker has acknowledged it."""
+        self._notices.put(topic, payload)
+        self._changed.set()
+
     def subscriptions(self) -> list[str]:
         """Receipts of the devices whose rows come from here, and the sinks' announcements."""
         if self._until == "acknowledged":
@@ -111,6 +118,7 @@ class Delivery:
         """A new connection: the broker may have lost what it had."""
         self._online = True
         self._sinks.clear()
+        self._notices.begin()
         self._from_the_start()
         self._changed.set()
 
@@ -126,6 +134,7 @@ class Delivery:
         self._settle_acknowledged()
         rows = [self._live.popleft() for _ in range(min(len(self._live), room.messages * self._together))]
         messages = self._messages(rows)
+        messages += self._notices.take(room.messages - len(messages))
         while self._states and len(messages) < room.messages:
             topic = next(iter(self._states))
             messages.append(Message(topic, self._states.pop(topic), retain=True))
@@ -152,6 +161,8 @@ class Delivery:
 
     def acknowledged(self, message: Message) -> None:
         """The broker has the message: with that policy, its rows are delivered."""
+        if self._notices.acknowledged(message):
+            return
         sent: Sequence[tuple[Stream, int]] = message.tag or ()
         self.delivered += len(sent)
         if self._until == "acknowledged":
@@ -183,8 +194,8 @@ class Delivery:
         return len(self._flying)
 
     def __len__(self) -> int:
-        """Messages that wait: rows that are not delivered, states that are not sent."""
-        return len(self.spool) - sum(map(len, self._acknowledged.values())) + len(self._states)
+        """Messages that wait: rows and notices that are not delivered, states that are not sent."""
+        return len(self.spool) - sum(map(len, self._acknowledged.values())) + len(self._states) + len(self._notices)
 
     def _take_receipt(self, device: str, payload: bytes) -> None:
         try:

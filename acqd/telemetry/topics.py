@@ -10,6 +10,8 @@ ALL_WINDOWS = "acqd/+/window"
 """Every device's rows, one message per window."""
 ALL_QUALITY = "acqd/+/+/quality"
 """Every device's rows of power quality."""
+ALL_EVENTS = "acqd/+/event"
+"""Every device's voltage events."""
 ALL_SUMMARIES = "acqd/+/+/summary"
 ALL_STATUS = "acqd/+/status"
 """State of every daemon."""
@@ -61,6 +63,16 @@ def window(device: str) -> str:
 def is_window(topic: str) -> bool:
     """Whether messages on this topic hold all rows of a window."""
     return topic.endswith("/window") and topic.count("/") == 2
+
+
+def event(device: str) -> str:
+    """Dips, swells, interruptions and rapid voltage changes as they begin and end, QoS 1."""
+    return f"acqd/{device}/event"
+
+
+def is_event(topic: str) -> bool:
+    """Whether messages on this topic are voltage events."""
+    return topic.endswith("/event") and topic.count("/") == 2
 
 
 def summary(device: str, channel: str) -> str:

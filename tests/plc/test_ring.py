@@ -100,3 +100,41 @@ def test_samples_overwritten_while_they_are_copied_are_lost_not_torn(ring, monke
     (block,) = ring.read()
     assert block.lost == block.index == 1_000
     np.testing.assert_array_equal(index_of(block.codes), np.arange(1_000, 14_000))
+
+
+def test_recent_samples_can_be_had_again_up_to_the_last_gap_or_clock_step(ring):
+    ring.begin(0, 10**9)
+    assert ring.recent(100) is None
+    ring.write(counted(0, 1_000))
+    ring.read()
+    block = ring.recent(400)
+    np.testing.assert_array_equal(index_of(block.codes), np.arange(600, 1_000))
+    assert (block.index, block.utc_ns) == (600, 10**9 + 600 * 50_000)
+    ring.event(GAP, 7)
+    ring.write(counted(1_007, 1_107))
+    ring.read()
+    assert (ring.recent(400).index, len(ring.recent(400).codes)) == (1_007, 100)
+    ring.event(STEP, 5 * 10**9)
+    ring.write(counted(1_107, 1_157))
+    ring.read()
+    assert (ring.recent(400).index, ring.recent(400).utc_ns) == (1_107, 5 * 10**9)
+
+
+@settings(max_examples=30)
+@given(steps=st.lists(st.tuples(st.integers(0, 3_000), st.sampled_from([0, 0, 9])), min_size=1, max_size=20))
+def test_recent_samples_are_those_that_were_written(steps):
+    ring, fd = Ring.create(RingLayout(RATE, 2, 8_000))
+    ring.begin(0, 10**9)
+    index = 0
+    for count, gap in steps:
+        if gap:
+            ring.event(GAP, gap)
+            index += gap
+        ring.write(counted(index, index + count))
+        index += count
+        ring.read()
+        block = ring.recent(5_000)
+        if block is not None:
+            np.testing.assert_array_equal(index_of(block.codes), block.index + np.arange(len(block.codes)))
+            assert len(block.codes) <= 5_000 and block.utc_ns == 10**9 + block.index * 50_000
+    os.close(fd)

@@ -19,13 +19,30 @@ import typer
 from rich.console import Console
 
 from acqd.errors import OperationError
-from tools.bench import accuracy, at_work, delivery, lab, live, load, models, quality, sink, sources, speed, web
+from tools.bench import (
+    accuracy,
+    at_work,
+    delivery,
+    events,
+    flicker,
+    lab,
+    live,
+    load,
+    models,
+    quality,
+    sink,
+    sources,
+    speed,
+    web,
+)
 from tools.bench.report import Figure, table
 from tools.common.tables import show
 
 _SECTIONS: dict[str, list[Callable[[], Iterator[Figure]]]] = {
     "accuracy": [accuracy.synthetic, accuracy.exactness, accuracy.recordings],
     "quality": [quality.quality, quality.beside],
+    "events": [events.dips, events.steady, events.cost],
+    "flicker": [flicker.pinst, flicker.pst],
     "speed": [speed.pqopen, speed.kernel, speed.replay, speed.main_slow],
     "live": [live.daemon, live.from_file, live.jitter],
     "sources": [sources.sources],

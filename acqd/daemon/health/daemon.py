@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable
 from dataclasses import dataclass
 
 from acqd import __version__
 from acqd.daemon.feed import Feed
+from acqd.daemon.health.capture import CAPTURE, CapturePage
 from acqd.daemon.health.section import HealthSection
 from acqd.daemon.health.service import ServiceHealth
 from acqd.daemon.health.snapshot import Delivery, Link, Snapshot
+from acqd.daemon.health.window import WINDOW, window_page
 
 _TURN_S = 5.0  # without a turn of the event loop: it is blocked, and no row gets through it
 
@@ -28,7 +31,14 @@ class DaemonHealth(ServiceHealth):
 
     def __init__(self, section: HealthSection, device: str, feed: Feed, progress: Callable[[], Progress]) -> None:
         self._device, self._feed, self._progress = device, feed, progress
-        super().__init__(section.host, section.port, feed.window)
+        self._capture = CapturePage(lambda device, seconds: feed.capture(device, seconds))
+        pages = {CAPTURE: self._capture.page, WINDOW: window_page(feed.window)}
+        super().__init__(section.host, section.port, pages)
+
+    def start(self) -> None:
+        """Open the port, in the event loop of the feed."""
+        self._capture.loop = asyncio.get_running_loop()
+        super().start()
 
     def alive(self) -> bool:
         """Whether rows advance, or what they need is away and being brought back."""

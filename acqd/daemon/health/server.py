@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from socketserver import ThreadingMixIn
 from typing import Any
-from urllib.parse import parse_qs
 
 import orjson
 
@@ -17,8 +16,9 @@ from acqd.daemon.health.metrics import CONTENT_TYPE, metrics
 from acqd.daemon.health.runbook import links_for
 from acqd.daemon.health.snapshot import Snapshot
 from acqd.daemon.health.verdict import verdict
-from acqd.daemon.health.window import WindowOf, window_page
 
+Page = Callable[[str], tuple[int, str, bytes]]
+"""Status code, content type and body of an endpoint, for a query string; called in a thread."""
 _log = logging.getLogger(__name__)
 _JSON = "application/json"
 _REQUEST_S = 2.0  # for a client to say what it wants
@@ -28,15 +28,17 @@ _CLIENTS = 8  # at once
 class HealthServer:
     """Serves snapshots of one service; a port that cannot be used is logged and does not stop the service."""
 
-    def __init__(self, host: str, port: int, snapshot: Callable[[], Snapshot], window: WindowOf | None = None) -> None:
-        """`window`: what /window shows; None: there is no such endpoint."""
-        self._host, self._port, self._snapshot, self._window = host, port, snapshot, window
+    def __init__(
+        self, host: str, port: int, snapshot: Callable[[], Snapshot], pages: Mapping[str, Page] | None = None
+    ) -> None:
+        """`pages`: further endpoints by their path."""
+        self._host, self._port, self._snapshot, self._pages = host, port, snapshot, pages or {}
         self._server: _Server | None = None
 
     def start(self) -> None:
         """Listen."""
         try:
-            self._server = _Server((self._host, self._port), _handler(self._snapshot, self._window))
+            self._server = _Server((self._host, self._port), _handler(self._snapshot, self._pages))
         except OSError as error:
             _log.info(
                 "health: port %s:%d cannot be used (%s); this service has no endpoints, see [health]",
@@ -85,18 +87,14 @@ class _Server(ThreadingMixIn, HTTPServer):
         _log.debug("health: request of %s failed", client_address, exc_info=True)
 
 
-def _handler(snapshot: Callable[[], Snapshot], window: WindowOf | None) -> type[BaseHTTPRequestHandler]:
+def _handler(snapshot: Callable[[], Snapshot], pages: Mapping[str, Page]) -> type[BaseHTTPRequestHandler]:
     class Handler(BaseHTTPRequestHandler):
         timeout = _REQUEST_S
         server_version, sys_version = "acqd", ""
 
         def do_GET(self) -> None:
             path, _, query = self.path.partition("?")
-            if path == "/window" and window is not None:
-                code, body = window_page(window, parse_qs(query).get("device", [""])[0])
-                kind = _JSON
-            else:
-                code, kind, body = _page(path, snapshot)
+            code, kind, body = pages[path](query) if path in pages else _page(path, snapshot)
             self.send_response(code)
             self.send_header("Content-Type", kind)
             self.send_header("Content-Length", str(len(body)))

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 
-from acqd.daemon.health.server import HealthServer
+from acqd.daemon.health.server import HealthServer, Page
 from acqd.daemon.health.snapshot import Snapshot
 from acqd.daemon.health.watchdog import Watchdog
-from acqd.daemon.health.window import WindowOf
 
 
 class ServiceHealth(ABC):
     """Asked by threads: everything here reads plain attributes and never waits."""
 
-    def __init__(self, host: str, port: int, window: WindowOf | None = None) -> None:
-        """Port 0: no endpoints. `window`: what /window shows."""
+    def __init__(self, host: str, port: int, pages: Mapping[str, Page] | None = None) -> None:
+        """Port 0: no endpoints. `pages`: those that only this service has."""
         self._begun = self._turned = time.monotonic()
-        self._server = HealthServer(host, port, self.snapshot, window) if port else None
+        self._server = HealthServer(host, port, self.snapshot, pages) if port else None
         self._watchdog = Watchdog(self.alive)
 
     @abstractmethod

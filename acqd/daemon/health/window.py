@@ -6,19 +6,30 @@ The samples are copied and encoded when somebody asks, in the thread of the endp
 from __future__ import annotations
 
 from collections.abc import Callable
+from urllib.parse import parse_qs
 
 import orjson
 
 from acqd.plc.recent import SampledWindow
 from acqd.timestamps import filetime, rfc3339
 
+WINDOW = "/window"
 WindowOf = Callable[[str], tuple[str, SampledWindow | None] | None]
 """Device name and newest window of a device ("": the first one); None for a device that the daemon does not have."""
 _NONE_YET = "no whole window yet, or the source has no samples (an RMS meter)"
 
 
-def window_page(window_of: WindowOf, device: str) -> tuple[int, bytes]:
-    """Status code and body: 404 for an unknown device, 503 while there is no whole window."""
+def window_page(window_of: WindowOf) -> Callable[[str], tuple[int, str, bytes]]:
+    """The endpoint: `?device=NAME`; 404 for an unknown device, 503 while there is no whole window."""
+
+    def page(query: str) -> tuple[int, str, bytes]:
+        code, body = _answer(window_of, parse_qs(query).get("device", [""])[0])
+        return code, "application/json", body
+
+    return page
+
+
+def _answer(window_of: WindowOf, device: str) -> tuple[int, bytes]:
     known = window_of(device)
     if known is None:
         return 404, orjson.dumps({"error": f"this daemon has no device {device!r}"})

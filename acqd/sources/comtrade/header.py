@@ -11,6 +11,8 @@ from acqd.errors import InputError
 from acqd.sources.comtrade.stamp import has_nanoseconds, offset_s, utc_ns
 
 FileType = Literal["ASCII", "BINARY", "BINARY32", "FLOAT32"]
+SIMULATED = "simulated"
+"""Name of the recorder in files that hold the samples of a simulation."""
 _EDITIONS = (1991, 1999, 2001, 2013)
 
 
@@ -58,6 +60,8 @@ class Header:
     file_type: FileType
     tick_s: float
     """Unit of the samples' times [s]."""
+    device: str = ""
+    """Name of the recorder."""
 
     @property
     def samples(self) -> int:
@@ -92,7 +96,7 @@ def read_header(path: Path, text: str) -> Header:
     except ValueError as error:
         raise InputError(path, f"its header: {error}") from None
     tick = 1e-9 if has_nanoseconds(start) or has_nanoseconds(trigger) else 1e-6
-    return Header(edition, channels, digital, frequency, segments, utc, file_type, tick * factor)
+    return Header(edition, channels, digital, frequency, segments, utc, file_type, tick * factor, head[1])
 
 
 class _Lines:

@@ -14,7 +14,7 @@ from acqd.errors import InputError
 from acqd.metering.block import Codes
 from acqd.metering.delay import delayed
 from acqd.sources.comtrade.files import parts
-from acqd.sources.comtrade.header import AnalogChannel, Header, read_header
+from acqd.sources.comtrade.header import SIMULATED, AnalogChannel, Header, read_header
 from acqd.sources.comtrade.samples import Samples
 from acqd.sources.waveform import ChannelMap, Waveform, check_values, position, stream_format
 
@@ -57,7 +57,7 @@ def load(path: Path, channels: ChannelMap) -> Waveform:
     record = _Record(path, header, samples, columns, rate)
     codes, scale, utc_ns = record.codes(channels)
     form = stream_format(path, rate, scale, channels.f_nominal or _nominal(header.frequency), codes)
-    return Waveform(path.name, codes, form, utc_ns)
+    return Waveform(path.name, codes, form, utc_ns, header.device == SIMULATED)
 
 
 @dataclass(frozen=True, slots=True)

@@ -63,7 +63,7 @@ def test_the_samples_are_those_of_the_row_with_the_same_number():
 
 
 def test_a_meter_without_samples_says_so():
-    code, body = window_page(lambda _: ("press-1", None), "press-1")
+    code, _, body = window_page(lambda _: ("press-1", None))("device=press-1")
     assert code == 503 and b"no samples" in body
 
 

@@ -119,6 +119,17 @@ def rows() -> list[Files]:
     return [{"row.json": orjson.dumps(_row())}, {"row.json": orjson.dumps(_row(f=None, PF=None, flags=["no_mains"]))}]
 
 
+def events() -> list[Files]:
+    """The begin of a dip, and a rapid change."""
+    dip = {
+        "device": "box", "boot": "b1", "number": 7, "kind": "dip", "time": "2026-11-22T10:00:00.000000Z",
+        "filetime": 134_082_324_000_000_000, "duration": None, "extreme": 161.0, "reference": 230.0, "sliding": False,
+        "steady_change": None, "phases": ["L1", "L3"], "flags": ["simulated"], "waveform": "a.npz", "schema": 1,
+    }  # fmt: skip
+    change = dip | {"kind": "rvc", "duration": 0.02, "steady_change": 14.5, "waveform": None}
+    return [{"event.json": orjson.dumps(dip)}, {"event.json": orjson.dumps(change)}]
+
+
 def configurations() -> list[Files]:
     """The shipped file and smaller ones of other sources."""
     meters = b'[source]\nkind = "meters"\nhost = "h"\n[[source.meters]]\nname = "m"\nprofile = "em340"\nunit = 3\n'

@@ -42,13 +42,17 @@ def _memory() -> str | None:
 def _waveform(name: str, **options: Any) -> Callable[[Path], object]:
     def read(folder: Path) -> object:
         from acqd.metering import Meter, SampleBlock
+        from acqd.metering.quality.detector import EventDetector
+        from acqd.metering.quality.reference import Declared
         from acqd.sources import ChannelMap, load_waveform
         from acqd.timestamps import filetime, rfc3339
 
         waveform = load_waveform(folder / name, ChannelMap(**options))
         start = waveform.start_utc_ns or 0
         rfc3339(start), filetime(start)  # what is accepted must be fit for the next step
-        return Meter(waveform.form).feed(SampleBlock(waveform.codes[:_METERED], 0, start))
+        block = SampleBlock(waveform.codes[:_METERED], 0, start)
+        events = EventDetector(waveform.form, Declared(230.0))
+        return Meter(waveform.form).feed(block), [*events.feed(block), *events.finish()]
 
     return read
 
@@ -57,6 +61,12 @@ def _row(folder: Path) -> object:
     from acqd.telemetry.row import parse_row
 
     return parse_row((folder / "row.json").read_bytes())
+
+
+def _event(folder: Path) -> object:
+    from acqd.telemetry.event import parse_event
+
+    return parse_event((folder / "event.json").read_bytes())
 
 
 def _config(folder: Path) -> object:
@@ -146,6 +156,7 @@ TARGETS: tuple[Target, ...] = (
     Target("comtrade", seeds.comtrade_waveforms, _waveform("a.cfg")),
     Target("comtrade-cff", seeds.cff_waveforms, _waveform("a.cff")),
     Target("row", seeds.rows, _row, _VALUE_ERROR),
+    Target("event", seeds.events, _event, _VALUE_ERROR),
     Target("config", seeds.configurations, _config),
     Target("log", seeds.logs, _log),
     Target("table", seeds.tables, _table),

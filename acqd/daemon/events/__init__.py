@@ -1,0 +1,1 @@
+"""Voltage events of a running daemon: detection, messages, kept waveforms."""

@@ -1,0 +1,96 @@
+"""Voltage events of recordings, as JSON lines."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+from pydantic import ValidationError
+
+from acqd.daemon.events.section import EventsSection
+from acqd.errors import UserError
+from acqd.metering.block import SampleBlock, StreamFormat
+from acqd.metering.quality.detector import EventDetector
+from acqd.metering.quality.event import Event
+from acqd.telemetry.event import event_lines, message_of
+
+_KEYS = ("dip", "swell", "interruption", "hysteresis", "rapid_change")
+
+
+@dataclass(frozen=True, slots=True)
+class EventSettings:
+    """Where to write events, and what is one."""
+
+    out: Path
+    section: EventsSection
+
+
+def event_settings(out: Path | None, declared: str | None, thresholds: str | None) -> EventSettings | None:
+    """Settings of the options --events, --declared-voltage and --thresholds. Raises UserError."""
+    if out is None:
+        if declared or thresholds:
+            raise UserError("--declared-voltage and --thresholds are for --events FILE; give that too")
+        return None
+    if declared is None:
+        raise UserError("--events needs --declared-voltage: V (such as 230), or sliding where nobody has declared it")
+    known: dict[str, object] = {"enabled": True, **_thresholds(thresholds or "")}
+    if declared == "sliding":
+        known["sliding_reference"] = True
+    else:
+        known["declared_voltage"] = _number("--declared-voltage", declared)
+    try:
+        section = EventsSection.model_validate(known)
+    except ValidationError as error:
+        fault = error.errors()[0]
+        key = ".".join(map(str, fault["loc"])).replace("_", "-")
+        raise UserError(f"--{key or 'thresholds'}: {fault['msg'].removeprefix('Value error, ')}") from None
+    return EventSettings(out, section)
+
+
+class EventWriter:
+    """Writes the events of one recording that have ended."""
+
+    def __init__(
+        self, settings: EventSettings, form: StreamFormat, device: str, boot: str, out: BinaryIO, first: int = 0
+    ) -> None:
+        """`first`: events of earlier recordings."""
+        reference = settings.section.reference(form.phases, form.f_nominal)
+        self._sliding = reference.sliding
+        self._detector = EventDetector(form, reference, settings.section.thresholds(), first)
+        self._device, self._boot, self._out = device, boot, out
+        self._count = first
+
+    def take(self, block: SampleBlock) -> None:
+        """Write the events that end in `block`."""
+        self._write(self._detector.feed(block))
+
+    def finish(self) -> int:
+        """Write the events that are not over when the recording ends. How many there are, with earlier recordings."""
+        self._write(self._detector.finish())
+        return self._count
+
+    def _write(self, events: Iterable[Event]) -> None:
+        ended = [event for event in events if event.end is not None]
+        self._count += len(ended)
+        lines = [message_of(event, self._device, self._boot, sliding=self._sliding) for event in ended]
+        self._out.write(event_lines(lines))
+
+
+def _thresholds(text: str) -> dict[str, float]:
+    """`dip=90,swell=110` as numbers. Raises UserError."""
+    found = {}
+    for item in filter(None, text.split(",")):
+        key, equals, value = (part.strip() for part in item.partition("="))
+        if not equals or key not in _KEYS:
+            raise UserError(f"--thresholds: {item!r} is not like dip=90 (keys {', '.join(_KEYS)})")
+        found[key] = _number("--thresholds", value)
+    return found
+
+
+def _number(option: str, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise UserError(f"{option} {text!r}: expected a number") from None

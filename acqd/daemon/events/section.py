@@ -1,0 +1,63 @@
+"""`[events]` of acqd.toml."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from acqd.daemon.section import Positive, Section
+from acqd.metering.quality.event import Thresholds
+from acqd.metering.quality.reference import Declared, Reference, Sliding
+
+_Percent = Annotated[float, Field(ge=0, le=300)]
+
+
+class EventsSection(Section):
+    """Dips, swells, interruptions, rapid voltage changes. Thresholds in % of the reference voltage."""
+
+    enabled: bool = False
+    declared_voltage: Positive | None = None
+    """V; there is no default, since nobody may guess it."""
+    sliding_reference: bool = False
+    dip: _Percent = 90.0
+    swell: _Percent = 110.0
+    interruption: _Percent = 5.0
+    hysteresis: _Percent = 2.0
+    rapid_change: _Percent = 5.0
+    waveforms: bool = True
+    pre_s: Annotated[float, Field(ge=0, le=5)] = 0.2
+    post_s: Annotated[float, Field(ge=0, le=60)] = 1.0
+    keep_files: Annotated[int, Field(ge=1, le=100_000)] = 500
+    keep_mb: Positive = 200.0
+
+    @model_validator(mode="after")
+    def _usable(self) -> EventsSection:
+        if self.enabled and self.declared_voltage is None and not self.sliding_reference:
+            raise ValueError(
+                "declared_voltage is missing: say what 100 % is (declared_voltage = 230.0), "
+                "or that it follows the voltage (sliding_reference = true)"
+            )
+        self.thresholds()
+        return self
+
+    def thresholds(self) -> Thresholds:
+        """As shares. Raises ValueError for thresholds that exclude each other."""
+        return Thresholds(
+            dip=self.dip / 100,
+            swell=self.swell / 100,
+            interruption=self.interruption / 100,
+            hysteresis=self.hysteresis / 100,
+            rvc=self.rapid_change / 100,
+        )
+
+    def reference(self, phases: int, f_nominal: float) -> Reference:
+        """What 100 % is."""
+        return reference_of(self.declared_voltage, self.sliding_reference, phases, f_nominal)
+
+
+def reference_of(declared: float | None, sliding: bool, phases: int, f_nominal: float) -> Reference:
+    """The declared voltage [V], or a sliding reference that begins with it where there is one."""
+    if sliding or declared is None:
+        return Sliding(phases, f_nominal, declared)
+    return Declared(declared)
