@@ -75,6 +75,8 @@ def test_a_second_installation_changes_nothing(root):
     (root / "etc/systemd/system/acqd.service").write_text("of an earlier version")
     assert installed(root) == "wrote /etc/systemd/system/acqd.service\n"
     assert contents(root) == before
+    (root / "etc/mosquitto/acqd.acl").write_text("of an earlier version")
+    assert installed(root).startswith("kept /etc/mosquitto/acqd.acl, which differs")
 
 
 def test_removal_keeps_rows_and_configuration_unless_purged(root):
