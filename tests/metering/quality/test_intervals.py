@@ -67,6 +67,23 @@ def test_at_a_ten_minute_tick_intervals_begin_anew_and_overlap():
     assert ten.utc_ns == before[0].utc_ns and ten.intervals == len(before) and "gap" in ten.flags
 
 
+def test_a_clock_that_is_set_to_another_tick_and_150_cycles_that_end_with_one():
+    """The first tick is in the fifteenth interval; the clock is set so that another one is in the third after that."""
+    x = wave(8)
+    meter = QualityMeter(StreamFormat(RATE, (1.0,) * 6, bits=64))
+    begin, step, values = TICK - 2_900_000_000, 600 * 10**9, []
+    for first in range(0, len(x), 160):
+        moved = first >= 13_600  # 0.5 s after the first tick
+        utc = begin + first * 250_000 + (step - 1_000_000_000 if moved else 0)
+        flags = frozenset({"clock_step"} if first == 13_600 else ())
+        values += meter.feed(SampleBlock(x[first : first + 160], first, utc, flags=flags))
+    cycles = of_kind(values, "150/180")
+    assert [one.intervals for one in cycles] == [15, 15]
+    assert cycles[0].utc_ns < TICK and "clock_step" in cycles[1].flags
+    assert len(of_kind(values, "10min")) == 2
+    assert any(abs(one.utc_ns - TICK - step) < 1_000 for one in of_kind(values))
+
+
 def test_a_tick_that_an_interval_ends_at_exactly_restarts_nothing_twice():
     start = metered(wave(0.5), RATE)[0].utc_ns - T0
     values = of_kind(metered(wave(3), RATE, t0=TICK - 1_000_000_000 - start))
