@@ -42,9 +42,9 @@ class QualityMeter:
             if "gap" in values.flags:  # what was in progress stays short
                 yield from (short.close("gap") for short in self._fifteen if short.count)
                 self._fifteen.clear()
-            self._fifteen = [cut for cut in self._fifteen if cut.count]
+            self._fifteen = [cut for cut in self._fifteen[-1:] if cut.count]
             self._fifteen.append(Aggregate("150/180"))
-        current = self._fifteen[0 if interval.trailing else -1]
+        current = self._fifteen[-2 if interval.trailing else -1]
         current.add(values)
         if current.count == FIFTEEN:
             self._fifteen.remove(current)
