@@ -26,12 +26,12 @@ def output_file(path: Path) -> Iterator[BinaryIO]:
             with path.open("wb") as stream:
                 yield stream
         except OSError as error:
-            raise UserError(f"{path}: cannot be written ({error.strerror}); choose another --out") from None
+            raise UserError(f"{path}: cannot be written ({error.strerror}); choose another file") from None
         return
     try:
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     except OSError as error:
-        raise UserError(f"{path}: cannot be written ({error.strerror}); choose another --out") from None
+        raise UserError(f"{path}: cannot be written ({error.strerror}); choose another file") from None
     try:
         with os.fdopen(handle, "wb", buffering=1 << 20) as file:
             yield file

@@ -32,7 +32,7 @@ class QualityRow:
     seq: Integer
     """Number of the value since the stream began, over all aggregations."""
     time: str
-    """RFC 3339 UTC of the begin of the interval."""
+    """RFC 3339 UTC of the start of the interval."""
     filetime: Integer
     """The same in NTFS FILETIME."""
     aggregation: Kind

@@ -2,7 +2,7 @@
 
 Every cycle of the interval is projected on the fundamental at a trial frequency; the phases of the phasors, all phases
 of the system together (weights |c|^2), are fitted with a parabola. Its slope corrects the trial, until nothing is left:
-then the phase at the end of the interval is that at its begin plus whole cycles, also while f changes. The curvature is
+then the phase at the end of the interval is that at its start plus whole cycles, also while f changes. The curvature is
 the rate of change of frequency (ROCOF). A step of the phase within the interval is a regressor of its own, so that a
 jump does not move f.
 """
@@ -38,7 +38,7 @@ class CycleFit:
     rocof: float
     """Hz/s."""
     jump: float
-    """rad; 0 where there is none."""
+    """rad; 0 without a jump."""
     beats: bool = False
     """Whether the phase swings within the interval, so that f is not sure."""
 
@@ -54,7 +54,7 @@ NONE = CycleFit(np.nan, np.nan, 0.0)
 def fit_cycles(u: Floats, start: float, f: float, rate: float, cycles: int, dead: Floats) -> CycleFit:
     """Fit the interval of `u` [phases, samples] that begins at `start` samples; `f` [Hz] is about right.
 
-    `dead` [phases]: RMS below which a voltage is none. NONE where the interval does not lie inside `u`, or holds a
+    `dead` [phases]: RMS of a voltage that counts as absent. NONE where the interval does not lie inside `u`, or holds a
     cycle without voltage.
     """
     found = NONE

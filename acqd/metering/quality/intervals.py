@@ -1,4 +1,4 @@
-"""10/12-cycle intervals without gaps, begun anew at every UTC ten-minute tick (IEC 61000-4-30:2015, section 4.5).
+"""10/12-cycle intervals without gaps, restarted at every UTC ten-minute tick (IEC 61000-4-30:2015, section 4.5).
 
 10 cycles at 50 Hz, 12 at 60 Hz. An interval begins where the last one ended and holds exactly so many cycles by its
 own f. While there is no voltage, or no credible f, it is as long as the last f says. At a tick the interval in
@@ -46,7 +46,7 @@ class Interval:
     """1/s."""
     cycles: int
     utc_ns: int
-    """UTC of the begin."""
+    """UTC of the start."""
     fit: CycleFit
     f: float
     """Hz: of the fit, or the last one that was known."""
@@ -54,7 +54,7 @@ class Interval:
     overrange: frozenset[int]
     """Channels with a sample at an end stop."""
     first_of_chain: bool
-    """After a gap, at a tick, or at the begin of the stream: a 150/180-cycle value begins here."""
+    """After a gap, at a tick, or at the start of the stream: a 150/180-cycle value begins here."""
     trailing: bool
     """Of the chain before the tick: belongs to a 150/180-cycle value only."""
 
@@ -90,7 +90,7 @@ class IntervalCutter:
         self._gap = False
 
     def feed(self, block: SampleBlock) -> Iterator[Interval]:
-        """Intervals that `block` completes, in the order of their begins."""
+        """Intervals that `block` completes, in the order of their starts."""
         begun = bool(self._chains)
         if len(block.codes) and not self._run.append(block):
             self._chains = [_Chain(float(self._run.begin + self._margin))]

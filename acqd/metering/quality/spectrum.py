@@ -24,7 +24,7 @@ Lines = NDArray[np.complex128]
 def spectrum(x: Floats, start: float, length: float, cycles: int) -> Lines:
     """Lines of the interval [start, start + length) samples of `x` [channels, samples], up to the 51st harmonic.
 
-    Phases refer to the begin of the interval, angle 0 is a cosine.
+    Phases refer to the start of the interval, angle 0 is a cosine.
     """
     factor = factor_of(length / cycles)
     points = cycles * _points_per_cycle(length / factor / cycles)

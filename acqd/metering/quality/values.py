@@ -54,7 +54,7 @@ class QualityValues:
 
     kind: Kind
     utc_ns: int
-    """Begin."""
+    """UTC of the start."""
     duration: float
     """s."""
     intervals: int

@@ -49,7 +49,7 @@ def test_a_dip_of_half_a_cycle_and_a_swell_are_flagged():
     assert [sorted(one.flags - {"transient"}) for one in values if one.flags - {"transient"}] == [["dip"], ["swell"]]
 
 
-def test_at_a_ten_minute_tick_intervals_begin_anew_and_overlap():
+def test_at_a_ten_minute_tick_intervals_restart_and_overlap():
     values = metered(wave(9, 49.7), RATE, t0=TICK - 4_080_000_000, block=160)
     short = of_kind(values)
     at_tick = [one for one in short if abs(one.utc_ns - TICK) < 1_000]
