@@ -50,14 +50,6 @@ def interharmonic_subgroups(lines: Lines, cycles: int) -> Floats:
     return _grouped(lines, np.arange(ORDERS) * cycles, range(2, cycles - 1))
 
 
-def interharmonic_groups(lines: Lines, cycles: int) -> Floats:
-    """G_ig,n groups between harmonics n and n + 1, n = 0 .. 49 [channels, 50]: all lines between them.
-
-    IEC 61000-4-7, annex A.
-    """
-    return _grouped(lines, np.arange(ORDERS) * cycles, range(1, cycles))
-
-
 def known_orders(rate: float, f: float) -> int:
     """Harmonics that a stream of `rate` [1/s] tells, 0 .. 50."""
     return min(ORDERS, int((PASSBAND * rate / f) - 0.2))
