@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import subprocess
 from datetime import datetime
 
 import pytest
@@ -42,7 +43,7 @@ def test_a_client_reads_values_units_times_and_quality_and_may_not_write():
         sent = row(7, P=123.5, PF=None, flags=["gap"])
         for each in (sent, row(7, device="press-1", t=1_700_000_200), row(6, P=1.0, t=1_600_000_000)):
             take(server, each)
-        await until(lambda: not server._rows, "rows are written")
+        await until(lambda: serving.done() or not server._rows, "rows are written")
         async with Client(server.endpoint) as client:
             index = await client.get_namespace_index("urn:acqd:rows")
             root = await client.nodes.objects.get_child(f"{index}:acqd")
@@ -91,3 +92,44 @@ def test_a_user_needs_the_password_and_nobody_is_an_administrator():
     assert open_to_all.get_user(None, "admin").role == closed.get_user(None, "scada", "right").role == UserRole.User
     for name, password in (("scada", "wrong"), ("scada", None), (None, None), ("admin", "right")):
         assert closed.get_user(None, name, password) is None
+
+
+def certificate(folder, name, uri):
+    """Paths of a certificate and its key, as openssl makes them."""
+    files = folder / f"{name}.pem", folder / f"{name}-key.pem"
+    command = ["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2", "-subj", f"/CN={name}"]
+    usage = "keyUsage=digitalSignature,nonRepudiation,keyEncipherment,dataEncipherment,keyCertSign"
+    extensions = ["-addext", f"subjectAltName=URI:{uri},IP:127.0.0.1", "-addext", usage]
+    subprocess.run([*command, *extensions, "-out", files[0], "-keyout", files[1]], check=True, capture_output=True)
+    return files
+
+
+def test_with_a_certificate_connections_are_encrypted_and_no_others_are_accepted(tmp_path):
+    pem, key = certificate(tmp_path, "server", "urn:freeopcua:python:server")
+    mine = certificate(tmp_path, "client", "urn:example.org:FreeOpcUa:opcua-asyncio")
+
+    async def scenario():
+        section = OpcUaSection(port=free_port(), certificate=pem, key=key, username="scada", password="right")
+        server, stop = OpcUaServer(section), asyncio.Event()
+        serving = asyncio.create_task(server.serve(stop))
+        take(server, row(1, P=77.0))
+        await until(lambda: serving.done() or not server._rows, "rows are written")
+        for password in ("wrong", "right"):
+            client = Client(server.endpoint)
+            await client.set_security_string(f"Basic256Sha256,SignAndEncrypt,{mine[0]},{mine[1]},{pem}")
+            client.set_user("scada")
+            client.set_password(password)
+            if password == "wrong":
+                with pytest.raises(ua.UaError):
+                    await client.connect()
+                continue
+            async with client:
+                index = await client.get_namespace_index("urn:acqd:rows")
+                assert await client.get_node(ua.NodeId("cell1.L1.P", index)).read_value() == 77.0
+        with pytest.raises((ua.UaError, ConnectionError, TimeoutError)):
+            async with Client(server.endpoint):
+                pass
+        stop.set()
+        await serving
+
+    finish(scenario())

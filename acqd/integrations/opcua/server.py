@@ -8,6 +8,7 @@ import logging
 import time
 from collections import deque
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 from typing import Any
 
 from asyncua import Server, ua
@@ -95,10 +96,12 @@ class OpcUaServer:
             server.set_security_policy([ua.SecurityPolicyType.NoSecurity])
             return server
         try:
-            await server.load_certificate(section.certificate)
-            await server.load_private_key(section.key)
-        except (OSError, ValueError) as error:
-            raise UserError(f"[opcua] certificate and key cannot be used: {error}; expected PEM or DER files") from None
+            await server.load_certificate(section.certificate, _form(section.certificate))
+            await server.load_private_key(section.key, None, _form(section.key))
+        except OSError as error:
+            raise UserError(f"[opcua] {error.filename}: {error.strerror}; check certificate and key") from None
+        except ValueError:
+            raise UserError("[opcua] certificate or key cannot be read: expected PEM or DER, no password") from None
         server.set_security_policy([ua.SecurityPolicyType.Basic256Sha256_SignAndEncrypt])
         return server
 
@@ -113,6 +116,11 @@ class OpcUaServer:
             if pace.running and (now - pace.last > pace.limit(self._section.stale_s) or daemon in self._gone):
                 pace.running = False
                 await space.spoil(device, channel)
+
+
+def _form(path: Path) -> str:
+    """Of a certificate or key; asyncua would go by the name. Raises OSError."""
+    return "pem" if path.read_bytes().startswith(b"-----BEGIN") else "der"
 
 
 class _Pace:
