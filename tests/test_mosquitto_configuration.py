@@ -16,7 +16,7 @@ from acqd.telemetry.mqtt import BrokerAddress
 from tests.places import ROOT
 from tests.waiting import wait_for
 
-USERS = ("box", "acqd-sink", "acqd-sidecar", "viewer")
+USERS = ("box", "acqd-sink", "acqd-sidecar", "viewer", "acqd-bridge")
 
 
 @pytest.fixture(scope="module")
@@ -146,3 +146,15 @@ def test_a_large_message_ends_the_connection(plant):
     client = Client(plant, "box", "of-box", "box")
     client.client.publish("acqd/box/L1/power", b"x" * 300_000, qos=1)
     wait_for(lambda: not client.client.is_connected(), "mosquitto hangs up")
+
+
+def test_a_bridge_writes_for_other_programs_and_no_rows(plant):
+    hears = Client(plant, "acqd-bridge", "of-acqd-bridge", "acqd-bridge").subscribe("homeassistant/#")
+    viewer = Client(plant, "viewer", "of-viewer", "viewer").subscribe("acqd/#")
+    own = ["acqd/alarms/active", "acqd/box/total/P"]
+    Client(plant, "acqd-bridge", "of-acqd-bridge", "acqd-bridge").publish(
+        "acqd/box/L1/power", "acqd/box/window", "acqd/box/receipt", "acqd/box/status", "acqd/box/prediction",
+        "acqd/alarms/acknowledge", "homeassistant/sensor/acqd_box/L1_P/config", *own,
+    )  # fmt: skip
+    wait_for(lambda: len(viewer.messages) >= 2 and hears.messages, "the viewer hears the bridge")
+    assert [topic for topic, _ in viewer.messages if topic.count("/") > 1] == own

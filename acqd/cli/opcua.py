@@ -5,12 +5,11 @@ from __future__ import annotations
 import asyncio
 import logging
 import socket
-from importlib.util import find_spec
 
 import orjson
 
 from acqd.cli.options import ConfigFile, Host, Json, Port, configured
-from acqd.errors import UserError
+from acqd.extras import require
 
 
 def opcua(config: ConfigFile = None, host: Host = None, port: Port = None, json: Json = False) -> None:
@@ -18,8 +17,7 @@ def opcua(config: ConfigFile = None, host: Host = None, port: Port = None, json:
 
     Example: acqd opcua --config /etc/acqd/acqd.toml
     """
-    if find_spec("asyncua") is None:
-        raise UserError("acqd opcua needs asyncua: pip install 'acqd[opcua]'")
+    require("acqd opcua", ("asyncua",), "opcua")
     from acqd.integrations.bridge import Relay
     from acqd.integrations.opcua.server import OpcUaServer
     from acqd.integrations.service import until_stopped
