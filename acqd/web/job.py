@@ -20,6 +20,7 @@ import sqlalchemy as sa
 
 from acqd.daemon.child import end
 from acqd.errors import UserError
+from acqd.extras import LOOP, require
 from acqd.timestamps import rfc3339_ms
 from acqd.web.predictions import logs_since
 from acqd.web.settings import WebSettings
@@ -63,6 +64,7 @@ class LoopJob:
         """Begin a job on the logs that end after `since_s` (Unix s). Raises UserError; reads the database."""
         if self.state.state == "running":
             raise UserError("a search is running already; wait for it, or cancel it")
+        require("the search", LOOP, "loop")
         assert self._section.reports is not None and self._section.logs is not None
         names = logs_since(engine, rfc3339_ms(since_s))
         found = [path for name in names if (path := _below(self._section.logs, name)) is not None]

@@ -24,7 +24,7 @@ class Posture:
         if not robot:
             self.note = "no robot: set robot in [web]"
         elif find_spec("pinocchio") is None:
-            self.note = "drawing the arm needs pinocchio: pip install 'acqd[sidecar]'"
+            self.note = "drawing the arm needs pinocchio: pip install 'acqd[loop]'"
         else:
             try:
                 from acqd.robot.arm import Arm
