@@ -11,6 +11,7 @@ import pytest
 from acqd.daemon.health.section import HealthSection
 from acqd.daemon.health.server import HealthServer
 from acqd.daemon.health.snapshot import Cycles
+from acqd.daemon.health.window import WINDOW, window_page
 from acqd.daemon.web_section import WebSection
 from acqd.metering import StreamFormat
 from acqd.plc.distribution import Durations
@@ -67,7 +68,7 @@ def predict(database):
 @pytest.fixture
 def page_of_all(mosquitto, tmp_path):
     health = HealthSection(port=free_port(), sink_port=0)
-    server = HealthServer(health.host, health.port, snapshot, window_of)
+    server = HealthServer(health.host, health.port, snapshot, {WINDOW: window_page(window_of)})
     server.start()
     result = tmp_path / "loops" / "one"
     result.mkdir(parents=True)
