@@ -17,6 +17,10 @@ class UserError(Exception):
         super().__init__(_one_line(str(message)))
 
 
+class SettingError(UserError):
+    """A setting that no device can make right: trying again changes nothing."""
+
+
 class OperationError(Exception):
     """A failure that no other input or setting would have prevented. Its message is one line, the exit code 1."""
 

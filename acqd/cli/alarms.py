@@ -117,9 +117,11 @@ async def _active(address: BrokerAddress) -> list[dict[str, Any]]:
         async with _client(address) as client:
             await client.subscribe(ACTIVE, qos=1)
             async with asyncio.timeout(_LIST_S):
-                message = await anext(aiter(client.messages))
-                found: list[dict[str, Any]] = orjson.loads(bytes(message.payload))
-                return found
+                async for message in client.messages:
+                    if str(message.topic) == ACTIVE:
+                        found: list[dict[str, Any]] = orjson.loads(bytes(message.payload))
+                        return found
+            raise TimeoutError
     except TimeoutError:
         raise UserError(f"no list of alarms at {address}: start acqd alarms first") from None
     except aiomqtt.MqttError as error:

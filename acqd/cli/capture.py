@@ -28,9 +28,10 @@ def capture(
     out: Annotated[Path, typer.Option(help="File to write: .npz, or COMTRADE as .cff or .cfg (with .dat).")],
     file: Annotated[Path | None, typer.Argument(help="A recording; without one, the running daemon is asked.")] = None,
     seconds: Annotated[
-        float | None, typer.Option(min=0.001, max=MOST_S, help="How much of the daemon's newest samples [default: 1].")
+        float | None,
+        typer.Option(min=0.001, max=MOST_S, help="How much of the daemon's newest samples, in s (1 unless given)."),
     ] = None,
-    device: Annotated[str, typer.Option(help="Of a daemon with several sources: which one.")] = "",
+    device: Annotated[str, typer.Option(help="Which one of several sources of the daemon; needed there.")] = "",
     begin: Annotated[str | None, typer.Option("--from", help="Of a recording: s from its start, or UTC.")] = None,
     end: Annotated[str | None, typer.Option("--to", help="Of a recording: s from its start, or UTC.")] = None,
     mapping: Annotated[str | None, typer.Option("--map", help="Columns: u1=NAME,i1=NAME,...")] = None,

@@ -10,6 +10,7 @@ import orjson
 
 from acqd.cli.options import ConfigFile, Host, Json, Port, configured
 from acqd.extras import require
+from acqd.telemetry.ports import check_port
 
 
 def opcua(config: ConfigFile = None, host: Host = None, port: Port = None, json: Json = False) -> None:
@@ -22,7 +23,8 @@ def opcua(config: ConfigFile = None, host: Host = None, port: Port = None, json:
     from acqd.integrations.opcua.server import OpcUaServer
     from acqd.integrations.service import until_stopped
 
-    logging.getLogger("asyncua").setLevel(logging.ERROR)  # it warns of every client without encryption
+    # it warns of every client without encryption, and logs what we say better
+    logging.getLogger("asyncua").setLevel(logging.CRITICAL)
     settings = configured(config, host, port)
     server = OpcUaServer(settings.opcua)
     relay = Relay(settings.mqtt.address(), server, f"acqd-opcua-{socket.gethostname()}")
@@ -34,5 +36,6 @@ def opcua(config: ConfigFile = None, host: Host = None, port: Port = None, json:
         stop.set()
         await asyncio.gather(serving, relaying)
 
+    check_port(settings.opcua.host, settings.opcua.port, "OPC UA")
     print(orjson.dumps({"endpoint": server.endpoint}).decode() if json else f"serving {server.endpoint}", flush=True)
     asyncio.run(until_stopped(both))

@@ -47,7 +47,7 @@ def web(
     chosen = Config.model_validate_json(sys.stdin.read()) if embedded else configured(config, host, port)
     given = {"host": listen, "port": web_port, "token": token}
     section = chosen.web.model_copy(update={name: value for name, value in given.items() if value is not None})
-    check_port(section.host, section.port)
+    check_port(section.host, section.port, "page")
     settings = settings_of(chosen.mqtt.address(), database or chosen.sink.database, chosen.health, section)
     server = Server(settings)
     if embedded:

@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 from acqd.daemon.config import Config
 from acqd.daemon.feed import Feed
-from acqd.errors import OperationError, UserError
+from acqd.errors import OperationError, SettingError, UserError
 from acqd.retry import Backoff, RetryPolicy
 
 _log = logging.getLogger(__name__)
@@ -29,6 +29,8 @@ class Box:
         """The running feed; None while there is none."""
         self.trouble = ""
         """Why there is none; empty while there is one."""
+        self.mistake = ""
+        """A setting that does not fit the source."""
         self.ended = False
         """Whether the source has come to its end."""
         self.restarts = -1
@@ -42,6 +44,9 @@ class Box:
         while not self._stopping.is_set():
             try:
                 await self._run_once()
+            except SettingError as error:
+                self.mistake = str(error)
+                self._say(self.mistake)
             except (UserError, OperationError) as error:
                 self._say(str(error))
             else:

@@ -13,6 +13,7 @@ from pydantic import BaseModel, Field, ValidationError, field_validator, model_v
 
 from acqd.daemon.alarms_section import AlarmsSection
 from acqd.daemon.box_section import BoxSection
+from acqd.daemon.correction_section import CorrectionSection
 from acqd.daemon.events.section import EventsSection
 from acqd.daemon.health.section import HealthSection
 from acqd.daemon.homeassistant_section import HomeAssistantSection
@@ -193,7 +194,8 @@ def load_config(path: Path) -> Config:
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(path, f"cannot be read ({error})") from None
     except (ValueError, RecursionError) as error:  # ValueError: also numbers of more than 4300 digits
-        raise InputError(path, f"is not valid TOML: {error}") from None
+        hint = "; several sources are all written as [[source]]" if "'source'" in str(error) else ""
+        raise InputError(path, f"is not valid TOML: {error}{hint}") from None
     if "boxes" in data:
         raise InputError(path, "unknown key boxes; several sources are written as [[source]] tables")
     try:
@@ -227,7 +229,7 @@ def _complaint(fault: Any) -> str:
     foreign = [name for name, section in _KINDS.items() if key.removeprefix("source.") in section.model_fields]
     if kind and foreign:
         return f"{key} belongs to kind {' or '.join(foreign)}, here kind is {kind}; delete it"
-    known = known_keys()
+    known = known_keys() if "correction." not in key else _CORRECTIONS
     near = difflib.get_close_matches(key, known, n=1, cutoff=0.0)
     same_end = [name for name in known if name.rpartition(".")[2] == key.rpartition(".")[2]]
     return f"unknown key {key}; did you mean {(same_end or near)[0]}?"
@@ -245,6 +247,7 @@ _KINDS: dict[str, type[Section]] = {
 }
 
 
+_CORRECTIONS = [f"source.correction.{name}" for name in CorrectionSection.model_fields]
 _SECRET = {"token", "password", "password_file", "database", "username"}
 _SECRET = {"password", "password_file", "database", "username", "token", "url"}
 _SECRET = {"password", "password_file", "database", "username", "token", "url", "webhooks", "smtp_password"}

@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import Field
 
 from acqd.daemon.section import Positive, Section
-from acqd.errors import UserError
+from acqd.errors import SettingError
 from acqd.metering import StreamFormat
 from acqd.metering.correction import ChannelErrors, Correction
 
@@ -28,7 +28,7 @@ class CorrectionSection(Section):
     i_delay_us: _Delays = Field(default=[0.0])
 
     def of(self, form: StreamFormat) -> Correction | None:
-        """The correction of a stream; None where there is nothing to correct. Raises UserError."""
+        """The correction of a stream; None where there is nothing to correct. Raises SettingError."""
         if self == CorrectionSection():
             return None
         gain, offset = self._pairs("gain", form.phases), self._pairs("offset", form.phases)
@@ -43,7 +43,7 @@ class CorrectionSection(Section):
                 key = f"{quantity}_{name}"
                 values = getattr(self, key)
                 if len(values) not in (1, phases):
-                    raise UserError(
+                    raise SettingError(
                         f"source.correction.{key}: {len(values)} values, but the source has {phases} phases; "
                         f"give one for each phase, or one for all"
                     )

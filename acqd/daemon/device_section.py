@@ -7,7 +7,7 @@ from typing import Literal
 
 from acqd.daemon.correction_section import CorrectionSection
 from acqd.daemon.section import Nominal, Positive, Section
-from acqd.errors import UserError
+from acqd.errors import SettingError
 from acqd.metering import StreamFormat
 from acqd.metering.stages import Stage
 from acqd.metering.wiring import Aron
@@ -33,7 +33,7 @@ class WaveformKeys(Section):
         try:
             return Aron(form) if self.wiring == "aron" else None
         except ValueError as error:
-            raise UserError(f"source: {error}") from None
+            raise SettingError(f"source: {error}") from None
 
 
 class DeviceSection(WaveformKeys):

@@ -28,9 +28,12 @@ class FeedOfBoxes:
         return list(dict.fromkeys(sentence for _, feed in self._running() for sentence in feed.refused))
 
     async def start(self) -> None:
-        """Start every box. Raises UserError when none can be used."""
+        """Start every box. Raises UserError when none can be used, or the settings of one do not fit its source."""
         self._tasks = [asyncio.create_task(box.run()) for box in self._boxes]
         await asyncio.gather(*(box.tried.wait() for box in self._boxes))
+        if wrong := [box for box in self._boxes if box.mistake]:
+            await self.stop()
+            raise UserError(f"source of {wrong[0].name}: {wrong[0].mistake}")
         if all(box.trouble for box in self._boxes):
             await self.stop()
             raise UserError(f"no source can be used; {self._boxes[0].name}: {self._boxes[0].trouble}")
@@ -39,7 +42,8 @@ class FeedOfBoxes:
         """Make rows until every source has ended or `stop` is called."""
         done, _ = await asyncio.wait(self._tasks, return_when=asyncio.FIRST_EXCEPTION)
         for task in done:
-            task.result()  # a bug ends the daemon
+            if not task.cancelled():  # `stop` ends the wait for a device
+                task.result()  # a bug ends the daemon
 
     async def stop(self) -> None:
         """End after the windows in progress."""
@@ -88,7 +92,9 @@ class FeedOfBoxes:
         return (away[0], None) if away else None
 
     def capture(self, device: str, seconds: float) -> Waveform | None:
-        """The newest samples of the box with this device."""
+        """The newest samples of the box with this device; without a name, only where there is one box."""
+        if not device and len(self._boxes) > 1:
+            return None
         found = (feed.capture(device, seconds) for _, feed in self._running())
         return next((waveform for waveform in found if waveform is not None), None)
 

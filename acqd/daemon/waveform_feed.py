@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import asdict
@@ -54,6 +55,7 @@ class WaveformFeed:
         self._deliver_quality = deliver_quality
         self._first_boot, self._announce = boot, announce
         self._events: EventWatch | None = None
+        self._saving = threading.Lock()
         self._register = RegisterFile(config.state_dir, config.device) if config.state_dir else None
         self._summariser = Summariser()
         self._last_row: float | None = None
@@ -98,9 +100,10 @@ class WaveformFeed:
         self._executive.close()
 
     def save(self) -> None:
-        """Write the energy registers."""
+        """Write the energy registers; from any thread."""
         if self._register is not None and self._executive.meter is not None:
-            self._register.save(self._executive.meter.energy.reading())
+            with self._saving:  # a later reading is never overwritten by an earlier one
+                self._register.save(self._executive.meter.energy.reading())
 
     def alive(self) -> bool:
         """Whether rows arrive, or the device or MAIN_FAST is away and its supervisor brings it back."""

@@ -112,6 +112,11 @@ class _BoundedBroker(Broker):  # type: ignore[misc]
             self._connections -= 1
             writer.close()
 
+    async def _publish_retained_messages_for_subscription(self, subscription: tuple[str, int], session: Any) -> None:
+        """Only for a subscription of this client: amqtt 0.11 sends a new client what others have subscribed to."""
+        if any(subscriber.client_id == session.client_id for subscriber, _ in self._subscriptions[subscription[0]]):
+            await super()._publish_retained_messages_for_subscription(subscription, session)
+
     async def _initialize_client_session(self, *arguments: Any) -> Any:
         try:
             async with asyncio.timeout(_CONNECT_S):

@@ -7,15 +7,15 @@ import socket
 from acqd.errors import UserError
 
 
-def check_port(host: str, port: int) -> None:
-    """Raise UserError unless this process may listen on host:port."""
+def check_port(host: str, port: int, of: str = "broker") -> None:
+    """Raise UserError unless this process may listen on host:port; `of` is what wants to."""
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             probe.bind((host, port))
         except OSError as error:
             raise UserError(
-                f"broker port {host}:{port} cannot be used ({error.strerror}): is another broker running there? "
+                f"{of} port {host}:{port} cannot be used ({error.strerror}): is another {of} running there? "
                 "Use that one, or choose another port"
             ) from None
 

@@ -23,10 +23,10 @@ class Server(uvicorn.Server):
             )
         )  # fmt: skip
 
-    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
-        """Of SIGINT and SIGTERM."""
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:  # noqa: ARG002 - as uvicorn calls it
+        """Of SIGINT and SIGTERM; uvicorn's own would raise the signal again once everything has ended well."""
+        self.force_exit = self.should_exit  # asked twice
         self.end()
-        super().handle_exit(sig, frame)
 
     def end(self) -> None:
         """Stop soon; from any thread."""

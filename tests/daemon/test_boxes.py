@@ -86,6 +86,22 @@ def test_a_register_of_each_device_continues_after_a_kill(tmp_path):
     assert all(last[device] <= begun[device] < 2 * last[device] for device in "ab"), (last, begun)
 
 
+def test_a_daemon_stops_while_a_box_is_waited_for(tmp_path):
+    away = '[[source]]\ndevice = "c"\nkind = "replay"\nfile = "nowhere.npz"\n'
+    with daemon(tmp_path, ONE + away) as (process, rows, log):
+        wait_for(lambda: len(rows("a")) > 3, "rows of the other box")
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(LIMIT_S) == 0
+    assert "Traceback" not in log.read_text() and "trying again" in log.read_text()
+
+
+def test_a_setting_that_does_not_fit_a_source_ends_the_daemon(tmp_path):
+    wrong = 'wiring = "aron"\n'
+    path = written(tmp_path, "[mqtt]\nenabled = false\n" + ONE + wrong + TWO)
+    done = acqd_here("run", "--config", str(path), "--duration", "30")
+    assert done.returncode == 2 and "source of a: source: wiring" in done.stderr and "2 phases" not in done.stderr
+
+
 def test_no_source_at_all_ends_the_daemon(tmp_path):
     gone = "".join(f'[[source]]\ndevice = "{name}"\nkind = "replay"\nfile = "{name}.npz"\n' for name in "ab")
     done = acqd_here("run", "--config", str(written(tmp_path, "[mqtt]\nenabled = false\n" + gone)))
@@ -102,6 +118,8 @@ def test_no_source_at_all_ends_the_daemon(tmp_path):
         (ONE + '[[source]]\ndevice = "b"\nkind = "ads"\n', "source 2: source.host is missing"),
         (ONE + '[[source]]\ndevice = "b"\nkind = "radio"\n', "source 2: source.kind: 'radio' is unknown"),
         ("source = [1]\n", "source 1"),
+        (ONE + "[source]\nphases = 1\n", "several sources are all written as [[source]]"),
+        (ONE + "correction = { igain = [1.0] }\n", "did you mean source.correction.i_gain"),
         ("[[boxes]]\ndevice = 'a'\n", "written as [[source]]"),
     ],
 )

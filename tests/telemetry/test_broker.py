@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from pathlib import Path
 
+import aiomqtt
 import pytest
 
 from acqd.errors import UserError
@@ -36,6 +37,26 @@ def test_embedded_broker_carries_rows_and_names_a_busy_port():
             str(k).encode() for k in range(len(received) - 1)
         ]
         await stop(running)
+        await server.stop()
+
+    finish(scenario())
+
+
+def test_retained_messages_come_to_those_who_have_subscribed_to_them():
+    async def scenario():
+        port = free_port()
+        server = EmbeddedBroker("127.0.0.1", port)
+        await server.start()
+        async with aiomqtt.Client("127.0.0.1", port) as early, aiomqtt.Client("127.0.0.1", port) as late:
+            await early.publish("acqd/t/status", b"kept", qos=1, retain=True)
+            await early.subscribe("acqd/#", qos=1)
+            assert (await anext(aiter(early.messages))).payload == b"kept"
+            async with aiomqtt.Client("127.0.0.1", port) as other:
+                await other.subscribe("acqd/t/alone", qos=1)
+                await late.publish("acqd/t/alone", b"the first", qos=1)
+                assert (await anext(aiter(other.messages))).payload == b"the first"
+                await other.subscribe("acqd/+/status", qos=1)
+                assert (await anext(aiter(other.messages))).payload == b"kept"
         await server.stop()
 
     finish(scenario())

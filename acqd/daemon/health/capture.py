@@ -23,6 +23,7 @@ MOST_S = 10.0
 """s of samples at most; the ring may hold less."""
 _PATIENCE_S = 5.0
 _MOST_BYTES = 1 << 30
+_WHICH = "there are no samples yet, or this daemon has several sources: choose one with --device"
 
 
 class CapturePage:
@@ -45,7 +46,7 @@ class CapturePage:
             return _refusal(400, f"seconds: expected a number above 0, and {MOST_S:g} at most")
         waveform = self._in_loop(device, seconds)
         if waveform is None:
-            return _refusal(404, f"there are no samples{f' of {device[:64]}' if device else ''}")
+            return _refusal(404, f"there are no samples of {device[:64]}" if device else _WHICH)
         return 200, "application/octet-stream", npz_bytes(waveform)
 
     def _in_loop(self, device: str, seconds: float) -> Waveform | None:
