@@ -17,6 +17,13 @@ const put = (node, value) => {
 };
 const visibility = new IntersectionObserver((entries) => entries.forEach((entry) => visible.set(entry.target, entry.isIntersecting)));
 const inSight = (node) => visible.get(node) && document.visibilityState === "visible";
+const PREFIXED = new Set(["P", "Vrms", "Irms"]);
+function large(node, value, digits) {
+  node.dataset.unit ??= node.nextSibling.nodeValue.trim();
+  const size = Math.abs(value ?? 0), [divisor, prefix] = size < 1e5 ? [1, ""] : size < 1e8 ? [1e3, "k"] : [1e6, "M"];
+  put(node, text(value === null ? null : value / divisor, size / divisor < 1e3 ? digits : 1));
+  if (node.nextSibling.nodeValue !== ` ${prefix}${node.dataset.unit}`) node.nextSibling.nodeValue = ` ${prefix}${node.dataset.unit}`;
+}
 const energy = (kWh) => Math.abs(kWh) < 1 ? [kWh * 1000, "Wh"] : Math.abs(kWh) < 1000 ? [kWh, "kWh"] : [kWh / 1000, "MWh"];
 const unixOf = (row) => row.filetime / 1e7 - UNIX_OF_FILETIME;
 
@@ -107,7 +114,23 @@ function legend(list, items) {
 
 function axes(first, second) {
   const grid = { stroke: colour("line"), width: 1 }, axis = { stroke: colour("ink"), grid, ticks: grid };
-  return [{ ...axis, ...first }, { ...axis, size: 65, ...second }];
+  return [{ ...axis, ...first }, { ...axis, size: 65, values: ticks, ...second }];
+}
+
+// where rows are missing, no line: a pause of five usual distances, and of 3 s at least
+function silences(chart, _, first, last) {
+  const times = chart.data[0], found = [];
+  const apart = times.slice(first + 1, last + 1).map((at, k) => at - times[first + k]), usual = apart.toSorted((a, b) => a - b)[apart.length >> 1];
+  apart.forEach((pause, k) => {
+    if (pause > Math.max(3, 5 * usual)) found.push([first + k, first + k + 1].map((at) => Math.round(chart.valToPos(times[at], "x", true))));
+  });
+  return found;
+}
+
+// large values with the prefix of the unit, so that they fit beside the name of the axis
+function ticks(_, values) {
+  const most = Math.max(...values.map(Math.abs)), [divisor, prefix] = most < 1e5 ? [1, ""] : most < 1e8 ? [1e3, " k"] : [1e6, " M"];
+  return values.map((value) => `${+(value / divisor).toPrecision(9)}${prefix}`);
 }
 
 const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
@@ -132,7 +155,7 @@ function draw(anew) {
   }
   if (!plot || anew || plot.series.length !== rows.length) {
     if (plot) plot.destroy();
-    const lines = shown.map((name) => ({ label: name, stroke: colour(name), width: name === "total" ? 2 : 1.3, dash: DASH[name], spanGaps: true, points: { show: false } }));
+    const lines = shown.map((name) => ({ label: name, stroke: colour(name), width: name === "total" ? 2 : 1.3, dash: DASH[name], spanGaps: false, gaps: silences, points: { show: false } }));
     const option = $("quantity").selectedOptions[0];
     plot = new uPlot({
       width: $("chart").clientWidth, height: 300, legend: { show: false }, cursor: { drag: { x: false } },
@@ -151,9 +174,10 @@ function numbers() {
     const name = node.dataset.of;
     if (name === "W") {
       const [value, unit] = energy(main.W ?? 0);
-      put(node, main.W === null ? "-" : value.toFixed(unit === "Wh" ? 2 : 4));
+      put(node, main.W === null ? "-" : value.toFixed(unit === "Wh" || value >= 100 ? 2 : 4));
       put($("energy-unit"), unit);
-    } else if (name in DIGITS) put(node, text(main[name], DIGITS[name]));
+    } else if (PREFIXED.has(name)) large(node, main[name], DIGITS[name]);
+    else if (name in DIGITS) put(node, text(main[name], DIGITS[name]));
   }
   Object.assign($("big").dataset, { boot: main.boot, seq: main.seq, channel: main.channel });
   put($("flags"), main.flags.length ? `flags: ${main.flags.join(", ")}` : "");
