@@ -27,7 +27,7 @@ def test_a_finished_campaign_is_not_run_again(copied):
     assert again.spaces == report.spaces
 
 
-@pytest.mark.long(seconds=20)
+@pytest.mark.slow
 def test_two_processes_make_the_same_campaign_as_one(campaign, campaign_settings, tmp_path):
     config, _ = campaign
     other = campaign_config(tmp_path, jobs=2, **campaign_settings)
