@@ -38,7 +38,7 @@ def test_close_loop_names_the_payload_and_writes_what_the_design_says(closed):
     assert "simulated data" in page and "payload" in page and page.count('<svg role="img"') >= 6
 
 
-@pytest.mark.long(seconds=15)
+@pytest.mark.slow
 def test_the_augmented_bundle_predicts_and_can_be_closed_on_again(closed, tmp_path):
     folder, report = closed
     augmented = folder / "now" / "ds.loop" / "model"
