@@ -55,6 +55,7 @@ class Correction:
         self._weights = np.array([weights(share) for share in self._shifts - whole])
         self._kept: Floats = np.empty((0, len(form.scale)))
         self._next = -1  # index after the newest sample
+        self._pending: frozenset[str] = frozenset()
         self._expected: int | None = None  # index after the newest corrected sample
 
     def apply(self, block: SampleBlock) -> SampleBlock | None:
@@ -64,7 +65,7 @@ class Correction:
         """
         if self._only_gain:
             return block
-        flags = block.flags | ({"overrange"} if block.overrange(self._input) else frozenset())
+        flags = self._pending | block.flags | ({"overrange"} if block.overrange(self._input) else frozenset())
         codes = block.codes - self._offset
         if block.index != self._next:  # a gap, or the beginning
             self._kept = codes[:0]
@@ -72,6 +73,7 @@ class Correction:
         x = np.concatenate((self._kept, codes))
         count = len(x) - (self._last - self._first)
         self._kept = x[max(count, 0) :]
+        self._pending = frozenset() if count > 0 else flags  # of a short block: they hold for the next samples
         if count <= 0:
             return None
         index = self._next - len(x) - self._first

@@ -90,6 +90,14 @@ def test_a_gap_grows_by_the_samples_that_have_no_neighbours_and_overrange_is_see
     assert ["overrange" in block.flags for block in done] == [False, False, False, True, False, False]
 
 
+def test_the_flags_of_a_block_without_corrected_samples_come_with_the_next_one():
+    correction = Correction(FORM, SPOILED)
+    blocks = list(cut(codes(np.arange(100)), [3, 50]))
+    first = SampleBlock(blocks[0].codes, 0, blocks[0].utc_ns, flags=frozenset({"clock_step"}))
+    assert correction.apply(first) is None
+    assert correction.apply(blocks[1]).flags == {"clock_step"} and not correction.apply(blocks[2]).flags
+
+
 def test_gains_alone_leave_the_codes_as_they_are():
     correction = CorrectionSection(u_gain=[2.0], i_gain=[0.5]).of(FORM)
     block = next(cut(codes(np.arange(100)), [100]))
