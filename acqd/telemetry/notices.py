@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import logging
 from collections import deque
 
 from acqd.telemetry.message import Message
 
+_log = logging.getLogger(__name__)
 _MOST = 1_000
 """Messages that wait for a broker; the oldest ones are dropped."""
 
@@ -27,6 +29,8 @@ class Notices:
         self._unsent.append(self._number)
         if len(self._waiting) > _MOST:
             self._waiting.pop(next(iter(self._waiting)))
+            if not self.dropped:
+                _log.error("%d events wait for the broker: the oldest ones are dropped", _MOST)
             self.dropped += 1
 
     def begin(self) -> None:
