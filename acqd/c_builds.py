@@ -46,6 +46,11 @@ def window(channels: int, instructions: InstructionSet) -> CBuild:
     return CBuild(f"window-{instructions.name}-{channels}", (source,), flags, WINDOW_FALLBACK)
 
 
+def ticks() -> CBuild:
+    """The cycles of MAIN_FAST; nothing in them gains from wide vectors."""
+    return CBuild("ticks", _PACKAGE / "plc" / "ticks.c", ("-O2", *_COMMON, "-Wall", "-Wextra"))
+
+
 def lstm(instructions: InstructionSet) -> CBuild:
     """Loss and gradient of an LSTM."""
     flags = ("-O3", *_COMMON, *instructions.options, f"-DV={instructions.lanes}")
@@ -61,4 +66,4 @@ def fmu(platform: str, sources: Sequence[Path], include: Path) -> CBuild:
 def all_builds(machine: str) -> list[CBuild]:
     """Every library of a wheel for processors of the kind `machine`, as `platform.machine()` calls it."""
     sets = [each for each in INSTRUCTION_SETS if machine in ("x86_64", "AMD64") or not each.needs]
-    return [build for each in sets for build in (*(window(channels, each) for channels in (2, 4, 6)), lstm(each))]
+    return [ticks(), *(build for each in sets for build in (*(window(n, each) for n in (2, 4, 6)), lstm(each)))]

@@ -30,6 +30,7 @@ from acqd.plc.ring import ENDED
 from acqd.plc.slow import SlowTask
 from acqd.plc.source_watch import SourceWatch
 from acqd.plc.stats import CycleStats, CycleSummary
+from acqd.plc.ticks_library import library_path
 from acqd.retry import Backoff, RetryPolicy
 from acqd.sources.base import SourceHealth
 from acqd.sources.spec import Spec
@@ -218,7 +219,7 @@ class Executive:
         return self._slow.busy_ns / self._slow.windows / 1000
 
     async def _launch(self) -> None:
-        fast = await launch(self._orders | {"resume": self._reached}, self._wake_fd)
+        fast = await launch(self._orders | {"resume": self._reached, "ticks": library_path()}, self._wake_fd)
         if self._form is not None and fast.form != self._form:
             fast.kill()
             raise OperationError("the source has another format than before (rate, scale or phases); start again")
