@@ -138,11 +138,11 @@ class Writer:
         with transaction(self._engine) as connection:
             differing: list[int] = []
             try:
-                power = [k for k, (_, row) in enumerate(good) if isinstance(row, PowerRow)]
+                power = [(k, row) for k, (_, row) in enumerate(good) if isinstance(row, PowerRow)]
                 if power:
-                    conflicts = rows.insert(connection, [row for _, row in good if isinstance(row, PowerRow)])
-                    differing = [power[k] for k in conflicts]
-                quality_rows.insert(connection, [row for _, row in good if isinstance(row, QualityRow)])
+                    differing = [power[k][0] for k in rows.insert(connection, [row for _, row in power])]
+                quality = [(k, row) for k, (_, row) in enumerate(good) if isinstance(row, QualityRow)]
+                differing += [quality[k][0] for k in quality_rows.insert(connection, [row for _, row in quality])]
             except (sa.exc.DataError, sa.exc.IntegrityError, dbapi.DataError, dbapi.IntegrityError) as error:
                 raise _PoisonError(str(error).splitlines()[0]) from error
             except (ValueError, OverflowError) as error:  # the driver cannot even send it
