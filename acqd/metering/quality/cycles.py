@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from acqd.arrays import Floats
 from acqd.metering.interval import interval_sums
@@ -41,6 +42,10 @@ class CycleFit:
     """rad; 0 without a jump."""
     beats: bool = False
     """Whether the phase swings within the interval, so that f is not sure."""
+    phasors: NDArray[np.complex128] | None = None
+    """[phases, cycles] RMS, against a cosine of the last trial f that begins with the interval."""
+    trial: float = np.nan
+    """Hz: this f."""
 
     @property
     def credible(self) -> bool:
@@ -70,7 +75,8 @@ def fit_cycles(u: Floats, start: float, f: float, rate: float, cycles: int, dead
         slope, curve, jump = _fit(phases, cycles)
         correction = slope * f / (2 * np.pi)
         beat = abs(float(_slope_with_beat(cycles) @ phases) - slope) * f / (2 * np.pi)
-        found = CycleFit(f + correction, 2 * curve * f * f / (2 * np.pi), jump, not jump and beat > BEAT)
+        rocof, beats = 2 * curve * f * f / (2 * np.pi), not jump and beat > BEAT
+        found = CycleFit(f + correction, rocof, jump, beats, phasors, f)
         f += correction
         if abs(correction) < _CLOSE:
             break
