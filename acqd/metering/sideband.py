@@ -1,8 +1,8 @@
 """An interharmonic beside the fundamental, told from a true swing of f.
 
 An interharmonic of share a at f + b turns the fundamental's phasor into A (1 + a exp(j 2 pi b t)): its magnitude and
-its phase swing together, a quarter of a beat apart. So w = ln(magnitude) + j phase has one line, at b. A true swing of f
-moves the phase alone, a changing voltage the magnitude alone, and a step or a ramp of both at once is still a real
+its phase swing together, a quarter of a beat apart. So w = ln(magnitude) + j phase has one line, at b. A true swing of
+f moves the phase alone, a changing voltage the magnitude alone, and a step or a ramp of both at once is still a real
 function times a complex number: all of these have lines of equal size at b and -b (single-sideband modulation). The
 lines are fitted over the last windows together with a parabola, which takes the level, f and its rate of change.
 """
