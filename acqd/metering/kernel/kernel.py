@@ -102,7 +102,8 @@ class Kernel:
     def _magnitudes(self, rows: Floats) -> list[float]:
         """Of the fundamental of all phases together [digits], as `Estimate.magnitude`."""
         fundamentals = rows[PHASES:].reshape(-1, PER_PHASE, rows.shape[1])[:, U_RE : U_IM + 1] / self._u_scale
-        return np.sqrt(np.einsum("pcw,pcw->w", fundamentals, fundamentals)).tolist()
+        magnitudes: list[float] = np.sqrt(np.einsum("pcw,pcw->w", fundamentals, fundamentals)).tolist()
+        return magnitudes
 
     def give_back(self) -> None:
         """Put the state into the objects of the numpy path, which meters the next window."""
