@@ -4,7 +4,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from acqd.discrepancy.regression.setup import Question, set_up
-from acqd.discrepancy.selection.stepwise import Limits, trace
+from acqd.discrepancy.selection.forward_selection import Limits, trace
 from acqd.models.effects import library
 from acqd.models.effects.substeps import SUBSTEPS, averaged
 from acqd.robot import load_description

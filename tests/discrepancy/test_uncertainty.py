@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from acqd.discrepancy.loop import without_doubtful
+from acqd.discrepancy.repair.naming import without_doubtful
 from acqd.discrepancy.repair.terms import added, doubt_about
 from acqd.discrepancy.repair.torque_scale import TorqueScale
 from acqd.discrepancy.selection.hypotheses import unnamed

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.discrepancy.loop import Closed
+from acqd.discrepancy.closed import Closed
 from acqd.discrepancy.residual.whitening import autocorrelation
 from acqd.discrepancy.selection.ranking import Finding
 from acqd.report.bars import Bar, Bars, ranked

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from acqd.arrays import Floats
+from acqd.discrepancy.closed import Closed
 from acqd.discrepancy.joints.summary import JointLevel
-from acqd.discrepancy.loop import Closed
 from acqd.discrepancy.residual.aspects import Aspect, aspects
 from acqd.discrepancy.selection.accepted import Named
 from acqd.models.metrics import predictions

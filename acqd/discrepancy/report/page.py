@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from acqd.discrepancy.closed import Closed
 from acqd.discrepancy.config import CloseConfig
-from acqd.discrepancy.loop import Closed
 from acqd.discrepancy.repair.terms import Added, described
 from acqd.discrepancy.report import charts, figures
 from acqd.discrepancy.report.summary import VERDICTS, held_out_gain, unexplained

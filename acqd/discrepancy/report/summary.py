@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from acqd.discrepancy.closed import Closed
 from acqd.discrepancy.config import CloseConfig
-from acqd.discrepancy.loop import Closed
 from acqd.discrepancy.repair.terms import described
 from acqd.discrepancy.selection.hypotheses import unnamed
 from acqd.discrepancy.thresholds import THRESHOLDS

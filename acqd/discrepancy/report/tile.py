@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from acqd.discrepancy.loop import Closed
+from acqd.discrepancy.closed import Closed
 from acqd.discrepancy.repair.terms import Added
 from acqd.discrepancy.report.summary import next_steps
 from acqd.discrepancy.selection.hypotheses import unnamed

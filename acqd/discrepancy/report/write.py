@@ -8,8 +8,8 @@ from typing import Any
 import orjson
 
 from acqd.atomic import complete_folder
+from acqd.discrepancy.closed import Closed
 from acqd.discrepancy.config import CloseConfig
-from acqd.discrepancy.loop import Closed
 from acqd.discrepancy.repair.refit import groups_of
 from acqd.discrepancy.report.page import write_report
 from acqd.discrepancy.report.summary import as_json

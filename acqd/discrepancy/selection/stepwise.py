@@ -1,8 +1,7 @@
-"""Forward selection: the effect that explains most, then again with that effect, until no effect is credible."""
+"""One step of forward selection: the likeliest onset, the best credible effect under it, its shape."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, partial
 
@@ -11,10 +10,9 @@ import numpy as np
 from acqd.dataset.split import log_of
 from acqd.discrepancy.regression.design_columns import Candidate
 from acqd.discrepancy.regression.design_matrix import Design
-from acqd.discrepancy.regression.gram import Column, Regression
+from acqd.discrepancy.regression.gram import Regression
 from acqd.discrepancy.regression.onset import Gate
-from acqd.discrepancy.regression.setup import Setup
-from acqd.discrepancy.selection.acceptance import View, credible, leading, refuted, serious, worth
+from acqd.discrepancy.selection.acceptance import View, credible, equal_to, leading, refuted, serious, worth
 from acqd.discrepancy.selection.accepted import Named, Tracing, Unknown
 from acqd.discrepancy.selection.detectors.candidates import Detection, detect
 from acqd.discrepancy.selection.hypotheses import hypotheses
@@ -26,14 +24,6 @@ from acqd.models.effects import library
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
-    """What the user asked for."""
-
-    max_effects: int = 5
-    seed: int = 1
-
-
-@dataclass(frozen=True, slots=True)
 class _Winner:
     """The best credible finding under a gate."""
 
@@ -42,50 +32,11 @@ class _Winner:
     alternatives: list[Finding]
 
 
-def trace(setup: Setup, limits: Limits, progress: Callable[[str], None]) -> Tracing:
-    """Select effects one after the other."""
-    regression = _without_small_clock(setup)
-    tracing = Tracing(setup.design, setup.regression, setup.design.witness)
-    while len(tracing.effects) < limits.max_effects:
-        progress(f"looking for effect {len(tracing.effects) + 1}")
-        step = _Step(tracing, regression, setup.gates, limits)
-        named = step.run()
-        if named is None:
-            break
-        tracing.effects.append(named)
-        regression = regression.with_columns(tracing.design.blocks, named.columns())
-    tracing.regression = regression.on(tracing.design.blocks)
-    _prune(tracing)
-    accepted = {(named.id, named.finding.candidate.label) for named in tracing.effects}
-    tracing.hypotheses = [each for each in tracing.hypotheses if (each.id, each.where) not in accepted]
-    if tracing.effects:
-        tracing.verdict = "effects_found"
-    elif tracing.unknown is not None:
-        tracing.verdict = "unknown_structure"
-    return tracing
+class Step:
+    """The search for one more effect, with those that `tracing` already holds."""
 
-
-def _without_small_clock(setup: Setup) -> Regression:
-    """With a constant clock offset as a free column if it is small: two alignments differ by a millisecond or two."""
-    design, gate = setup.design, setup.gates[0].open
-    effects = library()
-    clocks = [
-        c for c in design.columns.candidates
-        if c.id and effects[c.id].acts_on == "clock" and not effects[c.id].follows_clock
-    ]  # fmt: skip
-    if not clocks:
-        return setup.regression
-    found = rank_pooled(design, setup.regression, gate, clocks)
-    if not found or abs(float(found[0].coefficients[0])) > THRESHOLDS.clock_smallest_s:
-        return setup.regression
-    return setup.regression.with_columns(design.blocks, [Column(int(clocks[0].places[0]), gate)])
-
-
-class _Step:
-    """The search for one more effect."""
-
-    def __init__(self, tracing: Tracing, regression: Regression, gates: list[Gate], limits: Limits) -> None:
-        self._tracing, self._gates, self._limits = tracing, gates, limits
+    def __init__(self, tracing: Tracing, regression: Regression, gates: list[Gate], seed: int) -> None:
+        self._tracing, self._gates, self._seed = tracing, gates, seed
         self._regression = regression
         taken = {(named.id, named.finding.candidate.label) for named in tracing.effects}
         candidates = tracing.design.columns.candidates
@@ -159,9 +110,10 @@ class _Step:
         doubts = [finding for finding in unnamed if credible(view, finding, limit)]
         alternative = max(doubts, key=lambda finding: finding.evidence, default=None)
         if alternative is not None and (best is None or refuted(view, gate, best, alternative)):
-            if tracing.unknown is None:
-                tracing.unknown = Unknown(alternative, gate)
-            return None
+            best = equal_to(view, alternative, named)
+            if best is None:
+                tracing.unknown = tracing.unknown or Unknown(alternative, gate)
+                return None
         if best is None or (best.candidate.detected and _outdone_by_any(best, unnamed)):
             return None
         others = _best_of_each([finding for finding in named if serious(view.design, finding)], best)
@@ -170,7 +122,7 @@ class _Step:
 
     def _chance_limit(self, gate: Gate, view: View) -> float:
         """Surprise that clean recordings exceed with the probability `chance`; more for the best of several onsets."""
-        surprises = chance(view.regression, gate.open, self._pool, self._limits.seed)
+        surprises = chance(view.regression, gate.open, self._pool, self._seed)
         limit = float(np.quantile(surprises, 1 - THRESHOLDS.chance))
         return limit if gate is self._gates[0] else limit + float(np.log(len(self._gates)))
 
@@ -241,16 +193,3 @@ def _best_of_each(named: list[Finding], best: Finding) -> list[Finding]:
             seen.add(finding.candidate.id)
             others.append(finding)
     return others
-
-
-def _prune(tracing: Tracing) -> None:
-    """Remove effects that later ones made superfluous."""
-    for named in list(tracing.effects):
-        if len(tracing.effects) < 2:
-            return
-        without = tracing.regression.without(named.key)
-        design = replace(tracing.design, witness=named.witness)
-        again = rank_pooled(design, without, named.gate.open, [named.finding.candidate])
-        if not again or again[0].evidence < THRESHOLDS.least_evidence:
-            tracing.effects = [other for other in tracing.effects if other.key != named.key]
-            tracing.regression = without

@@ -1,0 +1,52 @@
+"""The closed loop as a record: everything that the report shows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from acqd.arrays import Floats
+from acqd.discrepancy.joints.summary import JointLevel
+from acqd.discrepancy.recordings import Subject
+from acqd.discrepancy.repair.guard import Improved
+from acqd.discrepancy.repair.terms import Added
+from acqd.discrepancy.residual.quality import Quality
+from acqd.discrepancy.selection.accepted import Tracing, Verdict
+from acqd.discrepancy.thresholds import Stage
+
+
+@dataclass(frozen=True, slots=True)
+class Closed:
+    """Everything that the report shows."""
+
+    subject: Subject
+    tracing: Tracing
+    improved: Improved
+    before: Quality
+    after: Quality
+    errors_before: list[Floats]
+    """[T] W on the held-out segments."""
+    floor_W: float
+    floor_source: str
+    """Where the noise floor was measured."""
+    reference_rmse: float | None
+    """W: error of the same model on the reference recordings."""
+    joints: JointLevel | None
+    verdict: Verdict
+    stages: frozenset[Stage]
+    """Stages that ran."""
+    notes: list[str]
+
+    @property
+    def kept(self) -> list[Added]:
+        """Effects that were added."""
+        return self.improved.kept
+
+    @property
+    def named(self) -> list[Added]:
+        """Effects that were found: added, or reported only."""
+        return [*self.improved.kept, *self.improved.reported_only]
+
+    @property
+    def errors_after(self) -> list[Floats]:
+        """[T] W on the held-out segments."""
+        return self.improved.errors

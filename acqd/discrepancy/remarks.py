@@ -1,0 +1,42 @@
+"""What the report says besides the verdict: stages that ran, logs that were not used, effects that were not added."""
+
+from __future__ import annotations
+
+from acqd.discrepancy.joints.columns import side_of
+from acqd.discrepancy.recordings import Subject
+from acqd.discrepancy.repair.guard import Improved
+from acqd.discrepancy.search import clock_effects
+from acqd.discrepancy.selection.accepted import Tracing
+from acqd.discrepancy.thresholds import Stage
+from acqd.models.effects import library
+
+
+def stages_of(subject: Subject, tracing: Tracing) -> frozenset[Stage]:
+    """Stages of the method that ran: the report names their thresholds."""
+    stages: set[Stage] = {"recordings", "noise", "selection", "uncertainty", "verdict"}
+    if clock_effects() & subject.chosen:
+        stages.add("delay")
+    if any(library()[name].detected for name in subject.chosen):
+        stages.add("detectors")
+    if tracing.witness is not None:
+        stages.add("joints")
+    return frozenset(stages)
+
+
+def unused_efforts(subject: Subject) -> list[str]:
+    """A note if torques or currents were logged and not used."""
+    logged = side_of([*subject.reference, *subject.fit]) is not None
+    unused = logged and bool(subject.robot.sliding)
+    return ["the robot has prismatic joints: logged torques and currents are not used"] if unused else []
+
+
+def not_added(improved: Improved) -> list[str]:
+    """Notes of the effects that were found and are not in the model, with the reason."""
+    refused = [f"{e.term.id} was found but does not help on held-out recordings: not added" for e in improved.refused]
+    unpredictable = "acts at times that neither angles nor signals predict"
+    unsure = "cannot be told from its alternatives in these recordings"
+    reasons = [
+        (e.term.id, unpredictable if e.sure and not library()[e.term.id].predictable else unsure)
+        for e in improved.reported_only
+    ]
+    return refused + [f"{name} {reason}: reported, not added to the model" for name, reason in reasons]

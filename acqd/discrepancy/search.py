@@ -1,0 +1,58 @@
+"""The search for causes: a selection on what the model does not explain, with clocks corrected first."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from acqd.discrepancy.config import CloseConfig
+from acqd.discrepancy.recordings import Subject
+from acqd.discrepancy.regression.setup import Question, set_up
+from acqd.discrepancy.residual.delay import Delay, corrected, find_delay
+from acqd.discrepancy.residual.residuals import without_known_effects
+from acqd.discrepancy.selection.accepted import Tracing
+from acqd.discrepancy.selection.forward_selection import Limits, trace
+from acqd.models.effects import library
+from acqd.models.effects.scene import segment_scene
+
+Progress = Callable[[str, float], None]
+"""Is told what is being done, and which share of it is complete."""
+
+
+def search(config: CloseConfig, subject: Subject, progress: Progress) -> tuple[Delay | None, Tracing]:
+    """The delay between power and motion, if there is one, and the effects that the selection finds after it."""
+    delay, unexplained = _without_delay(_without_known_power(subject))
+    return delay, _select(config, unexplained, progress)
+
+
+def clock_effects() -> set[str]:
+    """Ids of the effects that shift power against motion."""
+    return {effect.id for effect in library().values() if effect.acts_on == "clock"}
+
+
+def _without_known_power(subject: Subject) -> Subject:
+    """Without the power of effects that the model holds already."""
+    fit = without_known_effects(subject.model, subject.fit)
+    return replace(subject, fit=fit, reference=without_known_effects(subject.model, subject.reference))
+
+
+def _without_delay(subject: Subject) -> tuple[Delay | None, Subject]:
+    """Clocks first: while power and motion are shifted, every other effect seems to explain something."""
+    if not clock_effects() & subject.chosen:
+        return None, subject
+    scenes = [segment_scene(subject.carrier, s) for s in subject.fit]
+    delay = find_delay(scenes, subject.fit)
+    if delay is None:
+        return None, subject
+    return delay, replace(subject, fit=[corrected(s, delay, subject.data.step_s) for s in subject.fit])
+
+
+def _select(config: CloseConfig, subject: Subject, progress: Progress) -> Tracing:
+    what = "computing the columns of all effects"
+    progress(what, 0.0)
+    question = Question(
+        model=subject.carrier, robot=subject.robot, in_question=subject.fit, reference=subject.reference,
+        chosen=subject.chosen, withheld=subject.withheld,
+    )  # fmt: skip
+    setup = set_up(question, lambda share: progress(what, share))
+    return trace(setup, Limits(config.max_effects, config.seed), lambda text: progress(text, 0.0))

@@ -1,0 +1,73 @@
+"""Forward selection: the effect that explains most, then again with that effect, until no effect is credible."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from acqd.discrepancy.regression.gram import Column, Regression
+from acqd.discrepancy.regression.setup import Setup
+from acqd.discrepancy.selection.accepted import Tracing
+from acqd.discrepancy.selection.ranking import rank_pooled
+from acqd.discrepancy.selection.stepwise import Step
+from acqd.discrepancy.thresholds import THRESHOLDS
+from acqd.models.effects import library
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What the user asked for."""
+
+    max_effects: int = 5
+    seed: int = 1
+
+
+def trace(setup: Setup, limits: Limits, progress: Callable[[str], None]) -> Tracing:
+    """Select effects one after the other."""
+    regression = _without_small_clock(setup)
+    tracing = Tracing(setup.design, setup.regression, setup.design.witness)
+    while len(tracing.effects) < limits.max_effects:
+        progress(f"looking for effect {len(tracing.effects) + 1}")
+        named = Step(tracing, regression, setup.gates, limits.seed).run()
+        if named is None:
+            break
+        tracing.effects.append(named)
+        regression = regression.with_columns(tracing.design.blocks, named.columns())
+    tracing.regression = regression.on(tracing.design.blocks)
+    _prune(tracing)
+    accepted = {(named.id, named.finding.candidate.label) for named in tracing.effects}
+    tracing.hypotheses = [each for each in tracing.hypotheses if (each.id, each.where) not in accepted]
+    if tracing.effects:
+        tracing.verdict = "effects_found"
+    elif tracing.unknown is not None:
+        tracing.verdict = "unknown_structure"
+    return tracing
+
+
+def _without_small_clock(setup: Setup) -> Regression:
+    """With a constant clock offset as a free column if it is small: two alignments differ by a millisecond or two."""
+    design, gate = setup.design, setup.gates[0].open
+    effects = library()
+    clocks = [
+        c for c in design.columns.candidates
+        if c.id and effects[c.id].acts_on == "clock" and not effects[c.id].follows_clock
+    ]  # fmt: skip
+    if not clocks:
+        return setup.regression
+    found = rank_pooled(design, setup.regression, gate, clocks)
+    if not found or abs(float(found[0].coefficients[0])) > THRESHOLDS.clock_smallest_s:
+        return setup.regression
+    return setup.regression.with_columns(design.blocks, [Column(int(clocks[0].places[0]), gate)])
+
+
+def _prune(tracing: Tracing) -> None:
+    """Remove effects that later ones made superfluous."""
+    for named in list(tracing.effects):
+        if len(tracing.effects) < 2:
+            return
+        without = tracing.regression.without(named.key)
+        design = replace(tracing.design, witness=named.witness)
+        again = rank_pooled(design, without, named.gate.open, [named.finding.candidate])
+        if not again or again[0].evidence < THRESHOLDS.least_evidence:
+            tracing.effects = [other for other in tracing.effects if other.key != named.key]
+            tracing.regression = without
