@@ -23,6 +23,7 @@ from acqd.cli import (
     ethercat,
     export_fmu,
     export_onnx,
+    fleet,
     jitter,
     lab,
     modbus,
@@ -62,6 +63,7 @@ app.command("train", rich_help_panel=_MODELS)(models.train)
 app.command("compare", rich_help_panel=_MODELS)(models.compare)
 app.command("predict", rich_help_panel=_MODELS)(models.predict)
 app.command("close-loop", rich_help_panel=_MODELS)(close_loop.close_loop)
+app.command("fleet", rich_help_panel=_MODELS)(fleet.fleet)
 app.command("export-fmu", rich_help_panel=_MODELS)(export_fmu.export_fmu)
 app.command("export-onnx", rich_help_panel=_MODELS)(export_onnx.export_onnx)
 app.command("sidecar", rich_help_panel=_MODELS)(sidecar.sidecar)
