@@ -19,6 +19,7 @@ _COMMON = ("-std=gnu11", *_SHARED, "-ffp-contract=fast", "-fno-math-errno", "-fn
 # equal to the prediction of the bundle on every platform and processor: no contraction, no relaxed mathematics
 FMU_FLAGS = ("-std=c99", "-O3", *_SHARED, "-fvisibility=hidden", "-ffp-contract=off", "-g0")
 WINDOW_FALLBACK = "metering with numpy takes about five times as long"
+TICKS_FALLBACK = "MAIN_FAST waits in Python, which costs more of the processor"
 LSTM_FALLBACK = "train with --compute torch"
 FMU_FALLBACK = "acqd[fmu] brings zig"
 
@@ -48,7 +49,8 @@ def window(channels: int, instructions: InstructionSet) -> CBuild:
 
 def ticks() -> CBuild:
     """The cycles of MAIN_FAST; nothing in them gains from wide vectors."""
-    return CBuild("ticks", _PACKAGE / "plc" / "ticks.c", ("-O2", *_COMMON, "-Wall", "-Wextra"))
+    source = _PACKAGE / "plc" / "ticks.c"
+    return CBuild("ticks", (source,), ("-O2", *_COMMON, "-Wall", "-Wextra"), TICKS_FALLBACK)
 
 
 def lstm(instructions: InstructionSet) -> CBuild:

@@ -1,4 +1,4 @@
-"""The command tree, and the only place where errors become exit codes."""
+"""The program: the only place where errors become exit codes."""
 
 from __future__ import annotations
 
@@ -6,90 +6,10 @@ import logging
 import os
 import sys
 from collections.abc import Callable
-from importlib import metadata
-from typing import Annotated, NoReturn, TextIO
+from typing import NoReturn, TextIO
 
-import typer
-
-from acqd.cli import (
-    alarms,
-    bridge,
-    broker,
-    capture,
-    close_loop,
-    config,
-    dataset,
-    doctor,
-    ethercat,
-    export_fmu,
-    export_onnx,
-    jitter,
-    lab,
-    modbus,
-    models,
-    opcua,
-    replay,
-    robot,
-    run,
-    service,
-    sidecar,
-    sink,
-    status,
-    watch,
-    web,
-)
+from acqd.cli.commands import command_tree
 from acqd.errors import OperationError, UserError
-
-app = typer.Typer(
-    help="Energy twin measurement chain: 20 kHz samples in, trustworthy power rows out.",
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-    rich_markup_mode="rich",
-)
-_MEASURE, _DATA, _MODELS, _SERVICE = "Measure", "Data", "Models", "Service"
-app.command("run", rich_help_panel=_MEASURE)(run.run)
-app.command("watch", rich_help_panel=_MEASURE)(watch.watch)
-app.command("web", rich_help_panel=_MEASURE)(web.web)
-app.command("replay", rich_help_panel=_MEASURE)(replay.replay)
-app.command("capture", rich_help_panel=_MEASURE)(capture.capture)
-app.add_typer(ethercat.app, name="ethercat", rich_help_panel=_MEASURE)
-app.add_typer(modbus.app, name="modbus", rich_help_panel=_MEASURE)
-app.add_typer(sink.app, name="sink", rich_help_panel=_DATA)
-app.add_typer(lab.app, name="lab", rich_help_panel=_DATA)
-app.add_typer(dataset.app, name="dataset", rich_help_panel=_DATA)
-app.add_typer(robot.app, name="robot", rich_help_panel=_MODELS)
-app.command("train", rich_help_panel=_MODELS)(models.train)
-app.command("compare", rich_help_panel=_MODELS)(models.compare)
-app.command("predict", rich_help_panel=_MODELS)(models.predict)
-app.command("close-loop", rich_help_panel=_MODELS)(close_loop.close_loop)
-app.command("export-fmu", rich_help_panel=_MODELS)(export_fmu.export_fmu)
-app.command("export-onnx", rich_help_panel=_MODELS)(export_onnx.export_onnx)
-app.command("sidecar", rich_help_panel=_MODELS)(sidecar.sidecar)
-app.add_typer(config.app, name="config", rich_help_panel=_SERVICE)
-app.add_typer(service.app, name="service", rich_help_panel=_SERVICE)
-app.command("opcua", rich_help_panel=_SERVICE)(opcua.opcua)
-app.command("status", rich_help_panel=_SERVICE)(status.status)
-app.command("doctor", rich_help_panel=_SERVICE)(doctor.doctor)
-app.command("jitter", rich_help_panel=_SERVICE)(jitter.jitter)
-app.add_typer(alarms.app, name="alarms", rich_help_panel=_SERVICE)
-app.add_typer(bridge.app, name="bridge", rich_help_panel=_SERVICE)
-app.command("broker", rich_help_panel=_SERVICE)(broker.broker)
-
-
-def _show_version(wanted: bool) -> None:
-    if wanted:
-        print(f"acqd {metadata.version('acqd')}")
-        raise typer.Exit
-
-
-@app.callback()
-def _acqd(
-    version: Annotated[
-        bool, typer.Option("--version", help="Show the version.", callback=_show_version, is_eager=True)
-    ] = False,
-) -> None:
-    """Energy twin measurement chain: 20 kHz samples in, trustworthy power rows out."""
-
 
 _JOURNAL_LEVEL = {logging.DEBUG: 7, logging.INFO: 6, logging.WARNING: 4, logging.ERROR: 3, logging.CRITICAL: 2}
 
@@ -125,7 +45,7 @@ def _end_quietly() -> NoReturn:
 
 def main() -> None:
     """Run the command line."""
-    for_people(app)
+    for_people(lambda: command_tree(sys.argv[1:])())
 
 
 def for_people(work: Callable[[], object]) -> None:

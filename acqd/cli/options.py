@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from acqd.daemon.config import Config, load_config
-from acqd.telemetry.mqtt import BrokerAddress
+if TYPE_CHECKING:  # most commands read no acqd.toml, and its models take a third of a second to build
+    from acqd.daemon.config import Config
+    from acqd.telemetry.mqtt import BrokerAddress
 
 Json = Annotated[bool, typer.Option("--json", help="Machine-readable output on stdout.")]
 ConfigFile = Annotated[Path | None, typer.Option("--config", "-c", help="acqd.toml to take settings from.")]
@@ -18,6 +19,8 @@ Port = Annotated[int | None, typer.Option(min=1, max=65535, help="Broker port (d
 
 def configured(path: Path | None, host: str | None = None, port: int | None = None) -> Config:
     """The configuration file, or the defaults, with host and port of the command line."""
+    from acqd.daemon.config import Config, load_config
+
     config = load_config(path) if path else Config()
     if host is not None:
         config.mqtt.host = host

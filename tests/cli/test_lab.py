@@ -9,9 +9,12 @@ from tests.commands import acqd_here
 
 
 def test_the_rest_of_acqd_starts_without_the_laboratorys_libraries():
-    script = (
-        "import sys, acqd.cli.main; print([m for m in ('pinocchio', 'scipy', 'matplotlib', 'ray') if m in sys.modules])"
-    )
+    script = """
+import sys
+from acqd.cli.commands import command_tree
+command_tree()
+print([m for m in ('pinocchio', 'scipy', 'matplotlib', 'ray') if m in sys.modules])
+"""
     done = subprocess.run([sys.executable, "-P", "-c", script], capture_output=True, text=True)
     assert done.stdout.strip() == "[]", done.stderr
 

@@ -123,7 +123,7 @@ def refused_last(result):
 def test_the_daemon_starts_without_importing_sql():
     """A daemon that is started again after a crash has rows to make: SQLAlchemy takes longer than all the rest."""
     program = (
-        "import sys, acqd.cli.main, acqd.daemon.service; print('sqlalchemy' in sys.modules or 'alembic' in sys.modules)"
+        "import sys, acqd.cli.run, acqd.daemon.service; print('sqlalchemy' in sys.modules or 'alembic' in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"

@@ -43,9 +43,9 @@ def test_predicting_needs_neither_a_robot_library_nor_parquet(trained, logs):
     code = """
 import sys
 sys.modules.update(dict.fromkeys(("pinocchio", "pyarrow", "matplotlib", "coal")))
-from acqd.cli.main import app
+from acqd.cli.commands import command_tree
 for bundle in sys.argv[2:]:
-    app(["predict", bundle, sys.argv[1]], standalone_mode=False)
+    command_tree(["predict"])(["predict", bundle, sys.argv[1]], standalone_mode=False)
 """
     bundles = sorted(trained[0].glob("*-s1"))
     assert len(bundles) == 4

@@ -8,7 +8,7 @@ import pytest
 import typer.main
 
 import acqd
-from acqd.cli.main import app
+from acqd.cli.commands import command_tree
 from tools.docs.commands import all_commands
 from tools.docs.manpages import write_man_pages
 from tools.docs.reference import api, commands
@@ -18,7 +18,7 @@ from tools.docs.site import build_site, lay_out
 
 def test_every_command_is_in_the_reference():
     text = commands()
-    tree = typer.main.get_command(app)
+    tree = typer.main.get_command(command_tree())
     for name, command in tree.commands.items():
         for child in getattr(command, "commands", None) or [""]:
             assert f"### acqd {name} {child}".rstrip() + "\n" in text

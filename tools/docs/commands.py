@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args, get_origin
 
 import typer.main
 
-from acqd.cli.main import app
+from acqd.cli.commands import command_tree
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +50,7 @@ class Command:
 
 def all_commands() -> list[Command]:
     """Every command, panel by panel in the order of `acqd --help`."""
-    found = list(_below(typer.main.get_command(app), ("acqd",), ""))
+    found = list(_below(typer.main.get_command(command_tree()), ("acqd",), ""))
     panels = list(dict.fromkeys(command.panel for command in found))
     return sorted(found, key=lambda command: panels.index(command.panel))
 

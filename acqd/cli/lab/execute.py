@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import orjson
 import typer
@@ -12,10 +12,10 @@ from rich.console import Console
 
 from acqd.cli.lab.options import Effects, LabFile, Robot, Scene, Seed, settings_from
 from acqd.cli.options import ConfigFile, Json
-from acqd.cli.serve import announce, demonstration_port, serve
-from acqd.daemon.config import Config, load_config
-from acqd.daemon.source_sections import ReplaySection
 from acqd.errors import UserError
+
+if TYPE_CHECKING:
+    from acqd.lab.settings import LabSettings
 
 
 def execute(
@@ -55,8 +55,17 @@ def execute(
         else:
             _print(report)
         return
+    _serve_live(chosen, file, config, json=json)
+
+
+def _serve_live(chosen: LabSettings, file: Path, config: Path | None, *, json: bool) -> None:
+    from acqd.cli.serve import announce, demonstration_port, serve
+    from acqd.daemon.config import Config, load_config
+    from acqd.daemon.source_sections import ReplaySection
+    from acqd.lab.single_run import render
+
     with tempfile.TemporaryDirectory(prefix="acqd-live-") as folder:
-        path = lab.render(chosen, file, Path(folder))
+        path = render(chosen, file, Path(folder))
         daemon = load_config(config) if config else Config.demonstration(demonstration_port())
         daemon.boxes = []
         daemon.source = ReplaySection(kind="replay", file=path)

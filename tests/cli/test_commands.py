@@ -1,0 +1,38 @@
+"""The tree of commands imports what a command line needs."""
+
+import subprocess
+import sys
+
+import pytest
+import typer.main
+
+from acqd.cli.commands import command_tree
+
+
+def names(app):
+    return set(typer.main.get_command(app).commands)
+
+
+def test_a_command_line_has_the_command_that_it_starts_with():
+    everything = names(command_tree())
+    assert {"run", "sink", "close-loop", "lab", "broker"} <= everything
+    for name in everything:
+        assert names(command_tree([name, "--json"])) == {name}
+    for line in ([], ["--help"], ["--version"], ["snik"]):
+        assert names(command_tree(line)) == everything
+
+
+@pytest.mark.parametrize(
+    ("command", "unused"),
+    [
+        ("train", ["acqd.daemon", "acqd.telemetry", "pydantic", "sqlalchemy", "amqtt"]),
+        ("watch", ["acqd.sources", "acqd.plc", "acqd.daemon.service", "sqlalchemy", "amqtt"]),
+        ("sink", ["acqd.sources.comtrade", "acqd.daemon.service", "acqd.cli.run", "amqtt"]),
+    ],
+)
+def test_a_command_imports_nothing_of_the_others(command, unused):
+    script = f"import sys; from acqd.cli.commands import command_tree; command_tree([{command!r}]); print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-P", "-c", script], capture_output=True, text=True, check=True)
+    imported = set(done.stdout.split())
+    assert f"acqd.cli.{command}" in imported or f"acqd.cli.models.{command}" in imported
+    assert not imported & set(unused)
