@@ -18,7 +18,6 @@ from typing import Literal
 from acqd.telemetry import topics
 from acqd.telemetry.in_flight import InFlight
 from acqd.telemetry.message import Message, Room
-from acqd.telemetry.notices import Notices
 from acqd.telemetry.ranges import Ranges
 from acqd.telemetry.receipts import parse_receipt
 from acqd.telemetry.row_message import joined
@@ -65,7 +64,6 @@ class Delivery:
         self._online = False
         self._live: deque[SpooledRow] = deque()
         self._states: dict[str, bytes] = {}
-        self._notices = Notices()
         self._position = spool.start
         self._flying, self._unsent = InFlight(), Unsent()
         self._acknowledged: dict[Stream, Ranges] = {}
@@ -83,7 +81,7 @@ class Delivery:
 
     def put_rows(self, rows: Sequence[SpooledRow], energy: Energy | None = None) -> None:
         """Keep the rows of a window, and send them at once where there is a connection."""
-        if self._windows and rows and not topics.is_quality(rows[0].stream.channel):
+        if self._windows and rows and not topics.travels_alone(rows[0].stream.channel):
             self._together = sum(1 for row in rows if _window(row) == _window(rows[0]))
         at_end = self._position == self.spool.end
         self._devices.update(row.stream.device for row in rows)
@@ -103,11 +101,6 @@ class Delivery:
         self._states[topic] = payload
         self._changed.set()
 
-    def put_notice(self, topic: str, payload: bytes) -> None:
-        """Publish a message that is not retained, and again until the broker has acknowledged it."""
-        self._notices.put(topic, payload)
-        self._changed.set()
-
     def subscriptions(self) -> list[str]:
         """Receipts of the devices whose rows come from here, and the sinks' announcements."""
         if self._until == "acknowledged":
@@ -118,7 +111,6 @@ class Delivery:
         """A new connection: the broker may have lost what it had."""
         self._online = True
         self._sinks.clear()
-        self._notices.begin()
         self._from_the_start()
         self._changed.set()
 
@@ -134,7 +126,6 @@ class Delivery:
         self._settle_acknowledged()
         rows = [self._live.popleft() for _ in range(min(len(self._live), room.messages * self._together))]
         messages = self._messages(rows)
-        messages += self._notices.take(room.messages - len(messages))
         while self._states and len(messages) < room.messages:
             topic = next(iter(self._states))
             messages.append(Message(topic, self._states.pop(topic), retain=True))
@@ -161,8 +152,6 @@ class Delivery:
 
     def acknowledged(self, message: Message) -> None:
         """The broker has the message: with that policy, its rows are delivered."""
-        if self._notices.acknowledged(message):
-            return
         sent: Sequence[tuple[Stream, int]] = message.tag or ()
         self.delivered += len(sent)
         if self._until == "acknowledged":
@@ -194,8 +183,8 @@ class Delivery:
         return len(self._flying)
 
     def __len__(self) -> int:
-        """Messages that wait: rows and notices that are not delivered, states that are not sent."""
-        return len(self.spool) - sum(map(len, self._acknowledged.values())) + len(self._states) + len(self._notices)
+        """Messages that wait: rows that are not delivered, states that are not sent."""
+        return len(self.spool) - sum(map(len, self._acknowledged.values())) + len(self._states)
 
     def _take_receipt(self, device: str, payload: bytes) -> None:
         try:
@@ -254,8 +243,8 @@ class Delivery:
 
 
 def _window(row: SpooledRow) -> tuple[str, str, int, str]:
-    """What the rows of a window have in common; rows of power quality are large, and travel alone."""
-    alone = row.stream.channel if topics.is_quality(row.stream.channel) else ""
+    """What the rows of a window have in common; rows of power quality are large, and travel alone, as events do."""
+    alone = row.stream.channel if topics.travels_alone(row.stream.channel) else ""
     return row.stream.device, row.stream.boot, row.seq, alone
 
 
@@ -265,7 +254,7 @@ def _row_message(row: SpooledRow) -> Message:
 
 
 def _window_message(rows: Sequence[SpooledRow]) -> Message:
-    if topics.is_quality(rows[0].stream.channel):
+    if topics.travels_alone(rows[0].stream.channel):
         return _row_message(rows[0])
     sent = [(row.stream, row.seq) for row in rows]
     return Message(topics.window(rows[0].stream.device), joined(row.payload for row in rows), tag=sent)
