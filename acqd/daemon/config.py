@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
 
+from acqd.daemon import nominal
 from acqd.daemon.alarms_section import AlarmsSection
 from acqd.daemon.box_section import BoxSection
 from acqd.daemon.correction_section import CorrectionSection
@@ -143,6 +144,11 @@ class Config(Section):
     def _events_of_samples(self) -> Config:
         if self.events.enabled and all(isinstance(source, MetersSection) for source in self.sources):
             raise ValueError('events.enabled: sources of kind "meters" have no samples; set it to false')
+        return self
+
+    @model_validator(mode="after")
+    def _known_voltages(self) -> Config:
+        nominal.check(self)
         return self
 
     @property

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 
+from acqd.daemon import nominal
 from acqd.daemon.box import Box
 from acqd.daemon.config import Config
 from acqd.daemon.events.watch import Announce
@@ -45,4 +46,6 @@ def feed_of(
         if config.quality.enabled:
             _log.warning("%s: no power quality, which needs samples: RMS meters send none", ", ".join(config.devices))
         return MeterFeed(config.source, boot, deliver, of)
-    return WaveformFeed(config, config.source, boot, deliver, registers(config.device), quality, announce, of)
+    return WaveformFeed(
+        nominal.applied(config), config.source, boot, deliver, registers(config.device), quality, announce, of
+    )
