@@ -121,8 +121,8 @@ class Connector:
             session.check()
             room = session.window.room()
             messages = await self._outbox.take(room) if room.messages > 0 else []
-            for message in messages:
-                session.send(message)
+            if messages:
+                session.send(*messages)
             self.delivered = before + session.window.acknowledged
             if messages:
                 await asyncio.sleep(0)  # metering comes first
