@@ -120,11 +120,8 @@ class Connector:
         while True:
             session.check()
             room = session.window.room()
-            messages = await self._outbox.take(room) if room.messages > 0 else []
+            messages = await self._outbox.take(room)
             if messages:
                 session.send(*messages)
             self.delivered = before + session.window.acknowledged
-            if messages:
-                await asyncio.sleep(0)  # metering comes first
-            else:
-                await self._outbox.wait()
+            await self._outbox.wait()
