@@ -1,7 +1,7 @@
 """All C libraries of acqd: each with its source and flags, compiled at first use, or beforehand in a wheel.
 
 Imports nothing but the standard library, so that a wheel can be built where numpy is not installed. The sources of FMUs
-are not among them: those are written anew for every model (`acqd.fmu.platforms`).
+are not among them: they are generated for every model (`acqd.fmu.platforms`).
 """
 
 from __future__ import annotations

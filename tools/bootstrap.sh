@@ -87,7 +87,7 @@ lint() {
     "$venv/bin/bandit" -q -ii -c pyproject.toml -r acqd
 }
 
-# What is installed with acqd[EXTRA] (postgres by default), in an environment of its own: acqd.cdx.json (CycloneDX) and,
+# What is installed with acqd[EXTRA] (postgres by default), in a fresh environment: acqd.cdx.json (CycloneDX) and,
 # with hashes of the files for this platform and Python, requirements.lock.
 describe_packages() {
     install sbom

@@ -26,9 +26,9 @@ class Box:
         self.config, self._make = config, make
         self.name = ", ".join(config.devices)
         self.feed: Feed | None = None
-        """The running feed; None while there is none."""
+        """The running feed; None until it has started."""
         self.trouble = ""
-        """Why there is none; empty while there is one."""
+        """Why no feed is running; empty while one is."""
         self.mistake = ""
         """A setting that does not fit the source."""
         self.ended = False

@@ -31,7 +31,7 @@ def feed_of(
 ) -> Feed:
     """The feed that makes the rows of this configuration.
 
-    `quality` takes those of power quality, `announce` takes voltage events.
+    `quality` takes batches of power quality, `announce` takes voltage events.
     """
     if config.boxes:
         alone = [config.of_box(box) for box in config.boxes]

@@ -161,14 +161,14 @@ class Removal:
         return (f"{self.prefix}/sensor/+/+/config",)
 
     def will(self) -> None:
-        """None."""
+        """No last will."""
 
     def begin(self) -> Iterable[Message]:
         """Nothing to send."""
         return ()
 
     def take(self, topic: str, payload: bytes) -> Iterable[Message]:
-        """A configuration; those of other programs stay."""
+        """A configuration; other programs' configurations stay."""
         try:
             found = orjson.loads(payload)
             ours = found["origin"]["name"] == _OURS and found["device"]["manufacturer"] == _OURS

@@ -65,14 +65,14 @@ class Influx:
         return TOPICS
 
     def will(self) -> None:
-        """None."""
+        """No last will."""
 
     def begin(self) -> Iterable[Message]:
         """Nothing to send."""
         return ()
 
     def take(self, topic: str, payload: bytes) -> Iterable[Message]:
-        """Rows; what is none is left out."""
+        """Rows; other messages are left out."""
         for row in rows_of(topic, payload):
             try:
                 self._lines.put_nowait(line(row, self._measurement))

@@ -1,4 +1,4 @@
-"""Every quantity as a number of its own on acqd/DEVICE/CHANNEL/QUANTITY, for programs that read no JSON."""
+"""Every quantity as a single number on acqd/DEVICE/CHANNEL/QUANTITY, for programs that read no JSON."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Plain:
 
 
 def summary_of(topic: str, payload: bytes) -> dict[str, Any] | None:
-    """The summary in a message; None for what is none, or of another topic."""
+    """The summary in a message; None for other messages and topics."""
     try:
         summary = orjson.loads(payload)
         right = topic == topics.summary(str(summary["device"]), str(summary["channel"]))

@@ -173,7 +173,7 @@ class Meter:
         return self._columns(piece, means, f, energy_counts, flags)
 
     def _broken(self, piece: Piece) -> WindowBatch:
-        """Meter one window with samples missing: its values are those of the longest unbroken run."""
+        """Meter one window with samples missing: its values belong to the longest unbroken run."""
         runs = [_channels(run) for run in piece.runs]
         energy_counts = sum(((u * i).sum(axis=1, keepdims=True) for u, i in runs), np.zeros((self.form.phases, 1)))
         u, i = max(runs, key=lambda run: run[0].shape[1])

@@ -34,7 +34,7 @@ class Message(Protocol):
 
 
 def store(engine: sa.Engine, messages: Sequence[Message]) -> list[tuple[int, str]]:
-    """Commit the events in `messages`; positions of those that are none, with the reasons.
+    """Commit the events in `messages`; positions of the other messages, with the reasons.
 
     Raises sqlalchemy.exc.DBAPIError while the database cannot.
     """

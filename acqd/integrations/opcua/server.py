@@ -45,7 +45,7 @@ class OpcUaServer:
         return topics.ALL_STATUS, *TOPICS
 
     def will(self) -> None:
-        """None."""
+        """No last will."""
 
     def begin(self) -> Iterable[Message]:
         """Nothing to send."""
