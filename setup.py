@@ -39,7 +39,7 @@ class BuildPy(build_py):
             return
         (package / "prebuilt").mkdir(exist_ok=True)
         for build in all_builds(platform.machine()):
-            compile_shared([compiler], [*build.flags, str(build.source)], package / "prebuilt" / file_name(build))
+            compile_shared(build, [compiler], package / "prebuilt" / file_name(build))
 
 
 class Compiled(Distribution):

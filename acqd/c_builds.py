@@ -1,18 +1,27 @@
-"""All C libraries of acqd: each with its source and flags, compiled at first use, or beforehand in a wheel.
+"""All C that acqd compiles: sources, flags, and what is done where there is no compiler.
 
-Imports nothing but the standard library, so that a wheel can be built where numpy is not installed. The sources of FMUs
-are not among them: they are generated for every model (`acqd.fmu.platforms`).
+The libraries for metering and training are compiled at first use, or beforehand in a wheel. The sources of an FMU are
+written anew for every model. Imports nothing but the standard library, so that a wheel can be built where numpy is not
+installed.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from acqd.instruction_sets import INSTRUCTION_SETS, InstructionSet
 
 _PACKAGE = Path(__file__).parent
-_COMMON = ("-std=gnu11", "-fPIC", "-shared", "-ffp-contract=fast", "-fno-math-errno", "-fno-trapping-math")
+_SHARED = ("-fPIC", "-shared")
+_COMMON = ("-std=gnu11", *_SHARED, "-ffp-contract=fast", "-fno-math-errno", "-fno-trapping-math")
+# equal to the prediction of the bundle on every platform and processor: no contraction, no relaxed mathematics
+FMU_FLAGS = ("-std=c99", "-O3", *_SHARED, "-fvisibility=hidden", "-ffp-contract=off", "-g0")
+WINDOW_FALLBACK = "metering with numpy takes about five times as long"
+TICKS_FALLBACK = "MAIN_FAST waits in Python, which costs more of the processor"
+LSTM_FALLBACK = "train with --compute torch"
+FMU_FALLBACK = "acqd[fmu] brings zig"
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,23 +29,43 @@ class CBuild:
     """A shared library to be compiled."""
 
     name: str
-    source: Path
+    sources: tuple[Path, ...]
     flags: tuple[str, ...]
+    fallback: str
+    """What is done without a compiler, in words."""
+
+    @property
+    def arguments(self) -> list[str]:
+        """Arguments of the compiler."""
+        return [*self.flags, *map(str, self.sources)]
 
 
 def window(channels: int, instructions: InstructionSet) -> CBuild:
     """The metering of windows of so many channels."""
     flags = ("-O2", *_COMMON, "-w", *instructions.options, f"-DCHANNELS={channels}")
-    return CBuild(f"window-{instructions.name}-{channels}", _PACKAGE / "metering" / "kernel" / "window.c", flags)
+    source = _PACKAGE / "metering" / "kernel" / "window.c"
+    return CBuild(f"window-{instructions.name}-{channels}", (source,), flags, WINDOW_FALLBACK)
+
+
+def ticks() -> CBuild:
+    """The cycles of MAIN_FAST; nothing in them gains from wide vectors."""
+    source = _PACKAGE / "plc" / "ticks.c"
+    return CBuild("ticks", (source,), ("-O2", *_COMMON, "-Wall", "-Wextra"), TICKS_FALLBACK)
 
 
 def lstm(instructions: InstructionSet) -> CBuild:
     """Loss and gradient of an LSTM."""
     flags = ("-O3", *_COMMON, *instructions.options, f"-DV={instructions.lanes}")
-    return CBuild(f"lstm-{instructions.name}", _PACKAGE / "models" / "networks" / "fused" / "lstm.c", flags)
+    source = _PACKAGE / "models" / "networks" / "fused" / "lstm.c"
+    return CBuild(f"lstm-{instructions.name}", (source,), flags, LSTM_FALLBACK)
+
+
+def fmu(platform: str, sources: Sequence[Path], include: Path) -> CBuild:
+    """The library of an FMU, from the sources that were written for its model."""
+    return CBuild(f"fmu-{platform}", tuple(sources), (*FMU_FLAGS, f"-I{include}"), FMU_FALLBACK)
 
 
 def all_builds(machine: str) -> list[CBuild]:
-    """Every library for processors of the kind `machine`, as `platform.machine()` calls it."""
+    """Every library of a wheel for processors of the kind `machine`, as `platform.machine()` calls it."""
     sets = [each for each in INSTRUCTION_SETS if machine in ("x86_64", "AMD64") or not each.needs]
-    return [build for each in sets for build in (*(window(channels, each) for channels in (2, 4, 6)), lstm(each))]
+    return [ticks(), *(build for each in sets for build in (*(window(n, each) for n in (2, 4, 6)), lstm(each)))]

@@ -22,8 +22,9 @@ class StateLog:
     differ from attempt to attempt (ports, durations) without being a change.
     """
 
-    def __init__(self, logger: logging.Logger, clock: Callable[[], float] = time.monotonic) -> None:
-        self._logger, self._clock = logger, clock
+    def __init__(self, logger: logging.Logger, clock: Callable[[], float] = time.monotonic, of: str = "") -> None:
+        """`of`: whose subjects these are, where several have subjects of the same names."""
+        self._logger, self._clock, self._of = logger, clock, f" of {of}" if of else ""
         self._states: dict[str, _State] = {}
 
     def trouble(self, subject: str, state: str, text: str, level: int = logging.WARNING) -> bool:
@@ -33,7 +34,7 @@ class StateLog:
             known.repeated += 1
             return False
         self._states[subject] = _State(state, known.since if known else self._clock(), known.repeated if known else 0)
-        self._logger.log(level, "%s: %s", subject, text)
+        self._logger.log(level, "%s%s: %s", subject, self._of, text)
         return True
 
     def fine(self, subject: str, text: str, level: int = logging.WARNING) -> bool:
@@ -42,7 +43,8 @@ class StateLog:
         if known is None:
             return False
         again = f", {known.repeated} more failures" if known.repeated else ""
-        self._logger.log(level, "%s: %s (after %.1f s%s)", subject, text, self._clock() - known.since, again)
+        lasted_s = self._clock() - known.since
+        self._logger.log(level, "%s%s: %s (after %.1f s%s)", subject, self._of, text, lasted_s, again)
         return True
 
     def state(self, subject: str) -> str:

@@ -1,4 +1,4 @@
-"""Compiles C sources to shared libraries and keeps them in a cache."""
+"""Compiles C to shared libraries and keeps them in a cache: the one way from a `CBuild` to a file."""
 
 from __future__ import annotations
 
@@ -30,25 +30,35 @@ def cache_folder() -> Path:
 
 
 def compile_shared(
-    command: Sequence[str],
-    arguments: Sequence[str],
-    out: Path,
-    *,
-    environment: dict[str, str] | None = None,
-    what: str = "",
+    build: CBuild, command: Sequence[str], out: Path, *, environment: dict[str, str] | None = None
 ) -> None:
-    """Run `command arguments -o out`. Raises OperationError with the compiler's first complaint about `what`."""
-    call = [*command, *arguments, "-o", str(out), "-lm"]
+    """Compile `build` to the file `out`. Raises OperationError with the compiler's first complaint."""
+    call = [*command, *build.arguments, "-o", str(out), "-lm"]
     done = subprocess.run(call, capture_output=True, text=True, check=False, env=environment)
     if done.returncode or not out.exists():
         lines = [line for line in done.stderr.splitlines() if "error" in line] or done.stderr.splitlines()
-        raise OperationError(f"{command[0]} cannot compile {what or out.name}: {lines[0] if lines else 'no message'}")
+        raise OperationError(f"{command[0]} cannot compile {build.name}: {lines[0] if lines else 'no message'}")
 
 
 def file_name(build: CBuild) -> str:
-    """Name of the compiled file, with a hash of source and flags: another version has another file."""
-    digest = hashlib.sha256(build.source.read_bytes() + " ".join(build.flags).encode()).hexdigest()[:16]
-    return f"{build.name}-{digest}.so"
+    """Name of the compiled file, with a hash of sources and flags: another version has another file."""
+    digest = hashlib.sha256(" ".join(build.flags).encode())
+    for source in build.sources:
+        digest.update(source.read_bytes())
+    return f"{build.name}-{digest.hexdigest()[:16]}.so"
+
+
+def existing_library(build: CBuild) -> Path | None:
+    """Path of the compiled library: from the wheel, or from the cache; None before it is compiled."""
+    name = file_name(build)
+    return next((path for path in (PREBUILT / name, cache_folder() / name) if path.exists()), None)
+
+
+def why_unavailable(build: CBuild) -> str | None:
+    """Why there is no compiled library, and what is done instead; None where one exists or can be compiled."""
+    if existing_library(build) is not None or system_compiler() is not None:
+        return None
+    return f"{NO_COMPILER}; otherwise {build.fallback}"
 
 
 def cached_library(build: CBuild) -> Path:
@@ -56,14 +66,13 @@ def cached_library(build: CBuild) -> Path:
 
     Raises OperationError without a compiler, for a cache that is not writable, and for C that does not compile.
     """
-    name = file_name(build)
-    path = cache_folder() / name
-    for existing in (PREBUILT / name, path):
-        if existing.exists():
-            return existing
+    existing = existing_library(build)
+    if existing is not None:
+        return existing
+    path = cache_folder() / file_name(build)
     command = system_compiler()
     if command is None:
-        raise OperationError(NO_COMPILER)
+        raise OperationError(f"{NO_COMPILER}; otherwise {build.fallback}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, temporary_name = tempfile.mkstemp(dir=path.parent, suffix=".so")
@@ -72,7 +81,7 @@ def cached_library(build: CBuild) -> Path:
         raise OperationError(f"{path.parent}: {error.strerror}; set XDG_CACHE_HOME to a folder to write in") from None
     temporary = Path(temporary_name)
     try:
-        compile_shared([command], [*build.flags, str(build.source)], temporary)
+        compile_shared(build, [command], temporary)
         temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)

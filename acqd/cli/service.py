@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 import sys
 from pathlib import Path
-from typing import Annotated, get_args
+from typing import Annotated
 
 import orjson
 import typer
@@ -15,7 +15,7 @@ from acqd.errors import UserError
 from acqd.installation.install import Root
 from acqd.installation.install import install as carry_out
 from acqd.installation.install import remove as undo
-from acqd.installation.plan import Service, Wanted, default_program
+from acqd.installation.plan import SERVICES, Wanted, default_program
 from acqd.telemetry.topics import valid_device
 
 app = typer.Typer(help="The services of systemd.", no_args_is_help=True)
@@ -30,7 +30,7 @@ def _service() -> None:
 @app.command()
 def install(
     services: Annotated[
-        list[str] | None, typer.Option("--with", help="daemon, sink, maintain or sidecar; may be repeated.")
+        list[str] | None, typer.Option("--with", help=f"{', '.join(SERVICES)}, or all; may be repeated.")
     ] = None,
     device: Annotated[str, typer.Option(help="Name of the device, and of its user at the broker.")] = "box",
     rights: Annotated[
@@ -49,14 +49,13 @@ def install(
     Example: sudo acqd service install --device hall-3 --rights raw-network
     """
     chosen = tuple(services or ("daemon", "sink", "maintain"))
-    unknown = set(chosen) - set(get_args(Service))
-    if unknown:
-        raise UserError(f"no service {', '.join(sorted(unknown))}; there are {', '.join(get_args(Service))}")
+    if "all" in chosen:
+        chosen = tuple(SERVICES)
     if not valid_device(device):
         raise UserError(f"--device {device!r}: expected letters, digits, . _ -")
     path = program or default_program(shutil.which(sys.argv[0]) or sys.argv[0])
     system = Root(root)
-    wanted = Wanted(path, chosen, device, tuple(rights or ()), broker)  # type: ignore[arg-type]
+    wanted = Wanted(path, chosen, device, tuple(rights or ()), broker)
     carry_out(wanted, system, start=start)
     _report(system, json)
 

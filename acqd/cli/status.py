@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from acqd.cli.boxes_table import flagged, seconds, show_boxes
 from acqd.cli.options import ConfigFile, Json, configured
 from acqd.daemon.health.query import SERVICES, Answer, ask
 from acqd.daemon.health.runbook import entry_for
@@ -58,6 +59,8 @@ def _show(answers: list[Answer]) -> None:
     if table.row_count:  # no service has answered: only what follows
         console.print(table)
     for answer in answers:
+        show_boxes(console, answer.status.get("boxes") or [])
+    for answer in answers:
         for problem in answer.problems:
             console.print(f"[red]{answer.service}:[/] {escape(problem)}", soft_wrap=True)
             _advise(console, problem)
@@ -97,7 +100,7 @@ def _spool(status: dict[str, Any]) -> str:
         return ""
     limit = delivery["spool_limit_bytes"]
     share = f" of {limit / 1e6:.0f} MB" if limit else ""
-    return f"{delivery['spool_bytes'] / 1e6:.1f} MB{share}, oldest row {_seconds(delivery['spool_age_s'])}"
+    return f"{delivery['spool_bytes'] / 1e6:.1f} MB{share}, oldest row {seconds(delivery['spool_age_s'])}"
 
 
 def _cycles(status: dict[str, Any]) -> str:
@@ -107,12 +110,6 @@ def _cycles(status: dict[str, Any]) -> str:
     return f"{cycles['late']} late, {cycles['missed']} missed of {cycles['cycles']}"
 
 
-def _seconds(value: float | None) -> str:
-    if value is None:
-        return "-"
-    return f"{value:.1f} s" if value < 120 else f"{value / 60:.0f} min" if value < 7200 else f"{value / 3600:.1f} h"
-
-
 def _clock(status: dict[str, Any]) -> str:
     return {True: "synchronised", False: "not synchronised"}.get(status.get("synchronised"), "")  # type: ignore[arg-type]
 
@@ -120,15 +117,16 @@ def _clock(status: dict[str, Any]) -> str:
 _LINES = {
     "name": lambda status: str(status["name"]),
     "boot": lambda status: status.get("boot") or "",
-    "running for": lambda status: _seconds(status["uptime_s"]),
+    "running for": lambda status: seconds(status["uptime_s"]),
     "rows": lambda status: str(status["rows"]),
-    "last row": lambda status: f"{_seconds(status['last_row_age_s'])} ago" if status["last_row_age_s"] else "none yet",
+    "last row": lambda status: f"{seconds(status['last_row_age_s'])} ago" if status["last_row_age_s"] else "none yet",
     "source": lambda status: _link("source", status),
     "broker": lambda status: _link("broker", status),
     "database": lambda status: _link("database", status),
     "messages": _delivery,
     "spool": _spool,
     "MAIN_FAST cycles": _cycles,
+    "windows": lambda status: flagged(status.get("windows")),
     "quarantined": lambda status: "" if status.get("quarantined") is None else str(status["quarantined"]),
     "clock": _clock,
 }

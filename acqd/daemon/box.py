@@ -7,15 +7,18 @@ import contextlib
 import logging
 import uuid
 from collections.abc import Callable
+from dataclasses import replace
 
 from acqd.daemon.config import Config
 from acqd.daemon.feed import Feed
+from acqd.daemon.health.snapshot import BoxHealth, FeedHealth, SourceLink
 from acqd.errors import OperationError, SettingError, UserError
 from acqd.retry import Backoff, RetryPolicy
 
 _log = logging.getLogger(__name__)
 _AGAIN = RetryPolicy(first_s=1.0, longest_s=30.0)
 """An attempt is a process that starts and looks for a device."""
+_NOTHING = FeedHealth("", SourceLink(False), None)
 
 
 class Box:
@@ -25,8 +28,8 @@ class Box:
         """`make` gets the configuration and a boot: rows of a feed that was made again begin at `seq` 0."""
         self.config, self._make = config, make
         self.name = ", ".join(config.devices)
-        self.feed: Feed | None = None
-        """The running feed; None until it has started."""
+        # One attribute: a thread that counts finds a feed either running or among the earlier ones.
+        self._now: tuple[Feed | None, FeedHealth] = None, _NOTHING
         self.trouble = ""
         """Why no feed is running; empty while one is."""
         self.mistake = ""
@@ -37,6 +40,36 @@ class Box:
         self.tried = asyncio.Event()
         """Set after the first attempt to start."""
         self._stopping = asyncio.Event()
+
+    @property
+    def feed(self) -> Feed | None:
+        """The running feed; None while there is none."""
+        return self._now[0]
+
+    def health(self) -> BoxHealth:
+        """The source now, with what its earlier feeds have counted; in any thread."""
+        feed, earlier = self._now
+        now = feed.health() if feed is not None else _NOTHING
+        source = SourceLink(
+            now.source.connected or self.ended,
+            now.source.reconnects + earlier.source.reconnects,
+            self.trouble or now.source.trouble,
+            now.source.lost + earlier.source.lost,
+        )
+        return BoxHealth(
+            self.name,
+            tuple(self.config.devices),
+            self.config.source.kind,
+            source,
+            alive=feed is None or feed.alive(),
+            ended=self.ended,
+            restarts=max(self.restarts, 0),
+            boot=now.boot,
+            last_row_age_s=now.last_row_age_s,
+            windows=now.windows + earlier.windows,
+            cycles=now.cycles,
+            synchronised=now.synchronised,
+        )
 
     async def run(self) -> None:
         """Until the source ends or `stop` is called."""
@@ -64,10 +97,10 @@ class Box:
             await self.feed.stop()
 
     async def _run_once(self) -> None:
-        feed = self._make(self.config, uuid.uuid4().hex[:12])
+        feed, earlier = self._make(self.config, uuid.uuid4().hex[:12]), self._now[1]
         try:
             await feed.start()
-            self.feed = feed
+            self._now = feed, earlier
             self.restarts += 1
             if self.trouble:
                 _log.warning("source of %s: delivers", self.name)
@@ -75,7 +108,8 @@ class Box:
             self.tried.set()
             await feed.run()
         finally:
-            self.feed = None
+            if self.feed is not None:
+                self._now = None, _together(earlier, feed.health())
             await feed.stop()
             await asyncio.to_thread(feed.save)
             feed.close()
@@ -85,3 +119,9 @@ class Box:
         if reason != self.trouble:
             _log.error("source of %s: %s; trying again", self.name, reason)
         self.trouble = reason
+
+
+def _together(earlier: FeedHealth, last: FeedHealth) -> FeedHealth:
+    """The counts of feeds that have ended."""
+    lost, again = earlier.source.lost + last.source.lost, earlier.source.reconnects + last.source.reconnects
+    return replace(_NOTHING, source=SourceLink(False, again, "", lost), windows=earlier.windows + last.windows)

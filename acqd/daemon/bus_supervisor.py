@@ -20,10 +20,10 @@ _SUBJECT = "meter bus"
 class BusSupervisor:
     """`watch` is called several times a second; missed rounds are a hole in seq and a flag of the next row."""
 
-    def __init__(self, bus: MeterBus, on_reading: Callable[[Reading], None]) -> None:
-        """`on_reading` is called in the thread of the bus."""
+    def __init__(self, bus: MeterBus, on_reading: Callable[[Reading], None], of: str = "") -> None:
+        """`on_reading` is called in the thread of the bus; `of` names its meters where there are several buses."""
         self._bus, self._on_reading = bus, on_reading
-        self._says, self._backoff = StateLog(_log), Backoff()
+        self._says, self._backoff = StateLog(_log, of=of), Backoff()
         self._begun = self._due = 0.0
         self.restarts = 0
         """Launches after the first."""

@@ -11,12 +11,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from acqd.daemon.broker_checks import broker_checks
+from acqd.daemon.compiler_checks import compiled_c
 from acqd.daemon.config import Config
 from acqd.daemon.finding import Finding
 from acqd.daemon.source_checks import source_checks
 from acqd.daemon.spool_checks import spool_checks
 from acqd.errors import UserError
-from acqd.instruction_sets import best_instruction_set
 
 _FREE_BYTES = 2 * 10**9  # a week of three-phase rows
 _CPU_GOVERNOR = Path("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor")
@@ -29,7 +29,7 @@ def all_checks(config: Config) -> list[Finding]:
         *_host(),
         *_privileges(config),
         *_clock(),
-        _metering(),
+        *compiled_c(),
         *(finding for source in config.sources for finding in source_checks(source)),
         *broker_checks(config),
         _database(config),
@@ -79,17 +79,6 @@ def _clock() -> Iterator[Finding]:
     advice = "" if synchronised else "enable systemd-timesyncd or chrony: rows carry this clock's UTC"
     yield Finding(
         "time synchronisation", "ok" if synchronised else "warn", "on" if synchronised else "not seen", advice
-    )
-
-
-def _metering() -> Finding:
-    from acqd.metering.kernel import why_not  # compiles at first use
-
-    reason = why_not()
-    if reason is None:
-        return Finding("metering", "ok", f"compiled, {best_instruction_set().name}")
-    return Finding(
-        "metering", "warn", f"numpy ({reason})", "a window takes about five times as long; install a C compiler"
     )
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
 
+from acqd.daemon import nominal
 from acqd.daemon.alarms_section import AlarmsSection
 from acqd.daemon.box_section import BoxSection
 from acqd.daemon.correction_section import CorrectionSection
@@ -145,12 +146,26 @@ class Config(Section):
             raise ValueError('events.enabled: sources of kind "meters" have no samples; set it to false')
         return self
 
+    @model_validator(mode="after")
+    def _known_voltages(self) -> Config:
+        nominal.check(self)
+        return self
+
     @property
     def devices(self) -> list[str]:
         """Devices of the rows."""
         if self.boxes:
             return [name for box in self.boxes for name in box.devices]
         return [meter.name for meter in self.source.meters] if isinstance(self.source, MetersSection) else [self.device]
+
+    @property
+    def watched(self) -> list[str]:
+        """Devices whose samples are watched for voltage events."""
+        if not self.events.enabled:
+            return []
+        if not self.boxes:
+            return self.devices
+        return [name for box in self.boxes if not isinstance(box.source, MetersSection) for name in box.devices]
 
     @property
     def sources(self) -> list[SourceSection]:

@@ -13,7 +13,7 @@ from acqd.metering.stages import Stage
 from acqd.metering.wiring import Aron
 from acqd.sources.spec import Spec, spec_of
 
-NOT_OF_THE_SOURCE = {"correction", "wiring"}
+NOT_OF_THE_SOURCE = {"correction", "wiring", "nominal_voltage"}
 """Keys that concern the samples after MAIN_FAST."""
 
 
@@ -23,6 +23,8 @@ class WaveformKeys(Section):
     correction: CorrectionSection = CorrectionSection()
     wiring: Literal["star", "aron"] = "star"
     """star: each pair is a phase; aron: two pairs of a three-wire system."""
+    nominal_voltage: Positive | None = None
+    """V between the metered conductors that are 100 %; without it, [metering] and [events] say it for all sources."""
 
     @property
     def makers(self) -> list[Callable[[StreamFormat], Stage | None]]:

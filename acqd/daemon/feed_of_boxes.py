@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Iterable, Sequence
+from dataclasses import asdict
 from typing import Any
 
 from acqd.daemon.box import Box
-from acqd.daemon.health.snapshot import Cycles, FeedHealth, SourceLink
+from acqd.daemon.health.snapshot import Cycles, FeedHealth, SourceLink, Windows
 from acqd.errors import UserError
 from acqd.plc.distribution import together
 from acqd.plc.recent import SampledWindow
@@ -66,21 +67,26 @@ class FeedOfBoxes:
         return all(feed.alive() for _, feed in self._running())
 
     def health(self) -> FeedHealth:
-        """Connected while all sources are; the oldest of the last rows; the cycles of all together."""
-        parts = {box.name: feed.health() for box, feed in self._running()}
-        links = [part.source for part in parts.values()]
-        ages = [part.last_row_age_s for part in parts.values()]
-        clocks = [part.synchronised for part in parts.values() if part.synchronised is not None]
-        troubles = {box.name: box.trouble for box in self._boxes} | {n: p.source.trouble for n, p in parts.items()}
+        """Connected while all sources are; the oldest of the last rows; the cycles of all together; every box."""
+        boxes = tuple(box.health() for box in self._boxes)
+        running = [each for each in boxes if each.boot]
+        ages = [each.last_row_age_s for each in running]
         source = SourceLink(
-            all(link.connected for link in links) and not any(box.trouble for box in self._boxes),
-            sum(link.reconnects for link in links) + sum(max(box.restarts, 0) for box in self._boxes),
-            "; ".join(f"{name}: {why}" for name, why in troubles.items() if why),
-            sum(link.lost for link in links),
+            all(each.source.connected for each in boxes),
+            sum(each.source.reconnects + each.restarts for each in boxes),
+            "; ".join(f"{each.name}: {each.source.trouble}" for each in boxes if each.source.trouble),
+            sum(each.source.lost for each in boxes),
         )
-        age = None if None in ages or not ages else max(age for age in ages if age is not None)
-        cycles = _together(part.cycles for part in parts.values() if part.cycles is not None)
-        return FeedHealth(self._boot, source, age, cycles, all(clocks) if clocks else None)
+        clocks = [each.synchronised for each in running if each.synchronised is not None]
+        return FeedHealth(
+            self._boot,
+            source,
+            None if None in ages or not ages else max(age for age in ages if age is not None),
+            _together(each.cycles for each in running if each.cycles is not None),
+            all(clocks) if clocks else None,
+            sum((each.windows for each in boxes), Windows()),
+            boxes,
+        )
 
     def window(self, device: str) -> tuple[str, SampledWindow | None] | None:
         """The newest window of a device of any box; None for its samples while its box is away."""
@@ -100,12 +106,15 @@ class FeedOfBoxes:
 
     def status(self) -> dict[str, Any]:
         """Of every box, by its device."""
-        boxes: dict[str, Any] = {
-            box.name: {"source": box.config.source.kind, "trouble": box.trouble, "ended": box.ended}
-            for box in self._boxes
-        }
-        for box, feed in self._running():
-            boxes[box.name] |= {"boot": feed.health().boot} | feed.status()
+        boxes: dict[str, Any] = {}
+        for box in self._boxes:
+            feed, now = box.feed, box.health()
+            boxes[box.name] = {
+                "source": now.kind, "trouble": box.trouble, "ended": now.ended, "restarts": now.restarts,
+                "windows": asdict(now.windows),
+            }  # fmt: skip
+            if feed is not None:
+                boxes[box.name] |= {"boot": now.boot} | feed.status()
         return {"simulated": any(box.get("simulated", False) for box in boxes.values()), "boxes": boxes}
 
     def _running(self) -> list[tuple[Box, Any]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 
+from acqd.daemon import nominal
 from acqd.daemon.box import Box
 from acqd.daemon.config import Config
 from acqd.daemon.events.watch import Announce
@@ -28,20 +29,23 @@ def feed_of(
     registers: Registers,
     quality: DeliverQuality | None = None,
     announce: Announce | None = None,
+    of: str = "",
 ) -> Feed:
     """The feed that makes the rows of this configuration.
 
-    `quality` takes batches of power quality, `announce` takes voltage events.
+    `quality` takes those of power quality, `announce` takes voltage events. `of` names the box in the log.
     """
     if config.boxes:
         alone = [config.of_box(box) for box in config.boxes]
 
         def make(one: Config, boot: str) -> Feed:
-            return feed_of(one, boot, deliver, registers, quality, announce)
+            return feed_of(one, boot, deliver, registers, quality, announce, ", ".join(one.devices))
 
         return FeedOfBoxes([Box(one, make) for one in alone], boot)
     if isinstance(config.source, MetersSection):
         if config.quality.enabled:
             _log.warning("%s: no power quality, which needs samples: RMS meters send none", ", ".join(config.devices))
-        return MeterFeed(config.source, boot, deliver)
-    return WaveformFeed(config, config.source, boot, deliver, registers(config.device), quality, announce)
+        return MeterFeed(config.source, boot, deliver, of)
+    return WaveformFeed(
+        nominal.applied(config), config.source, boot, deliver, registers(config.device), quality, announce, of
+    )

@@ -14,6 +14,7 @@ from acqd.daemon.bus_supervisor import BusSupervisor
 from acqd.daemon.feed import Deliver
 from acqd.daemon.health.snapshot import FeedHealth, SourceLink
 from acqd.daemon.modbus_sections import MetersSection
+from acqd.daemon.tally import Tally
 from acqd.errors import UserError
 from acqd.metering.power import effective
 from acqd.plc.kernel_clock import KernelClock, WallClockSteps
@@ -36,8 +37,11 @@ _RELAUNCHING_S = 60.0  # without a row although the bus was relaunched: then the
 class MeterFeed:
     """The meters of one link."""
 
-    def __init__(self, source: MetersSection, boot: str, deliver: Deliver) -> None:
-        """Raises UserError for a meter name that is invalid or occurs twice."""
+    def __init__(self, source: MetersSection, boot: str, deliver: Deliver, of: str = "") -> None:
+        """`of` names the meters in the log where there are several links.
+
+        Raises UserError for a meter name that is invalid or occurs twice.
+        """
         names = [meter.name for meter in source.meters]
         for name in names:
             if names.count(name) > 1:
@@ -47,12 +51,12 @@ class MeterFeed:
         meters, modbus = device_module("meters"), device_module("modbus")
         settings = [meters.MeterSettings(**meter.model_dump()) for meter in source.meters]
         self._bus: MeterBus = meters.MeterBus(modbus.ModbusLink(**source.link()), settings)
-        self._supervisor = BusSupervisor(self._bus, self._hand_over)
+        self._supervisor = BusSupervisor(self._bus, self._hand_over, of)
         self._loop: asyncio.AbstractEventLoop | None = None
         self._boot = Boot(boot)
         self._clock, self._steps = KernelClock(), WallClockSteps()
         self._simulated = source.simulated
-        self._deliver = deliver
+        self._deliver, self._tally = deliver, Tally()
         self._summarisers = {name: Summariser() for name in names}
         self._stopped = asyncio.Event()
         self._last_row = time.monotonic()
@@ -109,7 +113,8 @@ class MeterFeed:
         connected = not ended and len(silent) < len(self._bus.meters)
         source = SourceLink(connected, self._found + self._supervisor.restarts, trouble)
         age = time.monotonic() - self._last_row
-        return FeedHealth(self._boot.name, source, age, synchronised=self._clock.synchronised)
+        windows = self._tally.total()
+        return FeedHealth(self._boot.name, source, age, synchronised=self._clock.synchronised, windows=windows)
 
     def capture(self, device: str, seconds: float) -> None:
         """Meters that are read have no samples."""
@@ -150,7 +155,9 @@ class MeterFeed:
         timed = list(_timed_rows(reading, self._boot.name, sorted(flags)))
         self._boot.stamp([entry.row for entry in timed])
         summaries = self._summarisers[reading.meter].add_rows(timed)
-        self._deliver([entry.row for entry in timed], summaries, None)  # the meters keep their registers
+        rows = [entry.row for entry in timed]
+        self._tally.add(rows)
+        self._deliver(rows, summaries, None)  # the meters keep their registers
         self._last_row = time.monotonic()
 
 

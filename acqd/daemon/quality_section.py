@@ -6,6 +6,9 @@ from typing import Literal
 
 from acqd.daemon.section import Section
 
+BridgedQuality = Literal["10/12", "150/180", "10min", "off"]
+"""Setting of a bridge: the rows of power quality that it passes on, from this aggregation on."""
+
 
 class QualitySection(Section):
     """Power quality, in addition to the windows."""

@@ -76,8 +76,9 @@ class Uplink:
         )
 
     def put_event(self, event: PowerEvent) -> None:
-        """Publish a voltage event."""
-        self._delivery.put_notice(topics.event(event.device), event.to_json())
+        """Take a voltage event."""
+        stream = Stream(event.device, topics.EVENTS, event.boot)
+        self._delivery.put_rows([SpooledRow(stream, event.seq, event.to_json())])
 
     def put_status(self, payload: bytes) -> None:
         """Publish the status of the daemon."""

@@ -17,6 +17,7 @@ from acqd.daemon.health.snapshot import Cycles, FeedHealth, SourceLink
 from acqd.daemon.quality_feed import DeliverQuality, QualityFeed
 from acqd.daemon.register import RegisterFile, greater
 from acqd.daemon.source_sections import WaveformSection
+from acqd.daemon.tally import Tally
 from acqd.metering import Meter, SampleBlock, StreamFormat, WindowBatch
 from acqd.plc.executive import Executive
 from acqd.plc.realtime import prioritise
@@ -41,8 +42,12 @@ class WaveformFeed:
         energy: Energy | None = None,
         deliver_quality: DeliverQuality | None = None,
         announce: Announce | None = None,
+        of: str = "",
     ) -> None:
-        """`energy`: the registers after the last row that an earlier start has spooled; `announce` takes events."""
+        """`energy`: the registers after the last row that an earlier start has spooled; `announce` takes events.
+
+        `of` names the device in the log where there are several.
+        """
         self._config = config
         self._spooled = energy
         self._boot = Boot(boot)
@@ -57,7 +62,7 @@ class WaveformFeed:
         self._events: EventWatch | None = None
         self._saving = threading.Lock()
         self._register = RegisterFile(config.state_dir, config.device) if config.state_dir else None
-        self._summariser = Summariser()
+        self._summariser, self._tally = Summariser(), Tally()
         self._last_row: float | None = None
         self._begun = time.monotonic()
         self._cycles = Cycles()
@@ -70,6 +75,7 @@ class WaveformFeed:
             realtime=config.realtime.settings(),
             makers=source.makers,
             make_watch=self._make_watch if self._quality is not None or config.events.enabled else None,
+            of=of,
         )
 
     @property
@@ -127,6 +133,7 @@ class WaveformFeed:
             None if last is None else time.monotonic() - last,
             self._cycles,
             executive.clock.synchronised,
+            self._tally.total(),
         )
 
     def window(self, device: str) -> tuple[str, SampledWindow | None] | None:
@@ -171,6 +178,7 @@ class WaveformFeed:
     def _take(self, batch: WindowBatch) -> None:
         rows = list(rows_of(batch, self._config.device, self._boot.name))
         self._boot.stamp(rows)
+        self._tally.add(rows)
         assert self._executive.meter is not None
         self._deliver(rows, self._summariser.add(batch, rows), self._executive.meter.energy.reading())
         self._last_row = time.monotonic()

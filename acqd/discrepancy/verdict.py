@@ -80,7 +80,7 @@ def _without_traces(
     errors = errors_of(subject.model, subject.fit)
     rows = sum(len(error) for error in errors)
     excess = max(rms(errors) ** 2 - lowest_W**2, 0.0) * rows
-    gains = {(named.id, named.place.where): named.finding.supported().plain for named in tracing.effects}
+    gains = {(named.id, named.place.where): named.finding.supported().plain.total for named in tracing.effects}
     shares = [
         (each, gains.get((each.term.id, each.term.where), 0.0) / max(excess, 1e-9)) for each in improved.reported_only
     ]

@@ -10,10 +10,9 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
+from acqd.c_builds import FMU_FALLBACK, fmu
 from acqd.compiling import NO_COMPILER, cache_folder, compile_shared, system_compiler
 from acqd.errors import UserError
-
-_FLAGS = ("-std=c99", "-O3", "-fPIC", "-shared", "-fvisibility=hidden", "-ffp-contract=off", "-g0")
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,8 +55,7 @@ def build(target: Platform, sources: Sequence[Path], include: Path, out: Path) -
     """
     command = _compiler(target)
     environment = os.environ | {"ZIG_GLOBAL_CACHE_DIR": str(cache_folder() / "zig")}
-    arguments = [*_FLAGS, f"-I{include}", *map(str, sources)]
-    compile_shared(command, arguments, out, environment=environment, what=f"the model for {target.name}")
+    compile_shared(fmu(target.name, sources, include), command, out, environment=environment)
     return "zig cc" if command[0] == sys.executable else command[0]
 
 
@@ -69,7 +67,7 @@ def _compiler(target: Platform) -> list[str]:
     if find_spec("ziglang") is not None:
         return [sys.executable, "-m", "ziglang", "cc", "-target", target.zig, "-Wl,-s"]
     if target.name == here():
-        raise UserError(f"{NO_COMPILER} or acqd[fmu]")
+        raise UserError(f"{NO_COMPILER}; otherwise {FMU_FALLBACK}")
     raise UserError(
         f"compiling for {target.name} needs zig: pip install 'acqd[fmu]', or ask for --platform {here()} only"
     )

@@ -9,7 +9,7 @@ import secrets
 
 from acqd.installation.shared_files import shared_text
 
-SINK, SIDECAR, VIEWER = "acqd-sink", "acqd-sidecar", "viewer"
+SINK, SIDECAR, BRIDGE, VIEWER = "acqd-sink", "acqd-sidecar", "acqd-bridge", "viewer"
 _ITERATIONS = 101  # mosquitto's
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from acqd.errors import OperationError, UserError
 from acqd.installation.broker_access import VIEWER, new_password, with_passwords
-from acqd.installation.plan import UNITS, File, Service, Wanted, files_of, users_of
+from acqd.installation.plan import SERVICES, File, Wanted, files_of, users_of
 
 _PASSWORDS = "/etc/mosquitto/acqd.passwords"
 _DATA = ("/etc/acqd", "/var/lib/acqd", "/var/cache/acqd")
@@ -116,11 +116,11 @@ def remove(root: Root, *, purge: bool) -> None:
     Raises UserError, OperationError.
     """
     _require_rights(root)
-    services: tuple[Service, ...] = tuple(UNITS)
+    services = tuple(SERVICES)
     if root.live:
-        present = [unit for unit in _started(services) if root.at(f"/etc/systemd/system/{unit}").exists()]
-        if present:
-            root.run("systemctl", "disable", "--now", *present, needed=False)
+        for service in SERVICES.values():
+            if root.at(f"/etc/systemd/system/{service.units[0]}").exists():
+                root.run("systemctl", "disable", "--now", service.enabled, needed=False)
     wanted = Wanted("acqd", services, drop_ins=("raw-network", "serial"))
     for file in reversed(files_of(wanted)):
         if not file.keep or file.path.startswith("/etc/mosquitto"):
@@ -146,9 +146,9 @@ def _remove_user(root: Root) -> None:
     root.done.append("removed the user acqd")
 
 
-def _started(services: Sequence[Service]) -> list[str]:
+def _started(services: Sequence[str]) -> list[str]:
     """Units to be enabled: of maintenance the timer only."""
-    return [UNITS[service][-1] for service in services]
+    return [SERVICES[service].enabled for service in services]
 
 
 def _require_rights(root: Root) -> None:

@@ -6,20 +6,39 @@ import re
 from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
-from typing import Literal
 
 from acqd.errors import UserError
-from acqd.installation.broker_access import SIDECAR, SINK, broker_configuration
+from acqd.installation.broker_access import BRIDGE, SIDECAR, SINK, VIEWER, broker_configuration
 from acqd.installation.shared_files import shared_text
 
-Service = Literal["daemon", "sink", "sidecar", "maintain"]
-UNITS: dict[Service, tuple[str, ...]] = {
-    "daemon": ("acqd.service",),
-    "sink": ("acqd-sink.service",),
-    "sidecar": ("acqd-sidecar.service",),
-    "maintain": ("acqd-maintain.service", "acqd-maintain.timer"),
+
+@dataclass(frozen=True, slots=True)
+class Service:
+    """A service that can be installed."""
+
+    units: tuple[str, ...]
+    enabled: str
+    """The unit that is enabled and started."""
+    toml: str
+    """Name of its configuration in /etc/acqd."""
+    user: str | None = None
+    """The broker's user; None: the device."""
+
+
+def _bridge(kind: str) -> Service:
+    return Service(("acqd-bridge@.service",), f"acqd-bridge@{kind}.service", "bridge", BRIDGE)
+
+
+SERVICES = {
+    "daemon": Service(("acqd.service",), "acqd.service", "acqd"),
+    "sink": Service(("acqd-sink.service",), "acqd-sink.service", "sink", SINK),
+    "maintain": Service(("acqd-maintain.service", "acqd-maintain.timer"), "acqd-maintain.timer", "sink", SINK),
+    "sidecar": Service(("acqd-sidecar.service",), "acqd-sidecar.service", "sidecar", SIDECAR),
+    "web": Service(("acqd-web.service",), "acqd-web.service", "web", VIEWER),
+    "alarms": Service(("acqd-alarms.service",), "acqd-alarms.service", "bridge", BRIDGE),
+    "opcua": Service(("acqd-opcua.service",), "acqd-opcua.service", "bridge", BRIDGE),
+    **{f"bridge-{kind}": _bridge(kind) for kind in ("homeassistant", "influx", "plain", "sparkplug")},
 }
-_OWNERS: dict[Service, str] = {"sink": SINK, "maintain": SINK, "sidecar": SIDECAR}
 _DROP_INS = {"raw-network": "acqd-raw-network.conf", "serial": "acqd-serial.conf"}
 _SYSUSERS = 'u acqd - "acqd power metering" /var/lib/acqd /usr/sbin/nologin\n'
 _TMPFILES = "d /etc/acqd 0750 root acqd -\nd /var/lib/acqd 0750 acqd acqd -\nd /var/cache/acqd 0750 acqd acqd -\n"
@@ -44,7 +63,8 @@ class Wanted:
 
     program: str
     """Path of the command acqd."""
-    services: tuple[Service, ...] = ("daemon", "sink", "maintain")
+    services: tuple[str, ...] = ("daemon", "sink", "maintain")
+    """Names in SERVICES."""
     device: str = "box"
     """Name of the device, which is also its user at the broker."""
     drop_ins: tuple[str, ...] = ()
@@ -54,12 +74,16 @@ class Wanted:
     passwords: dict[str, str] = field(default_factory=dict, repr=False)
     """New passwords by user of the broker."""
 
+    def __post_init__(self) -> None:
+        """Raises UserError for rights and services that are unknown."""
+        for what, given, known in (("rights", self.drop_ins, _DROP_INS), ("service", self.services, SERVICES)):
+            unknown = set(given) - set(known)
+            if unknown:
+                raise UserError(f"no {what} {', '.join(sorted(unknown))}; there are {', '.join(known)}")
+
 
 def files_of(wanted: Wanted) -> list[File]:
-    """All files but the broker's password file. Raises UserError."""
-    unknown = set(wanted.drop_ins) - set(_DROP_INS)
-    if unknown:
-        raise UserError(f"no rights {', '.join(sorted(unknown))}; there are {', '.join(_DROP_INS)}")
+    """All files but the broker's password file. Raises UserError where acqd was copied without its files."""
     made = [
         File("/etc/sysusers.d/acqd.conf", _SYSUSERS),
         File("/etc/tmpfiles.d/acqd.conf", _TMPFILES),
@@ -86,17 +110,16 @@ def users_of(wanted: Wanted) -> list[str]:
     return list(dict.fromkeys(user_of(wanted, service) for service in wanted.services))
 
 
-def user_of(wanted: Wanted, service: Service) -> str:
-    """The broker's user of a service: the device's name, acqd-sink or acqd-sidecar."""
-    return _OWNERS.get(service, wanted.device)
+def user_of(wanted: Wanted, service: str) -> str:
+    """The broker's user of a service: the device's name, or one that is common to all devices."""
+    return SERVICES[service].user or wanted.device
 
 
-def _service_files(wanted: Wanted, service: Service) -> list[File]:
-    user = user_of(wanted, service)
-    toml = {"daemon": "acqd", "maintain": "sink"}.get(service, service)
+def _service_files(wanted: Wanted, service: str) -> list[File]:
+    user, toml = user_of(wanted, service), SERVICES[service].toml
     config = configuration(user if wanted.broker else None, wanted.device)
     made = [File(f"/etc/acqd/{toml}.toml", config, 0o640, "acqd", keep=True)]
-    for unit in UNITS[service]:
+    for unit in SERVICES[service].units:
         text = shared_text(f"systemd/{unit}").replace("/opt/acqd/.venv/bin/acqd", wanted.program)
         text = text.replace("/etc/acqd/acqd.toml", f"/etc/acqd/{toml}.toml")
         text = re.sub(r"^(Documentation=file:|# Installed by hand:).*\n", "", text, flags=re.MULTILINE)

@@ -11,7 +11,8 @@ reach the 10 mHz of IEC 61000-4-30 class A inside 40 ms; this does.
 
 A phase jump, a large voltage step and a strong interharmonic move f without lowering the credibility of the fit. They
 bend the phase: seven one-cycle phasors over the stretch have phases that no parabola fits (`unsteadiness`). A steady
-change of f is a parabola, and harmonics cancel over whole cycles.
+change of f is a parabola, and harmonics cancel over whole cycles. An interharmonic near f bends the phase too little;
+`sideband` finds it over many windows.
 """
 
 from __future__ import annotations
@@ -55,6 +56,13 @@ class Estimate:
     """[windows] Hz at the middle of the stretch; NaN where no fundamental is credible."""
     unsteady: np.ndarray
     """[windows] the phase is bent: `f` is not to be trusted."""
+    magnitude: Floats
+    """[windows] of the fundamental of all phases together, sqrt(sum |c|^2) [digits]."""
+
+    def followed_by(self, other: Estimate) -> Estimate:
+        """Of both, one after the other."""
+        names = ("f", "unsteady", "magnitude")
+        return Estimate(*(np.concatenate((getattr(self, name), getattr(other, name))) for name in names))
 
 
 class FrequencyEstimator:
@@ -92,25 +100,26 @@ class FrequencyEstimator:
         """As `estimate`, and whether the phase is steady."""
         windows = _windows(u, ends, self._samples)
         if self.trial is None:
-            f, purity, grid = self._iterate(windows, self._coarse(windows))
+            f, purity, grid, magnitude = self._iterate(windows, self._coarse(windows))
         else:
-            f, purity, grid = self._iterate(windows, np.full(len(ends), to_grid(self.trial)))
+            f, purity, grid, magnitude = self._iterate(windows, np.full(len(ends), to_grid(self.trial)))
             lost = np.flatnonzero(~_credible(f, purity))
             if lost.size:  # not near the last frequency: search the whole range, once
-                f[lost], purity[lost], grid[lost] = self._iterate(windows[:, lost], self._coarse(windows[:, lost]))
+                again = self._iterate(windows[:, lost], self._coarse(windows[:, lost]))
+                f[lost], purity[lost], grid[lost], magnitude[lost] = again
         credible = _credible(f, purity)
         f[~credible] = np.nan
         known = f[credible]
         self.trial = float(known[-1]) if known.size else None
         unsteady = np.zeros(len(f), dtype=bool)
         unsteady[credible] = self._unsteadiness(windows[:, credible], grid[credible]) > self.steady
-        return Estimate(f, unsteady)
+        return Estimate(f, unsteady, magnitude)
 
     def at(self, point: int) -> Trial:
         """Vectors of grid point `point`."""
         return make_trial(point * GRID, self._rate, self._samples, tapered=self._tapered)
 
-    def _iterate(self, windows: Floats, grid: np.ndarray) -> tuple[Floats, Floats, np.ndarray]:
+    def _iterate(self, windows: Floats, grid: np.ndarray) -> tuple[Floats, Floats, np.ndarray, Floats]:
         """Gauss-Newton steps until every window sits on its nearest grid point."""
         phases, count, _ = windows.shape
         grid = grid.copy()
@@ -139,7 +148,7 @@ class FrequencyEstimator:
         ac = np.einsum("pwn,pwn->w", windows, windows) / self._samples
         ac -= (np.einsum("pwn->pw", windows) ** 2).sum(axis=0) / self._samples**2
         f[todo] = np.nan  # did not settle
-        return f, power / np.maximum(ac, 1e-30), grid
+        return f, power / np.maximum(ac, 1e-30), grid, np.sqrt(2 * power)
 
     def _unsteadiness(self, windows: Floats, grid: np.ndarray) -> Floats:
         """Largest distance of a one-cycle phase from a parabola [rad], all phases together with weights |c|^2."""

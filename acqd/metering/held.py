@@ -8,6 +8,7 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.metering.frequency import Estimate
+from acqd.metering.sideband import Sideband
 
 _REMEMBERED = 15  # windows
 _OFTEN = 5  # unsteady ones among them: an interharmonic rather than jumps
@@ -17,22 +18,33 @@ class HeldFrequency:
     """Continues f over windows without one.
 
     After a jump: the last f. While an interharmonic beats with the fundamental, f swings around the truth from window
-    to window, also in those whose phase happens to be steady: the median of the last estimates.
+    to window, also in those whose phase happens to be steady: the median of the last estimates, or what is left of f
+    without the interharmonic where that is known.
     """
 
-    def __init__(self, f_nominal: float) -> None:
+    def __init__(self, f_nominal: float, window_s: float) -> None:
         self.last = f_nominal
         """Hz."""
+        self._sideband = Sideband(window_s)
         self._recent: deque[tuple[float, bool]] = deque(maxlen=_REMEMBERED)
 
     @property
     def calm(self) -> bool:
-        """Steady estimates are usable: few of those remembered were unsteady."""
-        return sum(unsteady for _, unsteady in self._recent) < _OFTEN
+        """Steady estimates are usable: few of those remembered were unsteady, and no interharmonic is near f."""
+        return not self._sideband.beating and sum(unsteady for _, unsteady in self._recent) < _OFTEN
 
-    def note_steady(self, f: list[float]) -> None:
-        """Estimates of consecutive windows that were all steady [Hz]."""
-        self._recent.extend([(value, False) for value in f[-_REMEMBERED:]])
+    def note_steady(self, f: list[float], magnitude: list[float]) -> int:
+        """Estimates of consecutive windows that were all steady [Hz, digits]; how many are usable."""
+        for k, (value, size) in enumerate(zip(f, magnitude, strict=True)):
+            if self._sideband.note(value, size) is not None:
+                self._sideband.forget_last()
+                return k
+            self._recent.append((value, False))
+        return len(f)
+
+    def reset(self) -> None:
+        """The next window does not follow the last one."""
+        self._sideband.reset()
 
     def usable(self, estimate: Estimate) -> tuple[Floats, Floats]:
         """f of consecutive windows, NaN where it is not known or not to be trusted; and what f is about there.
@@ -40,13 +52,17 @@ class HeldFrequency:
         The second is NaN where the last f goes on.
         """
         f, substitute = estimate.f.copy(), np.full(len(estimate.f), np.nan)
-        for k, (raw, unsteady) in enumerate(zip(f.tolist(), estimate.unsteady.tolist(), strict=True)):
+        columns = zip(f.tolist(), estimate.unsteady.tolist(), estimate.magnitude.tolist(), strict=True)
+        for k, (raw, unsteady, magnitude) in enumerate(columns):
             if raw == raw:
                 self._recent.append((raw, unsteady))
+            without = self._sideband.note(raw, magnitude, steady=not unsteady)
             disturbed = sum(bent for _, bent in self._recent) >= _OFTEN
-            if disturbed:
+            if without is not None:
+                substitute[k] = without
+            elif disturbed:
                 substitute[k] = np.median([value for value, _ in self._recent])
-            if unsteady or disturbed:
+            if unsteady or disturbed or without is not None:
                 f[k] = np.nan
         return f, substitute
 

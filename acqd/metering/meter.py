@@ -63,7 +63,7 @@ class Meter:
         fit = max(shortest, int(_FREQUENCY_SPAN * form.rate))
         self._frequency = FrequencyEstimator(form.rate, fit)
         self._start_frequency = FrequencyEstimator(form.rate, shortest, tapered=False)
-        self._held = HeldFrequency(form.f_nominal)
+        self._held = HeldFrequency(form.f_nominal, window)
         self._middle = MiddleFrequency(window * form.rate)
         history = max(fit, int(np.ceil(CYCLES * form.rate / (F_MIN - 1))) + 2) - shortest
         self._stream = WindowStream(self._grid, history, max(1, _BATCH_SAMPLES // shortest))
@@ -167,13 +167,15 @@ class Meter:
             if dark[-1] == len(f) - 1:
                 self._frequency.reset()
                 self._middle.reset()
+                self._held.reset()
         for k in np.flatnonzero(np.isnan(f) & live.any(axis=0)).tolist():
             _mark(flags, k, "transient")
         self._flag_phases(flags, live, piece.codes, piece.bounds)
         return self._columns(piece, means, f, energy_counts, flags)
 
     def _broken(self, piece: Piece) -> WindowBatch:
-        """Meter one window with samples missing: its values belong to the longest unbroken run."""
+        """Meter one window with samples missing: its values are those of the longest unbroken run."""
+        self._held.reset()
         runs = [_channels(run) for run in piece.runs]
         energy_counts = sum(((u * i).sum(axis=1, keepdims=True) for u, i in runs), np.zeros((self.form.phases, 1)))
         u, i = max(runs, key=lambda run: run[0].shape[1])
@@ -210,8 +212,7 @@ class Meter:
         if short == len(ends):
             return first, centres
         rest = full.examine(u, ends[short:])
-        joined = np.concatenate((first.f, rest.f)), np.concatenate((first.unsteady, rest.unsteady))
-        return Estimate(*joined), centres
+        return first.followed_by(rest), centres
 
     def _interval_middle(self, piece: Piece, f: Floats) -> Floats:
         """Middle of the interval of each window [samples], as far as `f` is known."""

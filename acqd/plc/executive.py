@@ -30,6 +30,7 @@ from acqd.plc.ring import ENDED
 from acqd.plc.slow import SlowTask
 from acqd.plc.source_watch import SourceWatch
 from acqd.plc.stats import CycleStats, CycleSummary
+from acqd.plc.ticks_library import library_path
 from acqd.retry import Backoff, RetryPolicy
 from acqd.sources.base import SourceHealth
 from acqd.sources.spec import Spec
@@ -51,10 +52,12 @@ class Executive:
         realtime: RealtimeSettings | None = None,
         makers: Sequence[Callable[[StreamFormat], Stage | None]] = (),
         make_watch: Callable[[StreamFormat], Callable[[SampleBlock], None]] | None = None,
+        of: str = "",
     ) -> None:
         """`makers` make the stages before the meter; `make_meter` gets the format after them.
 
-        So does `make_watch`, which makes what gets every block after the meter.
+        So does `make_watch`, which makes what gets every block after the meter. `of` names the device in the log where
+        there are several.
         """
         self._orders = {"source": source, "window": window, "realtime": asdict(realtime or RealtimeSettings())}
         self._make_meter, self._makers = make_meter, makers
@@ -69,7 +72,8 @@ class Executive:
         self._starting: asyncio.Task[None] | None = None
         self._reached: tuple[int, int, int] | None = None  # next sample's index, its UTC, due at (monotonic) [ns]
         self._backoff = Backoff(_RELAUNCH)
-        self._says = StateLog(_log)
+        self._of = f" of {of}" if of else ""
+        self._says = StateLog(_log, of=of)
         self._source = SourceWatch(self._says)
         self.restarts = 0
         self.relaunching = False
@@ -148,7 +152,7 @@ class Executive:
         if self._starting is not None:
             self._starting.cancel()
         if self._fast is not None and not await self._fast.stop():
-            _log.warning("MAIN_FAST did not stop in time; killed")
+            _log.warning("MAIN_FAST%s did not stop in time; killed", self._of)
 
     def close(self) -> None:
         """Release descriptors."""
@@ -218,7 +222,7 @@ class Executive:
         return self._slow.busy_ns / self._slow.windows / 1000
 
     async def _launch(self) -> None:
-        fast = await launch(self._orders | {"resume": self._reached}, self._wake_fd)
+        fast = await launch(self._orders | {"resume": self._reached, "ticks": library_path()}, self._wake_fd)
         if self._form is not None and fast.form != self._form:
             fast.kill()
             raise OperationError("the source has another format than before (rate, scale or phases); start again")

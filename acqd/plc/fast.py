@@ -8,10 +8,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from acqd.metering import SampleBlock
+from acqd.metering.block import Codes
 from acqd.plc.clock import StepDetector
 from acqd.plc.ring import ENDED, FLAGS, GAP, LATE, SOURCE_FLAGS, STEP, STOPPED, Ring
 from acqd.plc.stats import CycleStats
-from acqd.plc.timer import PeriodicTimer
+from acqd.plc.ticks import make_ticks
 from acqd.sources.base import Source
 
 _ROOM = 0.25  # share of the ring that one cycle may fill: MAIN_SLOW has time to take the rest
@@ -38,8 +39,10 @@ class FastTask:
         window_samples: float,
         wake: Callable[[], None],
         policy: OverrunPolicy | None = None,
+        wake_fd: int | None = None,
     ) -> None:
-        """`wake` is called once per completed window of `window_samples`."""
+        """`wake` is called once per completed window of `window_samples`; `wake_fd` is an eventfd for the same."""
+        self._wake_fd = wake_fd
         self._source = source
         self._ring = ring
         self._rate = source.form.rate
@@ -60,6 +63,9 @@ class FastTask:
         self._window_end = 0
         self._anchor = (0, 0)
         self._flags: frozenset[str] = frozenset()  # of the source's last block
+        self.stopping = False
+        """The end is near: the window in progress is the last one."""
+        self._flowing = False  # a block was written: its flags are those of the samples ahead
         self._health = source.health()
 
     def start(self, utc_ns: int, index: int) -> None:
@@ -76,6 +82,32 @@ class FastTask:
         self._count_windows()
         self._anchor = (index, utc_ns)
         self._ring.begin(index, utc_ns)
+
+    def constants(self) -> dict[str, float]:
+        """What cycles in C need to know (`ticks.c`); a live source has its clock checked at every window."""
+        wake = self._wake_fd if self._wake_fd is not None and not self._source.live else -1
+        return {
+            "late_ns": self._policy.late_ns, "per_ns": self._per_ns, "per_window": self._per_window, "wake": wake,
+        }  # fmt: skip
+
+    @property
+    def pace(self) -> tuple[int, int, int, int]:
+        """Time so far [ns], samples that it was worth, number of the next sample, whole windows."""
+        return self._elapsed_ns, self._read, self._expected, self.windows
+
+    def ahead(self) -> Codes | None:
+        """Samples that may be written as they become due, without a cycle of this task; None: there are none."""
+        if not (self._source.paced and self._flowing) or self.stopping:
+            return None
+        return self._source.ahead(self._room)
+
+    def wrote(self, samples: int, elapsed_ns: int, windows: int) -> None:
+        """The first of those samples are in the ring; the other numbers are as in `pace`."""
+        self._source.skip(samples)
+        self._elapsed_ns, self._read = elapsed_ns, self._read + samples
+        self._expected += samples
+        if windows > self.windows:
+            self._count_windows()
 
     def cycle(self, expirations: int) -> bool:
         """One wake-up after `expirations` periods. False when the source has ended."""
@@ -141,6 +173,7 @@ class FastTask:
             self._flags = block.flags
             self._ring.event(FLAGS, sum(1 << SOURCE_FLAGS.index(name) for name in block.flags))
         self._ring.write(block.codes)
+        self._flowing = len(block.codes) > 0
         self._expected = block.index + len(block.codes)
         if self._expected >= self._window_end:
             self._count_windows()
@@ -166,40 +199,36 @@ def run_fast(
     task: FastTask,
     source: Source,
     ring: Ring,
-    stats: CycleStats,
     *,
     utc_ns: int,
     index: int,
     stop: Callable[[], bool],
+    library: str | None = None,
 ) -> None:
     """The cyclic loop, until the source ends or the first whole window after `stop()` turns true.
 
     A device that completes no window in the time of two does not delay the end.
 
-    `stats` records how late each wake-up was and how long the cycle worked.
+    `library` holds the cycles in C. How late each wake-up was and how long the cycle worked is counted in the ring.
     """
-    stats.clear()
+    CycleStats(ring.cycle_slots, source.period_ns).clear()
     task.start(utc_ns, index)
-    timer = PeriodicTimer(source.period_ns)
-    monotonic = time.monotonic_ns
+    ticks = make_ticks(task, ring, source.period_ns, library)
     state = STOPPED
     last_window: int | None = None
     last_ns = 0
     try:
-        while last_window is None or (task.windows <= last_window and monotonic() < last_ns):
-            expirations = timer.wait()
-            woke = monotonic()
-            going = task.cycle(expirations)
-            stats.record(woke - timer.due_ns, expirations, monotonic() - woke)
-            ring.beat()
-            if not going:
+        while last_window is None or (task.windows <= last_window and time.monotonic_ns() < last_ns):
+            expirations = ticks.wait()
+            if expirations and not task.cycle(expirations):
                 state = ENDED
                 break
             if last_window is None and stop():
-                last_window, last_ns = task.windows, monotonic() + task.patience_ns
+                last_window, last_ns = task.windows, time.monotonic_ns() + task.patience_ns
+                task.stopping = True
             correction = source.correction_ns()
             if correction:
-                timer.shift(correction)
+                ticks.shift(correction)
     finally:
-        timer.close()
+        ticks.close()
         ring.finish(state)

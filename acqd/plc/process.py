@@ -18,7 +18,6 @@ from acqd.errors import UserError
 from acqd.plc.fast import FastTask, OverrunPolicy, run_fast
 from acqd.plc.realtime import RealtimeSettings, die_with_parent, engage
 from acqd.plc.ring import Ring, RingLayout
-from acqd.plc.stats import CycleStats
 from acqd.sources.spec import make_source
 
 RING_S = 14.0
@@ -49,11 +48,17 @@ def main() -> int:
     os.ftruncate(orders["ring_fd"], layout.bytes)
     ring = Ring(layout, orders["ring_fd"])
     wake_fd = orders["wake_fd"]
-    task = FastTask(source, ring, orders["window"] * form.rate, lambda: os.eventfd_write(wake_fd, 1), OverrunPolicy())
+    task = FastTask(
+        source,
+        ring,
+        orders["window"] * form.rate,
+        lambda: os.eventfd_write(wake_fd, 1),
+        OverrunPolicy(),
+        wake_fd,
+    )
     refused = engage(RealtimeSettings(**orders["realtime"]))
     answer = {"form": asdict(form), "live": source.live, "flags": sorted(source.flags), "layout": asdict(layout)}
     _answer(answer | {"refused": refused, "period_ns": source.period_ns, "patience_s": source.patience_s})
-    stats = CycleStats(ring.cycle_slots, source.period_ns)
     utc_ns, index = orders["source"].get("start_utc_ns") or time.time_ns(), 0
     if orders["resume"] and source.live:
         # Restarted: the old stream continues after a gap as long as the outage. The outage is measured on the
@@ -62,7 +67,7 @@ def main() -> int:
         outage_ns = time.monotonic_ns() - seen
         index, utc_ns = old_index + round(outage_ns * 1e-9 * form.rate), old_utc + outage_ns
     try:
-        run_fast(task, source, ring, stats, utc_ns=utc_ns, index=index, stop=lambda: stopping)
+        run_fast(task, source, ring, utc_ns=utc_ns, index=index, stop=lambda: stopping, library=orders.get("ticks"))
     finally:
         source.close()
         os.eventfd_write(wake_fd, 1)

@@ -133,6 +133,19 @@ class Ring:
     # -- both --
 
     @property
+    def codes(self) -> Codes:
+        """All of the ring's samples."""
+        return self._codes
+
+    def addresses(self) -> dict[str, int]:
+        """Where the writer's words and the samples are, for C (`ticks.c`)."""
+        ring = self._codes.ctypes.data
+        base = ring - self.layout.codes_offset
+        words = {"head": _HEAD, "taken": _TAKEN, "beats": _BEATS}
+        counters = base + 8 * (_HEADER + _HEALTH_ROOM + _EVENTS * _EVENT_WORDS)
+        return {name: base + 8 * word for name, word in words.items()} | {"counters": counters, "ring": ring}
+
+    @property
     def state(self) -> int:
         """0 before `begin`, then RUNNING, ENDED or STOPPED."""
         return int(self._header[_STATE])

@@ -30,23 +30,24 @@ class PeriodicTimer:
         self.period_ns = period_ns
         self.due_ns = time.monotonic_ns()
         """CLOCK_MONOTONIC at which the last awaited expiry was due [ns]."""
-        self._fd = _create()
-        _arm(self._fd, self.due_ns + period_ns, period_ns)
+        self.fd = _create()
+        """Of the timer."""
+        _arm(self.fd, self.due_ns + period_ns, period_ns)
 
     def wait(self) -> int:
         """Sleep until the next expiry; the number of periods that have passed (1: in time)."""
-        expirations = int.from_bytes(os.read(self._fd, 8), sys.byteorder)
+        expirations = int.from_bytes(os.read(self.fd, 8), sys.byteorder)
         self.due_ns += expirations * self.period_ns
         return expirations
 
     def shift(self, offset_ns: int) -> None:
         """Move all later expiries by `offset_ns`: phase control against another clock."""
         self.due_ns += offset_ns
-        _arm(self._fd, self.due_ns + self.period_ns, self.period_ns)
+        _arm(self.fd, self.due_ns + self.period_ns, self.period_ns)
 
     def close(self) -> None:
         """Release the timer."""
-        os.close(self._fd)
+        os.close(self.fd)
 
 
 def _create() -> int:

@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 from acqd.metering import SampleBlock, StreamFormat
+from acqd.metering.block import Codes
 
 CYCLE_NS = 1_000_000
 """Cycle of MAIN_FAST unless the source asks for another [ns]."""
@@ -72,8 +73,16 @@ class Source(ABC):
         Never waits. A block may be empty. Lost samples show as a jump of `index`.
         """
 
+    def ahead(self, limit: int) -> Codes | None:
+        """At most `limit` of the samples that `read` would give next, where a paced source has them already.
+
+        They have the flags of the last block. Whoever takes some of them says so with `skip`.
+        """
+        del limit
+        return None
+
     def skip(self, count: int) -> None:
-        """Give up `count` samples of a paced source: they become a gap."""
+        """Go on by `count` samples of a paced source. Unless they were taken from `ahead`, they become a gap."""
         while count > 0:
             self.read(min(count, 100_000))
             count -= 100_000

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from acqd.metering import SampleBlock
+from acqd.metering.block import Codes
 from acqd.sources.base import Source
 from acqd.sources.waveform import Waveform
 
@@ -48,3 +49,13 @@ class ReplaySource(Source):
         block = SampleBlock(codes, self._base + self._position, utc, 0, self.flags)
         self._position += count
         return block
+
+    def ahead(self, limit: int) -> Codes:
+        """Up to the end of the recording; after its last loop there is nothing."""
+        where = self._position % self._samples
+        left = limit if self._end is None else min(limit, self._end - self._position)
+        return self._waveform.codes[where : where + left]
+
+    def skip(self, count: int) -> None:
+        """Nothing to do for samples that nobody wants."""
+        self._position += count if self._end is None else min(count, self._end - self._position)

@@ -102,6 +102,10 @@ class SimulatedSource(Source):
             codes = np.concatenate((codes, self._part(at + len(codes), limit - len(codes))))
         return SampleBlock(codes, at, utc, 0, self.flags)
 
+    def ahead(self, limit: int) -> Codes:
+        """Up to the end of what is computed."""
+        return self._part(self._base + self._position, limit)
+
     def skip(self, count: int) -> None:
         """Nothing to compute for samples that nobody wants."""
         self._position += count

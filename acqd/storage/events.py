@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, field
 from datetime import datetime
 from typing import Any, Protocol
 
@@ -19,6 +19,7 @@ from acqd.timestamps import filetime
 
 _AHEAD_NS = 86_400 * 10**9
 _KEY = ("device", "boot", "number")
+CONFLICT = "another event with this key is stored"
 
 
 class Message(Protocol):
@@ -33,26 +34,38 @@ class Message(Protocol):
         """What."""
 
 
-def store(engine: sa.Engine, messages: Sequence[Message]) -> list[tuple[int, str]]:
-    """Commit the events in `messages`; positions of the other messages, with the reasons.
+@dataclass(frozen=True, slots=True)
+class StoredEvents:
+    """What became of messages."""
 
-    Raises sqlalchemy.exc.DBAPIError while the database cannot.
-    """
-    events: list[PowerEvent] = []
-    refused: list[tuple[int, str]] = []
+    events: list[PowerEvent] = field(default_factory=list)
+    """Those that are stored, or were before."""
+    refused: list[tuple[int, str]] = field(default_factory=list)
+    """Positions of the others, with the reasons."""
+
+
+def store(engine: sa.Engine, messages: Sequence[Message]) -> StoredEvents:
+    """Commit the events in `messages`. Raises sqlalchemy.exc.DBAPIError while the database cannot."""
+    found: list[tuple[int, PowerEvent]] = []
+    stored = StoredEvents()
     for k, message in enumerate(messages):
         try:
-            events.append(_checked(message))
+            found.append((k, _checked(message)))
         except ValueError as error:
-            refused.append((k, str(error)))
-    if events:
+            stored.refused.append((k, str(error)))
+    if found:
         with transaction(engine) as connection:
-            _insert(connection, events)
-    return refused
+            differing = _insert(connection, [event for _, event in found])
+        for k, event in found:
+            if event in differing:
+                stored.refused.append((k, CONFLICT))
+            else:
+                stored.events.append(event)
+    return stored
 
 
-def _insert(connection: sa.Connection, events: Sequence[PowerEvent]) -> None:
-    """An event that is stored with its end stays as it is."""
+def _insert(connection: sa.Connection, events: Sequence[PowerEvent]) -> list[PowerEvent]:
+    """An event that is stored with its end stays as it is; those that end otherwise."""
     postgres = connection.dialect.name == "postgresql"
     statement: Any = (postgresql.insert if postgres else sqlite.insert)(power_event)
     changed = {c.name: statement.excluded[c.name] for c in power_event.columns if c.name not in _KEY}
@@ -60,6 +73,13 @@ def _insert(connection: sa.Connection, events: Sequence[PowerEvent]) -> None:
         index_elements=list(_KEY), set_=changed, where=power_event.c.duration.is_(None)
     )
     connection.execute(statement, [_values(event, postgres) for event in events])
+    return [event for event in events if event.duration is not None and not _is_stored(connection, event, postgres)]
+
+
+def _is_stored(connection: sa.Connection, event: PowerEvent, postgres: bool) -> bool:
+    key = [power_event.c[name] == getattr(event, name) for name in _KEY]
+    stored = connection.execute(sa.select(power_event).where(*key)).mappings().one()
+    return dict(stored) == _values(event, postgres)
 
 
 def _values(event: PowerEvent, postgres: bool) -> dict[str, Any]:

@@ -1,7 +1,8 @@
-"""Rows of power quality into the table `power_quality`; a row whose key is stored has come before."""
+"""Rows of power quality into the table `power_quality`: what is new; of the others, which ones differ."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from datetime import datetime
 from typing import Any
@@ -12,15 +13,46 @@ from sqlalchemy.dialects import postgresql, sqlite
 from acqd.storage.schema import power_quality
 from acqd.telemetry.quality_row import QualityRow
 
+_KEY = [power_quality.c[name] for name in ("device", "channel", "boot", "seq")]
+_AT_ONCE = 500
+"""Keys of one query: four parameters each."""
 
-def insert(connection: sa.Connection, rows: list[QualityRow]) -> None:
-    """Insert what is new. Raises the errors of SQLAlchemy."""
+
+def insert(connection: sa.Connection, rows: Sequence[QualityRow]) -> list[int]:
+    """Insert what is new; positions in `rows` of those whose key is stored with other values.
+
+    Raises the errors of SQLAlchemy.
+    """
     if not rows:
-        return
+        return []
     postgres = connection.dialect.name == "postgresql"
-    statement: Any = (postgresql.insert if postgres else sqlite.insert)(power_quality)
-    values = [asdict(row) for row in rows]
+    values = [_values(row, postgres) for row in rows]
+    if _inserted(connection, values, postgres) == len(rows):
+        return []
+    stored = {_key(one): one for one in _stored(connection, values)}
+    return [k for k, one in enumerate(values) if one != stored[_key(one)]]
+
+
+def _inserted(connection: sa.Connection, values: Sequence[dict[str, Any]], postgres: bool) -> int:
+    """How many were new; psycopg counts the rows of a batch only where they are returned."""
     if postgres:
-        for value in values:
-            value["time"] = datetime.fromisoformat(value["time"])
-    connection.execute(statement.on_conflict_do_nothing(), values)
+        statement = postgresql.insert(power_quality).on_conflict_do_nothing().returning(power_quality.c.seq)
+        return len(connection.execute(statement, values).all())
+    return connection.execute(sqlite.insert(power_quality).on_conflict_do_nothing(), values).rowcount
+
+
+def _stored(connection: sa.Connection, values: Sequence[dict[str, Any]]) -> Iterator[dict[str, Any]]:
+    """The rows that the table holds under the keys of `values`."""
+    keys = list(dict.fromkeys(map(_key, values)))
+    for begin in range(0, len(keys), _AT_ONCE):
+        query = sa.select(power_quality).where(sa.tuple_(*_KEY).in_(keys[begin : begin + _AT_ONCE]))
+        yield from (dict(one) for one in connection.execute(query).mappings())
+
+
+def _key(values: dict[str, Any]) -> tuple[Any, ...]:
+    return tuple(values[column.name] for column in _KEY)
+
+
+def _values(row: QualityRow, postgres: bool) -> dict[str, Any]:
+    values = asdict(row)
+    return values | {"time": datetime.fromisoformat(row.time)} if postgres else values

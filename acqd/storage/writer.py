@@ -19,6 +19,7 @@ from acqd.storage import events, quality_rows, quarantining, rows
 from acqd.storage.allowance import MALFORMED_BYTES_PER_DAY, Allowance
 from acqd.storage.database import transaction
 from acqd.telemetry import topics
+from acqd.telemetry.event import message_number
 from acqd.telemetry.quality_row import QualityRow, parse_quality
 from acqd.telemetry.ranges import Ranges
 from acqd.telemetry.row import PowerRow, parse_row
@@ -76,9 +77,13 @@ class Writer:
         Voltage events have a separate transaction; storing one twice changes nothing.
         """
         occurred = [message for message in messages if topics.is_event(message.topic)]
-        malformed = [(occurred[k], reason) for k, reason in events.store(self._engine, occurred)]
+        stored = events.store(self._engine, occurred)
+        malformed = [(occurred[k], reason) for k, reason in stored.refused]
         rows_only = [message for message in messages if not topics.is_event(message.topic)]
-        return self._write(list(_rows_apart(rows_only, malformed)), malformed)
+        written = self._write(list(_rows_apart(rows_only, malformed)), malformed)
+        for event in stored.events:
+            _note(written.receipts, event.device, topics.EVENTS, event.boot, event.seq)
+        return written
 
     def _write(self, messages: Sequence[Received], malformed: Sequence[tuple[Received, str]]) -> Written:
         """`messages` of one row each; `malformed` are kept for their reasons."""
@@ -138,11 +143,11 @@ class Writer:
         with transaction(self._engine) as connection:
             differing: list[int] = []
             try:
-                power = [k for k, (_, row) in enumerate(good) if isinstance(row, PowerRow)]
+                power = [(k, row) for k, (_, row) in enumerate(good) if isinstance(row, PowerRow)]
                 if power:
-                    conflicts = rows.insert(connection, [row for _, row in good if isinstance(row, PowerRow)])
-                    differing = [power[k] for k in conflicts]
-                quality_rows.insert(connection, [row for _, row in good if isinstance(row, QualityRow)])
+                    differing = [power[k][0] for k in rows.insert(connection, [row for _, row in power])]
+                quality = [(k, row) for k, (_, row) in enumerate(good) if isinstance(row, QualityRow)]
+                differing += [quality[k][0] for k in quality_rows.insert(connection, [row for _, row in quality])]
             except (sa.exc.DataError, sa.exc.IntegrityError, dbapi.DataError, dbapi.IntegrityError) as error:
                 raise _PoisonError(str(error).splitlines()[0]) from error
             except (ValueError, OverflowError) as error:  # the driver cannot even send it
@@ -201,6 +206,9 @@ def _note_refused(receipts: dict[Stream, Ranges], message: Received) -> None:
     """A receipt also for what is no valid row, where it names itself: nobody can make it better by sending it again."""
     try:
         content: Any = orjson.loads(message.payload)
+        if topics.is_event(message.topic):
+            seq = message_number(content["number"], ended=content["duration"] is not None)
+            content |= {"channel": topics.EVENTS, "seq": seq}
         device, channel, boot, seq = (content[name] for name in ("device", "channel", "boot", "seq"))
         stream = topics.quality_stream(channel) if topics.is_quality(message.topic) else channel
         own = message.topic in (topics.row(device, stream), topics.window(device))

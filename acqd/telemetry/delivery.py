@@ -18,7 +18,6 @@ from typing import Literal
 from acqd.telemetry import topics
 from acqd.telemetry.in_flight import InFlight
 from acqd.telemetry.message import Message, Room
-from acqd.telemetry.notices import Notices
 from acqd.telemetry.ranges import Ranges
 from acqd.telemetry.receipts import parse_receipt
 from acqd.telemetry.row_message import joined
@@ -62,10 +61,10 @@ class Delivery:
         self._most_live = _LIVE if live else 0
         self.spool, self._until, self._now = spool, until, now
         self._changed = asyncio.Event()
+        self._later: asyncio.TimerHandle | None = None
         self._online = False
         self._live: deque[SpooledRow] = deque()
         self._states: dict[str, bytes] = {}
-        self._notices = Notices()
         self._position = spool.start
         self._flying, self._unsent = InFlight(), Unsent()
         self._acknowledged: dict[Stream, Ranges] = {}
@@ -83,10 +82,12 @@ class Delivery:
 
     def put_rows(self, rows: Sequence[SpooledRow], energy: Energy | None = None) -> None:
         """Keep the rows of a window, and send them at once where there is a connection."""
-        if self._windows and rows and not topics.is_quality(rows[0].stream.channel):
-            self._together = sum(1 for row in rows if _window(row) == _window(rows[0]))
+        if self._windows and rows and not topics.travels_alone(rows[0].stream.channel):
+            self._together = sum(
+                [row.seq == rows[0].seq and row.stream.device == rows[0].stream.device for row in rows]
+            )
         at_end = self._position == self.spool.end
-        self._devices.update(row.stream.device for row in rows)
+        self._devices.update([row.stream.device for row in rows])
         if self.spool.append(rows, energy):
             self._unsent.add(rows)
         if self._online and len(self._live) + len(rows) <= self._most_live:
@@ -103,11 +104,6 @@ class Delivery:
         self._states[topic] = payload
         self._changed.set()
 
-    def put_notice(self, topic: str, payload: bytes) -> None:
-        """Publish a message that is not retained, and again until the broker has acknowledged it."""
-        self._notices.put(topic, payload)
-        self._changed.set()
-
     def subscriptions(self) -> list[str]:
         """Receipts of the devices whose rows come from here, and the sinks' announcements."""
         if self._until == "acknowledged":
@@ -118,13 +114,15 @@ class Delivery:
         """A new connection: the broker may have lost what it had."""
         self._online = True
         self._sinks.clear()
-        self._notices.begin()
         self._from_the_start()
         self._changed.set()
 
     def end(self) -> None:
         """The connection has ended: new rows wait in the spool."""
         self._online = False
+        if self._later is not None:
+            self._later.cancel()
+            self._later = None
         self._live.clear()
         self._settle_acknowledged()
 
@@ -134,35 +132,35 @@ class Delivery:
         self._settle_acknowledged()
         rows = [self._live.popleft() for _ in range(min(len(self._live), room.messages * self._together))]
         messages = self._messages(rows)
-        messages += self._notices.take(room.messages - len(messages))
         while self._states and len(messages) < room.messages:
             topic = next(iter(self._states))
             messages.append(Message(topic, self._states.pop(topic), retain=True))
         backlog = min(room.backlog, room.messages - len(messages), self._backlog_allowed())
-        self._more = False
+        self._more = bool(messages) and bool(self._live or self._states or len(messages) >= room.messages)
         if backlog > 0 and not self._live and self._position != self.spool.end:
             rows, self._position = self.spool.read(
                 self._position, backlog * self._together, lambda stream, seq: not self._flying.sent(stream, seq)
             )
             messages += self._messages(rows)
-            self._more = self._position != self.spool.end
+            self._more = self._position != self.spool.end  # there is more, or much of the backlog was to skip
         return messages
 
     async def wait(self) -> None:
         """Return when there may be something to send."""
-        if self._more:  # much of the backlog was to skip
-            await asyncio.sleep(0)
+        if self._more:
+            await asyncio.sleep(0)  # metering comes first
             return
-        later = asyncio.get_running_loop().call_later(_WAIT_S, self._changed.set)
-        try:
-            await self._changed.wait()
-        finally:
-            later.cancel()
+        if self._later is None:
+            self._later = asyncio.get_running_loop().call_later(_WAIT_S, self._look)
+        await self._changed.wait()
+
+    def _look(self) -> None:
+        """It may be time to send something again."""
+        self._later = None
+        self._changed.set()
 
     def acknowledged(self, message: Message) -> None:
         """The broker has the message: with that policy, its rows are delivered."""
-        if self._notices.acknowledged(message):
-            return
         sent: Sequence[tuple[Stream, int]] = message.tag or ()
         self.delivered += len(sent)
         if self._until == "acknowledged":
@@ -194,8 +192,8 @@ class Delivery:
         return len(self._flying)
 
     def __len__(self) -> int:
-        """Messages that wait: rows and notices that are not delivered, states that are not sent."""
-        return len(self.spool) - sum(map(len, self._acknowledged.values())) + len(self._states) + len(self._notices)
+        """Messages that wait: rows that are not delivered, states that are not sent."""
+        return len(self.spool) - sum(map(len, self._acknowledged.values())) + len(self._states)
 
     def _take_receipt(self, device: str, payload: bytes) -> None:
         try:
@@ -254,8 +252,8 @@ class Delivery:
 
 
 def _window(row: SpooledRow) -> tuple[str, str, int, str]:
-    """What the rows of a window have in common; rows of power quality are large, and travel alone."""
-    alone = row.stream.channel if topics.is_quality(row.stream.channel) else ""
+    """What the rows of a window have in common; rows of power quality are large, and travel alone, as events do."""
+    alone = row.stream.channel if topics.travels_alone(row.stream.channel) else ""
     return row.stream.device, row.stream.boot, row.seq, alone
 
 
@@ -265,7 +263,7 @@ def _row_message(row: SpooledRow) -> Message:
 
 
 def _window_message(rows: Sequence[SpooledRow]) -> Message:
-    if topics.is_quality(rows[0].stream.channel):
+    if topics.travels_alone(rows[0].stream.channel):
         return _row_message(rows[0])
     sent = [(row.stream, row.seq) for row in rows]
     return Message(topics.window(rows[0].stream.device), joined(row.payload for row in rows), tag=sent)

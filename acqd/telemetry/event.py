@@ -49,6 +49,11 @@ class PowerEvent:
     """Name of the file with the samples, in the state folder of the daemon."""
     schema: Annotated[int, Meta(ge=SCHEMA, le=SCHEMA)] = SCHEMA
 
+    @property
+    def seq(self) -> int:
+        """Number of the message since the daemon's start, for spool and receipts: two for every event."""
+        return message_number(self.number, ended=self.duration is not None)
+
     def to_json(self) -> bytes:
         """The MQTT payload, without a line end."""
         return _encoder.encode(self)
@@ -56,6 +61,11 @@ class PowerEvent:
 
 _decoder = msgspec.json.Decoder(PowerEvent)
 _encoder = msgspec.json.Encoder()
+
+
+def message_number(number: int, *, ended: bool) -> int:
+    """Of the message at the start or at the end of an event."""
+    return 2 * number + ended
 
 
 def message_of(event: Event, device: str, boot: str, *, sliding: bool, waveform: str | None = None) -> PowerEvent:

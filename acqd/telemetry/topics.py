@@ -25,6 +25,8 @@ ALL_SINKS = "acqd/sink/+/status"
 """Every sink's announcement."""
 OFFLINE = b"offline"
 """Last will and farewell on the status topic."""
+EVENTS = "event"
+"""What names the voltage events of a device in spool and receipts, in the place of a channel."""
 _QUALITY = "/quality"
 _PLAIN = re.compile(r"[/+#\0]")
 _DEVICE = re.compile(r"[A-Za-z0-9_.-]{1,64}")
@@ -50,8 +52,15 @@ def is_quality(stream_channel: str) -> bool:
     return stream_channel.endswith(_QUALITY)
 
 
+def travels_alone(stream_channel: str) -> bool:
+    """Whether the rows of a stream are never in the message of a window: power quality and events."""
+    return is_quality(stream_channel) or stream_channel == EVENTS
+
+
 def row(device: str, stream_channel: str) -> str:
-    """Every row of a stream, QoS 1: a channel's windows, or its power quality."""
+    """Every row of a stream, QoS 1: a channel's windows, its power quality, or the events of the device."""
+    if stream_channel == EVENTS:
+        return event(device)
     return f"acqd/{device}/{stream_channel}" if is_quality(stream_channel) else power(device, stream_channel)
 
 

@@ -8,6 +8,7 @@ import sqlite3
 import subprocess
 import threading
 
+from acqd import compiling
 from acqd.telemetry.broker import free_port
 from tests.commands import acqd, acqd_here
 from tests.conftest import Mosquitto
@@ -73,3 +74,15 @@ def test_doctor_names_secrets_that_everybody_may_read(tmp_path):
     assert "mqtt.password_file" in findings(tmp_path, text)["secrets"]["finding"]
     (tmp_path / "p").chmod(0o640)
     assert "secrets" not in findings(tmp_path, text)
+
+
+def test_doctor_says_what_is_compiled_and_what_is_done_without_a_compiler(tmp_path, monkeypatch):
+    here = findings(tmp_path, "")
+    assert {here[name]["state"] for name in ("metering", "training", "FMU export")} <= {"ok", "warn"}
+    monkeypatch.setattr(compiling, "PREBUILT", tmp_path)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "none"))
+    monkeypatch.setenv("PATH", "")
+    monkeypatch.delenv("CC", raising=False)
+    without = findings(tmp_path, "")
+    assert "--compute torch" in without["training"]["finding"]
+    assert "zig" in without["FMU export"]["finding"]

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from acqd.daemon.config import load_config
+from acqd.daemon.health.query import ask
+from acqd.daemon.health.section import HealthSection
 from acqd.errors import InputError
 from acqd.telemetry.broker import free_port
 from tests.commands import ACQD, acqd_here
@@ -27,11 +31,14 @@ def written(folder, text):
 
 
 @contextmanager
-def daemon(folder, sources, **mqtt):
-    """`acqd run` with a tape; its rows so far."""
+def daemon(folder, sources, health=0, **mqtt):
+    """`acqd run` with a tape; its rows so far. `health`: port of its endpoints."""
     settings = mqtt or {"enabled": "false"}
     lines = "".join(f"{key} = {value}\n" for key, value in settings.items())
-    config = written(folder, f'device = "pc"\nstate_dir = "{folder}"\n[health]\nport = 0\n[mqtt]\n{lines}{sources}')
+    config = written(
+        folder,
+        f'device = "pc"\nstate_dir = "{folder}"\n[health]\nport = {health}\nsink_port = 0\n[mqtt]\n{lines}{sources}',
+    )
     tape, log = folder / "tape", folder / "log"
     tape.unlink(missing_ok=True)
     with log.open("a") as stderr:
@@ -72,6 +79,35 @@ def test_boxes_have_their_rows_and_one_that_is_away_is_fetched_when_it_comes(tmp
     assert abs(np.mean([row["P"] for row in rows("c")]) - 325 / 2) < 0.1
     assert len({rows(device)[0]["boot"] for device in "abc"}) == 3
     assert "source of c: delivers" in log.read_text() and "Traceback" not in log.read_text()
+
+
+def children(pid):
+    """Processes of MAIN_FAST."""
+    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+def test_health_is_said_of_each_box(tmp_path):
+    away = '[[source]]\ndevice = "c"\nkind = "replay"\nfile = "nowhere.npz"\n'
+    section = HealthSection(port=free_port(), sink_port=0)
+    with daemon(tmp_path, ONE + TWO + away, health=section.port) as (process, rows, log):
+        wait_for(lambda: len(rows("a")) > 10 and len(rows("b")) > 40, "rows of the boxes that are there")
+        answer = ask(section, "daemon")
+        assert not answer.ready and answer.problems == ["source of c away: nowhere.npz: no such file"]
+        boxes = {box["name"]: box for box in answer.status["boxes"]}
+        assert [boxes[name]["source"]["connected"] for name in "abc"] == [True, True, False]
+        assert boxes["b"]["windows"]["made"] > 9 and boxes["b"]["windows"]["flags"]["start"] == 1
+        assert boxes["c"]["windows"]["made"] == 0 and boxes["c"]["devices"] == ["c"]
+        told = acqd_here("status", "--config", str(tmp_path / "acqd.toml"))
+        lines = {line.split()[1]: line for line in told.stdout.splitlines() if line.startswith("│ ")}
+        assert told.returncode == 1 and "away" in lines["c"] and "delivers" in lines["a"]
+        os.kill(children(process.pid)[0], signal.SIGKILL)
+        wait_for(lambda: "delivers again" in log.read_text(), "MAIN_FAST is back")
+        after = ask(section, "daemon")
+        (named,) = [note for note in after.notes if note.startswith("MAIN_FAST")]
+        restarts = {box["name"]: box["cycles"]["restarts"] for box in after.status["boxes"] if box["cycles"]}
+        killed = named.split()[2]
+        assert named == f"MAIN_FAST of {killed} was relaunched once" and restarts == {"a": 0, "b": 0} | {killed: 1}
+        assert f"MAIN_FAST of {killed}: signal 9" in log.read_text()
 
 
 def test_a_register_of_each_device_continues_after_a_kill(tmp_path):

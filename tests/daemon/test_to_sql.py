@@ -16,13 +16,14 @@ import sqlalchemy as sa
 from acqd.daemon.config import Config
 from acqd.daemon.uplink import Uplink
 from acqd.storage.database import engine_for, open_database
-from acqd.storage.schema import power, power_quality, quarantine
+from acqd.storage.schema import power, power_event, power_quality, quarantine
 from acqd.telemetry.broker import free_port
 from acqd.telemetry.mqtt import BrokerAddress
 from acqd.telemetry.quality_row import quality_rows
 from tests.commands import ACQD
 from tests.metering.quality.waves import metered, three_phases
 from tests.storage.rows import count, row
+from tests.storage.test_events import event
 from tests.storage.test_sink import publish, publisher, running_sink
 from tests.waiting import LIMIT_S, finish, until, wait_for
 
@@ -148,6 +149,35 @@ def test_a_broker_that_is_killed_again_and_again_costs_no_row(mosquitto, tmp_pat
         await daemon.stop(tasks)
 
     finish(scenario())
+
+
+@pytest.mark.parametrize("rows", ["channel", "window"])
+def test_events_survive_a_long_outage_and_a_restart_of_the_daemon(mosquitto, tmp_path, rows):
+    engine = open_database(str(tmp_path / "a.sqlite"))
+    told = [event(k, duration) for k in range(1_200) for duration in (None, 0.1)]
+
+    async def scenario():
+        mosquitto.stop()
+        first = Daemon(tmp_path, mosquitto.port, rows)
+        tasks = first.uplink.tasks()
+        for one in told:
+            first.uplink.put_event(one)
+        await first.make(3)
+        await first.stop(tasks)
+        second = Daemon(tmp_path, mosquitto.port, rows)
+        assert second.uplink.counters().waiting == 2_406
+        tasks = second.uplink.tasks()
+        await asyncio.to_thread(mosquitto.start)
+        with sink(mosquitto, engine):
+            await second.delivered()
+        assert stored(engine) == taped(first)
+        await second.stop(tasks)
+
+    finish(scenario())
+    with engine.connect() as connection:
+        found = connection.execute(sa.select(power_event.c.number, power_event.c.duration)).all()
+    assert sorted(found) == [(k, 0.1) for k in range(1_200)]
+    assert count(engine, quarantine) == 0
 
 
 def test_rows_survive_a_restart_of_the_daemon_and_of_the_sink(mosquitto, tmp_path):

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from acqd.c_builds import CBuild
 from acqd.compiling import compile_shared, system_compiler
 from acqd.fmu.package import _C as SOURCES
 
@@ -30,7 +31,8 @@ def functions(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp("lanes")
     (folder / "lanes.c").write_text(CODE)
     out = folder / "lanes.so"
-    compile_shared([system_compiler()], [*FLAGS, *request.param, f"-I{SOURCES}", str(folder / "lanes.c")], out)
+    flags = (*FLAGS, *request.param, f"-I{SOURCES}")
+    compile_shared(CBuild("lanes", (folder / "lanes.c",), flags, ""), [system_compiler()], out)
     return ctypes.CDLL(str(out))
 
 

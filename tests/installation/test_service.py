@@ -14,6 +14,7 @@ import pytest
 
 from acqd.daemon.config import load_config
 from acqd.installation.broker_access import password_line
+from acqd.installation.plan import SERVICES
 from tests.commands import acqd_here, refused
 
 pytestmark = [
@@ -66,6 +67,20 @@ def test_an_installation_has_user_folders_units_and_access(root):
     assert settings.device == settings.mqtt.username == "hall-3"
 
 
+def test_every_service_logs_in_as_a_user_that_the_access_rules_know(root):
+    installed(root, "--with", "all")
+    rules = (root / "etc/mosquitto/acqd.acl").read_text()
+    for name, service in SERVICES.items():
+        unit = next(unit for unit in service.units if unit.endswith(".service"))
+        user = service.user or "box"
+        drop_in = (root / f"etc/systemd/system/{unit}.d/password.conf").read_text()
+        assert f"LoadCredential=mqtt.password:/etc/acqd/{user}.password\n" in drop_in
+        assert f'username = "{user}"' in (root / f"etc/acqd/{service.toml}.toml").read_text(), name
+        assert f"/etc/acqd/{service.toml}.toml" in (root / f"etc/systemd/system/{unit}").read_text()
+        assert f"user {user}\n" in rules or user == "box"  # a device's rules are a pattern of its name
+        assert f"{user}:$7$" in (root / "etc/mosquitto/acqd.passwords").read_text()
+
+
 def test_a_second_installation_changes_nothing(root):
     installed(root)
     (root / "etc/acqd/acqd.toml").write_text('device = "mine"\n')
@@ -81,14 +96,14 @@ def test_a_second_installation_changes_nothing(root):
 
 def test_removal_keeps_rows_and_configuration_unless_purged(root):
     before = contents(root)
-    installed(root, "--rights", "serial", "--with", "sidecar", "--with", "daemon")
+    installed(root, "--rights", "serial", "--with", "all")
     (root / "var/lib/acqd/acqd.sqlite").write_text("rows")
     assert acqd_here("service", "remove", "--root", root).returncode == 0
     left = set(contents(root)) - set(before)
     assert left == {
-        "/etc/passwd", "/etc/shadow", "/etc/gshadow", "/etc/acqd/acqd.toml", "/etc/acqd/sidecar.toml",
-        "/etc/acqd/box.password", "/etc/acqd/acqd-sidecar.password", "/etc/acqd/viewer.password",
-        "/var/lib/acqd/acqd.sqlite",
+        "/etc/passwd", "/etc/shadow", "/etc/gshadow", "/var/lib/acqd/acqd.sqlite",
+        *(f"/etc/acqd/{name}.toml" for name in ("acqd", "bridge", "sidecar", "sink", "web")),
+        *(f"/etc/acqd/{name}.password" for name in ("box", "acqd-bridge", "acqd-sidecar", "acqd-sink", "viewer")),
     }  # fmt: skip
     assert not list((root / "etc/systemd/system").iterdir())
     assert acqd_here("service", "remove", "--purge", "--root", root).returncode == 0
@@ -107,11 +122,13 @@ def test_what_cannot_be_installed_is_named(root):
 
 
 def test_systemd_accepts_the_units(root):
-    everything = [word for name in ("daemon", "sink", "sidecar", "maintain") for word in ("--with", name)]
-    installed(root, *everything, "--rights", "serial")
+    installed(root, "--with", "all", "--rights", "serial")
     units = sorted((root / "etc/systemd/system").glob("acqd*.*e*"))
     units = [path for path in units if path.is_file()]
-    assert len(units) == 5
+    assert {path.name for path in units} == {unit for each in SERVICES.values() for unit in each.units}
+    bridge = root / "etc/systemd/system/acqd-bridge@influx.service"  # an instance: systemd reads no template
+    bridge.write_text((root / "etc/systemd/system/acqd-bridge@.service").read_text())
+    units = [bridge if path.name == "acqd-bridge@.service" else path for path in units]
     verified = subprocess.run(["systemd-analyze", "verify", *units], capture_output=True, text=True, check=False)
     complaints = [line for line in verified.stderr.splitlines() if "acqd" in line]
     assert verified.returncode == 0 and not complaints, complaints

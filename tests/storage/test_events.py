@@ -12,6 +12,7 @@ from acqd.storage.database import open_database
 from acqd.storage.schema import power_event, quarantine
 from acqd.storage.writer import Received, Writer
 from acqd.telemetry.event import PowerEvent, parse_event
+from acqd.telemetry.spool import Stream
 from acqd.timestamps import filetime, rfc3339
 from tests.storage.rows import count, message, row
 
@@ -74,6 +75,23 @@ def test_either_database_keeps_one_event(database):
 def test_begin_and_end_may_come_in_one_batch(engine):
     Writer(engine).write([sent(event(duration=None)), sent(event(1)), sent(event())])
     assert [one["duration"] for one in stored(engine)] == [0.1, 0.1]
+
+
+def test_every_message_has_a_receipt_also_one_that_nobody_can_store(engine):
+    wrong = Received("acqd/cell1/event", json.dumps(json.loads(event(5).to_json()) | {"kind": "sag"}).encode())
+    written = Writer(engine).write([sent(event(duration=None)), sent(event(3)), wrong, message(row())])
+    assert list(written.receipts[Stream("cell1", "event", "boot1")]) == [(0, 0), (7, 7), (11, 11)]
+
+
+def test_another_end_of_a_stored_event_goes_into_quarantine(database):
+    engine = open_database(database)
+    Writer(engine).write([sent(event())])
+    other = event(extreme=150.0)
+    written = Writer(engine).write([sent(event()), sent(other), sent(event(duration=None))])
+    assert written.quarantined == 1 and stored(engine)[0]["extreme"] == 161.0
+    assert list(written.receipts[Stream("cell1", "event", "boot1")]) == [(0, 1)]
+    with engine.connect() as connection:
+        assert bytes(connection.execute(sa.select(quarantine.c.payload)).scalar()) == other.to_json()
 
 
 @pytest.mark.parametrize(

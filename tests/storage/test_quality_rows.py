@@ -14,7 +14,7 @@ from acqd.metering.quality.values import LISTS, PHASE, SYSTEM
 from acqd.storage.database import open_database
 from acqd.storage.maintain import Retention, maintain
 from acqd.storage.schema import power_quality, quarantine
-from acqd.storage.writer import Received, Writer
+from acqd.storage.writer import CONFLICT, Received, Writer
 from acqd.telemetry import topics
 from acqd.telemetry.quality_row import LISTS as LIST_FIELDS
 from acqd.telemetry.quality_row import NUMBERS, QualityRow, parse_quality, quality_rows
@@ -72,6 +72,27 @@ def test_rows_are_stored_once_and_have_receipts_of_their_own(database, made):
     expected = dataclasses.asdict(made[1])
     del stored["time"], expected["time"]
     assert stored == expected
+
+
+def test_a_row_with_a_stored_key_and_other_values_goes_to_quarantine(database, made):
+    engine = open_database(database)
+    writer = Writer(engine)
+    writer.write(list(map(received, made[:4])))
+    other = replace(made[1], Vrms=made[1].Vrms + 1.0)
+    lists = replace(made[2], V_h=[0.0] * 50)
+    again = writer.write([received(one) for one in (made[0], other, lists, made[4], replace(made[4], f=49.0))])
+    assert (again.rows, again.quarantined, again.conflicts) == (2, 3, 3)
+    assert list(again.receipts[Stream("cell1", "L2/quality", "boot1")]) == [(0, 0)]  # sent once is enough
+    with engine.connect() as connection:
+        kept = connection.execute(sa.select(quarantine.c.payload, quarantine.c.reason)).all()
+        stored = connection.execute(
+            sa.select(power_quality.c.Vrms).where(power_quality.c.channel == "L2", power_quality.c.seq == 0)
+        )
+        assert stored.scalar() == made[1].Vrms
+    assert {bytes(payload) for payload, _ in kept} == {
+        one.to_json() for one in (other, lists, replace(made[4], f=49.0))
+    }
+    assert {reason for _, reason in kept} == {CONFLICT}
 
 
 def test_malformed_rows_go_to_quarantine(database, made):

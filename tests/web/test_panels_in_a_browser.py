@@ -10,7 +10,7 @@ import pytest
 
 from acqd.daemon.health.section import HealthSection
 from acqd.daemon.health.server import HealthServer
-from acqd.daemon.health.snapshot import Cycles
+from acqd.daemon.health.snapshot import BoxHealth, Cycles, SourceLink, Windows
 from acqd.daemon.health.window import WINDOW, window_page
 from acqd.daemon.web_section import WebSection
 from acqd.metering import StreamFormat
@@ -49,7 +49,11 @@ def snapshot():
     slow = Durations()
     for us in (80, 300, 300, 1500):
         slow.add(us * 1000)
-    return daemon(cycles=Cycles(60_000, 5, 2, 1, 0, slow.distribution(), slow.distribution()), synchronised=False)
+    cycles = Cycles(60_000, 5, 2, 1, 0, slow.distribution(), slow.distribution())
+    windows = Windows(1500, 12, {"gap": 3, "late": 9})
+    here = BoxHealth("cell1", ("cell1",), "ads", SourceLink(True, 0, "", 41), windows=windows, cycles=cycles)
+    away = BoxHealth("mill", ("mill",), "meters", SourceLink(False, 2, "no answer from 10.0.0.9"), restarts=3)
+    return daemon(cycles=cycles, synchronised=False, windows=windows, boxes=(here, away), source=SourceLink(False))
 
 
 def predict(database):
@@ -107,6 +111,11 @@ def test_every_panel_shows_its_data_and_nothing_is_wrong(page_of_all, publisher)
             shows(page, "#report", "mass 2.04 kg (1.9 to 2.2); confidence 97 %")
             shows(page, "#slow", "200 µs to 500 µs")
             shows(page, "#services a", "what to do")
+            shows(page, "#services", "source of mill away: no answer from 10.0.0.9")
+            shows(page, "#boxes tr:has-text('mill')", "away")
+            shows(page, "#boxes tr:has-text('cell1')", "12 of 1500")
+            shows(page, "#boxes tr:has-text('cell1')", "late 9, gap 3")
+            shows(page, "#cycles h3", "MAIN_FAST of cell1")
             assert page.is_hidden("#loop-controls")
             page.focus("#hold")
             page.keyboard.press("Enter")

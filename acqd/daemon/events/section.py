@@ -18,7 +18,7 @@ class EventsSection(Section):
 
     enabled: bool = False
     declared_voltage: Positive | None = None
-    """V; there is no default, since nobody may guess it."""
+    """V, of sources without a `nominal_voltage`; there is no default, since nobody may guess it."""
     sliding_reference: bool = False
     dip: _Percent = 90.0
     swell: _Percent = 110.0
@@ -33,11 +33,6 @@ class EventsSection(Section):
 
     @model_validator(mode="after")
     def _usable(self) -> EventsSection:
-        if self.enabled and self.declared_voltage is None and not self.sliding_reference:
-            raise ValueError(
-                "declared_voltage is missing: say what 100 % is (declared_voltage = 230.0), "
-                "or that it follows the voltage (sliding_reference = true)"
-            )
         self.thresholds()
         return self
 

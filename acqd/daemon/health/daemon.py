@@ -61,4 +61,6 @@ class DaemonHealth(ServiceHealth):
             delivery=progress.delivery,
             cycles=feed.cycles,
             synchronised=feed.synchronised,
+            windows=feed.windows,
+            boxes=feed.boxes,
         )

@@ -9,6 +9,7 @@ from prometheus_client import CollectorRegistry, generate_latest
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily, Metric
 from prometheus_client.registry import Collector
 
+from acqd.daemon.health.box_metrics import box_metrics, sources_of
 from acqd.daemon.health.snapshot import Cycles, Delivery, Snapshot
 from acqd.daemon.health.verdict import verdict
 
@@ -47,6 +48,8 @@ class _Once(Collector):
                 up.add_metric([*labels.values(), peer], float(link.connected))
                 again.add_metric([*labels.values(), peer], link.reconnects)
         yield from (up, again)
+        if snapshot.service == "daemon":
+            yield from box_metrics(sources_of(snapshot), labels)
 
 
 def _histograms(snapshot: Snapshot, labels: dict[str, str]) -> Iterator[Metric]:

@@ -50,19 +50,25 @@ RUNBOOK = (
         "source-away",
         "`source away: ...`, log: `source: ...; trying again`",
         "the sentence says what to check; the daemon reconnects by itself",
-        r"source away",
+        r"^source( of .+)? away",
     ),
     _entry(
         "source-trouble",
         "rows flagged `invalid` or `sync_error`",
         "`source.trouble`: range, synchronisation or a sensor",
-        r"^source: ",
+        r"^source( of .+)?: ",
+    ),
+    _entry(
+        "source-again",
+        "`source of ... was started again`",
+        "`journalctl -u acqd`: why the source failed; its rows have another boot since",
+        r"^source of .+ was started again",
     ),
     _entry(
         "main-fast",
         "log: `MAIN_FAST: signal 9; relaunching it`",
         "`dmesg` for the OOM killer; `systemctl show acqd -p MemoryMax`",
-        r"MAIN_FAST was relaunched",
+        r"^MAIN_FAST( of .+)? was relaunched",
     ),
     _entry(
         "clock",

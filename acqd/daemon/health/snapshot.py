@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from acqd.plc.distribution import Distribution
@@ -66,6 +66,46 @@ class Cycles:
 
 
 @dataclass(frozen=True, slots=True)
+class Windows:
+    """Windows metered since the start."""
+
+    made: int = 0
+    flagged: int = 0
+    """Those with a flag that says something about their values (`acqd.daemon.tally`)."""
+    flags: dict[str, int] = field(default_factory=dict)
+    """Windows by flag."""
+
+    def __add__(self, other: Windows) -> Windows:
+        """Windows of both."""
+        names = {**self.flags, **other.flags}
+        flags = {name: self.flags.get(name, 0) + other.flags.get(name, 0) for name in names}
+        return Windows(self.made + other.made, self.flagged + other.flagged, flags)
+
+
+@dataclass(frozen=True, slots=True)
+class BoxHealth:
+    """One source of a daemon. Counts go on when the source is made again."""
+
+    name: str
+    """Devices of its rows."""
+    devices: tuple[str, ...]
+    kind: str
+    """Of the source."""
+    source: SourceLink
+    alive: bool = True
+    """Whether its rows advance, or it is known to be away."""
+    ended: bool = False
+    """Whether the source has come to its end, as recordings do."""
+    restarts: int = 0
+    """Times the source was made again after a failure."""
+    boot: str = ""
+    last_row_age_s: float | None = None
+    windows: Windows = Windows()
+    cycles: Cycles | None = None
+    synchronised: bool | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class FeedHealth:
     """What makes the rows of a daemon."""
 
@@ -74,6 +114,9 @@ class FeedHealth:
     last_row_age_s: float | None
     cycles: Cycles | None = None
     synchronised: bool | None = None
+    windows: Windows = Windows()
+    boxes: tuple[BoxHealth, ...] = ()
+    """Of a daemon with several sources: each of them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,3 +143,6 @@ class Snapshot:
     cycles: Cycles | None = None
     synchronised: bool | None = None
     """Whether the clock is disciplined; None: nobody can tell."""
+    windows: Windows | None = None
+    boxes: tuple[BoxHealth, ...] = ()
+    """Of a daemon with several sources: each of them."""

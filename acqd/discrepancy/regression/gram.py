@@ -6,7 +6,7 @@ A block is a recording or a piece of a long one: the unit of cross-validation an
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -133,6 +133,16 @@ class Column:
     """Key of the effect that the column belongs to; "" for the base model."""
 
 
+class Products(Protocol):
+    """Products of columns within a block."""
+
+    def take(self, block: int, rows: Places, columns: Places, /) -> Floats:
+        """[rows, columns]."""
+
+    def residual_products(self, block: int, columns: Places, /) -> Floats:
+        """[columns] with the measured residual."""
+
+
 @dataclass(frozen=True, slots=True)
 class Competition:
     """Candidate columns under a gate, with the regression's own columns projected out."""
@@ -250,11 +260,11 @@ class Regression:
         return scores
 
     def held_out_products(
-        self, competition: Competition, candidates: Places, gate: Floats, blocks: Places, gram: Gram
+        self, competition: Competition, candidates: Places, gate: Floats, blocks: Places, gram: Products
     ) -> tuple[Floats, Floats]:
         """Gram matrix [c, c] of projected candidates and their products [c] with the residual, in held-out blocks.
 
-        `competition`: a fit without those blocks; `gram`: white or plain.
+        `competition`: a fit without those blocks; `gram`: of white rows, or of rows in W.
         """
         Q, s = np.zeros_like(competition.schur), np.zeros(len(candidates))
         beta, projection = competition.beta, competition.projection

@@ -13,7 +13,7 @@ from acqd.discrepancy.regression.onset import Gate
 from acqd.discrepancy.residual.delay import single_delay
 from acqd.discrepancy.selection.accepted import Named
 from acqd.discrepancy.selection.detectors.candidates import Detection
-from acqd.discrepancy.selection.ranking import Finding
+from acqd.discrepancy.selection.ranking import Finding, Support
 from acqd.discrepancy.selection.shape_fit import fit_shape
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.effects import library
@@ -68,11 +68,20 @@ def missing(view: View, finding: Finding, limit: float) -> list[str]:
         )
     if support.held_out <= 0:
         failed.append("a gain on recordings that did not take part")
-    if support.plain <= -THRESHOLDS.plain_errors * support.plain_error:
+    if not _smaller_error(support):
         failed.append("a smaller error in W")
     if support.consistency < THRESHOLDS.consistent_share:
         failed.append(f"agreement of the recordings ({support.consistency:.0%})")
     return failed
+
+
+def _smaller_error(support: Support) -> bool:
+    """Whether the error in W does not grow.
+
+    Next to a constant load that no effect explains yet, a friction seems to make the error larger. Then the error
+    about the mean of every block decides, and it must clearly fall.
+    """
+    return support.plain.sign() >= 0 or support.varying.sign() > 0
 
 
 def _seen_at_joints(view: View, finding: Finding) -> bool:
@@ -115,6 +124,19 @@ def leading(view: View, named: list[Finding], limit: float) -> Finding | None:
     return max(better, key=lambda finding: finding.evidence, default=first)
 
 
+def equal_to(view: View, alternative: Finding, named: list[Finding]) -> Finding | None:
+    """The effect that explains as much as a credible unnamed alternative, in most recordings.
+
+    The alternative shows that something is there; a name that explains as much is the better explanation.
+    """
+    equal = [
+        finding for finding in named
+        if not finding.candidate.detected and not outdone(finding, alternative)
+        and _agrees(view, finding) and serious(view.design, finding)
+    ]  # fmt: skip
+    return max(equal, key=lambda finding: finding.evidence, default=None)
+
+
 def _agrees(view: View, finding: Finding) -> bool:
     agree = finding.supported().consistency >= THRESHOLDS.consistent_share
     return agree and finding.evidence > least_evidence(view, finding) and relevant(view.design, finding)
@@ -123,7 +145,8 @@ def _agrees(view: View, finding: Finding) -> bool:
 def serious(design: Design, finding: Finding) -> bool:
     """Whether a finding is an alternative explanation at all."""
     support = finding.supported()
-    return support.held_out > 0 and support.plain > 0 and relevant(design, finding)
+    smaller = support.plain.total > 0 or support.varying.sign() > 0
+    return support.held_out > 0 and smaller and relevant(design, finding)
 
 
 def relevant(design: Design, finding: Finding) -> bool:

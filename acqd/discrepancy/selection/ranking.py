@@ -12,10 +12,30 @@ from acqd.arrays import Floats
 from acqd.discrepancy.regression.design_columns import Candidate
 from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.gram import Competition, Places, Regression
+from acqd.discrepancy.regression.level import UnknownLevel
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.numerics import quadratic_form, solve_scaled_ridge
 
 _RIDGE = 1e-8
+
+
+@dataclass(frozen=True, slots=True)
+class Gain:
+    """Reduction of a squared error on recordings that did not take part, W^2 rows."""
+
+    total: float
+    error: float
+    """Standard error of the total, from the spread over recordings."""
+
+    @classmethod
+    def of(cls, gains: Floats) -> Gain:
+        """From the gains of recordings [recordings]."""
+        return cls(float(gains.sum()), float(gains.std() * np.sqrt(len(gains))))
+
+    def sign(self) -> int:
+        """-1 or 1 if the total is clearly negative or positive, else 0."""
+        clear = abs(self.total) >= THRESHOLDS.plain_errors * self.error and self.total != 0
+        return int(np.sign(self.total)) if clear else 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,10 +44,10 @@ class Support:
 
     gains: Floats
     """[recordings] reduction of the white squared error of a recording, by coefficients from the others."""
-    plain: float
-    """The same gains together, of the error in W [W^2 rows]."""
-    plain_error: float
-    """Standard error of `plain`, from the spread over recordings."""
+    plain: Gain
+    """The same gains together, of the error in W."""
+    varying: Gain
+    """The same about the mean of every block: what a constant load of another cause cannot hide."""
     acting: int
     """Number of recordings in which the effect acts."""
     consistency: float
@@ -82,7 +102,7 @@ def rank(design: Design, regression: Regression, gate: Floats, candidates: list[
     contest = _Contest.of(candidates)
     competition = regression.compete(contest.used, gate)
     scores = regression.scores(competition, contest.used, gate)
-    gains, plain = _held_out(design, regression, gate, contest, candidates)
+    gains, plain, varying = _held_out(design, regression, gate, contest, candidates)
     findings = []
     for number, schur, finding in _pooled(design, contest, competition, candidates, gate):
         candidate = finding.candidate
@@ -90,8 +110,7 @@ def rank(design: Design, regression: Regression, gate: Floats, candidates: list[
         own = own if candidate.mix is None else own @ candidate.mix
         acting, consistency = _consistency(design, gate, candidate, own @ finding.coefficients)
         support = Support(
-            gains=gains[number], plain=float(plain[number].sum()),
-            plain_error=float(plain[number].std() * np.sqrt(len(plain[number]))), acting=acting,
+            gains=gains[number], plain=Gain.of(plain[number]), varying=Gain.of(varying[number]), acting=acting,
             consistency=consistency, surprise=_surprise(own, schur),
         )  # fmt: skip
         findings.append(replace(finding, support=support))
@@ -215,17 +234,23 @@ def _surprise(E: Floats, schur: Floats) -> float:
 
 def _held_out(
     design: Design, regression: Regression, gate: Floats, contest: _Contest, candidates: list[Candidate]
-) -> tuple[Floats, Floats]:
-    """[candidates, recordings] gain of a recording by coefficients from the others: white, and in W."""
+) -> Floats:
+    """[3, candidates, recordings] gain of a recording by coefficients from the others.
+
+    White with random intercepts, in W, and in W about the mean of every block.
+    """
     names = [part.recording for part in design.parts]
     recordings = sorted({name for name, open_ in zip(names, gate, strict=True) if open_})
-    gains = np.zeros((2, len(candidates), len(recordings)))
+    white, plain = design.blocks.white, design.blocks.plain
+    one = design.columns.model.layout.place("standby").start
+    intercepts = next((column.deviation for column in regression.columns if column.block_intercept), np.inf)
+    grams = (UnknownLevel(white, one, intercepts**-2.0), plain, UnknownLevel(plain, one))
+    gains = np.zeros((len(grams), len(candidates), len(recordings)))
     for number, recording in enumerate(recordings):
         out = np.array([part.in_question and part.recording == recording for part in design.parts])
         competition = regression.compete(contest.used, gate, (~out).astype(float))
         sides = [
-            regression.held_out_products(competition, contest.used, gate, np.flatnonzero(out), gram)
-            for gram in (design.blocks.white, design.blocks.plain)
+            regression.held_out_products(competition, contest.used, gate, np.flatnonzero(out), gram) for gram in grams
         ]
         for k, (candidate, own) in enumerate(zip(candidates, contest.owns, strict=True)):
             schur, products = _part(competition.schur, competition.products, own, candidate)
@@ -235,4 +260,4 @@ def _held_out(
             for side, (Q, s) in enumerate(sides):
                 Qk, sk = _part(Q, s, own, candidate)
                 gains[side, k, number] = 2 * coefficients @ sk - coefficients @ Qk @ coefficients
-    return gains[0], gains[1]
+    return gains

@@ -12,7 +12,7 @@ from acqd.discrepancy.regression.design_columns import Candidate
 from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.gram import Regression
 from acqd.discrepancy.regression.onset import Gate
-from acqd.discrepancy.selection.acceptance import View, credible, leading, refuted, serious, worth
+from acqd.discrepancy.selection.acceptance import View, credible, equal_to, leading, refuted, serious, worth
 from acqd.discrepancy.selection.accepted import Named, Tracing, Unknown
 from acqd.discrepancy.selection.detectors.candidates import Detection, detect
 from acqd.discrepancy.selection.hypotheses import hypotheses
@@ -110,9 +110,10 @@ class Step:
         doubts = [finding for finding in unnamed if credible(view, finding, limit)]
         alternative = max(doubts, key=lambda finding: finding.evidence, default=None)
         if alternative is not None and (best is None or refuted(view, gate, best, alternative)):
-            if tracing.unknown is None:
-                tracing.unknown = Unknown(alternative, gate)
-            return None
+            best = equal_to(view, alternative, named)
+            if best is None:
+                tracing.unknown = tracing.unknown or Unknown(alternative, gate)
+                return None
         if best is None or (best.candidate.detected and _outdone_by_any(best, unnamed)):
             return None
         others = _best_of_each([finding for finding in named if serious(view.design, finding)], best)

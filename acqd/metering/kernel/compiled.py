@@ -8,7 +8,7 @@ import logging
 import os
 from pathlib import Path
 
-from acqd.c_builds import window
+from acqd.c_builds import WINDOW_FALLBACK, window
 from acqd.compiling import cached_library
 from acqd.errors import OperationError
 from acqd.instruction_sets import InstructionSet, best_instruction_set
@@ -43,7 +43,7 @@ def usable_library(channels: int) -> ctypes.CDLL | None:
     reason = why_not(channels)
     if reason is None:
         return library(channels)
-    _log.warning("metering with numpy, which takes about five times as long: %s", reason)
+    _log.warning("not metering with C: %s", reason)
     return None
 
 
@@ -51,7 +51,7 @@ def usable_library(channels: int) -> ctypes.CDLL | None:
 def why_not(channels: int = 6) -> str | None:
     """Why windows are metered with numpy, in words; None where they are with C."""
     if os.environ.get(SWITCH) == "numpy":
-        return f"{SWITCH}=numpy"
+        return f"{SWITCH}=numpy: {WINDOW_FALLBACK}"
     try:
         library(channels)
     except (OperationError, OSError) as error:

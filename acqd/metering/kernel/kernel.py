@@ -13,7 +13,7 @@ from acqd.metering.block import StreamFormat
 from acqd.metering.frequency import FrequencyEstimator
 from acqd.metering.held import HeldFrequency
 from acqd.metering.kernel.compiled import usable_library, why_not
-from acqd.metering.kernel.layout import FLAGS, NO_TRIAL, PER_PHASE, PHASES, RAW_F, F, Form, State
+from acqd.metering.kernel.layout import FLAGS, NO_TRIAL, PER_PHASE, PHASES, RAW_F, U_IM, U_RE, F, Form, State
 from acqd.metering.middle import SPAN, MiddleFrequency
 from acqd.metering.stream import Piece
 from acqd.metering.trial import Trial, make_trial
@@ -64,6 +64,7 @@ class Kernel:
             raise RuntimeError("no library")
         self._windows = found.acqd_windows
         self._dtype = form.dtype
+        self._u_scale = np.asarray(form.scale[0::2])[:, None, None]
         self._estimator, self._held, self._middle = estimator, held, middle
         self._trials: dict[int, Floats] = {}
         self._first = int(frequency.to_grid(frequency.F_MIN - frequency.MARGIN)) - 1
@@ -83,14 +84,26 @@ class Kernel:
         count = len(piece.seq) - first
         rows = np.empty((self._rows, count))
         codes, bounds, out = samples.ctypes.data, piece.bounds.ctypes.data + 8 * first, rows.ctypes.data
+        before = bytes(self._state)
         done = self._windows(*self._pointers, codes, bounds, count, piece.begin, out)
         while not done and self._state.reason == NO_TRIAL:
             self._add(self._state.point)
             done = self._windows(*self._pointers, codes, bounds, count, piece.begin, out)
         if not done:
             return None
-        self._held.note_steady(rows[RAW_F, :done].tolist())
-        return Metered(rows[:, :done])
+        rows = rows[:, :done]
+        usable = self._held.note_steady(rows[RAW_F].tolist(), self._magnitudes(rows))
+        if usable < done:  # as if the first of the others had not been metered
+            ctypes.memmove(self._pointers[1], before, len(before))
+            rows = np.empty((self._rows, usable))
+            self._windows(*self._pointers, codes, bounds, usable, piece.begin, rows.ctypes.data)
+        return Metered(rows[:, :usable]) if usable else None
+
+    def _magnitudes(self, rows: Floats) -> list[float]:
+        """Of the fundamental of all phases together [digits], as `Estimate.magnitude`."""
+        fundamentals = rows[PHASES:].reshape(-1, PER_PHASE, rows.shape[1])[:, U_RE : U_IM + 1] / self._u_scale
+        magnitudes: list[float] = np.sqrt(np.einsum("pcw,pcw->w", fundamentals, fundamentals)).tolist()
+        return magnitudes
 
     def give_back(self) -> None:
         """Put the state into the objects of the numpy path, which meters the next window."""

@@ -13,9 +13,12 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from acqd.arrays import Floats
 from acqd.metering.interval import interval_sums
+
+Phasors = NDArray[np.complex128]
 
 MIN_PURITY = 0.5
 """Share of the AC power that the fundamental of a mains voltage carries at least."""
@@ -41,6 +44,10 @@ class CycleFit:
     """rad; 0 without a jump."""
     beats: bool = False
     """Whether the phase swings within the interval, so that f is not sure."""
+    phasors: Phasors | None = None
+    """[phases, cycles] RMS, against a cosine of the last trial f that begins with the interval."""
+    trial: float = np.nan
+    """Hz: this f."""
 
     @property
     def credible(self) -> bool:
@@ -70,14 +77,15 @@ def fit_cycles(u: Floats, start: float, f: float, rate: float, cycles: int, dead
         slope, curve, jump = _fit(phases, cycles)
         correction = slope * f / (2 * np.pi)
         beat = abs(float(_slope_with_beat(cycles) @ phases) - slope) * f / (2 * np.pi)
-        found = CycleFit(f + correction, 2 * curve * f * f / (2 * np.pi), jump, not jump and beat > BEAT)
+        rocof, beats = 2 * curve * f * f / (2 * np.pi), not jump and beat > BEAT
+        found = CycleFit(f + correction, rocof, jump, beats, phasors, f)
         f += correction
         if abs(correction) < _CLOSE:
             break
     return found
 
 
-def cycle_phasors(u: Floats, start: float, f: float, rate: float, cycles: int) -> tuple[Floats, float]:
+def cycle_phasors(u: Floats, start: float, f: float, rate: float, cycles: int) -> tuple[Phasors, float]:
     """RMS phasors of consecutive cycles, complex [phases, cycles], and the fundamental's share of the AC power."""
     length = rate / f
     edges = np.asarray(start + length * np.arange(cycles + 1))
@@ -86,13 +94,13 @@ def cycle_phasors(u: Floats, start: float, f: float, rate: float, cycles: int) -
     angle = 2 * np.pi / length * (np.arange(part.shape[1]) + 0.5 + first - start)
     turned = np.stack((part * np.cos(angle), part * -np.sin(angle), part, part * part))
     sums = interval_sums(turned, edges[:-1] - first, edges[1:] - first) / length
-    phasors = np.sqrt(2) * (sums[0] + 1j * sums[1])
+    phasors = np.asarray(np.sqrt(2) * (sums[0] + 1j * sums[1]))
     ac = sums[3].mean(axis=1) - sums[2].mean(axis=1) ** 2
     purity = float((np.abs(phasors) ** 2).mean(axis=1).sum() / max(float(ac.sum()), 1e-30))
     return phasors, purity
 
 
-def _phases(phasors: Floats) -> Floats:
+def _phases(phasors: Phasors) -> Floats:
     """Phase of each cycle against the first one [rad], unwrapped, all phases of the system together."""
     turns = (phasors[:, :-1].conj() * phasors[:, 1:]).sum(axis=0)
     return np.concatenate(([0.0], np.cumsum(np.angle(turns))))

@@ -17,6 +17,7 @@ import numpy as np
 from acqd.arrays import Floats
 from acqd.metering.block import SampleBlock, StreamFormat
 from acqd.metering.quality.coarse import coarse_f, mains_range, nominal_system
+from acqd.metering.quality.cycle_sideband import CycleSideband
 from acqd.metering.quality.cycles import NONE, CycleFit, fit_cycles
 from acqd.metering.quality.decimate import decimated, factor_of
 from acqd.metering.quality.resample import MARGIN
@@ -88,6 +89,7 @@ class IntervalCutter:
         self._f = form.f_nominal
         self._known = False
         self._gap = False
+        self._sideband = CycleSideband(form.f_nominal)
 
     def feed(self, block: SampleBlock) -> Iterator[Interval]:
         """Intervals that `block` completes, in the order of their starts."""
@@ -147,7 +149,8 @@ class IntervalCutter:
         codes, _ = self._run.codes(begin, end)
         stopped = (codes >= self._form.code_max) | (codes <= self._form.code_min)
         flags = self._run.flags(begin, end)
-        if fit.jump or fit.beats or not fit.credible:
+        misled = not chain.trailing and self._sideband.moves(fit, follows=not chain.fresh)
+        if misled or fit.jump or fit.beats or not fit.credible:
             flags |= {"transient"}
         if chain.fresh and self._gap:
             flags |= {"gap"}

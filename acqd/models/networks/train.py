@@ -12,8 +12,10 @@ from pathlib import Path
 import numpy as np
 import orjson
 
-from acqd.compiling import system_compiler
+from acqd.c_builds import lstm
+from acqd.compiling import why_unavailable
 from acqd.errors import UserError
+from acqd.instruction_sets import best_instruction_set
 from acqd.models.networks.adam import Adam
 from acqd.models.networks.architecture import Architecture
 from acqd.models.networks.batches import Example
@@ -82,7 +84,9 @@ def train(
 
 def _engine(architecture: Architecture, axes: int, settings: TrainingSettings) -> Engine:
     fused = settings.compute == "fused" or (
-        settings.compute == "auto" and settings.device == "cpu" and system_compiler() is not None
+        settings.compute == "auto"
+        and settings.device == "cpu"
+        and why_unavailable(lstm(best_instruction_set())) is None
     )
     if settings.device != "cpu" and settings.compute == "fused":
         raise UserError(f"--compute fused runs on the CPU only, not on {settings.device}")

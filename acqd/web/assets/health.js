@@ -24,6 +24,7 @@
     const daemon = of("daemon"), sink = of("sink"), delivery = daemon.delivery ?? {};
     const shown = [
       ["source", link(daemon.source) && `${link(daemon.source)}; ${daemon.source.lost} samples lost`],
+      ["windows flagged", daemon.windows && flagged(daemon.windows).filter(Boolean).join(": ")],
       ["broker", link(daemon.broker)],
       ["rows on their way", delivery.waiting !== undefined && `${delivery.waiting} wait, ${delivery.receipts_outstanding ?? 0} without receipt`],
       ["spool", Number.isFinite(delivery.spool_bytes) && [`${bytes(delivery.spool_bytes)} of ${bytes(delivery.spool_limit_bytes)}`, delivery.spool_bytes / delivery.spool_limit_bytes]],
@@ -42,6 +43,25 @@
         tile.lastChild.append(meter);
       }
       return tile;
+    }));
+  }
+
+  const stateOf = (box) => box.ended ? ["ended", "open"] : !box.source.connected ? ["away", "bad"] : box.alive ? ["delivers", "fine"] : ["no rows", "bad"];
+
+  function flagged(windows) {
+    const names = Object.entries(windows.flags).sort((one, other) => other[1] - one[1]);
+    return [`${windows.flagged} of ${windows.made}`, names.map(([name, count]) => `${name} ${count}`).join(", ")];
+  }
+
+  function sources(boxes) {
+    $("sources").hidden = !boxes.length;
+    $("boxes").tBodies[0].replaceChildren(...boxes.map((box) => {
+      const row = document.createElement("tr"), [state, looks] = stateOf(box), [count, names] = flagged(box.windows);
+      const again = box.restarts + (box.cycles?.restarts ?? 0), age = box.last_row_age_s;
+      cells(row, [box.name, state, Number.isFinite(age) ? seconds(age) : "-", box.source.lost, again, count, box.cycles?.missed ?? "-", box.cycles?.exceeded ?? "-"].map(String));
+      row.cells[1].className = looks;
+      row.cells[5].append(Object.assign(document.createElement("small"), { textContent: names }));
+      return row;
     }));
   }
 
@@ -76,7 +96,10 @@
         report(row.cells[2], [...service.problems, ...service.notes], runbook);
       });
       tiles(services);
-      const cycles = services.find((service) => service.status.cycles)?.status.cycles;
+      const daemon = services.find((service) => service.service === "daemon")?.status ?? {}, boxes = daemon.boxes ?? [];
+      sources(boxes);
+      const box = boxes.find((each) => each.devices.includes(view.device)), cycles = box?.cycles ?? (box ? null : daemon.cycles);
+      document.querySelectorAll("#cycles .of").forEach((node) => put(node, box ? ` of ${box.name}` : ""));
       $("cycles").hidden = !cycles?.latency;
       if (cycles?.latency) histogram($("fast"), cycles.latency);
       if (cycles?.slow) histogram($("slow"), cycles.slow);
@@ -84,5 +107,6 @@
   }
 
   setInterval(() => document.visibilityState === "visible" && health(), LOOK_MS);
+  onDevice.push(health);
   health();
 }

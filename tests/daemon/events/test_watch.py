@@ -114,7 +114,6 @@ def test_a_waveform_of_16_bit_codes_stays_one(tmp_path):
 @pytest.mark.parametrize(
     ("wrong", "says"),
     [
-        ({}, "declared_voltage is missing"),
         ({"declared_voltage": 0}, "greater than 0"),
         ({"declared_voltage": 230, "dip": 110}, "interruption < dip < 100 %"),
         ({"declared_voltage": 230, "hysteresis": 10}, "hysteresis: expected"),

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from acqd.discrepancy.regression.gram import Blocks, Column, Gram, Regression, upper_triangle
+from acqd.discrepancy.regression.level import UnknownLevel
 from acqd.discrepancy.regression.setup import Question, set_up
 from tests.builders import recording
 
@@ -47,6 +48,24 @@ def test_replaced_columns_have_the_products_of_their_values(seed):
     expected = np.einsum("bri,brj->bij", changed, changed)
     np.testing.assert_allclose(gram.take(slice(None), everything, everything), expected, atol=1e-9)
     assert b.white.size == 6  # the old one is what it was
+
+
+@given(seed=st.integers(0, 2**32 - 1), block=st.integers(0, BLOCKS - 1), deviation=st.floats(0.01, 100.0))
+@settings(deadline=None, max_examples=30)
+def test_a_random_intercept_is_part_of_the_noise_covariance(seed, block, deviation):
+    _, rows, _ = blocks(np.random.default_rng(seed), 1)
+    rows[:, :, 1] = 1.0
+    whole = np.einsum("bri,brj->bij", rows, rows)
+    fixed = tuple(upper_triangle(each[: FIXED + 1, : FIXED + 1]) for each in whole)
+    gram = Gram(FIXED, fixed, whole[:, :, FIXED + 1 :])
+    taken, own = np.array([0, 2, 3, 5]), rows[block]
+    covariance = np.eye(ROWS) + deviation**2
+    expected = own.T @ np.linalg.solve(covariance, own)
+    level = UnknownLevel(gram, 1, deviation**-2.0)
+    np.testing.assert_allclose(level.take(block, taken, taken), expected[np.ix_(taken, taken)], rtol=1e-6, atol=1e-6)
+    varying = own - own.mean(axis=0)
+    free = UnknownLevel(gram, 1).residual_products(block, taken)
+    np.testing.assert_allclose(free, varying[:, taken].T @ varying[:, FIXED], atol=1e-9)
 
 
 @given(seed=st.integers(0, 2**32 - 1))

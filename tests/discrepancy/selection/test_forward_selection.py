@@ -45,6 +45,18 @@ def test_parameters_come_back(model, robot):
     assert tracing.effects[0].shape["period_s"] == pytest.approx(47, rel=0.1)
 
 
+@pytest.mark.parametrize("standby_W", [-12.0, -25.0])
+def test_a_lower_standby_power_does_not_hide_a_friction(standby_W, model, robot):
+    """Until the standby has a name, added friction makes the error in W larger; about the mean of a block it falls."""
+
+    def both(scene, random):
+        return INDEPENDENT["viscous_friction"](scene, random) + standby_W
+
+    only = COMMON | {"viscous_friction", "thermal_friction"}
+    _, tracing = traced(model, robot, both, only=only)
+    assert {named.id for named in tracing.effects} == {"viscous_friction", "offset_shift"}
+
+
 def test_nothing_is_found_where_nothing_is(model, robot):
     _, tracing = traced(model, robot, None)
     assert tracing.verdict == "nothing_left", [named.id for named in tracing.effects]

@@ -7,19 +7,13 @@ import functools
 
 from acqd.c_builds import lstm
 from acqd.compiling import cached_library
-from acqd.errors import OperationError
 from acqd.instruction_sets import InstructionSet, best_instruction_set
 
 
 @functools.cache
 def library(instructions: InstructionSet | None = None) -> ctypes.CDLL:
     """The compiled library, from the cache or freshly built. Raises OperationError."""
-    chosen = instructions or best_instruction_set()
-    try:
-        path = cached_library(lstm(chosen))
-    except OperationError as error:
-        raise OperationError(f"{error}; or train with --compute torch") from None
-    loaded = ctypes.CDLL(str(path))
+    loaded = ctypes.CDLL(str(cached_library(lstm(instructions or best_instruction_set()))))
     loaded.acqd_lstm.restype = ctypes.c_double
     loaded.acqd_scratch.restype = ctypes.c_long
     return loaded

@@ -1,0 +1,37 @@
+"""An interharmonic beside f, from the phasors of consecutive cycles (`metering.sideband`)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acqd.metering.quality.cycles import CycleFit
+from acqd.metering.sideband import Sideband
+
+
+class CycleSideband:
+    """Remembers the cycles of the intervals of a chain; an interval begins where the last one ended."""
+
+    def __init__(self, f_nominal: float) -> None:
+        self._sideband = Sideband(1 / f_nominal)
+        self._last: NDArray[np.complex128] | None = None  # [phases]
+
+    def moves(self, fit: CycleFit, *, follows: bool) -> bool:
+        """Whether an interharmonic moves the f of the interval; `follows`: without a gap or a tick before it."""
+        phasors = fit.phasors
+        jumps = fit.jump != 0 and not self._sideband.beating  # a beat may look like a jump
+        if not follows or phasors is None or jumps:
+            self._sideband.reset()
+            self._last = None
+        if phasors is None or jumps:
+            return False
+        # To the phases that cycles of the interval's own f have: it ends where the next one begins.
+        middles = np.arange(phasors.shape[1]) + 0.5
+        phasors = phasors * np.exp(2j * np.pi * (fit.trial / fit.f - 1) * middles)
+        if self._last is not None:
+            phasors = np.column_stack((self._last, phasors))
+        self._last = phasors[:, -1]
+        turns = np.angle((phasors[:, :-1].conj() * phasors[:, 1:]).sum(axis=0))
+        power = np.square(np.abs(phasors)).sum(axis=0)
+        f = fit.f * (1 + turns / (2 * np.pi))
+        return self._sideband.note_all(f.tolist(), np.sqrt((power[:-1] + power[1:]) / 2).tolist())

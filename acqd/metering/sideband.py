@@ -1,0 +1,158 @@
+"""An interharmonic beside the fundamental, told from a true swing of f.
+
+An interharmonic of share a at f + b turns the fundamental's phasor into A (1 + a exp(j 2 pi b t)): its magnitude and
+its phase swing together, a quarter of a beat apart. So w = ln(magnitude) + j phase has one line, at b. A true swing of
+f moves the phase alone, a changing voltage the magnitude alone, and a step or a ramp of both at once is still a real
+function times a complex number: all of these have lines of equal size at b and -b (single-sideband modulation). The
+lines are fitted over the last windows together with a parabola, which takes the level, f and its rate of change.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acqd.arrays import Floats
+
+LIMIT = 0.005
+"""Hz; an interharmonic that moves f by less is let pass."""
+_SPREAD = 1.5 * LIMIT
+"""Hz between the largest and the smallest f without which nothing is fitted."""
+LENGTHS = (12, 25, 50)
+"""Windows that are fitted: a fast beat is known early, a slow one at all."""
+_FASTEST = 0.45
+"""Beats per window at most; half a beat is the limit of sampling."""
+_SLOWEST = 0.8
+"""Beats in the windows at least; fewer cannot be told from the parabola."""
+_ONE_SIDED = 4.0
+"""Power of the line over that of its mirror image."""
+_JUMPS = 3
+"""Windows with a bent phase that a phase jump makes; more among the first of the lengths are an interharmonic's."""
+_EXPLAINED = 0.6
+"""Share of what the parabola leaves that the line explains with its mirror image."""
+
+Complexes = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, slots=True)
+class _Basis:
+    parabola: Floats
+    """[3, n] orthonormal."""
+    lines: Complexes
+    """[beats, 2, n] orthonormal pairs, conjugated: what a line and its mirror image add to the parabola."""
+    solve: Complexes
+    """[beats, 5, n] pseudo-inverses: parabola in windows from the last one, line, mirror image."""
+    beats: Floats
+    """[beats] per window."""
+
+
+class Sideband:
+    """Remembers the fundamental of the last windows of a stream."""
+
+    def __init__(self, window_s: float) -> None:
+        self._window_s = window_s
+        self._f: deque[float] = deque(maxlen=LENGTHS[-1])
+        self._magnitude: deque[float] = deque(maxlen=LENGTHS[-1])
+        self._bent: deque[bool] = deque(maxlen=LENGTHS[0])
+        self._low = self._high = 0.0
+        self._fresh = 0  # windows for which these bounds hold
+        self._next = 0
+        self._suspected = False
+        self.beating = False
+        """Whether an interharmonic moved f in the last window."""
+
+    def reset(self) -> None:
+        """The next window does not follow the last one."""
+        self._f.clear()
+        self._magnitude.clear()
+        self._bent.clear()
+        self._fresh, self.beating, self._suspected = 0, False, False
+
+    def note(self, f: float, magnitude: float, *, steady: bool = True) -> float | None:
+        """The next window: f [Hz] as it was estimated, magnitude of the fundamental in any unit.
+
+        About the f without the interharmonic, where one moves it; else None. A window that is not `steady` (a phase
+        jump) counts as the one before.
+        """
+        if f != f or not magnitude > 0:
+            self.reset()
+            return None
+        self._bent.append(not steady)
+        if not steady and self._f and sum(self._bent) <= _JUMPS:
+            f, magnitude = self._f[-1], self._magnitude[-1]
+        self._f.append(f)
+        self._magnitude.append(magnitude)
+        if self._spread(f) < _SPREAD or len(self._f) < LENGTHS[0]:
+            self.beating = self._suspected = False
+            return None
+        self._next = (self._next + 1) % len(LENGTHS)  # a third of the work while there is nothing
+        found = self._look(LENGTHS[::-1] if self._suspected else LENGTHS[self._next : self._next + 1])
+        self.beating = found is not None and self._suspected  # a chance likeness does not last
+        self._suspected = found is not None
+        return found if self.beating else None
+
+    def note_all(self, f: Sequence[float], magnitude: Sequence[float]) -> bool:
+        """The next windows at once, all steady: whether an interharmonic moves f in the last one."""
+        self._f.extend(f)
+        self._magnitude.extend(magnitude)
+        self.beating = max(self._f) - min(self._f) >= _SPREAD and self._look(LENGTHS) is not None
+        return self.beating
+
+    def forget_last(self) -> None:
+        """The last window will be noted again."""
+        self._f.pop()
+        self._magnitude.pop()
+        self._bent.pop()
+
+    def _spread(self, f: float) -> float:
+        """Of the last windows [Hz]; too large at most for as many windows as are remembered."""
+        self._fresh -= 1
+        if self._fresh < 0 or not self._low <= f <= self._high:
+            self._low, self._high, self._fresh = min(self._f), max(self._f), LENGTHS[0]
+        return self._high - self._low
+
+    def _look(self, lengths: Sequence[int]) -> float | None:
+        f, magnitude = np.array(self._f), np.array(self._magnitude)
+        turn = 2 * np.pi * self._window_s
+        phase = turn * (np.cumsum(f - f[-1]) - 0.5 * (f - f[-1]))
+        w = np.log(magnitude / magnitude[-1]) + 1j * phase
+        for length in lengths:
+            if length <= len(w) and np.ptp(f[-length:]) >= _SPREAD:
+                slope = self._slope(w[-length:])
+                if slope is not None:
+                    return float(f[-1] + slope / turn) if length > LENGTHS[0] else float(f[-length:].mean())
+        return None
+
+    def _slope(self, w: Complexes) -> float | None:
+        """Slope of the phase [rad/window] at the last window without the line; None where there is none."""
+        basis = _basis(len(w))
+        rest = w - (basis.parabola @ w) @ basis.parabola
+        explained = np.square(np.abs(basis.lines @ rest)).sum(axis=1)
+        best = int(np.argmax(explained))
+        if explained[best] < _EXPLAINED * float(np.square(np.abs(rest)).sum()):
+            return None
+        _, slope, _, line, mirror = basis.solve[best] @ w
+        larger, smaller = max(abs(line), abs(mirror)), min(abs(line), abs(mirror))
+        if larger**2 < _ONE_SIDED * smaller**2 or larger * basis.beats[best] / self._window_s < LIMIT:
+            return None
+        return float(slope.imag)
+
+
+@lru_cache(maxsize=len(LENGTHS))
+def _basis(n: int) -> _Basis:
+    t = np.arange(n) - (n - 1.0)
+    beats = np.arange(_SLOWEST / n, _FASTEST, 0.2 / n)
+    powers = t[:, None] ** np.arange(3)
+    parabola, _ = np.linalg.qr(powers)
+    lines, solve = [], []
+    for beat in beats:
+        pair = np.exp(2j * np.pi * beat * np.outer(t, [1, -1]))
+        orthonormal, _ = np.linalg.qr(pair - parabola @ (parabola.T @ pair))
+        lines.append(orthonormal.conj().T)
+        solve.append(np.linalg.pinv(np.hstack((powers, pair))))
+    return _Basis(np.ascontiguousarray(parabola.T), np.array(lines), np.array(solve), beats)

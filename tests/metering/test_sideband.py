@@ -1,0 +1,93 @@
+"""An interharmonic near f is flagged; swings of f itself, of the voltage, and steps of both are not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from acqd.metering import SampleBlock, StreamFormat
+from acqd.metering.quality.meter import QualityMeter
+from tests.metering.test_unsteady import RATE, SCALE, codes_of, metered, transient
+
+KNOWN = 14
+"""Windows after which a beat of at least one period is known."""
+T = np.arange(48_000) / RATE
+
+
+def exact_rms(f, share, between, k, batch):
+    """RMS of L1 over exactly two cycles of `f` in the middle of window `k`, by an integral of the model itself."""
+    start = k * 0.04 + max(0.0, 0.02 - 1 / f) if f >= 50 else (k + 1) * 0.04 - 2 / f
+    t = start + (np.arange(40_000) + 0.5) / 40_000 * 2 / f
+    angle = 2 * np.pi * f * t
+    u = np.cos(angle) + share * np.cos(2 * np.pi * between * t)
+    return 325 * np.sqrt(np.mean(u * u))
+
+
+@pytest.mark.parametrize("between", [45.0, 47.0, 48.0, 49.0, 51.0, 52.0, 54.0, 56.0])
+def test_an_interharmonic_near_f_is_flagged_or_moves_f_by_less_than_10_mhz(between):
+    (batch,) = metered(codes_of(50.02 * T, 1, (0.02, between)))
+    late = np.arange(len(batch)) >= KNOWN
+    flagged = transient(batch)
+    assert np.isnan(batch.f[flagged]).all()
+    assert np.abs(batch.f[late & ~flagged] - 50.02).max(initial=0) < 0.010
+    assert flagged[late].mean() > 0.9  # it does move f by more
+
+
+def test_the_interval_is_two_cycles_of_f_without_the_interharmonic():
+    u = np.cos(2 * np.pi * 50.02 * T) + 0.02 * np.cos(2 * np.pi * 48 * T)
+    codes = np.rint(np.column_stack((u * 325 / SCALE[0], u * 4 / SCALE[1]))).astype(np.int16)
+    (batch,) = metered(codes)
+    late = range(40, len(batch) - 1)
+    errors = [batch.Vrms[0, k] / exact_rms(50.02, 0.02, 48.0, k, batch) - 1 for k in late]
+    assert np.abs(errors).max() < 1e-4
+
+
+@pytest.mark.parametrize("beat", [0.7, 2.0, 6.0])
+def test_a_swing_of_f_itself_is_measured(beat):
+    turns = 50.02 * T + 0.05 / (2 * np.pi * beat) * np.sin(2 * np.pi * beat * T)
+    (batch,) = metered(codes_of(turns, 1))
+    assert not transient(batch)[1:].any()
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [
+        lambda t: 1 + 0.005 * np.sin(2 * np.pi * 8.8 * t),
+        lambda t: 1 - 0.01 * (t % 1.3 > 0.7),
+        lambda t: 1 - 0.01 * t,
+    ],
+    ids=["flicker", "steps", "ramp"],
+)
+def test_a_changing_voltage_is_no_interharmonic(shape):
+    codes = codes_of(50.02 * T + 0.2 * np.maximum(0, T - 0.7) ** 2, 1).astype(float)
+    codes[:, 0] *= shape(T)
+    (batch,) = metered(np.rint(codes).astype(np.int16))
+    assert not transient(batch)[2:].any()
+
+
+def test_how_the_stream_is_cut_does_not_matter():
+    codes = codes_of(50.02 * T, 1, (0.02, 52.0))
+    (whole,), cut = metered(codes), metered(codes, range(800, len(codes), 800))
+    assert [batch.flags[0][0] for batch in cut] == whole.flags[0]
+    np.testing.assert_allclose(np.concatenate([batch.Vrms for batch in cut], axis=1), whole.Vrms, rtol=1e-7)
+
+
+@pytest.mark.parametrize("between", [46.0, 47.0, 48.0, 49.0, 51.0, 52.0, 53.0])
+def test_intervals_of_ten_cycles_are_flagged_too(between):
+    f, flagged = intervals(codes_of(50.02 * T, 1, (0.02, between)))
+    late = np.arange(len(f)) >= 5
+    assert np.abs(f - 50.02)[late & ~flagged].max(initial=0) < 0.010
+    assert flagged[late].mean() > 0.6
+
+
+@pytest.mark.parametrize("beat", [0.5, 1.0])
+def test_intervals_in_which_f_itself_swings_are_not(beat):
+    _, flagged = intervals(codes_of(50.02 * T + 0.05 / (2 * np.pi * beat) * np.sin(2 * np.pi * beat * T), 3))
+    assert not flagged.any()
+
+
+def intervals(codes):
+    """f, and whether it is flagged."""
+    meter = QualityMeter(StreamFormat(RATE, SCALE * (codes.shape[1] // 2)))
+    values = [one for one in meter.feed(SampleBlock(codes, 0, 0)) if one.kind == "10/12"]
+    return np.array([one.f for one in values]), np.array(["transient" in one.flags for one in values])
