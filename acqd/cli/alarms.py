@@ -110,7 +110,7 @@ def _client(address: BrokerAddress) -> aiomqtt.Client:
 
 
 async def _active(address: BrokerAddress) -> list[dict[str, Any]]:
-    """The retained list. Raises UserError when there is none: `acqd alarms` has never run on this broker."""
+    """The retained list. Raises UserError without a list: `acqd alarms` has never run on this broker."""
     from acqd.integrations.alarms.watch import ACTIVE
 
     try:

@@ -47,7 +47,7 @@ class Feed(Protocol):
         """Name and newest window of a device ("": the first one); None: it is not of this feed. In any thread."""
 
     def capture(self, device: str, seconds: float) -> Waveform | None:
-        """The newest samples of a device ("": the first one), in the event loop only; None: there are none."""
+        """The newest samples of a device ("": the first one), in the event loop only; None: it has no samples."""
 
     def status(self) -> dict[str, Any]:
         """The source's part of the status message."""

@@ -19,7 +19,7 @@ class FeedOfBoxes:
     """A box that is away does not keep the others from metering."""
 
     def __init__(self, boxes: Sequence[Box], boot: str) -> None:
-        """`boot`: of the daemon; the rows of the boxes have boots of their own."""
+        """`boot`: of the daemon; each box has another boot for its rows."""
         self._boxes, self._boot = boxes, boot
         self._tasks: list[asyncio.Task[None]] = []
 

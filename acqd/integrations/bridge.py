@@ -1,4 +1,4 @@
-"""A subscriber that may answer with messages of its own, and the connection that it lives on."""
+"""A subscriber that may publish messages, and the connection that it lives on."""
 
 from __future__ import annotations
 

@@ -211,7 +211,7 @@ class Executive:
         if self._fast is None:
             return None
         block = self._fast.ring.recent(round(seconds * self._fast.form.rate))
-        stages = Stages(self._fast.form, self._makers)  # their own: those of the meter are in mid-stream
+        stages = Stages(self._fast.form, self._makers)  # other stages: the meter's are in mid-stream
         ready = None if block is None else stages.apply(replace(block, flags=block.flags | self._fast.flags))
         return None if ready is None else (ready, stages.form)
 

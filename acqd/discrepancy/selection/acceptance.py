@@ -39,7 +39,7 @@ class View:
 def worth(finding: Finding) -> float:
     """Order of findings: the smaller one of evidence and held-out gain; less for detected effects.
 
-    Logged torques are a witness of their own: their part counts on both sides.
+    Logged torques are a separate witness: their part counts on both sides.
     """
     return min(discounted(finding), (finding.supported().held_out + finding.at_joints) / _price(finding))
 

@@ -1,6 +1,6 @@
 """The uses of acqd, one per function, as somebody has them who has installed the wheel with one extra and no more.
 
-Runs in an environment of its own, outside the source tree: python smoke.py USE. All data are simulated.
+Runs in a separate environment, outside the source tree: python smoke.py USE. All data are simulated.
 """
 
 from __future__ import annotations
