@@ -121,20 +121,13 @@ def remove(root: Root, *, purge: bool) -> None:
     Raises UserError, OperationError.
     """
     _require_rights(root)
-    services = tuple(SERVICES)
-    if root.live:
-        for service in SERVICES.values():
-            if root.at(f"/etc/systemd/system/{service.units[0]}").exists():
-                root.run("systemctl", "disable", "--now", service.enabled, needed=False)
-    wanted = Wanted("acqd", services, drop_ins=("raw-network", "serial"))
+    _stop(root)
+    wanted = Wanted("acqd", tuple(SERVICES), drop_ins=("raw-network", "serial"))
     for file in reversed(files_of(wanted)):
         if not file.keep or file.path.startswith("/etc/mosquitto"):
             root.remove(file.path)
     root.remove(_PASSWORDS)
-    if root.live:
-        root.run("systemctl", "daemon-reload", needed=False)
-        if any(path.startswith("removed /etc/mosquitto") for path in root.done):
-            root.run("systemctl", "restart", "mosquitto.service", needed=False)
+    _forget(root)
     if purge:
         root.remove(_TIMER_STAMP)
         for name in _DATA:
@@ -142,6 +135,21 @@ def remove(root: Root, *, purge: bool) -> None:
                 shutil.rmtree(root.at(name))
                 root.done.append(f"removed {name}")
         _remove_user(root)
+
+
+def _stop(root: Root) -> None:
+    """Stop and disable the services that are installed."""
+    installed = [each for each in SERVICES.values() if root.at(f"/etc/systemd/system/{each.units[0]}").exists()]
+    for service in installed if root.live else []:
+        root.run("systemctl", "disable", "--now", service.enabled, needed=False)
+
+
+def _forget(root: Root) -> None:
+    """Have systemd and the broker forget what was removed."""
+    if root.live:
+        root.run("systemctl", "daemon-reload", needed=False)
+        if any(done.startswith("removed /etc/mosquitto") for done in root.done):
+            root.run("systemctl", "restart", "mosquitto.service", needed=False)
 
 
 def _remove_user(root: Root) -> None:
