@@ -1,6 +1,7 @@
 """python -m tools.studies.packages [WHEEL] [--constraints FILE] [--only USE]: size and use of every extra.
 
-The uses run without a compiler, git or the source tree in reach. Without a WHEEL, the source distribution is built first, and the wheel from it.
+The uses run without a compiler, git or the source tree in reach. Without a WHEEL, the source distribution is built
+first, and the wheel from it.
 """
 
 from __future__ import annotations
