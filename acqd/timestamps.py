@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from datetime import UTC, datetime
+from functools import lru_cache
 from pathlib import Path
 from typing import TypeAlias
 
@@ -61,8 +62,12 @@ def _require_times(path: Path, name: str, first_ns: float, last_ns: float) -> No
 def rfc3339(utc_ns: int, digits: int = 6) -> str:
     """UTC nanoseconds as 2021-07-13T10:15:30.123456Z (RFC 3339, section 5.6), cut after `digits` decimals."""
     seconds, ns = divmod(utc_ns, 1_000_000_000)
-    stamp = datetime.fromtimestamp(seconds, UTC)
-    return f"{stamp:%Y-%m-%dT%H:%M:%S}.{ns // 10 ** (9 - digits):0{digits}d}Z"
+    return f"{_whole_second(seconds)}.{ns // 10 ** (9 - digits):0{digits}d}Z"
+
+
+@lru_cache(maxsize=64)  # rows of a second follow one another
+def _whole_second(unix_s: int) -> str:
+    return f"{datetime.fromtimestamp(unix_s, UTC):%Y-%m-%dT%H:%M:%S}"
 
 
 def rfc3339_ms(unix_s: float) -> str:

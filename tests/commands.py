@@ -74,10 +74,13 @@ def _here(program: Callable[[], None], argv: list[str], cwd: Path) -> subprocess
 @contextmanager
 def without_workers() -> Iterator[None]:
     """Campaigns and trainings run one after the other in this process: every worker would import for seconds."""
-    import acqd.lab.campaign.run  # before its copy of the name is replaced
+    import acqd.fleet.run
+    import acqd.lab.campaign.run  # before their copies of the name are replaced
     import acqd.workers  # noqa: F401
 
-    with mock.patch("acqd.workers.run_here", _in_turn), mock.patch("acqd.lab.campaign.run.run_here", _in_turn):
+    with ExitStack() as stack:
+        for module in ("acqd.workers", "acqd.lab.campaign.run", "acqd.fleet.run"):
+            stack.enter_context(mock.patch(f"{module}.run_here", _in_turn))
         yield
 
 

@@ -31,7 +31,8 @@ def homeassistant(
 
     Example: acqd bridge homeassistant --config /etc/acqd/acqd.toml
     """
-    from acqd.integrations.homeassistant import Discovery, Removal
+    from acqd.integrations.homeassistant.discovery import Discovery
+    from acqd.integrations.homeassistant.removal import Removal
     from acqd.integrations.service import serve
 
     settings = configured(config, host, port)
@@ -60,7 +61,7 @@ def influx(config: ConfigFile = None, host: Host = None, port: Port = None, json
     settings = configured(config, host, port)
     section = settings.influx
     check_url(section.url)
-    with Influx(section.url, section.token, section.measurement, section.waiting) as bridge:
+    with Influx(section.url, section.token, section.measurement, section.waiting, section.quality) as bridge:
         serve(settings.mqtt.address(), bridge, f"acqd-influx-{socket.gethostname()}")
     counts = {"written": bridge.written, "dropped": bridge.dropped, "refused": bridge.refused}
     print(
@@ -78,7 +79,7 @@ def plain(config: ConfigFile = None, host: Host = None, port: Port = None, json:
     from acqd.integrations.service import serve
 
     settings = configured(config, host, port)
-    bridge = Plain(settings.plain.prefix, every_row=settings.plain.every_row)
+    bridge = Plain(settings.plain.prefix, every_row=settings.plain.every_row, quality=settings.plain.quality)
     _show(serve(settings.mqtt.address(), bridge, f"acqd-plain-{socket.gethostname()}"), json=json)
 
 

@@ -49,6 +49,7 @@ _COMMANDS = (
     _Command("compare", _MODELS, room="models.compare"),
     _Command("predict", _MODELS, room="models.predict"),
     _Command("close-loop", _MODELS),
+    _Command("fleet", _MODELS),
     _Command("export-fmu", _MODELS),
     _Command("export-onnx", _MODELS),
     _Command("sidecar", _MODELS),

@@ -161,6 +161,15 @@ class Config(Section):
         return [meter.name for meter in self.source.meters] if isinstance(self.source, MetersSection) else [self.device]
 
     @property
+    def watched(self) -> list[str]:
+        """Devices whose samples are watched for voltage events."""
+        if not self.events.enabled:
+            return []
+        if not self.boxes:
+            return self.devices
+        return [name for box in self.boxes if not isinstance(box.source, MetersSection) for name in box.devices]
+
+    @property
     def sources(self) -> list[SourceSection]:
         """Every source."""
         return [box.source for box in self.boxes] or [self.source]

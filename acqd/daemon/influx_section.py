@@ -6,6 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
+from acqd.daemon.quality_section import BridgedQuality
 from acqd.daemon.section import Section
 
 
@@ -17,3 +18,5 @@ class InfluxSection(Section):
     measurement: Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]+$")] = "power"
     waiting: Annotated[int, Field(ge=1_000, le=10_000_000)] = 200_000
     """Rows that are kept in memory while the server is away."""
+    quality: BridgedQuality = "10/12"
+    """Rows of power quality from this aggregation on."""

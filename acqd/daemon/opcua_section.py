@@ -7,6 +7,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
+from acqd.daemon.quality_section import BridgedQuality
 from acqd.daemon.section import Port, Positive, Section
 from acqd.telemetry.mqtt import is_loopback
 
@@ -23,6 +24,8 @@ class OpcUaSection(Section):
     password: str | None = Field(default=None, repr=False)
     stale_s: Positive = 5.0
     """Values without a new row for so long, and for five intervals, are bad [s]."""
+    quality: BridgedQuality = "150/180"
+    """Rows of power quality from this aggregation on."""
 
     @model_validator(mode="after")
     def _closed_to_strangers(self) -> OpcUaSection:

@@ -9,6 +9,9 @@ from pydantic import Field
 from acqd.daemon.section import Section
 from acqd.metering.quality.quantities import Options
 
+BridgedQuality = Literal["10/12", "150/180", "10min", "off"]
+"""Setting of a bridge: the rows of power quality that it passes on, from this aggregation on."""
+
 
 class QualitySection(Section):
     """Power quality beside the windows."""

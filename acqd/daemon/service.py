@@ -199,6 +199,7 @@ class Service:
             "source": "several" if self.config.boxes else self.config.source.kind,
             "rows": self.rows,
             "realtime_refused": self._feed.refused,
+            "events": self.config.watched,
             "mqtt": {
                 "waiting": counters.waiting,
                 "dropped": counters.dropped,

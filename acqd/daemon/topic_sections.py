@@ -7,6 +7,7 @@ from typing import Annotated
 
 from pydantic import Field
 
+from acqd.daemon.quality_section import BridgedQuality
 from acqd.daemon.section import Positive, Section
 
 _Name = Annotated[str, Field(pattern=r"^[^/+#\s]{1,64}$")]
@@ -18,6 +19,8 @@ class PlainSection(Section):
     prefix: Annotated[str, Field(pattern=r"^[^/+#\s]+(/[^/+#\s]+)*$")] = "acqd"
     every_row: bool = False
     """Of every row instead of the 1 s summaries."""
+    quality: BridgedQuality = "150/180"
+    """Rows of power quality from this aggregation on: some 800 numbers per interval of three phases."""
 
 
 class SparkplugSection(Section):

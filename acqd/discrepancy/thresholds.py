@@ -374,6 +374,9 @@ class Thresholds:
     )
     cusum_fewest_blocks: int = _threshold(12, "blocks", "monitor", "study", "fewest blocks of a baseline")
     cusum_step: float = _threshold(1.0, "sigma", "monitor", "study", "least step that dates the onset")
+    screen_level_share: float = _threshold(
+        0.02, "of the dynamic range", "monitor", "study", "drift of the standby power that a fleet's screen ignores"
+    )
     cusum_remembered: int = _threshold(2000, "blocks", "monitor", "choice", "blocks kept since a chart left zero")
 
 

@@ -12,39 +12,32 @@ from collections.abc import Iterable, Sequence
 
 import orjson
 
+from acqd.daemon.quality_section import BridgedQuality
 from acqd.errors import UserError
 from acqd.integrations.http import Answer, post
+from acqd.integrations.influx_lines import event_line, line, quality_line
+from acqd.integrations.quality import event_of, quality_of, subscriptions, wanted
 from acqd.integrations.rows import TOPICS, rows_of
 from acqd.retry import Backoff
+from acqd.telemetry import topics
 from acqd.telemetry.message import Message
-from acqd.telemetry.row import PowerRow
-from acqd.timestamps import utc_ns
 
 _log = logging.getLogger(__name__)
 _AT_ONCE = 5_000
 _END_S = 20.0
 _MALFORMED = 400
 _COLLECT_S = 0.5
-_TAG = str.maketrans({",": r"\,", "=": r"\=", " ": r"\ ", "\n": "", "\r": "", "\\": "/"})
-_TEXT = str.maketrans({'"': r"\"", "\\": r"\\", "\n": ""})
-_NUMBERS = ("Vrms", "Irms", "P", "S", "PF", "f", "W")
-
-
-def line(row: PowerRow, measurement: str = "power") -> str:
-    """A row in line protocol, with its time in ns; absent quantities are absent fields."""
-    numbers = [f"{name}={value!r}" for name in _NUMBERS if (value := getattr(row, name)) is not None]
-    text = [
-        f'{name}="{value.translate(_TEXT)}"' for name, value in (("boot", row.boot), ("flags", " ".join(row.flags)))
-    ]
-    tags = f"device={row.device.translate(_TAG)},channel={row.channel}"
-    return f"{measurement},{tags} {','.join([*numbers, f'seq={row.seq}i', *text])} {utc_ns(row.filetime)}"
 
 
 class Influx:
     """A bridge whose rows a thread writes to the server."""
 
-    def __init__(self, url: str, token: str | None = None, measurement: str = "power", waiting: int = 200_000) -> None:
-        self._url, self._token, self._measurement = url, token, measurement
+    def __init__(
+        self, url: str, token: str | None = None, measurement: str = "power", waiting: int = 200_000,
+        quality: BridgedQuality = "10/12",
+    ) -> None:  # fmt: skip
+        """`waiting`: lines that are kept in memory; `quality`: rows of power quality from this aggregation on."""
+        self._url, self._token, self._measurement, self._quality = url, token, measurement, quality
         self._lines: queue.Queue[str] = queue.Queue(waiting)
         self._ended = threading.Event()
         self._trouble = ""
@@ -61,8 +54,8 @@ class Influx:
         self._thread.join(_END_S)
 
     def subscriptions(self) -> Sequence[str]:
-        """All rows."""
-        return TOPICS
+        """All rows, power quality and voltage events."""
+        return *TOPICS, *subscriptions(self._quality)
 
     def will(self) -> None:
         """None."""
@@ -73,12 +66,23 @@ class Influx:
 
     def take(self, topic: str, payload: bytes) -> Iterable[Message]:
         """Rows; what is none is left out."""
-        for row in rows_of(topic, payload):
+        for text in self._of(topic, payload):
             try:
-                self._lines.put_nowait(line(row, self._measurement))
+                self._lines.put_nowait(text)
             except queue.Full:
                 self.dropped += 1
         return ()
+
+    def _of(self, topic: str, payload: bytes) -> list[str]:
+        """Lines of a message."""
+        if topic.endswith("/quality"):
+            row = quality_of(topic, payload)
+            good = row is not None and row.aggregation in wanted(self._quality)
+            return [quality_line(row, self._measurement)] if row is not None and good else []
+        if topics.is_event(topic):
+            event = event_of(topic, payload)
+            return [event_line(event, self._measurement)] if event is not None else []
+        return [line(row, self._measurement) for row in rows_of(topic, payload)]
 
     def tick(self) -> Iterable[Message]:
         """Nothing is due."""

@@ -1,4 +1,7 @@
-"""Every quantity as a number of its own on acqd/DEVICE/CHANNEL/QUANTITY, for programs that read no JSON."""
+"""Every quantity as a number of its own on acqd/DEVICE/CHANNEL/QUANTITY, for programs that read no JSON.
+
+Power quality and voltage events are below acqd/DEVICE/CHANNEL/quality and acqd/DEVICE/event.
+"""
 
 from __future__ import annotations
 
@@ -7,10 +10,14 @@ from typing import Any
 
 import orjson
 
-from acqd.integrations.quantities import ROW, SUMMARY, Quantity
+from acqd.daemon.quality_section import BridgedQuality
+from acqd.integrations.quality import EVENT, QUALITY, event_of, level, orders, quality_of, subscriptions, wanted
+from acqd.integrations.quantities import ROW, SUMMARY
 from acqd.integrations.rows import TOPICS, rows_of
 from acqd.telemetry import topics
+from acqd.telemetry.event import PowerEvent
 from acqd.telemetry.message import Message
+from acqd.telemetry.quality_row import QualityRow
 
 
 class Plain:
@@ -19,13 +26,14 @@ class Plain:
     A quantity without a value becomes an empty message, which also takes the retained number away.
     """
 
-    def __init__(self, prefix: str, *, every_row: bool = False) -> None:
-        self._prefix, self._every_row = prefix, every_row
+    def __init__(self, prefix: str, *, every_row: bool = False, quality: BridgedQuality = "150/180") -> None:
+        """`quality`: rows of power quality from this aggregation on."""
+        self._prefix, self._every_row, self._quality = prefix, every_row, quality
         self._sent: dict[str, bytes] = {}
 
     def subscriptions(self) -> Sequence[str]:
-        """Summaries, or rows."""
-        return TOPICS if self._every_row else (topics.ALL_SUMMARIES,)
+        """Summaries or rows, power quality and voltage events."""
+        return *(TOPICS if self._every_row else (topics.ALL_SUMMARIES,)), *subscriptions(self._quality)
 
     def will(self) -> None:
         """None: acqd/DEVICE/status says whether numbers are current."""
@@ -36,26 +44,48 @@ class Plain:
         return ()
 
     def take(self, topic: str, payload: bytes) -> Iterable[Message]:
-        """A summary or rows."""
-        if self._every_row:
+        """A summary, rows, power quality or an event."""
+        if topic.endswith("/quality"):
+            if (found := quality_of(topic, payload)) is not None and found.aggregation in wanted(self._quality):
+                yield from self._numbers(_of_quality(found))
+        elif topics.is_event(topic):
+            if (event := event_of(topic, payload)) is not None:
+                yield from self._numbers(_of_event(event))
+        elif self._every_row:
             for row in rows_of(topic, payload):
-                yield from self._numbers(ROW, {quantity.key: getattr(row, quantity.key) for quantity in ROW}, row)
+                yield from self._numbers(
+                    {f"{row.device}/{row.channel}/{each.key}": getattr(row, each.key) for each in ROW}
+                )
         elif (summary := summary_of(topic, payload)) is not None:
-            yield from self._numbers(SUMMARY, summary, None)
+            place = f"{summary['device']}/{summary['channel']}"
+            yield from self._numbers({f"{place}/{each.key}": summary.get(each.key) for each in SUMMARY})
 
     def tick(self) -> Iterable[Message]:
         """Nothing is due."""
         return ()
 
-    def _numbers(self, quantities: Sequence[Quantity], values: Mapping[str, Any], row: Any) -> Iterator[Message]:
-        device, channel = (row.device, row.channel) if row else (values["device"], values["channel"])
-        for quantity in quantities:
-            value = values.get(quantity.key)
-            topic = f"{self._prefix}/{device}/{channel}/{quantity.key}"
+    def _numbers(self, values: Mapping[str, float | None]) -> Iterator[Message]:
+        """Messages of values by their topics below the prefix."""
+        for name, value in values.items():
+            topic = f"{self._prefix}/{name}"
             payload = b"" if value is None else repr(float(value)).encode()
             if payload or self._sent.get(topic):
                 yield Message(topic, payload, retain=True)
             self._sent[topic] = payload
+
+
+def _of_quality(row: QualityRow) -> dict[str, float | None]:
+    """DEVICE/CHANNEL/quality/150-180/V_thds, .../V_h/3."""
+    place = f"{row.device}/{row.channel}/quality/{level(row.aggregation)}"
+    numbers = {f"{place}/{each.key}": getattr(row, each.key) for each in QUALITY}
+    return numbers | {f"{place}/{name}/{order}": value for name, order, value in orders(row)}
+
+
+def _of_event(event: PowerEvent) -> dict[str, float | None]:
+    """DEVICE/event/dip/extreme ...; `active` is 1 until the event has ended."""
+    place = f"{event.device}/event/{event.kind}"
+    numbers = {f"{place}/{each.key}": getattr(event, each.key) for each in EVENT}
+    return numbers | {f"{place}/active": float(event.duration is None), f"{place}/number": float(event.number)}
 
 
 def summary_of(topic: str, payload: bytes) -> dict[str, Any] | None:

@@ -120,11 +120,8 @@ class Connector:
         while True:
             session.check()
             room = session.window.room()
-            messages = await self._outbox.take(room) if room.messages > 0 else []
-            for message in messages:
-                session.send(message)
-            self.delivered = before + session.window.acknowledged
+            messages = await self._outbox.take(room)
             if messages:
-                await asyncio.sleep(0)  # metering comes first
-            else:
-                await self._outbox.wait()
+                session.send(*messages)
+            self.delivered = before + session.window.acknowledged
+            await self._outbox.wait()

@@ -61,6 +61,7 @@ class Delivery:
         self._most_live = _LIVE if live else 0
         self.spool, self._until, self._now = spool, until, now
         self._changed = asyncio.Event()
+        self._later: asyncio.TimerHandle | None = None
         self._online = False
         self._live: deque[SpooledRow] = deque()
         self._states: dict[str, bytes] = {}
@@ -82,9 +83,11 @@ class Delivery:
     def put_rows(self, rows: Sequence[SpooledRow], energy: Energy | None = None) -> None:
         """Keep the rows of a window, and send them at once where there is a connection."""
         if self._windows and rows and not topics.travels_alone(rows[0].stream.channel):
-            self._together = sum(1 for row in rows if _window(row) == _window(rows[0]))
+            self._together = sum(
+                [row.seq == rows[0].seq and row.stream.device == rows[0].stream.device for row in rows]
+            )
         at_end = self._position == self.spool.end
-        self._devices.update(row.stream.device for row in rows)
+        self._devices.update([row.stream.device for row in rows])
         if self.spool.append(rows, energy):
             self._unsent.add(rows)
         if self._online and len(self._live) + len(rows) <= self._most_live:
@@ -117,6 +120,9 @@ class Delivery:
     def end(self) -> None:
         """The connection has ended: new rows wait in the spool."""
         self._online = False
+        if self._later is not None:
+            self._later.cancel()
+            self._later = None
         self._live.clear()
         self._settle_acknowledged()
 
@@ -130,25 +136,28 @@ class Delivery:
             topic = next(iter(self._states))
             messages.append(Message(topic, self._states.pop(topic), retain=True))
         backlog = min(room.backlog, room.messages - len(messages), self._backlog_allowed())
-        self._more = False
+        self._more = bool(messages) and bool(self._live or self._states or len(messages) >= room.messages)
         if backlog > 0 and not self._live and self._position != self.spool.end:
             rows, self._position = self.spool.read(
                 self._position, backlog * self._together, lambda stream, seq: not self._flying.sent(stream, seq)
             )
             messages += self._messages(rows)
-            self._more = self._position != self.spool.end
+            self._more = self._position != self.spool.end  # there is more, or much of the backlog was to skip
         return messages
 
     async def wait(self) -> None:
         """Return when there may be something to send."""
-        if self._more:  # much of the backlog was to skip
-            await asyncio.sleep(0)
+        if self._more:
+            await asyncio.sleep(0)  # metering comes first
             return
-        later = asyncio.get_running_loop().call_later(_WAIT_S, self._changed.set)
-        try:
-            await self._changed.wait()
-        finally:
-            later.cancel()
+        if self._later is None:
+            self._later = asyncio.get_running_loop().call_later(_WAIT_S, self._look)
+        await self._changed.wait()
+
+    def _look(self) -> None:
+        """It may be time to send something again."""
+        self._later = None
+        self._changed.set()
 
     def acknowledged(self, message: Message) -> None:
         """The broker has the message: with that policy, its rows are delivered."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import socket
 import ssl
 from dataclasses import dataclass, field
@@ -54,6 +55,21 @@ def is_loopback(host: str) -> bool:
 
 NO_DELAY = [(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)]
 """Socket options: without this a row waits for the acknowledgement of the one before (Nagle)."""
+
+
+def dial(address: BrokerAddress, tls: ssl.SSLContext | None, timeout: float) -> socket.socket | ssl.SSLSocket:
+    """A connection by TCP and, where wanted, TLS, which does not block any more. Raises OSError and ValueError."""
+    plain = socket.create_connection((address.host, address.port), timeout)
+    try:
+        with contextlib.suppress(OSError):
+            for option in NO_DELAY:
+                plain.setsockopt(*option)
+        sock = tls.wrap_socket(plain, server_hostname=address.host) if tls is not None else plain
+        sock.setblocking(False)
+    except BaseException:
+        plain.close()
+        raise
+    return sock
 
 
 def pending(sock: object) -> bool:

@@ -20,7 +20,14 @@ class Ranges:
 
     def add(self, first: int, last: int) -> int:
         """Add first..last; how many of them are new."""
-        end = last + 1
+        end, bounds = last + 1, self._bounds
+        if not bounds or first >= bounds[-1]:  # numbers that rise
+            if bounds and first == bounds[-1]:
+                bounds[-1] = end
+            else:
+                bounds += (first, end)
+            self._count += end - first
+            return end - first
         low, high, inside = self._inside(first, end)
         self._bounds[low:high] = ([] if low % 2 else [first]) + ([] if high % 2 else [end])
         self._count += (new := end - first - inside)
@@ -28,7 +35,14 @@ class Ranges:
 
     def remove(self, first: int, last: int) -> int:
         """Remove first..last; how many of them were in."""
-        end = last + 1
+        end, bounds = last + 1, self._bounds
+        if bounds and first <= bounds[0] < end <= bounds[1]:  # in order, from the first one on
+            inside = end - bounds[0]
+            bounds[0] = end
+            if end == bounds[1]:
+                del bounds[:2]
+            self._count -= inside
+            return inside
         low, high, inside = self._inside(first, end)
         if inside:
             self._bounds[low:high] = ([first] if low % 2 else []) + ([end] if high % 2 else [])

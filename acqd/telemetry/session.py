@@ -1,32 +1,32 @@
-"""One connection to a broker, on the running event loop: paho's protocol, asyncio's sockets.
+"""One connection of the daemon to a broker, on the running event loop: MQTT 3.1.1, QoS 1.
 
-aiomqtt would do, but spends two tasks and a timer on every message, a hundred times a second.
+All messages of a window leave with one system call, and acknowledgements are read in large pieces (ADR 20).
 """
 
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import logging
-import socket
 import ssl
-import threading
 import time
 from collections.abc import Sequence
 from types import TracebackType
 from typing import Any
 
-import paho.mqtt.client as paho
-from paho.mqtt.enums import CallbackAPIVersion
-
+from acqd.telemetry import wire
+from acqd.telemetry.loop_socket import LoopSocket, in_words, reach
 from acqd.telemetry.message import Message, Outbox
-from acqd.telemetry.mqtt import NO_DELAY, BrokerAddress, pending
+from acqd.telemetry.mqtt import BrokerAddress
 from acqd.telemetry.window import Window
+from acqd.telemetry.wire import Hello, Packets, Publish
 
 _CONNECT_S = 5.0
 _ACK_S = 5.0
 """A broker that acknowledges nothing for so long, though something is to be acknowledged, is dead."""
-_KEEPALIVE_S = 10
+_KEEP_ALIVE_S = 10
+_LOOK_S = 2.0
+_LARGEST = 1 << 20
+_PUBACK = b"\x40\x02"
 _log = logging.getLogger(__name__)
 
 
@@ -41,109 +41,65 @@ class Session:
         self, address: BrokerAddress, tls: ssl.SSLContext | None, client_id: str, will: Message, outbox: Outbox
     ) -> None:
         """`outbox` gets acknowledgements and the messages of subscriptions."""
-        self._address, self._outbox = address, outbox
+        self._address, self._tls, self._outbox = address, tls, outbox
+        self._hello = Hello(
+            wire.V311, client_id, _KEEP_ALIVE_S, address.username, address.password, will.topic, will.payload,
+            session_s=0, receive_maximum=0, largest_packet=_LARGEST, clean=True, keep_will=will.retain,
+        )  # fmt: skip
         self._loop = asyncio.get_running_loop()
         self._ended: asyncio.Future[str] = self._loop.create_future()
         self._connected: asyncio.Future[None] = self._loop.create_future()
-        self.window = Window()
         self._subscribed: asyncio.Future[None] = self._loop.create_future()
-        self._housekeeping: asyncio.Task[None] | None = None
-        client = paho.Client(CallbackAPIVersion.VERSION2, client_id, reconnect_on_failure=False)
-        client.max_inflight_messages_set(0)  # the window is kept here
-        client.will_set(will.topic, will.payload, qos=1, retain=will.retain)
-        if address.username is not None:
-            client.username_pw_set(address.username, address.password)
-        client.on_connect, client.on_disconnect = self._on_connect, self._on_disconnect
-        client.on_publish, client.on_message = self._on_publish, self._on_message
-        client.on_subscribe = self._on_subscribe
-        client.connect_timeout = _CONNECT_S
-        if tls is not None:
-            client.tls_set_context(tls)
-        self._client = client
+        self.window = Window()
+        self._packets = Packets(wire.V311, _LARGEST)
+        self._socket: LoopSocket
+        self._number = 0
+        self._pinged_at: float | None = None
+        self._look: asyncio.TimerHandle | None = None
 
     async def __aenter__(self) -> Session:
         """Connect. Raises SessionError."""
-        await self._reach()
-        sock: Any = self._client.socket()
-        if sock is None:  # the peer has reset the connection before CONNECT was written: paho has closed the socket
-            raise SessionError(self._ended.result() if self._ended.done() else "connection reset")
-        with contextlib.suppress(OSError):  # a TLS socket has it set on the one below
-            for option in NO_DELAY:
-                sock.setsockopt(*option)
-        # From here on, and only on this thread, paho asks the loop instead of the socket.
-        self._client.on_socket_register_write = self._on_socket_register_write
-        self._client.on_socket_unregister_write = self._on_socket_unregister_write
-        self._client.on_socket_close = self._on_socket_close
-        self._loop.add_reader(sock, self._read)
-        self._client.loop_write()
         try:
-            either: set[asyncio.Future[Any]] = {self._connected, self._ended}
-            await asyncio.wait(either, timeout=_CONNECT_S, return_when=asyncio.FIRST_COMPLETED)
-            if not self._connected.done():
-                raise SessionError(self._ended.result() if self._ended.done() else "no answer to CONNECT")
+            sock = await reach(self._address, self._tls, _CONNECT_S)
+        except (OSError, ValueError) as error:
+            raise SessionError(in_words(error)) from None
+        self._socket = LoopSocket(sock, self._take, self._end)
+        try:
+            self._socket.write(wire.connect(self._hello))
+            await self._answer(self._connected, _CONNECT_S, "CONNECT")
         except BaseException:
-            self._drop()
+            self._socket.close()
             raise
-        self._housekeeping = self._loop.create_task(self._keep_alive())
+        self._look = self._loop.call_later(_LOOK_S, self._keep_alive)
         return self
 
     async def __aexit__(
         self, _kind: type[BaseException] | None, _error: BaseException | None, _trace: TracebackType | None
     ) -> None:
-        if self._housekeeping is not None:
-            self._housekeeping.cancel()
-        self._client.disconnect()
-        self._client.loop_write()
-        self._drop()
-
-    async def _reach(self) -> None:
-        """Name look-up, TCP and TLS, in a thread: they block, and the loop must keep metering.
-
-        Not in the loop's thread pool: the daemon would have to wait for it when it stops.
-        """
-        reached: asyncio.Future[None] = self._loop.create_future()
-
-        def tell(error: Exception | None) -> None:
-            if reached.cancelled():
-                return
-            if error is None:
-                reached.set_result(None)
-            else:
-                reached.set_exception(SessionError(getattr(error, "strerror", None) or str(error)))
-
-        def connect() -> None:
-            failure: Exception | None = None
-            try:
-                self._client.connect(self._address.host, self._address.port, _KEEPALIVE_S)
-            except (OSError, ValueError) as error:
-                failure = error
-            with contextlib.suppress(RuntimeError):  # the loop has closed meanwhile
-                self._loop.call_soon_threadsafe(tell, failure)
-
-        threading.Thread(target=connect, name="mqtt-connect", daemon=True).start()
-        await reached
+        if self._look is not None:
+            self._look.cancel()
+        self._socket.write(wire.GOODBYE)
+        self._socket.close()
 
     async def subscribe(self, names: Sequence[str]) -> None:
         """Subscribe with QoS 1. Raises SessionError when the broker does not answer.
 
         A refusal by the broker's access rules is not an error: the rows then wait for receipts that cannot come.
         """
-        if not names:
-            return
-        self._client.subscribe([(name, 1) for name in names])
-        either: set[asyncio.Future[Any]] = {self._subscribed, self._ended}
-        await asyncio.wait(either, timeout=_ACK_S, return_when=asyncio.FIRST_COMPLETED)
-        if not self._subscribed.done():
-            raise SessionError(self._ended.result() if self._ended.done() else "no answer to SUBSCRIBE")
+        if names:
+            self._socket.write(wire.subscribe(wire.V311, self._next(), names))
+            await self._answer(self._subscribed, _ACK_S, "SUBSCRIBE")
 
-    def send(self, message: Message) -> None:
-        """Publish with QoS 1; the outbox hears of the acknowledgement. Raises SessionError."""
+    def send(self, *messages: Message) -> None:
+        """Publish with QoS 1; the outbox hears of the acknowledgements. Raises SessionError."""
         if self._ended.done():
             raise SessionError(self._ended.result())
-        info = self._client.publish(message.topic, message.payload, qos=1, retain=message.retain)
-        if info.rc != paho.MQTT_ERR_SUCCESS:
-            raise SessionError(paho.error_string(info.rc))
-        self.window.add(info.mid, message)
+        packets = []
+        for message in messages:
+            number = self._next()
+            packets.append(wire.publish(wire.V311, message.topic, message.payload, number, retain=message.retain))
+            self.window.add(number, message)
+        self._socket.write(b"".join(packets))
 
     def check(self) -> None:
         """Raises SessionError when the connection has ended or the broker is silent."""
@@ -159,61 +115,75 @@ class Session:
         while len(self.window) and not self._ended.done() and time.monotonic() < deadline:
             await asyncio.sleep(0.005)
 
-    async def _keep_alive(self) -> None:
-        while True:
-            await asyncio.sleep(1.0)
-            self._client.loop_misc()
+    async def _answer(self, answer: asyncio.Future[None], timeout: float, to: str) -> None:
+        either: set[asyncio.Future[Any]] = {answer, self._ended}
+        await asyncio.wait(either, timeout=timeout, return_when=asyncio.FIRST_COMPLETED)
+        if not answer.done():
+            raise SessionError(self._ended.result() if self._ended.done() else f"no answer to {to}")
 
-    def _read(self) -> None:
-        self._client.loop_read()
-        # TLS may hold packets that it has already read from the socket: the socket does not wake us for those.
-        while pending(self._client.socket()):
-            self._client.loop_read()
+    def _next(self) -> int:
+        """The number of the next packet: none that waits for its acknowledgement."""
+        self._number = self._number % 65_535 + 1
+        while self._number in self.window:
+            self._number = self._number % 65_535 + 1
+        return self._number
 
-    def _drop(self) -> None:
-        """Close the socket without a DISCONNECT."""
-        sock: Any = self._client.socket()
-        if sock is not None:
-            self._forget(sock)
-            sock.close()
+    def _keep_alive(self) -> None:
+        """Ping where nothing else is sent or heard; a broker that does not answer is dead."""
+        now, sock = time.monotonic(), self._socket
+        self._look = self._loop.call_later(_LOOK_S, self._keep_alive)
+        if self._pinged_at is not None and sock.heard_at < self._pinged_at:
+            if now - self._pinged_at > _ACK_S:
+                sock.end("no answer to a ping")
+        elif now - min(sock.sent_at, sock.heard_at) > _KEEP_ALIVE_S / 2:
+            self._pinged_at = now
+            sock.write(wire.PINGREQ)
 
-    def _forget(self, sock: socket.socket) -> None:
-        if sock.fileno() >= 0:
-            self._loop.remove_reader(sock)
-            self._loop.remove_writer(sock)
+    def _take(self, data: bytes) -> None:
+        """Packets; nearly all of them are acknowledgements."""
+        at = 0
+        if not self._packets.partial:
+            while data[at : at + 2] == _PUBACK and at + 4 <= len(data):
+                self._acknowledged(data[at + 2] << 8 | data[at + 3])
+                at += 4
+            if at == len(data):
+                return
+        try:
+            for kind, packet in self._packets.feed(data[at:] if at else data):
+                if isinstance(packet, Publish):
+                    self._receive(packet)
+                else:
+                    self._control(kind, packet)
+        except wire.ProtocolError as error:
+            self._socket.end(str(error))
 
-    def _on_connect(self, _client: Any, _data: Any, _flags: Any, reason: Any, _properties: Any) -> None:
-        if reason.is_failure:
-            self._end(str(reason))
-        elif not self._connected.done():
-            self._connected.set_result(None)
+    def _control(self, kind: int, body: bytes) -> None:
+        if kind == wire.PUBACK and len(body) >= 2:
+            self._acknowledged(body[0] << 8 | body[1])
+        elif kind == wire.CONNACK:
+            if refused := wire.connack(wire.V311, body):
+                self._socket.end(refused)
+            elif not self._connected.done():
+                self._connected.set_result(None)
+        elif kind == wire.SUBACK:
+            if max(body[2:], default=0) >= 0x80:
+                _log.error("broker %s refuses subscriptions to receipts; check its access rules", self._address)
+            if not self._subscribed.done():
+                self._subscribed.set_result(None)
 
-    def _on_disconnect(self, _client: Any, _data: Any, _flags: Any, reason: Any, _properties: Any) -> None:
-        self._end(str(reason))
+    def _acknowledged(self, number: int) -> None:
+        message = self.window.settle(number)
+        if message is not None:
+            self._outbox.acknowledged(message)
+
+    def _receive(self, message: Publish) -> None:
+        if message.number:
+            self._socket.write(wire.puback([message.number]))
+        if message.oversized:
+            _log.warning("%s: a message of %d bytes is left out", message.topic, message.oversized)
+        else:
+            self._outbox.received(message.topic, message.payload, retained=message.retained)
 
     def _end(self, reason: str) -> None:
         if not self._ended.done():
             self._ended.set_result(reason)
-
-    def _on_socket_register_write(self, client: paho.Client, _data: Any, sock: Any) -> None:
-        self._loop.add_writer(sock, client.loop_write)
-
-    def _on_socket_unregister_write(self, _client: Any, _data: Any, sock: Any) -> None:
-        self._loop.remove_writer(sock)
-
-    def _on_socket_close(self, _client: Any, _data: Any, sock: Any) -> None:
-        self._forget(sock)
-
-    def _on_publish(self, _client: Any, _data: Any, mid: int, _reason: Any, _properties: Any) -> None:
-        message = self.window.settle(mid)
-        if message is not None:
-            self._outbox.acknowledged(message)
-
-    def _on_subscribe(self, _client: Any, _data: Any, _mid: Any, reasons: list[Any], _properties: Any) -> None:
-        if any(reason.is_failure for reason in reasons):
-            _log.error("broker %s refuses subscriptions to receipts; check its access rules", self._address)
-        if not self._subscribed.done():
-            self._subscribed.set_result(None)
-
-    def _on_message(self, _client: Any, _data: Any, message: paho.MQTTMessage) -> None:
-        self._outbox.received(message.topic, bytes(message.payload), retained=message.retain)

@@ -13,7 +13,7 @@ import time
 from collections.abc import Sequence
 
 from acqd.telemetry import wire
-from acqd.telemetry.mqtt import NO_DELAY, BrokerAddress
+from acqd.telemetry.mqtt import BrokerAddress, dial
 from acqd.telemetry.wire import Hello, Packets, Publish
 
 _PIECE = 1 << 18
@@ -56,14 +56,7 @@ class Subscriber:
     def connect(self) -> None:
         """Reach the broker and be accepted. Raises SubscriberError."""
         try:
-            plain = socket.create_connection((self._address.host, self._address.port), _CONNECT_S)
-            with contextlib.suppress(OSError):
-                for option in NO_DELAY:
-                    plain.setsockopt(*option)
-            self._socket = (
-                self._tls.wrap_socket(plain, server_hostname=self._address.host) if self._tls is not None else plain
-            )
-            self._socket.setblocking(False)
+            self._socket = dial(self._address, self._tls, _CONNECT_S)
         except (OSError, ValueError) as error:
             raise SubscriberError(getattr(error, "strerror", None) or str(error)) from None
         self._out += wire.connect(self._hello)

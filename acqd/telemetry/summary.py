@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from acqd.metering import WindowBatch
 from acqd.telemetry.row import PowerRow
 from acqd.timestamps import rfc3339
+
+Registers = tuple[float | None, float | None]
+"""Imported and exported energy [kWh]; None: the meter has no such register."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,44 +31,52 @@ class Summariser:
     """Collects rows of one device until the stream's UTC second changes, then gives one summary per channel."""
 
     def __init__(self) -> None:
-        self._rows: dict[str, list[TimedRow]] = defaultdict(list)
+        self._rows: dict[str, list[PowerRow]] = defaultdict(list)
+        self._registers: dict[str, Registers] = {}
+        self._metered: tuple[WindowBatch, int] | None = None  # where the registers of metered rows are read
         self._second: int | None = None
 
-    def add(self, batch: WindowBatch, rows: Iterable[PowerRow]) -> list[dict[str, Any]]:
-        """Take a batch and its rows; the summaries that they complete."""
-        return self.add_rows(_timed(batch, rows))
+    def add(self, batch: WindowBatch, rows: Sequence[PowerRow]) -> list[dict[str, Any]]:
+        """Take a batch and its rows, window by window; the summaries that they complete."""
+        done: list[dict[str, Any]] = []
+        channels = len(rows) // max(len(batch), 1)
+        for k, utc_ns in enumerate(batch.utc_ns.tolist()):
+            done += self._turn(utc_ns // 1_000_000_000)
+            for row in rows[k * channels : (k + 1) * channels]:
+                self._rows[row.channel].append(row)
+            self._metered = batch, k
+        return done
 
     def add_rows(self, rows: Iterable[TimedRow]) -> list[dict[str, Any]]:
         """Take rows; the summaries that they complete."""
         done: list[dict[str, Any]] = []
         for timed in rows:
-            second = timed.utc_ns // 1_000_000_000
-            if self._second is not None and second != self._second:
-                done += self._close()
-            self._second = second
-            self._rows[timed.row.channel].append(timed)
+            done += self._turn(timed.utc_ns // 1_000_000_000)
+            self._rows[timed.row.channel].append(timed.row)
+            self._registers[timed.row.channel] = timed.imported, timed.exported
         return done
 
-    def _close(self) -> list[dict[str, Any]]:
-        assert self._second is not None
-        summaries = [_summary(rows, self._second) for rows in self._rows.values()]
+    def _turn(self, second: int) -> list[dict[str, Any]]:
+        """The summaries of the second before this one."""
+        before, self._second = self._second, second
+        if before is None or before == second:
+            return []
+        if self._metered is not None:
+            self._registers = _registers(*self._metered)
+        summaries = [_summary(rows, before, self._registers[channel]) for channel, rows in self._rows.items()]
         self._rows.clear()
         return summaries
 
 
-def _timed(batch: WindowBatch, rows: Iterable[PowerRow]) -> Iterator[TimedRow]:
-    """Rows with the register readings of their window; the total has the phases' sum."""
-    window = {seq: k for k, seq in enumerate(batch.seq.tolist())}
-    utc, imported, exported = batch.utc_ns.tolist(), batch.imported.tolist(), batch.exported.tolist()
-    every = range(len(imported))
-    phase = {f"L{number + 1}": [number] for number in every}
-    for row in rows:
-        k, which = window[row.seq], phase.get(row.channel, every)
-        yield TimedRow(row, utc[k], sum(imported[p][k] for p in which), sum(exported[p][k] for p in which))
+def _registers(batch: WindowBatch, k: int) -> dict[str, Registers]:
+    """Readings of the channels after window `k`; the total has the phases' sum."""
+    imported, exported = batch.imported[:, k].tolist(), batch.exported[:, k].tolist()
+    phases = {f"L{p + 1}": pair for p, pair in enumerate(zip(imported, exported, strict=True))}
+    return {**phases, "total": (sum(imported), sum(exported))}
 
 
-def _summary(timed: list[TimedRow], second: int) -> dict[str, Any]:
-    rows, last = [one.row for one in timed], timed[-1].row
+def _summary(rows: list[PowerRow], second: int, registers: Registers) -> dict[str, Any]:
+    last = rows[-1]
     P, S = _mean([row.P for row in rows]), _mean([row.S for row in rows])
     return {
         "device": last.device,
@@ -83,8 +94,8 @@ def _summary(timed: list[TimedRow], second: int) -> dict[str, Any]:
         "PF": P / S if P is not None and S else None,
         "f": _mean([row.f for row in rows]),
         "W": last.W,
-        "W_import": timed[-1].imported,
-        "W_export": timed[-1].exported,
+        "W_import": registers[0],
+        "W_export": registers[1],
         "flags": sorted({flag for row in rows for flag in row.flags}),
         "schema": last.schema,
     }

@@ -53,3 +53,6 @@ class Window:
 
     def __len__(self) -> int:
         return len(self._messages)
+
+    def __contains__(self, number: int) -> bool:
+        return number in self._messages

@@ -1,7 +1,7 @@
-"""MQTT packets of a subscriber, 3.1.1 and 5 (OASIS standards, sections 2 and 3): what the sink sends and receives.
+"""MQTT packets, 3.1.1 and 5 (OASIS standards, sections 2 and 3): what sink and daemon send and receive.
 
-paho spends more time on a packet than the database on a row (ADR 14). Only what the sink needs is here: QoS 1 in,
-QoS 0 out, no topic aliases, which the broker may use only where a client allows them.
+paho spends more time on a packet than the database on a row (ADR 14). Only what these two need is here: QoS 0 and 1,
+no topic aliases, which the broker may use only where a client allows them.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 V311, V5 = 4, 5
-CONNACK, PUBLISH, SUBACK, PINGRESP, DISCONNECT = 2, 3, 9, 13, 14
+CONNACK, PUBLISH, PUBACK, SUBACK, PINGRESP, DISCONNECT = 2, 3, 4, 9, 13, 14
 _SHORT = struct.Struct("!H")
 _KEPT_OF_OVERSIZED = 1024
 UNSUPPORTED = "unsupported protocol version"
@@ -49,6 +49,8 @@ class Publish(NamedTuple):
     number: int
     oversized: int = 0
     """Bytes of a message that is longer than the limit; its payload is cut."""
+    retained: bool = False
+    """The broker had kept it from before."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,11 +68,15 @@ class Hello:
     """How long the broker keeps the session while the client is away."""
     receive_maximum: int
     largest_packet: int
+    clean: bool = False
+    """The broker forgets what it knows of an earlier session."""
+    keep_will: bool = True
+    """The will is retained."""
 
 
 def connect(hello: Hello) -> bytes:
-    """CONNECT, to a session that the broker keeps (3.1.1 knows no limits of time and size)."""
-    flags = 0x04 | 1 << 3 | 0x20  # will, with QoS 1, retained
+    """CONNECT (3.1.1 knows no limits of time and size)."""
+    flags = 0x04 | 1 << 3 | (0x20 if hello.keep_will else 0) | (0x02 if hello.clean else 0)  # a will with QoS 1
     flags |= (0x80 if hello.username is not None else 0) | (0x40 if hello.password is not None else 0)
     body = _text("MQTT") + bytes([hello.version, flags]) + _SHORT.pack(hello.keep_alive_s)
     if hello.version == V5:
@@ -97,9 +103,10 @@ def unsubscribe(version: int, number: int, topics: Sequence[str]) -> bytes:
     return _packet(0xA2, _SHORT.pack(number) + (b"\0" if version == V5 else b"") + b"".join(map(_text, topics)))
 
 
-def publish(version: int, topic: str, payload: bytes, *, retain: bool = False) -> bytes:
-    """PUBLISH with QoS 0."""
-    return _packet(0x31 if retain else 0x30, _text(topic) + (b"\0" if version == V5 else b"") + payload)
+def publish(version: int, topic: str, payload: bytes, number: int = 0, *, retain: bool = False) -> bytes:
+    """PUBLISH, with QoS 1 where the packet has a number."""
+    head = _text(topic) + (_SHORT.pack(number) if number else b"") + (b"\0" if version == V5 else b"")
+    return _packet(0x30 | (0x02 if number else 0) | (0x01 if retain else 0), head + payload)
 
 
 def puback(numbers: list[int]) -> bytes:
@@ -119,6 +126,11 @@ class Packets:
         self._version, self._largest = version, largest
         self._data = bytearray()
         self._skip = 0
+
+    @property
+    def partial(self) -> bool:
+        """Whether the next byte is in the middle of a packet."""
+        return bool(self._data or self._skip)
 
     def feed(self, data: bytes) -> Iterator[tuple[int, bytes | Publish]]:
         """Type and body of every packet that is complete now, a PUBLISH decoded. Raises ProtocolError."""
@@ -157,13 +169,12 @@ class Packets:
                 end += length
         except (struct.error, IndexError):
             raise ProtocolError("a PUBLISH is malformed") from None
-        return Publish(topic, body[end:], number)
+        return Publish(topic, body[end:], number, retained=bool(first & 0x01))
 
     def _oversized(self, first: int, begin: bytes, length: int) -> tuple[int, Publish]:
         if first >> 4 != PUBLISH:
             raise ProtocolError(f"a packet of type {first >> 4} has {length} bytes")
-        topic, payload, number, _ = self._publish(first, begin)
-        return PUBLISH, Publish(topic, payload, number, length)
+        return PUBLISH, self._publish(first, begin)._replace(oversized=length)
 
 
 def connack(version: int, body: bytes) -> str:

@@ -6,6 +6,11 @@ from typing import Any
 
 import orjson
 
+from acqd.telemetry.event import PowerEvent
+from acqd.telemetry.quality_row import QualityRow
+from acqd.timestamps import filetime, rfc3339
+from tests.storage.rows import T0
+
 
 def summary(device: str = "cell.1", channel: str = "total", **other: Any) -> tuple[str, bytes]:
     """Topic and payload of a 1 s summary."""
@@ -21,3 +26,24 @@ def status(daemon: str, **other: Any) -> tuple[str, bytes]:
     """Topic and payload of the status of a daemon that is online."""
     values = {"state": "online", "device": daemon, "boot": "b1", "source": "simulated", "simulated": True}
     return f"acqd/{daemon}/status", orjson.dumps(values | other)
+
+
+def quality(channel: str = "L1", aggregation: str = "150/180", t: float = T0, **other: Any) -> tuple[str, bytes]:
+    """Topic and payload of a row of power quality."""
+    ns = int(t * 1e9)
+    values: dict[str, Any] = {"V_thds": 2.5, "I_thds": 31.25, "Vrms": 230.5, "V_h": [230.0, None, 5.0] + 47 * [0.0]}
+    row = QualityRow(
+        "cell1", channel, "boot1", 7, rfc3339(ns), filetime(ns), aggregation, 3.0, 15, ["dip"], **values | other
+    )  # fmt: skip
+    return f"acqd/cell1/{channel}/quality", row.to_json()
+
+
+def event(duration: float | None = 0.1, t: float = T0, **other: Any) -> tuple[str, bytes]:
+    """Topic and payload of a dip."""
+    ns = int(t * 1e9)
+    values: dict[str, Any] = {"number": 3, "kind": "dip", "extreme": 161.0, "reference": 230.0} | other
+    sent = PowerEvent(
+        "cell1", "boot1", values["number"], values["kind"], rfc3339(ns), filetime(ns), duration, values["extreme"],
+        values["reference"], False, None, ["L1"], [], None,
+    )  # fmt: skip
+    return "acqd/cell1/event", sent.to_json()

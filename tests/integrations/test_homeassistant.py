@@ -13,9 +13,11 @@ import pytest
 from acqd import __version__
 from acqd.integrations.bridge import Relay
 from acqd.integrations.daemons import Daemons
-from acqd.integrations.homeassistant import Discovery, Removal, node
+from acqd.integrations.homeassistant.discovery import Discovery
+from acqd.integrations.homeassistant.entities import node
+from acqd.integrations.homeassistant.removal import Removal
 from acqd.telemetry.mqtt import BrokerAddress
-from tests.integrations.messages import status, summary
+from tests.integrations.messages import quality, status, summary
 from tests.waiting import finish, until
 
 ACCEPTED = Path(__file__).with_name("homeassistant_accepted.json")
@@ -50,6 +52,32 @@ def test_a_channel_is_announced_once_and_again_when_its_daemon_shows_itself():
 def test_a_quantity_without_values_is_no_entity():
     made = announced(summary(S=None, W_export=None))
     assert len(made) == 7 and not any("W_export" in topic or "total_S/" in topic for topic in made)
+
+
+def test_distortion_and_unbalance_are_entities_of_the_shortest_aggregation_that_is_slow_enough():
+    made = announced(quality(aggregation="10/12"), quality(aggregation="10min"), quality("total", V_u2=1.5))
+    assert {topic.split("/")[3] for topic in made} == {"L1_V_thds", "L1_I_thds", "total_V_thds", "total_I_thds",
+                                                      "total_V_u2"}  # fmt: skip
+    slow = made["homeassistant/sensor/acqd_cell1/L1_V_thds/config"]
+    assert "'10min'" in slow["value_template"] and slow["expire_after"] == 3000
+    assert slow["state_topic"] == "acqd/cell1/L1/quality" and slow["unit_of_measurement"] == "%"
+    discovery = Discovery()
+    first = list(discovery.take(*quality()))
+    assert len(first) == 2 and b"'150/180'" in first[0].payload and b'"expire_after":60' in first[0].payload
+    assert not list(discovery.take(*quality(aggregation="10min"))) and not list(discovery.take(*quality()))
+
+
+def test_a_daemon_that_watches_the_voltage_has_event_entities():
+    discovery = Discovery()
+    (sent,) = discovery.take(*status("hall", events=["press-1"]))
+    content = orjson.loads(sent.payload)
+    assert sent.topic == "homeassistant/event/acqd_press-1/voltage/config" and sent.retain
+    assert content["state_topic"] == "acqd/press-1/event" and "dip" in content["event_types"]
+    assert content["availability_topic"] == "acqd/hall/status"
+    assert not list(discovery.take(*status("hall", events=["press-1"])))
+    assert not list(discovery.take(*status("hall", events=[3, "a/b"]))) and not list(discovery.take(*status("x")))
+    (gone,) = Removal().take(sent.topic, sent.payload)
+    assert (gone.topic, gone.payload) == (sent.topic, b"")
 
 
 @pytest.mark.parametrize("payload", [b"", b"{", b"[]", b"null", b'{"device": "cell.1"}', summary("other")[1]])

@@ -12,10 +12,14 @@ from dataclasses import replace
 
 import pytest
 
-from acqd.integrations.influx import Influx, line
+from acqd.integrations.influx import Influx
+from acqd.integrations.influx_lines import event_line, line, quality_line
 from acqd.telemetry.broker import free_port
+from acqd.telemetry.event import parse_event
+from acqd.telemetry.quality_row import parse_quality
 from acqd.telemetry.row import PowerRow
 from acqd.timestamps import utc_ns
+from tests.integrations.messages import event, quality
 from tests.places import ROOT
 from tests.storage.rows import T0, row
 from tests.waiting import wait_for
@@ -31,6 +35,30 @@ def test_line_of_a_row():
     assert text.startswith(f"power,device=hall\\ 3\\,a\\=b,channel={sent.channel} ")
     assert "P=1.5" in text and "PF=" not in text and ",seq=7i," in text and 'flags="gap od\\"d"' in text
     assert text.endswith(f" {utc_ns(sent.filetime)}")
+
+
+def test_lines_of_power_quality_and_of_an_event():
+    text = quality_line(parse_quality(quality()[1]))
+    assert text.startswith("power_quality,device=cell1,channel=L1,aggregation=150/180 ")
+    assert "V_thds=2.5" in text and "V_h1=230.0" in text and "V_h3=5.0" in text and "V_h2=" not in text
+    assert 'flags="dip"' in text and ",intervals=15i," in text and "rocof" not in text
+    begun, ended = (event_line(parse_event(event(duration)[1])) for duration in (None, 0.1))
+    assert begun.startswith("power_event,device=cell1,kind=dip ") and "duration=" not in begun
+    assert "duration=0.1" in ended and begun.rpartition(" ")[2] == ended.rpartition(" ")[2]
+
+
+def test_power_quality_is_passed_on_from_the_aggregation_that_is_set():
+    for setting, lines in (("10/12", 2), ("150/180", 1), ("off", 0)):
+        bridge = Influx("http://127.0.0.1:1/write", quality=setting)
+        for message in (
+            quality(),
+            quality(aggregation="10/12"),
+            (quality()[0], b"{}"),
+            ("acqd/other/event", event()[1]),
+        ):
+            bridge.take(*message)
+        assert bridge._lines.qsize() == lines
+        assert ("acqd/+/+/quality" in bridge.subscriptions()) == (setting != "off")
 
 
 def test_what_is_no_row_or_of_another_topic_is_left_out():
@@ -66,18 +94,26 @@ def test_a_real_influxdb_has_every_row_also_those_from_before_its_start(tmp_path
     with Influx(f"{base}/write?db=acqd&precision=ns") as bridge:
         for seq in range(100):
             take(bridge, row(seq, t=T0 + seq, P=float(seq)))
+        for message in (quality(), quality(t=T0 + 3, V_thds=3.5), event(None), event(0.1)):
+            bridge.take(*message)
         with subprocess.Popen(
             ["influxd", "-config", config], stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL
         ) as db:
             try:
                 wait_for(lambda: asked(base, "CREATE DATABASE acqd", post=True), "InfluxDB answers")
-                wait_for(lambda: bridge.written == 100, "rows are written")
+                wait_for(lambda: bridge.written == 104, "rows are written")
                 answer = asked(base, "SELECT count(P), sum(P), max(seq) FROM power GROUP BY device, channel")
+                distortion = asked(
+                    base, "SELECT mean(V_thds), max(V_h3) FROM power_quality WHERE aggregation='150/180'"
+                )
+                events = asked(base, 'SELECT extreme, "duration" FROM power_event')
             finally:
                 db.terminate()
     (series,) = answer["results"][0]["series"]
     assert series["tags"] == {"device": row(0).device, "channel": row(0).channel}
     assert series["values"][0][1:] == [100, sum(range(100)), 99]
+    assert distortion["results"][0]["series"][0]["values"][0][1:] == [3.0, 5.0]
+    assert [each[1:] for each in events["results"][0]["series"][0]["values"]] == [[161.0, 0.1]]
 
 
 def asked(base, query, post=False):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import subprocess
 from datetime import datetime
 
@@ -17,7 +18,7 @@ from acqd.daemon.opcua_section import OpcUaSection
 from acqd.integrations.opcua.quality import status_of
 from acqd.integrations.opcua.server import OpcUaServer, _Readers
 from acqd.telemetry.broker import free_port
-from tests.integrations.messages import status
+from tests.integrations.messages import event, quality, status
 from tests.storage.rows import row
 from tests.waiting import LIMIT_S, finish, until
 
@@ -80,6 +81,51 @@ def test_a_client_reads_values_units_times_and_quality_and_may_not_write():
                 return
             await asyncio.sleep(0.01)
         raise AssertionError(f"not {code}: {value}")
+
+    finish(scenario())
+
+
+def test_a_client_reads_power_quality_and_the_newest_event_of_a_kind():
+    async def scenario():
+        section = OpcUaSection(port=free_port(), stale_s=3600)
+        server, stop = OpcUaServer(section), asyncio.Event()
+        serving = asyncio.create_task(server.serve(stop))
+        for message in (
+            quality(), quality(aggregation="10/12", V_thds=9.0), quality("total", V_u2=1.5, rotation="L1-L2-L3"),
+            event(None), event(0.1), (quality()[0], b"{}"),
+        ):  # fmt: skip
+            server.take(*message)
+        await until(lambda: serving.done() or not server._rows, "messages are written")
+        async with Client(server.endpoint) as client:
+            index = await client.get_namespace_index("urn:acqd:rows")
+
+            async def value(name):
+                node = client.get_node(ua.NodeId(f"cell1.{name}", index))
+                return await node.read_data_value(raise_on_bad_status=False)
+
+            await until_good(value, "events.dip.duration")
+            distortion = await value("L1.quality.150-180.V_thds")
+            assert distortion.Value.Value == 2.5 and distortion.StatusCode.name == "Good"
+            harmonics = (await value("L1.quality.150-180.V_h")).Value.Value
+            assert len(harmonics) == 50 and harmonics[2] == 5.0 and math.isnan(harmonics[1])
+            assert (await value("total.quality.150-180.V_u2")).Value.Value == 1.5
+            assert (await value("total.quality.150-180.rotation")).Value.Value == "L1-L2-L3"
+            assert (await value("L1.quality.150-180.rocof")).StatusCode.name == "BadNoData"
+            assert (await value("L1.quality.10-12.V_thds")).StatusCode.name == "BadNodeIdUnknown"
+            unit = client.get_node(ua.NodeId("cell1.L1.quality.150-180.V_thds.EngineeringUnits", index))
+            assert (await unit.read_value()).UnitId == int.from_bytes(b"P1", "big")
+            assert (await value("events.dip.extreme")).Value.Value == 161.0
+            assert (await value("events.dip.phases")).Value.Value == ["L1"]
+            assert (await value("events.dip.active")).Value.Value is False
+        stop.set()
+        await serving
+
+    async def until_good(value, name):
+        for _ in range(int(LIMIT_S / 0.01)):
+            if (await value(name)).StatusCode.name == "Good":
+                return
+            await asyncio.sleep(0.01)
+        raise AssertionError(name)
 
     finish(scenario())
 

@@ -11,7 +11,7 @@ import pytest
 from acqd.integrations.plain import Plain
 from acqd.integrations.sparkplug.node import Node
 from acqd.integrations.sparkplug.payload import Metric, payload
-from tests.integrations.messages import status, summary
+from tests.integrations.messages import event, quality, status, summary
 from tests.storage.rows import row
 
 ACCEPTED = Path(__file__).with_name("sparkplug_accepted.json")
@@ -46,6 +46,20 @@ def test_numbers_of_every_row():
     assert ("acqd/cell1/L1/P", b"7.25") in published(bridge, ("acqd/cell1/L1/power", sent.to_json()))
     numbers = published(bridge, ("acqd/cell1/window", window))
     assert ("acqd/cell1/L1/P", b"8.0") in numbers and ("acqd/cell1/total/P", b"9.0") in numbers
+
+
+def test_power_quality_and_events_are_numbers_below_their_own_topics():
+    bridge = Plain("acqd")
+    found = dict(published(bridge, quality(), quality(aggregation="10/12", V_thds=9.0)))
+    assert found["acqd/cell1/L1/quality/150-180/V_thds"] == b"2.5"
+    assert found["acqd/cell1/L1/quality/150-180/V_h/3"] == b"5.0" and not any("10-12" in topic for topic in found)
+    assert "acqd/cell1/L1/quality/150-180/V_h/2" not in found
+    assert all(b'"quality"' not in each and topic.count("/") >= 5 for topic, each in found.items())
+    begun, ended = (dict(published(bridge, event(duration))) for duration in (None, 0.1))
+    assert begun["acqd/cell1/event/dip/active"] == b"1.0" and "acqd/cell1/event/dip/duration" not in begun
+    assert ended["acqd/cell1/event/dip/active"] == b"0.0" and ended["acqd/cell1/event/dip/duration"] == b"0.1"
+    assert published(bridge, (quality()[0], b"{}"), ("acqd/other/event", event()[1])) == []
+    assert Plain("acqd", quality="off").subscriptions() == ("acqd/+/+/summary", "acqd/+/event")
 
 
 @pytest.mark.parametrize("content", [b"", b"[]", summary("other")[1], summary(P="high")[1]])

@@ -11,9 +11,10 @@ import time
 import pytest
 
 from acqd.telemetry.message import Message
-from acqd.telemetry.mqtt import BrokerAddress
+from acqd.telemetry.mqtt import BrokerAddress, dial
 from acqd.telemetry.session import Session, SessionError
 from tests.telemetry.clients import delivery
+from tests.waiting import until
 
 
 @pytest.fixture
@@ -34,18 +35,121 @@ def resetting():
     server.close()
 
 
-def test_a_connection_that_is_reset_before_connect_is_written_is_a_failed_attempt(resetting):
+def test_a_connection_that_is_reset_before_connect_is_written_is_a_failed_attempt(resetting, monkeypatch):
     port, reset = resetting
 
-    def opened(*_):
+    def opened(*arguments):
+        sock = dial(*arguments)
         reset.set()
         time.sleep(0.2)  # the reset arrives before CONNECT is written
+        return sock
+
+    monkeypatch.setattr("acqd.telemetry.loop_socket.dial", opened)
 
     async def scenario():
         session = Session(BrokerAddress(port=port), None, "t", Message("t/status", b""), delivery())
-        session._client.on_socket_open = opened
         with pytest.raises(SessionError):
             async with session:
                 pass
 
     asyncio.run(scenario())
+
+
+class _Inbox:
+    """What a session tells its outbox."""
+
+    def __init__(self):
+        self.settled, self.heard = [], []
+
+    def acknowledged(self, message):
+        self.settled.append(message.tag)
+
+    def received(self, topic, payload, *, retained):
+        self.heard.append((topic, payload, retained))
+
+
+def scripted(*steps):
+    """A broker that answers as it is told: (first byte of the packet to wait for, its answer)."""
+    server = socket.create_server(("127.0.0.1", 0))
+
+    def serve():
+        client, _ = server.accept()
+        data = b""
+        for expected, answer in steps:
+            while expected not in data:
+                data += client.recv(4096)
+            data = data.partition(expected)[2]
+            for byte in answer:  # one at a time: packets come in any pieces
+                client.sendall(bytes([byte]))
+        server.close()
+        while client.recv(4096):
+            pass
+        client.close()
+
+    threading.Thread(target=serve, daemon=True).start()
+    return server.getsockname()[1]
+
+
+def test_packets_that_arrive_byte_by_byte_are_understood():
+    message = b"\x33\x0b\x00\x03t/r\x00\x07hell"  # PUBLISH, QoS 1, retained, packet 7
+    port = scripted((b"MQTT", b"\x20\x02\0\0"), (b"one", b"\x40\x02\0\x01" + message), (b"\x40\x02\0\x07", b""))
+    inbox = _Inbox()
+
+    async def scenario():
+        async with Session(BrokerAddress(port=port), None, "t", Message("t/status", b""), inbox) as session:
+            session.send(Message("t/x", b"one", tag="first"), Message("t/x", b"two", tag="second"))
+            await until(lambda: inbox.heard, "the message has come")
+            assert len(session.window) == 1
+            session.check()
+
+    asyncio.run(scenario())
+    assert inbox.settled == ["first"] and inbox.heard == [("t/r", b"hell", True)]
+
+
+@pytest.mark.parametrize("answer", [b"\xff\xff\xff\xff\xff", b""])
+def test_a_broker_that_speaks_no_mqtt_or_nothing_is_left(answer, monkeypatch):
+    monkeypatch.setattr("acqd.telemetry.session._CONNECT_S", 0.5)
+    port = scripted((b"MQTT", answer))
+
+    async def scenario():
+        with pytest.raises(SessionError, match=r"malformed|no answer to CONNECT"):
+            async with Session(BrokerAddress(port=port), None, "t", Message("t/status", b""), _Inbox()):
+                pass
+
+    asyncio.run(scenario())
+
+
+def test_more_than_the_socket_takes_is_sent_when_it_takes_more():
+    """The other side reads nothing until everything is handed over."""
+    count, payload, reading, got = 200, b"\xee" * 50_000, threading.Event(), []
+    server = socket.create_server(("127.0.0.1", 0))
+
+    def serve():
+        client, _ = server.accept()
+        client.recv(4096)
+        client.sendall(b"\x20\x02\0\0")
+        reading.wait(10)
+        total = 0
+        while total < count * len(payload) and (data := client.recv(1 << 20)):
+            total += data.count(b"\xee")
+        got.append(total)
+        client.sendall(b"".join(b"\x40\x02" + struct.pack("!H", k + 1) for k in range(count)))
+        client.recv(4096)
+        client.close()
+
+    thread = threading.Thread(target=serve, daemon=True)
+    thread.start()
+    inbox = _Inbox()
+
+    async def scenario():
+        address = BrokerAddress(port=server.getsockname()[1])
+        async with Session(address, None, "t", Message("t/status", b""), inbox) as session:
+            for k in range(count):
+                session.send(Message("t", payload, tag=k))
+            reading.set()
+            await until(lambda: len(inbox.settled) == count, "all are acknowledged")
+
+    asyncio.run(scenario())
+    thread.join(10)
+    server.close()
+    assert got == [count * len(payload)] and inbox.settled == list(range(count))

@@ -20,7 +20,7 @@ NAVIGATION: dict[str, list[str]] = {
     "Start": ["index.md", "first-ten-minutes.md", "python.md", "compared.md"],
     "Measure": ["sources.md", "waveforms.md", "rows.md", "quality.md", "events.md", "service.md", "web.md"],
     "Operate": ["operations.md", "security.md", "scaling.md", "peers.md", "sidecar.md", "integrations.md"],
-    "Model": ["robots.md", "dataset.md", "models.md", "closing-the-loop.md", "fmu.md"],
+    "Model": ["robots.md", "dataset.md", "models.md", "closing-the-loop.md", "fleet.md", "fmu.md"],
     "Evidence": ["lab.md", "measured-robots.md", "thesis.md"],
     "Reference": [f"reference/{name}.md" for name in ("commands", "configuration", "report", "api")],
     "Inside": ["architecture.md"],

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
+
+from acqd.arrays import Floats
 from acqd.discrepancy.monitor.cusum import Baseline
 from acqd.discrepancy.residual.residuals import errors_of, rms
 from acqd.errors import UserError
@@ -12,11 +16,13 @@ from acqd.models.metrics import predictions
 from acqd.models.predictor import Predictor
 
 
-def baseline_of(bundle: Path, model: Predictor, between_s: float) -> Baseline:
+def baseline_of(
+    bundle: Path, model: Predictor, between_s: float, kept: Callable[[Floats], Floats] = np.asarray
+) -> Baseline:
     """For one false alarm in `between_s` recorded seconds. Raises UserError when the bundle remembers too little.
 
     The residual is smaller on recordings that the model was fitted on. There, it is scaled to the residual on the other
-    recordings.
+    recordings. `kept`: what is charted of the blocks' figures (see `Baseline.of`).
     """
     remembered = load_reference(bundle)
     errors = errors_of(model, remembered) if remembered else []
@@ -27,7 +33,7 @@ def baseline_of(bundle: Path, model: Predictor, between_s: float) -> Baseline:
     errors = [residual * (factor if own else 1.0) for residual, own in zip(errors, fitted, strict=True)]
     if errors:
         starts = [segment.start_s for segment in remembered]
-        baseline = Baseline.of(errors, predictions(model, remembered), starts, model.step_s, between_s)
+        baseline = Baseline.of(errors, predictions(model, remembered), starts, model.step_s, between_s, kept)
         if baseline is not None:
             return baseline
     raise UserError(

@@ -10,6 +10,7 @@ multiplied by (1 + rho) / (1 - rho), the long-run variance of an AR(1) process w
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -52,16 +53,17 @@ class Baseline:
 
     @classmethod
     def of(
-        cls, errors: list[Floats], predicted: list[Floats], starts_s: list[float], step_s: float, between_s: float
-    ) -> Baseline | None:
+        cls, errors: list[Floats], predicted: list[Floats], starts_s: list[float], step_s: float, between_s: float,
+        kept: Callable[[Floats], Floats] = np.asarray,
+    ) -> Baseline | None:  # fmt: skip
         """From residuals and predictions [T] W of recordings; `between_s`: mean time between false alarms.
 
-        None when they are too few.
+        `kept`: what is charted, [n, 3], of the blocks' figures [n, 3]. None when the recordings are too few.
         """
         whitener = Whitener.of(errors)
         in_time = sorted(zip(starts_s, range(len(errors)), strict=True))
         parts = [blocks_of(whitener, errors[k], predicted[k], start, step_s) for start, k in in_time]
-        figures = np.concatenate([part.figures for part in parts])
+        figures = kept(np.concatenate([part.figures for part in parts]))
         moving = np.concatenate([part.moving for part in parts])
         if len(figures) < THRESHOLDS.cusum_fewest_blocks:
             return None

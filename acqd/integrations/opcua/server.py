@@ -8,7 +8,7 @@ import logging
 import time
 from collections import deque
 from collections.abc import Iterable, Sequence
-from pathlib import Path
+from pathlib import Path as FilePath
 from typing import Any
 
 from asyncua import Server, ua
@@ -17,10 +17,13 @@ from asyncua.crypto.permission_rules import User, UserRole
 from acqd.daemon.opcua_section import OpcUaSection
 from acqd.errors import UserError
 from acqd.integrations.daemons import Daemons
-from acqd.integrations.opcua.space import NAMESPACE, Space
+from acqd.integrations.opcua.space import NAMESPACE, Path, Space, path_of
+from acqd.integrations.quality import event_of, quality_of, subscriptions, wanted
 from acqd.integrations.rows import TOPICS, rows_of
 from acqd.telemetry import topics
+from acqd.telemetry.event import PowerEvent
 from acqd.telemetry.message import Message
+from acqd.telemetry.quality_row import QualityRow
 from acqd.telemetry.row import PowerRow
 
 _log = logging.getLogger(__name__)
@@ -35,14 +38,14 @@ class OpcUaServer:
 
     def __init__(self, section: OpcUaSection) -> None:
         self._section = section
-        self._rows: deque[PowerRow] = deque(maxlen=_WAITING)
+        self._rows: deque[PowerRow | QualityRow | PowerEvent] = deque(maxlen=_WAITING)
         self._daemons = Daemons()
-        self._seen: dict[tuple[str, str], _Pace] = {}
+        self._seen: dict[Path, _Pace] = {}
         self._gone: set[str] = set()
 
     def subscriptions(self) -> Sequence[str]:
-        """Rows, and whether their daemons are online."""
-        return topics.ALL_STATUS, *TOPICS
+        """Rows, power quality and events, and whether their daemons are online."""
+        return topics.ALL_STATUS, *TOPICS, *subscriptions(self._section.quality)
 
     def will(self) -> None:
         """None."""
@@ -52,13 +55,20 @@ class OpcUaServer:
         return ()
 
     def take(self, topic: str, payload: bytes) -> Iterable[Message]:
-        """A row or a status."""
+        """A row, an event or a status."""
         if topic.endswith("/status"):
             daemon = topic.split("/")[1]
             self._daemons.take(daemon, payload)
             (self._gone.add if payload == topics.OFFLINE else self._gone.discard)(daemon)
             return ()
-        self._rows.extend(rows_of(topic, payload))
+        if topic.endswith("/quality"):
+            row = quality_of(topic, payload)
+            self._rows.extend([row] if row is not None and row.aggregation in wanted(self._section.quality) else [])
+        elif topics.is_event(topic):
+            event = event_of(topic, payload)
+            self._rows.extend([event] if event is not None else [])
+        else:
+            self._rows.extend(rows_of(topic, payload))
         return ()
 
     def tick(self) -> Iterable[Message]:
@@ -108,17 +118,19 @@ class OpcUaServer:
     async def _write(self, space: Space) -> None:
         now = time.monotonic()
         while self._rows:
-            row = self._rows.popleft()
-            await space.write(row)
-            self._seen.setdefault((row.device, row.channel), _Pace(now)).next(now, row.boot)
-        for (device, channel), pace in self._seen.items():
-            daemon = self._daemons.of(device, pace.boot)
+            message = self._rows.popleft()
+            await space.write(message)
+            if not isinstance(message, PowerEvent):  # an event stays what it was
+                interval_s = message.duration if isinstance(message, QualityRow) else None
+                self._seen.setdefault(path_of(message), _Pace(now)).next(now, message.boot, interval_s)
+        for path, pace in self._seen.items():
+            daemon = self._daemons.of(path[0], pace.boot)
             if pace.running and (now - pace.last > pace.limit(self._section.stale_s) or daemon in self._gone):
                 pace.running = False
-                await space.spoil(device, channel)
+                await space.spoil(path)
 
 
-def _form(path: Path) -> str:
+def _form(path: FilePath) -> str:
     """Of a certificate or key; asyncua would go by the name. Raises OSError."""
     return "pem" if path.read_bytes().startswith(b"-----BEGIN") else "der"
 
@@ -129,9 +141,11 @@ class _Pace:
     def __init__(self, now: float) -> None:
         self.last, self.interval, self.running, self.boot = now, 0.0, True, ""
 
-    def next(self, now: float, boot: str) -> None:
-        """A row has come."""
-        if self.running and now > self.last:
+    def next(self, now: float, boot: str, interval_s: float | None) -> None:
+        """A row has come; `interval_s`: time between rows, where it is known."""
+        if interval_s is not None:
+            self.interval = interval_s
+        elif self.running and now > self.last:
             self.interval = now - self.last
         self.last, self.running, self.boot = now, True, boot
 

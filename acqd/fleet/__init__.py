@@ -1,0 +1,1 @@
+"""Many robots at once: which have changed, since when, why, and what they share."""

@@ -1,0 +1,1 @@
+"""Home Assistant: entities that it discovers by retained messages."""
