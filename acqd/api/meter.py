@@ -73,4 +73,4 @@ class Meter:
 
 def _no_windows(phases: int) -> WindowBatch:
     whole, reals = np.zeros(0, dtype=np.int64), np.zeros((phases, 0))
-    return WindowBatch(whole, whole, reals, reals, reals, np.zeros(0), reals, reals, [[] for _ in range(phases)])
+    return WindowBatch(whole, whole, reals, reals, reals, np.zeros(0), reals, reals, reals, [[] for _ in range(phases)])

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import chain
 from typing import TypeAlias
 
 from acqd.daemon.quality_section import QualitySection
 from acqd.metering import SampleBlock, StreamFormat
+from acqd.metering.quality.flicker_values import FlickerValues
 from acqd.metering.quality.meter import QualityMeter
 from acqd.telemetry.quality_row import QualityRow, from_kind, quality_rows
 
@@ -18,20 +20,23 @@ class QualityFeed:
 
     def __init__(self, section: QualitySection, device: str, declared_voltage: float, boot: Callable[[], str]) -> None:
         """`boot` names the boot of the rows; `declared_voltage` [V] is that of the flags dip and swell."""
-        self._kinds = from_kind(section.interval)
+        self._kinds, self._section = from_kind(section.interval), section
         self._device, self._declared, self._boot = device, declared_voltage, boot
         self._meter: QualityMeter | None = None
+        self._flicker: FlickerValues | None = None
         self._seq = 0
 
     def open(self, form: StreamFormat) -> None:
         """Begin a stream of this format."""
-        self._meter = QualityMeter(form, declared_voltage=self._declared)
+        self._meter = QualityMeter(form, declared_voltage=self._declared, options=self._section.options())
+        self._flicker = FlickerValues(form, self._declared) if self._section.flicker else None
 
     def take(self, block: SampleBlock) -> list[QualityRow]:
         """Rows that the block completes."""
         assert self._meter is not None
         rows: list[QualityRow] = []
-        for values in self._meter.feed(block):
+        flicker = self._flicker.feed(block) if self._flicker is not None else ()
+        for values in chain(self._meter.feed(block), flicker):
             if values.kind in self._kinds:
                 rows += quality_rows(values, self._device, self._boot(), self._seq)
                 self._seq += 1

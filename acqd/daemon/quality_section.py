@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
+
+from pydantic import Field
 
 from acqd.daemon.section import Section
+from acqd.metering.quality.quantities import Options
 
 BridgedQuality = Literal["10/12", "150/180", "10min", "off"]
 """Setting of a bridge: the rows of power quality that it passes on, from this aggregation on."""
@@ -16,3 +19,11 @@ class QualitySection(Section):
     enabled: bool = False
     interval: Literal["10/12", "150/180", "10min"] = "10/12"
     """The shortest aggregation with rows; the longer ones always have them."""
+    flicker: bool = False
+    interharmonic_groups: bool = False
+    signalling_hz: Annotated[float, Field(ge=110, le=2_450)] | None = None
+    """Carrier of mains signalling."""
+
+    def options(self) -> Options:
+        """What is measured of each interval."""
+        return Options(self.interharmonic_groups, self.signalling_hz)

@@ -7,8 +7,10 @@ import json
 import logging
 import os
 from pathlib import Path
+from typing import Any
 
 from acqd.atomic import private
+from acqd.metering.registers import Registers
 
 _log = logging.getLogger(__name__)
 
@@ -19,12 +21,15 @@ class RegisterFile:
     def __init__(self, folder: Path, device: str) -> None:
         self._path = folder / f"energy-{device}.json"
         self._failed = False
+        self.others: Any = None
+        """State of the registers besides energy, as JSON; None before `load`, or where there are none."""
 
     def load(self, phases: int) -> list[tuple[float, float]] | None:
         """Each phase's (imported, exported) [kWh]; None: start from zero."""
         try:
             data = json.loads(self._path.read_text(encoding="utf-8"))
             pairs = [(float(pair["import_kWh"]), float(pair["export_kWh"])) for pair in data["phases"]]
+            others = data.get("registers")
         except FileNotFoundError:
             return None
         except (OSError, ValueError, KeyError, TypeError) as error:
@@ -36,6 +41,7 @@ class RegisterFile:
         if not all(0 <= reading < 1e15 for pair in pairs for reading in pair):
             self._refuse("holding impossible readings")
             return None
+        self.others = others
         return pairs
 
     def _refuse(self, reason: str) -> None:
@@ -45,9 +51,12 @@ class RegisterFile:
             os.replace(self._path, kept)
         _log.error("%s is %s: energy starts from zero, the file is kept as %s", self._path, reason, kept.name)
 
-    def save(self, readings: list[tuple[float, float]]) -> None:
+    def save(self, readings: list[tuple[float, float]], others: Any = None) -> None:
         """Write the readings; a full disk is logged once, never fatal. May run in a thread."""
-        data = {"phases": [{"import_kWh": imported, "export_kWh": exported} for imported, exported in readings]}
+        data = {
+            "registers": others,
+            "phases": [{"import_kWh": imported, "export_kWh": exported} for imported, exported in readings],
+        }
         temporary = self._path.with_suffix(".new")
         try:
             with open(temporary, "w", encoding="utf-8", opener=private) as file:
@@ -71,3 +80,12 @@ def greater(
     if not known:
         return None
     return [(max(pair[0] for pair in pairs), max(pair[1] for pair in pairs)) for pairs in zip(*known, strict=True)]
+
+
+def registers_of(phases: int, window_s: float, creep_W: float, state: Any) -> Registers:
+    """Registers that continue from `state`; from zero, with a line in the log, where that is no state of theirs."""
+    try:
+        return Registers(phases, window_s, creep_W, state)
+    except ValueError as error:
+        _log.error("%s: reactive energy and demand start from zero", error)
+        return Registers(phases, window_s, creep_W)

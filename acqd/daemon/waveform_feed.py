@@ -15,10 +15,11 @@ from acqd.daemon.events.watch import Announce, EventWatch
 from acqd.daemon.feed import Deliver
 from acqd.daemon.health.snapshot import Cycles, FeedHealth, SourceLink
 from acqd.daemon.quality_feed import DeliverQuality, QualityFeed
-from acqd.daemon.register import RegisterFile, greater
+from acqd.daemon.register import RegisterFile, greater, registers_of
 from acqd.daemon.source_sections import WaveformSection
 from acqd.daemon.tally import Tally
 from acqd.metering import Meter, SampleBlock, StreamFormat, WindowBatch
+from acqd.metering.registers import Registers
 from acqd.plc.executive import Executive
 from acqd.plc.realtime import prioritise
 from acqd.plc.recent import SampledWindow
@@ -62,6 +63,7 @@ class WaveformFeed:
         self._events: EventWatch | None = None
         self._saving = threading.Lock()
         self._register = RegisterFile(config.state_dir, config.device) if config.state_dir else None
+        self._registers: Registers | None = None
         self._summariser, self._tally = Summariser(), Tally()
         self._last_row: float | None = None
         self._begun = time.monotonic()
@@ -109,7 +111,8 @@ class WaveformFeed:
         """Write the energy registers; from any thread."""
         if self._register is not None and self._executive.meter is not None:
             with self._saving:  # a later reading is never overwritten by an earlier one
-                self._register.save(self._executive.meter.energy.reading())
+                others = self._registers.state() if self._registers is not None else None
+                self._register.save(self._executive.meter.energy.reading(), others)
 
     def alive(self) -> bool:
         """Whether rows arrive, or the device or MAIN_FAST is away and its supervisor brings it back."""
@@ -162,13 +165,17 @@ class WaveformFeed:
         }
 
     def _make_meter(self, form: StreamFormat) -> Meter:
-        metering = self._config.metering
+        metering, window = self._config.metering, self._config.window
+        energy = self._energy(form.phases)
+        others = self._register.others if self._register is not None else None
+        self._registers = registers_of(form.phases, window, metering.creep_w, others)
         return Meter(
             form,
-            window=self._config.window,
+            window=window,
             mode=metering.mode,
             nominal_voltage=metering.nominal_voltage,
-            energy=self._energy(form.phases),
+            energy=energy,
+            creep_W=metering.creep_w,
         )
 
     def _energy(self, phases: int) -> Energy | None:
@@ -179,8 +186,10 @@ class WaveformFeed:
         rows = list(rows_of(batch, self._config.device, self._boot.name))
         self._boot.stamp(rows)
         self._tally.add(rows)
-        assert self._executive.meter is not None
-        self._deliver(rows, self._summariser.add(batch, rows), self._executive.meter.energy.reading())
+        assert self._executive.meter is not None and self._registers is not None
+        self._registers.add(batch)
+        summaries = [each | self._registers.reading(each["channel"]) for each in self._summariser.add(batch, rows)]
+        self._deliver(rows, summaries, self._executive.meter.energy.reading())
         self._last_row = time.monotonic()
 
     def _make_watch(self, form: StreamFormat) -> Callable[[SampleBlock], None]:

@@ -31,16 +31,23 @@ class EnergyRegister:
     """Import and export registers of all phases of one stream."""
 
     def __init__(
-        self, kwh_per_count: list[float], start: list[tuple[float, float]] | None = None, *, integers: bool = True
+        self,
+        kwh_per_count: list[float],
+        start: list[tuple[float, float]] | None = None,
+        *,
+        integers: bool = True,
+        creep_kWh: float = 0.0,
     ) -> None:
         """`kwh_per_count[p]` is the energy of one u_code * i_code of phase p over one sample.
 
         `start` is each phase's (imported, exported) [kWh] to continue from after a restart. `integers`: codes are.
+        A window with less than `creep_kWh`, in either direction, does not count (no-load condition of IEC 62053-21).
         """
         self._integers = integers
         self._steps = 1 if integers else _STEPS
         self._unit = [Fraction(unit) / self._steps for unit in kwh_per_count]
         self._float_unit = np.array(kwh_per_count)
+        self._least = creep_kWh / self._float_unit
         begin = start or [(0.0, 0.0)] * len(kwh_per_count)
         # Starting readings become counts too (1e-9 of a count is far below the meter's resolution).
         self._counts = [
@@ -57,6 +64,8 @@ class EnergyRegister:
 
         A window imports or exports as a whole: within a mains cycle reactive power swings both ways.
         """
+        if self._least.any():
+            counts = np.where(np.abs(counts) < self._least[:, None], 0.0, counts)
         if self._integers and counts.shape[1] == 1:
             return self._add_one(counts[:, 0].tolist())
         sums = counts.astype(np.int64) if self._integers else counts

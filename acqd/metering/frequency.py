@@ -58,11 +58,13 @@ class Estimate:
     """[windows] the phase is bent: `f` is not to be trusted."""
     magnitude: Floats
     """[windows] of the fundamental of all phases together, sqrt(sum |c|^2) [digits]."""
+    reactive: Floats
+    """[phases, windows] of the fundamentals, Im(U conj I) / 2 [digits^2]; NaN without currents, and where f is."""
 
     def followed_by(self, other: Estimate) -> Estimate:
         """Of both, one after the other."""
-        names = ("f", "unsteady", "magnitude")
-        return Estimate(*(np.concatenate((getattr(self, name), getattr(other, name))) for name in names))
+        names = ("f", "unsteady", "magnitude", "reactive")
+        return Estimate(*(np.concatenate((getattr(self, name), getattr(other, name)), axis=-1) for name in names))
 
 
 class FrequencyEstimator:
@@ -96,8 +98,8 @@ class FrequencyEstimator:
         """
         return self.examine(u, ends).f
 
-    def examine(self, u: Floats, ends: np.ndarray) -> Estimate:
-        """As `estimate`, and whether the phase is steady."""
+    def examine(self, u: Floats, ends: np.ndarray, i: Floats | None = None) -> Estimate:
+        """As `estimate`, with what else the fundamentals of `u` and `i` [phases, samples] say."""
         windows = _windows(u, ends, self._samples)
         if self.trial is None:
             f, purity, grid, magnitude = self._iterate(windows, self._coarse(windows))
@@ -113,7 +115,12 @@ class FrequencyEstimator:
         self.trial = float(known[-1]) if known.size else None
         unsteady = np.zeros(len(f), dtype=bool)
         unsteady[credible] = self._unsteadiness(windows[:, credible], grid[credible]) > self.steady
-        return Estimate(f, unsteady, magnitude)
+        reactive = np.full(windows.shape[:2], np.nan)
+        if i is not None and credible.any():
+            U = self._fundamentals(windows[:, credible], grid[credible])
+            I = self._fundamentals(_windows(i, ends[credible], self._samples), grid[credible])  # noqa: E741
+            reactive[:, credible] = (U * I.conj()).imag / 2
+        return Estimate(f, unsteady, magnitude, reactive)
 
     def at(self, point: int) -> Trial:
         """Vectors of grid point `point`."""
@@ -149,6 +156,15 @@ class FrequencyEstimator:
         ac -= (np.einsum("pwn->pw", windows) ** 2).sum(axis=0) / self._samples**2
         f[todo] = np.nan  # did not settle
         return f, power / np.maximum(ac, 1e-30), grid, np.sqrt(2 * power)
+
+    def _fundamentals(self, windows: Floats, grid: np.ndarray) -> np.ndarray:
+        """Amplitudes, complex [phases, windows]."""
+        result = np.empty(windows.shape[:2], dtype=np.complex128)
+        for point in set(grid.tolist()):
+            at = np.flatnonzero(grid == point)
+            parts = windows[:, at] @ self.at(point).projection[:2].T
+            result[:, at] = parts[..., 0] - 1j * parts[..., 1]
+        return result
 
     def _unsteadiness(self, windows: Floats, grid: np.ndarray) -> Floats:
         """Largest distance of a one-cycle phase from a parabola [rad], all phases together with weights |c|^2."""

@@ -45,11 +45,13 @@ class Meter:
         mode: Mode = "synchronous",
         nominal_voltage: float = 230.0,
         energy: list[tuple[float, float]] | None = None,
+        creep_W: float = 0.0,
         compiled: bool = True,
     ) -> None:
         """`window` [s] 0.04 .. 0.05; `nominal_voltage` [V] sets the `no_mains` threshold.
 
-        `energy` is each phase's (imported, exported) reading [kWh] to continue from. `compiled`: with the kernel in C
+        `energy` is each phase's (imported, exported) reading [kWh] to continue from. A window of a phase with less than
+        `creep_W` [W] does not count. `compiled`: with the kernel in C
         where it can be built; both paths agree to 1e-9.
 
         Raises ValueError for a window outside its range.
@@ -78,6 +80,7 @@ class Meter:
             ],
             energy,
             integers=form.bits < 64,
+            creep_kWh=creep_W * window / 3.6e6,
         )
 
         self._kernel = self._make_kernel() if compiled and why_not(len(form.scale)) is None else None
@@ -129,6 +132,7 @@ class Meter:
             f=usual.f,
             imported=energy.imported,
             exported=energy.exported,
+            Q1=usual.reactive(),
             flags=flags,
         )
 
@@ -137,7 +141,7 @@ class Meter:
         u, i = _channels(piece.codes[: piece.bounds[-1]])
         products = _products(u, i)
         starts, ends = piece.bounds[:-1], piece.bounds[1:]
-        estimate, centres = self._estimate_f(u, ends)
+        estimate, centres = self._estimate_f(u, i, ends)
         usable, about = self._held.usable(estimate)
         count = (ends - starts).astype(np.float64)
         energy_counts = np.add.reduceat(products[2], starts, axis=1)
@@ -171,7 +175,7 @@ class Meter:
         for k in np.flatnonzero(np.isnan(f) & live.any(axis=0)).tolist():
             _mark(flags, k, "transient")
         self._flag_phases(flags, live, piece.codes, piece.bounds)
-        return self._columns(piece, means, f, energy_counts, flags)
+        return self._columns(piece, means, (f, estimate.reactive), energy_counts, flags)
 
     def _broken(self, piece: Piece) -> WindowBatch:
         """Meter one window with samples missing: its values are those of the longest unbroken run."""
@@ -198,20 +202,21 @@ class Meter:
             live = ~(np.sqrt(means[0]) * self._u_scale <= self._dead)
         joined = np.concatenate(piece.runs)
         self._flag_phases(flags, live, joined, np.array([0, len(joined)]))
-        return self._columns(piece, np.asarray(means), np.array([np.nan]), energy_counts, flags)
+        unknown = np.array([np.nan]), np.full((self.form.phases, 1), np.nan)
+        return self._columns(piece, np.asarray(means), unknown, energy_counts, flags)
 
-    def _estimate_f(self, u: Floats, ends: np.ndarray) -> tuple[Estimate, Floats]:
+    def _estimate_f(self, u: Floats, i: Floats, ends: np.ndarray) -> tuple[Estimate, Floats]:
         """f of each window, and the middles of the stretches it is from; a run's first window may have its own only."""
         full, own = self._frequency, self._start_frequency
         short = int(np.searchsorted(ends, full.samples))
         centres = ends - np.where(np.arange(len(ends)) < short, own.samples, full.samples) / 2
         if not short:
-            return full.examine(u, ends), centres
+            return full.examine(u, ends, i), centres
         own.reset()
-        first = own.examine(u, ends[:short])
+        first = own.examine(u, ends[:short], i)
         if short == len(ends):
             return first, centres
-        rest = full.examine(u, ends[short:])
+        rest = full.examine(u, ends[short:], i)
         return first.followed_by(rest), centres
 
     def _interval_middle(self, piece: Piece, f: Floats) -> Floats:
@@ -233,8 +238,14 @@ class Meter:
             flags[channel // 2][k].add("overrange")
 
     def _columns(
-        self, piece: Piece, means: Floats, f: Floats, energy_counts: Floats, flags: list[list[set[str]]]
+        self,
+        piece: Piece,
+        means: Floats,
+        fundamental: tuple[Floats, Floats],
+        energy_counts: Floats,
+        flags: list[list[set[str]]],
     ) -> WindowBatch:
+        f, reactive = fundamental
         energy = self.energy.add(energy_counts)
         return WindowBatch(
             seq=piece.seq,
@@ -245,6 +256,7 @@ class Meter:
             f=f,
             imported=energy.imported,
             exported=energy.exported,
+            Q1=reactive * (self._u_scale * self._i_scale),
             flags=flags,
         )
 

@@ -61,6 +61,8 @@ class WindowBatch:
     """[phases, windows] imported energy register [kWh]."""
     exported: Floats
     """[phases, windows] exported energy register [kWh]."""
+    Q1: Floats
+    """[phases, windows] reactive power of the fundamentals [var], positive where the current lags; over 60 ms."""
     flags: list[list[set[str]]]
     """[phases][windows] row flags."""
 
@@ -87,6 +89,7 @@ class WindowBatch:
         if len(batches) == 1:
             return batches[0]
         along = {"seq": 0, "utc_ns": 0, "Vrms": 1, "Irms": 1, "P": 1, "f": 0, "imported": 1, "exported": 1}
+        along["Q1"] = 1
         columns = {name: np.concatenate([getattr(b, name) for b in batches], axis=axis) for name, axis in along.items()}
         phases = len(batches[0].flags)
         flags = [[row for batch in batches for row in batch.flags[phase]] for phase in range(phases)]

@@ -73,11 +73,16 @@ class QualityRow:
     I_u2: Number = None
     I_u0: Number = None
     I_n_derived: Number = None
+    V_ms: Number = None
+    Pst: Number = None
+    Plt: Number = None
     rotation: Literal["L1-L2-L3", "L1-L3-L2"] | None = None
     V_h: _List = None
     I_h: _List = None
     V_ih: _List = None
     I_ih: _List = None
+    V_ig: _List = None
+    I_ig: _List = None
     schema: Annotated[int, Meta(ge=SCHEMA, le=SCHEMA)] = SCHEMA
 
     def to_json(self) -> bytes:
@@ -85,7 +90,7 @@ class QualityRow:
         return _encoder.encode(self)
 
 
-LISTS = ("V_h", "I_h", "V_ih", "I_ih")
+LISTS = ("V_h", "I_h", "V_ih", "I_ih", "V_ig", "I_ig")
 """Fields that hold 50 numbers each."""
 _NAMES = [field.name for field in fields(QualityRow)]
 NUMBERS = [name for name in _NAMES[_NAMES.index("f") : _NAMES.index("V_h")] if name != "rotation"]
@@ -132,8 +137,9 @@ def _of_phase(values: QualityValues, k: int) -> dict[str, Any]:
     row: dict[str, Any] = {
         name: _listed(value[k]) if name in LISTS else _known(float(value[k])) for name, value in phase.items()
     }
-    row["PF"] = _power_factor(row["P"], row["S"])
-    row["DPF"] = _power_factor(row["P1"], math.hypot(row["P1"] or 0.0, row["Q1"] or 0.0))
+    if "P" in row:
+        row["PF"] = _power_factor(row["P"], row["S"])
+        row["DPF"] = _power_factor(row["P1"], math.hypot(row["P1"] or 0.0, row["Q1"] or 0.0))
     return row
 
 

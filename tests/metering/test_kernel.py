@@ -21,7 +21,7 @@ from acqd.metering.kernel.compiled import library
 from tests.mains import EN50160, make_mains
 
 pytestmark = pytest.mark.skipif(system_compiler() is None, reason="no C compiler")
-COLUMNS = ("f", "Vrms", "Irms", "P", "imported", "exported")
+COLUMNS = ("f", "Vrms", "Irms", "P", "imported", "exported", "Q1")
 
 
 def window_by_window(form, codes, **options):

@@ -13,7 +13,20 @@ from acqd.metering.block import StreamFormat
 from acqd.metering.frequency import FrequencyEstimator
 from acqd.metering.held import HeldFrequency
 from acqd.metering.kernel.compiled import usable_library, why_not
-from acqd.metering.kernel.layout import FLAGS, NO_TRIAL, PER_PHASE, PHASES, RAW_F, U_IM, U_RE, F, Form, State
+from acqd.metering.kernel.layout import (
+    FLAGS,
+    I_IM,
+    I_RE,
+    NO_TRIAL,
+    PER_PHASE,
+    PHASES,
+    RAW_F,
+    U_IM,
+    U_RE,
+    F,
+    Form,
+    State,
+)
 from acqd.metering.middle import SPAN, MiddleFrequency
 from acqd.metering.stream import Piece
 from acqd.metering.trial import Trial, make_trial
@@ -38,6 +51,11 @@ class Metered:
     def of_phases(self, row: int) -> Floats:
         """[phases, windows] of one of the rows of a phase."""
         return self.rows[PHASES + row :: PER_PHASE]
+
+    def reactive(self) -> Floats:
+        """[phases, windows] of the fundamentals [var]."""
+        U_re, U_im, I_re, I_im = (self.of_phases(row) for row in (U_RE, U_IM, I_RE, I_IM))
+        return (U_im * I_re - U_re * I_im) / 2
 
     def marks(self) -> list[int]:
         """[windows] bits 0 to 3: phases without mains; bits 4 to 7: phases over range."""

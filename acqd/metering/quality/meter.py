@@ -8,7 +8,7 @@ from acqd.metering.block import SampleBlock, StreamFormat
 from acqd.metering.quality.aggregation import Aggregate
 from acqd.metering.quality.event_flags import INTERRUPTION
 from acqd.metering.quality.intervals import FIFTEEN, Interval, IntervalCutter, threshold
-from acqd.metering.quality.quantities import measure
+from acqd.metering.quality.quantities import DEFAULT, Options, measure
 from acqd.metering.quality.ten_seconds import TenSeconds
 from acqd.metering.quality.tick_values import TickValues
 from acqd.metering.quality.values import QualityValues
@@ -17,10 +17,10 @@ from acqd.metering.quality.values import QualityValues
 class QualityMeter:
     """Meters one stream; is fed the same blocks as `Meter`, and independent of it."""
 
-    def __init__(self, form: StreamFormat, *, declared_voltage: float = 230.0) -> None:
+    def __init__(self, form: StreamFormat, *, declared_voltage: float = 230.0, options: Options = DEFAULT) -> None:
         """`declared_voltage` [V]: for the flags of dips, swells and interruptions."""
         self.form = form
-        self._declared = declared_voltage
+        self._declared, self._options = declared_voltage, options
         self._cutter = IntervalCutter(form, threshold(form, INTERRUPTION, declared_voltage))
         self._fifteen: list[Aggregate] = []  # with the one that the last tick has cut
         self._ticks = TickValues()
@@ -29,7 +29,7 @@ class QualityMeter:
     def feed(self, block: SampleBlock) -> Iterator[QualityValues]:
         """Values that `block` completes: "10/12", and the longer ones as they end."""
         for interval in self._cutter.feed(block):
-            values = measure(interval, self._declared)
+            values = measure(interval, self._declared, self._options)
             if not interval.trailing:
                 yield from self._ticks.add(values)
                 yield values

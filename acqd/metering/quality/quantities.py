@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from acqd.arrays import Floats
@@ -13,22 +15,39 @@ from acqd.metering.quality.intervals import Interval
 from acqd.metering.quality.spectrum import (
     Lines,
     harmonic_subgroups,
+    interharmonic_groups,
     interharmonic_subgroups,
     known_orders,
+    signalling,
     spectrum,
     thds,
 )
 from acqd.metering.quality.values import QualityValues
 
 
+@dataclass(frozen=True, slots=True)
+class Options:
+    """What is measured where somebody wants it."""
+
+    interharmonic_groups: bool = False
+    """All lines between harmonics, besides the centred subgroups."""
+    signalling_Hz: float | None = None
+    """Carrier of mains signalling."""
+
+
+DEFAULT = Options()
+
+
 @np.errstate(invalid="ignore", over="ignore")
-def measure(interval: Interval, declared: float) -> QualityValues:
+def measure(interval: Interval, declared: float, options: Options = DEFAULT) -> QualityValues:
     """Quantities of `interval`; `declared` voltage [V], for the flags of events."""
     u, i = interval.x[0::2], interval.x[1::2]
     lines = spectrum(interval.x, interval.start, interval.length, interval.cycles)
     phase = waveform_values(interval) | _fundamental(lines, interval.cycles)
     for name, channels in (("V", lines[0::2]), ("I", lines[1::2])):
-        phase |= _groups(name, channels, interval)
+        phase |= _groups(name, channels, interval, options)
+    if options.signalling_Hz is not None:
+        phase["V_ms"] = signalling(lines[0::2], interval.f / interval.cycles, options.signalling_Hz)
     rms = one_cycle_rms(u, interval.start, interval.length, interval.cycles)
     known = interval.fit.credible
     return QualityValues(
@@ -78,13 +97,17 @@ def _fundamental(lines: Lines, cycles: int) -> dict[str, Floats]:
     }  # fmt: skip
 
 
-def _groups(name: str, lines: Lines, interval: Interval) -> dict[str, Floats]:
+def _groups(name: str, lines: Lines, interval: Interval, options: Options) -> dict[str, Floats]:
     known = known_orders(interval.rate, interval.f)
     harmonics = harmonic_subgroups(lines, interval.cycles)
     between = interharmonic_subgroups(lines, interval.cycles)
     harmonics[:, known:] = np.nan
     between[:, known:] = np.nan
-    return {f"{name}_thds": thds(harmonics), f"{name}_h": harmonics, f"{name}_ih": between}
+    values = {f"{name}_thds": thds(harmonics), f"{name}_h": harmonics, f"{name}_ih": between}
+    if options.interharmonic_groups:
+        values[f"{name}_ig"] = interharmonic_groups(lines, interval.cycles)
+        values[f"{name}_ig"][:, known:] = np.nan
+    return values
 
 
 def _system(interval: Interval, u: Floats, i: Floats, phase: dict[str, Floats]) -> dict[str, float]:

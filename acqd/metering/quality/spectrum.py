@@ -50,6 +50,25 @@ def interharmonic_subgroups(lines: Lines, cycles: int) -> Floats:
     return _grouped(lines, np.arange(ORDERS) * cycles, range(2, cycles - 1))
 
 
+def interharmonic_groups(lines: Lines, cycles: int) -> Floats:
+    """G_ig,n between harmonics n and n + 1, n = 0 .. 49 [channels, 50]: all lines between them, squares added.
+
+    IEC 61000-4-7, section 5.6.
+    """
+    return _grouped(lines, np.arange(ORDERS) * cycles, range(1, cycles))
+
+
+def signalling(lines: Lines, f_line: float, carrier: float) -> Floats:
+    """Mains signalling voltage [channels] at `carrier` [Hz]: the four nearest lines, squares added; NaN beyond them.
+
+    Lines are `f_line` Hz apart. IEC 61000-4-30, section 5.10.
+    """
+    below = int(carrier / f_line)
+    if below < 2 or below + 2 >= lines.shape[1]:
+        return np.full(len(lines), np.nan)
+    return _grouped(lines, np.array([below]), range(-1, 3))[:, 0]
+
+
 def known_orders(rate: float, f: float) -> int:
     """Harmonics that a stream of `rate` [1/s] tells, 0 .. 50."""
     return min(ORDERS, int((PASSBAND * rate / f) - 0.2))

@@ -7,8 +7,8 @@ from typing import Literal
 
 from acqd.arrays import Floats
 
-Kind = Literal["10/12", "150/180", "10min", "2h", "10s"]
-KINDS: tuple[Kind, ...] = ("10/12", "150/180", "10min", "2h", "10s")
+Kind = Literal["10/12", "150/180", "10min", "2h", "10s", "Pst", "Plt"]
+KINDS: tuple[Kind, ...] = ("10/12", "150/180", "10min", "2h", "10s", "Pst", "Plt")
 Rule = Literal["rms", "mean", "angle"]
 
 
@@ -31,12 +31,21 @@ PHASE: dict[str, Quantity] = {
     "V1": _RMS_V, "I1": _RMS_A, "V1_angle": _DEGREE, "I1_angle": _DEGREE,
     "P1": _W, "Q1": _VAR, "S1": _VA,
     "V_dc": _V, "I_dc": _A, "V_crest": Quantity("", "rms"), "I_crest": Quantity("", "rms"),
-    "V_thds": _SHARE, "I_thds": _SHARE,
+    "V_thds": _SHARE, "I_thds": _SHARE, "V_ms": _RMS_V,
+    "Pst": Quantity("", "mean"), "Plt": Quantity("", "mean"),
 }  # fmt: skip
 """Quantities of one phase, [phases]."""
 
-LISTS: dict[str, Quantity] = {"V_h": _RMS_V, "I_h": _RMS_A, "V_ih": _RMS_V, "I_ih": _RMS_A}
-"""Lists of one phase, [phases, 50]: harmonic subgroups 1 .. 50, interharmonic centred subgroups 0 .. 49."""
+LISTS: dict[str, Quantity] = {
+    "V_h": _RMS_V,
+    "I_h": _RMS_A,
+    "V_ih": _RMS_V,
+    "I_ih": _RMS_A,
+    "V_ig": _RMS_V,
+    "I_ig": _RMS_A,
+}
+"""Lists of one phase, [phases, 50]: harmonic subgroups 1 .. 50, interharmonic centred subgroups 0 .. 49, and
+interharmonic groups 0 .. 49."""
 
 SYSTEM: dict[str, Quantity] = {
     "Vrms": _RMS_V, "Irms": _RMS_A, "P": _W, "S": _VA, "Se": _VA,

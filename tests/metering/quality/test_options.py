@@ -1,0 +1,82 @@
+"""What power quality measures where somebody wants it: interharmonic groups, mains signalling, flicker as it runs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from acqd.metering import SampleBlock, StreamFormat
+from acqd.metering.quality.flicker_values import FlickerValues, lamp_of
+from acqd.metering.quality.quantities import Options
+from acqd.telemetry.quality_row import quality_rows
+from tests.metering.quality.flicker_tables import RECTANGULAR, rectangular
+from tests.metering.quality.waves import metered, of_kind
+
+RATE, F = 20_000.0, 50.0
+T = np.arange(8_000) / RATE
+
+
+def voltage(*parts):
+    """u and i [samples, 2] of the fundamental and (Hz, V) parts."""
+    u = 230 * np.sqrt(2) * np.cos(2 * np.pi * F * T)
+    for k, (hertz, volts) in enumerate(parts):
+        u += volts * np.sqrt(2) * np.cos(2 * np.pi * hertz * T + k)
+    return np.column_stack((u, u / 100))
+
+
+def independent(x, first, last):
+    """RMS of all lines of numpy's DFT of ten cycles from `first` to `last` [Hz], 5 Hz apart."""
+    lines = np.fft.rfft(x[:4_000]) / 4_000 * np.sqrt(2)
+    at = np.arange(round(first / 5), round(last / 5) + 1)
+    return np.sqrt((np.abs(lines[at]) ** 2).sum())
+
+
+def measured(x, **options):
+    return of_kind(metered(x, RATE, options=Options(**options)))[0]
+
+
+def test_interharmonic_groups_hold_every_line_between_harmonics():
+    x = voltage((105.0, 0.4), (125.0, 2.3), (145.0, 0.7), (250.0, 5.0), (255.0, 0.3))
+    phase = measured(x, interharmonic_groups=True).phase
+    for n in (2, 5):
+        assert phase["V_ig"][0, n] == pytest.approx(independent(x[:, 0], 50 * n + 5, 50 * n + 45), abs=2e-3)
+        assert phase["I_ig"][0, n] == pytest.approx(phase["V_ig"][0, n] / 100, abs=2e-5)
+    assert phase["V_ih"][0, 2] == pytest.approx(2.3, abs=2e-3)  # the subgroup leaves out the neighbours of harmonics
+
+
+@pytest.mark.parametrize("carrier", [175.0, 316.67, 1_042.0])
+@pytest.mark.parametrize("share", [0.03, 0.01])
+def test_mains_signalling_is_measured_from_the_four_nearest_lines(carrier, share):
+    x = voltage((carrier, share * 230), (250.0, 8.0), (350.0, 5.0))
+    below = 5 * int(carrier / 5)
+    found = measured(x, signalling_Hz=carrier).phase["V_ms"][0]
+    assert found == pytest.approx(independent(x[:, 0], below - 5, below + 10), abs=0.02)
+    # Class A: 5 % of the signal, which leaks beyond four lines where it lies between two.
+    assert found == pytest.approx(share * 230, rel=0.05)
+
+
+def test_without_a_word_neither_is_measured():
+    phase = measured(voltage()).phase
+    assert "V_ms" not in phase and "V_ig" not in phase
+
+
+def test_flicker_of_a_running_stream_is_a_row_of_each_phase():
+    rate, per_minute = 2_000.0, 110
+    u = rectangular("230V", 50, per_minute, RECTANGULAR["230V", 50][per_minute], rate, 614.0)
+    flicker = FlickerValues(StreamFormat(rate, (1.0, 1.0), 50.0, 64), 230.0)
+    codes, begin = np.column_stack((u, u)), 1_800_000_000 * 10**9 - 11 * 10**9
+    values = [
+        value
+        for k in range(0, len(codes), 7_001)
+        for value in flicker.feed(SampleBlock(codes[k : k + 7_001], k, begin + k * 500_000))
+    ]
+    assert [value.kind for value in values] == ["Pst", "Plt", "Pst"]  # the first two of a second before the tick
+    assert values[0].flags == values[1].flags == {"gap"} and np.isnan(values[1].phase["Plt"]).all()
+    (row,) = quality_rows(values[2], "cell1", "boot1", 7)
+    assert (row.channel, row.aggregation, row.duration, row.flags) == ("L1", "Pst", 600.0, [])
+    assert row.Pst == pytest.approx(1, abs=0.05)
+    assert row.Plt is None and row.Vrms is None
+
+
+def test_the_lamp_is_that_of_the_voltage():
+    assert [lamp_of(volts) for volts in (100.0, 120.0, 230.0, 400.0)] == ["120V", "120V", "230V", "230V"]
