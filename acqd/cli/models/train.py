@@ -134,7 +134,8 @@ def train(
         disable=not console.is_terminal,
     )
     with bar:
-        results = _one(configs[0], bar) if len(configs) == 1 else _several(configs, bar, jobs, engine, ray_address)
+        alone = len(configs) == 1 and engine is Engine.PROCESS
+        results = _one(configs[0], bar) if alone else _several(configs, bar, jobs, engine, ray_address)
     if json:
         print(orjson.dumps([{"bundle": str(config.out)} | _short(metadata) for config, metadata in results]).decode())
         return

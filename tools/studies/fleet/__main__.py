@@ -1,6 +1,6 @@
 """Judges `acqd fleet` on virtual robots of one type (simulated by the generator of `studies.foreign`).
 
-    python -m tools.studies.fleet OUT [--robots 200] [--minutes 60] [--jobs 2] [--engine ray] [--json]
+    python -m tools.studies.fleet OUT [--robots 200] [--minutes 60] [--jobs 2] [--nodes 2] [--json]
     python -m tools.studies.fleet OUT --robots 20 --minutes 10 --reference 10      # a quick version
 
 Every robot has a model from an unchanged session. A week later all are recorded at the same time, some with a hidden
@@ -18,6 +18,8 @@ import shutil
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -51,6 +53,7 @@ def options() -> argparse.Namespace:
     add("--jobs", type=int, default=2)
     add("--engine", choices=("process", "ray"), default="process")
     add("--ray-address", help="of a Ray cluster (default: start one)")
+    add("--nodes", type=int, help="start so many local Ray nodes of one core each (implies --engine ray)")
     add("--again", action="store_true", help="forget the results of the fleet, keep the files")
     add("--json", action="store_true")
     return parser.parse_args()
@@ -68,7 +71,10 @@ def main() -> None:
     fleet = write_fleet(out, cases(scale))
     if given.again:
         shutil.rmtree(out / "fleet.fleet", ignore_errors=True)
-    report, seconds = _run(fleet, given)
+    with _nodes(given.nodes) as address:
+        if address is not None:
+            given.engine, given.ray_address = "ray", address
+        report, seconds = _run(fleet, given)
     result: dict[str, Any] = judged(report, secrets) | seconds | {"made_s": made_s, "label": "simulated"}
     minutes = tuple(given.prior_minutes or (10.0, 4.0))
     result["prior"] = benefit(scale, fleet, out, given.new, minutes) if given.new else []
@@ -88,6 +94,23 @@ def _made(out: Path, scale: Scale, jobs: int) -> tuple[dict[str, dict[str, Any]]
         secrets[name] = secret
         console.print(f"made {len(secrets)} of {len(tasks)}: {name}", highlight=False)
     return secrets, time.monotonic() - begun
+
+
+@contextmanager
+def _nodes(count: int | None) -> Iterator[str | None]:
+    """The address of a Ray cluster with so many nodes on this machine; None where none was asked for."""
+    if count is None:
+        yield None
+        return
+    from ray.cluster_utils import Cluster
+
+    cluster = Cluster()
+    for _ in range(count):
+        cluster.add_node(num_cpus=1)
+    try:
+        yield str(cluster.address)
+    finally:
+        cluster.shutdown()
 
 
 def _run(fleet: Path, given: argparse.Namespace) -> tuple[dict[str, Any], dict[str, float]]:
