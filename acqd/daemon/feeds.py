@@ -14,6 +14,8 @@ from acqd.daemon.meter_feed import MeterFeed
 from acqd.daemon.modbus_sections import MetersSection
 from acqd.daemon.quality_feed import DeliverQuality
 from acqd.daemon.waveform_feed import WaveformFeed
+from acqd.plc.fast_process import Spawn
+from acqd.plc.forked import Nursery
 from acqd.telemetry.spool import Energy
 
 _log = logging.getLogger(__name__)
@@ -28,20 +30,22 @@ def feed_of(
     registers: Registers,
     quality: DeliverQuality | None = None,
     announce: Announce | None = None,
+    spawn: Spawn | None = None,
 ) -> Feed:
     """The feed that makes the rows of this configuration.
 
-    `quality` takes those of power quality, `announce` takes voltage events.
+    `quality` takes those of power quality, `announce` takes voltage events; `spawn` starts processes of MAIN_FAST.
     """
     if config.boxes:
         alone = [config.of_box(box) for box in config.boxes]
+        nursery = Nursery()
 
         def make(one: Config, boot: str) -> Feed:
-            return feed_of(one, boot, deliver, registers, quality, announce)
+            return feed_of(one, boot, deliver, registers, quality, announce, nursery.spawn)
 
-        return FeedOfBoxes([Box(one, make) for one in alone], boot)
+        return FeedOfBoxes([Box(one, make) for one in alone], boot, nursery.close)
     if isinstance(config.source, MetersSection):
         if config.quality.enabled:
             _log.warning("%s: no power quality, which needs samples: RMS meters send none", ", ".join(config.devices))
         return MeterFeed(config.source, boot, deliver)
-    return WaveformFeed(config, config.source, boot, deliver, registers(config.device), quality, announce)
+    return WaveformFeed(config, config.source, boot, deliver, registers(config.device), quality, announce, spawn)

@@ -19,6 +19,7 @@ from acqd.daemon.register import RegisterFile, greater
 from acqd.daemon.source_sections import WaveformSection
 from acqd.metering import Meter, SampleBlock, StreamFormat, WindowBatch
 from acqd.plc.executive import Executive
+from acqd.plc.fast_process import Spawn
 from acqd.plc.realtime import prioritise
 from acqd.plc.recent import SampledWindow
 from acqd.sources.waveform import Waveform
@@ -41,8 +42,12 @@ class WaveformFeed:
         energy: Energy | None = None,
         deliver_quality: DeliverQuality | None = None,
         announce: Announce | None = None,
+        spawn: Spawn | None = None,
     ) -> None:
-        """`energy`: the registers after the last row that an earlier start has spooled; `announce` takes events."""
+        """`energy`: the registers after the last row that an earlier start has spooled; `announce` takes events.
+
+        `spawn` starts the process of MAIN_FAST.
+        """
         self._config = config
         self._spooled = energy
         self._boot = Boot(boot)
@@ -70,6 +75,7 @@ class WaveformFeed:
             realtime=config.realtime.settings(),
             makers=source.makers,
             make_watch=self._make_watch if self._quality is not None or config.events.enabled else None,
+            spawn=spawn,
         )
 
     @property
