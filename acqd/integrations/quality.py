@@ -14,7 +14,7 @@ from acqd.telemetry.event import PowerEvent, parse_event
 from acqd.telemetry.quality_row import LISTS, NUMBERS, QualityRow, from_kind, parse_quality
 
 EVENT_KINDS: tuple[EventKind, ...] = get_args(EventKind)
-_LOWEST = {"V_h": 1, "I_h": 1, "V_ih": 0, "I_ih": 0}
+_LOWEST = {"V_h": 1, "I_h": 1, "V_ih": 0, "I_ih": 0, "V_ig": 0, "I_ig": 0}
 """Order of the first number of a list."""
 _CODES = {"V": "VLT", "A": "AMP", "W": "WTT", "VA": "D46", "var": "D44", "%": "P1", "deg": "DD", "Hz": "HTZ", "": "C62"}
 _UNITS = {name: each.unit for name, each in (PHASE | SYSTEM).items()} | {"f": "Hz", "rocof": "Hz/s"}
@@ -29,7 +29,8 @@ _TITLES = {
     "I_thds": "Current THD", "Se": "Effective apparent power", "PFe": "Effective power factor",
     "V_12": "Voltage L1-L2", "V_23": "Voltage L2-L3", "V_31": "Voltage L3-L1", "V_pos": "Positive sequence of voltage",
     "V_u2": "Voltage unbalance", "V_u0": "Zero sequence of voltage", "I_u2": "Current unbalance",
-    "I_u0": "Zero sequence of current", "I_n_derived": "Derived neutral current",
+    "I_u0": "Zero sequence of current", "I_n_derived": "Derived neutral current", "V_ms": "Mains signalling voltage",
+    "Pst": "Short-term flicker severity", "Plt": "Long-term flicker severity",
 }  # fmt: skip
 
 
@@ -44,6 +45,8 @@ LIST_QUANTITIES = (
     _quantity("I_h", "Harmonic subgroups of the current, from order 1", "A"),
     _quantity("V_ih", "Interharmonic subgroups of the voltage, from order 0", "V"),
     _quantity("I_ih", "Interharmonic subgroups of the current, from order 0", "A"),
+    _quantity("V_ig", "Interharmonic groups of the voltage, from order 0", "V"),
+    _quantity("I_ig", "Interharmonic groups of the current, from order 0", "A"),
 )
 """Lists of numbers of a row of power quality."""
 EVENT = (
@@ -84,7 +87,7 @@ def event_of(topic: str, payload: bytes) -> PowerEvent | None:
 
 
 def level(aggregation: Kind) -> str:
-    """An aggregation as a part of a topic or identifier: 10-12, 150-180, 10min, 2h, 10s."""
+    """An aggregation as a part of a topic or identifier: 10-12, 150-180, 10min, 2h, 10s, Pst, Plt."""
     return aggregation.replace("/", "-")
 
 

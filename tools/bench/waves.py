@@ -18,7 +18,7 @@ RECORDINGS = Path(__file__).parents[2].parent / "shared" / "data" / "waveforms"
 
 @dataclass(frozen=True, slots=True)
 class Wave:
-    """Codes, and the quantities that a perfect meter would give: V, W, VA, Hz."""
+    """Codes, and the quantities that a perfect meter would give: V, W, VA, Hz, var."""
 
     codes: Codes
     form: StreamFormat
@@ -26,6 +26,7 @@ class Wave:
     P: float
     S: float
     f: float
+    Q1: float
 
 
 def hard_mains(f: float, phases: int, seconds: float, seed: int = 0, *, noise: float = 0.001, dc: float = 0.01) -> Wave:
@@ -45,4 +46,5 @@ def hard_mains(f: float, phases: int, seconds: float, seed: int = 0, *, noise: f
         codes[:, 2 * phase + 1] = np.rint(i * amperes * np.sqrt(2) / SCALE[1])
     rms = volts * float(np.sqrt(1 + sum(a * a for a in EN50160.values()) + 2 * dc**2 + noise**2))
     form = StreamFormat(RATE, SCALE * phases)
-    return Wave(codes, form, rms, volts * amperes * float(np.cos(lag)), rms * amperes, f)
+    P, Q1 = volts * amperes * float(np.cos(lag)), volts * amperes * float(np.sin(lag))
+    return Wave(codes, form, rms, P, rms * amperes, f, Q1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,6 +55,10 @@ class Metered:
 
     def reactive(self) -> Floats:
         """[phases, windows] of the fundamentals [var]."""
+        if self.rows.shape[1] == 1:  # live: without the price of arrays
+            one = self.rows[:, 0].tolist()
+            phases = range(PHASES, len(one), PER_PHASE)
+            return np.array([[(one[p + U_IM] * one[p + I_RE] - one[p + U_RE] * one[p + I_IM]) / 2] for p in phases])
         U_re, U_im, I_re, I_im = (self.of_phases(row) for row in (U_RE, U_IM, I_RE, I_IM))
         return (U_im * I_re - U_re * I_im) / 2
 
@@ -82,7 +87,8 @@ class Kernel:
             raise RuntimeError("no library")
         self._windows = found.acqd_windows
         self._dtype = form.dtype
-        self._u_scale = np.asarray(form.scale[0::2])[:, None, None]
+        self._volts = form.scale[0::2]  # per digit
+        self._u_scale = np.asarray(self._volts)[:, None, None]
         self._estimator, self._held, self._middle = estimator, held, middle
         self._trials: dict[int, Floats] = {}
         self._first = int(frequency.to_grid(frequency.F_MIN - frequency.MARGIN)) - 1
@@ -119,6 +125,10 @@ class Kernel:
 
     def _magnitudes(self, rows: Floats) -> list[float]:
         """Of the fundamental of all phases together [digits], as `Estimate.magnitude`."""
+        if rows.shape[1] == 1:
+            one = rows[:, 0].tolist()
+            phases = zip(range(PHASES, len(one), PER_PHASE), self._volts, strict=True)
+            return [math.sqrt(sum([(one[p + U_RE] ** 2 + one[p + U_IM] ** 2) / u**2 for p, u in phases]))]
         fundamentals = rows[PHASES:].reshape(-1, PER_PHASE, rows.shape[1])[:, U_RE : U_IM + 1] / self._u_scale
         magnitudes: list[float] = np.sqrt(np.einsum("pcw,pcw->w", fundamentals, fundamentals)).tolist()
         return magnitudes
