@@ -36,6 +36,8 @@ def _verdict(report: FleetReport) -> Verdict:
     changed, failed = len(report.changed), report.failed
     tone: Tone = "found" if changed else "bad" if failed else "fine"
     headline = f"{counted(changed, 'robot')} changed" if changed else "No robot has shown a change"
+    if not report.tests["robots"]:
+        headline = "No robot could be judged"
     if report.shared:
         several = sum(len(each["robots"]) for each in report.shared)
         headline += f", {several} of them for {counted(len(report.shared), 'shared cause')}"

@@ -49,7 +49,7 @@ def options() -> argparse.Namespace:
     add("--cause", default="viscous_friction", help="the shared cause, of the generator's effects")
     add("--seed", type=int, default=1)
     add("--new", type=int, default=3, help="new robots on which the prior is judged (default 3, 0: none)")
-    add("--prior-minutes", type=float, action="append", help="of the new robots' own data (default 10 and 4)")
+    add("--prior-minutes", type=float, action="append", help="of own data, the most first (default 60, 10, 4)")
     add("--jobs", type=int, default=2)
     add("--engine", choices=("process", "ray"), default="process")
     add("--ray-address", help="of a Ray cluster (default: start one)")
@@ -76,7 +76,7 @@ def main() -> None:
             given.engine, given.ray_address = "ray", address
         report, seconds = _run(fleet, given)
     result: dict[str, Any] = judged(report, secrets) | seconds | {"made_s": made_s, "label": "simulated"}
-    minutes = tuple(given.prior_minutes or (10.0, 4.0))
+    minutes = tuple(given.prior_minutes or (60.0, 10.0, 4.0))
     result["prior"] = benefit(scale, fleet, out, given.new, minutes) if given.new else []
     (out / "result.json").write_text(json.dumps(result, indent=2))
     if given.json:
@@ -110,7 +110,7 @@ def _nodes(count: int | None) -> Iterator[str | None]:
     try:
         yield str(cluster.address)
     finally:
-        cluster.shutdown()
+        cluster.shutdown()  # type: ignore[no-untyped-call]
 
 
 def _run(fleet: Path, given: argparse.Namespace) -> tuple[dict[str, Any], dict[str, float]]:

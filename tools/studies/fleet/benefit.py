@@ -18,14 +18,14 @@ from acqd.models.segments import Dataset, load_dataset
 from tools.studies.fleet.cases import TYPE, Case, Scale
 from tools.studies.fleet.make import LATER_S, START_S, dataset_of, record, train
 
-WHOLE_MIN = 60.0
-HELD_OUT_MIN = 20.0
+_HELD_OUT = 1 / 3
+"""Length of the other session, as a share of the whole."""
 _FIRST_NUMBER = 10_000
 """Robots of which the fleet has no bundle."""
 
 
 def benefit(scale: Scale, fleet: Path, out: Path, robots: int, minutes: tuple[float, ...]) -> list[dict[str, Any]]:
-    """One entry per new robot: W RMS of another session, by training."""
+    """One entry per new robot: W RMS of another session, by training on `minutes`, of which the first is the whole."""
     prior = priors_of(read_fleet(fleet))[TYPE]
     return [_of(scale, prior, out / f"new-{k}", _FIRST_NUMBER + k, minutes) for k in range(robots)]
 
@@ -36,12 +36,12 @@ def _of(scale: Scale, prior: FleetPrior, folder: Path, number: int, minutes: tup
         return dict(orjson.loads(done.read_bytes()))
     shutil.rmtree(folder, ignore_errors=True)
     case = Case(number, None, shared=False)
-    record(scale, case, WHOLE_MIN, folder / "own", START_S, key=23)
-    record(scale, case, HELD_OUT_MIN, folder / "later", LATER_S, key=29)
+    record(scale, case, minutes[0], folder / "own", START_S, key=23)
+    record(scale, case, _HELD_OUT * minutes[0], folder / "later", LATER_S, key=29)
     later = load_dataset(dataset_of(folder / "later", folder / "later.ds"))
     result: dict[str, Any] = {"robot": case.name, "rms_W": {}}
-    for amount in (WHOLE_MIN, *minutes):
-        dataset = _first_minutes(folder, amount)
+    for amount in minutes:
+        dataset = _first_minutes(folder, amount, amount / minutes[0])
         for name, learned in (("alone", None), ("with the prior", prior)):
             bundle = folder / f"model-{amount:g}-{name.split()[0]}"
             train(dataset, bundle, learned=learned)
@@ -51,13 +51,13 @@ def _of(scale: Scale, prior: FleetPrior, folder: Path, number: int, minutes: tup
     return result
 
 
-def _first_minutes(folder: Path, minutes: float) -> Path:
+def _first_minutes(folder: Path, minutes: float, share: float) -> Path:
     """A dataset of the first recordings of a robot."""
     part = folder / f"first-{minutes:g}"
     (part / "logs").mkdir(parents=True)
     (part / "power.csv").symlink_to(folder / "own" / "power.csv")
     logs = sorted((folder / "own" / "logs").iterdir())
-    for log in logs[: max(round(len(logs) * minutes / WHOLE_MIN), 3)]:
+    for log in logs[: max(round(len(logs) * share), 3)]:
         (part / "logs" / log.name).symlink_to(log)
     return dataset_of(part, folder / f"first-{minutes:g}.ds")
 
