@@ -82,8 +82,13 @@ def test_boxes_have_their_rows_and_one_that_is_away_is_fetched_when_it_comes(tmp
 
 
 def children(pid):
-    """Processes of MAIN_FAST."""
     return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+def main_fast(pid):
+    """Processes of MAIN_FAST: a process that the daemon starts for several boxes forks them."""
+    (nursery,) = children(pid)
+    return children(nursery)
 
 
 def test_health_is_said_of_each_box(tmp_path):
@@ -100,7 +105,7 @@ def test_health_is_said_of_each_box(tmp_path):
         told = acqd_here("status", "--config", str(tmp_path / "acqd.toml"))
         lines = {line.split()[1]: line for line in told.stdout.splitlines() if line.startswith("│ ")}
         assert told.returncode == 1 and "away" in lines["c"] and "delivers" in lines["a"]
-        os.kill(children(process.pid)[0], signal.SIGKILL)
+        os.kill(main_fast(process.pid)[0], signal.SIGKILL)
         wait_for(lambda: "delivers again" in log.read_text(), "MAIN_FAST is back")
         after = ask(section, "daemon")
         (named,) = [note for note in after.notes if note.startswith("MAIN_FAST")]
