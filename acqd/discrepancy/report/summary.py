@@ -108,11 +108,15 @@ def next_steps(closed: Closed) -> list[str]:
     steps = []
     for each in closed.named:
         effect = library()[each.term.id]
-        near = [name for name, share in each.alternatives if share > _SHOWN_CONFIDENCE] or list(effect.neighbours[:1])
-        steps.append(f"to distinguish {each.term.id} from {' or '.join(near)}: {effect.experiment}")
+        near = [name for name, share in each.alternatives if share > _SHOWN_CONFIDENCE]
+        if near:
+            steps.append(f"to distinguish {each.term.id} from {' or '.join(near)}: {effect.experiment}")
+        else:
+            steps.append(f"look for what has changed at: {each.term.where}; to confirm it: {effect.experiment}")
     if closed.verdict == "unknown_structure":
         steps.append(
-            "ask what was changed in the cell, and record what may cause it; the figures show what the residual follows"
+            "ask what was changed in the cell, and log what may be the cause together with the power; "
+            "figures below show which quantities the residual follows"
         )
     if closed.verdict == "not_identifiable":
         seconds = closed.subject.fit_s

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from typing import Any
+
 from acqd.discrepancy.closed import Closed
 from acqd.discrepancy.repair.terms import Added
 from acqd.discrepancy.report.summary import next_steps
@@ -14,6 +17,7 @@ _TONES: dict[str, Tone] = {
     "effects_found": "found", "nothing_left": "fine", "unknown_structure": "open", "not_identifiable": "open"
 }  # fmt: skip
 _SHOWN_EFFECTS = 3
+_EITHER = re.compile(r"(\w+) \(or (\w+)\)")
 
 
 def tile(closed: Closed) -> Verdict:
@@ -38,10 +42,31 @@ def _sentence(closed: Closed) -> str:
         unknown = closed.tracing.unknown
         since = f", since {unknown.gate.start}" if unknown.gate.start else ""
         return f"The residual looks like {unnamed(unknown.finding.candidate.label)}{since}."
-    sentences = [library()[each.term.id].summary for each in closed.named]
+    sentences = [directed(library()[each.term.id].summary, _main_parameter(each)[1]) for each in closed.named]
     since = next((f" It begins with {each.start}." for each in closed.named if each.start), "")
     perhaps = "Perhaps: " if closed.verdict == "not_identifiable" and sentences else ""
     return _capital(perhaps + "; ".join(sentences) + f".{since}") if sentences else _reason(closed)
+
+
+def directed(summary: str, parameter: dict[str, Any]) -> str:
+    """ "higher (or lower)" as what the parameter says: "higher" if its interval is positive, "lower" if negative."""
+    low, high = parameter["ci95"] or (parameter["value"], parameter["value"])
+    if low > 0:
+        return _EITHER.sub(r"\1", summary)
+    return _EITHER.sub(r"\2", summary) if high < 0 else summary
+
+
+def _main_parameter(each: Added) -> tuple[str, dict[str, Any]]:
+    """Name and value of the size that differs most clearly from zero: of seven joints one may have changed."""
+    parameters = each.term.parameters
+    own = {name: value for name, value in parameters.items() if name not in each.term.shape} or parameters
+    return max(own.items(), key=lambda named: _clear(named[1]))
+
+
+def _clear(parameter: dict[str, Any]) -> float:
+    """Value over half width of its interval; 0 without an interval."""
+    bounds = parameter["ci95"]
+    return abs(parameter["value"]) / max((bounds[1] - bounds[0]) / 2, 1e-12) if bounds else 0.0
 
 
 def _reason(closed: Closed) -> str:
@@ -57,18 +82,21 @@ def _how_much(closed: Closed) -> list[KeyFigure]:
         return [_size(each) for each in closed.named[:_SHOWN_EFFECTS]]
     usual = closed.floor_W if closed.reference_rmse is None else closed.reference_rmse
     excess = max(closed.before.rmse**2 - usual**2, 0.0) ** 0.5
-    return [KeyFigure("power without a name", f"{number(excess)} W RMS", f"beyond the usual {number(usual, 2)} W")]
+    return [
+        KeyFigure("power of unknown cause", f"{number(excess)} W RMS", f"with the usual {number(usual, 2)} W apart")
+    ]
 
 
 def _size(each: Added) -> KeyFigure:
-    """The first parameter of an effect with its interval."""
-    name, parameter = next(iter(each.term.parameters.items()))
+    """The main parameter of an effect with its interval; signed where the effect has two directions."""
+    name, parameter = _main_parameter(each)
     value, unit, bounds = float(parameter["value"]), parameter["unit"], parameter["ci95"]
     label = f"{each.term.id}: {name}"
     if not bounds:
         return KeyFigure(label, f"{number(value)} {unit}", counted(each.recordings, "recording"))
     note = confidence_interval((bounds[0], bounds[1]), each.recordings)
-    return KeyFigure(label, f"{with_error(value, (bounds[1] - bounds[0]) / 2)} {unit}", note)
+    plus = "+" if value > 0 and _EITHER.search(library()[each.term.id].summary) else ""
+    return KeyFigure(label, f"{plus}{with_error(value, (bounds[1] - bounds[0]) / 2)} {unit}", note)
 
 
 def _how_sure(closed: Closed) -> list[KeyFigure]:
@@ -80,9 +108,9 @@ def _how_sure(closed: Closed) -> list[KeyFigure]:
         return []
     best = next((each for each in closed.tracing.hypotheses if each.id), None)
     if best is None:
-        return [KeyFigure("best known effect", "none", "no effect of the library comes near")]
+        return [KeyFigure("closest known effect", "none", "no effect of the library comes near")]
     share = percent(max(best.evidence, 0.0) / unknown.finding.evidence)
-    return [KeyFigure("the best known effect explains", share, f"of that: {best.id}; the rest has no name")]
+    return [KeyFigure("closest known effect", best.id, f"explains only {share} of the change: not the cause")]
 
 
 def _error(closed: Closed) -> KeyFigure:
