@@ -17,6 +17,8 @@ Task = TypeVar("Task")
 
 
 _TICK_S = 0.5
+_ATTEMPTS = 3
+"""Starts of Ray before giving up."""
 
 
 def run_here(work: Callable[[Task], Any], tasks: list[Task], jobs: int, tick: Callable[[], None]) -> Iterator[Any]:
@@ -42,12 +44,30 @@ def run_here(work: Callable[[Task], Any], tasks: list[Task], jobs: int, tick: Ca
                 future.cancel()
 
 
+def _start_ray(ray: Any, address: str | None) -> None:
+    """Connect to a cluster, or start one: a busy machine may need more than the half minute that Ray waits for a node.
+
+    Raises UserError where there is no cluster, OperationError where none can be started.
+    """
+    for attempt in range(_ATTEMPTS):
+        try:
+            ray.init(address=address or "local", log_to_driver=False, include_dashboard=False, configure_logging=False)
+        except ConnectionError as error:
+            raise UserError(f"no Ray cluster at {address}: {str(error).splitlines()[0]}") from None
+        except Exception as error:  # Ray has no class of its own for a node that does not start
+            ray.shutdown()
+            if attempt + 1 == _ATTEMPTS:
+                raise OperationError(f"Ray does not start: {str(error).splitlines()[0]}") from None
+        else:
+            return
+
+
 def run_on_ray(
     work: Callable[[Task], Any], tasks: list[Task], address: str | None, tick: Callable[[], None]
 ) -> Iterator[Any]:
     """Like `run_here`, on the Ray cluster at `address`; None: on one that is started for this run.
 
-    The workers need acqd and the folders of the tasks (a shared file system). Raises UserError.
+    The workers need acqd and the folders of the tasks (a shared file system). Raises UserError, OperationError.
     """
     try:
         import ray
@@ -55,10 +75,7 @@ def run_on_ray(
         raise UserError("--engine ray needs Ray: pip install 'acqd[ray]'") from None
     if address is None:  # a cluster for this run only: its processes share a secret token
         os.environ.setdefault("RAY_AUTH_TOKEN", secrets.token_hex(32))
-    try:
-        ray.init(address=address or "local", log_to_driver=False, include_dashboard=False, configure_logging=False)
-    except ConnectionError as error:
-        raise UserError(f"no Ray cluster at {address}: {str(error).splitlines()[0]}") from None
+    _start_ray(ray, address)
     try:
 
         def call(task: Task) -> Any:  # ray.remote takes functions only, no partial objects

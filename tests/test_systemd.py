@@ -30,6 +30,7 @@ def test_units_are_valid_and_strict(unit, tmp_path):
     )
     if "nrecognized option" in result.stderr:
         pytest.skip("this systemd cannot analyse offline")
+    assert "SystemCallErrorNumber=EPERM" in text  # else a call that numpy makes on some machines ends the process
     assert float(re.search(r"exposure level.*: ([\d.]+)", result.stdout).group(1)) <= 2.5
 
 

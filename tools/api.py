@@ -1,6 +1,6 @@
 """Names and signatures of the public interface: python -m tools.api [--freeze].
 
-Without an option: what differs from tests/api/public_api.txt. With --freeze the file is written anew, provided that
+Without an option: what differs from tests/api/public_api.txt. With --freeze the file is written again, provided that
 acqd's version says what has changed (semver.org): a name or parameter that was removed or altered needs a new major
 version (before 1.0: a new minor one), a new name a new minor version.
 """

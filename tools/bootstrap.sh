@@ -87,7 +87,7 @@ lint() {
     "$venv/bin/bandit" -q -ii -c pyproject.toml -r acqd
 }
 
-# What is installed with acqd[EXTRA] (postgres by default), in an environment of its own: acqd.cdx.json (CycloneDX) and,
+# What is installed with acqd[EXTRA] (postgres by default), in a fresh environment: acqd.cdx.json (CycloneDX) and,
 # with hashes of the files for this platform and Python, requirements.lock.
 describe_packages() {
     install sbom
@@ -141,7 +141,7 @@ test)
           took=$(($(date +%s) - begun)); say "make test took $((took / 60)) min $((took % 60)) s"' EXIT
     status=0
     # two workers take one test after the other, the long ones first (tests/conftest.py)
-    "$venv/bin/python" -m pytest -n 2 --dist load --maxschedchunk 1 "$@" || status=$?
+    "$venv/bin/python" -m pytest -n 2 --dist loadgroup --no-loadscope-reorder "$@" || status=$?
     if wait $checks; then
         say "lint, types and layers: no complaints"
     else

@@ -107,7 +107,7 @@ def train(
     epochs: int = 2000,
     patience: int | None = None,
 ) -> Model:
-    """Train a model and write its bundle (default: beside the dataset, as `acqd train` does).
+    """Train a model and write its bundle (default: next to the dataset, as `acqd train` does).
 
     `network` is grey-box, hybrid, or one of the eight networks; `kinds` of trajectories (empty: all); `epochs` and
     `patience` concern networks. Raises UserError, InputError, OperationError.

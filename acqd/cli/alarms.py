@@ -5,15 +5,17 @@ from __future__ import annotations
 import asyncio
 import getpass
 import socket
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-import aiomqtt
 import orjson
 import typer
 
 from acqd.cli.options import ConfigFile, Host, Json, Port, broker_address, configured
 from acqd.errors import UserError
 from acqd.telemetry.mqtt import BrokerAddress
+
+if TYPE_CHECKING:  # acqd run starts without it
+    import aiomqtt
 
 app = typer.Typer(invoke_without_command=True)
 _LIST_S = 2.0
@@ -103,6 +105,8 @@ def test_command(config: ConfigFile = None, json: Json = False) -> None:
 
 
 def _client(address: BrokerAddress) -> aiomqtt.Client:
+    import aiomqtt
+
     return aiomqtt.Client(
         address.host, address.port, username=address.username, password=address.password,
         tls_context=address.tls_context(), timeout=5.0,
@@ -110,7 +114,9 @@ def _client(address: BrokerAddress) -> aiomqtt.Client:
 
 
 async def _active(address: BrokerAddress) -> list[dict[str, Any]]:
-    """The retained list. Raises UserError when there is none: `acqd alarms` has never run on this broker."""
+    """The retained list. Raises UserError without a list: `acqd alarms` has never run on this broker."""
+    import aiomqtt
+
     from acqd.integrations.alarms.watch import ACTIVE
 
     try:
@@ -129,6 +135,8 @@ async def _active(address: BrokerAddress) -> list[dict[str, Any]]:
 
 
 async def _send(address: BrokerAddress, payload: bytes) -> None:
+    import aiomqtt
+
     from acqd.integrations.alarms.watch import ACKNOWLEDGE
 
     try:

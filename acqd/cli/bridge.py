@@ -71,7 +71,7 @@ def influx(config: ConfigFile = None, host: Host = None, port: Port = None, json
 
 @app.command("plain")
 def plain(config: ConfigFile = None, host: Host = None, port: Port = None, json: Json = False) -> None:
-    """Publish every quantity as a number of its own, acqd/DEVICE/CHANNEL/P; see [plain] in acqd.toml.
+    """Publish every quantity as a single number, acqd/DEVICE/CHANNEL/P; see [plain] in acqd.toml.
 
     Example: acqd bridge plain --config /etc/acqd/acqd.toml
     """

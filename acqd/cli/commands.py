@@ -18,7 +18,7 @@ class _Command:
     panel: str
     """Heading in the help."""
     group: bool = False
-    """The module holds a tree of its own, named `app`, rather than a function of the command's name."""
+    """The module holds a tree of subcommands named `app`, not a function of the command's name."""
     room: str = ""
     """Module of the package `acqd.cli`, where it is not called like the command."""
 

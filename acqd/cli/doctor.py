@@ -11,7 +11,6 @@ from rich.markup import escape
 from rich.table import Table
 
 from acqd.cli.options import ConfigFile, Json, configured
-from acqd.daemon.checks import all_checks
 from acqd.daemon.finding import Finding
 from acqd.daemon.health.runbook import entry_for
 
@@ -23,6 +22,8 @@ def doctor(config: ConfigFile = None, json: Json = False) -> None:
 
     Example: acqd doctor --config /etc/acqd/acqd.toml
     """
+    from acqd.daemon.checks import all_checks
+
     findings = all_checks(configured(config))
     if json:
         print(orjson.dumps([asdict(finding) | {"runbook": _link(finding)} for finding in findings]).decode())

@@ -60,7 +60,7 @@ def sink(
     settings = Config.model_validate_json(sys.stdin.read()) if embedded else configured(config, host, port)
     engine = engine_for(database or settings.sink.database, impatient=True)
     prepared = False
-    with contextlib.suppress(DatabaseAwayError):  # the sink says so, and goes on trying
+    with contextlib.suppress(DatabaseAwayError):  # the sink says so, and retries
         prepare(engine)
         prepared = True
     # The embedded broker knows no MQTT 5, so do not try it first.

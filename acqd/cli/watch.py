@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import sys
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-import aiomqtt
 import typer
 from rich.console import Console
 from rich.live import Live
@@ -17,6 +16,9 @@ from acqd.errors import UserError
 from acqd.telemetry import topics
 from acqd.telemetry.mqtt import BrokerAddress
 from acqd.telemetry.row_message import payloads_of
+
+if TYPE_CHECKING:  # acqd run starts without it
+    import aiomqtt
 
 _RETRY_S = 1.0
 _REFRESH_S = 1.0
@@ -36,6 +38,8 @@ def watch(
 
     Example: acqd watch --host 192.168.1.10
     """
+    import aiomqtt
+
     address = broker_address(config, host, port)
     try:
         asyncio.run(_watch(address, duration, count, json))
@@ -52,6 +56,8 @@ async def _watch(address: BrokerAddress, duration: float | None, count: int | No
 
 
 def _client(address: BrokerAddress) -> aiomqtt.Client:
+    import aiomqtt
+
     return aiomqtt.Client(
         address.host, address.port, username=address.username, password=address.password,
         tls_context=address.tls_context(), timeout=5.0,
@@ -60,6 +66,8 @@ def _client(address: BrokerAddress) -> aiomqtt.Client:
 
 async def _rows(address: BrokerAddress, count: int | None) -> None:
     """Print rows; only the first connection must succeed. Raises aiomqtt.MqttError."""
+    import aiomqtt
+
     seen, connected = 0, False
     while True:
         try:
@@ -108,6 +116,8 @@ async def _table(address: BrokerAddress, count: int | None) -> None:
 
 async def _until_lost(address: BrokerAddress, live: Live, watched: Watched, count: int | None) -> bool:
     """Show summaries until `count` (True) or until the connection is lost (False)."""
+    import aiomqtt
+
     try:
         async with _client(address) as client:
             for topic in (topics.ALL_SUMMARIES, topics.ALL_STATUS, topics.ALL_PREDICTIONS):

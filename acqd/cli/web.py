@@ -13,7 +13,7 @@ from acqd.cli.options import ConfigFile, Json, configured
 from acqd.daemon.config import Config
 from acqd.extras import require
 from acqd.plc.realtime import die_with_parent
-from acqd.telemetry.broker import check_port
+from acqd.telemetry.ports import check_port
 
 _log = logging.getLogger(__name__)
 

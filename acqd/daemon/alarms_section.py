@@ -25,7 +25,7 @@ class AlarmsSection(Section):
     smtp_username: str | None = None
     smtp_password: str | None = Field(default=None, repr=False)
     delay_s: Annotated[float, Field(ge=0, le=86_400)] = 30.0
-    """A state of a daemon is an alarm when it has lasted so long [s]: a restart is none."""
+    """A state of a daemon is an alarm when it has lasted so long [s]: longer than a restart."""
     remind_h: Annotated[float, Field(ge=0)] = 24.0
     """An alarm that nobody has acknowledged is repeated; 0: never [h]."""
     state: Path = Path("acqd-alarms.json")

@@ -31,7 +31,7 @@ class Box:
         # One attribute: a thread that counts finds a feed either running or among the earlier ones.
         self._now: tuple[Feed | None, FeedHealth] = None, _NOTHING
         self.trouble = ""
-        """Why there is none; empty while there is one."""
+        """Why no feed is running; empty while one is."""
         self.mistake = ""
         """A setting that does not fit the source."""
         self.ended = False

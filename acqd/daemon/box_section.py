@@ -11,7 +11,7 @@ from acqd.telemetry.topics import valid_device
 
 
 class BoxSection(Section):
-    """A source and the device of its rows; meters have names of their own."""
+    """A source and the device of its rows; each meter has a name."""
 
     device: str | None = None
     source: SourceSection = Field(discriminator="kind")

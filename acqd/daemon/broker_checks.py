@@ -48,7 +48,7 @@ def _secrets(config: Config) -> Iterator[Finding]:
 
 
 def _login(config: Config, address: BrokerAddress, tls: ssl.SSLContext | None) -> Finding:
-    """One CONNECT with the real name and password, under a client identifier of its own."""
+    """One CONNECT with the real name and password, under another client identifier."""
     answers: list[str] = []
     client = paho.Client(CallbackAPIVersion.VERSION2, f"acqd-doctor-{secrets.token_hex(4)}", reconnect_on_failure=False)
     client.connect_timeout = _PATIENCE_S

@@ -15,7 +15,7 @@ _log = logging.getLogger(__name__)
 _STOP_S = 1.5
 _AGAIN_S = 1.0
 _MEMORY = 1 << 30
-"""Bytes of the process: the broker keeps what absent subscribers have not received, without a limit of its own."""
+"""Bytes of the process: the broker keeps what absent subscribers have not received, without a limit."""
 
 
 class BrokerProcess:

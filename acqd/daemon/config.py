@@ -192,7 +192,7 @@ class Config(Section):
 
 
 def _boxes(tables: list[Any]) -> list[Any]:
-    """[[source]] tables: the device beside the source."""
+    """[[source]] tables: the device next to the source."""
     return [
         {"source": {"kind": "simulated"} | {k: v for k, v in table.items() if k != "device"}}
         | ({"device": table["device"]} if "device" in table else {})

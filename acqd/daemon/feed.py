@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 from acqd.daemon.health.snapshot import FeedHealth
+from acqd.plc.fast_process import Spawn
 from acqd.plc.recent import SampledWindow
 from acqd.sources.waveform import Waveform
 from acqd.telemetry.row import PowerRow
@@ -13,6 +15,19 @@ from acqd.telemetry.spool import Energy
 
 Deliver = Callable[[list[PowerRow], list[dict[str, Any]], Energy | None], None]
 """Takes rows, the 1 s summaries that they complete and the energy registers after them, in the event loop."""
+
+
+@dataclass(frozen=True, slots=True)
+class Company:
+    """What a feed shares with others of a daemon."""
+
+    name: str = ""
+    """Of the feed in the log; "" where there is one only."""
+    spawn: Spawn | None = None
+    """Starts processes of MAIN_FAST; None: each in a fresh interpreter."""
+
+
+ALONE = Company()
 
 
 class Feed(Protocol):
@@ -47,7 +62,7 @@ class Feed(Protocol):
         """Name and newest window of a device ("": the first one); None: it is not of this feed. In any thread."""
 
     def capture(self, device: str, seconds: float) -> Waveform | None:
-        """The newest samples of a device ("": the first one), in the event loop only; None: there are none."""
+        """The newest samples of a device ("": the first one), in the event loop only; None: it has no samples."""
 
     def status(self) -> dict[str, Any]:
         """The source's part of the status message."""

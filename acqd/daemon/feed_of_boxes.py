@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterable, Sequence
+from collections.abc import Awaitable, Callable, Iterable, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -15,11 +15,16 @@ from acqd.plc.recent import SampledWindow
 from acqd.sources.waveform import Waveform
 
 
+async def _nothing() -> None:
+    """The boxes hold nothing in common."""
+
+
 class FeedOfBoxes:
     """A box that is away does not keep the others from metering."""
 
-    def __init__(self, boxes: Sequence[Box], boot: str) -> None:
-        """`boot`: of the daemon; the rows of the boxes have boots of their own."""
+    def __init__(self, boxes: Sequence[Box], boot: str, end: Callable[[], Awaitable[None]] = _nothing) -> None:
+        """`boot`: of the daemon; the rows of the boxes have boots of their own. `end` is called after the last box."""
+        self._end = end
         self._boxes, self._boot = boxes, boot
         self._tasks: list[asyncio.Task[None]] = []
 
@@ -53,6 +58,7 @@ class FeedOfBoxes:
                 task.cancel()
         await asyncio.gather(*(box.stop() for box in self._boxes))
         await asyncio.gather(*self._tasks, return_exceptions=True)
+        await self._end()
 
     def close(self) -> None:
         """Every box has released what it held when its task ended."""

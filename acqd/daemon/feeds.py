@@ -9,12 +9,13 @@ from acqd.daemon import nominal
 from acqd.daemon.box import Box
 from acqd.daemon.config import Config
 from acqd.daemon.events.watch import Announce
-from acqd.daemon.feed import Deliver, Feed
+from acqd.daemon.feed import ALONE, Company, Deliver, Feed
 from acqd.daemon.feed_of_boxes import FeedOfBoxes
 from acqd.daemon.meter_feed import MeterFeed
 from acqd.daemon.modbus_sections import MetersSection
 from acqd.daemon.quality_feed import DeliverQuality
 from acqd.daemon.waveform_feed import WaveformFeed
+from acqd.plc.forked import Nursery
 from acqd.telemetry.spool import Energy
 
 _log = logging.getLogger(__name__)
@@ -29,23 +30,25 @@ def feed_of(
     registers: Registers,
     quality: DeliverQuality | None = None,
     announce: Announce | None = None,
-    of: str = "",
+    company: Company = ALONE,
 ) -> Feed:
     """The feed that makes the rows of this configuration.
 
-    `quality` takes those of power quality, `announce` takes voltage events. `of` names the box in the log.
+    `quality` takes those of power quality, `announce` takes voltage events.
     """
     if config.boxes:
         alone = [config.of_box(box) for box in config.boxes]
+        nursery = Nursery()
 
         def make(one: Config, boot: str) -> Feed:
-            return feed_of(one, boot, deliver, registers, quality, announce, ", ".join(one.devices))
+            company = Company(", ".join(one.devices), nursery.spawn)
+            return feed_of(one, boot, deliver, registers, quality, announce, company)
 
-        return FeedOfBoxes([Box(one, make) for one in alone], boot)
+        return FeedOfBoxes([Box(one, make) for one in alone], boot, nursery.close)
     if isinstance(config.source, MetersSection):
         if config.quality.enabled:
             _log.warning("%s: no power quality, which needs samples: RMS meters send none", ", ".join(config.devices))
-        return MeterFeed(config.source, boot, deliver, of)
+        return MeterFeed(config.source, boot, deliver, company.name)
     return WaveformFeed(
-        nominal.applied(config), config.source, boot, deliver, registers(config.device), quality, announce, of
+        nominal.applied(config), config.source, boot, deliver, registers(config.device), quality, announce, company
     )

@@ -14,7 +14,7 @@ BridgedQuality = Literal["10/12", "150/180", "10min", "off"]
 
 
 class QualitySection(Section):
-    """Power quality beside the windows."""
+    """Power quality, in addition to the windows."""
 
     enabled: bool = False
     interval: Literal["10/12", "150/180", "10min"] = "10/12"

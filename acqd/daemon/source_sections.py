@@ -83,7 +83,7 @@ class ReplaySection(WaveformKeys):
         return self.f_nominal or 50.0
 
     def spec(self) -> Spec:
-        """The source as JSON, for MAIN_FAST's process. Raises UserError for a map or an encoding that is none."""
+        """The source as JSON, for MAIN_FAST's process. Raises UserError for an impossible map or encoding."""
         columns = ChannelMap.parse(self.map, "source.map") if self.map else None
         encoding = check_encoding(self.encoding, "source.encoding") if self.encoding else None
         channels = ChannelMap(columns, self.u_scale, self.i_scale, self.rate, self.f_nominal, encoding)

@@ -12,7 +12,7 @@ from typing import Any
 from acqd.daemon.boot import Boot
 from acqd.daemon.config import Config
 from acqd.daemon.events.watch import Announce, EventWatch
-from acqd.daemon.feed import Deliver
+from acqd.daemon.feed import ALONE, Company, Deliver
 from acqd.daemon.health.snapshot import Cycles, FeedHealth, SourceLink
 from acqd.daemon.quality_feed import DeliverQuality, QualityFeed
 from acqd.daemon.register import RegisterFile, greater, registers_of
@@ -43,12 +43,9 @@ class WaveformFeed:
         energy: Energy | None = None,
         deliver_quality: DeliverQuality | None = None,
         announce: Announce | None = None,
-        of: str = "",
+        company: Company = ALONE,
     ) -> None:
-        """`energy`: the registers after the last row that an earlier start has spooled; `announce` takes events.
-
-        `of` names the device in the log where there are several.
-        """
+        """`energy`: the registers after the last row that an earlier start has spooled; `announce` takes events."""
         self._config = config
         self._spooled = energy
         self._boot = Boot(boot)
@@ -77,7 +74,8 @@ class WaveformFeed:
             realtime=config.realtime.settings(),
             makers=source.makers,
             make_watch=self._make_watch if self._quality is not None or config.events.enabled else None,
-            of=of,
+            of=company.name,
+            spawn=company.spawn,
         )
 
     @property

@@ -13,7 +13,7 @@ class WebSection(Section):
     """Where the page is served, and which folders it shows."""
 
     enabled: bool = False
-    """`acqd run` starts the page as a process of its own."""
+    """`acqd run` starts the page in a separate process."""
     host: str = "127.0.0.1"
     port: Port = 8731
     token: str = Field(default="", repr=False)
@@ -25,7 +25,7 @@ class WebSection(Section):
     loop: bool = False
     """Whether the page may search for the cause of an alarm, and replace the model when somebody confirms that."""
     logs: Path | None = None
-    """Folder of the robot's logs, that of the sidecar."""
+    """Folder of the robot's logs, as for the sidecar."""
     model: Path | None = None
     """Bundle of the sidecar."""
 

@@ -15,7 +15,7 @@ LOG = "log"
 def log_power(log: RobotLog) -> PowerStream:
     """The power of one log; each sample is the middle of a window. Raises InputError without usable power.
 
-    Its voltage is that of a DC bus, not of the mains, so that Vrms is unknown.
+    Its voltage is the DC bus's, not the mains', so that Vrms is unknown.
     """
     if log.power is None:
         raise InputError(

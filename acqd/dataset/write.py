@@ -105,7 +105,7 @@ def _require_same_power(config: BuildConfig, before: Existing, measured: str) ->
 
 
 def _about_sources(entries: list[dict[str, Any]]) -> list[str]:
-    """A note where files with the numbers of executions are sources of their own."""
+    """A note where files with the numbers of executions are separate sources."""
     alone = [entry for entry in entries if entry["source"] != source_of(entry["source"])]
     if not alone:
         return []

@@ -51,7 +51,7 @@ class Thresholds:
         0.012, "s", "delay", "study", "smaller delays compete as an effect with the other effects"
     )
     delay_floor_s: float = _threshold(
-        0.001, "s", "delay", "study", "error of every delay beside its scatter: motion between rows, the supply's lag"
+        0.001, "s", "delay", "study", "error of every delay besides its scatter: motion between rows, the supply's lag"
     )
     delay_least_gain: float = _threshold(
         0.15, "-", "delay", "study", "least share of the residual's variance that the delay must explain"

@@ -74,10 +74,10 @@ def _share(before: float, after: float, lowest_W: float) -> float:
 def _without_traces(
     subject: Subject, tracing: Tracing, improved: Improved, lowest_W: float
 ) -> tuple[Improved, list[str]]:
-    """Without effects at unpredictable times that explain next to nothing: a random walk has switching loads."""
+    """Without effects that explain next to nothing of what the added ones leave: a random walk has switching loads."""
     if not improved.reported_only:
         return improved, []
-    errors = errors_of(subject.model, subject.fit)
+    errors = errors_of(improved.model(subject), subject.fit)
     rows = sum(len(error) for error in errors)
     excess = max(rms(errors) ** 2 - lowest_W**2, 0.0) * rows
     gains = {(named.id, named.place.where): named.finding.supported().plain.total for named in tracing.effects}

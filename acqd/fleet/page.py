@@ -6,7 +6,7 @@ import numpy as np
 
 from acqd.fleet import words
 from acqd.fleet.settings import Fleet
-from acqd.fleet.summary import FleetReport
+from acqd.fleet.summary import FleetReport, Row
 from acqd.report.digits import counted, number
 from acqd.report.lines import Chart, Line, Panel
 from acqd.report.page import Page
@@ -14,6 +14,7 @@ from acqd.report.verdict import KeyFigure, Tone, Verdict
 
 _LEAST_P = 1e-12
 """Smaller p-values are drawn here."""
+_HEAD = ("robot", "since (UTC)", "what", "how much", "how sure", "residual [W RMS]")
 
 
 def page_of(fleet: Fleet, report: FleetReport) -> Page:
@@ -52,45 +53,44 @@ def _verdict(report: FleetReport) -> Verdict:
 
 
 def _sentence(report: FleetReport) -> str:
-    lines = [words.shared_line(k, each) for k, each in enumerate(report.shared, start=1)]
-    return " ".join(f"{line[0].upper()}{line[1:]}." for line in lines)
+    return " ".join(_sentence_of(words.shared_line(k, each)) for k, each in enumerate(report.shared, start=1))
 
 
 def _shared(page: Page, report: FleetReport) -> None:
     page.heading("Shared causes")
     for k, each in enumerate(report.shared, start=1):
-        line = words.shared_line(k, each)
-        page.text(f"{line[0].upper()}{line[1:]}. {each['summary']}")
+        page.text(f"{_sentence_of(words.shared_line(k, each))} {_sentence_of(each['summary'])}")
         page.text(f"Robots: {', '.join(each['robots'])}.")
         if each["perhaps"]:
             page.text(f"Perhaps too, by their second explanation and their onset: {', '.join(each['perhaps'])}.")
-        with page.folded(f"Excepted: {counted(len(each['excepted']), 'robot')} that do not show the cause"):
+        with page.folded(f"Onset and size of {counted(len(each['robots']), 'robot')}"):
+            page.table(_HEAD, [_cells(row) for row in report.changed if row["shared"] == k])
+        with page.folded(f"Excepted: {counted(len(each['excepted']), 'robot')} without the cause"):
             page.text(", ".join(each["excepted"]) or "none")
     if report.shared:
         page.text(f"Test: {report.shared[0]['test']}.")
 
 
 def _changed(page: Page, report: FleetReport) -> None:
-    page.heading("Robots that have changed")
-    if not report.changed:
-        return
-    head = ["robot", "since (UTC)", "what", "how much", "how sure", "residual [W RMS]", "shared", "report"]
-    rows = [
-        [
-            row["name"], words.since(row), words.what(row), words.how_much(row), words.how_sure(row),
-            words.residual(row), row["shared"] or "", _place(row["report"]),
-        ]
-        for row in report.changed
-    ]  # fmt: skip
-    page.table(head, rows)
+    page.heading("Changed for reasons of their own" if report.shared else "Robots that have changed")
+    own = [row for row in report.changed if row["shared"] is None]
+    if own:
+        page.table(_HEAD, [_cells(row) for row in own])
+    if report.changed:
+        page.text("The full report of a robot is in robots/NAME/loop/report.html in the folder of this page.")
     for row in report.changed:
         for note in row["notes"]:
-            page.text(f"{row['name']}: {note}")
+            page.text(_sentence_of(f"{row['name']}: {note}"))
 
 
-def _place(report: str | None) -> str:
-    """Of a robot's own report, below the folder of the page."""
-    return "" if report is None else "/".join(report.split("/")[-4:])
+def _cells(row: Row) -> list[object]:
+    return [
+        row["name"], words.since(row), words.what(row), words.how_much(row), words.how_sure(row), words.residual(row)
+    ]  # fmt: skip
+
+
+def _sentence_of(text: str) -> str:
+    return f"{text[0].upper()}{text[1:]}." if text else ""
 
 
 def _failed(page: Page, report: FleetReport) -> None:

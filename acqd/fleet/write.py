@@ -12,6 +12,7 @@ import orjson
 from acqd.atomic import write_complete
 from acqd.errors import UserError
 from acqd.fleet.page import page_of
+from acqd.fleet.prior import priors_of
 from acqd.fleet.settings import Fleet
 from acqd.fleet.summary import FleetReport
 
@@ -35,7 +36,9 @@ def claimed(out: Path) -> Iterator[None]:
 
 
 def write_report(out: Path, fleet: Fleet, report: FleetReport) -> None:
-    """Write report.json and report.html. Raises OperationError."""
+    """Write report.json, report.html and a prior for every type. Raises OperationError."""
     text = orjson.dumps(report.as_json(), option=orjson.OPT_INDENT_2 | orjson.OPT_SERIALIZE_NUMPY)
     write_complete(out / "report.html", page_of(fleet, report).html().encode())
     write_complete(out / "report.json", text)
+    for name, prior in priors_of(fleet).items():
+        prior.write(out / "priors" / f"{name}.json")

@@ -15,6 +15,7 @@ from acqd.installation.broker_access import VIEWER, new_password, with_passwords
 from acqd.installation.plan import SERVICES, File, Wanted, files_of, users_of
 
 _PASSWORDS = "/etc/mosquitto/acqd.passwords"
+_TIMER_STAMP = "/var/lib/systemd/timers/stamp-acqd-maintain.timer"
 _DATA = ("/etc/acqd", "/var/lib/acqd", "/var/cache/acqd")
 
 
@@ -41,6 +42,10 @@ class Root:
         if result.returncode and needed:
             reason = (result.stderr.strip().splitlines() or ["failed"])[-1]
             raise OperationError(f"{' '.join(command)}: {reason}")
+
+    def succeeds(self, *command: str) -> bool:
+        """Run a program of the system, and say whether it ended with 0."""
+        return subprocess.run(command, capture_output=True, check=False).returncode == 0
 
     def rooted(self, program: str, *arguments: str) -> None:
         """Run systemd-sysusers or systemd-tmpfiles on this root."""
@@ -107,7 +112,7 @@ def install(wanted: Wanted, root: Root, *, start: bool) -> None:
         root.run("systemctl", "daemon-reload")
         if wanted.broker:
             root.run("systemctl", "restart", "mosquitto.service", needed=False)
-        root.run("systemctl", "enable", "--now", *_started(wanted.services))
+        _start(_started(wanted.services), root)
 
 
 def remove(root: Root, *, purge: bool) -> None:
@@ -116,24 +121,35 @@ def remove(root: Root, *, purge: bool) -> None:
     Raises UserError, OperationError.
     """
     _require_rights(root)
-    services = tuple(SERVICES)
-    if root.live:
-        for service in SERVICES.values():
-            if root.at(f"/etc/systemd/system/{service.units[0]}").exists():
-                root.run("systemctl", "disable", "--now", service.enabled, needed=False)
-    wanted = Wanted("acqd", services, drop_ins=("raw-network", "serial"))
+    _stop(root)
+    wanted = Wanted("acqd", tuple(SERVICES), drop_ins=("raw-network", "serial"))
     for file in reversed(files_of(wanted)):
         if not file.keep or file.path.startswith("/etc/mosquitto"):
             root.remove(file.path)
     root.remove(_PASSWORDS)
-    if root.live:
-        root.run("systemctl", "daemon-reload", needed=False)
+    _forget(root)
     if purge:
+        root.remove(_TIMER_STAMP)
         for name in _DATA:
             if root.at(name).exists():
                 shutil.rmtree(root.at(name))
                 root.done.append(f"removed {name}")
         _remove_user(root)
+
+
+def _stop(root: Root) -> None:
+    """Stop and disable the services that are installed."""
+    installed = [each for each in SERVICES.values() if root.at(f"/etc/systemd/system/{each.units[0]}").exists()]
+    for service in installed if root.live else []:
+        root.run("systemctl", "disable", "--now", service.enabled, needed=False)
+
+
+def _forget(root: Root) -> None:
+    """Have systemd and the broker forget what was removed."""
+    if root.live:
+        root.run("systemctl", "daemon-reload", needed=False)
+        if any(done.startswith("removed /etc/mosquitto") for done in root.done):
+            root.run("systemctl", "restart", "mosquitto.service", needed=False)
 
 
 def _remove_user(root: Root) -> None:
@@ -149,6 +165,16 @@ def _remove_user(root: Root) -> None:
 def _started(services: Sequence[str]) -> list[str]:
     """Units to be enabled: of maintenance the timer only."""
     return [SERVICES[service].enabled for service in services]
+
+
+def _start(units: Sequence[str], root: Root) -> None:
+    """Enable the units and start one after the other; raises OperationError at the end for those that fail."""
+    root.run("systemctl", "enable", *units)
+    failed = [unit for unit in units if not root.succeeds("systemctl", "start", unit)]
+    if failed:
+        raise OperationError(
+            f"{', '.join(failed)}: installed, but not running yet; journalctl -u {failed[0]} says what is missing"
+        )
 
 
 def _require_rights(root: Root) -> None:
@@ -167,8 +193,10 @@ def _missing_passwords(wanted: Wanted, root: Root) -> dict[str, str]:
 
 
 def _write_passwords(wanted: Wanted, root: Root) -> None:
+    """The broker's file of passwords, which `remove` deletes: of all users of this installation."""
     path = root.at(_PASSWORDS)
     lines = path.read_text(encoding="utf-8") if path.exists() else ""
     kept = [line for line in lines.splitlines() if line.partition(":")[0] not in wanted.passwords]
-    text = with_passwords("\n".join(kept), wanted.passwords)
-    root.write(File(_PASSWORDS, text, 0o640, "mosquitto"))
+    files = {user: root.at(f"/etc/acqd/{user}.password") for user in (*users_of(wanted), VIEWER)}
+    passwords = {user: file.read_text(encoding="utf-8").strip() for user, file in files.items()}
+    root.write(File(_PASSWORDS, with_passwords("\n".join(kept), passwords), 0o640, "mosquitto"))

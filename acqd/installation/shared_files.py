@@ -1,4 +1,4 @@
-"""Configuration files and units that come with acqd: in a wheel below acqd/share, in a checkout beside the package."""
+"""Configuration files and units that come with acqd: in a wheel below acqd/share, in a checkout next to the package."""
 
 from __future__ import annotations
 
@@ -15,4 +15,4 @@ def shared_text(name: str) -> str:
         path = folder / name
         if path.is_file():
             return path.read_text(encoding="utf-8")
-    raise UserError(f"{name} is not beside acqd in {_PACKAGE}; install acqd from its wheel or run its checkout")
+    raise UserError(f"{name} is not next to acqd in {_PACKAGE}; install acqd from its wheel or run its checkout")

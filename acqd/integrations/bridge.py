@@ -1,4 +1,4 @@
-"""A subscriber that may answer with messages of its own, and the connection that it lives on."""
+"""A subscriber that may publish messages, and the connection that it lives on."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Relay:
         """Messages."""
 
     async def run(self, stop: asyncio.Event, for_s: float | None = None) -> None:
-        """Relay until `stop` is set; with `for_s`, until so many seconds after a connection.
+        """Relay until `stop` is set; with `for_s`, until so many seconds after the last retained message.
 
         Raises UserError when the broker refuses the user at first contact or, with `for_s`, when none answers.
         """
@@ -103,13 +103,14 @@ class Relay:
                 await self._send(client, [last])
 
     async def _serve(self, client: aiomqtt.Client, stop: asyncio.Event, for_s: float | None) -> None:
-        begun = time.monotonic()
+        quiet = time.monotonic()
         async for message in _messages(client, stop):
             if message is not None:
                 await self._send(client, self._bridge.take(str(message.topic), bytes(message.payload)))
+                quiet = time.monotonic() if message.retain else quiet  # a busy computer takes its time for them
                 continue
             await self._send(client, self._bridge.tick())
-            if for_s is not None and time.monotonic() - begun > for_s:
+            if for_s is not None and time.monotonic() - quiet > for_s:
                 return
 
     async def _send(self, client: aiomqtt.Client, messages: Iterable[Message]) -> None:

@@ -58,7 +58,7 @@ class Influx:
         return *TOPICS, *subscriptions(self._quality)
 
     def will(self) -> None:
-        """None."""
+        """No last will."""
 
     def begin(self) -> Iterable[Message]:
         """Nothing to send."""

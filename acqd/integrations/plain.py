@@ -89,7 +89,7 @@ def _of_event(event: PowerEvent) -> dict[str, float | None]:
 
 
 def summary_of(topic: str, payload: bytes) -> dict[str, Any] | None:
-    """The summary in a message; None for what is none, or of another topic."""
+    """The summary in a message; None for other messages and topics."""
     try:
         summary = orjson.loads(payload)
         right = topic == topics.summary(str(summary["device"]), str(summary["channel"]))

@@ -14,7 +14,7 @@ _BEAT_S = 10.0
 
 
 def serve(address: BrokerAddress, bridge: Bridge, name: str, for_s: float | None = None, qos: int = 1) -> int:
-    """Relay until the process is asked to stop, or for `for_s` seconds of a connection; the messages sent.
+    """Relay until the process is asked to stop, or for `for_s` seconds without retained ones; the messages sent.
 
     Raises UserError.
     """

@@ -59,7 +59,7 @@ class Correction:
         self._expected: int | None = None  # index after the newest corrected sample
 
     def apply(self, block: SampleBlock) -> SampleBlock | None:
-        """The corrected samples that `block` completes; None when there are none.
+        """The corrected samples that `block` completes; None if it completes no sample.
 
         After a gap, the first samples have no neighbours to be interpolated from: the gap is so much longer.
         """

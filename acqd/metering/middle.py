@@ -1,6 +1,6 @@
 """f at the middle of the interval that the other quantities are from.
 
-f is fitted over a longer stretch, which ends with the window: its middle is 10 ms before that of the interval. The
+f is fitted over a longer stretch, which ends with the window: its middle is 10 ms before the interval's. The
 slope over the last estimates bridges this: over three windows, so that it adds a tenth to the noise of f.
 """
 

@@ -15,7 +15,7 @@ class Stage(Protocol):
     """What the codes mean after the step."""
 
     def apply(self, block: SampleBlock) -> SampleBlock | None:
-        """The next samples; None when there are none yet."""
+        """The next samples; None until there are some."""
 
 
 class Stages:
@@ -32,7 +32,7 @@ class Stages:
                 self.form = stage.form
 
     def apply(self, block: SampleBlock) -> SampleBlock | None:
-        """The next samples; None when there are none yet."""
+        """The next samples; None until there are some."""
         for stage in self._stages:
             ready = stage.apply(block)
             if ready is None:

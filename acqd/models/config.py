@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from acqd.models.bundle.bundle import Arrays
+from acqd.models.greybox.fleet_prior import FleetPrior
 from acqd.models.networks.settings import TrainingSettings
 from acqd.models.predictor import Predictor
 
@@ -37,6 +38,8 @@ class TrainConfig:
     """Robot description of the physical models; None: the one that the dataset names."""
     withheld: tuple[str, ...] = ()
     """Parameter groups that stay zero: a grey box of deliberately poor structure, to test `acqd close-loop`."""
+    learned: FleetPrior | None = None
+    """Prior of a grey box from other robots of its type; None: the description's only."""
 
 
 @dataclass(frozen=True, slots=True)

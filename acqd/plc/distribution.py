@@ -48,7 +48,7 @@ def of_microseconds(histogram: NDArray[np.int64], sum_us: float) -> Distribution
 
 
 def together(parts: Iterable[Distribution | None]) -> Distribution | None:
-    """Sum of distributions with the same limits; None when there is none."""
+    """Sum of distributions with the same limits; None for an empty list."""
     every = [part for part in parts if part is not None]
     if not every:
         return None

@@ -22,7 +22,7 @@ from acqd.errors import OperationError, UserError
 from acqd.metering import Meter, SampleBlock, StreamFormat, WindowBatch
 from acqd.metering.stages import Stage, Stages
 from acqd.plc.distribution import Distribution, of_microseconds
-from acqd.plc.fast_process import FastProcess, StartError, launch
+from acqd.plc.fast_process import FastProcess, Spawn, StartError, launch
 from acqd.plc.kernel_clock import KernelClock
 from acqd.plc.realtime import RealtimeSettings
 from acqd.plc.recent import RecentSamples
@@ -53,12 +53,14 @@ class Executive:
         makers: Sequence[Callable[[StreamFormat], Stage | None]] = (),
         make_watch: Callable[[StreamFormat], Callable[[SampleBlock], None]] | None = None,
         of: str = "",
+        spawn: Spawn | None = None,
     ) -> None:
         """`makers` make the stages before the meter; `make_meter` gets the format after them.
 
         So does `make_watch`, which makes what gets every block after the meter. `of` names the device in the log where
-        there are several.
+        there are several. `spawn` starts the process of MAIN_FAST; None: in a fresh interpreter.
         """
+        self._spawn = spawn
         self._orders = {"source": source, "window": window, "realtime": asdict(realtime or RealtimeSettings())}
         self._make_meter, self._makers = make_meter, makers
         self._form: StreamFormat | None = None
@@ -211,7 +213,7 @@ class Executive:
         if self._fast is None:
             return None
         block = self._fast.ring.recent(round(seconds * self._fast.form.rate))
-        stages = Stages(self._fast.form, self._makers)  # their own: those of the meter are in mid-stream
+        stages = Stages(self._fast.form, self._makers)  # other stages: the meter's are in mid-stream
         ready = None if block is None else stages.apply(replace(block, flags=block.flags | self._fast.flags))
         return None if ready is None else (ready, stages.form)
 
@@ -222,7 +224,9 @@ class Executive:
         return self._slow.busy_ns / self._slow.windows / 1000
 
     async def _launch(self) -> None:
-        fast = await launch(self._orders | {"resume": self._reached, "ticks": library_path()}, self._wake_fd)
+        fast = await launch(
+            self._orders | {"resume": self._reached, "ticks": library_path()}, self._wake_fd, self._spawn
+        )
         if self._form is not None and fast.form != self._form:
             fast.kill()
             raise OperationError("the source has another format than before (rate, scale or phases); start again")

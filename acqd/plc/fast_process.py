@@ -8,9 +8,10 @@ import json
 import os
 import sys
 import time
+from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from acqd.errors import UserError
 from acqd.metering import StreamFormat
@@ -32,11 +33,35 @@ class StartError(Exception):
         self.exited = exited
 
 
+class Process(Protocol):
+    """What is used of asyncio's Process."""
+
+    pid: int
+    stdout: asyncio.StreamReader | None
+
+    @property
+    def returncode(self) -> int | None:
+        """None while it runs."""
+
+    async def wait(self) -> int:
+        """Its exit code."""
+
+    def terminate(self) -> None:
+        """SIGTERM."""
+
+    def kill(self) -> None:
+        """SIGKILL."""
+
+
+Spawn = Callable[[dict[str, Any], int, int], Awaitable[Process]]
+"""Starts a process with orders and the descriptors of ring and wake-up; its answer is on its stdout."""
+
+
 @dataclass(slots=True)
 class FastProcess:
     """A process that cycles."""
 
-    process: asyncio.subprocess.Process
+    process: Process
     ring: Ring
     form: StreamFormat
     live: bool
@@ -84,7 +109,7 @@ class FastProcess:
             self.process.terminate()
 
 
-async def launch(orders: dict[str, Any], wake_fd: int) -> FastProcess:
+async def launch(orders: dict[str, Any], wake_fd: int, spawn: Spawn | None = None) -> FastProcess:
     """Start MAIN_FAST with `orders` (see acqd.plc.process) and wait until its source is reached.
 
     Raises UserError when the source cannot be used, StartError when the process dies or hangs. A cancelled launch
@@ -92,18 +117,7 @@ async def launch(orders: dict[str, Any], wake_fd: int) -> FastProcess:
     """
     ring_fd = os.memfd_create("acqd-ring", os.MFD_CLOEXEC)
     try:
-        process = await asyncio.create_subprocess_exec(
-            sys.executable,
-            "-P",  # never a folder named acqd in the working directory
-            "-m",
-            "acqd.plc.process",
-            json.dumps(orders | {"ring_fd": ring_fd, "wake_fd": wake_fd}),
-            stdin=asyncio.subprocess.DEVNULL,
-            stdout=asyncio.subprocess.PIPE,
-            pass_fds=(ring_fd, wake_fd),
-            # One BLAS thread: MAIN_FAST has no use for more, and each would be another stack to keep.
-            env=os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"},
-        )
+        process = await (spawn or spawn_interpreter)(orders, ring_fd, wake_fd)
         try:
             return _fast(process, await _answer(process), ring_fd)
         except BaseException:
@@ -115,7 +129,28 @@ async def launch(orders: dict[str, Any], wake_fd: int) -> FastProcess:
         os.close(ring_fd)
 
 
-async def _answer(process: asyncio.subprocess.Process) -> dict[str, Any]:
+async def spawn_interpreter(orders: dict[str, Any], ring_fd: int, wake_fd: int) -> Process:
+    """A fresh interpreter."""
+    return await asyncio.create_subprocess_exec(
+        *interpreter("acqd.plc.process", json.dumps(orders | {"ring_fd": ring_fd, "wake_fd": wake_fd})),
+        stdin=asyncio.subprocess.DEVNULL,
+        stdout=asyncio.subprocess.PIPE,
+        pass_fds=(ring_fd, wake_fd),
+        env=environment(),
+    )
+
+
+def interpreter(module: str, argument: str) -> tuple[str, ...]:
+    """Command line; -P: never a folder named acqd in the working directory."""
+    return sys.executable, "-P", "-m", module, argument
+
+
+def environment() -> dict[str, str]:
+    """One BLAS thread: MAIN_FAST has no use for more, and each would be another stack to keep."""
+    return os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+
+
+async def _answer(process: Process) -> dict[str, Any]:
     """The line that a process prints when it has reached its source. Raises like `launch`."""
     assert process.stdout is not None
     reading = asyncio.ensure_future(process.stdout.readline())
@@ -138,7 +173,7 @@ async def _answer(process: asyncio.subprocess.Process) -> dict[str, Any]:
     return answer
 
 
-def _fast(process: asyncio.subprocess.Process, answer: dict[str, Any], ring_fd: int) -> FastProcess:
+def _fast(process: Process, answer: dict[str, Any], ring_fd: int) -> FastProcess:
     form = answer["form"]
     return FastProcess(
         process,
@@ -152,7 +187,7 @@ def _fast(process: asyncio.subprocess.Process, answer: dict[str, Any], ring_fd: 
     )
 
 
-def _kill(process: asyncio.subprocess.Process) -> None:
+def _kill(process: Process) -> None:
     with contextlib.suppress(ProcessLookupError):
         process.kill()
 

@@ -26,8 +26,12 @@ RING_S = 14.0
 
 
 def main() -> int:
-    """Run MAIN_FAST with the settings in argv[1] (JSON). Exit 0: ended or stopped; 2: bad source."""
-    orders = json.loads(sys.argv[1])
+    """Run MAIN_FAST with the settings in argv[1] (JSON)."""
+    return run(json.loads(sys.argv[1]))
+
+
+def run(orders: dict[str, Any]) -> int:
+    """Run MAIN_FAST. Exit 0: ended or stopped; 2: bad source."""
     die_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the daemon's; it tells us when to stop
     stopping = False

@@ -33,6 +33,7 @@ def engage(settings: RealtimeSettings) -> list[str]:
     gc.collect()
     gc.freeze()
     gc.disable()
+    ctypes.CDLL(None).malloc_trim(0)  # what reading a recording has left
     if settings.cpu is not None:
         try:
             os.sched_setaffinity(0, {settings.cpu})

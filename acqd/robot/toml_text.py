@@ -1,6 +1,6 @@
 """A robot description as TOML text, in the layout of the shipped files: one table per joint, short tables in one line.
 
-The libraries that write TOML put every nested table under a heading of its own.
+The libraries that write TOML put every nested table under a separate heading.
 """
 
 from __future__ import annotations

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from acqd.report import KeyFigure, Page, Verdict
-from acqd.report.digits import counted
+from acqd.report.bars import Bar, Bars, ranked
+from acqd.report.digits import counted, number
 from acqd.robot_check.check import Check
 from acqd.robot_check.excitation import SECONDS
-from acqd.robot_check.pictures import arm_picture, influence_picture
-from acqd.robot_check.sensitivity import GUESSED_FACTOR, KNOWN_FACTOR
+from acqd.robot_check.pictures import arm_picture
+from acqd.robot_check.sensitivity import GUESSED_FACTOR, KNOWN_FACTOR, Influence
+
+_SHOWN = 12
+"""Bars; the others are in a folded table."""
 
 
 def check_page(check: Check) -> Page:
@@ -17,8 +23,9 @@ def check_page(check: Check) -> Page:
     page.verdict(_verdict(check))
     page.figure(
         arm_picture(robot),
-        "Orange: frames of base, joints and flange; thin: joint axes (dashed: prismatic); blue: centres of mass, area "
-        "by mass; grey: collision capsules.",
+        "Orange: frames of base, joints and flange; black: joint axes (dashed: prismatic), each with its number; "
+        "blue: centres of mass, area by mass; grey: collision capsules.",
+        alt="The arm in two postures: frames, joint axes, centres of mass and collision capsules",
     )
     page.heading("Findings")
     if check.findings:
@@ -37,20 +44,25 @@ def check_page(check: Check) -> Page:
         f"guessed, {KNOWN_FACTOR:g} otherwise. Training determines most of these values from measured power; those at "
         "the top are worth a look at the nameplate first."
     )
-    page.figure(influence_picture(power.influences), "The largest influences.")
-    page.table(
-        ["joint", "key", "value", "unit", "", "RMS change [W]"],
-        [
-            (each.joint, each.key, each.value, each.unit, "guessed" if each.guessed else "", each.change_W)
-            for each in power.influences
-        ],
+    page.bars(
+        _ranking(power.influences[:_SHOWN]),
+        f"Orange: guessed, times {GUESSED_FACTOR:g}; grey: known, times {KNOWN_FACTOR:g}.",
     )
+    with page.folded(f"All {len(power.influences)} values"):
+        page.table(
+            ["joint", "key", "RMS change [W]", "value", "unit", "origin"],
+            [
+                (each.joint, each.key, each.change_W, each.value, each.unit, "guessed" if each.guessed else "described")
+                for each in power.influences
+            ],
+        )
     page.heading("Joints")
     page.table(
-        ["joint", "kind", "limits", "speed", "acceleration", "effort", "mass [kg]", "gain [Nm/A or N/A]"],
+        ["joint", "number", "kind", "limits", "speed", "acceleration", "effort", "mass [kg]", "gain [Nm/A or N/A]"],
         [
             (
                 joint.name,
+                place,
                 joint.kind,
                 f"{joint.limits[0]:g} to {joint.limits[1]:g} {'m' if joint.slides else 'deg'}",
                 f"{joint.speed:g} {'m/s' if joint.slides else 'deg/s'}",
@@ -59,13 +71,26 @@ def check_page(check: Check) -> Page:
                 joint.link.mass,
                 joint.drive.effort_per_ampere,
             )
-            for joint in robot.joint
+            for place, joint in enumerate(robot.joint, start=1)
         ],
     )
     page.heading("Sources")
     for source in robot.sources:
         page.text(source)
     return page
+
+
+def _ranking(influences: Sequence[Influence]) -> Bars:
+    rows = [
+        Bar(
+            f"{each.joint} {each.key}",
+            each.change_W,
+            f"{number(each.change_W)} W",
+            "before" if each.guessed else "muted",
+        )
+        for each in influences
+    ]
+    return ranked(rows, "RMS change of the predicted power [W]")
 
 
 def _verdict(check: Check) -> Verdict:
@@ -80,6 +105,9 @@ def _verdict(check: Check) -> Verdict:
             KeyFigure("guess that matters most", f"{first.change_W:.1f} W RMS", f"{first.joint} {first.key}")
         )
     if not check.findings:
-        return Verdict("fine", "Nothing in the description is implausible", "", figures)
+        steps = (
+            [] if first is None else [f"Look up or measure {first.joint} {first.key}: it is guessed, and matters most"]
+        )
+        return Verdict("fine", "The description is plausible", "No value is out of its range.", figures, steps)
     headline = f"{counted(len(check.findings), 'finding')} to look at"
     return Verdict("open", headline, "", figures, [each.advice for each in check.findings][:3])

@@ -1,4 +1,4 @@
-"""Pictures of an arm and of what its power hangs on."""
+"""Pictures of an arm."""
 
 from __future__ import annotations
 
@@ -11,9 +11,8 @@ from acqd.arrays import Floats
 from acqd.robot.arm import Arm
 from acqd.robot.description import RobotDescription
 from acqd.robot.kinematics import joint_origins
-from acqd.robot_check.sensitivity import Influence
 
-_ARM, _MASS, _CAPSULE, _GUESSED, _KNOWN = "#d97706", "#2563eb", "#94a3b8", "#b45309", "#64748b"
+_ARM, _MASS, _CAPSULE = "#d97706", "#2563eb", "#94a3b8"
 _AXIS_M = 0.08
 _POINTS = 190  # points of the figure from edge to edge of a drawing
 
@@ -33,22 +32,7 @@ def arm_picture(robot: RobotDescription) -> Figure:
     for number, (title, q) in enumerate(postures.items()):
         axes: Any = figure.add_subplot(1, 2, number + 1, projection="3d")
         _draw(axes, arm, q)
-        axes.set_title(title, fontsize=10)
-    figure.tight_layout()
-    return figure
-
-
-def influence_picture(influences: list[Influence], count: int = 12) -> Figure:
-    """Bars of the largest influences."""
-    shown = influences[:count][::-1]
-    figure = Figure(figsize=(9, 0.32 * len(shown) + 1.1))
-    axes = figure.add_subplot()
-    names = [f"{each.joint}  {each.key}" for each in shown]
-    colours = [_GUESSED if each.guessed else _KNOWN for each in shown]
-    axes.barh(range(len(shown)), [each.change_W for each in shown], color=colours)
-    axes.set_yticks(range(len(shown)), names, fontsize=8)
-    axes.set_xlabel("RMS change of the predicted power [W] (brown: guessed, times 2; grey: known, times 1.1)")
-    axes.spines[["top", "right"]].set_visible(False)
+        axes.set_title(title, fontsize=12)
     figure.tight_layout()
     return figure
 
@@ -71,7 +55,7 @@ def _draw(axes: Any, arm: Arm, q: Floats) -> None:
         axes.plot(*ends.T, color="black", linewidth=1, linestyle="--" if joint.slides else "-")
         centre = frame.act(np.array(joint.link.com))
         axes.scatter(*centre, s=12 * joint.link.mass + 4, color=_MASS, alpha=0.7)
-        axes.text(*(frame.translation + 1.3 * _AXIS_M * direction), joint.name, fontsize=7)
+        axes.text(*(frame.translation + 1.3 * _AXIS_M * direction), str(k), fontsize=11)
     _equal(axes, origins)
 
 
@@ -80,9 +64,9 @@ def _equal(axes: Any, points: Floats) -> None:
     centre, half = (points.max(axis=0) + points.min(axis=0)) / 2, _half_width(points)
     for name, middle in zip("xyz", centre, strict=True):
         getattr(axes, f"set_{name}lim")(middle - half, middle + half)
-        getattr(axes, f"set_{name}label")(f"{name} [m]", fontsize=8)
+        getattr(axes, f"set_{name}label")(f"{name} [m]", fontsize=10)
         getattr(axes, f"{name}axis").pane.set_visible(False)  # its grey would be dirt on a dark page
-    axes.tick_params(labelsize=7)
+    axes.tick_params(labelsize=9)
     axes.set_box_aspect((1, 1, 1))
 
 

@@ -50,7 +50,7 @@ class LogFolder:
     def identity(self, path: Path) -> tuple[str, Mark, str]:
         """SHA-256 of a file's content, its mark, and why the file is refused unread (empty if it is not).
 
-        The hash of a file that is too large to be read is that of its path, size and time. Raises OSError, InputError.
+        A file that is too large to be read has the hash of its path, size and time. Raises OSError, InputError.
         """
         with self.open(path) as file:
             mark = mark_of(file)

@@ -29,7 +29,7 @@ class StoredOutbox:
         self._arrived.set()
 
     def subscriptions(self) -> list[str]:
-        """None."""
+        """No topics: it only publishes."""
         return []
 
     def begin(self) -> None:

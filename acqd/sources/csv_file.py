@@ -56,7 +56,7 @@ def _by_name(path: Path, header: list[str]) -> dict[str, str]:
 
 
 class _Text:
-    """The rows of a file as text, read anew by every method: never all of them in memory."""
+    """The rows of a file as text, read again by every method: never all of them in memory."""
 
     def __init__(self, path: Path, encoding: str) -> None:
         self._path, self._encoding = path, encoding
@@ -73,7 +73,7 @@ class _Text:
         return names
 
     def table(self) -> Floats:
-        """Numbers of the other rows. Raises InputError, which names the row and column that is none."""
+        """Numbers of the other rows. Raises InputError, which names row and column of anything else."""
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # that there are no rows

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 MALFORMED_BYTES_PER_DAY = 32 << 20
 """What a sink keeps unless its settings say otherwise."""
 _ENTRY_BYTES = 400
-"""Topic, reason, hash and index of an entry, beside its payload."""
+"""Topic, reason, hash and index of an entry, without its payload."""
 _DAY_S = 86_400.0
 
 

@@ -74,7 +74,7 @@ class Writer:
     def write(self, messages: Sequence[Received]) -> Written:
         """Commit all rows of `messages`, or none. Raises sqlalchemy.exc.DBAPIError while the database cannot.
 
-        Voltage events have a transaction of their own; storing one twice changes nothing.
+        Voltage events have a separate transaction; storing one twice changes nothing.
         """
         occurred = [message for message in messages if topics.is_event(message.topic)]
         stored = events.store(self._engine, occurred)
@@ -159,7 +159,7 @@ class Writer:
 
 
 def _rows_apart(messages: Sequence[Received], refused: list[tuple[Received, str]]) -> Iterator[Received]:
-    """A message for each row; a window that is none goes to `refused` with the reason."""
+    """A message for each row; an invalid window goes to `refused` with the reason."""
     for message in messages:
         if message.oversized or not topics.is_window(message.topic):
             yield message

@@ -1,4 +1,4 @@
-"""The embedded broker: amqtt, for trying things out and small cells. It runs in a process of its own.
+"""The embedded broker: amqtt, for trying things out and small cells. It runs in a separate process.
 
 MQTT 3.1.1, loopback by default, no passwords: a plant runs mosquitto. See
 `docs/adr/0004`.

@@ -18,7 +18,7 @@ class TelemetryCounters:
     resent: int
     """Rows for which no receipt came in time."""
     waiting: int
-    """Rows that are not delivered, those of earlier starts included."""
+    """Rows that are not delivered, rows of earlier starts included."""
     receipts_outstanding: int
     """Rows that were published and have no receipt yet."""
     spool_bytes: int

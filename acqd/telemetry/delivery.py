@@ -1,4 +1,4 @@
-"""What the daemon sends next: new rows at once, states, and the backlog beside them, until every row is delivered.
+"""What the daemon sends next: new rows at once, states, and at the same time the backlog, until every row is delivered.
 
 A row is delivered when the policy says so. `stored`: a receipt of a sink names it. `acknowledged`: the broker has it.
 New rows and the backlog each keep their order. The backlog leaves a part of the window free, so that new rows never

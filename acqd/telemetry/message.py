@@ -40,7 +40,7 @@ class Outbox(Protocol):
         """The connection has ended."""
 
     async def take(self, room: Room) -> list[Message]:
-        """Messages to send now, each one once per connection; none when there are none."""
+        """Messages to send now, each one once per connection; empty when nothing waits."""
 
     async def wait(self) -> None:
         """Return when `take` may have messages, after a second at the latest."""

@@ -1,1 +1,1 @@
-"""The live page: rows as they come, past values from SQL, health; beside the chain that measures."""
+"""The live page: rows as they come, past values from SQL, health; apart from the chain that measures."""

@@ -20,7 +20,7 @@ _NAME = re.compile(r"[^\x00-\x1f\x7f]{2,80}")
 
 
 def apply(proposal: Path, model: Path, log: Path, name: str, address: str) -> dict[str, Any]:
-    """Copy the bundle `proposal` to `model`, keep the old bundle beside it, and write who did so to `log`.
+    """Copy the bundle `proposal` to `model`, keep the old bundle next to it, and write who did so to `log`.
 
     The line is written before anything is moved. Raises UserError.
     """

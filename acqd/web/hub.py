@@ -80,7 +80,7 @@ class Hub:
                 self.take(str(message.topic), bytes(message.payload))
 
     def take(self, topic: str, payload: bytes) -> None:
-        """Take a message; what is none of acqd's is left out."""
+        """Take a message; messages of other programs are left out."""
         kind, device = topic.rpartition("/")[2], topic.split("/")[1]
         if kind in ("power", "window"):
             try:

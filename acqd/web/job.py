@@ -1,7 +1,7 @@
 """The loop on the recordings since an alarm, as a background job: one at a time, cancelled cleanly.
 
-The work is done by `acqd dataset build` and `acqd close-loop` in processes of their own, at low priority. A job writes
-below a folder of its own and touches no model.
+The work is done by `acqd dataset build` and `acqd close-loop` in separate processes, at low priority. A job writes
+below its folder and touches no model.
 """
 
 from __future__ import annotations

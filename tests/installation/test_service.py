@@ -112,6 +112,17 @@ def test_removal_keeps_rows_and_configuration_unless_purged(root):
     assert acqd_here("service", "remove", "--purge", "--root", root).stdout == "nothing to do\n"
 
 
+def test_an_installation_after_a_removal_lets_the_same_users_in(root):
+    installed(root)
+    password = (root / "etc/acqd/box.password").read_text()
+    users = {line.partition(":")[0] for line in (root / "etc/mosquitto/acqd.passwords").read_text().splitlines()}
+    assert acqd_here("service", "remove", "--root", root).returncode == 0
+    installed(root)
+    again = {line.partition(":")[0] for line in (root / "etc/mosquitto/acqd.passwords").read_text().splitlines()}
+    assert users == again == {"box", "acqd-sink", "viewer"}
+    assert (root / "etc/acqd/box.password").read_text() == password
+
+
 def test_what_cannot_be_installed_is_named(root):
     assert "no service kitchen" in refused(acqd_here("service", "install", "--with", "kitchen", "--root", root))
     assert "no rights all" in refused(acqd_here("service", "install", "--rights", "all", "--root", root))

@@ -28,14 +28,16 @@ def status(daemon: str, **other: Any) -> tuple[str, bytes]:
     return f"acqd/{daemon}/status", orjson.dumps(values | other)
 
 
-def quality(channel: str = "L1", aggregation: str = "150/180", t: float = T0, **other: Any) -> tuple[str, bytes]:
+def quality(
+    channel: str = "L1", aggregation: str = "150/180", t: float = T0, device: str = "cell1", **other: Any
+) -> tuple[str, bytes]:
     """Topic and payload of a row of power quality."""
     ns = int(t * 1e9)
     values: dict[str, Any] = {"V_thds": 2.5, "I_thds": 31.25, "Vrms": 230.5, "V_h": [230.0, None, 5.0] + 47 * [0.0]}
     row = QualityRow(
-        "cell1", channel, "boot1", 7, rfc3339(ns), filetime(ns), aggregation, 3.0, 15, ["dip"], **values | other
+        device, channel, "boot1", 7, rfc3339(ns), filetime(ns), aggregation, 3.0, 15, ["simulated"], **values | other
     )  # fmt: skip
-    return f"acqd/cell1/{channel}/quality", row.to_json()
+    return f"acqd/{device}/{channel}/quality", row.to_json()
 
 
 def event(duration: float | None = 0.1, t: float = T0, **other: Any) -> tuple[str, bytes]:

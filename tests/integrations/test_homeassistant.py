@@ -32,10 +32,14 @@ def announced(*messages, **settings):
 
 def test_messages_are_those_that_home_assistant_has_accepted():
     accepted = json.loads(ACCEPTED.read_text())
-    made = announced(status("cell.1"), *(summary(channel=channel) for channel in ("L1", "L2", "L3", "total")))
+    phases = ("L1", "L2", "L3")
+    distortion = [quality(phase, device="cell.1") for phase in phases]
+    unbalance = quality("total", device="cell.1", V_thds=None, I_thds=None, V_u2=0.1)
+    summaries = [summary(channel=channel) for channel in (*phases, "total")]
+    made = announced(status("cell.1", events=["cell.1"]), *summaries, *distortion, unbalance)
     for message in accepted.values():
         message["origin"]["sw_version"] = __version__
-    assert made == accepted and len(made) == 36
+    assert made == accepted and len(made) == 44
 
 
 def test_a_channel_is_announced_once_and_again_when_its_daemon_shows_itself():

@@ -41,7 +41,7 @@ def test_lines_of_power_quality_and_of_an_event():
     text = quality_line(parse_quality(quality()[1]))
     assert text.startswith("power_quality,device=cell1,channel=L1,aggregation=150/180 ")
     assert "V_thds=2.5" in text and "V_h1=230.0" in text and "V_h3=5.0" in text and "V_h2=" not in text
-    assert 'flags="dip"' in text and ",intervals=15i," in text and "rocof" not in text
+    assert 'flags="simulated"' in text and ",intervals=15i," in text and "rocof" not in text
     begun, ended = (event_line(parse_event(event(duration)[1])) for duration in (None, 0.1))
     assert begun.startswith("power_event,device=cell1,kind=dip ") and "duration=" not in begun
     assert "duration=0.1" in ended and begun.rpartition(" ")[2] == ended.rpartition(" ")[2]

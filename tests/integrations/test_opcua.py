@@ -105,7 +105,7 @@ def test_a_client_reads_power_quality_and_the_newest_event_of_a_kind():
 
             await until_good(value, "events.dip.duration")
             distortion = await value("L1.quality.150-180.V_thds")
-            assert distortion.Value.Value == 2.5 and distortion.StatusCode.name == "Good"
+            assert distortion.Value.Value == 2.5 and distortion.StatusCode.name == "UncertainSimulatedValue"
             harmonics = (await value("L1.quality.150-180.V_h")).Value.Value
             assert len(harmonics) == 50 and harmonics[2] == 5.0 and math.isnan(harmonics[1])
             assert (await value("total.quality.150-180.V_u2")).Value.Value == 1.5

@@ -44,7 +44,7 @@ _SECTIONS: dict[str, list[Callable[[], Iterator[Figure]]]] = {
     "events": [events.dips, events.steady, events.cost],
     "flicker": [flicker.pinst, flicker.pst],
     "speed": [speed.pqopen, speed.kernel, speed.replay, speed.main_slow],
-    "live": [live.daemon, live.from_file, live.jitter],
+    "live": [live.daemon, live.from_file, live.boxes, live.jitter],
     "sources": [sources.sources],
     "sink": [sink.sinks],
     "delivery": [delivery.stores, delivery.drains],

@@ -1,4 +1,4 @@
-"""Store and forward: two ways to keep rows on disk compared, and how fast a backlog reaches SQL beside new rows."""
+"""Store and forward: two ways to keep rows on disk compared, and how fast a backlog and new rows reach SQL."""
 
 from __future__ import annotations
 

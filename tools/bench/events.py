@@ -51,7 +51,7 @@ def steady() -> Iterator[Figure]:
 
 
 def cost() -> Iterator[Figure]:
-    """CPU of watching steady mains, beside metering it, in blocks of a window."""
+    """CPU of watching steady mains, in addition to metering it, in blocks of a window."""
     wave = hard_mains(50.02, 3, 20.0)
     detector = EventDetector(wave.form, Declared(_UDIN))
     meter = Meter(wave.form)

@@ -1,4 +1,4 @@
-"""Power quality beside pqopen-lib: the same simulated three-phase arrays, whose quantities are known exactly."""
+"""Power quality compared with pqopen-lib: the same simulated three-phase arrays, whose quantities are known exactly."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ _DAY = """async () => { view.seconds = 86400; const begin = performance.now(); a
 
 
 def page() -> Iterator[Figure]:
-    """`acqd run` with three phases and `acqd web` beside it, through mosquitto; headless Chromium."""
+    """`acqd run` with three phases and `acqd web` together, through mosquitto; headless Chromium."""
     section = "acqd web beside acqd run (three phases), headless Chromium"
     with mosquitto() as port, tempfile.TemporaryDirectory() as folder, _running(Path(folder), port) as (web, where):
         yield from _costs(section, web, where["web"], where["health"])

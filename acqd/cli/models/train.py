@@ -73,6 +73,10 @@ def train(
             help="Term to withhold from a grey box: copper_loss, coulomb_friction, viscous_friction, mechanical_power."
         ),
     ] = None,
+    prior: Annotated[
+        Path | None,
+        typer.Option(help="Prior of grey-box and hybrid: a fleet's file, or what acqd fleet wrote in priors/."),
+    ] = None,
     compute: Annotated[Compute, typer.Option(help="Fused C (needs a compiler) or torch.")] = Compute.AUTO,
     device: Annotated[str, typer.Option(help="Device of torch: cpu or cuda.")] = "cpu",
     jobs: Annotated[int | None, typer.Option(min=1, help="Trainings in parallel (default one per core).")] = None,
@@ -86,6 +90,8 @@ def train(
 
     acqd train ds --network 21x1dim --seed 1 --seed 2
 
+    acqd train ds --network grey-box --prior plant.toml
+
     acqd train ds --table-7-1
     """
     require("acqd train", ("pyarrow", "safetensors", "scipy"), "data,predict")
@@ -93,12 +99,14 @@ def train(
         raise UserError("name one --network, or ask for --table-7-1")
     if out is not None and (table_7_1 or len(seed or []) > 1):
         raise UserError("--out is the folder of one bundle; several models need --models")
-    from acqd.models.config import TrainConfig
+    from acqd.models.config import GREY_BOX, HYBRID, TrainConfig
     from acqd.models.networks.settings import TrainingSettings
     from acqd.models.protocol import table_7_1_configs
     from acqd.models.training import bundle_name
 
     withheld = _withheld(network, without or [])
+    if prior is not None and (withheld or network not in (GREY_BOX, HYBRID)):
+        raise UserError("--prior is for --network grey-box and hybrid, without --without")
     settings = TrainingSettings(
         epochs=epochs,
         batch=batch,
@@ -113,7 +121,8 @@ def train(
     for number in seed or [1]:
         kinds = tuple(on or ())
         path = out or folder / bundle_name(network or "", kinds, number)
-        config = TrainConfig(dataset, network or "", path, kinds, number, settings, robot, withheld)
+        learned = None if prior is None else _learned(prior, dataset, path)
+        config = TrainConfig(dataset, network or "", path, kinds, number, settings, robot, withheld, learned)
         configs += table_7_1_configs(config, folder) if table_7_1 else [config]
     console = Console(stderr=True)
     bar = Progress(
@@ -125,7 +134,8 @@ def train(
         disable=not console.is_terminal,
     )
     with bar:
-        results = _one(configs[0], bar) if len(configs) == 1 else _several(configs, bar, jobs, engine, ray_address)
+        alone = len(configs) == 1 and engine is Engine.PROCESS
+        results = _one(configs[0], bar) if alone else _several(configs, bar, jobs, engine, ray_address)
     if json:
         print(orjson.dumps([{"bundle": str(config.out)} | _short(metadata) for config, metadata in results]).decode())
         return
@@ -140,6 +150,19 @@ def _withheld(network: str | None, terms: list[str]) -> tuple[str, ...]:
     if terms and (network != "grey-box" or not set(terms) <= set(groups)):
         raise UserError(f"--without is for --network grey-box and takes {', '.join(groups)}")
     return tuple(group for term in terms for group in groups[term])
+
+
+def _learned(prior: Path, dataset: Path, out: Path) -> Any:
+    """A prior from its own file or from a fleet's, without the bundle that is to be written. Raises UserError."""
+    from acqd.models.greybox.fleet_prior import FleetPrior
+
+    if prior.suffix != ".toml":
+        return FleetPrior.read(prior)
+    from acqd.dataset.manifest import load_manifest
+    from acqd.fleet.config import read_fleet
+    from acqd.fleet.prior import prior_for
+
+    return prior_for(read_fleet(prior), load_manifest(dataset)["robot"], out)
 
 
 def _print_table(results: list[tuple[Any, dict[str, Any]]]) -> None:

@@ -61,7 +61,7 @@ class CapturePage:
 def captured(section: HealthSection, device: str, seconds: float) -> bytes:
     """The NPZ file of the last `seconds` from the daemon of this computer.
 
-    Raises UserError when the daemon refuses, OperationError when there is none.
+    Raises UserError when the daemon refuses, OperationError without a daemon.
     """
     if not section.port:
         raise UserError("[health] port is 0: the daemon has no endpoint to ask for samples")

@@ -12,7 +12,6 @@ from typing import Any
 
 import orjson
 
-from acqd.daemon.health.metrics import CONTENT_TYPE, metrics
 from acqd.daemon.health.runbook import links_for
 from acqd.daemon.health.snapshot import Snapshot
 from acqd.daemon.health.verdict import verdict
@@ -114,6 +113,8 @@ def _page(path: str, snapshot: Callable[[], Snapshot]) -> tuple[int, str, bytes]
         return 404, _JSON, orjson.dumps({"error": "expected /healthz, /readyz, /status, /metrics or /window"})
     now = snapshot()
     if path == "/metrics":
+        from acqd.daemon.health.metrics import CONTENT_TYPE, metrics  # 3 MB that few services are asked for
+
         return 200, CONTENT_TYPE, metrics(now)
     judged = verdict(now)
     told = {"alive": judged.alive, "ready": judged.ready, "problems": judged.problems, "notes": judged.notes}

@@ -40,7 +40,7 @@ def _answer(window_of: WindowOf, device: str) -> tuple[int, bytes]:
 
 
 def as_json(device: str, window: SampledWindow) -> dict[str, object]:
-    """`codes` per channel; times `scale` they are V and A. `seq` and `filetime` are those of the window's row."""
+    """`codes` per channel; times `scale` they are V and A. `seq` and `filetime` are as in the window's row."""
     form = window.form
     channels = [form.channel_name(k) for k in range(2 * form.phases)]
     return {

@@ -1,1 +1,1 @@
-"""Logged joint torques or motor currents as a second witness beside the power."""
+"""Logged joint torques or motor currents as a second witness besides the power."""

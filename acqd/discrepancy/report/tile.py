@@ -86,7 +86,7 @@ def _how_sure(closed: Closed) -> list[KeyFigure]:
 
 
 def _error(closed: Closed) -> KeyFigure:
-    """Held-out error before and after, beside what the recordings permit."""
+    """Held-out error before and after, and the least that the recordings permit."""
     before, after = number(closed.before.rmse), number(closed.after.rmse)
     value = f"{before} → {after} W" if closed.kept else f"{before} W"
     held_out = counted(len({segment.recording for segment in closed.subject.held_out}), "recording")

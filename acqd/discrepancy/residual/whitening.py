@@ -74,7 +74,7 @@ class Whitener:
         return white
 
     def from_start(self, values: NDArray[Any]) -> Floats:
-        """White rows [T, ...] of a segment without a past: its begin is a draw of the stationary process."""
+        """White rows [T, ...] of a segment without a past: it starts with a draw of the stationary process."""
         order = len(self.taps) - 1
         first = np.asarray(values[:order], dtype=np.float64)
         begin = self.start[: len(first), : len(first)] @ first.reshape(len(first), -1)

@@ -39,10 +39,18 @@ class View:
 def worth(finding: Finding) -> float:
     """Order of findings: the smaller one of evidence and held-out gain; less for detected effects.
 
-    Logged torques are a witness of their own: their part counts on both sides.
+    Logged torques are a separate witness: their part counts on both sides.
     """
-    factor = THRESHOLDS.detected_worth if finding.candidate.detected else 1.0
-    return min(finding.evidence, finding.supported().held_out + finding.at_joints) / factor
+    return min(discounted(finding), (finding.supported().held_out + finding.at_joints) / _price(finding))
+
+
+def discounted(finding: Finding) -> float:
+    """Evidence; less for effects that were detected by searching the residual."""
+    return finding.evidence / _price(finding)
+
+
+def _price(finding: Finding) -> float:
+    return THRESHOLDS.detected_worth if finding.candidate.detected else 1.0
 
 
 def credible(view: View, finding: Finding, limit: float) -> bool:

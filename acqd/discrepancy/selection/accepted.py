@@ -29,8 +29,6 @@ class Named:
     shape: dict[str, float]
     alternatives: list[Finding]
     """The best findings of other effects and of unnamed alternatives, given the effects before."""
-    regression: Regression
-    """What the effect competed with."""
     witness: Witness | None = None
     """Logged torques, given the effects before."""
 

@@ -46,7 +46,7 @@ class Hypothesis:
     @property
     def experiment(self) -> str:
         """The recording that would decide."""
-        return library()[self.id].experiment if self.id else "record what may cause it beside the power"
+        return library()[self.id].experiment if self.id else "record what may cause it together with the power"
 
     def as_text(self) -> str:
         """A sentence for the report."""

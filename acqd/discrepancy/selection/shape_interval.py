@@ -36,7 +36,7 @@ class Fit:
 
 @dataclass(frozen=True, slots=True)
 class Neighbours:
-    """The effect at its shape and beside it: three designs that differ in the effect's columns only."""
+    """The effect at its shape and on both sides of it: three designs that differ in the effect's columns only."""
 
     named: Named
     values: tuple[float, float, float]

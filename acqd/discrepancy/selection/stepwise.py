@@ -145,7 +145,7 @@ class Step:
         assert found.variant is not None
         place = (found.fitted or found.variant).place
         shape = fitted.shape | library()[candidate.id].fixed_shape(tracing.design.columns.scenes)
-        return Named(fitted.finding, gate, place, shape, winner.alternatives, self._regression, before)
+        return Named(fitted.finding, gate, place, shape, winner.alternatives, before)
 
 
 def _outdone_by_any(detected: Finding, unnamed: list[Finding]) -> bool:

@@ -11,7 +11,7 @@ from acqd.arrays import Floats
 from acqd.discrepancy.regression.design_columns import Candidate
 from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.onset import Gate
-from acqd.discrepancy.selection.acceptance import outdone
+from acqd.discrepancy.selection.acceptance import discounted, outdone
 from acqd.discrepancy.selection.accepted import Named, Tracing
 from acqd.discrepancy.selection.hypotheses import unnamed
 from acqd.discrepancy.selection.ranking import Finding, rank_pooled
@@ -24,11 +24,14 @@ _SHOWN = 3  # alternatives in a report
 def confidence(tracing: Tracing, named: Named, seed: int) -> tuple[float, list[tuple[str, float]]]:
     """Probability that other recordings would name the effect too, and the probabilities of its alternatives.
 
-    Shares of resampled sets of recordings by the rule of succession (Laplace), so that 40 of 40 is no certainty. An
-    unnamed alternative wins a set as it would win the recordings: if it explains clearly more.
+    Given all other selected effects, which are part of the explanation and no alternatives. Shares of resampled sets
+    of recordings by the rule of succession (Laplace), so that 40 of 40 is no certainty. An unnamed alternative wins a
+    set as it would win the recordings: if it explains clearly more.
     """
-    design, regression = replace(tracing.design, witness=named.witness), named.regression.on(tracing.design.blocks)
-    candidates = [finding.candidate for finding in (named.finding, *named.alternatives)]
+    design, regression = replace(tracing.design, witness=named.witness), tracing.regression.without(named.key)
+    others = {other.id for other in tracing.effects if other.key != named.key}
+    rivals = [finding.candidate for finding in named.alternatives if finding.candidate.id not in others]
+    candidates = [named.finding.candidate, *rivals]
     won = dict.fromkeys([_name(candidate) for candidate in candidates], 0)
     random = np.random.default_rng(seed)
     for _ in range(THRESHOLDS.resamples):
@@ -41,8 +44,8 @@ def confidence(tracing: Tracing, named: Named, seed: int) -> tuple[float, list[t
 
 
 def _winner(findings: list[Finding]) -> Finding | None:
-    """Of findings with the largest evidence first."""
-    effect = next((finding for finding in findings if finding.candidate.id), None)
+    """Of findings with the largest evidence first; what was found by searching pays as it does in the selection."""
+    effect = max((finding for finding in findings if finding.candidate.id), key=discounted, default=None)
     doubt = next((finding for finding in findings if not finding.candidate.id), None)
     if doubt is None or (effect is not None and not outdone(effect, doubt)):
         return effect

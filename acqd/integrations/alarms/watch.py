@@ -37,7 +37,7 @@ class AlarmWatch:
         return _RESIDUAL, topics.ALL_STATUS, ACKNOWLEDGE
 
     def will(self) -> None:
-        """None."""
+        """No last will."""
 
     def begin(self) -> Iterable[Message]:
         """A broker without persistence has lost the list."""

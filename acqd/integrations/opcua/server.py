@@ -48,7 +48,7 @@ class OpcUaServer:
         return topics.ALL_STATUS, *TOPICS, *subscriptions(self._section.quality)
 
     def will(self) -> None:
-        """None."""
+        """No last will."""
 
     def begin(self) -> Iterable[Message]:
         """Nothing to send."""

@@ -102,7 +102,7 @@ class Planner:
         return next(float(t[k]) for k in range(len(q)) if self.checker.collides(q[k]))
 
     def _unblended(self, moves: list[Move], chain: Chain, time: float) -> list[Move]:
-        """The motions without the blend that is active at `time` (s). Raises UserError if there is none."""
+        """The motions without the blend that is active at `time` (s). Raises UserError without an active blend."""
         active = [k for k, leg in enumerate(chain.legs) if leg.start <= time <= leg.end]
         before = min(active)
         if len(active) < 2 or moves[before].blend_after >= 1.0:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from acqd.arrays import Floats
 from acqd.lab.motion.excitation import Cube
@@ -45,6 +46,7 @@ def limited_space(arm: Arm, scene: Scene, cube: Cube, trajectories: Sequence[Tra
     _draw_cube(zoomed, cube)
     zoomed.set(title=f"{trajectories[0].name}: points and PTP paths", xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
     zoomed.set_box_aspect((1, 1, 1))
+    _clear(zoomed)
     figure.tight_layout()
     return figure
 
@@ -77,8 +79,9 @@ def blending(arm: Arm, trajectory: Trajectory, executed: Floats) -> Figure:
     axes.plot(*forward_kinematics(arm, executed)[0].T, color=_ROBOT, linestyle=":", linewidth=1.8, label="executed")
     axes.scatter(*forward_kinematics(arm, trajectory.waypoints)[0].T, s=16, facecolors="none", edgecolors="black")
     axes.set(title=trajectory.name, xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
-    axes.legend(loc="upper left", bbox_to_anchor=(-0.15, 1.12), fontsize=8)
+    axes.legend(loc="upper left", bbox_to_anchor=(-0.15, 1.12), fontsize=10)
     axes.set_box_aspect((1, 1, 1))
+    _clear(axes)
     return figure
 
 
@@ -140,3 +143,11 @@ def _frame(axes: Any, title: str) -> None:
     )
     axes.set_box_aspect((2, 2, 1.6))
     axes.view_init(elev=22, azim=-58)
+    _clear(axes)
+
+
+def _clear(axes: Any) -> None:
+    """Few ticks, which would run into each other, and no panes: their grey would be dirt on a dark page."""
+    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
+        axis.pane.set_visible(False)
+        axis.set_major_locator(MaxNLocator(5))

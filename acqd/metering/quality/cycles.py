@@ -3,7 +3,7 @@
 Every cycle of the interval is projected on the fundamental at a trial frequency; the phases of the phasors, all phases
 of the system together (weights |c|^2), are fitted with a parabola. Its slope corrects the trial, until nothing is left:
 then the phase at the end of the interval is that at its start plus whole cycles, also while f changes. The curvature is
-the rate of change of frequency (ROCOF). A step of the phase within the interval is a regressor of its own, so that a
+the rate of change of frequency (ROCOF). A step of the phase within the interval is a separate regressor, so that a
 jump does not move f.
 """
 
@@ -25,7 +25,7 @@ MIN_PURITY = 0.5
 JUMP = 0.01
 """rad; a smaller step is not told from a change of f."""
 BEAT = 0.005
-"""Hz by which f differs when a beat of one period per interval is fitted too: then an interharmonic beside f, or f that
+"""Hz by which f differs when a beat of one period per interval is fitted too: then an interharmonic near f, or f that
 does not change steadily, may move it."""
 _CLEARER = 8.0  # a jump leaves so much less of the squares than a parabola alone
 _STEPS = 6

@@ -3,8 +3,8 @@
 10 cycles at 50 Hz, 12 at 60 Hz. An interval begins where the last one ended and holds exactly so many cycles by its
 own f. While there is no voltage, or no credible f, it is as long as the last f says. At a tick the interval in
 progress is finished (overlap 1 of the standard), and the next one begins at the tick. So that the 150/180-cycle
-value in progress can be finished too (overlap 2), the intervals of the old chain go on beside the new ones until it
-is complete; they are `trailing`.
+value in progress can be finished too (overlap 2), the intervals of the old chain continue in parallel with the
+new ones until it is complete; they are `trailing`.
 """
 
 from __future__ import annotations

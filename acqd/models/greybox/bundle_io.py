@@ -23,7 +23,13 @@ def train_grey_box(config: TrainConfig, data: Dataset, progress: Progress) -> Tr
     """Fit a grey box. Raises UserError."""
     fit = fitted(config, data, progress)
     metadata = describe(fit) | ({"withheld": list(config.withheld)} if config.withheld else {})
+    metadata |= learned_from(config)
     return TrainedModel("grey_box", fit.model, metadata, arrays_of(fit.model), "Gauss-Newton")
+
+
+def learned_from(config: TrainConfig) -> dict[str, Any]:
+    """The entry of bundle.json about the prior of other robots."""
+    return {} if config.learned is None else {"prior": config.learned.provenance()}
 
 
 def fitted(config: TrainConfig, data: Dataset, progress: Progress) -> Fit:
@@ -35,6 +41,10 @@ def fitted(config: TrainConfig, data: Dataset, progress: Progress) -> Fit:
         raise UserError(
             f"{config.dataset}: has {data.axes} axes, {robot.name} has {robot.axes}; choose another --robot"
         )
+    if config.learned is not None and config.learned.robot != data.robot:
+        raise UserError(
+            f"{config.dataset} is of {data.robot}, the prior of {config.learned.robot}; name another --prior"
+        )
     training = data.part("train", config.kinds)
     return fit_grey_box(
         robot,
@@ -43,6 +53,7 @@ def fitted(config: TrainConfig, data: Dataset, progress: Progress) -> Fit:
         config.seed,
         lambda share: progress("fitting the grey box", share, float("nan")),
         config.withheld,
+        config.learned,
     )
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from acqd.arrays import Floats
+from acqd.models.greybox.fleet_prior import FleetPrior
 from acqd.models.greybox.model import GreyBox
 from acqd.models.greybox.normal_equations import NormalEquations, Observations, normal_equations
 from acqd.models.greybox.parameters import Layout, Prior, prior
@@ -46,10 +47,12 @@ def fit_grey_box(
     seed: int,
     progress: Callable[[float], None],
     withheld: tuple[str, ...] = (),
+    learned: FleetPrior | None = None,
 ) -> Fit:
     """Fit a grey box to training segments, at most about an hour of them, drawn at random.
 
-    Parameters of the groups `withheld` stay zero. `progress` is called with the completed share.
+    Parameters of the groups `withheld` stay zero. `learned`: what other robots of the type have taught.
+    `progress` is called with the completed share.
     """
     signals = tuple(n for n in SIGNALS if all(n in s.signals for s in segments) and _varies(segments, n))
     layout = Layout(robot.axes, signals, robot.sliding)
@@ -63,6 +66,8 @@ def fit_grey_box(
     for group in withheld:
         belief.mean[layout.place(group)], belief.deviation[layout.place(group)] = 0.0, _WITHHELD_DEVIATION
         low[layout.place(group)] = 0.0
+    if learned is not None:
+        belief = learned.on(belief, layout)
     values = np.clip(belief.mean, low, high)
     chain = Chain.of(robot)
 
@@ -120,6 +125,6 @@ def _clustered(equations: NormalEquations, belief: Prior) -> Floats:
     inverse = np.linalg.inv(equations.hessian)
     scores = np.array(list(equations.scores.values()))
     count = len(scores)
-    meat = scores.T @ scores * (count / max(count - 1, 1)) + np.diag(belief.deviation**-2.0)
+    meat = scores.T @ scores * (count / max(count - 1, 1)) + belief.precision_matrix()
     sandwich = np.asarray(inverse @ meat @ inverse)
     return sandwich if count >= _MANY_RECORDINGS else sandwich + inverse

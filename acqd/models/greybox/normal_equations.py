@@ -85,7 +85,8 @@ def normal_equations(
     ]
     scale = scale or _scale(residuals, [residual for residual in torque_residuals if residual is not None])
     deviation = model.values - belief.mean
-    hessian, gradient = np.diag(belief.deviation**-2.0), deviation / belief.deviation**2
+    hessian = belief.precision_matrix()
+    gradient = hessian @ deviation
     cost = 0.5 * float((gradient * deviation).sum())
     scores: dict[str, Floats] = {}
     for part, (_, J), residual, torque_residual in zip(parts, linearised, residuals, torque_residuals, strict=True):

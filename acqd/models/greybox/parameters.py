@@ -86,12 +86,18 @@ class Layout:
 
 @dataclass(frozen=True, slots=True)
 class Prior:
-    """Independent normal prior. It holds the parameters that the data do not determine."""
+    """Normal prior, independent unless `precision` is known. It holds the parameters that the data do not determine."""
 
     mean: Floats
     """[p]."""
     deviation: Floats
-    """[p], infinite without prior knowledge."""
+    """[p], infinite without prior knowledge; of no account with `precision`."""
+    precision: Floats | None = None
+    """[p, p] inverse covariance; None: diagonal, from the deviations."""
+
+    def precision_matrix(self) -> Floats:
+        """[p, p] inverse covariance."""
+        return np.diag(self.deviation**-2.0) if self.precision is None else self.precision.copy()
 
 
 def prior(layout: Layout, robot: RobotDescription, inertial: Floats, standby_W: float, step_s: float) -> Prior:

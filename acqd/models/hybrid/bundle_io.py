@@ -10,7 +10,7 @@ from scipy.optimize import minimize
 from acqd.arrays import Floats
 from acqd.models.bundle.bundle import Arrays
 from acqd.models.config import Progress, TrainConfig, TrainedModel
-from acqd.models.greybox.bundle_io import arrays_of, describe, fitted, restore
+from acqd.models.greybox.bundle_io import arrays_of, describe, fitted, learned_from, restore
 from acqd.models.greybox.model import GreyBox
 from acqd.models.hybrid.model import Hybrid, Perceptron, residual_features
 from acqd.models.metrics import predictions
@@ -33,14 +33,18 @@ def train_hybrid(config: TrainConfig, data: Dataset, progress: Progress) -> Trai
     normal = Normalisation.fitted(training, data.step_s)
     network, gain = _fit_residual(fit.model, normal, training, validation, config.seed, progress)
     model = Hybrid(fit.model, network, normal)
-    metadata = describe(fit) | {
-        "architecture": {
-            "hidden": HIDDEN,
-            "learnables": int(sum(array.size for array in (network.W, network.b, network.out))),
-        },
-        "normalisation": normal.as_json(),
-        "validation_gain": gain,
-    }
+    metadata = (
+        describe(fit)
+        | {
+            "architecture": {
+                "hidden": HIDDEN,
+                "learnables": int(sum(array.size for array in (network.W, network.b, network.out))),
+            },
+            "normalisation": normal.as_json(),
+            "validation_gain": gain,
+        }
+        | learned_from(config)
+    )
     arrays = arrays_of(fit.model) | {"rest_W": network.W, "rest_b": network.b, "rest_out": network.out}
     return TrainedModel("hybrid", model, metadata, arrays, "Gauss-Newton, L-BFGS")
 

@@ -15,7 +15,7 @@ from acqd.models.networks.engine import Engine
 from acqd.models.networks.flat_parameters import Float32s
 
 
-class Network(torch.nn.Module):
+class Network(torch.nn.Module):  # type: ignore[misc]  # mypy does not read torch (pyproject.toml)
     """One of the eight structures as a torch module."""
 
     def __init__(self, architecture: Architecture, axes: int) -> None:

@@ -1,4 +1,4 @@
-"""The parts of a COMTRADE recording: a CFG beside a DAT, or both in a CFF."""
+"""The parts of a COMTRADE recording: a CFG with a DAT, or both in a CFF."""
 
 from __future__ import annotations
 

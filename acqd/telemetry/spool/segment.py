@@ -168,7 +168,7 @@ class Segment:
         return intact
 
     def _read_index(self, file: int, size: int) -> bool:
-        """Take the rows from the index at the end; False when there is none, or it is damaged."""
+        """Take the rows from the index at the end; False if it is missing or damaged."""
         if size < START + _TAIL.size:
             return False
         magic, offset = _TAIL.unpack(os.pread(file, _TAIL.size, size - _TAIL.size))
@@ -183,7 +183,7 @@ class Segment:
 
 
 def _energy(content: Any) -> dict[str, Energy]:
-    """Registers by device in an index; those of one device were a list."""
+    """Registers by device in an index; registers of one device were a list."""
     devices = content if isinstance(content, dict) else {"": content or []}
     return {name: [(pair[0], pair[1]) for pair in pairs] for name, pairs in devices.items() if pairs}
 

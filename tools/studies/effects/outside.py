@@ -14,7 +14,7 @@ from acqd.lab.plant.situation import Effect, Situation
 
 
 class SpeedBand(Effect):
-    """A resonance: an axis takes more power within a band of speeds, none beside it."""
+    """A resonance: an axis takes more power within a band of speeds, none outside of it."""
 
     id = "outside_speed_band"
     summary = "extra power while one axis is within a band of speeds"
@@ -22,7 +22,7 @@ class SpeedBand(Effect):
     defaults: ClassVar = {"power_W": 20.0, "axis": 2.0, "speed_rad_s": 0.45, "width_rad_s": 0.08}
 
     def dc_load(self, situation: Situation) -> Floats:
-        """W."""
+        """Power of the resonance [W]."""
         speed = np.abs(situation.motion.qd[:, int(self["axis"]) - 1])
         bump = np.exp(-(((speed - self["speed_rad_s"]) / self["width_rad_s"]) ** 2))
         return self["power_W"] * bump * self.gate(situation)
@@ -41,7 +41,7 @@ class LaggingFan(Effect):
         self._level = 0.0
 
     def dc_load(self, situation: Situation) -> Floats:
-        """W."""
+        """Power of the fan [W]."""
         keep = np.exp(-1 / (RATE * self["tau_s"]))
         power = np.abs(situation.joint_power.sum(axis=1))
         level, _ = lfilter([1 - keep], [1, -keep], power, zi=[keep * self._level])
@@ -58,7 +58,7 @@ class Zone(Effect):
     defaults: ClassVar = {"power_W": 10.0, "axis": 1.0, "middle_rad": 0.3, "half_rad": 0.5}
 
     def mains_load(self, situation: Situation) -> Floats:
-        """W."""
+        """Power within the range of angles [W]."""
         off = np.abs(situation.motion.q[:, int(self["axis"]) - 1] - self["middle_rad"])
         return self["power_W"] * (off < self["half_rad"]) * self.gate(situation)
 

@@ -7,7 +7,7 @@ recordings, the columns of acqd's own effects as its library (one shape each; wh
 has no column), the supply's lag and the meter's averaging included, and the same least power that counts. The effect
 whose columns explain most is what the method names; below that least power it names nothing.
 
-Needs acqd[rivals], in an environment of its own (pyproject.toml says why).
+Needs acqd[rivals], in a separate environment (pyproject.toml says why).
 """
 
 from __future__ import annotations

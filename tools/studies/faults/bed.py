@@ -41,7 +41,7 @@ class Kind:
 
 @dataclass(frozen=True, slots=True)
 class Extras:
-    """What some studies need beside broker, database, sink and daemon."""
+    """What some studies need besides broker, database, sink and daemon."""
 
     clock: bool = False
     """The daemon runs under libfaketime, so that its clock can be set."""
@@ -50,7 +50,7 @@ class Extras:
     sidecar: bool = False
     """A sidecar works on robot logs."""
     daemon_memory: int | None = None
-    """Memory limit of the daemon [bytes] instead of that of its unit."""
+    """Memory limit of the daemon [bytes] instead of its unit's limit."""
 
 
 class Bed:

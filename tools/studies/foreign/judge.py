@@ -38,7 +38,7 @@ def accepts(true_id: str, effect: dict[str, Any], axes: int) -> bool:
 
 @cache
 def families() -> list[dict[str, Any]]:
-    """Names that count as right beside the true one, with reasons."""
+    """Names that count as right besides the true one, with reasons."""
     return list(tomllib.loads((Path(__file__).parent / "families.toml").read_text())["family"])
 
 

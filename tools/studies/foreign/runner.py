@@ -1,6 +1,6 @@
 """Runs acqd on the files of a case, as a user would: `dataset build`, `train`, `close-loop`.
 
-acqd runs in processes of its own with the study's folder as working directory, so that PYTHONPATH (or `--acqd`)
+acqd runs in separate processes with the study's folder as working directory, so that PYTHONPATH (or `--acqd`)
 decides which acqd is judged.
 """
 

@@ -125,7 +125,7 @@ def _work(sender: Connection, name: str, seed: int, first: int, count: int, limi
     parser = target(name)
     seeds = parser.seeds()
     for files in seeds:
-        outcome(parser, files, 60.0)  # imports take time and memory of their own
+        outcome(parser, files, 60.0)  # imports take time and memory too
     resource.setrlimit(resource.RLIMIT_AS, (limits.memory_bytes, limits.memory_bytes))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     accepted = refused = 0

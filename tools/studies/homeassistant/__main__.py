@@ -30,7 +30,9 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from acqd.telemetry.event import PowerEvent
 from acqd.telemetry.ports import free_port
+from acqd.timestamps import filetime, rfc3339
 from tools.common.commands import acqd, acqd_command
 from tools.common.ending import end_in_order
 from tools.studies.faults.process import Process
@@ -43,6 +45,7 @@ _EXPECTED = {
     "P": ("power", "measurement", "W"), "PF": ("power_factor", "measurement", None),
     "Vrms": ("voltage", "measurement", "V"), "Irms": ("current", "measurement", "A"),
     "f": ("frequency", "measurement", "Hz"), "W_import": ("energy", "total_increasing", "kWh"),
+    "V_u2": (None, "measurement", "%"),
 }  # fmt: skip
 Entities = dict[str, Any]
 
@@ -58,6 +61,7 @@ class Study:
         (folder / "acqd.toml").write_text(
             f'device = "{DEVICE}"\nstate_dir = "{folder}/state"\n[mqtt]\nport = {self.port}\n[health]\nport = 0\n'
             '[spool]\nuntil = "acknowledged"\n[realtime]\npriority = 0\nlock_memory = false\n'
+            "[quality]\nenabled = true\n[events]\nenabled = true\ndeclared_voltage = 230.0\n"
         )
         self.daemon = self._service("run", "daemon")
         self.bridge = self._service("bridge homeassistant", "bridge")
@@ -70,7 +74,8 @@ class Study:
         self.bridge.start()
         with self._home() as home:
             self._check("MQTT integration connects", home.ask("connect", "127.0.0.1", self.port) == "create_entry")
-            self._check("entities are discovered", home.wait_for(_alive, "entities with values"))
+            self._check("entities are discovered", home.wait_for(_alive, "entities with values", 120))
+            self._events(home)
             self._classes(home.ask("states"))
             self._statistics(home)
             self._daemon_restarts(home)
@@ -110,6 +115,26 @@ class Study:
         disabled = sum(entry["disabled"] for entry in found.values())
         self._check("S, net and returned energy wait to be enabled", disabled == 12, f"{disabled} of {len(found)}")
 
+    def _events(self, home: Probe) -> None:
+        """A dip as the daemon would tell it: when it begins and when it has ended."""
+        name = _entity(home.ask("states"), "_voltage_event")
+        ns = time.time_ns()
+        for duration in (None, 0.1):
+            dip = PowerEvent(
+                DEVICE, "b", 1, "dip", rfc3339(ns), filetime(ns), duration, 161.0, 230.0, False, None, ["L1"], [], None
+            )
+            command = ["mosquitto_pub", "-p", str(self.port), "-t", f"acqd/{DEVICE}/event", "-q", "1", "-s"]
+            subprocess.run(command, input=dip.to_json(), check=True)
+            fired = home.wait_for(
+                lambda found: found[name]["attributes"].get("event_type") == "dip", "a dip", 10 if duration else 3
+            )
+            about = home.ask("states")[name]["attributes"]
+            self._check(
+                f"event of a dip that {'has ended' if duration else 'goes on'}",
+                fired == (duration is not None),
+                about.get("extreme_V"),
+            )
+
     def _statistics(self, home: Probe) -> None:
         entity = _entity(home.ask("states"), "_total_W_import")
         time.sleep(5)
@@ -141,13 +166,14 @@ class Study:
 
     def _messages(self) -> dict[str, Any]:
         """Retained discovery messages."""
-        command = ["mosquitto_sub", "-p", str(self.port), "-t", "homeassistant/sensor/#", "-W", "2", "-F", "%t %p"]
+        command = ["mosquitto_sub", "-p", str(self.port), "-t", "homeassistant/+/+/+/config", "-W", "2", "-F", "%t %p"]
         lines = subprocess.run(command, capture_output=True, text=True, check=False).stdout.splitlines()
         return {line.partition(" ")[0]: json.loads(line.partition(" ")[2]) for line in lines}
 
 
 def _states(found: Entities) -> set[str]:
-    return {str(entry["state"]) for entry in found.values() if not entry["disabled"]}
+    shown = (entry for name, entry in found.items() if not name.startswith("event."))  # unknown before the first one
+    return {str(entry["state"]) for entry in shown if not entry["disabled"]}
 
 
 def _alive(found: Entities) -> bool:

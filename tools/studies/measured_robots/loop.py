@@ -2,7 +2,7 @@
 
     python -m tools.studies.measured_robots.loop OUT [--data ../shared/data/robots]
 
-The datasets are those of tools.studies.measured_robots. For every robot a complete grey box is trained, and one each
+The datasets are made by tools.studies.measured_robots. For every robot a complete grey box is trained, and one each
 without copper loss, mechanical power, Coulomb friction and viscous friction; then `acqd close-loop` runs on each.
 """
 

@@ -1,6 +1,7 @@
 """python -m tools.studies.packages [WHEEL] [--constraints FILE] [--only USE]: size and use of every extra.
 
-Without a WHEEL, the source distribution is built first, and the wheel from it.
+The uses run without a compiler, git or the source tree in reach. Without a WHEEL, the source distribution is built
+first, and the wheel from it.
 """
 
 from __future__ import annotations
@@ -38,8 +39,16 @@ def measure(wheel: Path, use: str, extra: str, constraints: Path | None) -> str:
         options = ["-c", str(constraints)] if constraints else []
         _run([python, "-m", "pip", "install", "--quiet", "--no-compile", *options, what], folder)
         seconds, size = time.monotonic() - started, _megabytes(folder / "venv") - before
-        said = _run([python, str(SMOKE), use], folder).strip().splitlines()[-1]
-    return f"{use:8} acqd[{extra}]: {size:.0f} MB, installed in {seconds:.0f} s; {said}"
+        started = time.monotonic()
+        said = _run([python, str(SMOKE), use], folder, bare(folder)).strip().splitlines()[-1]
+        working = time.monotonic() - started
+    return f"{use:8} acqd[{extra}]: {size:.0f} MB, installed in {seconds:.0f} s, used in {working:.0f} s; {said}"
+
+
+def bare(folder: Path) -> dict[str, str]:
+    """An environment without compiler, git and source tree: nothing on PATH, a home of its own."""
+    (folder / "bin").mkdir()
+    return {"PATH": str(folder / "bin"), "HOME": str(folder), "LANG": "C.UTF-8"}
 
 
 def _megabytes(folder: Path) -> float:
@@ -47,8 +56,8 @@ def _megabytes(folder: Path) -> float:
     return sum(path.stat().st_size for path in files) / 1e6
 
 
-def _run(command: list[str], cwd: Path) -> str:
-    done = subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
+def _run(command: list[str], cwd: Path, environment: dict[str, str] | None = None) -> str:
+    done = subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False, env=environment)
     if done.returncode:
         raise OperationError(f"{' '.join(command[:4])}: {(done.stderr or done.stdout).strip()[-700:]}")
     return done.stdout

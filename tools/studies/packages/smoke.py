@@ -1,6 +1,6 @@
 """The uses of acqd, one per function, as somebody has them who has installed the wheel with one extra and no more.
 
-Runs in an environment of its own, outside the source tree: python smoke.py USE. All data are simulated.
+Runs in a separate environment, outside the source tree: python smoke.py USE. All data are simulated.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import subprocess
 import sys
 from importlib.util import find_spec
 from pathlib import Path
+from shutil import which
 
 import numpy as np
 
@@ -39,7 +40,10 @@ def daemon() -> str:
     from acqd.metering.kernel.compiled import library
 
     compiled = "C of the wheel" if Path(library(2)._name).parent == PREBUILT else "C of the cache"
-    return f"{len(rows)} rows, metered with {compiled}"
+    assert which("cc") is None and which("git") is None
+    done = command("run", "--duration", "3", "--json")
+    assert done.strip(), "the daemon prints nothing"
+    return f"{len(rows)} rows, metered with {compiled}; the daemon ran for 3 s"
 
 
 def dataset(name: str, payload_kg: float, seed: int) -> None:

@@ -1,4 +1,4 @@
-"""A plain subscriber beside the sink: when every row came, and in which order."""
+"""A plain subscriber next to the sink: when every row came, and in which order."""
 
 from __future__ import annotations
 

@@ -71,7 +71,7 @@ class Twin:
     q: Floats
     """[T, axes] rad."""
     pace: float
-    """Duration of the twin's motion over that of the measured one."""
+    """Duration of the twin's motion over the duration of the measured motion."""
 
 
 def twin_of(assembly: Path, segment: Segment, robot: str, step_s: float) -> Twin:

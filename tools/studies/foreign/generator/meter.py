@@ -1,4 +1,4 @@
-"""The meter: windows of 40 ms, white and coloured noise, drift of the zero, and a mains voltage of its own."""
+"""The meter: windows of 40 ms, white and coloured noise, drift of the zero, and its mains voltage."""
 
 from __future__ import annotations
 

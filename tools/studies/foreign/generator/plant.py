@@ -14,7 +14,7 @@ from tools.studies.foreign.generator.hidden.effect import Dose
 from tools.studies.foreign.generator.motion import Motion, Plan, session
 
 _BOOT_KEY = 6151
-"""Distinguishes the random numbers of plants from those of sessions."""
+"""Distinguishes the random numbers of plants from the sessions' numbers."""
 
 
 @dataclass(frozen=True, slots=True)

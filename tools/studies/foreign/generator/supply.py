@@ -13,7 +13,7 @@ from tools.studies.foreign.generator.motion import STEP_S
 
 @dataclass(frozen=True, slots=True)
 class Supply:
-    """One DC link with a brake chopper behind a rectifier, and a cabinet beside it."""
+    """One DC link with a brake chopper behind a rectifier, and a cabinet next to it."""
 
     control_W: float
     """Controller and drive electronics at the DC link."""

@@ -54,6 +54,7 @@ def test_training_learns_and_goes_on_after_it_was_stopped(tmp_path, monkeypatch)
     assert np.array_equal(resumed.parameters, whole.parameters) and resumed.run.best_loss == whole.run.best_loss
 
 
+@pytest.mark.xdist_group("torch")
 def test_torch_trains_to_the_same_place(tmp_path):
     data = dataset(iiwa_power, count=8, rows=120)
     fused, portable = (small(data, tmp_path, 4, name, compute=name) for name in ("fused", "torch"))

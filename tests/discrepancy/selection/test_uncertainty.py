@@ -9,9 +9,9 @@ from acqd.discrepancy.repair.naming import without_doubtful
 from acqd.discrepancy.repair.terms import added, doubt_about
 from acqd.discrepancy.repair.torque_scale import TorqueScale
 from acqd.discrepancy.selection.hypotheses import unnamed
-from acqd.discrepancy.selection.uncertainty import intervals
+from acqd.discrepancy.selection.uncertainty import confidence, intervals
 from acqd.models.greybox.model import direction
-from tests.discrepancy.independent import COMMON, column, extra_power, traced
+from tests.discrepancy.independent import COMMON, INDEPENDENT, added_payload, column, extra_power, traced
 
 
 def test_size_and_shape_of_a_stribeck_curve_have_narrow_intervals_beside_the_truth(model, robot):
@@ -56,3 +56,16 @@ def test_an_unnamed_alternative_that_more_recordings_prefer_is_the_finding(model
     considered = tracing.hypotheses[0]
     assert (considered.id, considered.where) == ("coulomb_friction", "joint 2")
     assert considered.missing == [f"more evidence than {text}"]
+
+
+def test_effects_that_act_together_are_no_alternatives_of_each_other(model, robot):
+    """Both are part of the explanation: the confidence in one is given the other."""
+
+    def both(scene, random):
+        return INDEPENDENT["gear_ripple"](scene, random) + added_payload(scene, random)
+
+    _, tracing = traced(model, robot, both, only=COMMON | {"gear_ripple", "payload"})
+    strong, weak = sorted(tracing.effects, key=lambda named: -named.finding.evidence)
+    assert {strong.id, weak.id} == {"gear_ripple", "payload"}
+    beaten = replace(weak, alternatives=[strong.finding, *weak.alternatives])  # as if it had been named first
+    assert confidence(tracing, beaten, 1)[0] > 0.9

@@ -5,7 +5,7 @@ import pytest
 
 from acqd.discrepancy.selection.detectors.candidates import detect, residuals_of
 from tests.discrepancy.independent import thermostat, traced
-from tests.models.test_effects import DESIGN_IDS
+from tests.models.effects.test_effects import DESIGN_IDS
 
 
 @pytest.mark.slow

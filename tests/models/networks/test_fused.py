@@ -8,7 +8,14 @@ from acqd.models.networks.architecture import ARCHITECTURES, architecture
 from acqd.models.networks.batches import Batch
 from acqd.models.networks.flat_parameters import initial
 from acqd.models.networks.fused.engine import FusedEngine
-from acqd.models.networks.torch_engine import TorchEngine
+
+pytestmark = pytest.mark.xdist_group("torch")
+
+
+def autograd(chosen, axes):
+    from acqd.models.networks.torch_engine import TorchEngine  # here: one worker imports torch, for seconds
+
+    return TorchEngine(chosen, axes)
 
 
 def usable(instructions):
@@ -30,7 +37,7 @@ def test_fused_gradients_are_those_of_autograd(name, instructions):
             random.standard_normal((count, rows + margin, width)).astype(np.float32),
             random.standard_normal((count, rows)).astype(np.float32),
         )
-        reference, fused = TorchEngine(chosen, axes), FusedEngine(chosen, axes, instructions)
+        reference, fused = autograd(chosen, axes), FusedEngine(chosen, axes, instructions)
         prepared = reference.prepare(batch)
         loss, gradient = reference.gradient(theta, prepared)
         own_loss, own = fused.gradient(theta, fused.prepare(batch))
@@ -43,7 +50,7 @@ def test_saturated_gates_do_not_break_the_fused_path():
     chosen = architecture("21x1dim")
     theta = initial(chosen, 7, 1) * 200
     batch = Batch(np.ones((2, 20, 21), dtype=np.float32), np.zeros((2, 20), dtype=np.float32))
-    reference, fused = TorchEngine(chosen, 7), FusedEngine(chosen, 7)
+    reference, fused = autograd(chosen, 7), FusedEngine(chosen, 7)
     loss, gradient = fused.gradient(theta, fused.prepare(batch))
     assert np.isfinite(loss) and np.isfinite(gradient).all()
     assert loss == pytest.approx(reference.loss(theta, reference.prepare(batch)), rel=1e-4)

@@ -1,0 +1,122 @@
+"""The prior that robots of a type teach: its estimate, its file, and what it is worth to a new robot."""
+
+import numpy as np
+import pytest
+
+from acqd.errors import InputError, UserError
+from acqd.fleet.config import read_fleet
+from acqd.fleet.prior import FEWEST, estimated, prior_for, priors_of, shrunk_correlations
+from acqd.models.bundle.bundle import save_bundle
+from acqd.models.greybox.fit import fit_grey_box
+from acqd.models.greybox.fleet_prior import FleetPrior
+from acqd.models.greybox.parameters import prior, table
+from acqd.models.metrics import predictions
+from acqd.robot.arm import Arm
+from acqd.robot.dynamics import inertial_parameters
+from tests.builders import ROBOT, STEP, grey_bundle, recording
+from tests.commands import acqd_here, refused
+
+
+def fleet_of(folder, model, count, spread=0.05):
+    """A fleet's file with bundles whose parameters scatter about those of `model`."""
+    random = np.random.default_rng(1)
+    lines = ["[defaults]", "model = '{name}'", "dataset = 'ds'"]
+    for k in range(count):
+        values = model.values * random.normal(1, spread, len(model.values))
+        entries = table(model.layout, values, np.diag((0.01 * values) ** 2))
+        save_bundle(folder / f"r{k}", grey_bundle(parameters=entries))
+        lines.append(f"[robots.r{k}]")
+    (folder / "plant.toml").write_text("\n".join(lines))
+    return read_fleet(folder / "plant.toml")
+
+
+def test_independent_rows_have_their_correlations_shrunk_and_common_ones_keep_them():
+    random = np.random.default_rng(0)
+    independent = random.normal(size=(10, 30))
+    shrunk = shrunk_correlations((independent - independent.mean(axis=0)) / independent.std(axis=0, ddof=1))
+    off = shrunk[~np.eye(30, dtype=bool)]
+    assert np.abs(off).max() < 0.3 < np.abs(np.corrcoef(independent.T)[~np.eye(30, dtype=bool)]).max()
+    assert np.linalg.eigvalsh(shrunk).min() > 0
+    common = random.normal(size=(200, 1)) + 0.1 * random.normal(size=(200, 5))
+    kept = shrunk_correlations((common - common.mean(axis=0)) / common.std(axis=0, ddof=1))
+    assert kept == pytest.approx(np.corrcoef(common.T), abs=0.02)
+
+
+def test_a_further_robot_lies_within_the_predictive_distribution():
+    random = np.random.default_rng(2)
+    root = random.normal(size=(6, 6))
+    squares = []
+    for _ in range(300):
+        rows = random.normal(size=(9, 6)) @ root.T
+        mean, covariance = estimated(rows[:8], np.zeros(6))
+        away = rows[8] - mean
+        squares.append((away**2 / np.diag(covariance)).mean())
+    assert np.mean(squares) == pytest.approx(1.0, abs=0.15)
+
+
+def test_the_file_of_a_prior_is_read_as_it_was_written_and_damage_is_named(model, tmp_path):
+    found = priors_of(fleet_of(tmp_path, model, 6))["ur10e"]
+    found.write(tmp_path / "p.json")
+    again = FleetPrior.read(tmp_path / "p.json")
+    assert again.names == found.names and again.covariance == pytest.approx(found.covariance)
+    for text in ("{", "{}", '{"format": 2}', '{"format": 1, "names": ["a"], "mean": [], "covariance": []}'):
+        (tmp_path / "p.json").write_text(text)
+        with pytest.raises(InputError, match=r"p\.json: is no prior of a fleet"):
+            FleetPrior.read(tmp_path / "p.json")
+    with pytest.raises(InputError, match="cannot be read"):
+        FleetPrior.read(tmp_path / "none.json")
+
+
+def test_too_few_robots_teach_nothing_and_the_bundle_that_is_written_takes_no_part(model, tmp_path):
+    fleet = fleet_of(tmp_path, model, FEWEST)
+    assert priors_of(fleet)["ur10e"].robots == tuple(f"r{k}" for k in range(FEWEST))
+    assert priors_of(fleet, tmp_path / "r0") == {}
+    with pytest.raises(UserError, match="too few for a prior"):
+        prior_for(fleet, "ur10e", tmp_path / "r0")
+
+
+def test_parameters_that_the_fleet_does_not_know_keep_the_descriptions_prior(model, tmp_path):
+    learned = priors_of(fleet_of(tmp_path, model, 6))["ur10e"]
+    described = prior(model.layout, ROBOT, inertial_parameters(Arm(ROBOT)), 100.0, STEP)
+    part = FleetPrior("ur10e", learned.names[:3], learned.mean[:3], learned.covariance[:3, :3], learned.robots)
+    belief = part.on(described, model.layout)
+    precision = belief.precision_matrix()
+    assert belief.mean[:3] == pytest.approx(learned.mean[:3]) and (belief.mean[3:] == described.mean[3:]).all()
+    assert precision[:3, :3] == pytest.approx(np.linalg.inv(learned.covariance[:3, :3]))
+    assert np.diag(precision)[3:] == pytest.approx(described.deviation[3:] ** -2.0)
+
+
+@pytest.mark.long(seconds=4)
+def test_with_the_prior_a_new_robot_needs_less_data(model, tmp_path):
+    learned = priors_of(fleet_of(tmp_path, model, 12))["ur10e"]
+    short = [recording(model, 0, seed=31, rows=300)]
+    later = [recording(model, k, seed=32, rows=700) for k in range(3)]
+
+    def held_out(prior):
+        fit = fit_grey_box(ROBOT, short, STEP, 1, lambda _: None, learned=prior)
+        errors = [s.P - p for s, p in zip(later, predictions(fit.model, later), strict=True)]
+        return np.concatenate([error - error.mean() for error in errors]).std()
+
+    assert held_out(learned) < 0.8 * held_out(None)
+
+
+def test_train_refuses_a_prior_that_does_not_fit(closed, model, tmp_path):
+    fleet_of(tmp_path, model, 2)
+    ds = closed[0] / "before" / "ds"
+    for words, said in (
+        (("--network", "grey-box", "--prior", tmp_path / "plant.toml"), "too few for a prior"),
+        (("--network", "7x1dim", "--prior", tmp_path / "plant.toml"), "--prior is for"),
+        (("--network", "grey-box", "--prior", tmp_path / "none.json"), "none.json: cannot be read"),
+    ):
+        assert said in refused(acqd_here("train", ds, *words, "--out", tmp_path / "b"))
+    assert not (tmp_path / "b").exists()
+
+
+def test_a_bundle_says_from_whom_its_prior_is(closed, model, tmp_path):
+    from acqd.models.bundle.bundle import load_bundle
+
+    fleet_of(tmp_path, model, 6)
+    words = ("--network", "grey-box", "--prior", tmp_path / "plant.toml", "--out", tmp_path / "b")
+    done = acqd_here("train", closed[0] / "before" / "ds", *words)
+    assert done.returncode == 0, done.stderr
+    assert load_bundle(tmp_path / "b").metadata["prior"]["robots"] == [f"r{k}" for k in range(6)]

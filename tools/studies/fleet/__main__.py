@@ -1,0 +1,164 @@
+"""Judges `acqd fleet` on virtual robots of one type (simulated by the generator of `studies.foreign`).
+
+    python -m tools.studies.fleet OUT [--robots 200] [--minutes 60] [--jobs 2] [--nodes 2] [--json]
+    python -m tools.studies.fleet OUT --robots 20 --minutes 10 --reference 10      # a quick version
+
+Every robot has a model from an unchanged session. A week later all are recorded at the same time, some with a hidden
+effect from some minute on; most of these have the same cause, which sets in at the same time. What is there is not made
+again. Making the files is not part of the time that is printed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import resource
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from acqd.workers import run_here
+from tools.common.tables import show
+from tools.studies.fleet.benefit import benefit
+from tools.studies.fleet.cases import Scale, cases
+from tools.studies.fleet.judge import judged
+from tools.studies.fleet.make import MakeTask, make_robot, write_fleet
+
+_WIDTH = 130
+
+
+def options() -> argparse.Namespace:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    add = parser.add_argument
+    add("out", type=Path, metavar="OUT")
+    add("--robots", type=int, default=200)
+    add("--minutes", type=float, default=60.0, help="in question, per robot (default 60)")
+    add("--reference", type=float, default=20.0, help="minutes for the model of a robot (default 20)")
+    add("--hidden", type=int, help="robots with hidden effects (default a tenth, at least 5)")
+    add("--shared", type=int, help="robots of the shared cause (default three quarters of these)")
+    add("--cause", default="viscous_friction", help="the shared cause, of the generator's effects")
+    add("--seed", type=int, default=1)
+    add("--new", type=int, default=3, help="new robots on which the prior is judged (default 3, 0: none)")
+    add("--prior-minutes", type=float, action="append", help="of the new robots' own data (default 10 and 4)")
+    add("--jobs", type=int, default=2)
+    add("--engine", choices=("process", "ray"), default="process")
+    add("--ray-address", help="of a Ray cluster (default: start one)")
+    add("--nodes", type=int, help="start so many local Ray nodes of one core each (implies --engine ray)")
+    add("--again", action="store_true", help="forget the results of the fleet, keep the files")
+    add("--json", action="store_true")
+    return parser.parse_args()
+
+
+def main() -> None:
+    """Make what is missing, run acqd fleet, print what it is worth."""
+    given = options()
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    hidden = given.hidden or max(given.robots // 10, 5)
+    shared = given.shared or round(0.75 * hidden)
+    scale = Scale(given.robots, given.minutes, given.reference, hidden, shared, given.cause, given.seed)
+    out = given.out.resolve()
+    secrets, made_s = _made(out, scale, given.jobs)
+    fleet = write_fleet(out, cases(scale))
+    if given.again:
+        shutil.rmtree(out / "fleet.fleet", ignore_errors=True)
+    with _nodes(given.nodes) as address:
+        if address is not None:
+            given.engine, given.ray_address = "ray", address
+        report, seconds = _run(fleet, given)
+    result: dict[str, Any] = judged(report, secrets) | seconds | {"made_s": made_s, "label": "simulated"}
+    minutes = tuple(given.prior_minutes or (10.0, 4.0))
+    result["prior"] = benefit(scale, fleet, out, given.new, minutes) if given.new else []
+    (out / "result.json").write_text(json.dumps(result, indent=2))
+    if given.json:
+        print(json.dumps(result))
+    else:
+        _print(result)
+
+
+def _made(out: Path, scale: Scale, jobs: int) -> tuple[dict[str, dict[str, Any]], float]:
+    """Secrets of all robots, and the seconds that it took."""
+    console, begun = Console(stderr=True), time.monotonic()
+    tasks = [MakeTask(scale, case, out) for case in cases(scale)]
+    secrets: dict[str, dict[str, Any]] = {}
+    for name, secret in run_here(make_robot, tasks, jobs, lambda: None):
+        secrets[name] = secret
+        console.print(f"made {len(secrets)} of {len(tasks)}: {name}", highlight=False)
+    return secrets, time.monotonic() - begun
+
+
+@contextmanager
+def _nodes(count: int | None) -> Iterator[str | None]:
+    """The address of a Ray cluster with so many nodes on this machine; None where none was asked for."""
+    if count is None:
+        yield None
+        return
+    from ray.cluster_utils import Cluster
+
+    cluster = Cluster()
+    for _ in range(count):
+        cluster.add_node(num_cpus=1)
+    try:
+        yield str(cluster.address)
+    finally:
+        cluster.shutdown()
+
+
+def _run(fleet: Path, given: argparse.Namespace) -> tuple[dict[str, Any], dict[str, float]]:
+    """The report of `acqd fleet`, wall and CPU seconds."""
+    more = ["--ray-address", given.ray_address] if given.ray_address else []
+    command = [sys.executable, "-m", "acqd", "fleet", str(fleet), "--jobs", str(given.jobs), "--engine", given.engine]
+    before, begun = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic()
+    done = subprocess.run([*command, *more, "--json"], stdout=subprocess.PIPE, text=True, check=False)
+    if not done.stdout:
+        sys.exit(f"acqd fleet ended with {done.returncode}")
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return json.loads(done.stdout), {"wall_s": time.monotonic() - begun, "cpu_s": cpu}
+
+
+def _print(result: dict[str, Any]) -> None:
+    table = Table("quantity", "value", title="acqd fleet on virtual robots (simulated)", title_justify="left")
+    shared = result["shared"]
+    rows = [
+        ("robots, with hidden effects", f"{result['robots']}, {result['hidden']}"),
+        ("found", f"{result['found']} of {result['hidden']}; missed: {', '.join(result['missed']) or 'none'}"),
+        ("false discoveries", f"{len(result['false'])} ({result['false_share']:.1%}): {', '.join(result['false'])}"),
+        ("cause named", f"{result['named']} of {result['found']} found"),
+        ("error of the onset, median", f"{result['onset_error_min'] or 0:.1f} min"),
+        ("shared cause", _shared(shared)),
+        ("failed", str(result["failed"])),
+        (
+            "wall time, CPU time",
+            f"{result['wall_s']:.0f} s, {result['cpu_s']:.0f} s (made in {result['made_s']:.0f} s)",
+        ),
+    ]
+    for row in rows:
+        table.add_row(*row)
+    show(table, width=_WIDTH)
+    if result["prior"]:
+        amounts = list(result["prior"][0]["rms_W"])
+        prior = Table("new robot", *amounts, title="held-out RMS [W] (simulated)", title_justify="left")
+        for each in result["prior"]:
+            prior.add_row(each["robot"], *(f"{each['rms_W'][amount]:.3f}" for amount in amounts))
+        show(prior, width=_WIDTH)
+
+
+def _shared(shared: dict[str, Any] | None) -> str:
+    if shared is None:
+        return "none was reported"
+    wrong = f", {len(shared['wrong'])} wrongly" if shared["wrong"] else ""
+    return f"{shared['cause']} in {shared['of_true']} of {shared['true']} robots{wrong}, p {shared['p']:.3g}"
+
+
+if __name__ == "__main__":
+    main()
