@@ -265,8 +265,6 @@ _KINDS: dict[str, type[Section]] = {
 
 
 _CORRECTIONS = [f"source.correction.{name}" for name in CorrectionSection.model_fields]
-_SECRET = {"token", "password", "password_file", "database", "username"}
-_SECRET = {"password", "password_file", "database", "username", "token", "url"}
 _SECRET = {"password", "password_file", "database", "username", "token", "url", "webhooks", "smtp_password"}
 _NET_ID = "expected six numbers like 5.12.34.56.1.1"
 _EXPECTED = {
