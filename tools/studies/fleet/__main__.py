@@ -110,7 +110,7 @@ def _nodes(count: int | None) -> Iterator[str | None]:
     try:
         yield str(cluster.address)
     finally:
-        cluster.shutdown()  # type: ignore[no-untyped-call]
+        cluster.shutdown()
 
 
 def _run(fleet: Path, given: argparse.Namespace) -> tuple[dict[str, Any], dict[str, float]]:

@@ -6,7 +6,7 @@ import pytest
 from acqd.discrepancy.monitor.cusum import Baseline
 from acqd.discrepancy.monitor.excursion import cusum, largest_excursion, without_level
 from acqd.discrepancy.thresholds import THRESHOLDS
-from tests.discrepancy.test_cusum import STEP, recordings
+from tests.discrepancy.monitor.test_cusum import STEP, recordings
 
 BETWEEN_S = 3600 * 200.0
 RANGE_W = 100.0
