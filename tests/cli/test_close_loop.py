@@ -129,7 +129,7 @@ def test_a_watch_by_command_tells_line_by_line_until_it_is_asked_to_stop(closed,
     assert not [line for line in rest.splitlines() if json.loads(line)["event"] == "alarm"]
 
 
-@pytest.mark.long(seconds=15)
+@pytest.mark.slow
 def test_a_withheld_term_is_named_and_comes_back(closed, tmp_path):
     folder, _ = closed
     ds = folder / "before" / "ds"

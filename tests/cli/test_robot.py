@@ -25,7 +25,7 @@ def test_from_a_urdf_to_a_report(tmp_path, urdf):
     # a made-up tensor in the file: exit 1 tells scripts
     assert done.returncode == int(any(each["state"] == "wrong" for each in checked["findings"]))
     page = (tmp_path / "arm.html").read_text()
-    assert page.count("<svg") == 1 and "class=\"bars\"" in page and "What is guessed" in page
+    assert page.count("<svg") == 1 and 'class="bars"' in page and "What is guessed" in page
     assert "is there already" in refused(acqd_here("robot", "from-urdf", urdf, cwd=tmp_path))
 
 

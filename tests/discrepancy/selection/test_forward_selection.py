@@ -82,6 +82,7 @@ def test_friction_that_grows_with_the_third_power_of_speed_is_not_called_viscous
     assert tracing.unknown.finding.candidate.label == "a friction of joint 2 of another curve over its speed"
 
 
+@pytest.mark.slow
 def test_a_regular_load_of_seconds_is_a_pulsation_and_no_thermostat(model, robot):
     def pump(scene, random):
         return 8.0 * ((averaged(scene.t) % 5.0) < 2.0)
