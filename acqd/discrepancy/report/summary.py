@@ -9,6 +9,7 @@ import numpy as np
 from acqd.discrepancy.closed import Closed
 from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.repair.terms import described
+from acqd.discrepancy.report.main_parameter import changed_place
 from acqd.discrepancy.selection.hypotheses import unnamed
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.discrepancy.thresholds import described as described_thresholds
@@ -112,7 +113,7 @@ def next_steps(closed: Closed) -> list[str]:
         if near:
             steps.append(f"to distinguish {each.term.id} from {' or '.join(near)}: {effect.experiment}")
         else:
-            steps.append(f"look for what has changed at: {each.term.where}; to confirm it: {effect.experiment}")
+            steps.append(f"look for what has changed at: {changed_place(each)}; to confirm it: {effect.experiment}")
     if closed.verdict == "unknown_structure":
         steps.append(
             "ask what was changed in the cell, and log what may be the cause together with the power; "

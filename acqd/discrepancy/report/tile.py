@@ -7,6 +7,7 @@ from typing import Any
 
 from acqd.discrepancy.closed import Closed
 from acqd.discrepancy.repair.terms import Added
+from acqd.discrepancy.report.main_parameter import changed_place, main_parameter
 from acqd.discrepancy.report.summary import next_steps
 from acqd.discrepancy.selection.hypotheses import unnamed
 from acqd.models.effects import library
@@ -28,7 +29,7 @@ def tile(closed: Closed) -> Verdict:
 
 def _headline(closed: Closed) -> str:
     if closed.verdict == "effects_found":
-        named = ", ".join(f"{each.term.id} ({each.term.where})" for each in closed.named)
+        named = ", ".join(f"{each.term.id} ({changed_place(each)})" for each in closed.named)
         return f"{'Cause' if len(closed.named) == 1 else 'Causes'} found: {named}"
     if closed.verdict == "unknown_structure":
         return "The power has changed in a way that no known effect explains"
@@ -42,7 +43,7 @@ def _sentence(closed: Closed) -> str:
         unknown = closed.tracing.unknown
         since = f", since {unknown.gate.start}" if unknown.gate.start else ""
         return f"The residual looks like {unnamed(unknown.finding.candidate.label)}{since}."
-    sentences = [directed(library()[each.term.id].summary, _main_parameter(each)[1]) for each in closed.named]
+    sentences = [directed(library()[each.term.id].summary, main_parameter(each)[1]) for each in closed.named]
     since = next((f" It begins with {each.start}." for each in closed.named if each.start), "")
     perhaps = "Perhaps: " if closed.verdict == "not_identifiable" and sentences else ""
     return _capital(perhaps + "; ".join(sentences) + f".{since}") if sentences else _reason(closed)
@@ -54,19 +55,6 @@ def directed(summary: str, parameter: dict[str, Any]) -> str:
     if low > 0:
         return _EITHER.sub(r"\1", summary)
     return _EITHER.sub(r"\2", summary) if high < 0 else summary
-
-
-def _main_parameter(each: Added) -> tuple[str, dict[str, Any]]:
-    """Name and value of the size that differs most clearly from zero: of seven joints one may have changed."""
-    parameters = each.term.parameters
-    own = {name: value for name, value in parameters.items() if name not in each.term.shape} or parameters
-    return max(own.items(), key=lambda named: _clear(named[1]))
-
-
-def _clear(parameter: dict[str, Any]) -> float:
-    """Value over half width of its interval; 0 without an interval."""
-    bounds = parameter["ci95"]
-    return abs(parameter["value"]) / max((bounds[1] - bounds[0]) / 2, 1e-12) if bounds else 0.0
 
 
 def _reason(closed: Closed) -> str:
@@ -89,7 +77,7 @@ def _how_much(closed: Closed) -> list[KeyFigure]:
 
 def _size(each: Added) -> KeyFigure:
     """The main parameter of an effect with its interval; signed where the effect has two directions."""
-    name, parameter = _main_parameter(each)
+    name, parameter = main_parameter(each)
     value, unit, bounds = float(parameter["value"]), parameter["unit"], parameter["ci95"]
     label = f"{each.term.id}: {name}"
     if not bounds:

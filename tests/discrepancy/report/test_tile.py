@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from acqd.discrepancy.repair.terms import Added
-from acqd.discrepancy.report.tile import _main_parameter, _size, directed
+from acqd.discrepancy.report.main_parameter import changed_place, main_parameter
+from acqd.discrepancy.report.tile import _size, directed
 from acqd.models.augmented import Term
 from acqd.models.effects import library
 
@@ -32,11 +33,12 @@ def test_an_interval_over_zero_leaves_both_directions():
 
 def test_of_several_joints_the_changed_one_is_shown():
     effect = found("coulomb_friction", {"torque joint 1": (0.2, 0.4), "torque joint 2": (-9.1, 0.6)})
-    assert _main_parameter(effect)[0] == "torque joint 2"
+    assert main_parameter(effect)[0] == "torque joint 2"
     assert _size(effect).value.startswith("-9.1")
+    assert changed_place(effect) == "joint 2"
     assert _size(found("coulomb_friction", {"torque": (17.1, 1.9)})).value == "+17.1 Nm"
 
 
 def test_a_fitted_shape_is_not_the_size():
     effect = found("stribeck_friction", {"torque": (25.0, 2.0), "speed": (0.15, 0.001)}, {"speed": 0.15})
-    assert _main_parameter(effect)[0] == "torque"
+    assert main_parameter(effect)[0] == "torque"

@@ -16,7 +16,7 @@ class OffsetShift(Effect):
     """A constant load that was added or removed."""
 
     id = "offset_shift"
-    summary = "something takes a constant power more (or less): another device on the same supply"
+    summary = "something takes more (or less) power all the time: another device on the same supply"
     equation = "P = P_0"
     neighbours = ("meter_gain", "thermostat", "brake_holding")
     experiment = "two minutes at rest before and after"
