@@ -1,7 +1,7 @@
 """All C that acqd compiles: sources, flags, and what is done where there is no compiler.
 
 The libraries for metering and training are compiled at first use, or beforehand in a wheel. The sources of an FMU are
-written anew for every model. Imports nothing but the standard library, so that a wheel can be built where numpy is not
+written for every model. Imports nothing but the standard library, so that a wheel can be built where numpy is not
 installed.
 """
 

@@ -16,7 +16,7 @@ from acqd.models.effects import library
 from acqd.models.effects.scene import segment_scene
 
 Progress = Callable[[str, float], None]
-"""Is told what is being done, and which share of it is complete."""
+"""Gets the step in progress and the share of it that is complete."""
 
 
 def search(config: CloseConfig, subject: Subject, progress: Progress) -> tuple[Delay | None, Tracing]:

@@ -1,6 +1,6 @@
 """Registers of reactive energy in four quadrants, and of the demand of quarter hours.
 
-Quadrants are those of IEC 62053-23 (figure C.1 there): I import and inductive, II export and Q > 0, III export and
+Quadrants are those of IEC 62053-23: I import and inductive, II export and Q > 0, III export and
 Q < 0, IV import and capacitive. A window counts as a whole, in the quadrant of its P and the Q1 of its fundamentals:
 kvarh = |Q1| x window / 3.6e6. The total of several phases counts by their sums.
 
