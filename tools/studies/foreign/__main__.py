@@ -42,6 +42,7 @@ def options() -> argparse.Namespace:
     add("--torque", action="store_true", help="log joint torques (7 axes) and motor currents")
     add("--clocks", action="store_true", help="clocks of robot and meter differ (default: they agree, --lag 0)")
     add("--seeds", choices=list(FIRST_SEED), default="tune")
+    add("--first", type=int, metavar="SEED", help="seed of the first plant (default 1 of tune, 1001 of test)")
     add("--worlds", type=int, default=1, help="number of plants (default 1)")
     add("--only", action="append", metavar="GLOB", help="cases by name, such as 'clean-*' or 'payload-10'")
     add("--jobs", type=int, default=1, help="cases at the same time (default 1)")
@@ -94,7 +95,7 @@ def main() -> None:
     if given.show:
         report(stored(given.out, given.label), given)
         return
-    first = FIRST_SEED[given.seeds]
+    first = given.first or FIRST_SEED[given.seeds]
     worlds = [
         World(given.robot, seed, given.amount, given.torque, given.clocks)
         for seed in range(first, first + given.worlds)
