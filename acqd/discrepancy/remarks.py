@@ -36,7 +36,6 @@ def not_added(improved: Improved) -> list[str]:
     unpredictable = "acts at times that neither angles nor signals predict"
     unsure = "cannot be told from its alternatives in these recordings"
     reasons = [
-        (e.term.id, unpredictable if e.sure and not library()[e.term.id].predictable else unsure)
-        for e in improved.reported_only
+        (e.term.id, unsure if library()[e.term.id].predictable else unpredictable) for e in improved.reported_only
     ]
     return refused + [f"{name} {reason}: reported, not added to the model" for name, reason in reasons]

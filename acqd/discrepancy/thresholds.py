@@ -237,6 +237,13 @@ class Thresholds:
     neighbour_share: float = _threshold(
         0.12, "-", "selection", "study", "the same for a neighbour of the earlier effect"
     )
+    earlier_error: float = _threshold(
+        0.15,
+        "-",
+        "selection",
+        "choice",
+        "relative error of the power of earlier effects: masses, torques and friction of the description",
+    )
     onset_factor: float = _threshold(
         1.05, "-", "selection", "study", "an onset must explain more by this factor and by onset_margin"
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from acqd.arrays import Floats
@@ -19,24 +21,27 @@ def settled(
 ) -> tuple[Verdict, Improved, list[str]]:
     """The verdict, the model that it permits, and notes.
 
-    Effects are found only if they are likelier than all others and explain a fair share of the excess over the
-    reference (without one, over the noise floor). A structure is unknown only in a residual above that of the
+    Effects are found only if they are likelier than all others together, and explain a fair share of the excess over
+    the reference (without one, over the noise floor). A structure is unknown only in a residual above that of the
     reference, where the model misses as much. Nothing is left only where the error has not grown beyond that of the
     reference.
     """
     errors_of_reference = errors_of(subject.model, subject.reference) if subject.reference else []
     lowest_W = rms(errors_of_reference) if errors_of_reference else floor_W
     improved, notes = _without_traces(subject, tracing, improved, lowest_W)
-    found = [each for each in [*improved.kept, *improved.reported_only] if each.sure]
-    if found:
+    improved, unlikely = _without_unlikely(tracing, improved)
+    notes += unlikely
+    if improved.kept or improved.reported_only:
         share = _share(rms(errors_before), rms(improved.errors), lowest_W)
         if not improved.kept or share >= THRESHOLDS.fair_share:
             return "effects_found", improved, notes
         remark = (
             f"the effects explain only {max(share, 0.0):.0%} of the squared error above {lowest_W:.2f} W: not added"
         )
+        if tracing.unknown is not None:
+            return "unknown_structure", _without_effects(subject, improved, errors_before), [*notes, remark]
         return "not_identifiable", _nothing_added(subject, improved, errors_before), [*notes, remark]
-    if improved.reported_only:
+    if unlikely and tracing.unknown is None:
         return "not_identifiable", improved, notes
     sizes = f"{rms(errors_before):.2f} W RMS, {lowest_W:.2f} W in the reference"
     if tracing.unknown is not None and errors_of_reference and rms(errors_before) <= lowest_W:
@@ -93,8 +98,24 @@ def _without_traces(
     return improved.with_reported(kept), notes
 
 
+def _without_unlikely(tracing: Tracing, improved: Improved) -> tuple[Improved, list[str]]:
+    """Without effects that are less likely than all others together: they become hypotheses, with a note."""
+    unlikely = [each for each in improved.reported_only if not each.sure]
+    tracing.hypotheses = [*(each.as_hypothesis() for each in unlikely), *tracing.hypotheses]
+    notes = [
+        f"{each.term.id} ({each.term.where}) is less likely than the other causes together: no finding"
+        for each in unlikely
+    ]
+    return improved.with_reported([each for each in improved.reported_only if each.sure]), notes
+
+
 def _nothing_added(subject: Subject, improved: Improved, errors_before: list[Floats]) -> Improved:
+    """With all effects in the report only."""
     everything: list[Added] = [*improved.kept, *improved.reported_only]
+    return replace(_without_effects(subject, improved, errors_before), reported_only=everything)
+
+
+def _without_effects(subject: Subject, improved: Improved, errors_before: list[Floats]) -> Improved:
     return Improved(
-        base=subject.model, kept=[], reported_only=everything, refused=improved.refused, gains=[], errors=errors_before
+        base=subject.model, kept=[], reported_only=[], refused=improved.refused, gains=[], errors=errors_before
     )

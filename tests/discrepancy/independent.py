@@ -38,13 +38,18 @@ def lagged_mean(fine_power, lag_s=0.012, steps=40):
 # What each effect adds, written without the library's own expressions: from the scene's motion alone.
 def extra_power(scene, torque):
     """W of a torque on top of the motors', exactly: mechanical, copper, conduction; [T] at the meter."""
+    return lagged_mean(extra_at_drives(scene, torque))
+
+
+def extra_at_drives(scene, torque):
+    """[SUB T] W, before the supply's lag."""
     gain, copper, conduction = (scene.model.group(name) for name in ("gain", "copper", "conduction"))
 
     def power(tau):
         loss = (copper * tau**2 + conduction * (np.sqrt(tau**2 + 0.25) - 0.5)).sum(axis=1)
         return gain[0] * (tau * scene.qd).sum(axis=1) + loss
 
-    return lagged_mean(power(scene.tau + torque) - power(scene.tau))
+    return power(scene.tau + torque) - power(scene.tau)
 
 
 def column(scene, joint, values):
@@ -63,10 +68,14 @@ def pulses(scene, random, low, high, gap):
     return on
 
 
-def added_payload(scene, random):
+def payload_torque(scene, kg=2.0):
     arm = load_description("ur10e")
-    more = inverse_dynamics(Arm(arm, Payload(2.0, (0, 0, 0.05))), scene.q, scene.qd, scene.qdd)
-    return extra_power(scene, more - inverse_dynamics(Arm(arm), scene.q, scene.qd, scene.qdd))
+    more = inverse_dynamics(Arm(arm, Payload(kg, (0, 0, 0.05))), scene.q, scene.qd, scene.qdd)
+    return more - inverse_dynamics(Arm(arm), scene.q, scene.qd, scene.qdd)
+
+
+def added_payload(scene, random):
+    return extra_power(scene, payload_torque(scene))
 
 
 def since_release(scene):

@@ -9,11 +9,13 @@ from hypothesis import strategies as st
 
 from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.repair.guard import Improved
+from acqd.discrepancy.repair.terms import added
 from acqd.discrepancy.repair.torque_scale import TorqueScale
 from acqd.discrepancy.residual.residuals import errors_of
 from acqd.discrepancy.selection.accepted import Tracing, Unknown
 from acqd.discrepancy.verdict import grown, settled
 from tests.builders import grey, recording
+from tests.discrepancy.independent import COMMON, INDEPENDENT, selected
 
 
 def test_an_error_beyond_that_of_the_reference_has_grown():
@@ -47,6 +49,24 @@ def test_an_unnamed_cause_is_a_finding_only_where_the_residual_has_grown(now_W, 
     tracing = Tracing(design=None, regression=None, unknown=Unknown(None, None))
     said, _, notes = settled(subject, tracing, improved, errors, 0.5)
     assert said == verdict and ("has not grown" in " ".join(notes)) == (said == "not_identifiable")
+
+
+def test_an_effect_that_is_less_likely_than_the_others_together_is_a_hypothesis(model, robot):
+    reference = [recording(model, k, seed=1) for k in range(7)]
+    new = [recording(model, k, INDEPENDENT["coulomb_friction"], seed=2, start_s=1e9 + 5000) for k in range(7)]
+    _, tracing = selected(model, robot, new, reference, COMMON)
+    likely = added(tracing, tracing.effects[0], TorqueScale(1.0, 0.0), 1)
+    unlikely = replace(likely, confidence=0.43, family_confidence=0.43)
+    subject = Subject(None, model, model, None, None, "change", new, new, reference, frozenset(), frozenset(), [])
+    errors = errors_of(model, new)
+    said = {}
+    for each in (likely, unlikely):
+        improved = Improved(model, kept=[], reported_only=[each], refused=[], gains=[], errors=errors)
+        said[each.sure] = settled(subject, tracing, improved, errors, 0.5)
+    assert said[True][0] == "effects_found" and said[True][1].reported_only == [likely]
+    assert said[False][0] == "not_identifiable" and not said[False][1].reported_only
+    assert "less likely than the other causes" in " ".join(said[False][2])
+    assert tracing.hypotheses[0].missing == ["a confidence of 50% (the effect has 43%)"]
 
 
 @given(st.floats(0.7, 1.4), st.floats(0.0, 0.1), st.floats(0.1, 20), st.just(0.0) | st.floats(1e-9, 2))

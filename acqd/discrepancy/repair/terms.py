@@ -62,12 +62,19 @@ class Added:
         return f"{self.term.id} {self.term.where}{' (whole recordings)' if self.evidence is None else ''}"
 
     def as_hypothesis(self) -> Hypothesis:
-        """The effect that an unnamed alternative outdoes, as the report shows what was considered."""
-        assert self.doubt is not None and self.evidence is not None
-        alternative = self.doubt.finding
+        """An effect that an unnamed alternative outdoes, or other effects together, as the report shows it."""
+        assert self.evidence is not None
         sizes = {name: (float(shown["value"]), str(shown["unit"])) for name, shown in self.term.parameters.items()}
-        missing = [f"more evidence than {unnamed(alternative.candidate.label)}"]
-        return Hypothesis(self.term.id, self.term.where, sizes, self.evidence, float(alternative.evidence), missing)
+        if self.doubt is not None:
+            alternative = self.doubt.finding
+            least = float(alternative.evidence)
+            missing = [f"more evidence than {unnamed(alternative.candidate.label)}"]
+        else:
+            least = self.evidence
+            missing = [
+                f"a confidence of {THRESHOLDS.least_confidence:.0%} (the effect has {self.family_confidence:.0%})"
+            ]
+        return Hypothesis(self.term.id, self.term.where, sizes, self.evidence, least, missing)
 
 
 def added(tracing: Tracing, named: Named, scale: TorqueScale, seed: int) -> Added:

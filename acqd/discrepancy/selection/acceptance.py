@@ -13,6 +13,7 @@ from acqd.discrepancy.regression.onset import Gate
 from acqd.discrepancy.residual.delay import single_delay
 from acqd.discrepancy.selection.accepted import Named
 from acqd.discrepancy.selection.detectors.candidates import Detection
+from acqd.discrepancy.selection.imitation import beyond_earlier
 from acqd.discrepancy.selection.ranking import Finding, Support
 from acqd.discrepancy.selection.shape_fit import fit_shape
 from acqd.discrepancy.thresholds import THRESHOLDS
@@ -70,6 +71,8 @@ def missing(view: View, finding: Finding, limit: float) -> list[str]:
         failed.append(needed)
     if not relevant(view.design, finding):
         failed.append("a size that matters")
+    if not beyond_earlier(view.design, view.prior_findings, finding):
+        failed.append("more power than an error of the earlier effects may leave")
     if not (support.surprise > limit or _seen_at_joints(view, finding) or _unanimous(view, finding)):
         failed.append(
             f"more agreement than by chance (surprise {support.surprise:.1f} of {limit:.1f}): more recordings"
@@ -147,7 +150,8 @@ def equal_to(view: View, alternative: Finding, named: list[Finding]) -> Finding 
 
 def _agrees(view: View, finding: Finding) -> bool:
     agree = finding.supported().consistency >= THRESHOLDS.consistent_share
-    return agree and finding.evidence > least_evidence(view, finding) and relevant(view.design, finding)
+    matters = relevant(view.design, finding) and beyond_earlier(view.design, view.prior_findings, finding)
+    return agree and finding.evidence > least_evidence(view, finding) and matters
 
 
 def serious(design: Design, finding: Finding) -> bool:

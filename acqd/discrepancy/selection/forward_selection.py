@@ -10,6 +10,7 @@ from acqd.discrepancy.regression.setup import Setup
 from acqd.discrepancy.selection.accepted import Tracing
 from acqd.discrepancy.selection.ranking import rank_pooled
 from acqd.discrepancy.selection.stepwise import Step
+from acqd.discrepancy.selection.supply_response import with_loaded_laws
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.effects import library
 
@@ -24,7 +25,7 @@ class Limits:
 
 def trace(setup: Setup, limits: Limits, progress: Callable[[str], None]) -> Tracing:
     """Select effects one after the other."""
-    regression = _without_small_clock(setup)
+    regression = base = _without_small_clock(setup)
     tracing = Tracing(setup.design, setup.regression, setup.design.witness)
     while len(tracing.effects) < limits.max_effects:
         progress(f"looking for effect {len(tracing.effects) + 1}")
@@ -32,7 +33,9 @@ def trace(setup: Setup, limits: Limits, progress: Callable[[str], None]) -> Trac
         if named is None:
             break
         tracing.effects.append(named)
-        regression = regression.with_columns(tracing.design.blocks, named.columns())
+        tracing.design, common = with_loaded_laws(tracing.design, base, tracing.effects)
+        columns = [column for each in tracing.effects for column in each.columns()]
+        regression = common.with_columns(tracing.design.blocks, columns)
     tracing.regression = regression.on(tracing.design.blocks)
     _prune(tracing)
     accepted = {(named.id, named.finding.candidate.label) for named in tracing.effects}

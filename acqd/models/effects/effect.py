@@ -41,6 +41,8 @@ class Effect(ABC):
     """Motion, signals and the clock determine when the effect acts, so that a model with it predicts better."""
     structural: ClassVar[bool] = True
     """A model may lack the effect from the start, in every recording alike."""
+    of_drives: ClassVar[bool] = False
+    """A law of the drives' whole power: other effects' power passes through the same law."""
     follows_clock: ClassVar[bool] = False
     """Depends on the time since the start of the session; a term keeps that time as `origin_s`."""
     detected: ClassVar[Detector] = ""
@@ -134,6 +136,17 @@ def effect_rows_at(effect: Effect, scene: Scene, shape: Shape, columns: Sequence
     if effect.acts_on == "torque":
         scene = scene.with_secant_slope(_torque(effect, scene, shape, chosen, coefficients))
     return effect_rows(effect, scene, shape)[:, chosen]
+
+
+def drive_power(effect: Effect, scene: Scene, shape: Shape, columns: Sequence[int], coefficients: Floats) -> Floats:
+    """[N] W at the drives of an effect of torques with the `coefficients` [k] of chosen columns."""
+    chosen = list(columns)
+    moved = scene.with_secant_slope(_torque(effect, scene, shape, chosen, coefficients))
+    memory = dict(scene.memory)
+    power = effect.at(moved, shape)[:, chosen] @ coefficients
+    scene.memory.clear()
+    scene.memory.update(memory)
+    return np.asarray(power)
 
 
 def _torque(effect: Effect, scene: Scene, shape: Shape, columns: list[int], coefficients: Floats) -> Floats:

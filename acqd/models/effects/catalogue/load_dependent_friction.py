@@ -14,6 +14,8 @@ from acqd.models.greybox.model import direction
 
 _USUAL_SHARE = 0.2
 """Prior deviation: gears of robot joints lose 10 to 30 % of the torque that they transmit."""
+_SELF_LOCKING = 1.0
+"""A gear whose friction equals its load locks itself."""
 
 
 class LoadDependentFriction(Effect):
@@ -36,4 +38,6 @@ class LoadDependentFriction(Effect):
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """Joints."""
-        yield from per_joint(scene.axes, Parameter("share of the load", "-", deviation=_USUAL_SHARE, whole_low=0.0))
+        yield from per_joint(
+            scene.axes, Parameter("share of the load", "-", high=_SELF_LOCKING, deviation=_USUAL_SHARE, whole_low=0.0)
+        )

@@ -17,6 +17,8 @@ _USUAL_LOSS = 0.2
 """Gears of robot joints lose 10 to 30 % of the power that they transmit."""
 _LEAST_LOSS = -0.05
 """A loss cannot be negative; less than the model's friction can be lost by some percent."""
+_SELF_LOCKING = 1.0
+"""A gear that loses as much as it transmits locks itself (efficiency of one half): robots have no such gears."""
 
 
 class MechanicalPower(Effect):
@@ -43,7 +45,7 @@ class MechanicalPower(Effect):
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """Joints, for losses in the gear, net power, and losses outside the motor."""
-        lost = Parameter("lost share", "-", _LEAST_LOSS, deviation=_USUAL_LOSS)
+        lost = Parameter("lost share", "-", _LEAST_LOSS, _SELF_LOCKING, deviation=_USUAL_LOSS)
         yield from per_joint(scene.axes, lost)
         yield from per_joint(scene.axes, Parameter("share", "-", deviation=1.0), scene.axes)
         yield from per_joint(scene.axes, replace(lost, name="share lost beside the motor"), 2 * scene.axes)

@@ -21,6 +21,7 @@ class RegenerationClipping(Effect):
     equation = "P = s max(-P_drives - P_0, 0)"
     neighbours = ("supply_efficiency", "mechanical_power")
     experiment = "lower a heavy payload fast, again and again"
+    of_drives = True
     shapes = ({"above_W": 0.0}, {"above_W": 10.0}, {"above_W": 25.0}, {"above_W": 50.0})
     bounds: ClassVar = {"above_W": (0.0, 200.0)}
     c_body = """
