@@ -16,6 +16,7 @@ from acqd.discrepancy.selection.accepted import Named, Tracing
 from acqd.discrepancy.selection.hypotheses import unnamed
 from acqd.discrepancy.selection.ranking import Finding, rank_pooled
 from acqd.discrepancy.selection.shape_interval import Fit, Neighbours, fit_at
+from acqd.discrepancy.selection.switched_size import sizes_by_levels, switches
 from acqd.discrepancy.thresholds import THRESHOLDS
 
 _SHOWN = 3  # alternatives in a report
@@ -106,6 +107,10 @@ def intervals(tracing: Tracing, named: Named) -> Intervals:
     Delete-one-recording jackknife (Tukey 1958) with Student's factor, and at least the width for white noise. A
     fitted shape is fitted again without every recording, so that its uncertainty is in the size too.
     """
+    if switches(named):
+        by_levels = sizes_by_levels(tracing.design, tracing.regression, named)
+        spread = _jackknife([np.array([size]) for size in by_levels[1:]])
+        return Intervals(by_levels[:1], float(student.ppf(0.975, len(by_levels) - 2)) * spread)
     design, regression = replace(tracing.design, witness=named.witness), tracing.regression.without(named.key)
     neighbours = Neighbours.of(design, regression, named)
 

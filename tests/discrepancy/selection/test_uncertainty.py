@@ -9,6 +9,7 @@ from acqd.discrepancy.repair.naming import without_doubtful
 from acqd.discrepancy.repair.terms import added, doubt_about
 from acqd.discrepancy.repair.torque_scale import TorqueScale
 from acqd.discrepancy.selection.hypotheses import unnamed
+from acqd.discrepancy.selection.shape_interval import fit_at
 from acqd.discrepancy.selection.uncertainty import confidence, intervals
 from acqd.models.greybox.model import direction
 from tests.discrepancy.independent import COMMON, INDEPENDENT, added_payload, column, extra_power, traced
@@ -69,3 +70,22 @@ def test_effects_that_act_together_are_no_alternatives_of_each_other(model, robo
     assert {strong.id, weak.id} == {"gear_ripple", "payload"}
     beaten = replace(weak, alternatives=[strong.finding, *weak.alternatives])  # as if it had been named first
     assert confidence(tracing, beaten, 1)[0] > 0.9
+
+
+def test_the_size_of_a_load_that_switches_is_not_attenuated_by_wrong_edges(model, robot):
+    _, tracing = traced(model, robot, INDEPENDENT["process_load"], only=COMMON | {"process_load"})
+    (named,) = tracing.effects
+    places, design = named.finding.candidate.places, tracing.design
+    wrong = []
+    for segment in range(len(design.columns.segments)):
+        on = design.values(segment, places)
+        for edge in np.flatnonzero(np.diff(on[:, 0]))[::3]:
+            on[edge - 10 : edge + 1] = on[edge + 1]
+        wrong.append(on)
+    tracing.design = design.with_replaced(places, wrong)
+    tracing.regression = tracing.regression.on(tracing.design.blocks)
+    certain = intervals(tracing, named)
+    assert abs(certain.coefficients[0] - 7.0) < 0.1 * 7.0
+    column = fit_at(tracing.design, tracing.regression.without(named.key), named.finding.candidate, named.gate.open,
+                    np.ones(len(design.parts)))[1]  # fmt: skip
+    assert column.coefficients[0] < 0.85 * 7.0

@@ -14,6 +14,7 @@ from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.gram import Column, Places, Regression
 from acqd.discrepancy.residual.whitening import Whitener
 from acqd.discrepancy.selection.detectors import ripple, switching
+from acqd.discrepancy.selection.detectors.rhythm import rhythm
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.effects import library
 from acqd.models.effects.effect import Effect, effect_rows
@@ -122,10 +123,10 @@ class _Search:
 
     def columns(self, states: switching.States) -> list[Floats]:
         """[T, 1] per segment of the design."""
-        on = [np.zeros(len(level), dtype=bool) for level in self.levels]
-        for k, state in zip(self.segments, states.on, strict=True):
-            on[k] = state
-        return [(level * state)[:, None] for level, state in zip(self.levels, on, strict=True)]
+        shares = [np.zeros(len(level)) for level in self.levels]
+        for k, share in zip(self.segments, states.shares, strict=True):
+            shares[k] = share
+        return [(level * share)[:, None] for level, share in zip(self.levels, shares, strict=True)]
 
     def by_chance(self, residuals: list[Floats]) -> float:
         """Log-likelihood gain of the same search in the reference, scaled to as many rows."""
@@ -141,7 +142,7 @@ def _described(
     search: _Search, states: switching.States, wanted: dict[str, Effect], residuals: list[Floats]
 ) -> Detection | None:
     """The detection, with the effect that rhythm and level suggest; None when that effect is not wanted."""
-    shape = {"share_of_time": states.share}
+    shape, period_s = {"share_of_time": states.share}, None
     if len(search.signs) > 1:
         if states.share > THRESHOLDS.contact_longest:
             return None
@@ -151,16 +152,16 @@ def _described(
         rows = round(THRESHOLDS.walk_s / scenes[0].step_s)
         if switching.walks([residuals[k] for k in search.segments], states.on, rows):
             return None
-        period_s, regularity = switching.rhythm(states.on, [averaged(scenes[k].t) for k in search.segments])
-        kind = "rhythm" if regularity > THRESHOLDS.rhythm_regular else "bursts"
-        shape |= {"period_s": period_s} if kind == "rhythm" else {}
+        period_s = rhythm(states.on, [averaged(scenes[k].t) for k in search.segments])
+        kind = "bursts" if period_s is None else "rhythm"
+        shape |= {} if period_s is None else {"period_s": period_s}
     columns = search.columns(states)
     found = partial(
         Detection, shape=shape, columns=columns, cost=float(states.switchings),
         by_chance=partial(search.by_chance, residuals),
     )  # fmt: skip
-    if kind == "rhythm" and shape["period_s"] < THRESHOLDS.rhythm_shortest_s:  # no heater or fan switches so often
-        return found(None, label=f"a pulsation with a period of about {shape['period_s']:.0f} s")
+    if period_s is not None and period_s < THRESHOLDS.rhythm_shortest_s:  # no heater or fan switches so often
+        return found(None, label=f"a pulsation with a period of about {period_s:.0f} s")
     return found(wanted[kind]) if kind in wanted else None
 
 

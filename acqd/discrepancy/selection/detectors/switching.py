@@ -15,14 +15,11 @@ from scipy.ndimage import uniform_filter1d
 
 from acqd.arrays import Floats
 from acqd.discrepancy.residual.whitening import Whitener
+from acqd.discrepancy.selection.detectors.edges import shares_of_rows
 from acqd.discrepancy.thresholds import THRESHOLDS
 
 _SIZES = (1.0, 2.0, 4.0, 8.0, 16.0)  # starting values of the size, in standard deviations of the innovation
 _ROUNDS = 4
-_SHORTEST_PERIOD_S, _LONGEST_PERIOD_S = 2.0, 900.0
-_FEWEST_CYCLES = 3
-"""A rhythm must be seen three times."""
-_LONGEST_GRID = 2_000_000  # points of 0.5 s
 _DWELLS = (10, 100)  # shortest state in rows: equipment in use, heaters and coolers
 
 
@@ -32,6 +29,8 @@ class States:
 
     on: list[NDArray[np.bool_]]
     """[T] per segment."""
+    shares: list[Floats]
+    """[T] per segment: share of every row in which the load is on; 0 or 1 except where the load switches."""
     size: float
     """Difference between on and off, in W or units of the shape."""
     gain: float
@@ -72,7 +71,7 @@ def search(
     long = [k for k, each in enumerate(residuals) if len(each) > 2 * lost]  # in shorter segments the load stays off
     if not long:
         return None
-    everywhere = residuals
+    everywhere, levels = residuals, shapes
     residuals, shapes = [residuals[k] for k in long], [shapes[k] for k in long]
     white = [_prepared(each, shape, whitener) for each, shape in zip(residuals, shapes, strict=True)]
     unit = whitener.innovation / max(float(np.sqrt(np.mean(np.concatenate(shapes) ** 2))), 1e-9)
@@ -87,7 +86,8 @@ def search(
     on = [np.zeros(len(each), dtype=bool) for each in everywhere]
     for k, path in zip(long, best.paths, strict=True):
         on[k] = np.concatenate([np.full(lost, path[0]), path])
-    states = States(on, best.size, best.gain)
+    shares, size = shares_of_rows(everywhere, whitener, levels, on, best.size)
+    states = States(on, shares, size, best.gain)
     return states if THRESHOLDS.switching_rarest < states.share < 1 - THRESHOLDS.switching_rarest else None
 
 
@@ -211,40 +211,3 @@ def walks(residuals: list[Floats], on: list[NDArray[np.bool_]], rows: int) -> bo
         average = uniform_filter1d(each, width, mode="nearest")
         left_by_average += float(((each - average) ** 2).sum()) * (1 + 1 / width)
     return left_by_average < left_by_states
-
-
-def rhythm(on: list[NDArray[np.bool_]], t: list[Floats]) -> tuple[float, float]:
-    """Period [s] and regularity (0 to 1) of the states: a thermostat has a rhythm, equipment in use has none.
-
-    Regular states correlate positively a period apart and as much negatively half a period apart. Time between
-    recordings is unknown and left out.
-    """
-    start = min(float(each[0]) for each in t)
-    grid_s = 0.5
-    size = int((max(float(each[-1]) for each in t) - start) / grid_s) + 1
-    if size > _LONGEST_GRID:  # days between recordings: no phase lasts so long
-        return 0.0, 0.0
-    known, state = np.zeros(size), np.zeros(size)
-    mean = float(np.concatenate(on).mean())
-    for states, times in zip(on, t, strict=True):
-        place = ((times - start) / grid_s).astype(int)
-        known[place], state[place] = 1.0, states - mean
-    length = 2 ** int(np.ceil(np.log2(2 * size)))
-    products = np.fft.irfft(np.abs(np.fft.rfft(state, length)) ** 2)[:size]
-    pairs = np.fft.irfft(np.abs(np.fft.rfft(known, length)) ** 2)[:size]
-    correlation = np.where(pairs > THRESHOLDS.rhythm_fewest_pairs, products / np.maximum(pairs, 1), 0.0) / max(
-        mean * (1 - mean), 1e-9
-    )
-    lowest = -max(mean, 1 - mean) / max(min(mean, 1 - mean), 1e-9)  # not reached: a square wave has -d / (1 - d)
-    floor = 1 / lowest
-    found: list[tuple[float, float]] = []
-    observed_s = sum(float(times[-1] - times[0]) for times in t)
-    longest = min(_LONGEST_PERIOD_S, size * grid_s / 2, observed_s / _FEWEST_CYCLES)
-    for period in np.geomspace(_SHORTEST_PERIOD_S, max(longest, 2 * _SHORTEST_PERIOD_S), 600):
-        whole, half = round(period / grid_s), round(period / grid_s / 2)
-        if whole < size:
-            found.append((float(period), float(min(correlation[whole], correlation[half] / floor))))
-    most = max((regular for _, regular in found), default=0.0)
-    return next(
-        ((period, regular) for period, regular in found if regular >= THRESHOLDS.rhythm_near_best * most), (0.0, 0.0)
-    )

@@ -1,12 +1,11 @@
-"""States that are on or off, and their rhythm."""
+"""States that are on or off."""
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
 from acqd.discrepancy.residual.whitening import Whitener
-from acqd.discrepancy.selection.detectors.switching import rhythm, search, walks
-from tests.builders import STEP
+from acqd.discrepancy.selection.detectors.switching import search, walks
 
 
 def test_on_and_off_are_found_in_coloured_noise():
@@ -18,16 +17,6 @@ def test_on_and_off_are_found_in_coloured_noise():
     assert np.mean([(a == b).mean() for a, b in zip(states.on, true, strict=True)]) > 0.98
     none = search(noise, Whitener.of(noise))
     assert none is None or none.gain < 0.1 * states.gain
-
-
-def test_a_rhythm_is_told_from_bursts():
-    t = [100.0 * k + STEP * np.arange(1500) for k in range(20)]
-    steady = [((each + 3) % 37) < 15 for each in t]
-    random = np.random.default_rng(7)
-    bursts = [np.repeat(random.random(30) < 0.3, 50) for _ in t]
-    period, regular = rhythm(steady, t)
-    assert period == pytest.approx(37, rel=0.05) and regular > 0.8
-    assert rhythm(bursts, t)[1] < 0.3
 
 
 def test_a_walk_is_no_switching_load():
