@@ -111,18 +111,22 @@ def _parameters(named: Named, certain: Intervals, scale: TorqueScale) -> dict[st
     """In true units; the coefficients of a term are in the scale of its model's torques."""
     parameters: dict[str, Any] = {}
     for parameter, value, width in zip(named.place.parameters, certain.coefficients, certain.half, strict=True):
-        true, wide = scale.corrected(float(value), _with_columns(float(value), float(width)), parameter.unit)
+        half = _with_columns(library()[named.id], float(value), float(width))
+        true, wide = scale.corrected(float(value), half, parameter.unit)
         parameters[parameter.name] = _shown(true, parameter.unit, wide)
     for name, value in named.shape.items():
         unit = next((unit for ending, unit in _UNITS.items() if name.endswith(ending)), "-")
         half = certain.shape_half if name in library()[named.id].bounds else None
-        parameters[name] = _shown(float(value), unit, None if half is None else _with_columns(value, half))
+        parameters[name] = _shown(
+            float(value), unit, None if half is None else _with_columns(library()[named.id], value, half)
+        )
     return parameters
 
 
-def _with_columns(value: float, half: float) -> float:
+def _with_columns(effect: Effect, value: float, half: float) -> float:
     """Half width of an interval, with the relative error of the columns themselves."""
-    return float(np.hypot(half, THRESHOLDS.interval_width * THRESHOLDS.column_deviation * abs(value)))
+    deviation = np.hypot(THRESHOLDS.column_deviation, effect.simplification)
+    return float(np.hypot(half, THRESHOLDS.interval_width * deviation * abs(value)))
 
 
 def _shown(value: float, unit: str, half: float | None) -> dict[str, Any]:

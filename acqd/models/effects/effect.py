@@ -41,6 +41,8 @@ class Effect(ABC):
     """Motion, signals and the clock determine when the effect acts, so that a model with it predicts better."""
     structural: ClassVar[bool] = True
     """A model may lack the effect from the start, in every recording alike."""
+    simplification: ClassVar[float] = 0.0
+    """Relative standard deviation of the columns by what the equation leaves out."""
     of_drives: ClassVar[bool] = False
     """A law of the drives' whole power: other effects' power passes through the same law."""
     follows_clock: ClassVar[bool] = False

@@ -29,6 +29,7 @@ class ContactForce(Effect):
     predictable = False
     structural = False
     detected = "contact"
+    simplification = 0.1  # a force that is inclined by 10 to 20 degrees has a horizontal part, which the arm feels too
     c_body = """
     lanes_t weight[AXES];
     weight_torque_lanes(&p->posture, AXES - 1, tip, weight);
