@@ -114,9 +114,10 @@ def _parameters(named: Named, certain: Intervals, scale: TorqueScale) -> dict[st
         half = _with_columns(library()[named.id], float(value), float(width))
         true, wide = scale.corrected(float(value), half, parameter.unit)
         parameters[parameter.name] = _shown(true, parameter.unit, wide)
+    effect = library()[named.id]
     for name, value in named.shape.items():
         unit = next((unit for ending, unit in _UNITS.items() if name.endswith(ending)), "-")
-        half = certain.shape_half if name in library()[named.id].bounds else None
+        half = certain.shape_half if name in effect.bounds else None
         parameters[name] = _shown(
             float(value), unit, None if half is None else _with_columns(library()[named.id], value, half)
         )
