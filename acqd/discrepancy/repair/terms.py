@@ -110,17 +110,16 @@ def doubt_about(named: Named, together: float, alternatives: list[tuple[str, flo
 def _parameters(named: Named, certain: Intervals, scale: TorqueScale) -> dict[str, Any]:
     """In true units; the coefficients of a term are in the scale of its model's torques."""
     parameters: dict[str, Any] = {}
-    for parameter, value, width in zip(named.place.parameters, certain.coefficients, certain.half, strict=True):
-        half = _with_columns(library()[named.id], float(value), float(width))
-        true, wide = scale.corrected(float(value), half, parameter.unit)
-        parameters[parameter.name] = _shown(true, parameter.unit, wide)
     effect = library()[named.id]
+    for parameter, value, width in zip(named.place.parameters, certain.coefficients, certain.half, strict=True):
+        of_columns = _with_columns(effect, float(value), float(width))
+        true, wide = scale.corrected(float(value), of_columns, parameter.unit)
+        parameters[parameter.name] = _shown(true, parameter.unit, wide)
     for name, value in named.shape.items():
         unit = next((unit for ending, unit in _UNITS.items() if name.endswith(ending)), "-")
         half = certain.shape_half if name in effect.bounds else None
-        parameters[name] = _shown(
-            float(value), unit, None if half is None else _with_columns(library()[named.id], value, half)
-        )
+        wide_shape = None if half is None else _with_columns(effect, value, half)
+        parameters[name] = _shown(float(value), unit, wide_shape)
     return parameters
 
 
