@@ -94,6 +94,7 @@ class Page:
             raise UserError(f"{page}: cannot be read ({error.strerror})") from None
         self._pictures += 1
         inner = text.partition("<main>")[2].rpartition("</main>")[0]
+        inner = re.sub(r"<nav .*?</nav>", "", inner, flags=re.DOTALL)  # contents of a part are no landmark of the page
         mark = f"c{self._pictures}-"
         inner = re.sub(r'\b(id="|href="#|url\(#|aria-labelledby=")', rf"\g<1>{mark}", inner)
         self._blocks.append(Chapter(title, re.sub(r"(</?)h[12]\b", r"\1h3", inner)))
