@@ -31,7 +31,9 @@ def write_report(path: Path, config: CloseConfig, closed: Closed) -> None:
         page.text("The power of this dataset is derived from other measurements, not metered.")
     chart, recording = charts.example(closed)
     chosen = "the loop changed most" if closed.kept else "the error is largest"
-    page.lines(chart, f"Where {chosen}, a minute at most: held-out recording {recording}.")
+    page.lines(
+        chart, f"Where {chosen}, a minute at most: held-out recording {recording}. Error: measured minus predicted."
+    )
     _errors(page, closed)
     for number_, effect in enumerate(closed.named):
         _effect(page, closed, effect, number_)

@@ -27,7 +27,7 @@ _HOURS_PER_DAY, _W_PER_KW = 24.0, 1000.0
 
 
 def beside(subject: Subject, each: Added) -> str:
-    """The size beside what the robot has: "the model has 18 Nm; 7 % of the limit of 330 Nm"; "" if nothing is known."""
+    """The size beside what the robot has: "the model has 18 Nm; the change is 7 % of the limit"; "" if unknown."""
     return "; ".join(text for text in (_usual(subject, each), _load(subject, each)) if text)
 
 
@@ -59,7 +59,7 @@ def _load(subject: Subject, each: Added) -> str:
     if unit in ("Nm", "N") and joint is not None:
         share = abs(value) / float(effort[joint])
         limit = f"{number(float(effort[joint]))} {unit}"
-        return f"{percent(share)} of the joint's limit of {limit}" if share >= _LEAST_SHARE else ""
+        return f"the change is {percent(share)} of the joint's limit of {limit}" if share >= _LEAST_SHARE else ""
     if each.term.id != "payload" or value <= 0 or subject.robot.sliding:
         return ""
     shares = _holding_torque(subject, each, value) / effort

@@ -16,7 +16,7 @@ def subject(model):
 
 def test_friction_stands_beside_that_of_the_model_and_the_limit_of_the_joint(subject):
     friction = found("coulomb_friction", {"torque joint 1": (0.2, 0.4), "torque joint 2": (24.0, 1.0)})
-    assert beside(subject, friction) == "the model has 5.0 Nm; 7.3 % of the joint's limit of 330 Nm"
+    assert beside(subject, friction) == "the model has 5.0 Nm; the change is 7.3 % of the joint's limit of 330 Nm"
     viscous = found("viscous_friction", {"coefficient": (8.0, 1.0)}, where="joint 3", unit="Nm s/rad")
     assert beside(subject, viscous) == "the model has 6.0 Nm s/rad"
 
@@ -24,7 +24,8 @@ def test_friction_stands_beside_that_of_the_model_and_the_limit_of_the_joint(sub
 def test_a_quantity_that_the_model_lacks_has_no_usual_value(model):
     friction = found("coulomb_friction", {"torque": (24.0, 1.0)}, where="joint 2")
     assert (
-        beside(subject_with(model, withheld=frozenset({"coulomb"})), friction) == "7.3 % of the joint's limit of 330 Nm"
+        beside(subject_with(model, withheld=frozenset({"coulomb"})), friction)
+        == "the change is 7.3 % of the joint's limit of 330 Nm"
     )
 
 
