@@ -7,6 +7,7 @@ import numpy as np
 from acqd.arrays import Floats
 from acqd.discrepancy.closed import Closed
 from acqd.discrepancy.residual.residuals import errors_of
+from acqd.report.digits import number, percent
 
 _BLOCK_S = 10.0
 """Motion of a robot averages out within this time, heat and meters do not."""
@@ -42,7 +43,7 @@ def wandering(closed: Closed) -> str:
         if slow_W < _GROWN * usual_W:
             return ""
     return (
-        f"the power wanders slowly ({slow_W:.1f} W RMS in averages over {_BLOCK_S:.0f} s, {share:.0%} of the squared "
-        "error), which motion does not do: let the robot warm up, log the temperatures and the mains voltage, "
+        f"the power wanders slowly ({number(slow_W, 2)} W RMS in averages over {_BLOCK_S:.0f} s, {percent(share)} of the "
+        "squared error), which motion alone does not do: let the robot warm up, log the temperatures and the mains voltage, "
         "and record two minutes at rest before and after"
     )
