@@ -42,8 +42,8 @@ def wandering(closed: Closed) -> str:
         usual_W, _ = slow_part(errors_of(subject.model, subject.reference), subject.data.step_s)
         if slow_W < _GROWN * usual_W:
             return ""
+    size = f"{number(slow_W, 2)} W RMS in averages over {_BLOCK_S:.0f} s, {percent(share)} of the squared error"
     return (
-        f"the power wanders slowly ({number(slow_W, 2)} W RMS in averages over {_BLOCK_S:.0f} s, {percent(share)} of the "
-        "squared error), which motion alone does not do: let the robot warm up, log the temperatures and the mains voltage, "
-        "and record two minutes at rest before and after"
+        f"the power wanders slowly ({size}), which motion alone does not do: let the robot warm up, log temperatures "
+        "and the mains voltage, and record two minutes at rest before and after"
     )
