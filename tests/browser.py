@@ -11,13 +11,19 @@ import pytest
 _PROGRAMS = ("chromium", "chromium-browser", "google-chrome")
 
 
-@contextmanager
-def chromium() -> Iterator[object]:
-    """A browser of playwright."""
+def needs_chromium() -> tuple[object, str]:
+    """Playwright and the path of the browser. Skips the test where one is missing."""
     api = pytest.importorskip("playwright.sync_api", reason="needs acqd[browser]")
     program = next((path for name in _PROGRAMS if (path := shutil.which(name))), None)
     if program is None:
         pytest.skip(f"no {' or '.join(_PROGRAMS)} is installed")
+    return api, program
+
+
+@contextmanager
+def chromium() -> Iterator[object]:
+    """A browser of playwright."""
+    api, program = needs_chromium()
     with api.sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=program, args=["--no-sandbox"])
         yield browser

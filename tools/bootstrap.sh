@@ -131,6 +131,8 @@ test)
     trap 'wait' EXIT # leave no installation behind that still runs
     install dev
     wait $servers
+    # Where it is set, hundreds of processes would each compile every module that they import again.
+    unset PYTHONDONTWRITEBYTECODE
     [ $# -gt 0 ] || say "lint, types, layers and all tests: several minutes on two idle cores"
     begun=$(date +%s)
     complaints=$(mktemp)

@@ -85,7 +85,7 @@ def plain(config: ConfigFile = None, host: Host = None, port: Port = None, json:
 
 @app.command("sparkplug")
 def sparkplug(config: ConfigFile = None, host: Host = None, port: Port = None, json: Json = False) -> None:
-    """Publish the 1 s summaries as an edge node of Sparkplug B; see [sparkplug] in acqd.toml.
+    """Publish 1 s summaries and power quality as an edge node of Sparkplug B; see [sparkplug] in acqd.toml.
 
     Example: acqd bridge sparkplug --config /etc/acqd/acqd.toml
     """
@@ -94,7 +94,7 @@ def sparkplug(config: ConfigFile = None, host: Host = None, port: Port = None, j
 
     settings = configured(config, host, port)
     section = settings.sparkplug
-    node = Node(section.group, section.node, section.stale_s)
+    node = Node(section.group, section.node, section.stale_s, quality=section.quality)
     _show(serve(settings.mqtt.address(), node, f"acqd-sparkplug-{section.group}-{section.node}", qos=0), json=json)
 
 

@@ -30,3 +30,5 @@ class SparkplugSection(Section):
     node: _Name = Field(default_factory=socket.gethostname)
     stale_s: Positive = 60.0
     """A device without summaries for so long is declared dead [s]."""
+    quality: BridgedQuality = "150/180"
+    """Rows of power quality from this aggregation on: some 800 metrics per interval of three phases."""

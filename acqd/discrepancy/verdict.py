@@ -45,12 +45,16 @@ def settled(
         return "not_identifiable", improved, notes
     sizes = f"{rms(errors_before):.2f} W RMS, {lowest_W:.2f} W in the reference"
     if tracing.unknown is not None and errors_of_reference and rms(errors_before) <= lowest_W:
-        remark = f"what follows an unnamed cause is in a residual that has not grown ({sizes}): no finding"
+        remark = f"what follows an unnamed cause is in an error that has not grown ({sizes}): no finding"
         return "not_identifiable", improved, [*notes, remark]
     if tracing.unknown is not None:
         return "unknown_structure", improved, notes
     if grown(subject.held_out, errors_before, subject.reference, errors_of_reference):
-        return "not_identifiable", improved, [*notes, f"the residual has grown ({sizes}), and no cause is credible"]
+        return (
+            "not_identifiable",
+            improved,
+            [*notes, f"the error of the model has grown ({sizes}), and no cause is credible"],
+        )
     # too few rows without an effect do not prove its absence
     few = subject.fit_s < THRESHOLDS.enough_s
     return "not_identifiable" if improved.refused or few else "nothing_left", improved, notes

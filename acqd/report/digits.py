@@ -28,7 +28,8 @@ def with_error(value: float, half: float) -> str:
     if not (math.isfinite(half) and half > 0):
         return number(value)
     leading = float(f"{half:.2e}".partition("e")[0])
-    return f"{value:.{_decimals(half, 2 if leading < 3.55 else 1)}f}"
+    text = f"{value:.{_decimals(half, 2 if leading < 3.55 else 1)}f}"
+    return text if float(text) else text.removeprefix("-")  # no "-0.0"
 
 
 def interval(low: float, high: float) -> str:

@@ -35,7 +35,7 @@ class Page:
         self._sections: list[Section] = []
         self._details: dict[str, str] = {}
         self._blocks = self._opening
-        self._pictures = 0
+        self._pictures = self._tables = 0
 
     def verdict(self, verdict: Verdict) -> None:
         """Set the tile on top."""
@@ -57,7 +57,9 @@ class Page:
 
     def table(self, header: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
         """Add a table; floats are shown to three significant digits."""
-        self._blocks.append(table_of(f"Table: {', '.join(name for name in header if name)}", header, rows))
+        self._tables += 1
+        label = f"Table {self._tables}: {', '.join(name for name in header if name)}"
+        self._blocks.append(table_of(label, header, rows))
 
     def lines(self, chart: Chart, caption: str) -> None:
         """Add a chart that shows the values below the pointer."""
@@ -73,7 +75,9 @@ class Page:
             figure.savefig(png, format="png", dpi=130, bbox_inches="tight")
         self._pictures += 1
         self._blocks.append(
-            Picture(inline_svg(figure, alt or caption, f"f{self._pictures}"), f"Figure: {caption}", caption)
+            Picture(
+                inline_svg(figure, alt or caption, f"f{self._pictures}"), f"Figure {self._pictures}: {caption}", caption
+            )
         )
 
     @contextmanager
@@ -94,6 +98,7 @@ class Page:
             raise UserError(f"{page}: cannot be read ({error.strerror})") from None
         self._pictures += 1
         inner = text.partition("<main>")[2].rpartition("</main>")[0]
+        inner = re.sub(r"<nav .*?</nav>", "", inner, flags=re.DOTALL)  # contents of a part are no landmark of the page
         mark = f"c{self._pictures}-"
         inner = re.sub(r'\b(id="|href="#|url\(#|aria-labelledby=")', rf"\g<1>{mark}", inner)
         self._blocks.append(Chapter(title, re.sub(r"(</?)h[12]\b", r"\1h3", inner)))

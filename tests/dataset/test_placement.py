@@ -52,7 +52,7 @@ def test_a_clock_just_beyond_the_search_range_is_not_met_at_its_edge(campaign, t
 
 
 @pytest.mark.long(seconds=6)
-@pytest.mark.parametrize("step_ms", [20.0, 100 / 3])
+@pytest.mark.parametrize("step_ms", [pytest.param(20.0, marks=pytest.mark.slow), 100 / 3])
 def test_windows_of_any_length_are_aligned(cell, tmp_path, step_ms):
     made, true, time_ns, P = cell
     t, step = (time_ns - time_ns[0]) * 1e-9, step_ms / 1000

@@ -13,10 +13,10 @@ from acqd.robot.dynamics import gravity_torque, inverse_dynamics
 from tests.builders import STEP, recording
 
 
-def traced(model, robot, add, *, count=7, withheld=frozenset(), contrast=True, only=None):
+def traced(model, robot, add, *, count=6, rows=500, withheld=frozenset(), contrast=True, only=None):
     """The loop's heart on recordings with an effect, beside recordings without."""
-    reference = [recording(model, k, seed=1) for k in range(count)] if contrast else []
-    in_question = [recording(model, k, add, seed=2, start_s=1e9 + 5000) for k in range(count)]
+    reference = [recording(model, k, rows=rows, seed=1) for k in range(count)] if contrast else []
+    in_question = [recording(model, k, add, rows=rows, seed=2, start_s=1e9 + 5000) for k in range(count)]
     return selected(model, robot, in_question, reference, only or library(), withheld)
 
 

@@ -126,6 +126,21 @@ def test_a_daemon_that_goes_takes_its_devices_along_and_retained_summaries_do_no
     assert edge.take(*summary("press-1")) == [("DBIRTH", ["press-1"], 3)]
 
 
+def test_power_quality_of_a_device_that_lives_is_born_once_and_then_data():
+    edge = Edge()
+    edge.node.will(), list(edge.node.begin())
+    assert edge.take(*quality(device="cell.1")) == []  # a device is born with its summaries
+    edge.take(*summary())
+    (birth,) = edge.node.take(*quality(device="cell.1"))
+    assert birth.topic.split("/")[2] == "DBIRTH"
+    for name in (b"total/P", b"L1/quality/150-180/V_thds", b"L1/quality/150-180/V_h/3"):
+        assert name in birth.payload  # everything that data may have
+    (data,) = edge.node.take(*quality(device="cell.1", V_thds=None, f=50.0))
+    assert data.topic.split("/")[2] == "DDATA" and b"total/P" not in data.payload
+    assert edge.take(*quality(device="cell.1", aggregation="10/12")) == [] == edge.take(quality()[0], b"{}")
+    assert Node("plant", "edge", quality="off").subscriptions()[1:] == ("acqd/+/status", "acqd/+/+/summary")
+
+
 def test_a_rebirth_is_given_when_a_host_asks_and_sequence_numbers_wrap():
     edge = Edge()
     edge.node.will(), list(edge.node.begin())

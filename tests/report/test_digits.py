@@ -22,6 +22,7 @@ def test_three_significant_digits(value, text):
 def test_an_error_decides_the_digits_of_its_value(half, value, bounds):
     assert with_error(1.0034, half) == value
     assert interval(1.0034 - half, 1.0034 + half) == bounds
+    assert with_error(-1e-9, half) == with_error(0.0, half)
 
 
 def test_an_interval_says_how_many_recordings_it_is_from():

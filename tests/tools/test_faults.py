@@ -129,6 +129,7 @@ def campaign(*options):
     return figures
 
 
+@pytest.mark.long(seconds=12)
 def test_three_faults_of_the_campaign():
     named = ("daemon killed", "broker killed", "sink: half-open")
     options = (word for name in named for word in ("--only", name))

@@ -40,7 +40,7 @@ def example(closed: Closed) -> tuple[Chart, str]:
         + (f" before and {_rms(after):.1f} W after." if closed.kept else ".")
     )
     t = step_s * np.arange(first, first + width)
-    panels = [Panel("P [W]", powers), Panel("residual [W]", residuals, 120, zero=True)]
+    panels = [Panel("P [W]", powers), Panel("error [W]", residuals, 120, zero=True)]
     return Chart(t, f"time in {segment.recording} [s]", panels, alt), segment.recording
 
 

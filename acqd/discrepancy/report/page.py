@@ -25,13 +25,15 @@ _QUESTIONS = {
 def write_report(path: Path, config: CloseConfig, closed: Closed) -> None:
     """Write the page. Raises UserError."""
     subject = closed.subject
-    page = Page(f"Residual of the model on {config.dataset.name}", simulated=subject.data.measured == "simulated")
+    page = Page(f"Error of the model on {config.dataset.name}", simulated=subject.data.measured == "simulated")
     page.verdict(tile(closed))
     if subject.data.measured == "derived":
         page.text("The power of this dataset is derived from other measurements, not metered.")
     chart, recording = charts.example(closed)
-    chosen = "the loop changed most" if closed.kept else "the residual is largest"
-    page.lines(chart, f"Where {chosen}, a minute at most: held-out recording {recording}.")
+    chosen = "the loop changed most" if closed.kept else "the error is largest"
+    page.lines(
+        chart, f"Where {chosen}, a minute at most: held-out recording {recording}. Error: measured minus predicted."
+    )
     _errors(page, closed)
     for number_, effect in enumerate(closed.named):
         _effect(page, closed, effect, number_)

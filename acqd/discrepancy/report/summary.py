@@ -10,6 +10,7 @@ from acqd.discrepancy.closed import Closed
 from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.repair.terms import described
 from acqd.discrepancy.report.main_parameter import changed_place
+from acqd.discrepancy.report.wander import wandering
 from acqd.discrepancy.selection.hypotheses import unnamed
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.discrepancy.thresholds import described as described_thresholds
@@ -17,9 +18,9 @@ from acqd.models.effects import library
 
 VERDICTS = {
     "effects_found": "An effect that the model lacks was found.",
-    "nothing_left": "The residual shows no credible effect.",
-    "unknown_structure": "The residual has a structure that no effect of the library explains.",
-    "not_identifiable": "The residual has a structure, but these recordings cannot identify its cause.",
+    "nothing_left": "The error of the model shows no credible effect.",
+    "unknown_structure": "The error of the model has a structure that no effect of the library explains.",
+    "not_identifiable": "The error of the model has a structure, but these recordings cannot identify its cause.",
 }
 _SHOWN_CONFIDENCE = 0.02
 """Alternatives with less confidence are not worth an experiment."""
@@ -114,10 +115,12 @@ def next_steps(closed: Closed) -> list[str]:
             steps.append(f"to distinguish {each.term.id} from {' or '.join(near)}: {effect.experiment}")
         else:
             steps.append(f"look for what has changed at: {changed_place(each)}; to confirm it: {effect.experiment}")
+    if closed.verdict in ("unknown_structure", "not_identifiable") and (wander := wandering(closed)):
+        steps.append(wander)
     if closed.verdict == "unknown_structure":
         steps.append(
             "ask what was changed in the cell, and log what may be the cause together with the power; "
-            "figures below show which quantities the residual follows"
+            "figures below show which quantities the error follows"
         )
     if closed.verdict == "not_identifiable":
         seconds = closed.subject.fit_s

@@ -6,8 +6,10 @@ import re
 from typing import Any
 
 from acqd.discrepancy.closed import Closed
+from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.repair.terms import Added
 from acqd.discrepancy.report.main_parameter import changed_place, main_parameter
+from acqd.discrepancy.report.relevance import beside, mean_power
 from acqd.discrepancy.report.summary import next_steps
 from acqd.discrepancy.selection.hypotheses import unnamed
 from acqd.models.effects import library
@@ -23,7 +25,7 @@ _EITHER = re.compile(r"(\w+) \(or (\w+)\)")
 
 def tile(closed: Closed) -> Verdict:
     """What a plant engineer needs within a minute."""
-    figures = _how_much(closed) + _how_sure(closed) + [_error(closed)]
+    figures = _how_much(closed) + _how_sure(closed) + mean_power(closed) + [_error(closed)]
     return Verdict(_TONES[closed.verdict], _headline(closed), _sentence(closed), figures, next_steps(closed))
 
 
@@ -42,7 +44,7 @@ def _sentence(closed: Closed) -> str:
     if closed.verdict == "unknown_structure" and closed.tracing.unknown is not None:
         unknown = closed.tracing.unknown
         since = f", since {unknown.gate.start}" if unknown.gate.start else ""
-        return f"The residual looks like {unnamed(unknown.finding.candidate.label)}{since}."
+        return f"The error of the model looks like {unnamed(unknown.finding.candidate.label)}{since}."
     sentences = [directed(library()[each.term.id].summary, main_parameter(each)[1]) for each in closed.named]
     since = next((f" It begins with {each.start}." for each in closed.named if each.start), "")
     perhaps = "Perhaps: " if closed.verdict == "not_identifiable" and sentences else ""
@@ -67,7 +69,7 @@ def _capital(text: str) -> str:
 
 def _how_much(closed: Closed) -> list[KeyFigure]:
     if closed.named or closed.verdict != "unknown_structure":
-        return [_size(each) for each in closed.named[:_SHOWN_EFFECTS]]
+        return [_size(closed.subject, each) for each in closed.named[:_SHOWN_EFFECTS]]
     usual = closed.floor_W if closed.reference_rmse is None else closed.reference_rmse
     excess = max(closed.before.rmse**2 - usual**2, 0.0) ** 0.5
     return [
@@ -75,16 +77,20 @@ def _how_much(closed: Closed) -> list[KeyFigure]:
     ]
 
 
-def _size(each: Added) -> KeyFigure:
-    """The main parameter of an effect with its interval; signed where the effect has two directions."""
+def _size(subject: Subject, each: Added) -> KeyFigure:
+    """The main parameter of an effect with its interval, and beside what the robot has; signed if it can be either."""
     name, parameter = main_parameter(each)
     value, unit, bounds = float(parameter["value"]), parameter["unit"], parameter["ci95"]
-    label = f"{each.term.id}: {name}"
+    label, usual = f"{each.term.id}: {name}", beside(subject, each)
     if not bounds:
-        return KeyFigure(label, f"{number(value)} {unit}", counted(each.recordings, "recording"))
-    note = confidence_interval((bounds[0], bounds[1]), each.recordings)
+        return KeyFigure(label, f"{number(value)} {unit}", _joined(counted(each.recordings, "recording"), usual))
+    note = _joined(confidence_interval((bounds[0], bounds[1]), each.recordings), usual)
     plus = "+" if value > 0 and _EITHER.search(library()[each.term.id].summary) else ""
     return KeyFigure(label, f"{plus}{with_error(value, (bounds[1] - bounds[0]) / 2)} {unit}", note)
+
+
+def _joined(*parts: str) -> str:
+    return "; ".join(part for part in parts if part)
 
 
 def _how_sure(closed: Closed) -> list[KeyFigure]:

@@ -91,7 +91,7 @@ def sample(segment: Segment, step_s: float, shown: list[tuple[str, Floats]]) -> 
         scatter.plot(ends, ends, color="black", lw=0.7)
         r = np.corrcoef(segment.P, predicted)[0, 1] if predicted.std() > 0 else float("nan")
         scatter.set_title(
-            f"r {r:.4f}, MAE {np.abs(error).mean():.2f} W, RMSE {np.sqrt((error**2).mean()):.2f} W", fontsize=8
+            f"r = {r:.2f}, MAE {np.abs(error).mean():.2f} W, RMSE {np.sqrt((error**2).mean()):.2f} W", fontsize=8
         )
         scatter.set_xlabel("measured power [W]", fontsize=8)
         scatter.set_ylabel("predicted power [W]", fontsize=8)

@@ -13,7 +13,7 @@ from acqd.models.compare.kernels import likeness
 from acqd.models.networks.predictor import NetworkPredictor
 from acqd.report import KeyFigure, Page, Verdict
 from acqd.report.bars import Bar, Bars, ranked
-from acqd.report.digits import confidence_interval, interval, interval_of, number, with_error
+from acqd.report.digits import FEWEST_FOR_INTERVAL, confidence_interval, counted, interval, number, with_error
 from acqd.report.lines import Chart, Line, Panel
 
 _SHOWN_S = 60.0
@@ -67,7 +67,11 @@ def _verdict(comparison: Comparison) -> Verdict:
     rival = min((e.metrics["everything"].mae for e in comparison.entries if e is not best), default=None)
     figures = [
         KeyFigure("mean absolute error", f"{number(m.mae)} W", confidence_interval(best.mae_ci95, m.recordings)),
-        KeyFigure("energy of a recording", f"± {number(100 * m.energy_p95, 2)} %", "for 95 % of the recordings"),
+        KeyFigure(
+            "energy of a recording",
+            f"± {number(100 * m.energy_p95, 2)} %",
+            f"for 95 % of {counted(m.recordings, 'recording')}",
+        ),
         KeyFigure("noise of the measurement", f"{number(comparison.floor_W, 2)} W", f"MAE, {comparison.floor_where}"),
     ]
     if rival is not None:
@@ -81,7 +85,8 @@ def _verdict(comparison: Comparison) -> Verdict:
 
 def _interval(entry: Entry) -> str:
     """Of the MAE [W], from resampled source trajectories and seeds."""
-    return interval_of(entry.mae_ci95, entry.metrics["everything"].recordings)
+    few = entry.metrics["everything"].recordings < FEWEST_FOR_INTERVAL
+    return "-" if few else interval(*entry.mae_ci95)
 
 
 def _mean_errors(comparison: Comparison) -> Bars:
@@ -127,10 +132,15 @@ def _table(page: Page, comparison: Comparison) -> None:
         watts = (f"{m.mae:.2f}", _interval(entry), f"{m.rmse:.2f}", f"{m.bias:.2f}")
         shares = (f"{100 * m.energy_p95:.2f}", f"{100 * entry.unstable:.2f}")
         rows.append([entry.name, pictures.kind_label(entry.trained_on), learnables, entry.seeds, *watts, *shares])
-    header = ["model", "trained on", "parameters", "seeds", "MAE [W]", "95 % of MAE [W]", "RMSE [W]", "bias [W]"]
+    header = ["model", "trained on", "parameters", "seeds", "MAE [W]", "95 % interval [W]", "RMSE [W]", "bias [W]"]
     page.table([*header, "energy p95 [%]", "unstable [%]"], rows)
+    count = comparison.best().metrics["everything"].recordings
+    held_out = counted(count, "held-out recording")
+    intervals = f"Intervals of the MAE from {held_out}: bootstrap over source trajectories and seeds."
+    if count < FEWEST_FOR_INTERVAL:
+        intervals = f"No intervals: {held_out} would say next to nothing about others."
     page.text(
-        "Intervals: bootstrap over source trajectories and seeds. Bias: predicted minus measured. Energy p95: 95 % of "
+        f"{intervals} Bias: predicted minus measured. Energy p95: 95 % of "
         "the recordings have a smaller relative error of their energy. Unstable: share of seconds in which the second "
         "difference of the prediction is more than four times that of the measurement (thesis Figure 8.5)."
     )
@@ -207,8 +217,8 @@ def _kernels(page: Page, comparison: Comparison, entries: list[Entry]) -> None:
         weights = np.asarray(entry.model.arrays["kernel"], dtype=np.float64)
         page.heading(f"Kernels of {entry.name}")
         caption = (
-            "Learned kernels w, compared with the difference of Gaussian (DoG) and the Laplacian of Gaussian (LoG). "
-            "Thesis Figures 8.8 to 8.15."
+            f"Learned kernels w of {entry.name}, compared with the difference of Gaussian (DoG) and the Laplacian of "
+            "Gaussian (LoG). Thesis Figures 8.8 to 8.15."
         )
         normal = entry.model.normal.inputs(0, np.tile(example[:, None], (1, comparison.data.axes)))[:, 0]
         page.figure(pictures.kernels(weights, comparison.data.step_s, normal), caption)

@@ -43,6 +43,7 @@ def test_workers_end_with_a_killed_campaign_and_it_goes_on_where_it_was(tmp_path
 
 @pytest.mark.slow
 def test_a_fleet_on_a_real_ray_cluster(tmp_path):
+    pytest.importorskip("ray", reason="needs acqd[ray]")
     out = tmp_path / "fleet"
     arguments = ["--limited", "1", "--all", "0", "--cells", "2", "--engine", "ray", "--json"]
     done = acqd("lab", "campaign", "--out", out, *arguments)

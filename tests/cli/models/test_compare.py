@@ -7,7 +7,7 @@ import pytest
 from tests.commands import acqd_here
 
 
-@pytest.mark.long(seconds=20)
+@pytest.mark.long(seconds=40)
 def test_models_are_trained_compared_and_the_grey_box_is_best(study, trained, tmp_path):
     models, results = trained
     assert set(results) == {

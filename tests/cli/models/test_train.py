@@ -44,6 +44,7 @@ def test_without_a_compiler_torch_trains(study, tmp_path):
         tmp_path / "b",
         "--json",
         PATH="/nonexistent",
+        XDG_CACHE_HOME=str(tmp_path),  # not what has been compiled before
         CC="",
     )
     assert done.returncode == 0, done.stderr

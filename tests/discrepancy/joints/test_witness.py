@@ -14,7 +14,7 @@ from acqd.models.effects.substeps import averaged
 from acqd.robot.arm import Arm, Payload
 from acqd.robot.dynamics import inverse_dynamics
 from tests.builders import ROBOT, grey, recording
-from tests.discrepancy.independent import COMMON, extra_power, selected
+from tests.discrepancy.independent import extra_power, selected
 
 ALL = frozenset(library())
 CONSTANT = np.array([joint.drive.effort_per_ampere for joint in ROBOT.joint])
@@ -114,6 +114,7 @@ def test_equal_names_on_both_sides_are_two_sessions(model):
     assert joint_level(witness, ALL).explains == "payload"
 
 
+@pytest.mark.long(seconds=12)
 def test_the_loop_asks_power_and_torques(model):
     body = Payload(1.2, (0.0, 0.1, 0.05))
 
@@ -122,7 +123,7 @@ def test_the_loop_asks_power_and_torques(model):
         return extra_power(scene, loaded - bare)
 
     before = [logged(model, k, 1) for k in range(4)]
-    only = COMMON | {"payload", "gravity_bias", "coulomb_friction"}
+    only = {"payload", "gravity_bias", "coulomb_friction", "offset_shift", "copper_loss"}
     after = [logged(model, k, 2, payload=body, add=carried) for k in range(4)]
     _, tracing = selected(model, ROBOT, after, before, only)
     named = tracing.effects[0]

@@ -18,7 +18,7 @@ def test_a_watch_raises_the_alarm_proposes_and_goes_on_after_a_restart(closed, t
     order = CloseConfig(folder / "now" / "ds", folder / "model", tmp_path / "watch", only=("payload", "offset_shift"))
     events = list(Watch(order, 200 * 3600.0).look(lambda *_: None))
     kinds = [event.kind for event in events]
-    assert kinds.count("recording") == 12 and kinds.count("alarm") == 1
+    assert kinds.count("recording") == 9 and kinds.count("alarm") == 1
     proposal = events[-1].details
     assert [effect["id"] for effect in proposal["effects"]] == ["payload"]
     assert load_bundle(Path(proposal["out"]) / "model").metadata["effects"]

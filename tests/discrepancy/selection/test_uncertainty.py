@@ -1,5 +1,6 @@
 """Intervals of sizes and fitted shapes."""
 
+from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
@@ -29,21 +30,28 @@ def test_size_and_shape_of_a_stribeck_curve_have_narrow_intervals_beside_the_tru
     assert 0 < certain.half[0] < 0.1 * certain.coefficients[0]
 
 
-def test_an_effect_without_a_fitted_shape_has_none(model, robot):
-    def dry(scene, random):
+@pytest.fixture(scope="module")
+def dry(model, robot):
+    """The selection on recordings with dry friction of 8 Nm of joint 2."""
+
+    def friction(scene, random):
         return extra_power(scene, column(scene, 1, 8.0 * np.tanh(scene.qd[:, 1] / 0.004)))
 
-    _, tracing = traced(model, robot, dry, only=COMMON)
+    return traced(model, robot, friction, only=COMMON)[1]
+
+
+@pytest.mark.xdist_group("dry friction")
+def test_an_effect_without_a_fitted_shape_has_none(dry):
+    tracing = deepcopy(dry)
+    assert [(named.id, named.place.where) for named in tracing.effects] == [("coulomb_friction", "joint 2")]
     certain = intervals(tracing, tracing.effects[0])
     assert certain.shape is None and certain.shape_half is None
     assert certain.coefficients[0] == pytest.approx(8.0, rel=0.1)
 
 
-def test_an_unnamed_alternative_that_more_recordings_prefer_is_the_finding(model, robot):
-    def dry(scene, random):
-        return extra_power(scene, column(scene, 1, 8.0 * np.tanh(scene.qd[:, 1] / 0.004)))
-
-    _, tracing = traced(model, robot, dry, only=COMMON)
+@pytest.mark.xdist_group("dry friction")
+def test_an_unnamed_alternative_that_more_recordings_prefer_is_the_finding(dry):
+    tracing = deepcopy(dry)
     named = tracing.effects[0]
     other = next(each for each in tracing.last_ranking if not each.candidate.id)
     named = replace(named, alternatives=[other])

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from acqd.report import KeyFigure, Page, Verdict
-from acqd.report.digits import counted, number
+from acqd.report.digits import counted, number, percent
 from tools.studies.thesis import pictures
 from tools.studies.thesis.assembly import CLOSED, NETWORK, Case
 from tools.studies.thesis.claims import Claim
@@ -27,8 +27,9 @@ def table(results: dict[str, Any]) -> list[list[object]]:
 def loop_text(results: dict[str, Any]) -> str:
     """Effects that the loop identified, or its verdict."""
     loop = results["loop"]
-    effects = ", ".join(f"{e['id']} ({e['where']}, confidence {e['confidence']:.0%})" for e in loop["effects"])
-    return effects or str(loop["verdict"])
+    effects = ", ".join(f"{e['id']} ({e['where']}, confidence {percent(e['confidence'])})" for e in loop["effects"])
+    verdict = str(loop["verdict"]).replace("_", " ")
+    return effects if loop["verdict"] == "effects_found" else f"{verdict}{f'; perhaps {effects}' if effects else ''}"
 
 
 def use_case_page(results: dict[str, Any], case: Case, path: Path) -> None:
@@ -61,6 +62,8 @@ def use_case_page(results: dict[str, Any], case: Case, path: Path) -> None:
         page.figure(pictures.power_picture(case, name, peak=True), f"{caption}. Thesis Figure 9.4.")
         caption += ", without the initial peak"
         page.figure(pictures.power_picture(case, name, peak=False), f"{caption}. Thesis Figure C.2.")
+    page.detail("dataset", case.data.path)
+    page.detail("dataset SHA-256", case.data.digest)
     page.write(path)
 
 
@@ -74,7 +77,10 @@ def _use_case_verdict(results: dict[str, Any]) -> Verdict:
     ]
     figures.append(KeyFigure("the loop's error (RMS)", f"{number(before)} → {number(after)} W", "held out"))
     found = loop["verdict"] == "effects_found"
-    return Verdict("found" if found else "open", f"The loop on the assembly: {loop_text(results)}", "", figures)
+    headline = f"The loop finds what the assembly adds: {loop_text(results)}"
+    if not found:
+        headline = f"The loop does not say what the assembly adds: {loop_text(results)}"
+    return Verdict("found" if found else "open", headline, "", figures)
 
 
 def thesis_page(
@@ -83,9 +89,11 @@ def thesis_page(
     """Write the report of the reproduction to `path`. Raises UserError."""
     page = Page("The thesis, reproduced", simulated=True)
     judged = [claim.agrees for claim in claims if claim.agrees is not None]
-    agree = KeyFigure("statements that agree", f"{sum(judged)} of {len(judged)}", "of the thesis")
+    agree = KeyFigure("statements of the thesis that agree", f"{sum(judged)} of {len(judged)}")
     headline = "The thesis is reproduced" if all(judged) else "Not every statement of the thesis is reproduced"
-    page.verdict(Verdict("fine" if all(judged) else "open", headline, "", [agree]))
+    if quick:
+        headline = "A quick run: every step works, and the figures mean nothing"
+    page.verdict(Verdict("fine" if all(judged) and not quick else "open", headline, "", [agree]))
     page.text(
         "All results below are from acqd's virtual laboratory, without a real robot or mains. The thesis measured a "
         "KUKA iiwa. The order of the models and the magnitude of errors can be compared, the exact values cannot."
@@ -94,7 +102,7 @@ def thesis_page(
         page.text("This is a quick run with a tiny campaign and a few epochs. It only shows that every step works.")
     page.heading("Figure by figure")
     words = {True: "agrees", False: "DISAGREES", None: ""}
-    header = ("thesis", "statement of the thesis", "reproduced", "")
+    header = ("thesis", "statement of the thesis", "reproduced", "agreement")
     page.table(header, [[c.figure, c.thesis, c.here, words[c.agrees]] for c in claims])
     page.heading("Reports of the steps")
     for title, report in chapters:

@@ -23,7 +23,7 @@ def motion_picture(case: Case) -> Figure:
         axes[k, 1].plot(t, measured[:, k], color="#000000", lw=1, label="measured")
         axes[k, 1].plot(t, simulated[:, k], color="#b45309", lw=1, ls="--", label="twin")
         axes[k, 1].set_ylabel(f"{name} [m]", fontsize=8)
-    axes[0, 1].legend(fontsize=8)
+    axes[0, 1].legend(fontsize=8, ncols=2, loc="lower right", bbox_to_anchor=(1, 1), frameon=False)
     axes[3, 1].plot(t, 1000 * np.linalg.norm(measured - simulated, axis=1), color="#52606d", lw=1)
     axes[3, 1].set_ylabel("distance [mm]", fontsize=8)
     for k in range(4, segment.q.shape[1]):

@@ -29,7 +29,7 @@ class Size:
 
 FULL = Size(202, 135, 24, 2000, 20_000)
 """The thesis' amounts (sections 5.3, 7.5 and 9)."""
-QUICK = Size(8, 8, 6, 4, 500)
+QUICK = Size(5, 5, 6, 4, 500)
 """For a test of every step. The results mean nothing."""
 
 

@@ -1,0 +1,100 @@
+"""How large a change is for the robot: beside the model's own value, the torque limit, and in energy per day."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from acqd.arrays import Floats
+from acqd.discrepancy.closed import Closed
+from acqd.discrepancy.recordings import Subject
+from acqd.discrepancy.repair.terms import Added
+from acqd.discrepancy.report.main_parameter import changed_place, main_parameter
+from acqd.report.digits import confidence_interval, number, percent
+from acqd.report.verdict import KeyFigure
+
+_OF_JOINT = {
+    "coulomb_friction": "coulomb", "viscous_friction": "viscous", "thermal_friction": "viscous", "copper_loss": "copper"
+}  # fmt: skip
+"""Group of the grey box in which the quantity of an effect at a joint has its usual value."""
+_JOINT = re.compile(r"joint (\d+)$")
+_EVERY = 10
+"""Rows between two postures in which the load of the drives is looked at."""
+_LEAST_SHARE = 0.005
+"""Of a torque limit: less is not worth a word."""
+_HOURS_PER_DAY, _W_PER_KW = 24.0, 1000.0
+
+
+def beside(subject: Subject, each: Added) -> str:
+    """The size beside what the robot has: "the model has 18 Nm; the change is 7 % of the limit"; "" if unknown."""
+    return "; ".join(text for text in (_usual(subject, each), _load(subject, each)) if text)
+
+
+def _usual(subject: Subject, each: Added) -> str:
+    """The same quantity in the model, which the effect comes on top of; "" where the model has none."""
+    if subject.withheld or each.restored:
+        return ""  # the model lacks the quantity altogether
+    unit, group = main_parameter(each)[1]["unit"], _OF_JOINT.get(each.term.id)
+    joint = _joint_of(each)
+    if each.term.id == "offset_shift":
+        return f"the standby power of the model is {number(float(subject.carrier.group('standby')[0]))} W"
+    if group is None or joint is None:
+        return ""
+    usual = float(subject.carrier.group(group)[joint])
+    return f"the model has {number(usual, 2)} {unit}" if usual > 0 else ""
+
+
+def _joint_of(each: Added) -> int | None:
+    """Number of the joint, from 0, or None for another place."""
+    match = _JOINT.search(changed_place(each))
+    return int(match[1]) - 1 if match else None
+
+
+def _load(subject: Subject, each: Added) -> str:
+    """Share of a joint's torque limit that the change takes; "" where no torque can be said."""
+    effort = subject.robot.effort
+    value, unit = float(main_parameter(each)[1]["value"]), main_parameter(each)[1]["unit"]
+    joint = _joint_of(each)
+    if unit in ("Nm", "N") and joint is not None:
+        share = abs(value) / float(effort[joint])
+        limit = f"{number(float(effort[joint]))} {unit}"
+        return f"the change is {percent(share)} of the joint's limit of {limit}" if share >= _LEAST_SHARE else ""
+    if each.term.id != "payload" or value <= 0 or subject.robot.sliding:
+        return ""
+    shares = _holding_torque(subject, each, value) / effort
+    joint = int(np.argmax(shares))
+    if shares[joint] < _LEAST_SHARE:
+        return ""
+    return f"holding the mass takes up to {percent(float(shares[joint]))} of the torque limit of joint {joint + 1}"
+
+
+def _holding_torque(subject: Subject, each: Added, mass_kg: float) -> Floats:
+    """[axes] Nm: the largest torque that the mass alone asks for in the postures of the recordings, at rest."""
+    from acqd.robot.arm import Arm, Payload  # Pinocchio takes a while to import
+    from acqd.robot.dynamics import gravity_torque
+
+    reach_m = float(each.term.shape.get("centre_of_mass_m", 0.0))
+    loaded, bare = Arm(subject.robot, Payload(mass_kg, (0.0, 0.0, reach_m))), Arm(subject.robot)
+    q = np.concatenate([segment.q[::_EVERY] for segment in subject.fit])
+    largest: Floats = np.abs(gravity_torque(loaded, q) - gravity_torque(bare, q)).max(axis=0)
+    return largest
+
+
+def mean_power(closed: Closed) -> list[KeyFigure]:
+    """Power that the effects add on average of the held-out recordings, per day; none if no effect was added.
+
+    The interval is that of the recordings' means (normal approximation).
+    """
+    if not closed.kept:
+        return []
+    pairs = zip(closed.subject.held_out, closed.errors_before, closed.errors_after, strict=True)
+    extra: dict[str, list[Floats]] = {}
+    for segment, before, after in pairs:
+        extra.setdefault(segment.recording, []).append(before - after)
+    means = np.array([np.concatenate(each).mean() for each in extra.values()])
+    mean_W = float(np.concatenate([row for each in extra.values() for row in each]).mean())
+    half_W = 1.96 * float(means.std(ddof=1)) / np.sqrt(len(means)) if len(means) > 1 else np.inf
+    note = f"{number(mean_W * _HOURS_PER_DAY / _W_PER_KW, 2)} kWh a day if the robot always moves as recorded"
+    interval = confidence_interval((mean_W - half_W, mean_W + half_W), len(means))
+    return [KeyFigure("power on average", f"{'+' if mean_W > 0 else ''}{number(mean_W)} W", f"{note}; {interval}")]
