@@ -156,16 +156,17 @@ class Kernel:
         if len(self._trials) >= _MOST_TRIALS:
             self._trials.clear()
             self._table[:] = 0
-        packed = _packed(make_trial(point * frequency.GRID, self._form.rate, self._form.fit))
+        packed = _packed(make_trial(point * frequency.GRID, self._form.rate, self._form.fit), len(self._volts))
         self._trials[point] = packed
         self._table[point - self._first] = packed.ctypes.data
 
 
-def _packed(trial: Trial) -> Floats:
-    """Vectors, edges in rising order, and which edge is which."""
+def _packed(trial: Trial, phases: int) -> Floats:
+    """Vectors in the order of `WEIGHT` in C, edges in rising order, and which edge is which."""
+    columns = np.concatenate((trial.projection, trial.turn))
     edges = np.minimum(trial.edges.ravel(), trial.turn.shape[1])
     order = np.argsort(edges, kind="stable")
-    return np.concatenate((trial.projection.ravel(), trial.turn.ravel(), edges[order], order, _PADDING))
+    return np.concatenate((columns.ravel(order="F" if phases > 2 else "C"), edges[order], order, _PADDING))
 
 
 def _form(

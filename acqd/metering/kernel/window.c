@@ -10,6 +10,9 @@
 #include <stddef.h>
 #include <stdint.h>
 #include <string.h>
+#ifdef __AVX2__
+#include <immintrin.h>
+#endif
 
 #define LANES 8
 #define PHASORS 7
@@ -38,29 +41,72 @@ struct state {
 };
 
 /* Vectors of a trial: COLUMNS x fit doubles, EDGES positions in rising order, EDGES numbers of phasors (begin: j, end:
-   PHASORS + j), and room to read beyond. */
+   PHASORS + j), and room to read beyond. Where a vector holds one sample, the weights of a sample are neighbours;
+   otherwise those of a column are. */
+#if CHANNELS > 4
+#define WEIGHT(column, sample) ((sample)*COLUMNS + (column))
+#else
+#define WEIGHT(column, sample) ((column)*samples + (sample))
+#endif
 
 struct sums {
     vec square, cross, plain, most, least;
 };
 
 struct fit { /* named, not indexed: the compiler keeps them in registers */
-    vec re_c, im_c, re_d, im_d, cos, sin, plain, square;
+    vec re_c, im_c, re_d, im_d, cos, sin;
 };
 
-INLINE vec chosen(mask which, vec yes, vec no)
-{
-    return (vec)((which & (mask)yes) | (~which & (mask)no));
-}
+enum part { NO_SUMS, BEFORE, INSIDE }; /* samples whose sums are known; before the window; of the window */
 
+/* The compilers at hand take operations on vectors of this width apart, down to single numbers, where the processor has
+   narrower ones: so these are written for what it has. */
+#if defined(__AVX512F__)
+INLINE vec larger(vec x, vec y) { return (vec)_mm512_max_pd((__m512d)x, (__m512d)y); }
+INLINE vec smaller(vec x, vec y) { return (vec)_mm512_min_pd((__m512d)x, (__m512d)y); }
+INLINE vec swapped(vec x) { return (vec)_mm512_permute_pd((__m512d)x, 0x55); }
+INLINE vec doubles(ints x) { return (vec)_mm512_cvtepi32_pd((__m256i)x); }
+#elif defined(__AVX2__)
+union halves {
+    vec whole;
+    __m256d half[2];
+};
 INLINE vec larger(vec x, vec y)
 {
-    return chosen(x > y, x, y);
+    union halves a = {x}, b = {y};
+    return (union halves){.half = {_mm256_max_pd(a.half[0], b.half[0]), _mm256_max_pd(a.half[1], b.half[1])}}.whole;
 }
-
 INLINE vec smaller(vec x, vec y)
 {
-    return chosen(x < y, x, y);
+    union halves a = {x}, b = {y};
+    return (union halves){.half = {_mm256_min_pd(a.half[0], b.half[0]), _mm256_min_pd(a.half[1], b.half[1])}}.whole;
+}
+INLINE vec swapped(vec x)
+{
+    union halves a = {x};
+    return (union halves){.half = {_mm256_permute_pd(a.half[0], 5), _mm256_permute_pd(a.half[1], 5)}}.whole;
+}
+INLINE vec doubles(ints x)
+{
+    const __m256i i = (__m256i)x;
+    return (union halves){.half = {_mm256_cvtepi32_pd(_mm256_castsi256_si128(i)),
+                                   _mm256_cvtepi32_pd(_mm256_extracti128_si256(i, 1))}}.whole;
+}
+#else
+INLINE vec chosen(mask which, vec yes, vec no) { return (vec)((which & (mask)yes) | (~which & (mask)no)); }
+INLINE vec larger(vec x, vec y) { return chosen(x > y, x, y); }
+INLINE vec smaller(vec x, vec y) { return chosen(x < y, x, y); }
+INLINE vec swapped(vec x) { return __builtin_shuffle(x, (mask){1, 0, 3, 2, 5, 4, 7, 6}); } /* u and i */
+INLINE vec doubles(ints x) { return __builtin_convertvector(x, vec); }
+#endif
+
+INLINE ints widened(shorts x)
+{
+#ifdef __AVX2__
+    return (ints)_mm256_cvtepi16_epi32((__m128i)x);
+#else
+    return __builtin_convertvector(x, ints);
+#endif
 }
 
 INLINE vec load(const void *codes, int bits, ptrdiff_t at, int count)
@@ -68,12 +114,12 @@ INLINE vec load(const void *codes, int bits, ptrdiff_t at, int count)
     if (bits == 16) {
         shorts s = {0};
         memcpy(&s, (const int16_t *)codes + at, (size_t)count * sizeof(int16_t));
-        return __builtin_convertvector(__builtin_convertvector(s, ints), vec);
+        return doubles(widened(s));
     }
     if (bits == 32) {
         ints s = {0};
         memcpy(&s, (const int32_t *)codes + at, (size_t)count * sizeof(int32_t));
-        return __builtin_convertvector(s, vec);
+        return doubles(s);
     }
     vec s = {0};
     memcpy(&s, (const double *)codes + at, (size_t)count * sizeof(double));
@@ -84,24 +130,36 @@ INLINE vec load(const void *codes, int bits, ptrdiff_t at, int count)
 INLINE vec spread(const double *weight, int channels)
 {
     if (channels > 4)
-        return (vec){0} + *weight;
+        return (vec){*weight, *weight, *weight, *weight, *weight, *weight, *weight, *weight};
     vec w;
     memcpy(&w, weight, sizeof w);
     return channels == 4 ? __builtin_shuffle(w, (mask){0, 0, 0, 0, 1, 1, 1, 1})
                          : __builtin_shuffle(w, (mask){0, 0, 1, 1, 2, 2, 3, 3});
 }
 
-INLINE struct fit with_sample(struct fit f, vec x, const double *trial, int64_t samples, int channels)
+INLINE struct fit with_sample(struct fit f, vec x, const double *trial, int64_t n, int64_t samples, int channels)
 {
-    f.re_c += x * spread(trial, channels);
-    f.im_c += x * spread(trial + samples, channels);
-    f.re_d += x * spread(trial + 2 * samples, channels);
-    f.im_d += x * spread(trial + 3 * samples, channels);
-    f.cos += x * spread(trial + 4 * samples, channels);
-    f.sin += x * spread(trial + 5 * samples, channels);
-    f.plain += x;
-    f.square += x * x;
+    f.re_c += x * spread(trial + WEIGHT(0, n), channels);
+    f.im_c += x * spread(trial + WEIGHT(1, n), channels);
+    f.re_d += x * spread(trial + WEIGHT(2, n), channels);
+    f.im_d += x * spread(trial + WEIGHT(3, n), channels);
+    f.cos += x * spread(trial + WEIGHT(4, n), channels);
+    f.sin += x * spread(trial + WEIGHT(5, n), channels);
     return f;
+}
+
+INLINE struct sums with_products(struct sums s, vec x, enum part part)
+{
+    if (part == NO_SUMS)
+        return s;
+    s.square += x * x;
+    s.plain += x;
+    if (part == INSIDE) {
+        s.cross += x * swapped(x);
+        s.most = larger(x, s.most);
+        s.least = smaller(x, s.least);
+    }
+    return s;
 }
 
 /* Sum over the samples that share a vector: channel c of the result is in lane c. */
@@ -114,21 +172,48 @@ INLINE vec fold(vec v, int channels)
     return v;
 }
 
-/* Projection of `samples` samples; integrals of cos and sin up to each edge, [EDGES][2]. */
-INLINE struct fit project(vec edges[EDGES][2], const void *codes, int bits, int channels, int64_t samples,
-                          const double *trial)
+/* Samples from .. to of the stretch, into the projection and the sums of their part of it. */
+INLINE void take(struct fit *fit, struct sums *sums, enum part part, const void *codes, int bits, int channels,
+                 int64_t samples, ptrdiff_t from, ptrdiff_t to, const double *trial)
 {
     const int together = LANES / channels;
+    const ptrdiff_t whole = to < samples ? to : samples - 1; /* after the last sample there is nothing to read */
+    struct fit f = *fit;
+    struct sums s = *sums;
+    ptrdiff_t n = from;
+    for (; n + together <= whole; n += together) {
+        const vec x = load(codes, bits, n * channels, LANES);
+        f = with_sample(f, x, trial, n, samples, channels);
+        s = with_products(s, x, part);
+    }
+    for (; n < to; n++) { /* other lanes are 0, which is between least and most */
+        const vec x = load(codes, bits, n * channels, channels);
+        f = with_sample(f, x, trial, n, samples, channels);
+        s = with_products(s, x, part);
+    }
+    *fit = f;
+    *sums = s;
+}
+
+/* Projection of `samples` samples; integrals of cos and sin up to each edge, [EDGES][2]. Unless they are `known`, sums
+   of the samples before number `inside` and, with all that a window needs, from there on. One pass over the samples. */
+INLINE struct fit project(vec edges[EDGES][2], struct sums *before, struct sums *window, int known, const void *codes,
+                          int bits, int channels, int64_t samples, int64_t inside, const double *trial)
+{
     const double *position = trial + COLUMNS * samples, *number = position + EDGES;
     struct fit f = {0};
     ptrdiff_t n = 0;
     for (int e = 0; e <= EDGES; e++) {
         const ptrdiff_t stop = e < EDGES ? (ptrdiff_t)position[e] : samples;
-        const ptrdiff_t whole = stop < samples ? stop : samples - 1; /* after the last sample there is nothing to read */
-        for (; n + together <= whole; n += together)
-            f = with_sample(f, load(codes, bits, n * channels, LANES), trial + n, samples, channels);
-        for (; n < stop; n++)
-            f = with_sample(f, load(codes, bits, n * channels, channels), trial + n, samples, channels);
+        const ptrdiff_t first = known ? stop : stop < inside ? stop : inside;
+        if (n < first) {
+            take(&f, before, known ? NO_SUMS : BEFORE, codes, bits, channels, samples, n, first, trial);
+            n = first;
+        }
+        if (n < stop) {
+            take(&f, window, INSIDE, codes, bits, channels, samples, n, stop, trial);
+            n = stop;
+        }
         if (e == EDGES)
             break;
         const int place = (int)number[e];
@@ -136,8 +221,8 @@ INLINE struct fit project(vec edges[EDGES][2], const void *codes, int bits, int 
         vec cosine = fold(f.cos, channels), sine = fold(f.sin, channels);
         if (stop < samples) {
             const vec x = load(codes, bits, stop * channels, channels) * share;
-            cosine += x * trial[4 * samples + stop];
-            sine += x * trial[5 * samples + stop];
+            cosine += x * trial[WEIGHT(4, stop)];
+            sine += x * trial[WEIGHT(5, stop)];
         }
         edges[place][0] = cosine;
         edges[place][1] = sine;
@@ -146,8 +231,6 @@ INLINE struct fit project(vec edges[EDGES][2], const void *codes, int bits, int 
     f.im_c = fold(f.im_c, channels);
     f.re_d = fold(f.re_d, channels);
     f.im_d = fold(f.im_d, channels);
-    f.plain = fold(f.plain, channels);
-    f.square = fold(f.square, channels);
     return f;
 }
 
@@ -179,11 +262,14 @@ static double unsteadiness(vec edges[EDGES][2], int channels, const double *bend
     return largest;
 }
 
-/* The f of the stretch [Hz] and its projection; 0 with the reason in `state` where it is not usable. */
-INLINE double frequency(const struct form *form, struct state *state, struct fit *fit, const void *codes, int bits,
-                        int channels, const double *const *table)
+/* The f of the stretch [Hz], its projection and the sums of the window, which begins with its sample `inside`; 0 with
+   the reason in `state` where f is not usable. */
+INLINE double frequency(const struct form *form, struct state *state, struct fit *fit, struct sums *window,
+                        const void *codes, int bits, int channels, int64_t inside, const double *const *table)
 {
     double f = state->trial;
+    struct sums before = {0};
+    vec edges[EDGES][2], ac = {0};
     for (int step = 0; step < 4; step++) {
         const int64_t point = (int64_t)rint(fmin(fmax(f, form->trial_low), form->trial_high) / form->grid);
         const double *trial = table[point - form->first_point];
@@ -192,11 +278,16 @@ INLINE double frequency(const struct form *form, struct state *state, struct fit
             state->point = point;
             return 0;
         }
-        vec edges[EDGES][2];
-        *fit = project(edges, codes, bits, channels, form->fit, trial);
+        if (!step) {
+            *fit = project(edges, &before, window, 0, codes, bits, channels, form->fit, inside, trial);
+            const vec plain = fold(before.plain + window->plain, channels);
+            ac = fold(before.square + window->square, channels) / (double)form->fit
+               - plain * plain / ((double)form->fit * (double)form->fit);
+        } else {
+            *fit = project(edges, &before, window, 1, codes, bits, channels, form->fit, inside, trial);
+        }
         const vec re = fit->re_c, im = fit->im_c, turn = im * fit->re_d - re * fit->im_d;
-        const vec weight = re * re + im * im, ac = fit->square / (double)form->fit
-                         - fit->plain * fit->plain / ((double)form->fit * (double)form->fit);
+        const vec weight = re * re + im * im;
         double turns = 0, weights = 0, power = 0;
         for (int c = 0; c < channels; c += 2) {
             turns += turn[c];
@@ -233,27 +324,25 @@ static double middle(const struct form *form, struct state *s, double f, double 
     return f + slope * (to - at);
 }
 
-INLINE struct sums with_products(struct sums s, vec x)
-{
-    s.square += x * x;
-    s.cross += x * __builtin_shuffle(x, (mask){1, 0, 3, 2, 5, 4, 7, 6});
-    s.plain += x;
-    s.most = larger(x, s.most);
-    s.least = smaller(x, s.least);
-    return s;
-}
-
-INLINE void add_range(struct sums *out, const void *codes, int bits, int channels, int64_t samples, int64_t from,
-                      int64_t to)
+/* Squares and products of samples from .. to, added to `out` or, with the sign -1, taken away. */
+INLINE void add_range(struct sums *out, double sign, const void *codes, int bits, int channels, int64_t samples,
+                      int64_t from, int64_t to)
 {
     const int together = LANES / channels;
-    struct sums s = *out;
+    vec square = {0}, cross = {0};
     int64_t n = from;
-    for (; n + together <= to && n < samples - 1; n += together)
-        s = with_products(s, load(codes, bits, n * channels, LANES));
-    for (; n < to; n++) /* other lanes are 0, which is between least and most */
-        s = with_products(s, load(codes, bits, n * channels, channels));
-    *out = s;
+    for (; n + together <= to && n < samples - 1; n += together) {
+        const vec x = load(codes, bits, n * channels, LANES);
+        square += x * x;
+        cross += x * swapped(x);
+    }
+    for (; n < to; n++) {
+        const vec x = load(codes, bits, n * channels, channels);
+        square += x * x;
+        cross += x * swapped(x);
+    }
+    out->square += sign * square;
+    out->cross += sign * cross;
 }
 
 /* Integral of squares and products over the first `share` of a cell: the straight line through its neighbours. */
@@ -262,13 +351,12 @@ INLINE void add_part(struct sums *out, const void *codes, int bits, int channels
 {
     const int64_t last = samples - 1, here = cell < last ? cell : last;
     const int64_t next = here < last ? here + 1 : last, before = here > 0 ? here - 1 : 0;
-    const mask swap = {1, 0, 3, 2, 5, 4, 7, 6};
     const vec x = load(codes, bits, here * channels, channels), y = load(codes, bits, next * channels, channels);
     const vec z = load(codes, bits, before * channels, channels);
     const double bow = (share * share - share) / 4;
     out->square += sign * (share * (x * x) + bow * (y * y - z * z));
-    out->cross += sign * (share * (x * __builtin_shuffle(x, swap))
-                          + bow * (y * __builtin_shuffle(y, swap) - z * __builtin_shuffle(z, swap)));
+    out->cross += sign * (share * (x * swapped(x))
+                          + bow * (y * swapped(y) - z * swapped(z)));
 }
 
 INLINE struct sums folded(struct sums s, int channels)
@@ -291,29 +379,23 @@ INLINE struct sums folded(struct sums s, int channels)
     return s;
 }
 
-/* Sums over the interval start .. start + length, and over the window. */
-INLINE void integrate(struct sums *interval, struct sums *window, const void *codes, int bits, int channels,
-                      int64_t begin, int64_t end, double start, double stop)
+/* Sums over the interval start .. stop, which ends in the window, from those over the window. Sums of integer codes are
+   exact: what is added and taken away again leaves nothing. */
+INLINE struct sums interval(struct sums window, const void *codes, int bits, int channels, int64_t begin, int64_t end,
+                            double start, double stop)
 {
     const int64_t a = (int64_t)floor(start), b = (int64_t)floor(stop);
-    struct sums inner = {0}, outer = {0};
-    if (a >= begin) {
-        add_range(&inner, codes, bits, channels, end, a, b);
-        outer = inner;
-        add_range(&outer, codes, bits, channels, end, begin, a);
-        add_range(&outer, codes, bits, channels, end, b, end);
-    } else {
-        struct sums after = {0};
-        add_range(&outer, codes, bits, channels, end, begin, end);
-        add_range(&inner, codes, bits, channels, end, a, begin);
-        add_range(&after, codes, bits, channels, end, b, end);
-        inner.square += outer.square - after.square;
-        inner.cross += outer.cross - after.cross;
-    }
-    *interval = folded(inner, channels);
-    *window = folded(outer, channels);
-    add_part(interval, codes, bits, channels, end, a, start - (double)a, -1);
-    add_part(interval, codes, bits, channels, end, b, stop - (double)b, 1);
+    struct sums inner = window;
+    if (a >= begin)
+        add_range(&inner, -1, codes, bits, channels, end, begin, a);
+    else
+        add_range(&inner, 1, codes, bits, channels, end, a, begin);
+    add_range(&inner, -1, codes, bits, channels, end, b, end);
+    inner.square = fold(inner.square, channels);
+    inner.cross = fold(inner.cross, channels);
+    add_part(&inner, codes, bits, channels, end, a, start - (double)a, -1);
+    add_part(&inner, codes, bits, channels, end, b, stop - (double)b, 1);
+    return inner;
 }
 
 /* Rows of the result, each with one value per window. Then 12 rows per phase: Vrms, Irms, P, energy, DC and largest
@@ -325,13 +407,14 @@ INLINE int one_window(const struct form *form, struct state *state, const double
                       int bits, int channels, int64_t begin, int64_t end, double stream, double *out, int64_t stride)
 {
     struct fit fit;
-    struct sums inner, outer;
+    struct sums inner, outer = {0};
     struct state next = *state;
     if (end < form->fit)
         return (int)(state->reason = NO_HISTORY);
     const size_t width = bits == 16 ? 2 : bits == 32 ? 4 : 8;
     const char *stretch = (const char *)codes + (size_t)(end - form->fit) * (size_t)channels * width;
-    const double raw = frequency(form, &next, &fit, stretch, bits, channels, table);
+    const int64_t inside = begin - (end - form->fit);
+    const double raw = frequency(form, &next, &fit, &outer, stretch, bits, channels, inside, table);
     state->point = next.point;
     if (!raw)
         return (int)(state->reason = next.reason);
@@ -345,7 +428,8 @@ INLINE int one_window(const struct form *form, struct state *state, const double
     if (start < 0)
         return (int)(state->reason = NO_HISTORY);
     const double stop = fmin(start + length, (double)end);
-    integrate(&inner, &outer, codes, bits, channels, begin, end, start, stop);
+    inner = interval(outer, codes, bits, channels, begin, end, start, stop);
+    outer = folded(outer, channels);
     length = stop - start;
     int64_t flags = 0, live = 0;
     for (int c = 0; c < channels; c += 2) {
