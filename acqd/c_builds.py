@@ -33,6 +33,8 @@ class CBuild:
     flags: tuple[str, ...]
     fallback: str
     """What is done without a compiler, in words."""
+    headers: tuple[Path, ...] = ()
+    """Files beside the sources that these include."""
 
     @property
     def arguments(self) -> list[str]:
@@ -43,8 +45,9 @@ class CBuild:
 def window(channels: int, instructions: InstructionSet) -> CBuild:
     """The metering of windows of so many channels."""
     flags = ("-O2", *_COMMON, "-w", *instructions.options, f"-DCHANNELS={channels}")
-    source = _PACKAGE / "metering" / "kernel" / "window.c"
-    return CBuild(f"window-{instructions.name}-{channels}", (source,), flags, WINDOW_FALLBACK)
+    folder = _PACKAGE / "metering" / "kernel"
+    name, headers = f"window-{instructions.name}-{channels}", (folder / "vectors.h",)
+    return CBuild(name, (folder / "window.c",), flags, WINDOW_FALLBACK, headers)
 
 
 def ticks() -> CBuild:

@@ -1,6 +1,6 @@
 /* Quantities of a window of 1 to 4 phases: f, sums over whole cycles, energy, DC, peaks, fundamentals.
 
-   The same arithmetic as the numpy path (acqd/metering/reference.py), for windows without anything unusual: whatever
+   The same arithmetic as the numpy path (acqd/metering/meter.py), for windows without anything unusual: whatever
    is unusual (no history yet, f not credible, bent phase, dead mains, a trial frequency whose vectors are not there)
    ends the call before that window, and the caller takes over.
 
@@ -10,21 +10,13 @@
 #include <stddef.h>
 #include <stdint.h>
 #include <string.h>
-#ifdef __AVX2__
-#include <immintrin.h>
-#endif
 
-#define LANES 8
+#include "vectors.h"
+
 #define PHASORS 7
 #define EDGES (2 * PHASORS)
 #define COLUMNS 6 /* projection on Re c, -Im c, Re d, -Im d; cos, sin */
 #define REMEMBERED 3
-#define INLINE static inline __attribute__((always_inline))
-
-typedef double vec __attribute__((vector_size(64)));
-typedef long long mask __attribute__((vector_size(64)));
-typedef int16_t shorts __attribute__((vector_size(16)));
-typedef int32_t ints __attribute__((vector_size(32)));
 
 enum { DONE, NO_HISTORY, NO_TRIAL, UNUSUAL };
 
@@ -53,89 +45,11 @@ struct sums {
     vec square, cross, plain, most, least;
 };
 
-struct fit { /* named, not indexed: the compiler keeps them in registers */
+struct fit {
     vec re_c, im_c, re_d, im_d, cos, sin;
 };
 
 enum part { NO_SUMS, BEFORE, INSIDE }; /* samples whose sums are known; before the window; of the window */
-
-/* The compilers at hand take operations on vectors of this width apart, down to single numbers, where the processor has
-   narrower ones: so these are written for what it has. */
-#if defined(__AVX512F__)
-INLINE vec larger(vec x, vec y) { return (vec)_mm512_max_pd((__m512d)x, (__m512d)y); }
-INLINE vec smaller(vec x, vec y) { return (vec)_mm512_min_pd((__m512d)x, (__m512d)y); }
-INLINE vec swapped(vec x) { return (vec)_mm512_permute_pd((__m512d)x, 0x55); }
-INLINE vec doubles(ints x) { return (vec)_mm512_cvtepi32_pd((__m256i)x); }
-#elif defined(__AVX2__)
-union halves {
-    vec whole;
-    __m256d half[2];
-};
-INLINE vec larger(vec x, vec y)
-{
-    union halves a = {x}, b = {y};
-    return (union halves){.half = {_mm256_max_pd(a.half[0], b.half[0]), _mm256_max_pd(a.half[1], b.half[1])}}.whole;
-}
-INLINE vec smaller(vec x, vec y)
-{
-    union halves a = {x}, b = {y};
-    return (union halves){.half = {_mm256_min_pd(a.half[0], b.half[0]), _mm256_min_pd(a.half[1], b.half[1])}}.whole;
-}
-INLINE vec swapped(vec x)
-{
-    union halves a = {x};
-    return (union halves){.half = {_mm256_permute_pd(a.half[0], 5), _mm256_permute_pd(a.half[1], 5)}}.whole;
-}
-INLINE vec doubles(ints x)
-{
-    const __m256i i = (__m256i)x;
-    return (union halves){.half = {_mm256_cvtepi32_pd(_mm256_castsi256_si128(i)),
-                                   _mm256_cvtepi32_pd(_mm256_extracti128_si256(i, 1))}}.whole;
-}
-#else
-INLINE vec chosen(mask which, vec yes, vec no) { return (vec)((which & (mask)yes) | (~which & (mask)no)); }
-INLINE vec larger(vec x, vec y) { return chosen(x > y, x, y); }
-INLINE vec smaller(vec x, vec y) { return chosen(x < y, x, y); }
-INLINE vec swapped(vec x) { return __builtin_shuffle(x, (mask){1, 0, 3, 2, 5, 4, 7, 6}); } /* u and i */
-INLINE vec doubles(ints x) { return __builtin_convertvector(x, vec); }
-#endif
-
-INLINE ints widened(shorts x)
-{
-#ifdef __AVX2__
-    return (ints)_mm256_cvtepi16_epi32((__m128i)x);
-#else
-    return __builtin_convertvector(x, ints);
-#endif
-}
-
-INLINE vec load(const void *codes, int bits, ptrdiff_t at, int count)
-{
-    if (bits == 16) {
-        shorts s = {0};
-        memcpy(&s, (const int16_t *)codes + at, (size_t)count * sizeof(int16_t));
-        return doubles(widened(s));
-    }
-    if (bits == 32) {
-        ints s = {0};
-        memcpy(&s, (const int32_t *)codes + at, (size_t)count * sizeof(int32_t));
-        return doubles(s);
-    }
-    vec s = {0};
-    memcpy(&s, (const double *)codes + at, (size_t)count * sizeof(double));
-    return s;
-}
-
-/* The next weights of a column, each for all channels of its sample. */
-INLINE vec spread(const double *weight, int channels)
-{
-    if (channels > 4)
-        return (vec){*weight, *weight, *weight, *weight, *weight, *weight, *weight, *weight};
-    vec w;
-    memcpy(&w, weight, sizeof w);
-    return channels == 4 ? __builtin_shuffle(w, (mask){0, 0, 0, 0, 1, 1, 1, 1})
-                         : __builtin_shuffle(w, (mask){0, 0, 1, 1, 2, 2, 3, 3});
-}
 
 INLINE struct fit with_sample(struct fit f, vec x, const double *trial, int64_t n, int64_t samples, int channels)
 {
@@ -162,37 +76,63 @@ INLINE struct sums with_products(struct sums s, vec x, enum part part)
     return s;
 }
 
-/* Sum over the samples that share a vector: channel c of the result is in lane c. */
-INLINE vec fold(vec v, int channels)
+/* Samples from .. to into the projection and into the sums of their part of the stretch; reads one sample beyond. One
+   part of the channels after the other, so that all that is summed up stays in registers. */
+INLINE void take_many(struct fit *f, struct sums *s, enum part part, const void *codes, int bits, int channels,
+                      int64_t samples, ptrdiff_t from, ptrdiff_t to, const double *trial)
 {
-    if (channels <= 4)
-        v += __builtin_shuffle(v, (mask){4, 5, 6, 7, 0, 1, 2, 3});
-    if (channels <= 2)
-        v += __builtin_shuffle(v, (mask){2, 3, 0, 1, 6, 7, 4, 5});
-    return v;
+    const int each = channels >= NATIVE ? 1 : NATIVE / channels;
+#pragma GCC unroll 3
+    for (int p = 0; NATIVE * p < channels; p++) {
+        native re_c = lanes(&f->re_c, p), im_c = lanes(&f->im_c, p), re_d = lanes(&f->re_d, p);
+        native im_d = lanes(&f->im_d, p), cos = lanes(&f->cos, p), sin = lanes(&f->sin, p);
+        native square = lanes(&s->square, p), cross = lanes(&s->cross, p), plain = lanes(&s->plain, p);
+        native most = lanes(&s->most, p), least = lanes(&s->least, p);
+        for (ptrdiff_t n = from; n < to; n += each) {
+            const native x = native_load(codes, bits, n * channels + NATIVE * p);
+            re_c += x * native_spread(trial + WEIGHT(0, n), each);
+            im_c += x * native_spread(trial + WEIGHT(1, n), each);
+            re_d += x * native_spread(trial + WEIGHT(2, n), each);
+            im_d += x * native_spread(trial + WEIGHT(3, n), each);
+            cos += x * native_spread(trial + WEIGHT(4, n), each);
+            sin += x * native_spread(trial + WEIGHT(5, n), each);
+            if (part == NO_SUMS)
+                continue;
+            square += x * x;
+            plain += x;
+            if (part == INSIDE) {
+                cross += x * native_swapped(x);
+                most = native_larger(x, most);
+                least = native_smaller(x, least);
+            }
+        }
+        set_lanes(&f->re_c, p, re_c);
+        set_lanes(&f->im_c, p, im_c);
+        set_lanes(&f->re_d, p, re_d);
+        set_lanes(&f->im_d, p, im_d);
+        set_lanes(&f->cos, p, cos);
+        set_lanes(&f->sin, p, sin);
+        set_lanes(&s->square, p, square);
+        set_lanes(&s->cross, p, cross);
+        set_lanes(&s->plain, p, plain);
+        set_lanes(&s->most, p, most);
+        set_lanes(&s->least, p, least);
+    }
 }
 
 /* Samples from .. to of the stretch, into the projection and the sums of their part of it. */
 INLINE void take(struct fit *fit, struct sums *sums, enum part part, const void *codes, int bits, int channels,
                  int64_t samples, ptrdiff_t from, ptrdiff_t to, const double *trial)
 {
-    const int together = LANES / channels;
+    const int each = channels >= NATIVE ? 1 : NATIVE / channels;
     const ptrdiff_t whole = to < samples ? to : samples - 1; /* after the last sample there is nothing to read */
-    struct fit f = *fit;
-    struct sums s = *sums;
-    ptrdiff_t n = from;
-    for (; n + together <= whole; n += together) {
-        const vec x = load(codes, bits, n * channels, LANES);
-        f = with_sample(f, x, trial, n, samples, channels);
-        s = with_products(s, x, part);
-    }
-    for (; n < to; n++) { /* other lanes are 0, which is between least and most */
+    const ptrdiff_t many = whole > from ? (whole - from) / each * each : 0;
+    take_many(fit, sums, part, codes, bits, channels, samples, from, from + many, trial);
+    for (ptrdiff_t n = from + many; n < to; n++) { /* other lanes are 0, which is between least and most */
         const vec x = load(codes, bits, n * channels, channels);
-        f = with_sample(f, x, trial, n, samples, channels);
-        s = with_products(s, x, part);
+        *fit = with_sample(*fit, x, trial, n, samples, channels);
+        *sums = with_products(*sums, x, part);
     }
-    *fit = f;
-    *sums = s;
 }
 
 /* Projection of `samples` samples; integrals of cos and sin up to each edge, [EDGES][2]. Unless they are `known`, sums
