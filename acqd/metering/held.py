@@ -36,11 +36,17 @@ class HeldFrequency:
     def note_steady(self, f: list[float], magnitude: list[float]) -> int:
         """Estimates of consecutive windows that were all steady [Hz, digits]; how many are usable."""
         for k, (value, size) in enumerate(zip(f, magnitude, strict=True)):
-            if self._sideband.note(value, size) is not None:
-                self._sideband.forget_last()
+            if not self.note(value, size):
                 return k
-            self._recent.append((value, False))
         return len(f)
+
+    def note(self, f: float, magnitude: float) -> bool:
+        """The estimate of one window that was steady [Hz, digits]; whether it is usable."""
+        if self._sideband.note(f, magnitude) is not None:
+            self._sideband.forget_last()
+            return False
+        self._recent.append((f, False))
+        return True
 
     def reset(self) -> None:
         """The next window does not follow the last one."""

@@ -6,9 +6,11 @@ blocks, and honest about what a gap, a start in mid-stream or a dead mains leave
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from acqd.arrays import Floats
 from acqd.metering.block import Codes, SampleBlock, StreamFormat
@@ -18,9 +20,9 @@ from acqd.metering.held import HeldFrequency
 from acqd.metering.interval import interval_sums
 from acqd.metering.kernel import Kernel, why_not
 from acqd.metering.kernel.kernel import Metered
-from acqd.metering.kernel.layout import ENERGY, IRMS, POWER, VRMS
+from acqd.metering.kernel.layout import ENERGY, IRMS, POWER, REACTIVE, VRMS
 from acqd.metering.middle import MiddleFrequency
-from acqd.metering.stream import Piece, WindowStream
+from acqd.metering.stream import LiveWindow, Piece, WindowStream
 from acqd.metering.window import WindowBatch, WindowGrid
 
 Mode = Literal["synchronous", "fixed"]
@@ -82,7 +84,7 @@ class Meter:
             integers=form.bits < 64,
             creep_kWh=creep_W * window / 3.6e6,
         )
-
+        self._phases = range(form.phases)
         self._kernel = self._make_kernel() if compiled and why_not(len(form.scale)) is None else None
 
     def _make_kernel(self) -> Kernel:
@@ -91,6 +93,8 @@ class Meter:
 
     def feed(self, block: SampleBlock) -> WindowBatch | None:
         """Meter every window that `block` completes; None when it completes none."""
+        if self._kernel is not None and (window := self._stream.live(block)) is not None:
+            return self._live(self._kernel, window)
         batches = [self._broken(piece) if piece.broken else self._whole(piece) for piece in self._stream.feed(block)]
         return WindowBatch.join(batches) if batches else None
 
@@ -109,30 +113,44 @@ class Meter:
                 self._kernel.give_back()
                 batches.append(self._reference(piece.window(done)))
             else:
-                batches.append(self._of_kernel(piece, done, usual))
+                windows = slice(done, done + usual.rows.shape[1])
+                batches.append(self._of_kernel(piece.seq[windows], piece.utc_ns[windows], piece.flags[windows], usual))
             done += len(batches[-1])
         return WindowBatch.join(batches)
 
-    def _of_kernel(self, piece: Piece, first: int, usual: Metered) -> WindowBatch:
-        windows = slice(first, first + usual.rows.shape[1])
-        flags = [[set(named) for named in piece.flags[windows]] for _ in range(self.form.phases)]
+    def _live(self, kernel: Kernel, window: LiveWindow) -> WindowBatch:
+        """Meter the one window that a block of a running stream completes."""
+        metered = kernel.meter_live(window.buffer, window.begin, window.end, window.origin, self.energy)
+        if metered is None:
+            kernel.give_back()
+            return self._reference(window.piece())
+        f, mark, (Vrms, Irms, P, Q1, imported, exported) = metered
+        flags = [[set(window.flags)] for _ in self._phases]
+        if mark:
+            _mark_phases(flags, 0, mark)
+        return WindowBatch(
+            np.array((window.seq,)), np.array((window.utc_ns,)), Vrms, Irms, P, np.array((f,)), imported, exported, Q1,
+            flags,
+        )  # fmt: skip
+
+    def _of_kernel(
+        self, seq: NDArray[np.int64], utc_ns: NDArray[np.int64], named: Sequence[frozenset[str]], usual: Metered
+    ) -> WindowBatch:
+        flags = [[set(names) for names in named] for _ in range(self.form.phases)]
         for k, mark in enumerate(usual.marks()):
-            for phase in range(self.form.phases) if mark else ():
-                if mark >> phase & 1:
-                    flags[phase][k].add("no_mains")
-                if mark >> phase & 16:
-                    flags[phase][k].add("overrange")
+            if mark:
+                _mark_phases(flags, k, mark)
         energy = self.energy.add(usual.of_phases(ENERGY))
         return WindowBatch(
-            seq=piece.seq[windows],
-            utc_ns=piece.utc_ns[windows],
+            seq=seq,
+            utc_ns=utc_ns,
             Vrms=usual.of_phases(VRMS),
             Irms=usual.of_phases(IRMS),
             P=usual.of_phases(POWER),
             f=usual.f,
             imported=energy.imported,
             exported=energy.exported,
-            Q1=usual.reactive(),
+            Q1=usual.of_phases(REACTIVE),
             flags=flags,
         )
 
@@ -179,6 +197,8 @@ class Meter:
 
     def _broken(self, piece: Piece) -> WindowBatch:
         """Meter one window with samples missing: its values are those of the longest unbroken run."""
+        if self._kernel is not None:
+            self._kernel.give_back()  # it knows the last f
         self._held.reset()
         runs = [_channels(run) for run in piece.runs]
         energy_counts = sum(((u * i).sum(axis=1, keepdims=True) for u, i in runs), np.zeros((self.form.phases, 1)))
@@ -290,6 +310,15 @@ def _products(u: Floats, i: Floats) -> Floats:
     np.multiply(i, i, out=products[1])
     np.multiply(u, i, out=products[2])
     return products
+
+
+def _mark_phases(flags: list[list[set[str]]], window: int, mark: int) -> None:
+    """Flags that the kernel gives phases, as in `Metered.marks`."""
+    for phase, windows in enumerate(flags):
+        if mark >> phase & 1:
+            windows[window].add("no_mains")
+        if mark >> phase & 16:
+            windows[window].add("overrange")
 
 
 def _mark(flags: list[list[set[str]]], window: int, flag: str) -> None:

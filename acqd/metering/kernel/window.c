@@ -338,10 +338,11 @@ INLINE struct sums interval(struct sums window, const void *codes, int bits, int
     return inner;
 }
 
-/* Rows of the result, each with one value per window. Then 12 rows per phase: Vrms, Irms, P, energy, DC and largest
-   magnitude of voltage and current, real and imaginary part of the fundamentals of both. */
-enum { RAW_F, F, FLAGS, PHASES };
-enum { VRMS, IRMS, POWER, ENERGY, U_DC, I_DC, U_PEAK, I_PEAK, U_RE, U_IM, I_RE, I_IM, PER_PHASE };
+/* Rows of the result, each with one value per window; from VRMS on, each stands for one row per phase. Python writes
+   IMPORTED and EXPORTED. */
+enum { RAW_F, F, FLAGS, MAGNITUDE, VRMS };
+enum { IRMS = 1, POWER, REACTIVE, IMPORTED, EXPORTED, ENERGY, U_DC, I_DC, U_PEAK, I_PEAK, U_RE, U_IM, I_RE, I_IM };
+#define ROW(quantity, phase) (VRMS + (quantity) * (channels / 2) + (phase))
 
 INLINE int one_window(const struct form *form, struct state *state, const double *const *table, const void *codes,
                       int bits, int channels, int64_t begin, int64_t end, double stream, double *out, int64_t stride)
@@ -372,35 +373,41 @@ INLINE int one_window(const struct form *form, struct state *state, const double
     outer = folded(outer, channels);
     length = stop - start;
     int64_t flags = 0, live = 0;
+    double magnitude = 0;
     for (int c = 0; c < channels; c += 2) {
-        double *phase = out + (PHASES + c / 2 * PER_PHASE) * stride;
+        const int phase = c / 2;
         const double u = form->scale[c], i = form->scale[c + 1];
         const double volts = sqrt(fmax(inner.square[c] / length, 0)) * u;
-        phase[VRMS * stride] = volts;
-        phase[IRMS * stride] = sqrt(fmax(inner.square[c + 1] / length, 0)) * i;
-        phase[POWER * stride] = inner.cross[c] / length * (u * i);
-        phase[ENERGY * stride] = outer.cross[c];
-        phase[U_DC * stride] = outer.plain[c] / size * u;
-        phase[I_DC * stride] = outer.plain[c + 1] / size * i;
-        phase[U_PEAK * stride] = fmax(outer.most[c], -outer.least[c]) * u;
-        phase[I_PEAK * stride] = fmax(outer.most[c + 1], -outer.least[c + 1]) * i;
-        phase[U_RE * stride] = fit.re_c[c] * u;
-        phase[U_IM * stride] = -fit.im_c[c] * u;
-        phase[I_RE * stride] = fit.re_c[c + 1] * i;
-        phase[I_IM * stride] = -fit.im_c[c + 1] * i;
-        if (volts > form->dead[c / 2])
+        const double u_re = fit.re_c[c] * u, u_im = -fit.im_c[c] * u, i_re = fit.re_c[c + 1] * i;
+        const double i_im = -fit.im_c[c + 1] * i;
+        magnitude += fit.re_c[c] * fit.re_c[c] + fit.im_c[c] * fit.im_c[c];
+        out[ROW(0, phase) * stride] = volts;
+        out[ROW(IRMS, phase) * stride] = sqrt(fmax(inner.square[c + 1] / length, 0)) * i;
+        out[ROW(POWER, phase) * stride] = inner.cross[c] / length * (u * i);
+        out[ROW(REACTIVE, phase) * stride] = (u_im * i_re - u_re * i_im) / 2;
+        out[ROW(ENERGY, phase) * stride] = outer.cross[c];
+        out[ROW(U_DC, phase) * stride] = outer.plain[c] / size * u;
+        out[ROW(I_DC, phase) * stride] = outer.plain[c + 1] / size * i;
+        out[ROW(U_PEAK, phase) * stride] = fmax(outer.most[c], -outer.least[c]) * u;
+        out[ROW(I_PEAK, phase) * stride] = fmax(outer.most[c + 1], -outer.least[c + 1]) * i;
+        out[ROW(U_RE, phase) * stride] = u_re;
+        out[ROW(U_IM, phase) * stride] = u_im;
+        out[ROW(I_RE, phase) * stride] = i_re;
+        out[ROW(I_IM, phase) * stride] = i_im;
+        if (volts > form->dead[phase])
             live++;
         else
-            flags |= (int64_t)1 << c / 2;
+            flags |= (int64_t)1 << phase;
         for (int k = c; k < c + 2; k++)
             if (outer.most[k] >= form->code_max || outer.least[k] <= form->code_min)
-                flags |= (int64_t)16 << c / 2;
+                flags |= (int64_t)16 << phase;
     }
     if (!live)
         return (int)(state->reason = UNUSUAL);
     out[RAW_F * stride] = raw;
     out[F * stride] = f;
     out[FLAGS * stride] = (double)flags;
+    out[MAGNITUDE * stride] = sqrt(magnitude);
     next.trial = raw;
     next.last = f;
     next.reason = DONE;
@@ -429,6 +436,22 @@ int64_t acqd_windows(const struct form *form, struct state *state, const double 
         METER(64)
     }
     return done;
+}
+
+/* What the windows of a running stream have in common; the samples lie in a buffer that stays where it is. */
+struct live {
+    const struct form *form;
+    struct state *state;
+    const double *const *table;
+    const void *codes;
+    double *out;
+};
+
+/* One window: samples begin .. end of the buffer, of which the first is number `stream`; whether it was metered. */
+int64_t acqd_window(const struct live *live, int64_t begin, int64_t end, double stream)
+{
+    const int64_t bounds[2] = {begin, end};
+    return acqd_windows(live->form, live->state, live->table, live->codes, bounds, 1, stream, live->out);
 }
 
 int64_t acqd_form_bytes(void) { return sizeof(struct form); }
