@@ -74,6 +74,7 @@ class Delivery:
         self._quiet_until = -1e9
         self._patience = _PATIENCE_S[0]
         self._more = False
+        self._backlog_open = True
         self.sent = self.resent = self.delivered = 0
         """Rows published, those published again included; rows for which no receipt came in time; rows that the broker
         has acknowledged."""
@@ -135,7 +136,9 @@ class Delivery:
         while self._states and len(messages) < room.messages:
             topic = next(iter(self._states))
             messages.append(Message(topic, self._states.pop(topic), retain=True))
-        backlog = min(room.backlog, room.messages - len(messages), self._backlog_allowed())
+        allowed = self._backlog_allowed()
+        self._backlog_open = allowed > 0
+        backlog = min(room.backlog, room.messages - len(messages), allowed)
         self._more = bool(messages) and bool(self._live or self._states or len(messages) >= room.messages)
         if backlog > 0 and not self._live and self._position != self.spool.end:
             rows, self._position = self.spool.read(
@@ -166,8 +169,8 @@ class Delivery:
         if self._until == "acknowledged":
             for stream, seq in sent:
                 self._acknowledged.setdefault(stream, Ranges()).add(seq, seq)
-        if self._live or self._states or self._position != self.spool.end:
-            self._changed.set()  # there is room for what waits
+        if self._live or self._states or (self._backlog_open and self._position != self.spool.end):
+            self._changed.set()  # there is room for what waits; what waits for a receipt is looked at when one comes
 
     def received(self, topic: str, payload: bytes, *, retained: bool) -> None:
         """A receipt, or a sink that comes or goes."""

@@ -94,7 +94,10 @@ class Spool:
             return False
         before, segment = self._log.newest, self._log.append(data)
         for stream, seq, _ in rows:
-            segment.pending.setdefault(stream, Ranges()).add(seq, seq)
+            waiting = segment.pending.get(stream)
+            if waiting is None:
+                waiting = segment.pending[stream] = Ranges()
+            waiting.add(seq, seq)
         if energy is not None and rows:
             segment.energy[device] = energy
         if segment is not before:
