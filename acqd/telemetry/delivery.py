@@ -21,7 +21,7 @@ from acqd.telemetry.message import Message, Room
 from acqd.telemetry.ranges import Ranges
 from acqd.telemetry.receipts import parse_receipt
 from acqd.telemetry.row_message import joined
-from acqd.telemetry.spool import Energy, Spool, SpooledRow, Stream
+from acqd.telemetry.spool import Readings, Spool, SpooledRow, Stream
 from acqd.telemetry.unsent import Unsent
 
 _log = logging.getLogger(__name__)
@@ -81,7 +81,7 @@ class Delivery:
         self.sink_seen = False
         """Whether a sink has ever announced itself or sent a receipt."""
 
-    def put_rows(self, rows: Sequence[SpooledRow], energy: Energy | None = None) -> None:
+    def put_rows(self, rows: Sequence[SpooledRow], readings: Readings | None = None) -> None:
         """Keep the rows of a window, and send them at once where there is a connection."""
         if self._windows and rows and not topics.travels_alone(rows[0].stream.channel):
             self._together = sum(
@@ -89,7 +89,7 @@ class Delivery:
             )
         at_end = self._position == self.spool.end
         self._devices.update([row.stream.device for row in rows])
-        if self.spool.append(rows, energy):
+        if self.spool.append(rows, readings):
             self._unsent.add(rows)
         if self._online and len(self._live) + len(rows) <= self._most_live:
             self._live += rows

@@ -45,6 +45,7 @@ _SECTIONS: dict[str, list[Callable[[], Iterator[Figure]]]] = {
     "flicker": [flicker.pinst, flicker.pst],
     "speed": [speed.pqopen, speed.kernel, speed.replay, speed.main_slow],
     "live": [live.daemon, live.from_file, live.boxes, live.jitter],
+    "busy": [live.busy],
     "sources": [sources.sources],
     "sink": [sink.sinks],
     "delivery": [delivery.stores, delivery.drains],
