@@ -25,6 +25,7 @@ from tools.bench import (
     delivery,
     events,
     flicker,
+    jumps,
     lab,
     live,
     load,
@@ -39,7 +40,7 @@ from tools.bench.report import Figure, table
 from tools.common.tables import show
 
 _SECTIONS: dict[str, list[Callable[[], Iterator[Figure]]]] = {
-    "accuracy": [accuracy.synthetic, accuracy.exactness, accuracy.recordings],
+    "accuracy": [accuracy.synthetic, accuracy.exactness, jumps.jumps, accuracy.recordings],
     "quality": [quality.quality, quality.beside],
     "events": [events.dips, events.steady, events.cost],
     "flicker": [flicker.pinst, flicker.pst],
