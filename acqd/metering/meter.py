@@ -20,7 +20,7 @@ from acqd.metering.held import HeldFrequency
 from acqd.metering.interval import interval_sums
 from acqd.metering.kernel import Kernel, why_not
 from acqd.metering.kernel.kernel import Metered
-from acqd.metering.kernel.layout import ENERGY, IRMS, POWER, REACTIVE, VRMS
+from acqd.metering.kernel.layout import ENERGY, IRMS, POWER, REACTIVE, UNSETTLED, VRMS
 from acqd.metering.middle import MiddleFrequency
 from acqd.metering.stream import LiveWindow, Piece, WindowStream
 from acqd.metering.window import WindowBatch, WindowGrid
@@ -160,7 +160,7 @@ class Meter:
         products = _products(u, i)
         starts, ends = piece.bounds[:-1], piece.bounds[1:]
         estimate, centres = self._estimate_f(u, i, ends)
-        usable, about = self._held.usable(estimate)
+        usable, about, unsettled = self._held.usable(estimate)
         count = (ends - starts).astype(np.float64)
         energy_counts = np.add.reduceat(products[2], starts, axis=1)
         flags = piece.row_flags(self.form.phases)
@@ -192,6 +192,8 @@ class Meter:
                 self._held.reset()
         for k in np.flatnonzero(np.isnan(f) & live.any(axis=0)).tolist():
             _mark(flags, k, "transient")
+        for k in np.flatnonzero(unsettled & ~np.isnan(f)).tolist():
+            _mark(flags, k, "unsettled")
         self._flag_phases(flags, live, piece.codes, piece.bounds)
         return self._columns(piece, means, (f, estimate.reactive), energy_counts, flags)
 
@@ -319,6 +321,8 @@ def _mark_phases(flags: list[list[set[str]]], window: int, mark: int) -> None:
             windows[window].add("no_mains")
         if mark >> phase & 16:
             windows[window].add("overrange")
+        if mark & UNSETTLED:
+            windows[window].add("unsettled")
 
 
 def _mark(flags: list[list[set[str]]], window: int, flag: str) -> None:

@@ -25,6 +25,7 @@ from acqd.metering.kernel.layout import (
     NO_TRIAL,
     QUANTITIES,
     RAW_F,
+    UNSETTLED,
     F,
     Form,
     Live,
@@ -58,7 +59,7 @@ class Metered:
         return self.rows[first : first + self.phases]
 
     def marks(self) -> list[int]:
-        """[windows] bits 0 to 3: phases without mains; bits 4 to 7: phases over range."""
+        """[windows] bits 0 to 3: phases without mains; bits 4 to 7: phases over range; UNSETTLED."""
         return [int(mark) for mark in self.rows[FLAGS].tolist()]
 
 
@@ -132,11 +133,13 @@ class Kernel:
         if not done:
             return None
         rows = rows[:, :done]
-        usable = self._held.note_steady(rows[RAW_F].tolist(), rows[MAGNITUDE].tolist())
+        unsettled = self._held.note_steady(rows[RAW_F].tolist(), rows[MAGNITUDE].tolist())
+        usable = len(unsettled)
         if usable < done:  # as if the first of the others had not been metered
             ctypes.memmove(self._pointers[1], before, len(before))
             rows = np.empty((self._rows, usable))
             self._windows(*self._pointers, codes, bounds, usable, piece.begin, rows.ctypes.data)
+        rows[FLAGS, :usable] += UNSETTLED * np.array(unsettled)
         return Metered(rows[:, :usable], self._phases) if usable else None
 
     def meter_live(self, buffer: Codes, begin: int, end: int, at: int, energy: EnergyRegister) -> LiveMetered | None:
@@ -158,7 +161,8 @@ class Kernel:
             ctypes.memmove(self._pointers[1], before, len(before))
             return None
         self._registers[:] = energy.add_window(self._energies.tolist())
-        return LiveMetered(f, int(mark), self._quantities.copy())
+        marks = int(mark) | UNSETTLED if self._held.unsettled else int(mark)
+        return LiveMetered(f, marks, self._quantities.copy())
 
     def give_back(self) -> None:
         """Put the state into the objects of the numpy path, which meters the next window."""

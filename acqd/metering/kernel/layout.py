@@ -13,6 +13,8 @@ DONE, NO_HISTORY, NO_TRIAL, UNUSUAL = range(4)
 RAW_F, F, FLAGS, MAGNITUDE, FIRST = range(5)
 """Rows of the result, before those of the phases: Hz where f was fitted and where the interval is, marks, and the
 fundamental of all phases together [digits]."""
+UNSETTLED = 256
+"""Mark of a window that is `unsettled`; bits 0 to 3 mark phases without mains, 4 to 7 phases over range."""
 VRMS, IRMS, POWER, REACTIVE, IMPORTED, EXPORTED, ENERGY = range(7)
 """Quantities of phases, one row per phase: V, A, W, var of the fundamentals, registers [kWh], sum of products of codes.
 The registers are written by Python, and after a single window only."""
