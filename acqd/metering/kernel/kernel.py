@@ -32,7 +32,7 @@ from acqd.metering.kernel.layout import (
     State,
 )
 from acqd.metering.middle import SPAN, MiddleFrequency
-from acqd.metering.stream import Piece
+from acqd.metering.piece import Piece
 from acqd.metering.trial import Trial, make_trial
 
 __all__ = ["Kernel", "Metered", "why_not"]
