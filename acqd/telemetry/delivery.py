@@ -17,7 +17,7 @@ from typing import Literal
 
 from acqd.telemetry import topics
 from acqd.telemetry.in_flight import InFlight
-from acqd.telemetry.message import Message, Room
+from acqd.telemetry.message import Line, Message, Room
 from acqd.telemetry.ranges import Ranges
 from acqd.telemetry.receipts import parse_receipt
 from acqd.telemetry.row_message import joined
@@ -63,6 +63,7 @@ class Delivery:
         self._changed = asyncio.Event()
         self._later: asyncio.TimerHandle | None = None
         self._online = False
+        self._line: Line | None = None
         self._live: deque[SpooledRow] = deque()
         self._states: dict[str, bytes] = {}
         self._position = spool.start
@@ -95,10 +96,22 @@ class Delivery:
             self._live += rows
             if at_end:
                 self._position = self.spool.end
+            if self._sent_at_once():
+                return
         elif self._live:
             self._live.clear()
             self._position = self.spool.start
         self._changed.set()
+
+    def _sent_at_once(self) -> bool:
+        """Send new rows if the connection takes them all: without a turn of the event loop in between."""
+        line = self._line
+        if line is None or not 0 < len(self._live) <= line.room().messages:
+            return False
+        rows = list(self._live)
+        self._live.clear()
+        line.send(self._messages(rows))
+        return True
 
     def put_state(self, topic: str, payload: bytes) -> None:
         """Publish a retained message; an older one of the same topic that still waits is replaced."""
@@ -118,9 +131,13 @@ class Delivery:
         self._from_the_start()
         self._changed.set()
 
+    def ready(self, line: Line) -> None:
+        """New rows may go out at once."""
+        self._line = line
+
     def end(self) -> None:
         """The connection has ended: new rows wait in the spool."""
-        self._online = False
+        self._online, self._line = False, None
         if self._later is not None:
             self._later.cancel()
             self._later = None

@@ -115,6 +115,7 @@ class Kernel:
         self._live = Live(form=form_at, state=state_at, table=table_at, out=self._one.ctypes.data)
         self._live_at = ctypes.addressof(self._live)
         self._buffer: Codes | None = None  # that `_live` has the address of
+        self._fits = False  # the buffer's codes are of the stream's type
         self._mine = False  # the state is here, and not in the objects
 
     def meter(self, piece: Piece, first: int) -> Metered | None:
@@ -148,8 +149,8 @@ class Kernel:
         Adds to `energy`. Without the price of arrays: several times as fast.
         """
         if buffer is not self._buffer:
-            self._buffer, self._live.codes = buffer, buffer.ctypes.data
-        if buffer.dtype != self._dtype or (not self._mine and not self._take_state()):
+            self._buffer, self._live.codes, self._fits = buffer, buffer.ctypes.data, buffer.dtype == self._dtype
+        if not self._fits or (not self._mine and not self._take_state()):
             return None
         before = bytes(self._state)
         while not self._window(self._live_at, begin, end, at):
