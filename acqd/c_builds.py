@@ -18,7 +18,7 @@ _SHARED = ("-fPIC", "-shared")
 _COMMON = ("-std=gnu11", *_SHARED, "-ffp-contract=fast", "-fno-math-errno", "-fno-trapping-math")
 # equal to the prediction of the bundle on every platform and processor: no contraction, no relaxed mathematics
 FMU_FLAGS = ("-std=c99", "-O3", *_SHARED, "-fvisibility=hidden", "-ffp-contract=off", "-g0")
-WINDOW_FALLBACK = "metering with numpy takes about five times as long"
+WINDOW_FALLBACK = "metering with numpy takes more than twenty times as long"
 TICKS_FALLBACK = "MAIN_FAST waits in Python, which costs more of the processor"
 LSTM_FALLBACK = "train with --compute torch"
 FMU_FALLBACK = "acqd[fmu] brings zig"
@@ -33,6 +33,8 @@ class CBuild:
     flags: tuple[str, ...]
     fallback: str
     """What is done without a compiler, in words."""
+    headers: tuple[Path, ...] = ()
+    """Files beside the sources that these include."""
 
     @property
     def arguments(self) -> list[str]:
@@ -43,8 +45,9 @@ class CBuild:
 def window(channels: int, instructions: InstructionSet) -> CBuild:
     """The metering of windows of so many channels."""
     flags = ("-O2", *_COMMON, "-w", *instructions.options, f"-DCHANNELS={channels}")
-    source = _PACKAGE / "metering" / "kernel" / "window.c"
-    return CBuild(f"window-{instructions.name}-{channels}", (source,), flags, WINDOW_FALLBACK)
+    folder = _PACKAGE / "metering" / "kernel"
+    name, headers = f"window-{instructions.name}-{channels}", (folder / "vectors.h",)
+    return CBuild(name, (folder / "window.c",), flags, WINDOW_FALLBACK, headers)
 
 
 def ticks() -> CBuild:

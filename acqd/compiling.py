@@ -41,9 +41,9 @@ def compile_shared(
 
 
 def file_name(build: CBuild) -> str:
-    """Name of the compiled file, with a hash of sources and flags: another version has another file."""
+    """Name of the compiled file, with a hash of sources, headers and flags: another version has another file."""
     digest = hashlib.sha256(" ".join(build.flags).encode())
-    for source in build.sources:
+    for source in (*build.sources, *build.headers):
         digest.update(source.read_bytes())
     return f"{build.name}-{digest.hexdigest()[:16]}.so"
 

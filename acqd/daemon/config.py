@@ -23,6 +23,7 @@ from acqd.daemon.modbus_sections import MetersSection
 from acqd.daemon.mqtt_section import MqttSection
 from acqd.daemon.opcua_section import OpcUaSection
 from acqd.daemon.quality_section import QualitySection
+from acqd.daemon.registers_section import RegistersSection
 from acqd.daemon.section import Positive, Section
 from acqd.daemon.source_sections import SECTIONS, SimulatedSection, SourceSection
 from acqd.daemon.spool_section import SpoolSection
@@ -103,6 +104,7 @@ class Config(Section):
     """Several sources, written as [[source]]; then `source` means nothing."""
     metering: MeteringSection = MeteringSection()
     quality: QualitySection = QualitySection()
+    registers: RegistersSection = RegistersSection()
     realtime: RealtimeSection = RealtimeSection()
     mqtt: MqttSection = MqttSection()
     spool: SpoolSection = SpoolSection()

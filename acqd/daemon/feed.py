@@ -11,10 +11,10 @@ from acqd.plc.fast_process import Spawn
 from acqd.plc.recent import SampledWindow
 from acqd.sources.waveform import Waveform
 from acqd.telemetry.row import PowerRow
-from acqd.telemetry.spool import Energy
+from acqd.telemetry.spool import Readings
 
-Deliver = Callable[[list[PowerRow], list[dict[str, Any]], Energy | None], None]
-"""Takes rows, the 1 s summaries that they complete and the energy registers after them, in the event loop."""
+Deliver = Callable[[list[PowerRow], list[dict[str, Any]], Readings | None], None]
+"""Takes rows, the 1 s summaries that they complete and the registers after them, in the event loop."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,11 +16,11 @@ from acqd.daemon.modbus_sections import MetersSection
 from acqd.daemon.quality_feed import DeliverQuality
 from acqd.daemon.waveform_feed import WaveformFeed
 from acqd.plc.forked import Nursery
-from acqd.telemetry.spool import Energy
+from acqd.telemetry.spool import Readings
 
 _log = logging.getLogger(__name__)
-Registers = Callable[[str], Energy | None]
-"""The energy registers of a device after the last row that an earlier start has spooled."""
+Registers = Callable[[str], Readings | None]
+"""The registers of a device after the last row that an earlier start has spooled."""
 
 
 def feed_of(

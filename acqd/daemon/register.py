@@ -6,6 +6,7 @@ import contextlib
 import json
 import logging
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -82,10 +83,21 @@ def greater(
     return [(max(pair[0] for pair in pairs), max(pair[1] for pair in pairs)) for pairs in zip(*known, strict=True)]
 
 
-def registers_of(phases: int, window_s: float, creep_W: float, state: Any) -> Registers:
-    """Registers that continue from `state`; from zero, with a line in the log, where that is no state of theirs."""
+def registers_of(
+    phases: int, window_s: float, creep_W: float, state: Any, spooled: Sequence[float] | None = None
+) -> Registers:
+    """Registers that continue from `state` and from the numbers in the spool, whichever are greater.
+
+    From zero, with a line in the log, where these are no state of theirs.
+    """
     try:
-        return Registers(phases, window_s, creep_W, state)
+        registers = Registers(phases, window_s, creep_W, state)
     except ValueError as error:
         _log.error("%s: reactive energy and demand start from zero", error)
-        return Registers(phases, window_s, creep_W)
+        registers = Registers(phases, window_s, creep_W)
+    if spooled is not None:
+        try:
+            registers.advance(spooled)
+        except ValueError as error:
+            _log.error("spool: %s; reactive energy and demand continue from the register file", error)
+    return registers

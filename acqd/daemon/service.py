@@ -29,7 +29,7 @@ from acqd.daemon.uplink import Uplink
 from acqd.errors import UserError
 from acqd.telemetry.counters import TelemetryCounters
 from acqd.telemetry.row import PowerRow
-from acqd.telemetry.spool import Energy
+from acqd.telemetry.spool import Readings
 from acqd.timestamps import rfc3339
 
 _log = logging.getLogger(__name__)
@@ -55,7 +55,7 @@ class Service:
         if config.state_dir is not None:
             _make_folder(config.state_dir)
         self._uplink = Uplink(config, config.devices, self._status) if config.mqtt.enabled else None
-        registers = self._uplink.energy if self._uplink else lambda _: None
+        registers = self._uplink.readings if self._uplink else lambda _: None
         quality = self._uplink.put_quality if self._uplink else None
         announce = self._uplink.put_event if self._uplink else None
         self._feed: Feed = feed_of(config, self._boot, self._take, registers, quality, announce)
@@ -134,12 +134,12 @@ class Service:
             await broker.stop()
         self._feed.close()
 
-    def _take(self, rows: list[PowerRow], summaries: list[dict[str, Any]], energy: Energy | None) -> None:
+    def _take(self, rows: list[PowerRow], summaries: list[dict[str, Any]], readings: Readings | None) -> None:
         """Hand rows and summaries over."""
         if self._tape is not None:
             self._tape.write(rows)
         if self._uplink is not None:
-            self._uplink.put(rows, summaries, energy)
+            self._uplink.put(rows, summaries, readings)
         if self._on_second is not None and summaries:
             self._on_second(summaries)
         self.rows += len(rows)

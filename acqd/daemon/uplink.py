@@ -17,8 +17,9 @@ from acqd.telemetry.counters import TelemetryCounters
 from acqd.telemetry.delivery import Delivery
 from acqd.telemetry.event import PowerEvent
 from acqd.telemetry.quality_row import QualityRow
+from acqd.telemetry.register_row import OnceAMinute, register_row
 from acqd.telemetry.row import PowerRow
-from acqd.telemetry.spool import Energy, Spool, SpooledRow, Stream, confirm
+from acqd.telemetry.spool import Readings, Spool, SpooledRow, Stream, confirm
 
 _log = logging.getLogger(__name__)
 _SYNC_S = 0.8  # at most 1 s of rows is at risk when the power fails
@@ -42,15 +43,16 @@ class Uplink:
             greeting=greeting,
         )
         self._folder = folder
+        self._register_times = OnceAMinute()
         self._sync_failed = self._warned = False
         self._alone_since = time.monotonic()
         self.latest = self.counters()
         """The counters, at most a second old; for other threads than the event loop's."""
 
-    def energy(self, device: str) -> Energy | None:
+    def readings(self, device: str) -> Readings | None:
         """A device's registers after the last row that an earlier start has spooled."""
-        before = self._spool.energy("") if device == self._config.device else None
-        return self._spool.energy(device) or before
+        before = self._spool.readings("") if device == self._config.device else None
+        return self._spool.readings(device) or before
 
     def tasks(self) -> list[asyncio.Task[None]]:
         """Start to deliver; the tasks do not end by themselves."""
@@ -58,13 +60,26 @@ class Uplink:
             _log.info("no state_dir: rows that are not delivered wait in memory only")
         return [asyncio.create_task(self._connector.run()), asyncio.create_task(self._sync())]
 
-    def put(self, rows: Sequence[PowerRow], summaries: Sequence[dict[str, Any]], energy: Energy | None) -> None:
+    def put(self, rows: Sequence[PowerRow], summaries: Sequence[dict[str, Any]], readings: Readings | None) -> None:
         """Take the rows of a window, and the summaries that they complete."""
         self._delivery.put_rows(
-            [SpooledRow(Stream(row.device, row.channel, row.boot), row.seq, row.to_json()) for row in rows], energy
+            [SpooledRow(Stream(row.device, row.channel, row.boot), row.seq, row.to_json()) for row in rows], readings
         )
         for summary in summaries:
             self._delivery.put_state(topics.summary(summary["device"], summary["channel"]), orjson.dumps(summary))
+        if summaries and self._config.registers.enabled:
+            self._put_registers(summaries)
+
+    def _put_registers(self, summaries: Sequence[dict[str, Any]]) -> None:
+        """A row of registers for each channel, once a minute."""
+        due = [summary for summary in summaries if self._register_times.due(summary)]
+        rows = [register_row(summary) for summary in due]
+        self._delivery.put_rows(
+            [
+                SpooledRow(Stream(row.device, topics.register_stream(row.channel), row.boot), row.seq, row.to_json())
+                for row in rows
+            ]
+        )
 
     def put_quality(self, rows: Sequence[QualityRow]) -> None:
         """Take rows of power quality."""

@@ -25,7 +25,7 @@ from acqd.plc.realtime import prioritise
 from acqd.plc.recent import SampledWindow
 from acqd.sources.waveform import Waveform
 from acqd.telemetry.row import rows_of
-from acqd.telemetry.spool import Energy
+from acqd.telemetry.spool import Energy, Readings
 from acqd.telemetry.summary import Summariser
 
 _STALE_S = 2.0  # rows are missing when none has come for this long
@@ -40,14 +40,14 @@ class WaveformFeed:
         source: WaveformSection,
         boot: str,
         deliver: Deliver,
-        energy: Energy | None = None,
+        readings: Readings | None = None,
         deliver_quality: DeliverQuality | None = None,
         announce: Announce | None = None,
         company: Company = ALONE,
     ) -> None:
-        """`energy`: the registers after the last row that an earlier start has spooled; `announce` takes events."""
+        """`readings`: the registers after the last row that an earlier start has spooled; `announce` takes events."""
         self._config = config
-        self._spooled = energy
+        self._spooled = readings
         self._boot = Boot(boot)
         self._deliver = deliver
         self._quality = (
@@ -166,7 +166,8 @@ class WaveformFeed:
         metering, window = self._config.metering, self._config.window
         energy = self._energy(form.phases)
         others = self._register.others if self._register is not None else None
-        self._registers = registers_of(form.phases, window, metering.creep_w, others)
+        spooled = self._spooled.registers if self._spooled is not None else None
+        self._registers = registers_of(form.phases, window, metering.creep_w, others, spooled)
         return Meter(
             form,
             window=window,
@@ -178,16 +179,18 @@ class WaveformFeed:
 
     def _energy(self, phases: int) -> Energy | None:
         """Registers to continue from: the greater of file and spool, so that W never goes back."""
-        return greater(self._register.load(phases) if self._register else None, self._spooled, phases)
+        spooled = self._spooled.energy if self._spooled is not None else None
+        return greater(self._register.load(phases) if self._register else None, spooled, phases)
 
     def _take(self, batch: WindowBatch) -> None:
         rows = list(rows_of(batch, self._config.device, self._boot.name))
         self._boot.stamp(rows)
         self._tally.add(rows)
         assert self._executive.meter is not None and self._registers is not None
-        self._registers.add(batch)
+        # These are of the second before: with the registers from before this batch.
         summaries = [each | self._registers.reading(each["channel"]) for each in self._summariser.add(batch, rows)]
-        self._deliver(rows, summaries, self._executive.meter.energy.reading())
+        self._registers.add(batch)
+        self._deliver(rows, summaries, Readings(self._executive.meter.energy.reading(), self._registers.numbers()))
         self._last_row = time.monotonic()
 
     def _make_watch(self, form: StreamFormat) -> Callable[[SampleBlock], None]:

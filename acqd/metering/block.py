@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 Codes: TypeAlias = NDArray[np.int16 | np.int32 | np.float64]
 CodeBits = Literal[16, 32, 64]
 
+_NONE: frozenset[str] = frozenset()
 CODE_MAX = 32767
 """Positive end stop of the 16-bit converter: a sample here is over-range."""
 CODE_MIN = -32768
@@ -35,7 +36,7 @@ class SampleBlock:
     """UTC of the first sample [ns since 1970-01-01]."""
     lost: int = 0
     """Samples lost immediately before this block."""
-    flags: frozenset[str] = field(default_factory=frozenset)
+    flags: frozenset[str] = _NONE
     """Row flags that hold for every window this block touches ("late", "simulated" ...)."""
 
     def overrange(self, form: StreamFormat) -> bool:

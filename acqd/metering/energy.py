@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
+from operator import mul
 
 import numpy as np
 
@@ -47,12 +48,13 @@ class EnergyRegister:
         self._steps = 1 if integers else _STEPS
         self._unit = [Fraction(unit) / self._steps for unit in kwh_per_count]
         self._float_unit = np.array(kwh_per_count)
-        self._least = creep_kWh / self._float_unit
+        self._per_step = [unit / self._steps for unit in kwh_per_count]
+        self._creeps, self._least = creep_kWh > 0, creep_kWh / self._float_unit
         begin = start or [(0.0, 0.0)] * len(kwh_per_count)
         # Starting readings become counts too (1e-9 of a count is far below the meter's resolution).
-        self._counts = [
-            [round(Fraction(reading) / unit) for reading in pair] for pair, unit in zip(begin, self._unit, strict=True)
-        ]
+        self._imported, self._exported = (
+            [round(Fraction(pair[k]) / unit) for pair, unit in zip(begin, self._unit, strict=True)] for k in (0, 1)
+        )
 
     @staticmethod
     def kwh_per_count(volts_per_digit: float, amperes_per_digit: float, rate: float) -> float:
@@ -64,27 +66,34 @@ class EnergyRegister:
 
         A window imports or exports as a whole: within a mains cycle reactive power swings both ways.
         """
-        if self._least.any():
+        if counts.shape[1] == 1:
+            readings = np.array(self.add_window(counts[:, 0].tolist())).reshape(2, -1, 1)
+            return EnergyColumns(readings[0], readings[1])
+        if self._creeps:
             counts = np.where(np.abs(counts) < self._least[:, None], 0.0, counts)
-        if self._integers and counts.shape[1] == 1:
-            return self._add_one(counts[:, 0].tolist())
         sums = counts.astype(np.int64) if self._integers else counts
         running = np.cumsum(np.stack((np.maximum(sums, 0), np.maximum(-sums, 0))), axis=2)
-        before = np.array(self._counts, dtype=np.float64).T[:, :, None] / self._steps
+        before = np.array((self._imported, self._exported), dtype=np.float64)[:, :, None] / self._steps
         imported, exported = (before + running) * self._float_unit[:, None]
-        for direction, totals in enumerate(running[:, :, -1].tolist()):
+        for counts_of, totals in zip((self._imported, self._exported), running[:, :, -1].tolist(), strict=True):
             for phase, added in enumerate(totals):
-                self._counts[phase][direction] += added if self._integers else round(Fraction(added) * self._steps)
+                counts_of[phase] += added if self._integers else round(Fraction(added) * self._steps)
         return EnergyColumns(imported, exported)
 
-    def _add_one(self, sums: list[float]) -> EnergyColumns:
-        """One window: without the price of arrays."""
-        for counts, sum_ in zip(self._counts, sums, strict=True):
-            counts[sum_ < 0] += abs(int(sum_))
-        now = np.array(self._counts, dtype=np.float64) * self._float_unit[:, None]
-        return EnergyColumns(now[:, :1], now[:, 1:])
+    def add_window(self, counts: list[float]) -> list[float]:
+        """Add one window, [phases]; imported readings of all phases, then the exported ones [kWh]."""
+        if self._creeps:
+            counts = [0.0 if abs(sum_) < least else sum_ for sum_, least in zip(counts, self._least, strict=True)]
+        imported, exported = self._imported, self._exported
+        for phase, sum_ in enumerate(counts):
+            added = int(sum_) if self._integers else round(Fraction(sum_) * self._steps)
+            if added >= 0:
+                imported[phase] += added
+            else:
+                exported[phase] -= added
+        return [*map(mul, imported, self._per_step), *map(mul, exported, self._per_step)]
 
     def reading(self) -> list[tuple[float, float]]:
         """Each phase's (imported, exported) [kWh] now."""
-        now = np.array(self._counts, dtype=np.float64) / self._steps * self._float_unit[:, None]
-        return [(imported, exported) for imported, exported in now.tolist()]
+        imported, exported = map(mul, self._imported, self._per_step), map(mul, self._exported, self._per_step)
+        return list(zip(imported, exported, strict=True))

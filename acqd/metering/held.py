@@ -29,28 +29,42 @@ class HeldFrequency:
         self._recent: deque[tuple[float, bool]] = deque(maxlen=_REMEMBERED)
 
     @property
+    def unsettled(self) -> bool:
+        """Whether the f of the last window may be moved by an interharmonic, and too few windows are known to tell."""
+        return self._sideband.unsettled
+
+    @property
     def calm(self) -> bool:
         """Steady estimates are usable: few of those remembered were unsteady, and no interharmonic is near f."""
         return not self._sideband.beating and sum(unsteady for _, unsteady in self._recent) < _OFTEN
 
-    def note_steady(self, f: list[float], magnitude: list[float]) -> int:
-        """Estimates of consecutive windows that were all steady [Hz, digits]; how many are usable."""
-        for k, (value, size) in enumerate(zip(f, magnitude, strict=True)):
-            if self._sideband.note(value, size) is not None:
-                self._sideband.forget_last()
-                return k
-            self._recent.append((value, False))
-        return len(f)
+    def note_steady(self, f: list[float], magnitude: list[float]) -> list[bool]:
+        """Estimates of consecutive windows that were all steady [Hz, digits]; `unsettled` of those that are usable."""
+        unsettled: list[bool] = []
+        for value, size in zip(f, magnitude, strict=True):
+            if not self.note(value, size):
+                break
+            unsettled.append(self._sideband.unsettled)
+        return unsettled
+
+    def note(self, f: float, magnitude: float) -> bool:
+        """The estimate of one window that was steady [Hz, digits]; whether it is usable."""
+        if self._sideband.note(f, magnitude) is not None:
+            self._sideband.forget_last()
+            return False
+        self._recent.append((f, False))
+        return True
 
     def reset(self) -> None:
         """The next window does not follow the last one."""
         self._sideband.reset()
 
-    def usable(self, estimate: Estimate) -> tuple[Floats, Floats]:
-        """f of consecutive windows, NaN where it is not known or not to be trusted; and what f is about there.
+    def usable(self, estimate: Estimate) -> tuple[Floats, Floats, np.ndarray]:
+        """f of consecutive windows, NaN where it is not known or not to be trusted; what f is about there; `unsettled`.
 
         The second is NaN where the last f goes on.
         """
+        unsettled = np.zeros(len(estimate.f), dtype=bool)
         f, substitute = estimate.f.copy(), np.full(len(estimate.f), np.nan)
         columns = zip(f.tolist(), estimate.unsteady.tolist(), estimate.magnitude.tolist(), strict=True)
         for k, (raw, unsteady, magnitude) in enumerate(columns):
@@ -64,7 +78,8 @@ class HeldFrequency:
                 substitute[k] = np.median([value for value, _ in self._recent])
             if unsteady or disturbed or without is not None:
                 f[k] = np.nan
-        return f, substitute
+            unsettled[k] = self._sideband.unsettled and f[k] == f[k]
+        return f, substitute, unsettled
 
     def fill(self, f: Floats, substitute: Floats) -> Floats:
         """`f` of the same windows, NaN replaced."""

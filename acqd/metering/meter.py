@@ -6,9 +6,11 @@ blocks, and honest about what a gap, a start in mid-stream or a dead mains leave
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from acqd.arrays import Floats
 from acqd.metering.block import Codes, SampleBlock, StreamFormat
@@ -18,15 +20,16 @@ from acqd.metering.held import HeldFrequency
 from acqd.metering.interval import interval_sums
 from acqd.metering.kernel import Kernel, why_not
 from acqd.metering.kernel.kernel import Metered
-from acqd.metering.kernel.layout import ENERGY, IRMS, POWER, VRMS
+from acqd.metering.kernel.layout import ENERGY, IRMS, POWER, REACTIVE, VRMS
+from acqd.metering.marks import flag_window, mark_phases
 from acqd.metering.middle import MiddleFrequency
-from acqd.metering.stream import Piece, WindowStream
+from acqd.metering.piece import LiveWindow, Piece
+from acqd.metering.stream import WindowStream
+from acqd.metering.whole_cycles import CYCLES, channels, products_of, synchronous
 from acqd.metering.window import WindowBatch, WindowGrid
 
 Mode = Literal["synchronous", "fixed"]
 
-CYCLES = 2
-"""Mains cycles per synchronous value."""
 INTERRUPTION = 0.05
 """Share of the nominal voltage below which there is no mains (EN 50160: supply interruption)."""
 _FREQUENCY_SPAN = 0.06  # s per frequency value, tapered; 50 ms has 1.4 times the noise
@@ -82,7 +85,7 @@ class Meter:
             integers=form.bits < 64,
             creep_kWh=creep_W * window / 3.6e6,
         )
-
+        self._phases = range(form.phases)
         self._kernel = self._make_kernel() if compiled and why_not(len(form.scale)) is None else None
 
     def _make_kernel(self) -> Kernel:
@@ -91,6 +94,8 @@ class Meter:
 
     def feed(self, block: SampleBlock) -> WindowBatch | None:
         """Meter every window that `block` completes; None when it completes none."""
+        if self._kernel is not None and (window := self._stream.live(block)) is not None:
+            return self._live(self._kernel, window)
         batches = [self._broken(piece) if piece.broken else self._whole(piece) for piece in self._stream.feed(block)]
         return WindowBatch.join(batches) if batches else None
 
@@ -109,40 +114,54 @@ class Meter:
                 self._kernel.give_back()
                 batches.append(self._reference(piece.window(done)))
             else:
-                batches.append(self._of_kernel(piece, done, usual))
+                windows = slice(done, done + usual.rows.shape[1])
+                batches.append(self._of_kernel(piece.seq[windows], piece.utc_ns[windows], piece.flags[windows], usual))
             done += len(batches[-1])
         return WindowBatch.join(batches)
 
-    def _of_kernel(self, piece: Piece, first: int, usual: Metered) -> WindowBatch:
-        windows = slice(first, first + usual.rows.shape[1])
-        flags = [[set(named) for named in piece.flags[windows]] for _ in range(self.form.phases)]
+    def _live(self, kernel: Kernel, window: LiveWindow) -> WindowBatch:
+        """Meter the one window that a block of a running stream completes."""
+        metered = kernel.meter_live(window.buffer, window.begin, window.end, window.origin, self.energy)
+        if metered is None:
+            kernel.give_back()
+            return self._reference(window.piece())
+        f, mark, (Vrms, Irms, P, Q1, imported, exported) = metered
+        flags = [[set(window.flags)] for _ in self._phases]
+        if mark:
+            mark_phases(flags, 0, mark)
+        return WindowBatch(
+            np.array((window.seq,)), np.array((window.utc_ns,)), Vrms, Irms, P, np.array((f,)), imported, exported, Q1,
+            flags,
+        )  # fmt: skip
+
+    def _of_kernel(
+        self, seq: NDArray[np.int64], utc_ns: NDArray[np.int64], named: Sequence[frozenset[str]], usual: Metered
+    ) -> WindowBatch:
+        flags = [[set(names) for names in named] for _ in range(self.form.phases)]
         for k, mark in enumerate(usual.marks()):
-            for phase in range(self.form.phases) if mark else ():
-                if mark >> phase & 1:
-                    flags[phase][k].add("no_mains")
-                if mark >> phase & 16:
-                    flags[phase][k].add("overrange")
+            if mark:
+                mark_phases(flags, k, mark)
         energy = self.energy.add(usual.of_phases(ENERGY))
         return WindowBatch(
-            seq=piece.seq[windows],
-            utc_ns=piece.utc_ns[windows],
+            seq=seq,
+            utc_ns=utc_ns,
             Vrms=usual.of_phases(VRMS),
             Irms=usual.of_phases(IRMS),
             P=usual.of_phases(POWER),
             f=usual.f,
             imported=energy.imported,
             exported=energy.exported,
-            Q1=usual.reactive(),
+            Q1=usual.of_phases(REACTIVE),
             flags=flags,
         )
 
     def _reference(self, piece: Piece) -> WindowBatch:
         """Meter consecutive windows with numpy."""
-        u, i = _channels(piece.codes[: piece.bounds[-1]])
-        products = _products(u, i)
+        u, i = channels(piece.codes[: piece.bounds[-1]])
+        products = products_of(u, i)
         starts, ends = piece.bounds[:-1], piece.bounds[1:]
         estimate, centres = self._estimate_f(u, i, ends)
-        usable, about = self._held.usable(estimate)
+        usable, about, unsettled = self._held.usable(estimate)
         count = (ends - starts).astype(np.float64)
         energy_counts = np.add.reduceat(products[2], starts, axis=1)
         flags = piece.row_flags(self.form.phases)
@@ -153,15 +172,15 @@ class Meter:
         else:
             f = self._middle.shift(usable, centres + piece.begin, self._interval_middle(piece, usable) + piece.begin)
             held = self._held.fill(f, about)
-            start, stop, short = _synchronous(starts, ends, CYCLES * self.form.rate / held)
+            start, stop, short = synchronous(starts, ends, CYCLES * self.form.rate / held)
             means = interval_sums(products, start, stop) / (stop - start)
             # The straight line through a cut cell can dip below zero where the voltage has just gone.
             np.maximum(means[:2], 0.0, out=means[:2])
             live = np.sqrt(means[0]) * self._u_scale > self._dead
             for k in np.flatnonzero(short).tolist():
-                _mark(flags, k, "start")
+                flag_window(flags, k, "start")
         if piece.first:
-            _mark(flags, 0, "start")
+            flag_window(flags, 0, "start")
         dark = np.flatnonzero(~live.any(axis=0))
         if dark.size:
             # No mains, no cycle to be synchronous with: exactly this window.
@@ -173,23 +192,27 @@ class Meter:
                 self._middle.reset()
                 self._held.reset()
         for k in np.flatnonzero(np.isnan(f) & live.any(axis=0)).tolist():
-            _mark(flags, k, "transient")
+            flag_window(flags, k, "transient")
+        for k in np.flatnonzero(unsettled & ~np.isnan(f)).tolist():
+            flag_window(flags, k, "unsettled")
         self._flag_phases(flags, live, piece.codes, piece.bounds)
         return self._columns(piece, means, (f, estimate.reactive), energy_counts, flags)
 
     def _broken(self, piece: Piece) -> WindowBatch:
         """Meter one window with samples missing: its values are those of the longest unbroken run."""
+        if self._kernel is not None:
+            self._kernel.give_back()  # it knows the last f
         self._held.reset()
-        runs = [_channels(run) for run in piece.runs]
+        runs = [channels(run) for run in piece.runs]
         energy_counts = sum(((u * i).sum(axis=1, keepdims=True) for u, i in runs), np.zeros((self.form.phases, 1)))
         u, i = max(runs, key=lambda run: run[0].shape[1])
-        products = _products(u, i)
+        products = products_of(u, i)
         length = float(u.shape[1])
         cycle = self.form.rate / self._held.last
         span = cycle * min(CYCLES, int(length / cycle))
         if self.mode == "fixed":
             samples = sum(run[0].shape[1] for run in runs)
-            means = sum(_products(u, i).sum(axis=-1, keepdims=True) for u, i in runs) / samples
+            means = sum(products_of(u, i).sum(axis=-1, keepdims=True) for u, i in runs) / samples
         elif span:
             start = np.array([(length - span) / 2])
             means = interval_sums(products, start, start + span) / span
@@ -197,7 +220,7 @@ class Meter:
         else:
             means = np.full((3, self.form.phases, 1), np.nan)  # less than one cycle gives no value
         flags = piece.row_flags(self.form.phases)
-        _mark(flags, 0, "start" if piece.first else "gap")
+        flag_window(flags, 0, "start" if piece.first else "gap")
         with np.errstate(invalid="ignore"):
             live = ~(np.sqrt(means[0]) * self._u_scale <= self._dead)
         joined = np.concatenate(piece.runs)
@@ -259,39 +282,3 @@ class Meter:
             Q1=reactive * (self._u_scale * self._i_scale),
             flags=flags,
         )
-
-
-def _synchronous(starts: np.ndarray, ends: np.ndarray, length: Floats) -> tuple[Floats, Floats, np.ndarray]:
-    """Bounds of the whole cycles to meter in each window, and which windows meter only half as many.
-
-    The cycles lie in the middle of the window when they fit, which keeps their lag constant whatever
-    f is; otherwise they end with the window and reach back into the history. At a stream's start the
-    history may be too short: then one cycle is metered.
-    """
-    room = (ends - starts) - length
-    start = np.where(room >= 0, starts + room / 2, ends - length)
-    short = start < 0
-    half = np.where(short, length / CYCLES, length)
-    start = np.where(short, ends - half, start)
-    return start, np.minimum(start + half, ends), short
-
-
-def _channels(codes: Codes) -> tuple[Floats, Floats]:
-    """Voltages and currents [phases, samples] in digits, as doubles."""
-    u = np.ascontiguousarray(codes[:, 0::2].T, dtype=np.float64)
-    i = np.ascontiguousarray(codes[:, 1::2].T, dtype=np.float64)
-    return u, i
-
-
-def _products(u: Floats, i: Floats) -> Floats:
-    """u*u, i*i, u*i stacked, [3, phases, samples]; sums of them are exact integers."""
-    products = np.empty((3, *u.shape))
-    np.multiply(u, u, out=products[0])
-    np.multiply(i, i, out=products[1])
-    np.multiply(u, i, out=products[2])
-    return products
-
-
-def _mark(flags: list[list[set[str]]], window: int, flag: str) -> None:
-    for phase in flags:
-        phase[window].add(flag)

@@ -10,6 +10,7 @@ Demand is the mean imported power of blocks of 15 min of UTC. A block that lacks
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -20,6 +21,8 @@ BLOCK_S = 900
 _WHOLE = 0.999
 """Share of a block that must be metered."""
 _QUADRANTS = ("I", "II", "III", "IV")
+_NUMBERS = 8
+"""Of a channel in the state."""
 
 
 def quadrant(P: float, Q: float) -> int:
@@ -84,6 +87,34 @@ class Registers:
         }
         return {"block": self._block, "covered_s": self._covered_s, "channels": channels}
 
+    def numbers(self) -> list[float]:
+        """The state as numbers, NaN for what is not known: small enough to be kept with every window."""
+        result = [float(self._block), self._covered_s]
+        for one in self.channels.values():
+            rest = (one.last_W, one.most_W, one.most_block)
+            result += [*one.reactive, one.kWh, *(math.nan if value is None else value for value in rest)]
+        return result
+
+    def advance(self, numbers: Sequence[float]) -> None:
+        """To a later state, as `numbers` gave it. Registers only rise: what is less there stays as it is.
+
+        Raises ValueError for numbers of other channels, or impossible ones.
+        """
+        if len(numbers) != 2 + _NUMBERS * len(self.channels):
+            raise ValueError(f"registers: {len(numbers)} numbers are not of {len(self.channels)} channels")
+        block, covered_s = _reading(numbers[0] + 1) - 1, _reading(numbers[1])
+        newer = (block, covered_s) > (self._block, self._covered_s)
+        for k, one in enumerate(self.channels.values()):
+            *values, last, most, most_block = numbers[2 + _NUMBERS * k : 2 + _NUMBERS * (k + 1)]
+            reactive = [_reading(value) for value in values[:4]]
+            one.reactive = [max(pair) for pair in zip(one.reactive, reactive, strict=True)]
+            if newer:
+                one.kWh, one.last_W = _reading(values[4]), _unless_nan(last)
+            if most == most and (one.most_W is None or most > one.most_W):
+                one.most_W, one.most_block = _reading(most), int(_reading(most_block))
+        if newer:
+            self._block, self._covered_s = int(block), covered_s
+
     def _restore(self, state: Any) -> None:
         try:
             self._block, self._covered_s = int(state["block"]), float(state["covered_s"])
@@ -128,6 +159,10 @@ def _reading(value: Any) -> float:
     if not 0 <= number < 1e15:
         raise ValueError(f"impossible reading {number}")
     return number
+
+
+def _unless_nan(value: float) -> float | None:
+    return _reading(value) if value == value else None
 
 
 def _optional(value: Any) -> float | None:

@@ -59,25 +59,27 @@ class Sideband:
         self._f: deque[float] = deque(maxlen=LENGTHS[-1])
         self._magnitude: deque[float] = deque(maxlen=LENGTHS[-1])
         self._bent: deque[bool] = deque(maxlen=LENGTHS[0])
-        self._low = self._high = 0.0
-        self._fresh = 0  # windows for which these bounds hold
-        self._next = 0
+        self._low = self._high = 0.0  # bounds of the remembered f, as of at most _fresh windows ago
+        self._fresh = 0  # windows until they are taken anew
+        self._next = 0  # which of the lengths has its turn
         self._suspected = False
         self.beating = False
         """Whether an interharmonic moved f in the last window."""
+        self.unsettled = False
+        """Whether f varies, and too few windows are known to tell an interharmonic from a swing of f."""
 
     def reset(self) -> None:
         """The next window does not follow the last one."""
         self._f.clear()
         self._magnitude.clear()
         self._bent.clear()
-        self._fresh, self.beating, self._suspected = 0, False, False
+        self._fresh, self.beating, self._suspected, self.unsettled = 0, False, False, False
 
     def note(self, f: float, magnitude: float, *, steady: bool = True) -> float | None:
         """The next window: f [Hz] as it was estimated, magnitude of the fundamental in any unit.
 
-        About the f without the interharmonic, where one moves it; else None. A window that is not `steady` (a phase
-        jump) counts as the one before.
+        About the f without the interharmonic, where one moves it; else None. A window that is not `steady` counts as
+        the one before, as long as a phase jump may be the reason. A window without f ends what is remembered.
         """
         if f != f or not magnitude > 0:
             self.reset()
@@ -87,17 +89,23 @@ class Sideband:
             f, magnitude = self._f[-1], self._magnitude[-1]
         self._f.append(f)
         self._magnitude.append(magnitude)
-        if self._spread(f) < _SPREAD or len(self._f) < LENGTHS[0]:
+        varies = self._spread(f) >= _SPREAD
+        self.unsettled = varies and len(self._f) < LENGTHS[-1]
+        if not varies or len(self._f) < LENGTHS[0]:
             self.beating = self._suspected = False
             return None
-        self._next = (self._next + 1) % len(LENGTHS)  # a third of the work while there is nothing
+        # One length per window while there is nothing; then all of them, the longest, and most exact, first.
+        self._next = (self._next + 1) % len(LENGTHS)
         found = self._look(LENGTHS[::-1] if self._suspected else LENGTHS[self._next : self._next + 1])
         self.beating = found is not None and self._suspected  # a chance likeness does not last
         self._suspected = found is not None
         return found if self.beating else None
 
     def note_all(self, f: Sequence[float], magnitude: Sequence[float]) -> bool:
-        """The next windows at once, all steady: whether an interharmonic moves f in the last one."""
+        """The next windows at once, all steady: whether an interharmonic moves f in the last one.
+
+        Here one likeness is enough: the windows are cycles, and a call has ten of them.
+        """
         self._f.extend(f)
         self._magnitude.extend(magnitude)
         self.beating = max(self._f) - min(self._f) >= _SPREAD and self._look(LENGTHS) is not None
@@ -110,21 +118,23 @@ class Sideband:
         self._bent.pop()
 
     def _spread(self, f: float) -> float:
-        """Of the last windows [Hz]; too large at most for as many windows as are remembered."""
+        """Between the largest and the smallest remembered f [Hz]; for LENGTHS[0] windows at most, more than that."""
         self._fresh -= 1
         if self._fresh < 0 or not self._low <= f <= self._high:
             self._low, self._high, self._fresh = min(self._f), max(self._f), LENGTHS[0]
         return self._high - self._low
 
     def _look(self, lengths: Sequence[int]) -> float | None:
+        """f [Hz] without the interharmonic, from the first of `lengths` that shows one; None where none does."""
         f, magnitude = np.array(self._f), np.array(self._magnitude)
         turn = 2 * np.pi * self._window_s
-        phase = turn * (np.cumsum(f - f[-1]) - 0.5 * (f - f[-1]))
+        phase = turn * (np.cumsum(f - f[-1]) - 0.5 * (f - f[-1]))  # in the middles of the windows, less that of f[-1]
         w = np.log(magnitude / magnitude[-1]) + 1j * phase
         for length in lengths:
             if length <= len(w) and np.ptp(f[-length:]) >= _SPREAD:
                 slope = self._slope(w[-length:])
                 if slope is not None:
+                    # Over the shortest length a parabola and a slow line are much alike: the mean is more exact.
                     return float(f[-1] + slope / turn) if length > LENGTHS[0] else float(f[-length:].mean())
         return None
 

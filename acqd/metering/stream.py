@@ -8,56 +8,16 @@ gap never shifts what comes after it.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from acqd.metering.block import Codes, SampleBlock
+from acqd.metering.piece import LiveWindow, Piece
+from acqd.metering.sample_buffer import SampleBuffer
 from acqd.metering.window import WindowGrid
 
 _Mark = tuple[int, int, frozenset[str]]  # first sample, sample after the last, flags
-
-
-@dataclass(frozen=True, slots=True)
-class Piece:
-    """Consecutive whole windows, or one broken window, with what metering them needs."""
-
-    seq: NDArray[np.int64]
-    utc_ns: NDArray[np.int64]
-    runs: list[Codes]
-    """Unbroken runs of samples: one for whole windows (history first), any number for a broken one."""
-    bounds: NDArray[np.int64]
-    """Window bounds as positions in the only run; empty for a broken window."""
-    flags: list[frozenset[str]]
-    """[windows] flags of the blocks each window touches."""
-    begin: int = 0
-    """Sample of the stream at position 0 of the only run."""
-    broken: bool = False
-    first: bool = False
-    """This piece begins the stream."""
-
-    @property
-    def codes(self) -> Codes:
-        """The only run of whole windows."""
-        return self.runs[0]
-
-    def window(self, k: int) -> Piece:
-        """Window `k` alone, with its history."""
-        end = self.bounds[k + 1]
-        return replace(
-            self,
-            seq=self.seq[k : k + 1],
-            utc_ns=self.utc_ns[k : k + 1],
-            runs=[self.codes[:end]],
-            bounds=self.bounds[k : k + 2],
-            flags=self.flags[k : k + 1],
-            first=self.first and k == 0,
-        )
-
-    def row_flags(self, phases: int) -> list[list[set[str]]]:
-        """[phases][windows] sets to add to."""
-        return [[set(flags) for flags in self.flags] for _ in range(phases)]
 
 
 class WindowStream:
@@ -68,52 +28,84 @@ class WindowStream:
         self._grid = grid
         self._history = history
         self._batch = batch
-        self._run: Codes | None = None  # unbroken samples from index `_origin` on
-        self._origin = 0
+        self._samples: SampleBuffer | None = None
         self._next = 0  # window to hand out next
         self._orphans: list[Codes] = []  # samples of window `_next` from before a gap
         self._anchor = (0, 0)  # sample index, its UTC [ns]
         self._marks: list[_Mark] = []
         self._begun = False
+        self._edges = (0, 0, 0)  # start of window `_next` and of the two after it, while the stream runs
+
+    def live(self, block: SampleBlock) -> LiveWindow | None:
+        """Take a block that completes just one window, as every block does while a stream runs.
+
+        None: the block is another one, for `feed`, and was not taken.
+        """
+        samples, index, marks = self._samples, block.index, self._marks
+        start, stop, following = self._edges
+        end = index + len(block.codes)
+        if samples is None or index != samples.end or not stop <= end < following or self._orphans:
+            return None
+        if marks:
+            if len(marks) > 1 or marks[0][2] != block.flags or not (marks[0][0] <= start and marks[0][1] == index):
+                return None
+            marks[0] = (marks[0][0], end, marks[0][2])
+        elif block.flags:
+            return None
+        samples.append(block.codes)
+        seq, (anchor, utc_ns), oldest = self._next, self._anchor, samples.begin
+        base = samples.origin - oldest
+        self._next += 1
+        self._edges = stop, following, self._grid.start(seq + 3)
+        samples.forget(stop - self._history)
+        utc_ns += round((start - anchor) * 1e9 / self._grid.rate)
+        return LiveWindow(seq, utc_ns, samples.codes, start - base, stop - base, base, block.flags, oldest)
 
     @property
     def pending(self) -> int:
         """Samples held that belong to no whole window yet."""
-        if self._run is None:
+        if self._samples is None:
             return 0
         orphans = sum(len(run) for run in self._orphans)
-        return orphans + self._origin + len(self._run) - max(self._origin, self._grid.start(self._next))
+        return orphans + self._samples.end - max(self._samples.origin, self._grid.start(self._next))
 
     def feed(self, block: SampleBlock) -> Iterator[Piece]:
-        """Take the next block; yield what it completes."""
-        if self._run is None:
-            self._run, self._origin = block.codes, block.index
+        """Take the next block; yield what it completes. A piece is valid until the next one."""
+        samples = self._samples
+        if samples is None:
+            samples = self._samples = SampleBuffer(block.codes, block.index)
             self._anchor = (block.index, block.utc_ns)
             self._next = self._grid.containing(block.index)
-        elif block.index != self._origin + len(self._run):
-            yield from self._break(block)
+        elif block.index != samples.end:
+            yield from self._break(block, samples)
         else:
             if "clock_step" in block.flags:
                 self._anchor = (block.index, block.utc_ns)
-            self._run = np.concatenate((self._run, block.codes)) if len(self._run) else block.codes
+            samples.append(block.codes)
         self._note_flags(block)
-        yield from self._drain()
+        yield from self._drain(samples)
+        start, stop, following = (self._grid.start(self._next + k) for k in range(3))
+        running = self._begun and samples.origin <= start
+        self._edges = (start, stop, following) if running else (0, 0, 0)
 
     def _note_flags(self, block: SampleBlock) -> None:
         last = block.index + len(block.codes)
         if block.flags:
-            self._marks.append((block.index, last, block.flags - {"clock_step"}))
+            named = block.flags - {"clock_step"}
+            if self._marks and self._marks[-1][1:] == (block.index, named):
+                self._marks[-1] = (self._marks[-1][0], last, named)
+            else:
+                self._marks.append((block.index, last, named))
         if "clock_step" in block.flags:
             # The step is an event: it belongs to the first window that has the new time.
             start = self._grid.start(self._grid.containing(block.index))
             self._marks.append((start, start + 1, frozenset({"clock_step"})))
 
-    def _break(self, block: SampleBlock) -> Iterator[Piece]:
+    def _break(self, block: SampleBlock, samples: SampleBuffer) -> Iterator[Piece]:
         """A gap before `block`: close the window that it breaks, start a new run after it."""
-        assert self._run is not None
-        if block.index < self._origin + len(self._run):
-            raise ValueError(f"block at sample {block.index} goes back before {self._origin + len(self._run)}")
-        tail = self._run[max(0, self._grid.start(self._next) - self._origin) :]
+        if block.index < samples.end:
+            raise ValueError(f"block at sample {block.index} goes back before {samples.end}")
+        tail = samples.run[max(0, self._grid.start(self._next) - samples.origin) :].copy()
         if len(tail):
             self._orphans.append(tail)
         window = self._grid.containing(block.index)
@@ -121,40 +113,37 @@ class WindowStream:
             yield self._broken_piece(self._orphans)
             self._orphans = []
         self._next = window
-        self._run, self._origin = block.codes, block.index
+        samples.restart(block.codes, block.index)
         if "clock_step" in block.flags:
             self._anchor = (block.index, block.utc_ns)
         start = self._grid.start(window)
         if start == block.index:  # the gap ends exactly with a window: the next window carries the flag
             self._marks.append((start, start + 1, frozenset({"gap"})))
 
-    def _drain(self) -> Iterator[Piece]:
-        assert self._run is not None
-        end = self._origin + len(self._run)
-        if self._orphans or self._origin > self._grid.start(self._next):
+    def _drain(self, samples: SampleBuffer) -> Iterator[Piece]:
+        end, origin = samples.end, samples.origin
+        if self._orphans or origin > self._grid.start(self._next):
             stop = self._grid.start(self._next + 1)
             if end < stop:
                 return
-            yield self._broken_piece([*self._orphans, self._run[: stop - self._origin]])
+            yield self._broken_piece([*self._orphans, samples.run[: stop - origin]])
             self._orphans = []
             self._next += 1
         while self._grid.start(self._next + 1) <= end:
             count = min(self._batch, self._grid.containing(end) - self._next)
             starts = self._grid.starts(self._next, count)
-            begin = max(self._origin, int(starts[0]) - self._history)
+            begin = max(origin, int(starts[0]) - self._history)
             yield Piece(
                 seq=np.arange(self._next, self._next + count),
                 utc_ns=self._utc(starts[:-1]),
-                runs=[self._run[begin - self._origin : int(starts[-1]) - self._origin]],
+                runs=[samples.run[begin - origin : int(starts[-1]) - origin]],
                 bounds=starts - begin,
                 flags=self._flags(starts),
                 begin=begin,
                 first=self._begin(),
             )
             self._next += count
-        keep = max(0, self._grid.start(self._next) - self._history - self._origin)
-        if keep:
-            self._run, self._origin = self._run[keep:], self._origin + keep
+        samples.forget(self._grid.start(self._next) - self._history)
 
     def _broken_piece(self, runs: list[Codes]) -> Piece:
         starts = self._grid.starts(self._next, 1)

@@ -41,7 +41,7 @@ class WindowGrid:
         return number
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)  # frozen, it would take a microsecond longer to make, of the fifteen of a window
 class WindowBatch:
     """Quantities of consecutive windows; NaN where a quantity does not exist."""
 

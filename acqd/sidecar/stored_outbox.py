@@ -10,7 +10,7 @@ import orjson
 import sqlalchemy as sa
 
 from acqd.sidecar.store import Store
-from acqd.telemetry.message import Message, Room
+from acqd.telemetry.message import Line, Message, Room
 
 _POLL_S = 1.0
 _AT_ONCE = 32  # logs asked for at once
@@ -36,6 +36,9 @@ class StoredOutbox:
         """A new connection: what was not acknowledged is sent again."""
         self._sent.clear()
         self._arrived.set()
+
+    def ready(self, line: Line) -> None:
+        """Nothing is urgent here."""
 
     def end(self) -> None:
         """The connection has ended."""

@@ -10,7 +10,7 @@ import sqlalchemy as sa
 from sqlalchemy.dialects import postgresql, sqlite
 
 from acqd.storage.database import transaction
-from acqd.storage.schema import ROLLUPS, power, power_1min, power_quality, quarantine
+from acqd.storage.schema import ROLLUPS, power, power_1min, power_quality, power_register, quarantine
 from acqd.timestamps import filetime, rfc3339
 
 _TICKS = 10_000_000  # FILETIME ticks per second
@@ -54,6 +54,7 @@ def maintain(engine: sa.Engine, retention: Retention, now: float | None = None) 
         cut = _cut(now, retention.rollup_1min_days)
         rollup_deleted = _delete(connection, power_1min, power_1min.c.start < cut) if cut else 0
         rollup_deleted += _delete_quality(connection, cut, ("10min", "2h"))
+        rollup_deleted += _delete(connection, power_register, power_register.c.filetime < _ticks(cut)) if cut else 0
         cut = _cut(now, retention.quarantine_days)
         quarantine_deleted = _delete(connection, quarantine, _received_before(engine, cut)) if cut else 0
     return Maintained(minutes, quarters, power_deleted, rollup_deleted, quarantine_deleted)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sqlalchemy as sa
 from sqlalchemy.dialects import postgresql
 
-from acqd.telemetry import quality_row
+from acqd.telemetry import quality_row, register_row
 
 metadata = sa.MetaData()
 _JSON = sa.JSON().with_variant(postgresql.JSONB(), "postgresql")
@@ -47,6 +47,20 @@ power_quality = sa.Table(
     sa.PrimaryKeyConstraint("device", "channel", "boot", "seq"),
 )
 """One row per aggregation interval and channel; harmonics and interharmonics as JSON arrays of 50 numbers."""
+
+power_register = sa.Table(
+    "power_register",
+    metadata,
+    *(sa.Column(name, sa.Text, nullable=False) for name in ("device", "channel", "boot")),
+    sa.Column("seq", _BIG, nullable=False),
+    sa.Column("time", _TIME, nullable=False),
+    sa.Column("filetime", _BIG, nullable=False),
+    *(sa.Column(name, sa.Double) for name in register_row.NUMBERS),
+    sa.Column("schema", sa.SmallInteger, nullable=False),
+    sa.PrimaryKeyConstraint("device", "channel", "boot", "seq"),
+    sa.Index("power_register_filetime", "filetime"),
+)
+"""All registers of a channel, once a minute: energy, reactive energy by quadrants, demand."""
 
 quarantine = sa.Table(
     "quarantine",

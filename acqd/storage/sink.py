@@ -28,7 +28,7 @@ from acqd.telemetry.subscriber import NO_ANSWER, Subscriber, SubscriberError
 from acqd.telemetry.wire import UNSUPPORTED, V5, V311, Publish
 
 _log = logging.getLogger(__name__)
-_TOPICS = (topics.ALL_POWER, topics.ALL_WINDOWS, topics.ALL_QUALITY, topics.ALL_EVENTS)
+_TOPICS = (topics.ALL_POWER, topics.ALL_WINDOWS, topics.ALL_QUALITY, topics.ALL_REGISTERS, topics.ALL_EVENTS)
 _STOP_S = 1.0
 _BATCH_BYTES, _HELD_BYTES = 4 << 20, 16 << 20
 """Payloads of one transaction, and of all messages that are not acknowledged."""

@@ -15,13 +15,14 @@ from typing import Any, TypeAlias
 import orjson
 import sqlalchemy as sa
 
-from acqd.storage import events, quality_rows, quarantining, rows
+from acqd.storage import events, keyed_rows, quarantining, rows
 from acqd.storage.allowance import MALFORMED_BYTES_PER_DAY, Allowance
 from acqd.storage.database import transaction
 from acqd.telemetry import topics
 from acqd.telemetry.event import message_number
 from acqd.telemetry.quality_row import QualityRow, parse_quality
 from acqd.telemetry.ranges import Ranges
+from acqd.telemetry.register_row import RegisterRow, parse_registers
 from acqd.telemetry.row import PowerRow, parse_row
 from acqd.telemetry.row_message import payloads_of
 from acqd.telemetry.spool import Stream
@@ -30,7 +31,7 @@ from acqd.timestamps import filetime
 _log = logging.getLogger(__name__)
 _AHEAD_NS = 86_400 * 10**9
 """A row from further ahead would make what is asked for "until the newest row" wrong for as long."""
-_Row: TypeAlias = PowerRow | QualityRow
+_Row: TypeAlias = PowerRow | QualityRow | RegisterRow
 CONFLICT = "another row with this key is stored"
 
 
@@ -146,8 +147,9 @@ class Writer:
                 power = [(k, row) for k, (_, row) in enumerate(good) if isinstance(row, PowerRow)]
                 if power:
                     differing = [power[k][0] for k in rows.insert(connection, [row for _, row in power])]
-                quality = [(k, row) for k, (_, row) in enumerate(good) if isinstance(row, QualityRow)]
-                differing += [quality[k][0] for k in quality_rows.insert(connection, [row for _, row in quality])]
+                for kind, table in keyed_rows.TABLES.items():
+                    keyed = [(k, row) for k, (_, row) in enumerate(good) if isinstance(row, kind)]
+                    differing += [keyed[k][0] for k in keyed_rows.insert(connection, table, [row for _, row in keyed])]
             except (sa.exc.DataError, sa.exc.IntegrityError, dbapi.DataError, dbapi.IntegrityError) as error:
                 raise _PoisonError(str(error).splitlines()[0]) from error
             except (ValueError, OverflowError) as error:  # the driver cannot even send it
@@ -179,11 +181,15 @@ def _size(message: Received) -> int:
 
 
 def _stream_channel(row: _Row) -> str:
-    return row.channel if isinstance(row, PowerRow) else topics.quality_stream(row.channel)
+    if isinstance(row, QualityRow):
+        return topics.quality_stream(row.channel)
+    return topics.register_stream(row.channel) if isinstance(row, RegisterRow) else row.channel
 
 
 def _parsed(message: Received) -> _Row:
-    return parse_quality(message.payload) if topics.is_quality(message.topic) else parse_row(message.payload)
+    if topics.is_quality(message.topic):
+        return parse_quality(message.payload)
+    return parse_registers(message.payload) if topics.is_registers(message.topic) else parse_row(message.payload)
 
 
 def _checked(message: Received) -> _Row:
@@ -210,7 +216,11 @@ def _note_refused(receipts: dict[Stream, Ranges], message: Received) -> None:
             seq = message_number(content["number"], ended=content["duration"] is not None)
             content |= {"channel": topics.EVENTS, "seq": seq}
         device, channel, boot, seq = (content[name] for name in ("device", "channel", "boot", "seq"))
-        stream = topics.quality_stream(channel) if topics.is_quality(message.topic) else channel
+        stream = channel
+        if topics.is_quality(message.topic):
+            stream = topics.quality_stream(channel)
+        elif topics.is_registers(message.topic):
+            stream = topics.register_stream(channel)
         own = message.topic in (topics.row(device, stream), topics.window(device))
         if own and isinstance(boot, str) and 0 <= seq < 2**63:
             _note(receipts, device, stream, boot, int(seq))

@@ -11,12 +11,12 @@ import asyncio
 import contextlib
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Literal
 
 from acqd.errors import UserError
 from acqd.retry import Backoff
-from acqd.telemetry.message import Message, Outbox
+from acqd.telemetry.message import Message, Outbox, Room
 from acqd.telemetry.mqtt import BrokerAddress, is_refusal, refusal
 from acqd.telemetry.session import Session, SessionError
 from acqd.telemetry.topics import OFFLINE
@@ -104,6 +104,7 @@ class Connector:
                 self._outbox.begin()
                 await session.subscribe(self._outbox.subscriptions())
                 session.send(Message(self._status_topic, self._greeting(), retain=True))
+                self._outbox.ready(_Line(session))
                 await self._deliver(session)
             except asyncio.CancelledError:
                 self.state = "stopped"
@@ -125,3 +126,19 @@ class Connector:
                 session.send(*messages)
             self.delivered = before + session.window.acknowledged
             await self._outbox.wait()
+
+
+class _Line:
+    """The session as the outbox sees it."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+
+    def room(self) -> Room:
+        """Of the window."""
+        return self._session.window.room()
+
+    def send(self, messages: Sequence[Message]) -> None:
+        """Publish; that a connection has ended is said where it is awaited."""
+        with contextlib.suppress(SessionError):
+            self._session.send(*messages)

@@ -17,11 +17,11 @@ from typing import Literal
 
 from acqd.telemetry import topics
 from acqd.telemetry.in_flight import InFlight
-from acqd.telemetry.message import Message, Room
+from acqd.telemetry.message import Line, Message, Room
 from acqd.telemetry.ranges import Ranges
 from acqd.telemetry.receipts import parse_receipt
 from acqd.telemetry.row_message import joined
-from acqd.telemetry.spool import Energy, Spool, SpooledRow, Stream
+from acqd.telemetry.spool import Readings, Spool, SpooledRow, Stream
 from acqd.telemetry.unsent import Unsent
 
 _log = logging.getLogger(__name__)
@@ -63,6 +63,7 @@ class Delivery:
         self._changed = asyncio.Event()
         self._later: asyncio.TimerHandle | None = None
         self._online = False
+        self._line: Line | None = None
         self._live: deque[SpooledRow] = deque()
         self._states: dict[str, bytes] = {}
         self._position = spool.start
@@ -74,13 +75,14 @@ class Delivery:
         self._quiet_until = -1e9
         self._patience = _PATIENCE_S[0]
         self._more = False
+        self._backlog_open = True
         self.sent = self.resent = self.delivered = 0
         """Rows published, those published again included; rows for which no receipt came in time; rows that the broker
         has acknowledged."""
         self.sink_seen = False
         """Whether a sink has ever announced itself or sent a receipt."""
 
-    def put_rows(self, rows: Sequence[SpooledRow], energy: Energy | None = None) -> None:
+    def put_rows(self, rows: Sequence[SpooledRow], readings: Readings | None = None) -> None:
         """Keep the rows of a window, and send them at once where there is a connection."""
         if self._windows and rows and not topics.travels_alone(rows[0].stream.channel):
             self._together = sum(
@@ -88,16 +90,28 @@ class Delivery:
             )
         at_end = self._position == self.spool.end
         self._devices.update([row.stream.device for row in rows])
-        if self.spool.append(rows, energy):
+        if self.spool.append(rows, readings):
             self._unsent.add(rows)
         if self._online and len(self._live) + len(rows) <= self._most_live:
             self._live += rows
             if at_end:
                 self._position = self.spool.end
+            if self._sent_at_once():
+                return
         elif self._live:
             self._live.clear()
             self._position = self.spool.start
         self._changed.set()
+
+    def _sent_at_once(self) -> bool:
+        """Send new rows if the connection takes them all: without a turn of the event loop in between."""
+        line = self._line
+        if line is None or not 0 < len(self._live) <= line.room().messages:
+            return False
+        rows = list(self._live)
+        self._live.clear()
+        line.send(self._messages(rows))
+        return True
 
     def put_state(self, topic: str, payload: bytes) -> None:
         """Publish a retained message; an older one of the same topic that still waits is replaced."""
@@ -117,9 +131,13 @@ class Delivery:
         self._from_the_start()
         self._changed.set()
 
+    def ready(self, line: Line) -> None:
+        """New rows may go out at once."""
+        self._line = line
+
     def end(self) -> None:
         """The connection has ended: new rows wait in the spool."""
-        self._online = False
+        self._online, self._line = False, None
         if self._later is not None:
             self._later.cancel()
             self._later = None
@@ -135,7 +153,9 @@ class Delivery:
         while self._states and len(messages) < room.messages:
             topic = next(iter(self._states))
             messages.append(Message(topic, self._states.pop(topic), retain=True))
-        backlog = min(room.backlog, room.messages - len(messages), self._backlog_allowed())
+        allowed = self._backlog_allowed()
+        self._backlog_open = allowed > 0
+        backlog = min(room.backlog, room.messages - len(messages), allowed)
         self._more = bool(messages) and bool(self._live or self._states or len(messages) >= room.messages)
         if backlog > 0 and not self._live and self._position != self.spool.end:
             rows, self._position = self.spool.read(
@@ -166,8 +186,8 @@ class Delivery:
         if self._until == "acknowledged":
             for stream, seq in sent:
                 self._acknowledged.setdefault(stream, Ranges()).add(seq, seq)
-        if self._live or self._states or self._position != self.spool.end:
-            self._changed.set()  # there is room for what waits
+        if self._live or self._states or (self._backlog_open and self._position != self.spool.end):
+            self._changed.set()  # there is room for what waits; what waits for a receipt is looked at when one comes
 
     def received(self, topic: str, payload: bytes, *, retained: bool) -> None:
         """A receipt, or a sink that comes or goes."""

@@ -31,14 +31,20 @@ class InFlight:
 
     def add(self, stream: Stream, seq: int, now: float) -> None:
         """The row was sent at `now` (monotonic) [s]."""
-        self._count += self._rows.setdefault(stream, Ranges()).add(seq, seq)
+        rows = self._rows.get(stream)
+        if rows is None:
+            rows = self._rows[stream] = Ranges()
+        self._count += rows.add(seq, seq)
         if not self._groups or now - self._groups[-1].begun > _TOGETHER_S:
             self._groups.append(_Group(now, now))
             if len(self._groups) > _MOST_GROUPS:
                 self._join_oldest()
         group = self._groups[-1]
         group.last = now
-        group.rows.setdefault(stream, Ranges()).add(seq, seq)
+        sent = group.rows.get(stream)
+        if sent is None:
+            sent = group.rows[stream] = Ranges()
+        sent.add(seq, seq)
 
     def settle(self, stream: Stream, first: int, last: int) -> int:
         """Rows first..last need not be sent again; how many of them were under way."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -27,6 +28,16 @@ class Room:
     """Of these, messages that are not urgent: a part of the window stays free for new rows."""
 
 
+class Line(Protocol):
+    """A connection that is ready for messages."""
+
+    def room(self) -> Room:
+        """How many messages it takes now."""
+
+    def send(self, messages: Sequence[Message]) -> None:
+        """Publish at once; what a broken connection loses is sent again after `begin`."""
+
+
 class Outbox(Protocol):
     """What the connector needs of a store of messages."""
 
@@ -35,6 +46,9 @@ class Outbox(Protocol):
 
     def begin(self) -> None:
         """A new connection: what was not acknowledged is to be sent again."""
+
+    def ready(self, line: Line) -> None:
+        """The connection is subscribed; until `end`, what is urgent may go straight to `line` instead of by `take`."""
 
     def end(self) -> None:
         """The connection has ended."""

@@ -10,6 +10,8 @@ ALL_WINDOWS = "acqd/+/window"
 """Every device's rows, one message per window."""
 ALL_QUALITY = "acqd/+/+/quality"
 """Every device's rows of power quality."""
+ALL_REGISTERS = "acqd/+/+/registers"
+"""Every device's registers."""
 ALL_EVENTS = "acqd/+/event"
 """Every device's voltage events."""
 ALL_SUMMARIES = "acqd/+/+/summary"
@@ -28,6 +30,7 @@ OFFLINE = b"offline"
 EVENTS = "event"
 """What names the voltage events of a device in spool and receipts, in the place of a channel."""
 _QUALITY = "/quality"
+_REGISTERS = "/registers"
 _PLAIN = re.compile(r"[/+#\0]")
 _DEVICE = re.compile(r"[A-Za-z0-9_.-]{1,64}")
 
@@ -52,16 +55,26 @@ def is_quality(stream_channel: str) -> bool:
     return stream_channel.endswith(_QUALITY)
 
 
+def register_stream(channel: str) -> str:
+    """What names the rows of registers of a channel in spool and receipts."""
+    return channel + _REGISTERS
+
+
+def is_registers(stream_channel: str) -> bool:
+    """Whether a stream holds rows of registers."""
+    return stream_channel.endswith(_REGISTERS)
+
+
 def travels_alone(stream_channel: str) -> bool:
-    """Whether the rows of a stream are never in the message of a window: power quality and events."""
-    return is_quality(stream_channel) or stream_channel == EVENTS
+    """Whether the rows of a stream are never in the message of a window: power quality, registers and events."""
+    return stream_channel.endswith((_QUALITY, _REGISTERS)) or stream_channel == EVENTS
 
 
 def row(device: str, stream_channel: str) -> str:
-    """Every row of a stream, QoS 1: a channel's windows, its power quality, or the events of the device."""
+    """Every row of a stream, QoS 1: a channel's windows, power quality or registers, or the events of the device."""
     if stream_channel == EVENTS:
         return event(device)
-    return f"acqd/{device}/{stream_channel}" if is_quality(stream_channel) else power(device, stream_channel)
+    return f"acqd/{device}/{stream_channel}" if travels_alone(stream_channel) else power(device, stream_channel)
 
 
 def window(device: str) -> str:

@@ -21,7 +21,10 @@ class Unsent:
     def add(self, rows: Iterable[SpooledRow]) -> None:
         """These rows are new."""
         for row in rows:
-            self._rows.setdefault(row.stream, Ranges()).add(row.seq, row.seq)
+            waiting = self._rows.get(row.stream)
+            if waiting is None:
+                waiting = self._rows[row.stream] = Ranges()
+            waiting.add(row.seq, row.seq)
 
     def publish(self, stream: Stream, seq: int) -> None:
         """The row leaves."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import dataclasses
+import itertools
 import sqlite3
 import subprocess
 from contextlib import contextmanager
@@ -20,6 +21,7 @@ from acqd.storage.schema import power, power_event, power_quality, quarantine
 from acqd.telemetry.broker import free_port
 from acqd.telemetry.mqtt import BrokerAddress
 from acqd.telemetry.quality_row import quality_rows
+from acqd.telemetry.spool import Readings
 from tests.commands import ACQD
 from tests.metering.quality.waves import metered, three_phases
 from tests.storage.rows import count, row
@@ -42,7 +44,7 @@ class Daemon:
             k = len(self.tape) // 2
             rows = [row(k, channel) for channel in ("L1", "total")]
             self.tape += rows
-            self.uplink.put(rows, [], [(0.001 * k, 0.0)])
+            self.uplink.put(rows, [], Readings([(0.001 * k, 0.0)]))
             await asyncio.sleep(every_s)
 
     async def delivered(self):
@@ -190,7 +192,7 @@ def test_rows_survive_a_restart_of_the_daemon_and_of_the_sink(mosquitto, tmp_pat
         await first.make(150)
         await first.stop(tasks)
         second = Daemon(tmp_path, mosquitto.port)
-        assert second.uplink.counters().waiting == 300 and second.uplink.energy("cell1") == [(0.149, 0.0)]
+        assert second.uplink.counters().waiting == 300 and second.uplink.readings("cell1").energy == [(0.149, 0.0)]
         tasks = second.uplink.tasks()
         await asyncio.to_thread(mosquitto.start)
         with sink(mosquitto, engine):
@@ -354,11 +356,11 @@ def test_an_embedded_broker_that_is_killed_costs_no_row(tmp_path):
 
 
 @pytest.mark.long(seconds=8)
-def test_w_never_goes_back_after_a_kill(mosquitto, tmp_path):
-    """kill -9 of `acqd run` at any moment: the registers continue where the last row was."""
+def test_no_register_goes_back_after_a_kill(mosquitto, tmp_path):
+    """kill -9 of `acqd run` at any moment: the registers continue where the last row was, also without their file."""
     (tmp_path / "acqd.toml").write_text(
         f'device = "cell1"\nstate_dir = "{tmp_path}"\n[mqtt]\nport = {mosquitto.port}\n'
-        f'[sink]\ndatabase = "{tmp_path / "a.sqlite"}"\n[source]\npower = 2000.0\n'
+        f'[sink]\ndatabase = "{tmp_path / "a.sqlite"}"\n[source]\npower = 2000.0\n[registers]\nenabled = true\n'
     )
     engine = open_database(str(tmp_path / "a.sqlite"))
     with sink(mosquitto, engine):
@@ -367,13 +369,23 @@ def test_w_never_goes_back_after_a_kill(mosquitto, tmp_path):
             wait_for(lambda n=starts, d=daemon: d.poll() is not None or boots(tmp_path) >= n, "rows of this start")
             (daemon.kill if starts == 1 else daemon.terminate)()
             daemon.wait(LIMIT_S)
+            (tmp_path / "energy-cell1.json").unlink()
     with sqlite3.connect(tmp_path / "a.sqlite") as connection:
         rows = connection.execute("SELECT W FROM power WHERE channel = 'L1' ORDER BY filetime").fetchall()
+        quadrants = "W_reactive_I + W_reactive_II + W_reactive_III + W_reactive_IV"
+        query = f"SELECT W_import, {quadrants}, boot, seq FROM power_register WHERE channel = 'total' ORDER BY filetime"
+        registers = connection.execute(query).fetchall()
+        boot, seq = registers[-1][2:]
+        query = "SELECT W FROM power WHERE channel = 'total' AND boot = ? AND seq = ?"
+        (W,) = connection.execute(query, (boot, seq)).fetchone()
     readings = [W for (W,) in rows]
     assert readings == sorted(readings) and readings[0] > 0
+    assert registers[0][0] > 0 and registers[0][1] > 0 and len({boot for _, _, boot, _ in registers}) == 2
+    for earlier, later in itertools.pairwise(registers):
+        assert later[0] > earlier[0] and later[1] > earlier[1]
+    assert registers[-1][0] == pytest.approx(W, rel=1e-12), "they are those after the window of the same key"
 
 
 def boots(folder):
     with sqlite3.connect(folder / "a.sqlite") as connection:
-        query = "SELECT count(*) FROM (SELECT boot FROM power GROUP BY boot HAVING count(*) > 60)"
-        return connection.execute(query).fetchone()[0]
+        return connection.execute("SELECT count(DISTINCT boot) FROM power_register").fetchone()[0]

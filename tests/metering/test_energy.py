@@ -36,7 +36,7 @@ def test_a_year_of_energy_loses_nothing():
     for _ in range(50):
         register.add(hours_of_windows)
     # The rest of the year in one step, as only integers can do it, then one more window.
-    register._counts[0][0] += window * (788_400_000 - 50 * 90_000)
+    register._imported[0] += window * (788_400_000 - 50 * 90_000)
     before = register.reading()[0][0]
     after = register.add(np.array([[float(window)]])).imported[0, 0]
     exact = Fraction(window) * Fraction(unit)

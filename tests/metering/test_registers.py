@@ -113,3 +113,20 @@ def test_what_creeps_does_not_count_and_the_rest_counts_in_full():
     registers = Registers(1, 0.04, creep_W=4.0)
     registers.add(small)
     assert registers.reading("L1")["W_reactive_I"] == 0
+
+
+def test_registers_continue_from_numbers_and_never_go_back():
+    registers = Registers(3, 0.04)
+    registers.add(metered(0.6, phases=3))
+    again = Registers(3, 0.04)
+    again.advance(registers.numbers())
+    assert again.state() == registers.state()
+    before = registers.state()
+    registers.advance(Registers(3, 0.04).numbers())  # of an earlier time
+    assert registers.state() == before
+
+
+@pytest.mark.parametrize("numbers", [[], [0.0] * 9, [0.0, 0.0, -1.0, *[0.0] * 7], [0.0, np.nan, *[0.0] * 8]])
+def test_numbers_of_other_registers_are_refused(numbers):
+    with pytest.raises(ValueError, match=r"registers|impossible"):
+        Registers(1, 0.04).advance(numbers)

@@ -14,6 +14,10 @@ KNOWN = 14
 T = np.arange(48_000) / RATE
 
 
+def flagged(batch, name):
+    return np.array([name in flags for flags in batch.flags[0]])
+
+
 def exact_rms(f, share, between, k, batch):
     """RMS of L1 over exactly two cycles of `f` in the middle of window `k`, by an integral of the model itself."""
     start = k * 0.04 + max(0.0, 0.02 - 1 / f) if f >= 50 else (k + 1) * 0.04 - 2 / f
@@ -27,10 +31,29 @@ def exact_rms(f, share, between, k, batch):
 def test_an_interharmonic_near_f_is_flagged_or_moves_f_by_less_than_10_mhz(between):
     (batch,) = metered(codes_of(50.02 * T, 1, (0.02, between)))
     late = np.arange(len(batch)) >= KNOWN
-    flagged = transient(batch)
-    assert np.isnan(batch.f[flagged]).all()
-    assert np.abs(batch.f[late & ~flagged] - 50.02).max(initial=0) < 0.010
-    assert flagged[late].mean() > 0.9  # it does move f by more
+    bent = transient(batch)
+    assert np.isnan(batch.f[bent]).all()
+    assert np.abs(batch.f[late & ~bent] - 50.02).max(initial=0) < 0.010
+    assert bent[late].mean() > 0.9  # it does move f by more
+
+
+@pytest.mark.parametrize("between", [42.0, 45.0, 48.0, 49.0, 51.0, 53.0])
+@pytest.mark.parametrize("phases", [1, 3])
+def test_at_the_start_f_is_flagged_as_soon_as_it_varies(between, phases):
+    turns, t = 50.02 * T[:40_000], T[:40_000]
+    codes = codes_of(turns, phases).astype(float)
+    for k in range(phases):  # of positive sequence: it does not cancel
+        codes[:, 2 * k] += 0.02 * 325 / SCALE[0] * np.cos(2 * np.pi * (between * t - k / 3))
+    (batch,) = metered(np.rint(codes).astype(np.int16))
+    silent = ~(transient(batch) | flagged(batch, "unsettled") | flagged(batch, "start"))
+    wrong = np.abs(batch.f - 50.02) > 0.010
+    assert set(np.flatnonzero(silent & wrong)) <= {1, 2, 3, 4}, "f has not varied by 7.5 mHz yet"
+    assert (wrong & flagged(batch, "unsettled")).any(), "without the flag these would be silent"
+
+
+def test_steady_mains_are_settled_at_once():
+    (batch,) = metered(codes_of(50.02 * T[:20_000], 3))
+    assert not flagged(batch, "unsettled").any()
 
 
 def test_the_interval_is_two_cycles_of_f_without_the_interharmonic():
@@ -47,6 +70,8 @@ def test_a_swing_of_f_itself_is_measured(beat):
     turns = 50.02 * T + 0.05 / (2 * np.pi * beat) * np.sin(2 * np.pi * beat * T)
     (batch,) = metered(codes_of(turns, 1))
     assert not transient(batch)[1:].any()
+    doubted = flagged(batch, "unsettled")
+    assert doubted[5:50].any() and not doubted[50:].any() and not np.isnan(batch.f[doubted]).any()
 
 
 @pytest.mark.parametrize(

@@ -303,3 +303,45 @@ def test_every_row_is_stored_in_the_end_whatever_the_way_loses(seed):
         bench.now += 20
         way.carry(ROOM, 1, 1)
     assert way.stored == set(range(bench.made)) and len(bench.box) == 0
+
+
+class Wire:
+    """A line that takes `free` messages more."""
+
+    def __init__(self, free=64):
+        self.free, self.sent = free, []
+
+    def room(self):
+        return Room(self.free, self.free)
+
+    def send(self, messages):
+        self.free -= len(messages)
+        self.sent += [int(message.payload) for message in messages]
+
+
+def test_new_rows_go_straight_to_a_line_that_is_ready_and_takes_them():
+    bench, wire = Bench(), Wire(free=2)
+    bench.box.begin()
+    bench.make()  # the connection is not subscribed yet
+    assert bench.take() == [0]
+    bench.box.ready(wire)
+    bench.make(2)
+    assert wire.sent == [1, 2] and bench.take() == [] and bench.box.outstanding == 3
+    bench.make()
+    assert wire.sent == [1, 2] and bench.take() == [3], "the line is full: by way of the connector"
+    bench.box.end()
+    wire.free = 64
+    bench.make()
+    assert wire.sent == [1, 2] and len(bench.box) == 5
+    bench.box.begin()
+    assert bench.take_all() == [0, 1, 2, 3, 4], "what was sent without a receipt goes again, in order"
+
+
+def test_rows_that_wait_for_a_slow_line_keep_their_order():
+    bench, wire = Bench(), Wire(free=0)
+    bench.box.begin()
+    bench.box.ready(wire)
+    bench.make(2)
+    wire.free = 64
+    bench.make()
+    assert wire.sent == [0, 1, 2] and bench.take() == []

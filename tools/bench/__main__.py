@@ -25,6 +25,7 @@ from tools.bench import (
     delivery,
     events,
     flicker,
+    jumps,
     lab,
     live,
     load,
@@ -39,12 +40,13 @@ from tools.bench.report import Figure, table
 from tools.common.tables import show
 
 _SECTIONS: dict[str, list[Callable[[], Iterator[Figure]]]] = {
-    "accuracy": [accuracy.synthetic, accuracy.exactness, accuracy.recordings],
+    "accuracy": [accuracy.synthetic, accuracy.exactness, jumps.jumps, accuracy.recordings],
     "quality": [quality.quality, quality.beside],
     "events": [events.dips, events.steady, events.cost],
     "flicker": [flicker.pinst, flicker.pst],
     "speed": [speed.pqopen, speed.kernel, speed.replay, speed.main_slow],
     "live": [live.daemon, live.from_file, live.boxes, live.jitter],
+    "busy": [live.busy],
     "sources": [sources.sources],
     "sink": [sink.sinks],
     "delivery": [delivery.stores, delivery.drains],

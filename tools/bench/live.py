@@ -10,8 +10,10 @@ import json
 import os
 import re
 import shutil
+import signal
 import statistics
 import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -31,6 +33,7 @@ from tools.common.servers import mosquitto
 _SECONDS = 30.0
 _PARTS, _PART_S = 3, 20.0
 _WARM_UP_S = 6.0
+_BUSY_S = 600.0
 
 
 def daemon() -> Iterator[Figure]:
@@ -59,6 +62,58 @@ def boxes() -> Iterator[Figure]:
         tables = "".join(f'[[source]]\ndevice = "box-{k}"\n{source}' for k in range(count))
         section = f"acqd run, {count} boxes of three phases from a file, MAIN_FAST at 10 ms, a message for each window"
         yield from _daemon(section, tables, "<= 15", "window", "<= 200")
+
+
+def busy(seconds: float = _BUSY_S) -> Iterator[Figure]:
+    """Four busy loops beside the daemon, whose process of MAIN_SLOW is stopped for five seconds in between."""
+    section = f"acqd run, three phases from a file at 10 ms, {seconds / 60:g} min beside four busy loops (nice 15)"
+    loops = [subprocess.Popen(["nice", "-n", "15", sys.executable, "-c", "while True: pass"]) for _ in range(4)]
+    try:
+        with mosquitto() as port, tempfile.TemporaryDirectory() as folder:
+            config = Path(folder) / "acqd.toml"
+            source = f'[source]\nkind = "replay"\nfile = "{_codes(folder)}"\nloops = 0\nperiod_ms = 10\n'
+            config.write_text(f'{source}[mqtt]\nport = {port}\nrows = "window"\n')
+            daemon = subprocess.Popen(acqd_command("run", "--config", config), stderr=subprocess.DEVNULL)
+            try:
+                rows = asyncio.run(_stopped_in_between(daemon.pid, port, seconds))
+            finally:
+                daemon.terminate()
+                daemon.wait(10)
+    finally:
+        for loop in loops:
+            loop.kill()
+            loop.wait()
+    load = os.getloadavg()[0]
+    windows = {row["seq"] for row in rows}
+    yield Figure(section, "windows", len(windows), "")
+    yield Figure(section, "windows lost", max(windows) - min(windows) + 1 - len(windows), "", "<= 0")
+    gaps = {row["seq"] for row in rows if "gap" in row["flags"]}
+    yield Figure(section, "windows with a gap", len(gaps), "", "<= 0")
+    yield Figure(section, "windows flagged late", len({row["seq"] for row in rows if "late" in row["flags"]}), "")
+    yield Figure(section, "load of the machine at the end", load, "")
+
+
+async def _stopped_in_between(pid: int, port: int, seconds: float) -> list[dict[str, Any]]:
+    """Rows of so many seconds; MAIN_SLOW, but not MAIN_FAST, is stopped for 5 s in the middle."""
+    rows: list[dict[str, Any]] = []
+    await asyncio.sleep(_WARM_UP_S)
+
+    async def stop() -> None:
+        await asyncio.sleep(seconds / 2)
+        os.kill(pid, signal.SIGSTOP)
+        await asyncio.sleep(5.0)
+        os.kill(pid, signal.SIGCONT)
+
+    stopping = asyncio.create_task(stop())
+    async with aiomqtt.Client("127.0.0.1", port) as client:
+        await client.subscribe("acqd/+/window", qos=1)
+        end = time.monotonic() + seconds
+        async for message in client.messages:
+            rows += json.loads(bytes(message.payload))
+            if time.monotonic() > end:
+                break
+    await stopping
+    return rows
 
 
 def _codes(folder: str) -> Path:

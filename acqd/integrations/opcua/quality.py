@@ -21,6 +21,7 @@ _WORST_FIRST = {
     "gap": ua.StatusCodes.UncertainSubNormal,
     "start": ua.StatusCodes.UncertainSubNormal,
     "transient": ua.StatusCodes.UncertainSubNormal,
+    "unsettled": ua.StatusCodes.UncertainSubNormal,
     "clock_step": ua.StatusCodes.UncertainSubNormal,
     "clock_unlocked": ua.StatusCodes.UncertainSubNormal,
 }

@@ -10,10 +10,16 @@ LANES = 8
 REMEMBERED = 3
 DONE, NO_HISTORY, NO_TRIAL, UNUSUAL = range(4)
 """Why a call ended."""
-RAW_F, F, FLAGS, PHASES = range(4)
-"""Rows of the result, before those of the phases."""
-VRMS, IRMS, POWER, ENERGY, U_DC, I_DC, U_PEAK, I_PEAK, U_RE, U_IM, I_RE, I_IM, PER_PHASE = range(13)
-"""Rows of a phase: V, A, W, sum of products of codes, DC and peaks, fundamentals (real and imaginary parts)."""
+RAW_F, F, FLAGS, MAGNITUDE, FIRST = range(5)
+"""Rows of the result, before those of the phases: Hz where f was fitted and where the interval is, marks, and the
+fundamental of all phases together [digits]."""
+UNSETTLED = 256
+"""Mark of a window that is `unsettled`; bits 0 to 3 mark phases without mains, 4 to 7 phases over range."""
+VRMS, IRMS, POWER, REACTIVE, IMPORTED, EXPORTED, ENERGY = range(7)
+"""Quantities of phases, one row per phase: V, A, W, var of the fundamentals, registers [kWh], sum of products of codes.
+The registers are written by Python, and after a single window only."""
+U_DC, I_DC, U_PEAK, I_PEAK, U_RE, U_IM, I_RE, I_IM, QUANTITIES = range(7, 16)
+"""DC, peaks, fundamentals (real and imaginary parts)."""
 
 
 class Form(ctypes.Structure):
@@ -44,3 +50,9 @@ class State(ctypes.Structure):
         ("at", ctypes.c_double * REMEMBERED),
         *((name, ctypes.c_int64) for name in ("known", "reason", "point")),
     )
+
+
+class Live(ctypes.Structure):
+    """What the windows of a running stream have in common: addresses."""
+
+    _fields_ = tuple((name, ctypes.c_void_p) for name in ("form", "state", "table", "codes", "out"))

@@ -1,6 +1,6 @@
 /* Quantities of a window of 1 to 4 phases: f, sums over whole cycles, energy, DC, peaks, fundamentals.
 
-   The same arithmetic as the numpy path (acqd/metering/reference.py), for windows without anything unusual: whatever
+   The same arithmetic as the numpy path (acqd/metering/meter.py), for windows without anything unusual: whatever
    is unusual (no history yet, f not credible, bent phase, dead mains, a trial frequency whose vectors are not there)
    ends the call before that window, and the caller takes over.
 
@@ -11,17 +11,12 @@
 #include <stdint.h>
 #include <string.h>
 
-#define LANES 8
+#include "vectors.h"
+
 #define PHASORS 7
 #define EDGES (2 * PHASORS)
 #define COLUMNS 6 /* projection on Re c, -Im c, Re d, -Im d; cos, sin */
 #define REMEMBERED 3
-#define INLINE static inline __attribute__((always_inline))
-
-typedef double vec __attribute__((vector_size(64)));
-typedef long long mask __attribute__((vector_size(64)));
-typedef int16_t shorts __attribute__((vector_size(16)));
-typedef int32_t ints __attribute__((vector_size(32)));
 
 enum { DONE, NO_HISTORY, NO_TRIAL, UNUSUAL };
 
@@ -38,97 +33,127 @@ struct state {
 };
 
 /* Vectors of a trial: COLUMNS x fit doubles, EDGES positions in rising order, EDGES numbers of phasors (begin: j, end:
-   PHASORS + j), and room to read beyond. */
+   PHASORS + j), and room to read beyond. Where a vector holds one sample, the weights of a sample are neighbours;
+   otherwise those of a column are. */
+#if CHANNELS > 4
+#define WEIGHT(column, sample) ((sample)*COLUMNS + (column))
+#else
+#define WEIGHT(column, sample) ((column)*samples + (sample))
+#endif
 
 struct sums {
     vec square, cross, plain, most, least;
 };
 
-struct fit { /* named, not indexed: the compiler keeps them in registers */
-    vec re_c, im_c, re_d, im_d, cos, sin, plain, square;
+struct fit {
+    vec re_c, im_c, re_d, im_d, cos, sin;
 };
 
-INLINE vec chosen(mask which, vec yes, vec no)
-{
-    return (vec)((which & (mask)yes) | (~which & (mask)no));
-}
+enum part { NO_SUMS, BEFORE, INSIDE }; /* samples whose sums are known; before the window; of the window */
 
-INLINE vec larger(vec x, vec y)
+INLINE struct fit with_sample(struct fit f, vec x, const double *trial, int64_t n, int64_t samples, int channels)
 {
-    return chosen(x > y, x, y);
-}
-
-INLINE vec smaller(vec x, vec y)
-{
-    return chosen(x < y, x, y);
-}
-
-INLINE vec load(const void *codes, int bits, ptrdiff_t at, int count)
-{
-    if (bits == 16) {
-        shorts s = {0};
-        memcpy(&s, (const int16_t *)codes + at, (size_t)count * sizeof(int16_t));
-        return __builtin_convertvector(__builtin_convertvector(s, ints), vec);
-    }
-    if (bits == 32) {
-        ints s = {0};
-        memcpy(&s, (const int32_t *)codes + at, (size_t)count * sizeof(int32_t));
-        return __builtin_convertvector(s, vec);
-    }
-    vec s = {0};
-    memcpy(&s, (const double *)codes + at, (size_t)count * sizeof(double));
-    return s;
-}
-
-/* The next weights of a column, each for all channels of its sample. */
-INLINE vec spread(const double *weight, int channels)
-{
-    if (channels > 4)
-        return (vec){0} + *weight;
-    vec w;
-    memcpy(&w, weight, sizeof w);
-    return channels == 4 ? __builtin_shuffle(w, (mask){0, 0, 0, 0, 1, 1, 1, 1})
-                         : __builtin_shuffle(w, (mask){0, 0, 1, 1, 2, 2, 3, 3});
-}
-
-INLINE struct fit with_sample(struct fit f, vec x, const double *trial, int64_t samples, int channels)
-{
-    f.re_c += x * spread(trial, channels);
-    f.im_c += x * spread(trial + samples, channels);
-    f.re_d += x * spread(trial + 2 * samples, channels);
-    f.im_d += x * spread(trial + 3 * samples, channels);
-    f.cos += x * spread(trial + 4 * samples, channels);
-    f.sin += x * spread(trial + 5 * samples, channels);
-    f.plain += x;
-    f.square += x * x;
+    f.re_c += x * spread(trial + WEIGHT(0, n), channels);
+    f.im_c += x * spread(trial + WEIGHT(1, n), channels);
+    f.re_d += x * spread(trial + WEIGHT(2, n), channels);
+    f.im_d += x * spread(trial + WEIGHT(3, n), channels);
+    f.cos += x * spread(trial + WEIGHT(4, n), channels);
+    f.sin += x * spread(trial + WEIGHT(5, n), channels);
     return f;
 }
 
-/* Sum over the samples that share a vector: channel c of the result is in lane c. */
-INLINE vec fold(vec v, int channels)
+INLINE struct sums with_products(struct sums s, vec x, enum part part)
 {
-    if (channels <= 4)
-        v += __builtin_shuffle(v, (mask){4, 5, 6, 7, 0, 1, 2, 3});
-    if (channels <= 2)
-        v += __builtin_shuffle(v, (mask){2, 3, 0, 1, 6, 7, 4, 5});
-    return v;
+    if (part == NO_SUMS)
+        return s;
+    s.square += x * x;
+    s.plain += x;
+    if (part == INSIDE) {
+        s.cross += x * swapped(x);
+        s.most = larger(x, s.most);
+        s.least = smaller(x, s.least);
+    }
+    return s;
 }
 
-/* Projection of `samples` samples; integrals of cos and sin up to each edge, [EDGES][2]. */
-INLINE struct fit project(vec edges[EDGES][2], const void *codes, int bits, int channels, int64_t samples,
-                          const double *trial)
+/* Samples from .. to into the projection and into the sums of their part of the stretch; reads one sample beyond. One
+   part of the channels after the other, so that all that is summed up stays in registers. */
+INLINE void take_many(struct fit *f, struct sums *s, enum part part, const void *codes, int bits, int channels,
+                      int64_t samples, ptrdiff_t from, ptrdiff_t to, const double *trial)
 {
-    const int together = LANES / channels;
+    const int each = channels >= NATIVE ? 1 : NATIVE / channels;
+#pragma GCC unroll 3
+    for (int p = 0; NATIVE * p < channels; p++) {
+        native re_c = lanes(&f->re_c, p), im_c = lanes(&f->im_c, p), re_d = lanes(&f->re_d, p);
+        native im_d = lanes(&f->im_d, p), cos = lanes(&f->cos, p), sin = lanes(&f->sin, p);
+        native square = lanes(&s->square, p), cross = lanes(&s->cross, p), plain = lanes(&s->plain, p);
+        native most = lanes(&s->most, p), least = lanes(&s->least, p);
+        for (ptrdiff_t n = from; n < to; n += each) {
+            const native x = native_load(codes, bits, n * channels + NATIVE * p);
+            re_c += x * native_spread(trial + WEIGHT(0, n), each);
+            im_c += x * native_spread(trial + WEIGHT(1, n), each);
+            re_d += x * native_spread(trial + WEIGHT(2, n), each);
+            im_d += x * native_spread(trial + WEIGHT(3, n), each);
+            cos += x * native_spread(trial + WEIGHT(4, n), each);
+            sin += x * native_spread(trial + WEIGHT(5, n), each);
+            if (part == NO_SUMS)
+                continue;
+            square += x * x;
+            plain += x;
+            if (part == INSIDE) {
+                cross += x * native_swapped(x);
+                most = native_larger(x, most);
+                least = native_smaller(x, least);
+            }
+        }
+        set_lanes(&f->re_c, p, re_c);
+        set_lanes(&f->im_c, p, im_c);
+        set_lanes(&f->re_d, p, re_d);
+        set_lanes(&f->im_d, p, im_d);
+        set_lanes(&f->cos, p, cos);
+        set_lanes(&f->sin, p, sin);
+        set_lanes(&s->square, p, square);
+        set_lanes(&s->cross, p, cross);
+        set_lanes(&s->plain, p, plain);
+        set_lanes(&s->most, p, most);
+        set_lanes(&s->least, p, least);
+    }
+}
+
+/* Samples from .. to of the stretch, into the projection and the sums of their part of it. */
+INLINE void take(struct fit *fit, struct sums *sums, enum part part, const void *codes, int bits, int channels,
+                 int64_t samples, ptrdiff_t from, ptrdiff_t to, const double *trial)
+{
+    const int each = channels >= NATIVE ? 1 : NATIVE / channels;
+    const ptrdiff_t whole = to < samples ? to : samples - 1; /* after the last sample there is nothing to read */
+    const ptrdiff_t many = whole > from ? (whole - from) / each * each : 0;
+    take_many(fit, sums, part, codes, bits, channels, samples, from, from + many, trial);
+    for (ptrdiff_t n = from + many; n < to; n++) { /* other lanes are 0, which is between least and most */
+        const vec x = load(codes, bits, n * channels, channels);
+        *fit = with_sample(*fit, x, trial, n, samples, channels);
+        *sums = with_products(*sums, x, part);
+    }
+}
+
+/* Projection of `samples` samples; integrals of cos and sin up to each edge, [EDGES][2]. Unless they are `known`, sums
+   of the samples before number `inside` and, with all that a window needs, from there on. One pass over the samples. */
+INLINE struct fit project(vec edges[EDGES][2], struct sums *before, struct sums *window, int known, const void *codes,
+                          int bits, int channels, int64_t samples, int64_t inside, const double *trial)
+{
     const double *position = trial + COLUMNS * samples, *number = position + EDGES;
     struct fit f = {0};
     ptrdiff_t n = 0;
     for (int e = 0; e <= EDGES; e++) {
         const ptrdiff_t stop = e < EDGES ? (ptrdiff_t)position[e] : samples;
-        const ptrdiff_t whole = stop < samples ? stop : samples - 1; /* after the last sample there is nothing to read */
-        for (; n + together <= whole; n += together)
-            f = with_sample(f, load(codes, bits, n * channels, LANES), trial + n, samples, channels);
-        for (; n < stop; n++)
-            f = with_sample(f, load(codes, bits, n * channels, channels), trial + n, samples, channels);
+        const ptrdiff_t first = known ? stop : stop < inside ? stop : inside;
+        if (n < first) {
+            take(&f, before, known ? NO_SUMS : BEFORE, codes, bits, channels, samples, n, first, trial);
+            n = first;
+        }
+        if (n < stop) {
+            take(&f, window, INSIDE, codes, bits, channels, samples, n, stop, trial);
+            n = stop;
+        }
         if (e == EDGES)
             break;
         const int place = (int)number[e];
@@ -136,8 +161,8 @@ INLINE struct fit project(vec edges[EDGES][2], const void *codes, int bits, int 
         vec cosine = fold(f.cos, channels), sine = fold(f.sin, channels);
         if (stop < samples) {
             const vec x = load(codes, bits, stop * channels, channels) * share;
-            cosine += x * trial[4 * samples + stop];
-            sine += x * trial[5 * samples + stop];
+            cosine += x * trial[WEIGHT(4, stop)];
+            sine += x * trial[WEIGHT(5, stop)];
         }
         edges[place][0] = cosine;
         edges[place][1] = sine;
@@ -146,8 +171,6 @@ INLINE struct fit project(vec edges[EDGES][2], const void *codes, int bits, int 
     f.im_c = fold(f.im_c, channels);
     f.re_d = fold(f.re_d, channels);
     f.im_d = fold(f.im_d, channels);
-    f.plain = fold(f.plain, channels);
-    f.square = fold(f.square, channels);
     return f;
 }
 
@@ -179,11 +202,14 @@ static double unsteadiness(vec edges[EDGES][2], int channels, const double *bend
     return largest;
 }
 
-/* The f of the stretch [Hz] and its projection; 0 with the reason in `state` where it is not usable. */
-INLINE double frequency(const struct form *form, struct state *state, struct fit *fit, const void *codes, int bits,
-                        int channels, const double *const *table)
+/* The f of the stretch [Hz], its projection and the sums of the window, which begins with its sample `inside`; 0 with
+   the reason in `state` where f is not usable. */
+INLINE double frequency(const struct form *form, struct state *state, struct fit *fit, struct sums *window,
+                        const void *codes, int bits, int channels, int64_t inside, const double *const *table)
 {
     double f = state->trial;
+    struct sums before = {0};
+    vec edges[EDGES][2], ac = {0};
     for (int step = 0; step < 4; step++) {
         const int64_t point = (int64_t)rint(fmin(fmax(f, form->trial_low), form->trial_high) / form->grid);
         const double *trial = table[point - form->first_point];
@@ -192,11 +218,16 @@ INLINE double frequency(const struct form *form, struct state *state, struct fit
             state->point = point;
             return 0;
         }
-        vec edges[EDGES][2];
-        *fit = project(edges, codes, bits, channels, form->fit, trial);
+        if (!step) {
+            *fit = project(edges, &before, window, 0, codes, bits, channels, form->fit, inside, trial);
+            const vec plain = fold(before.plain + window->plain, channels);
+            ac = fold(before.square + window->square, channels) / (double)form->fit
+               - plain * plain / ((double)form->fit * (double)form->fit);
+        } else {
+            *fit = project(edges, &before, window, 1, codes, bits, channels, form->fit, inside, trial);
+        }
         const vec re = fit->re_c, im = fit->im_c, turn = im * fit->re_d - re * fit->im_d;
-        const vec weight = re * re + im * im, ac = fit->square / (double)form->fit
-                         - fit->plain * fit->plain / ((double)form->fit * (double)form->fit);
+        const vec weight = re * re + im * im;
         double turns = 0, weights = 0, power = 0;
         for (int c = 0; c < channels; c += 2) {
             turns += turn[c];
@@ -233,27 +264,25 @@ static double middle(const struct form *form, struct state *s, double f, double 
     return f + slope * (to - at);
 }
 
-INLINE struct sums with_products(struct sums s, vec x)
-{
-    s.square += x * x;
-    s.cross += x * __builtin_shuffle(x, (mask){1, 0, 3, 2, 5, 4, 7, 6});
-    s.plain += x;
-    s.most = larger(x, s.most);
-    s.least = smaller(x, s.least);
-    return s;
-}
-
-INLINE void add_range(struct sums *out, const void *codes, int bits, int channels, int64_t samples, int64_t from,
-                      int64_t to)
+/* Squares and products of samples from .. to, added to `out` or, with the sign -1, taken away. */
+INLINE void add_range(struct sums *out, double sign, const void *codes, int bits, int channels, int64_t samples,
+                      int64_t from, int64_t to)
 {
     const int together = LANES / channels;
-    struct sums s = *out;
+    vec square = {0}, cross = {0};
     int64_t n = from;
-    for (; n + together <= to && n < samples - 1; n += together)
-        s = with_products(s, load(codes, bits, n * channels, LANES));
-    for (; n < to; n++) /* other lanes are 0, which is between least and most */
-        s = with_products(s, load(codes, bits, n * channels, channels));
-    *out = s;
+    for (; n + together <= to && n < samples - 1; n += together) {
+        const vec x = load(codes, bits, n * channels, LANES);
+        square += x * x;
+        cross += x * swapped(x);
+    }
+    for (; n < to; n++) {
+        const vec x = load(codes, bits, n * channels, channels);
+        square += x * x;
+        cross += x * swapped(x);
+    }
+    out->square += sign * square;
+    out->cross += sign * cross;
 }
 
 /* Integral of squares and products over the first `share` of a cell: the straight line through its neighbours. */
@@ -262,13 +291,12 @@ INLINE void add_part(struct sums *out, const void *codes, int bits, int channels
 {
     const int64_t last = samples - 1, here = cell < last ? cell : last;
     const int64_t next = here < last ? here + 1 : last, before = here > 0 ? here - 1 : 0;
-    const mask swap = {1, 0, 3, 2, 5, 4, 7, 6};
     const vec x = load(codes, bits, here * channels, channels), y = load(codes, bits, next * channels, channels);
     const vec z = load(codes, bits, before * channels, channels);
     const double bow = (share * share - share) / 4;
     out->square += sign * (share * (x * x) + bow * (y * y - z * z));
-    out->cross += sign * (share * (x * __builtin_shuffle(x, swap))
-                          + bow * (y * __builtin_shuffle(y, swap) - z * __builtin_shuffle(z, swap)));
+    out->cross += sign * (share * (x * swapped(x))
+                          + bow * (y * swapped(y) - z * swapped(z)));
 }
 
 INLINE struct sums folded(struct sums s, int channels)
@@ -291,47 +319,43 @@ INLINE struct sums folded(struct sums s, int channels)
     return s;
 }
 
-/* Sums over the interval start .. start + length, and over the window. */
-INLINE void integrate(struct sums *interval, struct sums *window, const void *codes, int bits, int channels,
-                      int64_t begin, int64_t end, double start, double stop)
+/* Sums over the interval start .. stop, which ends in the window, from those over the window. Sums of integer codes are
+   exact: what is added and taken away again leaves nothing. */
+INLINE struct sums interval(struct sums window, const void *codes, int bits, int channels, int64_t begin, int64_t end,
+                            double start, double stop)
 {
     const int64_t a = (int64_t)floor(start), b = (int64_t)floor(stop);
-    struct sums inner = {0}, outer = {0};
-    if (a >= begin) {
-        add_range(&inner, codes, bits, channels, end, a, b);
-        outer = inner;
-        add_range(&outer, codes, bits, channels, end, begin, a);
-        add_range(&outer, codes, bits, channels, end, b, end);
-    } else {
-        struct sums after = {0};
-        add_range(&outer, codes, bits, channels, end, begin, end);
-        add_range(&inner, codes, bits, channels, end, a, begin);
-        add_range(&after, codes, bits, channels, end, b, end);
-        inner.square += outer.square - after.square;
-        inner.cross += outer.cross - after.cross;
-    }
-    *interval = folded(inner, channels);
-    *window = folded(outer, channels);
-    add_part(interval, codes, bits, channels, end, a, start - (double)a, -1);
-    add_part(interval, codes, bits, channels, end, b, stop - (double)b, 1);
+    struct sums inner = window;
+    if (a >= begin)
+        add_range(&inner, -1, codes, bits, channels, end, begin, a);
+    else
+        add_range(&inner, 1, codes, bits, channels, end, a, begin);
+    add_range(&inner, -1, codes, bits, channels, end, b, end);
+    inner.square = fold(inner.square, channels);
+    inner.cross = fold(inner.cross, channels);
+    add_part(&inner, codes, bits, channels, end, a, start - (double)a, -1);
+    add_part(&inner, codes, bits, channels, end, b, stop - (double)b, 1);
+    return inner;
 }
 
-/* Rows of the result, each with one value per window. Then 12 rows per phase: Vrms, Irms, P, energy, DC and largest
-   magnitude of voltage and current, real and imaginary part of the fundamentals of both. */
-enum { RAW_F, F, FLAGS, PHASES };
-enum { VRMS, IRMS, POWER, ENERGY, U_DC, I_DC, U_PEAK, I_PEAK, U_RE, U_IM, I_RE, I_IM, PER_PHASE };
+/* Rows of the result, each with one value per window; from VRMS on, each stands for one row per phase. Python writes
+   IMPORTED and EXPORTED. */
+enum { RAW_F, F, FLAGS, MAGNITUDE, VRMS };
+enum { IRMS = 1, POWER, REACTIVE, IMPORTED, EXPORTED, ENERGY, U_DC, I_DC, U_PEAK, I_PEAK, U_RE, U_IM, I_RE, I_IM };
+#define ROW(quantity, phase) (VRMS + (quantity) * (channels / 2) + (phase))
 
 INLINE int one_window(const struct form *form, struct state *state, const double *const *table, const void *codes,
                       int bits, int channels, int64_t begin, int64_t end, double stream, double *out, int64_t stride)
 {
     struct fit fit;
-    struct sums inner, outer;
+    struct sums inner, outer = {0};
     struct state next = *state;
     if (end < form->fit)
         return (int)(state->reason = NO_HISTORY);
     const size_t width = bits == 16 ? 2 : bits == 32 ? 4 : 8;
     const char *stretch = (const char *)codes + (size_t)(end - form->fit) * (size_t)channels * width;
-    const double raw = frequency(form, &next, &fit, stretch, bits, channels, table);
+    const int64_t inside = begin - (end - form->fit);
+    const double raw = frequency(form, &next, &fit, &outer, stretch, bits, channels, inside, table);
     state->point = next.point;
     if (!raw)
         return (int)(state->reason = next.reason);
@@ -345,38 +369,45 @@ INLINE int one_window(const struct form *form, struct state *state, const double
     if (start < 0)
         return (int)(state->reason = NO_HISTORY);
     const double stop = fmin(start + length, (double)end);
-    integrate(&inner, &outer, codes, bits, channels, begin, end, start, stop);
+    inner = interval(outer, codes, bits, channels, begin, end, start, stop);
+    outer = folded(outer, channels);
     length = stop - start;
     int64_t flags = 0, live = 0;
+    double magnitude = 0;
     for (int c = 0; c < channels; c += 2) {
-        double *phase = out + (PHASES + c / 2 * PER_PHASE) * stride;
+        const int phase = c / 2;
         const double u = form->scale[c], i = form->scale[c + 1];
         const double volts = sqrt(fmax(inner.square[c] / length, 0)) * u;
-        phase[VRMS * stride] = volts;
-        phase[IRMS * stride] = sqrt(fmax(inner.square[c + 1] / length, 0)) * i;
-        phase[POWER * stride] = inner.cross[c] / length * (u * i);
-        phase[ENERGY * stride] = outer.cross[c];
-        phase[U_DC * stride] = outer.plain[c] / size * u;
-        phase[I_DC * stride] = outer.plain[c + 1] / size * i;
-        phase[U_PEAK * stride] = fmax(outer.most[c], -outer.least[c]) * u;
-        phase[I_PEAK * stride] = fmax(outer.most[c + 1], -outer.least[c + 1]) * i;
-        phase[U_RE * stride] = fit.re_c[c] * u;
-        phase[U_IM * stride] = -fit.im_c[c] * u;
-        phase[I_RE * stride] = fit.re_c[c + 1] * i;
-        phase[I_IM * stride] = -fit.im_c[c + 1] * i;
-        if (volts > form->dead[c / 2])
+        const double u_re = fit.re_c[c] * u, u_im = -fit.im_c[c] * u, i_re = fit.re_c[c + 1] * i;
+        const double i_im = -fit.im_c[c + 1] * i;
+        magnitude += fit.re_c[c] * fit.re_c[c] + fit.im_c[c] * fit.im_c[c];
+        out[ROW(0, phase) * stride] = volts;
+        out[ROW(IRMS, phase) * stride] = sqrt(fmax(inner.square[c + 1] / length, 0)) * i;
+        out[ROW(POWER, phase) * stride] = inner.cross[c] / length * (u * i);
+        out[ROW(REACTIVE, phase) * stride] = (u_im * i_re - u_re * i_im) / 2;
+        out[ROW(ENERGY, phase) * stride] = outer.cross[c];
+        out[ROW(U_DC, phase) * stride] = outer.plain[c] / size * u;
+        out[ROW(I_DC, phase) * stride] = outer.plain[c + 1] / size * i;
+        out[ROW(U_PEAK, phase) * stride] = fmax(outer.most[c], -outer.least[c]) * u;
+        out[ROW(I_PEAK, phase) * stride] = fmax(outer.most[c + 1], -outer.least[c + 1]) * i;
+        out[ROW(U_RE, phase) * stride] = u_re;
+        out[ROW(U_IM, phase) * stride] = u_im;
+        out[ROW(I_RE, phase) * stride] = i_re;
+        out[ROW(I_IM, phase) * stride] = i_im;
+        if (volts > form->dead[phase])
             live++;
         else
-            flags |= (int64_t)1 << c / 2;
+            flags |= (int64_t)1 << phase;
         for (int k = c; k < c + 2; k++)
             if (outer.most[k] >= form->code_max || outer.least[k] <= form->code_min)
-                flags |= (int64_t)16 << c / 2;
+                flags |= (int64_t)16 << phase;
     }
     if (!live)
         return (int)(state->reason = UNUSUAL);
     out[RAW_F * stride] = raw;
     out[F * stride] = f;
     out[FLAGS * stride] = (double)flags;
+    out[MAGNITUDE * stride] = sqrt(magnitude);
     next.trial = raw;
     next.last = f;
     next.reason = DONE;
@@ -405,6 +436,22 @@ int64_t acqd_windows(const struct form *form, struct state *state, const double 
         METER(64)
     }
     return done;
+}
+
+/* What the windows of a running stream have in common; the samples lie in a buffer that stays where it is. */
+struct live {
+    const struct form *form;
+    struct state *state;
+    const double *const *table;
+    const void *codes;
+    double *out;
+};
+
+/* One window: samples begin .. end of the buffer, of which the first is number `stream`; whether it was metered. */
+int64_t acqd_window(const struct live *live, int64_t begin, int64_t end, double stream)
+{
+    const int64_t bounds[2] = {begin, end};
+    return acqd_windows(live->form, live->state, live->table, live->codes, bounds, 1, stream, live->out);
 }
 
 int64_t acqd_form_bytes(void) { return sizeof(struct form); }

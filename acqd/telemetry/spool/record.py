@@ -7,14 +7,14 @@ costs only the records that it hit.
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 from zlib import crc32
 
 Energy: TypeAlias = list[tuple[float, float]]
 """Imported and exported energy of each phase [kWh]."""
-ROW, ENERGY, INDEX = 1, 2, 3
+ROW, ENERGY, INDEX, REGISTERS = 1, 2, 3, 4
 _MARK = b"\xac\xd1"
 _HEAD = struct.Struct("<2sBHI")  # mark, kind, bytes of the stream's name, bytes of the body
 _CRC = struct.Struct("<I")
@@ -23,6 +23,14 @@ OVERHEAD = _HEAD.size + _CRC.size
 """Bytes of a record besides the name of the stream and the body."""
 LONGEST = 1 << 20
 """Bytes of a body at most; a longer length is damage."""
+
+
+class Readings(NamedTuple):
+    """What a device's registers say after a window."""
+
+    energy: Energy
+    registers: Sequence[float] | None = None
+    """State of the others, reactive energy and demand, as numbers; NaN where nothing is known."""
 
 
 class Stream(NamedTuple):
@@ -70,8 +78,13 @@ class Record:
     @property
     def energy(self) -> Energy:
         """Registers, of a record of that kind."""
-        values = struct.unpack(f"<{len(self.body) // 8}d", self.body)
+        values = self.numbers
         return list(zip(values[::2], values[1::2], strict=True))
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """Of a record of registers."""
+        return struct.unpack(f"<{len(self.body) // 8}d", self.body)
 
 
 def row_record(name: bytes, seq: int, payload: bytes) -> bytes:
@@ -84,6 +97,11 @@ def energy_record(device: str, energy: Energy) -> bytes:
     return _record(
         ENERGY, device.encode(), struct.pack(f"<{2 * len(energy)}d", *(value for pair in energy for value in pair))
     )
+
+
+def registers_record(device: str, numbers: Sequence[float]) -> bytes:
+    """State of a device's registers besides energy."""
+    return _record(REGISTERS, device.encode(), struct.pack(f"<{len(numbers)}d", *numbers))
 
 
 def index_record(content: bytes) -> bytes:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import os
 import struct
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from acqd.telemetry.spool.record import (
     ENERGY,
     INDEX,
     OVERHEAD,
+    REGISTERS,
     ROW,
     Energy,
     Stream,
@@ -44,6 +46,8 @@ class Segment:
         self.pending: dict[Stream, Ranges] = {}
         self.energy: dict[str, Energy] = {}
         """Readings of each device's registers after its last row; "" as device in files of the time of one device."""
+        self.registers: dict[str, Sequence[float]] = {}
+        """State of each device's other registers then."""
         self.damaged = 0
         """Bytes that could not be read."""
         self._memory = bytearray()
@@ -100,7 +104,9 @@ class Segment:
         if self._file is None:
             return
         streams = [[*stream, list(rows)] for stream, rows in self.pending.items()]
-        index = index_record(json.dumps({"streams": streams, "energy": self.energy}).encode())
+        index = index_record(
+            json.dumps({"streams": streams, "energy": self.energy, "registers": self.registers}).encode()
+        )
         try:
             _write(self._file, index + _TAIL.pack(_END, self.size))
         except OSError:
@@ -162,6 +168,8 @@ class Segment:
                 self.pending.setdefault(record.stream, Ranges()).add(record.seq, record.seq)
             elif record.kind == ENERGY:
                 self.energy[record.device] = record.energy
+            elif record.kind == REGISTERS:
+                self.registers[record.device] = record.numbers
             intact += length + OVERHEAD
             before = record.end
         self.size = before
@@ -178,6 +186,7 @@ class Segment:
         content = json.loads(record.body)
         self.pending = {Stream(*names): Ranges(rows) for *names, rows in content["streams"]}
         self.energy = _energy(content["energy"])
+        self.registers = content.get("registers", {})
         self.size = offset
         return True
 

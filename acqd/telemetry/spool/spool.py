@@ -17,7 +17,7 @@ from typing import Literal, NamedTuple
 from acqd.telemetry.ranges import Ranges
 from acqd.telemetry.spool.log import SegmentLog
 from acqd.telemetry.spool.reading import read_rows
-from acqd.telemetry.spool.record import Energy, Stream, energy_record, row_record
+from acqd.telemetry.spool.record import Readings, Stream, energy_record, registers_record, row_record
 from acqd.telemetry.spool.segment import START, Segment
 
 _log = logging.getLogger(__name__)
@@ -70,7 +70,7 @@ class Spool:
         self._log = SegmentLog(folder, segment_bytes, now_ns)
         self.unconfirmed, self.close = self._log.unconfirmed, self._log.close
         self.accepted = self.dropped = self.damaged_bytes = 0
-        self._energy: dict[str, Energy] = {}
+        self._readings: dict[str, Readings] = {}
         self._alerted = self._dropping = False
         self._names: dict[Stream, bytes] = {}
         for segment in self._log.segments:
@@ -78,37 +78,44 @@ class Spool:
         if waiting := len(self):
             _log.info("spool: %d rows of an earlier start wait in %s", waiting, folder)
 
-    def append(self, rows: Sequence[SpooledRow], energy: Energy | None = None) -> bool:
+    def append(self, rows: Sequence[SpooledRow], readings: Readings | None = None) -> bool:
         """Keep the rows of a window and the registers of their device after it.
 
         False when the spool is full and refuses the newest.
         """
         self.accepted += len(rows)
         data = b"".join([row_record(self._name(row.stream), row.seq, row.payload) for row in rows])
-        if energy is not None and rows:
-            device = rows[0].stream.device
-            data += energy_record(device, energy)
-            self._energy[device] = energy
+        device = rows[0].stream.device if readings is not None and rows else None
+        if device is not None and readings is not None:
+            data += energy_record(device, readings.energy)
+            if readings.registers is not None:
+                data += registers_record(device, readings.registers)
+            self._readings[device] = readings
         if self.limits.when_full == "drop-newest" and self.size + len(data) > self._most:
             self._lost(len(rows), "refusing the newest rows")
             return False
         before, segment = self._log.newest, self._log.append(data)
         for stream, seq, _ in rows:
-            segment.pending.setdefault(stream, Ranges()).add(seq, seq)
-        if energy is not None and rows:
-            segment.energy[device] = energy
+            waiting = segment.pending.get(stream)
+            if waiting is None:
+                waiting = segment.pending[stream] = Ranges()
+            waiting.add(seq, seq)
+        if device is not None and readings is not None:
+            segment.energy[device] = readings.energy
+            if readings.registers is not None:
+                segment.registers[device] = readings.registers
         if segment is not before:
             for older in self._log.segments[:-1]:
                 self._log.delete_if_done(older)
             self._limit()
         return True
 
-    def energy(self, device: str) -> Energy | None:
+    def readings(self, device: str) -> Readings | None:
         """Readings of a device's registers after its last row, also of an earlier start.
 
         "" as device: those of a spool that was written when a daemon had one device.
         """
-        return self._energy.get(device)
+        return self._readings.get(device)
 
     def remove(self, stream: Stream, first: int, last: int) -> int:
         """Rows first..last are delivered: forget them; how many waited."""
@@ -185,7 +192,8 @@ class Spool:
         if segment.damaged:
             self.damaged_bytes += segment.damaged
             _log.warning("spool: %s was torn: %d bytes left out", segment.path, segment.damaged)
-        self._energy |= segment.energy
+        for device, energy in segment.energy.items():
+            self._readings[device] = Readings(energy, segment.registers.get(device))
 
     def _limit(self) -> None:
         """Drop the oldest segments while there is too much, or too old, or too much in memory."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import math
 import os
 import shutil
 import signal
@@ -19,7 +20,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from acqd.errors import UserError
-from acqd.telemetry.spool import Limits, Spool, SpooledRow, Stream, confirm, segment
+from acqd.telemetry.spool import Limits, Readings, Spool, SpooledRow, Stream, confirm, segment
 from acqd.telemetry.spool.record import energy_record, index_record, row_record
 from acqd.telemetry.spool.segment import Segment
 
@@ -42,11 +43,13 @@ def test_rows_come_back_in_order_and_after_a_restart(tmp_path):
     spool = Spool(tmp_path, Limits(max_bytes=200_000))
     sent = [row for k in range(500) for row in window(k)]
     for k in range(500):
-        spool.append(window(k), [(0.001 * k, 0.5)])
+        spool.append(window(k), Readings([(0.001 * k, 0.5)], [float(k), math.nan]))
     assert spool.segments > 3 and everything(spool) == sent and len(spool) == 1000
     spool.close()
     again = Spool(tmp_path, Limits(max_bytes=200_000))
-    assert everything(again) == sent and again.energy("cell1") == [(0.499, 0.5)] and not again.damaged_bytes
+    assert everything(again) == sent and again.readings("cell1").energy == [(0.499, 0.5)]
+    assert again.readings("cell1").registers[0] == 499.0 and math.isnan(again.readings("cell1").registers[1])
+    assert not again.damaged_bytes
     again.append(window(500))
     assert everything(again) == sent + window(500)
 
@@ -64,7 +67,7 @@ def test_only_one_daemon_uses_a_spool(tmp_path):
 def test_a_torn_end_costs_only_the_torn_row_at_every_byte(tmp_path, size=20):
     spool = Spool(tmp_path / "whole")
     for k in range(3):
-        spool.append(window(k, size), [(float(k), 0.0)])
+        spool.append(window(k, size), Readings([(float(k), 0.0)]))
     (path,) = (tmp_path / "whole").glob("*.seg")
     data = path.read_bytes()
     (tmp_path / "torn").mkdir()
@@ -250,11 +253,11 @@ def test_a_disk_that_stays_full_costs_the_oldest_rows_and_no_memory(tmp_path):
 def test_registers_belong_to_devices_and_those_of_an_older_spool_to_the_only_one(tmp_path):
     other = Stream("cell2", "L1", "boot1")
     spool = Spool(tmp_path)
-    spool.append(window(1), [(1.0, 0.0)])
-    spool.append([SpooledRow(other, 1, b"row")], [(2.0, 0.5)])
+    spool.append(window(1), Readings([(1.0, 0.0)]))
+    spool.append([SpooledRow(other, 1, b"row")], Readings([(2.0, 0.5)], [3.0]))
     spool.close()
     again = Spool(tmp_path)
-    assert again.energy("cell1") == [(1.0, 0.0)] and again.energy("cell2") == [(2.0, 0.5)]
+    assert again.readings("cell1") == ([(1.0, 0.0)], None) and again.readings("cell2") == ([(2.0, 0.5)], [3.0])
     again.close()
     path = tmp_path / "0000000000000009.seg"
     with_index = tmp_path / "0000000000000010.seg"
@@ -267,10 +270,11 @@ def test_registers_belong_to_devices_and_those_of_an_older_spool_to_the_only_one
 
 def test_a_killed_process_loses_no_row_that_it_has_appended(tmp_path):
     program = (
-        "import sys\nfrom pathlib import Path\nfrom acqd.telemetry.spool import Spool\n"
+        "import sys\nfrom pathlib import Path\nfrom acqd.telemetry.spool import Readings, Spool\n"
         "from tests.telemetry.spool.test_spool import window\n"
         f"spool = Spool(Path({str(tmp_path)!r}))\n"
-        "for k in range(10**9):\n    spool.append(window(k), [(float(k), 0.0)])\n    print(k, flush=True)\n"
+        "for k in range(10**9):\n    spool.append(window(k), Readings([(float(k), 0.0)], [float(k)]))\n"
+        "    print(k, flush=True)\n"
     )
     process = subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True)
     last = [int(process.stdout.readline()) for _ in range(300)][-1]
@@ -279,7 +283,8 @@ def test_a_killed_process_loses_no_row_that_it_has_appended(tmp_path):
     spool = Spool(tmp_path)
     rows = everything(spool)
     assert rows == [row for k in range(len(rows) // 2) for row in window(k)] and rows[-1].seq >= last
-    assert spool.energy("cell1")[0][0] >= last
+    assert spool.readings("cell1").energy[0][0] >= last
+    assert spool.readings("cell1").registers[0] == spool.readings("cell1").energy[0][0]
 
 
 def test_rows_on_disk_cost_next_to_no_memory(tmp_path):
