@@ -15,7 +15,9 @@ from acqd.fleet.empirical_bayes import Evidence, learned
 from acqd.fleet.settings import Fleet
 from acqd.models.bundle.bundle import Bundle, load_bundle
 from acqd.models.greybox.fleet_prior import FleetPrior
+from acqd.models.greybox.gain_basis import compared, original, powers
 from acqd.models.greybox.likelihood import Likelihood
+from acqd.models.greybox.parameters import Layout
 
 FEWEST = 5
 """Robots of a type from which a prior can be learned."""
@@ -31,7 +33,14 @@ class _Robot:
 
     names: list[str]
     """[p] of the parameters."""
+    power: Floats
+    """[p] of the gain (see `gain_basis`)."""
     likelihood: Likelihood
+
+    @property
+    def gain(self) -> int:
+        """Place of the gain."""
+        return self.names.index("gain")
 
 
 def priors_of(fleet: Fleet, leave_out: Path | None = None) -> dict[str, FleetPrior]:
@@ -65,7 +74,11 @@ def _robot(bundle: Bundle) -> _Robot:
     """A bundle of an earlier version has its estimates and intervals only."""
     table = bundle.metadata["parameters"]
     known = Likelihood.read(bundle.arrays)
-    return _Robot([entry["name"] for entry in table], _from_intervals(table) if known is None else known)
+    layout = Layout(
+        int(bundle.metadata["axes"]), tuple(bundle.metadata["signals"]), tuple(bundle.metadata.get("sliding", ()))
+    )
+    names = [entry["name"] for entry in table]
+    return _Robot(names, powers(layout), _from_intervals(table) if known is None else known)
 
 
 def _from_intervals(table: Sequence[dict[str, Any]]) -> Likelihood:
@@ -86,27 +99,34 @@ def _some(robots: dict[str, _Robot]) -> dict[str, _Robot]:
 
 def _prior(robot: str, robots: dict[str, _Robot]) -> FleetPrior:
     """Of the parameters that all robots have."""
-    common = set.intersection(*(set(each.names) for each in robots.values()))
-    names = [name for name in next(iter(robots.values())).names if name in common]
-    places = [[each.names.index(name) for name in names] for each in robots.values()]
-    likelihoods = [each.likelihood for each in robots.values()]
-    mean = np.mean([one.mean[place] for one, place in zip(likelihoods, places, strict=True)], axis=0)
-    deviation = np.median([one.deviation[place] for one, place in zip(likelihoods, places, strict=True)], axis=0)
-    evidence = [_evidence(one, place) for one, place in zip(likelihoods, places, strict=True)]
-    taught = learned(evidence, mean, np.asarray(deviation), [name.split(".")[0] for name in names])
-    inflation = float(np.median([one.inflation for one in likelihoods]))
-    return FleetPrior(robot, tuple(names), taught.mean, taught.predictive(), tuple(robots), inflation)
+    first, *_ = members = list(robots.values())
+    common = set.intersection(*(set(each.names) for each in members))
+    names = [name for name in first.names if name in common]
+    places = [np.array([each.names.index(name) for name in names]) for each in members]
+    mean = np.mean([each.likelihood.mean[place] for each, place in zip(members, places, strict=True)], axis=0)
+    deviation = np.median(
+        [each.likelihood.deviation[place] for each, place in zip(members, places, strict=True)], axis=0
+    )
+    gain = names.index("gain")
+    evidence = [_evidence(each, place, float(mean[gain])) for each, place in zip(members, places, strict=True)]
+    taught = learned(evidence, mean, deviation, [name.split(".")[0] for name in names])
+    values, slope = original(taught.mean, first.power[places[0]], gain, float(mean[gain]))
+    inflation = float(np.median([each.likelihood.inflation for each in members]))
+    return FleetPrior(robot, tuple(names), values, slope @ taught.predictive() @ slope.T, tuple(robots), inflation)
 
 
-def _evidence(likelihood: Likelihood, place: list[int]) -> Evidence:
-    """Of some parameters; the others are integrated out, with the description's prior of these."""
-    information, shift = likelihood.information, likelihood.shift
-    kept = np.array(place)
+def _evidence(robot: _Robot, kept: Any, common_gain: float) -> Evidence:
+    """Of some parameters at the common gain; the others are integrated out, with the description's prior of these."""
+    known = robot.likelihood
+    values, slope = compared(known.values, robot.power, robot.gain, common_gain)
+    back = np.linalg.inv(slope)
+    information = back.T @ known.information @ back
+    shift = information @ values + back.T @ known.score
     left = np.setdiff1d(np.arange(len(shift)), kept)
     across: Floats = information[np.ix_(kept, left)]
-    precision = likelihood.deviation[left] ** -2.0
+    precision = known.deviation[left] ** -2.0
     own = information[np.ix_(left, left)] + np.diag(precision)
     return Evidence(
         information[np.ix_(kept, kept)] - across @ np.linalg.solve(own, across.T),
-        shift[kept] - across @ np.linalg.solve(own, shift[left] + precision * likelihood.mean[left]),
+        shift[kept] - across @ np.linalg.solve(own, shift[left] + precision * known.mean[left]),
     )

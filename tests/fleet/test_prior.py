@@ -10,6 +10,8 @@ from acqd.fleet.prior import FEWEST, prior_for, priors_of
 from acqd.models.bundle.bundle import save_bundle
 from acqd.models.greybox.fit import fit_grey_box
 from acqd.models.greybox.fleet_prior import FleetPrior
+from acqd.models.greybox.gain_basis import compared, powers
+from acqd.models.greybox.model import GreyBox
 from acqd.models.greybox.parameters import prior, table
 from acqd.models.metrics import predictions
 from acqd.robot.arm import Arm
@@ -139,3 +141,25 @@ def test_a_bundle_says_from_whom_its_prior_is(closed, model, tmp_path):
     done = acqd_here("train", closed[0] / "before" / "ds", *words)
     assert done.returncode == 0, done.stderr
     assert load_bundle(tmp_path / "b").metadata["prior"]["robots"] == [f"r{k}" for k in range(6)]
+
+
+def test_robots_that_differ_in_gain_alone_are_one_robot_to_the_power(model, tmp_path):
+    power, gain = powers(model.layout), model.layout.place("gain").start
+    lines = ["[defaults]", "model = '{name}'", "dataset = 'ds'"]
+    for k, factor in enumerate((0.7, 0.85, 1.0, 1.15, 1.3, 1.45)):
+        values = model.values * factor**-power  # torques smaller, losses larger, as the gain is larger
+        values[gain] *= factor
+        again = GreyBox(model.chain, model.layout, values, model.step_s, model.usual_signals())
+        short = [recording(model, 0, seed=31, rows=300)]
+        np.testing.assert_allclose(predictions(again, short)[0], predictions(model, short)[0], rtol=0.02)
+        entries = table(model.layout, values, np.diag((0.01 * values) ** 2))
+        save_bundle(tmp_path / f"r{k}", grey_bundle(parameters=entries))
+        lines.append(f"[robots.r{k}]")
+    (tmp_path / "plant.toml").write_text("\n".join(lines))
+    taught = priors_of(read_fleet(tmp_path / "plant.toml"))["ur10e"]
+    pooled = GreyBox(model.chain, model.layout, taught.mean, model.step_s, model.usual_signals())
+    np.testing.assert_allclose(predictions(pooled, short)[0], predictions(model, short)[0], rtol=0.04)
+    at_common, _ = compared(model.values, power, gain, float(taught.mean[gain]))
+    torques = power == 1.0
+    away = np.abs(taught.mean - at_common)[torques] / np.abs(at_common[torques]).clip(1e-9)
+    assert away[np.abs(at_common[torques]) > 0.1].max() < 0.03
