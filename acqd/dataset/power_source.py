@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,12 +27,14 @@ class PowerRows:
     """Flags that occur in the block."""
 
     @classmethod
-    def of(cls, time_ns: Nanoseconds, P: object, Vrms: object, flags: object) -> PowerRows:
-        """From sequences of one value, or one list of flags, per row; P of unusable rows becomes NaN."""
+    def of(cls, time_ns: Nanoseconds, P: object, Vrms: object, flags: Sequence[tuple[str, ...]]) -> PowerRows:
+        """From sequences of one value, or the names of the flags, per row; P of unusable rows becomes NaN."""
         values, volts = np.array(P, dtype=np.float64), np.array(Vrms, dtype=np.float64)
-        sets = [frozenset(row or ()) for row in flags]  # type: ignore[attr-defined]
-        values[[bool(row & _UNUSABLE) for row in sets]] = np.nan
-        return cls(time_ns, values, volts, frozenset().union(*sets))
+        different = set(flags)  # a handful in a day of rows
+        unusable = {names for names in different if _UNUSABLE.intersection(names)}
+        if unusable:
+            values[[names in unusable for names in flags]] = np.nan
+        return cls(time_ns, values, volts, frozenset().union(*different))
 
 
 def choose(origin: str, present: set[tuple[str, str]], device: str | None, channel: str | None) -> tuple[str, str]:

@@ -39,6 +39,6 @@ def read_database(
         result = connection.execution_options(stream_results=True).execute(query)
         for rows in result.partitions(BLOCK_ROWS):
             stamps, P, Vrms, texts = zip(*rows, strict=True)
-            parsed = {text: orjson.loads(text) for text in set(texts)}
+            parsed = {text: tuple(orjson.loads(text) or ()) for text in set(texts)}
             flags = [parsed[text] for text in texts]
             yield PowerRows.of(parse_times(Path(origin), "filetime", stamps), P, Vrms, flags)

@@ -1,15 +1,9 @@
-"""Empirical Bayes: the prior of a type's grey-box parameters from the bundles of its robots.
-
-The parameters of robot i are taken as a draw from a normal distribution whose mean and covariance are estimated from
-the n robots of the type (parametric empirical Bayes, Morris 1983). With more parameters than robots the sample
-covariance is singular: its correlations are shrunk towards zero by the analytic weight of Schaefer and Strimmer (2005),
-its variances are kept. For a further robot, the covariance of the predictive Student distribution counts: (1 + 1/n)
-(n-1)/(n-3) times the estimate. Errors of the n fits are part of the scatter, so that the prior is rather too wide.
-"""
+"""The prior of a type's grey-box parameters from the bundles of its robots (see `empirical_bayes`)."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,32 +11,52 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.errors import InputError, UserError
+from acqd.fleet.empirical_bayes import Evidence, learned
 from acqd.fleet.settings import Fleet
-from acqd.models.bundle.bundle import load_bundle
+from acqd.models.bundle.bundle import Bundle, load_bundle
 from acqd.models.greybox.fleet_prior import FleetPrior
+from acqd.models.greybox.gain_basis import compared, original, powers
+from acqd.models.greybox.likelihood import Likelihood
+from acqd.models.greybox.parameters import Layout
 
 FEWEST = 5
 """Robots of a type from which a prior can be learned."""
-_LEAST_SPREAD = 1e-6
-"""Relative to the parameter: keeps the covariance regular where all robots agree."""
-_LEAST_SHARE = 0.1
-"""Least spread between robots, as a share of the error of one robot's fit."""
+_MOST = 40
+"""Further ones teach little, and each takes time."""
+_LEAST_DEVIATION = 1e-6
+"""Of a parameter from a bundle without intervals, relative to it: keeps information finite."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Robot:
+    """What one bundle says."""
+
+    names: list[str]
+    """[p] of the parameters."""
+    power: Floats
+    """[p] of the gain (see `gain_basis`)."""
+    likelihood: Likelihood
+
+    @property
+    def gain(self) -> int:
+        """Place of the gain."""
+        return self.names.index("gain")
 
 
 def priors_of(fleet: Fleet, leave_out: Path | None = None) -> dict[str, FleetPrior]:
     """A prior for every type of which the fleet has enough grey boxes; `leave_out`: a bundle that takes no part."""
     own = None if leave_out is None else leave_out.absolute()
-    types: dict[str, dict[str, list[dict[str, Any]]]] = {}
+    types: dict[str, dict[str, _Robot]] = {}
     for robot in fleet.robots:
         if own is not None and robot.model.resolve() == own.resolve():
             continue
         try:
-            metadata = load_bundle(robot.model).metadata
+            bundle = load_bundle(robot.model)
         except InputError:
             continue  # its line in the table says so
-        if "parameters" in metadata and not metadata.get("withheld"):
-            types.setdefault(str(metadata["robot"]), {})[robot.name] = metadata["parameters"]
-    return {name: _prior(name, tables) for name, tables in types.items() if len(tables) >= FEWEST}
+        if "parameters" in bundle.metadata and not bundle.metadata.get("withheld"):
+            types.setdefault(str(bundle.metadata["robot"]), {})[robot.name] = _robot(bundle)
+    return {name: _prior(name, _some(robots)) for name, robots in types.items() if len(robots) >= FEWEST}
 
 
 def prior_for(fleet: Fleet, robot: str, leave_out: Path) -> FleetPrior:
@@ -56,49 +70,63 @@ def prior_for(fleet: Fleet, robot: str, leave_out: Path) -> FleetPrior:
     return found[robot]
 
 
-def _prior(robot: str, tables: dict[str, list[dict[str, Any]]]) -> FleetPrior:
-    """Of tables of parameters by the robot's name; parameters that not all robots have are left out."""
-    common = set.intersection(*({entry["name"] for entry in table} for table in tables.values()))
-    names = [entry["name"] for entry in next(iter(tables.values())) if entry["name"] in common]
-    values = np.array([_values(table, names) for table in tables.values()])
-    mean, covariance = estimated(values, np.array([_errors(table, names) for table in tables.values()]).mean(axis=0))
-    return FleetPrior(robot, tuple(names), mean, covariance, tuple(tables))
+def _robot(bundle: Bundle) -> _Robot:
+    """A bundle of an earlier version has its estimates and intervals only."""
+    table = bundle.metadata["parameters"]
+    known = Likelihood.read(bundle.arrays)
+    layout = Layout(
+        int(bundle.metadata["axes"]), tuple(bundle.metadata["signals"]), tuple(bundle.metadata.get("sliding", ()))
+    )
+    names = [entry["name"] for entry in table]
+    return _Robot(names, powers(layout), _from_intervals(table) if known is None else known)
 
 
-def _values(table: Iterable[dict[str, Any]], names: list[str]) -> list[float]:
-    known = {entry["name"]: float(entry["value"]) for entry in table}
-    return [known[name] for name in names]
+def _from_intervals(table: Sequence[dict[str, Any]]) -> Likelihood:
+    values = np.array([float(entry["value"]) for entry in table])
+    least = _LEAST_DEVIATION * np.maximum(np.abs(values), 1.0)
+    errors = np.array([(entry["ci95"][1] - entry["ci95"][0]) / 3.92 if entry["ci95"] else 0.0 for entry in table])
+    information = np.diag(np.maximum(errors, least) ** -2.0)
+    wide = np.maximum(np.abs(values), 10 * errors) + least  # stands for the description's, which is not known here
+    return Likelihood(values, information, np.zeros(len(values)), values, wide, 1.0)
 
 
-def _errors(table: Iterable[dict[str, Any]], names: list[str]) -> list[float]:
-    """Standard errors; 0 where a bundle has no interval."""
-    known = {entry["name"]: entry["ci95"] for entry in table}
-    return [(known[name][1] - known[name][0]) / 3.92 if known[name] else 0.0 for name in names]
+def _some(robots: dict[str, _Robot]) -> dict[str, _Robot]:
+    """At most so many, evenly over the file."""
+    names = list(robots)
+    chosen = np.unique(np.linspace(0, len(names) - 1, min(len(names), _MOST)).round().astype(int))
+    return {names[k]: robots[names[k]] for k in chosen}
 
 
-def estimated(values: Floats, errors: Floats) -> tuple[Floats, Floats]:
-    """Mean [p] and predictive covariance [p, p] of a further row, from rows [n, p], n >= FEWEST.
+def _prior(robot: str, robots: dict[str, _Robot]) -> FleetPrior:
+    """Of the parameters that all robots have."""
+    first, *_ = members = list(robots.values())
+    common = set.intersection(*(set(each.names) for each in members))
+    names = [name for name in first.names if name in common]
+    places = [np.array([each.names.index(name) for name in names]) for each in members]
+    mean = np.mean([each.likelihood.mean[place] for each, place in zip(members, places, strict=True)], axis=0)
+    deviation = np.median(
+        [each.likelihood.deviation[place] for each, place in zip(members, places, strict=True)], axis=0
+    )
+    gain = names.index("gain")
+    evidence = [_evidence(each, place, float(mean[gain])) for each, place in zip(members, places, strict=True)]
+    taught = learned(evidence, mean, deviation, [name.split(".")[0] for name in names])
+    values, slope = original(taught.mean, first.power[places[0]], gain, float(mean[gain]))
+    inflation = float(np.median([each.likelihood.inflation for each in members]))
+    return FleetPrior(robot, tuple(names), values, slope @ taught.predictive() @ slope.T, tuple(robots), inflation)
 
-    `errors`: [p] standard error of a row. Robots that agree by far better than that do so by their common prior.
-    """
-    count = len(values)
-    mean = values.mean(axis=0)
-    least = np.maximum(_LEAST_SHARE * errors, _LEAST_SPREAD * np.maximum(np.abs(mean), 1.0))
-    spread = np.maximum(values.std(axis=0, ddof=1), least)
-    z = (values - mean) / spread
-    correlations = shrunk_correlations(z)
-    factor = (1 + 1 / count) * (count - 1) / (count - 3)
-    return mean, factor * correlations * np.outer(spread, spread)
 
-
-def shrunk_correlations(z: Floats) -> Floats:
-    """Correlations [p, p] of standardised rows [n, p], shrunk towards zero (Schaefer and Strimmer 2005, target D)."""
-    count = len(z)
-    products = z[:, :, None] * z[:, None, :]
-    r = products.mean(axis=0) * count / (count - 1)
-    variance = count / (count - 1) ** 3 * ((products - products.mean(axis=0)) ** 2).sum(axis=0)
-    off = ~np.eye(z.shape[1], dtype=bool)
-    weight = float(np.clip(variance[off].sum() / max((r[off] ** 2).sum(), 1e-12), 0.0, 1.0)) if off.any() else 1.0
-    shrunk = (1 - weight) * r
-    np.fill_diagonal(shrunk, 1.0)
-    return np.asarray(shrunk)
+def _evidence(robot: _Robot, kept: Any, common_gain: float) -> Evidence:
+    """Of some parameters at the common gain; the others are integrated out, with the description's prior of these."""
+    known = robot.likelihood
+    values, slope = compared(known.values, robot.power, robot.gain, common_gain)
+    back = np.linalg.inv(slope)
+    information = back.T @ known.information @ back
+    shift = information @ values + back.T @ known.score
+    left = np.setdiff1d(np.arange(len(shift)), kept)
+    across: Floats = information[np.ix_(kept, left)]
+    precision = known.deviation[left] ** -2.0
+    own = information[np.ix_(left, left)] + np.diag(precision)
+    return Evidence(
+        information[np.ix_(kept, kept)] - across @ np.linalg.solve(own, across.T),
+        shift[kept] - across @ np.linalg.solve(own, shift[left] + precision * known.mean[left]),
+    )

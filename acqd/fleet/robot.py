@@ -70,8 +70,11 @@ def power_stamp(origin: str) -> str | None:
     """Changes when a file of power rows changes; None for a server, where nobody can say."""
     if "://" in origin and not origin.startswith("sqlite:///"):
         return None
+    path = Path(origin.removeprefix("sqlite:///"))
     try:
-        known = Path(origin.removeprefix("sqlite:///")).stat()
+        known = path.stat()
     except OSError:
         return "missing"
-    return f"{known.st_size} {known.st_mtime_ns}"
+    log = path.with_name(f"{path.name}-wal")  # rows that a sink stored last are here first
+    late = f" {log.stat().st_size}" if log.exists() and log.stat().st_size else ""
+    return f"{known.st_size} {known.st_mtime_ns}{late}"

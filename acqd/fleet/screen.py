@@ -8,13 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from acqd.discrepancy.monitor.baseline import baseline_of
+from acqd.discrepancy.monitor.baseline import Remembered, baseline_from
 from acqd.discrepancy.monitor.excursion import largest_excursion, without_level
 from acqd.discrepancy.recordings import trained_recordings
 from acqd.discrepancy.residual.residuals import residuals, rms
 from acqd.errors import UserError
 from acqd.models.bundle.bundle import Bundle
-from acqd.models.bundle.reference import load_reference
 from acqd.models.metrics import predictions
 from acqd.models.predictor import Predictor
 from acqd.models.segments import Dataset, Segment, load_dataset
@@ -60,8 +59,8 @@ def screen(model_path: Path, bundle: Bundle, model: Predictor, dataset: Path) ->
     """Judge the recordings that the model has not seen. Raises UserError, InputError."""
     data = load_dataset(dataset)
     _require_same_robot(dataset, bundle, model, data)
-    remembered = load_reference(model_path)
-    baseline = baseline_of(model_path, model, BETWEEN_S, without_level)
+    remembered = Remembered.of(model_path, model)
+    baseline = baseline_from(remembered, model.step_s, BETWEEN_S, without_level)
     seen = trained_recordings(bundle.metadata["provenance"], data)
     segments = sorted((s for s in data.segments if s.content not in seen), key=lambda each: each.start_s)
     if not segments:
@@ -69,7 +68,7 @@ def screen(model_path: Path, bundle: Bundle, model: Predictor, dataset: Path) ->
     predicted = predictions(model, segments)
     errors = residuals(predicted, segments)
     starts = [segment.start_s for segment in segments]
-    range_W = float(np.ptp(np.percentile(np.concatenate([segment.P for segment in remembered]), [1, 99])))
+    range_W = float(np.ptp(np.percentile(np.concatenate([segment.P for segment in remembered.segments]), [1, 99])))
     rows = list(zip(errors, predicted, starts, strict=True))
     found = largest_excursion(baseline, BETWEEN_S, range_W, rows, data.step_s)
     if found is None:
@@ -77,12 +76,12 @@ def screen(model_path: Path, bundle: Bundle, model: Predictor, dataset: Path) ->
     since = [e for e, s in zip(errors, segments, strict=True) if _end(s, data.step_s) > found.onset_s]
     return Screened(
         p=found.p, chart=found.chart, height=found.height, onset_s=found.onset_s,
-        trained_s=max(_end(segment, data.step_s) for segment in remembered), first_s=segments[0].start_s,
+        trained_s=max(_end(segment, data.step_s) for segment in remembered.segments), first_s=segments[0].start_s,
         first_end_s=max(_end(s, data.step_s) for s in segments if s.recording == segments[0].recording),
         last_s=max(_end(segment, data.step_s) for segment in segments),
         recordings=len({segment.recording for segment in segments}),
         seconds=sum(len(segment.P) for segment in segments) * data.step_s, rmse=rms(since),
-        reference_rmse=rms(residuals(predictions(model, remembered), remembered)), measured=data.measured,
+        reference_rmse=rms(remembered.errors), measured=data.measured,
         content=data.content,
     )  # fmt: skip
 

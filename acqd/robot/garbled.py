@@ -102,14 +102,15 @@ def _not_numbers(time: Floats, q: Floats) -> dict[int, str]:
 
 def _far_from_neighbours(time: Floats) -> NDArray[np.bool_]:
     """[T] True for stamps far from the median of the stamps around, and not in a run of even steps."""
-    if len(time) < _RUN:
-        return np.zeros(len(time), bool)
+    far = np.zeros(len(time), bool)
+    left = np.ones(len(time), bool)
+    for rows in _runs(time) if len(time) >= _RUN else ():
+        left[rows] = False
+    if len(time) < _RUN or not left.any():  # nearly every log: the medians are for the others
+        return far
     median = _running_median(np.pad(time, _STAMPS // 2, constant_values=np.nan)[:, None], _STAMPS)[:, 0]
     usual = float(np.median(np.abs(np.diff(time))))
-    far = np.abs(time - median) > max(_APART_S, _APART_STEPS * usual)
-    for rows in _runs(time):
-        far[rows] = False
-    return np.asarray(far)
+    return np.asarray(left & (np.abs(time - median) > max(_APART_S, _APART_STEPS * usual)))
 
 
 def _runs(time: Floats) -> list[slice]:
@@ -132,9 +133,11 @@ def _spikes(time: Floats, q: Floats, robot: RobotDescription) -> NDArray[np.bool
     """[T, axes] True where an angle is farther from the median of five rows than the joint can move meanwhile."""
     if len(time) < 5:
         return np.zeros(q.shape, bool)
+    farthest = _farthest(np.full(1, 2 * max(float(np.median(np.diff(time))), 1e-9)), robot)
+    if (2 * np.abs(np.diff(q, axis=0)) <= farthest).all():  # two rows away at most, and so from the median, too
+        return np.zeros(q.shape, bool)
     median = _running_median(np.pad(q, ((2, 2), (0, 0)), mode="edge"), 5)
-    reach = 2 * max(float(np.median(np.diff(time))), 1e-9)
-    return np.asarray(np.abs(q - median) > _farthest(np.full(1, reach), robot))
+    return np.asarray(np.abs(q - median) > farthest)
 
 
 def _running_median(padded: Floats, count: int) -> Floats:

@@ -66,12 +66,18 @@ def test_the_types_name_what_the_package_exports():
         acqd.no_such_name  # noqa: B018
 
 
-_MODULES = ["dataset", "estimator", "logs", "meter", "models", "robot", "rows"]
+_MODULES = ["dataset", "estimator", "logs", "meter", "mlflow", "models", "robot", "rows"]
 
 
 @pytest.mark.parametrize("module", [*_MODULES, pytest.param("loop", marks=pytest.mark.slow)])
 def test_examples_in_docstrings(module, folder):
-    for needed in {"dataset": ("pandas",), "rows": ("pandas",), "estimator": ("pandas", "sklearn")}.get(module, ()):
+    needs = {
+        "dataset": ("pandas",),
+        "rows": ("pandas",),
+        "estimator": ("pandas", "sklearn"),
+        "mlflow": ("mlflow", "pandas"),
+    }
+    for needed in needs.get(module, ()):
         pytest.importorskip(needed)
     names = {name: getattr(acqd, name) for name in acqd.__all__} | {"np": np}
     runner, finder = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS), doctest.DocTestFinder(exclude_empty=True)

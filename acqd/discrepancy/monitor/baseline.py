@@ -3,40 +3,66 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from acqd.arrays import Floats
 from acqd.discrepancy.monitor.cusum import Baseline
-from acqd.discrepancy.residual.residuals import errors_of, rms
+from acqd.discrepancy.residual.residuals import residuals, rms
 from acqd.errors import UserError
 from acqd.models.bundle.reference import load_reference
 from acqd.models.metrics import predictions
 from acqd.models.predictor import Predictor
+from acqd.models.segments import Segment
+
+
+@dataclass(frozen=True, slots=True)
+class Remembered:
+    """The recordings that a bundle remembers, and what the model says of them."""
+
+    bundle: Path
+    segments: list[Segment]
+    predicted: list[Floats]
+    """[T] W per segment."""
+    errors: list[Floats]
+    """[T] W per segment, measured minus predicted."""
+
+    @classmethod
+    def of(cls, bundle: Path, model: Predictor) -> Remembered:
+        """Those of a bundle; none of a bundle without any. Raises InputError."""
+        segments = load_reference(bundle)
+        predicted = predictions(model, segments)
+        return cls(bundle, segments, predicted, residuals(predicted, segments))
 
 
 def baseline_of(
     bundle: Path, model: Predictor, between_s: float, kept: Callable[[Floats], Floats] = np.asarray
+) -> Baseline:
+    """As `baseline_from`, of the recordings that a bundle remembers."""
+    return baseline_from(Remembered.of(bundle, model), model.step_s, between_s, kept)
+
+
+def baseline_from(
+    remembered: Remembered, step_s: float, between_s: float, kept: Callable[[Floats], Floats] = np.asarray
 ) -> Baseline:
     """For one false alarm in `between_s` recorded seconds. Raises UserError when the bundle remembers too little.
 
     The residual is smaller on recordings that the model was fitted on. There, it is scaled to the residual on the other
     recordings. `kept`: what is charted of the blocks' figures (see `Baseline.of`).
     """
-    remembered = load_reference(bundle)
-    errors = errors_of(model, remembered) if remembered else []
-    fitted = [segment.split == "train" for segment in remembered]
-    unseen = [residual for residual, own in zip(errors, fitted, strict=True) if not own]
-    seen = [residual for residual, own in zip(errors, fitted, strict=True) if own]
+    fitted = [segment.split == "train" for segment in remembered.segments]
+    unseen = [residual for residual, own in zip(remembered.errors, fitted, strict=True) if not own]
+    seen = [residual for residual, own in zip(remembered.errors, fitted, strict=True) if own]
     factor = max(1.0, rms(unseen) / max(rms(seen), 1e-9)) if seen and unseen else 1.0
-    errors = [residual * (factor if own else 1.0) for residual, own in zip(errors, fitted, strict=True)]
+    errors = [residual * (factor if own else 1.0) for residual, own in zip(remembered.errors, fitted, strict=True)]
     if errors:
-        starts = [segment.start_s for segment in remembered]
-        baseline = Baseline.of(errors, predictions(model, remembered), starts, model.step_s, between_s, kept)
+        starts = [segment.start_s for segment in remembered.segments]
+        baseline = Baseline.of(errors, remembered.predicted, starts, step_s, between_s, kept)
         if baseline is not None:
             return baseline
     raise UserError(
-        f"{bundle} remembers too few recordings to distinguish a change from chance (at least two minutes); "
-        "train it on a dataset with more, or close the loop on it once"
+        f"{remembered.bundle} remembers too few recordings to distinguish a change from chance (at least two "
+        "minutes); train it on a dataset with more, or close the loop on it once"
     )

@@ -24,7 +24,8 @@ def train_grey_box(config: TrainConfig, data: Dataset, progress: Progress) -> Tr
     fit = fitted(config, data, progress)
     metadata = describe(fit) | ({"withheld": list(config.withheld)} if config.withheld else {})
     metadata |= learned_from(config)
-    return TrainedModel("grey_box", fit.model, metadata, arrays_of(fit.model), "Gauss-Newton")
+    arrays = arrays_of(fit.model) | fit.likelihood.arrays()
+    return TrainedModel("grey_box", fit.model, metadata, arrays, "Gauss-Newton")
 
 
 def learned_from(config: TrainConfig) -> dict[str, Any]:

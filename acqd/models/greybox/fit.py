@@ -12,8 +12,9 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.models.greybox.fleet_prior import FleetPrior
+from acqd.models.greybox.likelihood import Likelihood
 from acqd.models.greybox.model import GreyBox
-from acqd.models.greybox.normal_equations import NormalEquations, Observations, normal_equations
+from acqd.models.greybox.normal_equations import CORRELATED_ROWS, NormalEquations, Observations, normal_equations
 from acqd.models.greybox.parameters import Layout, Prior, prior
 from acqd.models.segments import SIGNALS, Segment
 from acqd.robot.arm import Arm
@@ -38,6 +39,8 @@ class Fit:
     """[p, p], clustered by recording, because rows of one recording are not independent."""
     sigma_W: float
     """Robust standard deviation of the residual."""
+    likelihood: Likelihood
+    """What the recordings say without a prior."""
 
 
 def fit_grey_box(
@@ -66,23 +69,24 @@ def fit_grey_box(
     for group in withheld:
         belief.mean[layout.place(group)], belief.deviation[layout.place(group)] = 0.0, _WITHHELD_DEVIATION
         low[layout.place(group)] = 0.0
+    described, correlated = belief, CORRELATED_ROWS
     if learned is not None:
-        belief = learned.on(belief, layout)
+        belief, correlated = learned.on(described, layout), CORRELATED_ROWS * learned.inflation
     values = np.clip(belief.mean, low, high)
     chain = Chain.of(robot)
 
     def make(x: Floats) -> GreyBox:
         return GreyBox(chain, layout, x, step_s, usual)
 
-    now, damping = normal_equations(make(values), parts, belief), 1e-4
+    now, damping = normal_equations(make(values), parts, belief, None, correlated), 1e-4
     for iteration in range(_ITERATIONS):
         damped = now.hessian + damping * np.diag(np.diag(now.hessian))
         trial = np.clip(values - _free_step(damped, now.gradient, values, low), low, high)
-        then = normal_equations(make(trial), parts, belief, now.scale)
+        then = normal_equations(make(trial), parts, belief, now.scale, correlated)
         if then.cost < now.cost:
             converged = now.cost - then.cost < _CONVERGED * now.cost
             values, damping = trial, damping / 5
-            now = normal_equations(make(values), parts, belief)  # with the residual's scale at the new point
+            now = normal_equations(make(values), parts, belief, None, correlated)  # with the scale at the new point
             if converged:
                 break
         else:
@@ -90,7 +94,8 @@ def fit_grey_box(
             if damping > _MAX_DAMPING:
                 break
         progress((iteration + 1) / _ITERATIONS)
-    return Fit(make(values), _clustered(now, belief), now.scale.sigma_W)
+    alone = Likelihood.of(now, values, belief, described, correlated / CORRELATED_ROWS)
+    return Fit(make(values), _clustered(now, belief), now.scale.sigma_W, alone)
 
 
 def _varies(segments: list[Segment], name: str) -> bool:

@@ -31,6 +31,8 @@ class FleetPrior:
     """[p, p], of a further robot's parameters about the mean."""
     robots: tuple[str, ...]
     """Bundles that it was learned from."""
+    inflation: float = 1.0
+    """How much more the robots' recordings claimed to know than they did (median): a new robot's claim as much."""
 
     def on(self, described: Prior, layout: Layout) -> Prior:
         """The prior of a fit: the fleet's where it knows a parameter, the description's elsewhere."""
@@ -51,7 +53,7 @@ class FleetPrior:
         """Write the prior as JSON. Raises OperationError."""
         content = {
             "format": _FORMAT, "robot": self.robot, "names": self.names, "mean": self.mean,
-            "covariance": self.covariance, "robots": self.robots,
+            "covariance": self.covariance, "robots": self.robots, "inflation": self.inflation,
         }  # fmt: skip
         write_complete(path, orjson.dumps(content, option=orjson.OPT_SERIALIZE_NUMPY))
 
@@ -67,7 +69,8 @@ class FleetPrior:
             if mean.shape != (count,) or covariance.shape != (count, count):
                 raise ValueError(f"{count} names, a mean of {mean.shape} and a covariance of {covariance.shape}")
             np.linalg.cholesky(covariance)
-            return cls(content["robot"], tuple(content["names"]), mean, covariance, tuple(content["robots"]))
+            names, robots = tuple(content["names"]), tuple(content["robots"])
+            return cls(content["robot"], names, mean, covariance, robots, float(content.get("inflation", 1.0)))
         except OSError as error:
             raise InputError(path, f"cannot be read ({error.strerror})") from None
         except (orjson.JSONDecodeError, KeyError, TypeError, ValueError, np.linalg.LinAlgError) as error:

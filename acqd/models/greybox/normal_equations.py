@@ -16,7 +16,8 @@ from acqd.robot.arm import Arm
 from acqd.robot.dynamics import regressor
 
 _HUBER = 2.0  # standard deviations beyond which the loss is linear
-_CORRELATED_ROWS = 10.0  # neighbouring rows are not independent: so many count as one against the prior
+CORRELATED_ROWS = 10.0
+"""Neighbouring rows are not independent: so many count as one against the prior."""
 _LAG_STEP_S = 1e-3
 _MIN_SIGMA = 1e-3
 
@@ -73,9 +74,16 @@ class NormalEquations:
 
 
 def normal_equations(
-    model: GreyBox, parts: list[Observations], belief: Prior, scale: Scale | None = None
+    model: GreyBox,
+    parts: list[Observations],
+    belief: Prior,
+    scale: Scale | None = None,
+    correlated: float = CORRELATED_ROWS,
 ) -> NormalEquations:
-    """Linearise the cost at the parameters of `model`; `scale` None: estimate it from the residuals there."""
+    """Linearise the cost at the parameters of `model`; `scale` None: estimate it from the residuals there.
+
+    `correlated`: rows that count as one.
+    """
     linearised = [_jacobian(model, part) for part in parts]
     residuals = [part.P - predicted for part, (predicted, _) in zip(parts, linearised, strict=True)]
     inertial = model.layout.place("inertial")
@@ -91,17 +99,17 @@ def normal_equations(
     scores: dict[str, Floats] = {}
     for part, (_, J), residual, torque_residual in zip(parts, linearised, residuals, torque_residuals, strict=True):
         weight, loss = _huber(residual / scale.sigma_W)
-        weight /= scale.sigma_W**2 * _CORRELATED_ROWS
+        weight /= scale.sigma_W**2 * correlated
         score = -(J.T @ (weight * residual))
         hessian += J.T @ (weight[:, None] * J)
-        cost += loss / _CORRELATED_ROWS
+        cost += loss / correlated
         if torque_residual is not None and scale.sigma_Nm is not None:
             weights, loss = _huber(torque_residual / scale.sigma_Nm)
-            weights /= scale.sigma_Nm**2 * _CORRELATED_ROWS
+            weights /= scale.sigma_Nm**2 * correlated
             Y = part.Y.reshape(-1, part.Y.shape[2])
             hessian[inertial, inertial] += Y.T @ (weights.reshape(-1, 1) * Y)
             score[inertial] -= Y.T @ (weights * torque_residual).ravel()
-            cost += loss / _CORRELATED_ROWS
+            cost += loss / correlated
         gradient = gradient + score
         scores[part.recording] = scores.get(part.recording, np.zeros(model.layout.size)) + score
     return NormalEquations(hessian, gradient, cost, scores, scale)

@@ -45,7 +45,11 @@ def train_hybrid(config: TrainConfig, data: Dataset, progress: Progress) -> Trai
         }
         | learned_from(config)
     )
-    arrays = arrays_of(fit.model) | {"rest_W": network.W, "rest_b": network.b, "rest_out": network.out}
+    arrays = (
+        arrays_of(fit.model)
+        | fit.likelihood.arrays()
+        | {"rest_W": network.W, "rest_b": network.b, "rest_out": network.out}
+    )
     return TrainedModel("hybrid", model, metadata, arrays, "Gauss-Newton, L-BFGS")
 
 

@@ -2,6 +2,9 @@
 
     python -m tools.studies.fleet OUT [--robots 200] [--minutes 60] [--jobs 2] [--nodes 2] [--json]
     python -m tools.studies.fleet OUT --robots 20 --minutes 10 --reference 10      # a quick version
+    python -m tools.studies.fleet OUT --phase make --jobs 16                       # in parts, with the same options:
+    python -m tools.studies.fleet OUT --phase judge --jobs 2                       # make, then judge, then prior
+    python -m tools.studies.fleet OUT --phase prior --jobs 2
 
 Every robot has a model from an unchanged session. A week later all are recorded at the same time, some with a hidden
 effect from some minute on; most of these have the same cause, which sets in at the same time. What is there is not made
@@ -24,16 +27,13 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.table import Table
 
 from acqd.workers import run_here
-from tools.common.tables import show
 from tools.studies.fleet.benefit import benefit
 from tools.studies.fleet.cases import Scale, cases
 from tools.studies.fleet.judge import judged
-from tools.studies.fleet.make import MakeTask, make_robot, write_fleet
-
-_WIDTH = 130
+from tools.studies.fleet.make import MakeTask, make_robot, secret_of, write_fleet
+from tools.studies.fleet.tables import print_result
 
 
 def options() -> argparse.Namespace:
@@ -56,6 +56,7 @@ def options() -> argparse.Namespace:
     add("--nodes", type=int, help="start so many local Ray nodes of one core each (implies --engine ray)")
     add("--again", action="store_true", help="forget the results of the fleet, keep the files")
     add("--json", action="store_true")
+    add("--phase", choices=("all", "make", "judge", "prior"), default="all", help="one part only (default all)")
     return parser.parse_args()
 
 
@@ -67,33 +68,45 @@ def main() -> None:
     shared = given.shared or round(0.75 * hidden)
     scale = Scale(given.robots, given.minutes, given.reference, hidden, shared, given.cause, given.seed)
     out = given.out.resolve()
-    secrets, made_s = _made(out, scale, given.jobs)
+    made_s = 0.0
+    if given.phase in ("all", "make"):
+        made_s = _make(out, scale, given.jobs)
+    if given.phase == "make":
+        print(f"{scale.robots} robots in {made_s:.0f} s: {out}")
+        return
     fleet = write_fleet(out, cases(scale))
+    result: dict[str, Any] = {"label": "simulated"}
+    if given.phase != "prior":
+        result |= _judge(out, fleet, scale, given) | {"made_s": made_s}
+    if given.phase != "judge" and given.new:
+        minutes = tuple(given.prior_minutes or (60.0, 10.0, 4.0))
+        result["prior"] = benefit(scale, fleet, out, given.new, minutes, given.jobs)
+    (out / ("prior.json" if given.phase == "prior" else "result.json")).write_text(json.dumps(result, indent=2))
+    if given.json:
+        print(json.dumps(result))
+    else:
+        print_result(result)
+
+
+def _judge(out: Path, fleet: Path, scale: Scale, given: argparse.Namespace) -> dict[str, Any]:
+    """What a run of acqd fleet found, and its times."""
+    secrets = {case.name: secret_of(out, case) for case in cases(scale)}
     if given.again:
         shutil.rmtree(out / "fleet.fleet", ignore_errors=True)
     with _nodes(given.nodes) as address:
         if address is not None:
             given.engine, given.ray_address = "ray", address
         report, seconds = _run(fleet, given)
-    result: dict[str, Any] = judged(report, secrets) | seconds | {"made_s": made_s, "label": "simulated"}
-    minutes = tuple(given.prior_minutes or (60.0, 10.0, 4.0))
-    result["prior"] = benefit(scale, fleet, out, given.new, minutes) if given.new else []
-    (out / "result.json").write_text(json.dumps(result, indent=2))
-    if given.json:
-        print(json.dumps(result))
-    else:
-        _print(result)
+    return judged(report, secrets) | seconds | {"minutes": scale.minutes, "jobs": given.nodes or given.jobs}
 
 
-def _made(out: Path, scale: Scale, jobs: int) -> tuple[dict[str, dict[str, Any]], float]:
-    """Secrets of all robots, and the seconds that it took."""
+def _make(out: Path, scale: Scale, jobs: int) -> float:
+    """Files of all robots; the seconds that it took."""
     console, begun = Console(stderr=True), time.monotonic()
     tasks = [MakeTask(scale, case, out) for case in cases(scale)]
-    secrets: dict[str, dict[str, Any]] = {}
-    for name, secret in run_here(make_robot, tasks, jobs, lambda: None):
-        secrets[name] = secret
-        console.print(f"made {len(secrets)} of {len(tasks)}: {name}", highlight=False)
-    return secrets, time.monotonic() - begun
+    for done, name in enumerate(run_here(make_robot, tasks, jobs, lambda: None), start=1):
+        console.print(f"made {done} of {len(tasks)}: {name}", highlight=False)
+    return time.monotonic() - begun
 
 
 @contextmanager
@@ -124,40 +137,6 @@ def _run(fleet: Path, given: argparse.Namespace) -> tuple[dict[str, Any], dict[s
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     return json.loads(done.stdout), {"wall_s": time.monotonic() - begun, "cpu_s": cpu}
-
-
-def _print(result: dict[str, Any]) -> None:
-    table = Table("quantity", "value", title="acqd fleet on virtual robots (simulated)", title_justify="left")
-    shared = result["shared"]
-    rows = [
-        ("robots, with hidden effects", f"{result['robots']}, {result['hidden']}"),
-        ("found", f"{result['found']} of {result['hidden']}; missed: {', '.join(result['missed']) or 'none'}"),
-        ("false discoveries", f"{len(result['false'])} ({result['false_share']:.1%}): {', '.join(result['false'])}"),
-        ("cause named", f"{result['named']} of {result['found']} found"),
-        ("error of the onset, median", f"{result['onset_error_min'] or 0:.1f} min"),
-        ("shared cause", _shared(shared)),
-        ("failed", str(result["failed"])),
-        (
-            "wall time, CPU time",
-            f"{result['wall_s']:.0f} s, {result['cpu_s']:.0f} s (made in {result['made_s']:.0f} s)",
-        ),
-    ]
-    for row in rows:
-        table.add_row(*row)
-    show(table, width=_WIDTH)
-    if result["prior"]:
-        amounts = list(result["prior"][0]["rms_W"])
-        prior = Table("new robot", *amounts, title="held-out RMS [W] (simulated)", title_justify="left")
-        for each in result["prior"]:
-            prior.add_row(each["robot"], *(f"{each['rms_W'][amount]:.3f}" for amount in amounts))
-        show(prior, width=_WIDTH)
-
-
-def _shared(shared: dict[str, Any] | None) -> str:
-    if shared is None:
-        return "none was reported"
-    wrong = f", {len(shared['wrong'])} wrongly" if shared["wrong"] else ""
-    return f"{shared['cause']} in {shared['of_true']} of {shared['true']} robots{wrong}, p {shared['p']:.3g}"
 
 
 if __name__ == "__main__":

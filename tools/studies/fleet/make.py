@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import shutil
+import sqlite3
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,8 +13,12 @@ from typing import Any
 import numpy as np
 
 from acqd.dataset.build import BuildConfig, build
+from acqd.dataset.power import open_power
 from acqd.models.config import GREY_BOX, TrainConfig
 from acqd.models.training import train_one
+from acqd.storage.database import open_database
+from acqd.storage.schema import power as power_table
+from acqd.timestamps import filetime, rfc3339
 from tools.studies.fleet.cases import TYPE, Case, Scale, Secret, hidden_in, plant_of
 from tools.studies.foreign.generator.plant import Session
 from tools.studies.foreign.generator.recordings import Clock, write
@@ -31,8 +37,8 @@ class MakeTask:
     out: Path
 
 
-def make_robot(task: MakeTask) -> tuple[str, dict[str, Any]]:
-    """Write a robot's bundle and files, unless they are there. Returns its name and its secret."""
+def make_robot(task: MakeTask) -> str:
+    """Write a robot's bundle and files, unless they are there. Returns its name."""
     folder = task.out / "robots" / task.case.name
     done = folder / "secret.json"
     if not done.exists():
@@ -43,7 +49,15 @@ def make_robot(task: MakeTask) -> tuple[str, dict[str, Any]]:
         partial = done.with_suffix(".part")
         partial.write_text(json.dumps(secret))
         partial.rename(done)
-    return task.case.name, dict(json.loads(done.read_text()))
+    return task.case.name
+
+
+def secret_of(out: Path, case: Case) -> dict[str, Any]:
+    """What was hidden in a robot that has been made."""
+    path = out / "robots" / case.name / "secret.json"
+    if not path.exists():
+        sys.exit(f"{path}: is missing; run the same command with --phase make first")
+    return dict(json.loads(path.read_text()))
 
 
 def record(
@@ -70,9 +84,28 @@ def train(dataset: Path, out: Path, **more: Any) -> dict[str, Any]:
 
 def _record(scale: Scale, case: Case, minutes: float, folder: Path, start_s: float) -> dict[str, Any]:
     _, secret = record(scale, case, minutes, folder, start_s, key=19)
+    _into_sqlite(folder / "power.csv", folder / "power.sqlite", case.name)
     place = secret.doses[0].effect.place if secret.doses else None
     onset = None if secret.onset_s is None else start_s + secret.onset_s
     return {"cause": case.cause, "shared": case.shared, "place": place, "onset_s": onset, "strength": secret.strength}
+
+
+def _into_sqlite(rows: Path, database: Path, device: str) -> None:
+    """Power rows as a sink stores them, labelled simulated; they replace the file of rows."""
+    stream = open_power(str(rows), None, None)
+    open_database(str(database)).dispose()  # the tables
+    columns = ("device", "channel", "boot", "seq", "time", "filetime", "Vrms", "P", "flags", "schema")
+    values = zip(stream.time_ns.tolist(), stream.Vrms.tolist(), stream.P.tolist(), strict=True)
+    stored = (
+        (device, "total", "study", seq, rfc3339(ns), filetime(ns), volts, watts, '["simulated"]', 1)
+        for seq, (ns, volts, watts) in enumerate(values)
+    )
+    marks = ", ".join("?" * len(columns))
+    connection = sqlite3.connect(database)
+    with connection:
+        connection.executemany(f"INSERT INTO {power_table.name} ({', '.join(columns)}) VALUES ({marks})", stored)
+    connection.close()
+    rows.unlink()
 
 
 def _train(task: MakeTask, folder: Path) -> None:
@@ -90,7 +123,7 @@ def _quiet(*_: object) -> None:
 def write_fleet(out: Path, cases: list[Case]) -> Path:
     """The fleet's file."""
     path = out / "fleet.toml"
-    lines = ["[defaults]", 'model = "robots/{name}/model"', 'power = "robots/{name}/now/power.csv"']
+    lines = ["[defaults]", 'model = "robots/{name}/model"', 'power = "robots/{name}/now/power.sqlite"']
     lines += ['logs = "robots/{name}/now/logs"', "lag_s = 0", *(f"[robots.{case.name}]" for case in cases)]
     path.write_text("\n".join([*lines, ""]))
     return path

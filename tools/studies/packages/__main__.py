@@ -36,7 +36,7 @@ def measure(wheel: Path, use: str, extra: str, constraints: Path | None) -> str:
         python = str(folder / "venv" / "bin" / "python")
         before, started = _megabytes(folder / "venv"), time.monotonic()
         what = f"{wheel}[{extra}]" if extra else str(wheel)
-        options = ["-c", str(constraints)] if constraints else []
+        options = ["-c", str(constraints.resolve())] if constraints else []
         _run([python, "-m", "pip", "install", "--quiet", "--no-compile", *options, what], folder)
         seconds, size = time.monotonic() - started, _megabytes(folder / "venv") - before
         started = time.monotonic()
