@@ -11,13 +11,10 @@ from acqd.discrepancy.closed import Closed
 from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.repair.terms import Added
 from acqd.discrepancy.report.main_parameter import changed_place, main_parameter
+from acqd.models.effects import library
 from acqd.report.digits import confidence_interval, number, percent
 from acqd.report.verdict import KeyFigure
 
-_OF_JOINT = {
-    "coulomb_friction": "coulomb", "viscous_friction": "viscous", "thermal_friction": "viscous", "copper_loss": "copper"
-}  # fmt: skip
-"""Group of the grey box in which the quantity of an effect at a joint has its usual value."""
 _JOINT = re.compile(r"joint (\d+)$")
 _EVERY = 10
 """Rows between two postures in which the load of the drives is looked at."""
@@ -35,13 +32,13 @@ def _usual(subject: Subject, each: Added) -> str:
     """The same quantity in the model, which the effect comes on top of; "" where the model has none."""
     if subject.withheld or each.restored:
         return ""  # the model lacks the quantity altogether
-    unit, group = main_parameter(each)[1]["unit"], _OF_JOINT.get(each.term.id)
-    joint = _joint_of(each)
-    if each.term.id == "offset_shift":
-        return f"the standby power of the model is {number(float(subject.carrier.group('standby')[0]))} W"
-    if group is None or joint is None:
+    unit, group, joint = main_parameter(each)[1]["unit"], library()[each.term.id].usual, _joint_of(each)
+    values = subject.carrier.group(group) if group else np.zeros(0)
+    if len(values) == 1:
+        return f"the {group} power of the model is {number(float(values[0]))} {unit}"
+    if not group or joint is None:
         return ""
-    usual = float(subject.carrier.group(group)[joint])
+    usual = float(values[joint])
     return f"the model has {number(usual, 2)} {unit}" if usual > 0 else ""
 
 
@@ -60,7 +57,7 @@ def _load(subject: Subject, each: Added) -> str:
         share = abs(value) / float(effort[joint])
         limit = f"{number(float(effort[joint]))} {unit}"
         return f"the change is {percent(share)} of the joint's limit of {limit}" if share >= _LEAST_SHARE else ""
-    if each.term.id != "payload" or value <= 0 or subject.robot.sliding:
+    if "centre_of_mass_m" not in each.term.shape or value <= 0 or subject.robot.sliding:
         return ""
     shares = _holding_torque(subject, each, value) / effort
     joint = int(np.argmax(shares))
@@ -74,7 +71,7 @@ def _holding_torque(subject: Subject, each: Added, mass_kg: float) -> Floats:
     from acqd.robot.arm import Arm, Payload  # Pinocchio takes a while to import
     from acqd.robot.dynamics import gravity_torque
 
-    reach_m = float(each.term.shape.get("centre_of_mass_m", 0.0))
+    reach_m = float(each.term.shape["centre_of_mass_m"])
     loaded, bare = Arm(subject.robot, Payload(mass_kg, (0.0, 0.0, reach_m))), Arm(subject.robot)
     q = np.concatenate([segment.q[::_EVERY] for segment in subject.fit])
     largest: Floats = np.abs(gravity_torque(loaded, q) - gravity_torque(bare, q)).max(axis=0)

@@ -30,6 +30,8 @@ class Effect(ABC):
     equation: ClassVar[str]
     experiment: ClassVar[str]
     """Recordings that distinguish the effect from its neighbours."""
+    usual: ClassVar[str] = ""
+    """Group of the grey box that has the usual value of the effect's quantity: of a joint, or of the robot."""
     neighbours: ClassVar[tuple[str, ...]] = ()
     """Ids of effects that are easily confused with this one."""
     acts_on: ClassVar[ActsOn] = "load"

@@ -16,6 +16,7 @@ class CopperLoss(Effect):
     id = "copper_loss"
     summary = "the motors' windings lose more (or less) power than the model has it: warmer, or damaged"
     equation = "P = R sum(c tau^2)"
+    usual = "copper"
     neighbours = ("payload", "viscous_friction", "supply_efficiency")
     experiment = "hold the arm stretched out for a minute, with and without a payload"
     restores = ("copper", "conduction")

@@ -17,6 +17,7 @@ class CoulombFriction(Effect):
     id = "coulomb_friction"
     summary = "dry friction of a gear or bearing is higher (or lower) than the model has it"
     equation = "tau = F sign(qd)"
+    usual = "coulomb"
     neighbours = ("viscous_friction", "load_dependent_friction", "stribeck_friction")
     experiment = "single-joint motions at three constant speeds, both directions: dry friction does not grow with speed"
     acts_on = "torque"

@@ -18,6 +18,7 @@ class OffsetShift(Effect):
     id = "offset_shift"
     summary = "something takes more (or less) power all the time: another device on the same supply"
     equation = "P = P_0"
+    usual = "standby"
     neighbours = ("meter_gain", "thermostat", "brake_holding")
     experiment = "two minutes at rest before and after"
     structural = False

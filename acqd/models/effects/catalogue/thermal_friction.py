@@ -22,6 +22,7 @@ class ThermalFriction(Effect):
     id = "thermal_friction"
     summary = "friction of cold gears that falls while the arm works"
     equation = "tau = D exp(-t_moving / T) qd"
+    usual = "viscous"
     neighbours = ("viscous_friction",)
     experiment = "the same motion every five minutes from a cold start, with gear temperatures if the robot logs them"
     acts_on = "torque"

@@ -16,6 +16,7 @@ class ViscousFriction(Effect):
     id = "viscous_friction"
     summary = "friction that grows with speed is higher (or lower): another grease, another temperature"
     equation = "tau = D qd"
+    usual = "viscous"
     neighbours = ("thermal_friction", "coulomb_friction", "copper_loss")
     experiment = "the same motion at three speeds, without load, once cold and once after half an hour of work"
     acts_on = "torque"
