@@ -77,6 +77,27 @@ install_servers() {
     DEBIAN_FRONTEND=noninteractive $sudo apt-get install -y -qq --no-install-recommends $packages >/dev/null
 }
 
+# The tests of pages run in headless Chromium. Where the distribution has no package of it, they are skipped.
+install_browser() {
+    if command -v chromium >/dev/null 2>&1 || ! command -v apt-get >/dev/null 2>&1; then
+        return 0
+    fi
+    if [ "$(id -u)" = 0 ]; then
+        sudo=
+    elif sudo -n true 2>/dev/null; then
+        sudo="sudo -n"
+    else
+        return 0
+    fi
+    say "installing chromium from the distribution"
+    for attempt in 1 2; do
+        DEBIAN_FRONTEND=noninteractive $sudo apt-get install -y -qq --no-install-recommends chromium >/dev/null 2>&1 &&
+            return 0
+        [ $attempt = 2 ] || $sudo apt-get update -qq || true
+    done
+    say "chromium could not be installed: the tests of pages are skipped"
+}
+
 # stops at the first check that complains
 lint() {
     "$venv/bin/ruff" check acqd tests tools
@@ -126,10 +147,10 @@ lint)
     lint
     ;;
 test)
-    install_servers & # both mostly wait for the network
+    { install_servers && install_browser; } & # both mostly wait for the network
     servers=$!
     trap 'wait' EXIT # leave no installation behind that still runs
-    install dev
+    install browser
     wait $servers
     # Where it is set, hundreds of processes would each compile every module that they import again.
     unset PYTHONDONTWRITEBYTECODE
