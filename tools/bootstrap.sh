@@ -87,6 +87,7 @@ install_browser() {
     elif sudo -n true 2>/dev/null; then
         sudo="sudo -n"
     else
+        say "no chromium, and this user may not install it: the tests of pages are skipped"
         return 0
     fi
     say "installing chromium from the distribution"

@@ -65,6 +65,10 @@ def test_an_effect_that_is_less_likely_than_the_others_together_is_a_hypothesis(
         said[each.sure] = settled(subject, tracing, improved, errors, 0.5)
     assert said[True][0] == "effects_found" and said[True][1].reported_only == [likely]
     assert said[False][0] == "not_identifiable" and not said[False][1].reported_only
+    tracing.unknown = Unknown(None, None)
+    useless = Improved(model, kept=[likely], reported_only=[], refused=[], gains=[0.0], errors=errors)
+    verdict, improved, _ = settled(subject, tracing, useless, errors, 0.5)
+    assert verdict == "unknown_structure" and not improved.kept and not improved.reported_only
     assert "less likely than the other causes" in " ".join(said[False][2])
     assert tracing.hypotheses[0].missing == ["a confidence of 50% (the effect has 43%)"]
 

@@ -33,11 +33,12 @@ def trace(setup: Setup, limits: Limits, progress: Callable[[str], None]) -> Trac
         if named is None:
             break
         tracing.effects.append(named)
-        tracing.design, common = with_loaded_laws(tracing.design, base, tracing.effects)
-        columns = [column for each in tracing.effects for column in each.columns()]
-        regression = common.with_columns(tracing.design.blocks, columns)
+        regression = _with_effects(tracing, base)
     tracing.regression = regression.on(tracing.design.blocks)
+    before = len(tracing.effects)
     _prune(tracing)
+    if len(tracing.effects) < before:
+        tracing.regression = _with_effects(tracing, base)
     accepted = {(named.id, named.finding.candidate.label) for named in tracing.effects}
     tracing.hypotheses = [each for each in tracing.hypotheses if (each.id, each.where) not in accepted]
     if tracing.effects:
@@ -45,6 +46,13 @@ def trace(setup: Setup, limits: Limits, progress: Callable[[str], None]) -> Trac
     elif tracing.unknown is not None:
         tracing.verdict = "unknown_structure"
     return tracing
+
+
+def _with_effects(tracing: Tracing, base: Regression) -> Regression:
+    """The base model with the selected effects, and common laws that act on the power of these."""
+    tracing.design, common = with_loaded_laws(tracing.design, base.on(tracing.design.blocks), tracing.effects)
+    columns = [column for each in tracing.effects for column in each.columns()]
+    return common.with_columns(tracing.design.blocks, columns)
 
 
 def _without_small_clock(setup: Setup) -> Regression:

@@ -35,8 +35,8 @@ def sizes_by_levels(design: Design, regression: Regression, named: Named) -> Flo
         names = [str(number) for number in range(len(open_))]
     sums = {name: np.zeros(2) for name in names}
     for name, part in zip(names, open_, strict=True):
-        column = design.values(part.segment, named.finding.candidate.places, part.rows)[:, 0]
-        residual = residuals[part.segment][part.rows]
+        column = design.values(part.segment, named.finding.candidate.places, part.own)[:, 0]
+        residual = residuals[part.segment][part.own]
         column = column - column.mean()
         sums[name] += column @ (residual - residual.mean()), column @ column
     each = np.array(list(sums.values()))

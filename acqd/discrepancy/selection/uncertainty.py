@@ -107,7 +107,8 @@ def intervals(tracing: Tracing, named: Named) -> Intervals:
     Delete-one-recording jackknife (Tukey 1958) with Student's factor, and at least the width for white noise. A
     fitted shape is fitted again without every recording, so that its uncertainty is in the size too.
     """
-    if switches(named):
+    blocks_in_question = int((named.gate.open > 0).sum())
+    if switches(named) and blocks_in_question > 1:  # one block says nothing about the spread
         by_levels = sizes_by_levels(tracing.design, tracing.regression, named)
         spread = _jackknife([np.array([size]) for size in by_levels[1:]])
         return Intervals(by_levels[:1], float(student.ppf(0.975, len(by_levels) - 2)) * spread)
