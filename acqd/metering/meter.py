@@ -237,6 +237,7 @@ class Meter:
             return full.examine(u, ends, i), centres
         own.reset()
         first = own.examine(u, ends[:short], i)
+        full.trial = own.trial
         if short == len(ends):
             return first, centres
         rest = full.examine(u, ends[short:], i)
