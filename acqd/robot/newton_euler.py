@@ -15,6 +15,8 @@ from acqd.arrays import Floats
 from acqd.robot.description import RobotDescription
 
 _GRAVITY = 9.81
+_TOGETHER = 4096
+"""Rows at a time: what one joint needs stays in the processor's cache."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,38 +64,111 @@ def joint_torque(chain: Chain, parameters: Floats, q: Floats, qd: Floats, qdd: F
 
     `parameters` are the inertial parameters [10 axes] in the order of `dynamics.regressor`.
     """
-    links = parameters.reshape(-1, 10)
-    rows, axes = q.shape
-    # per link: its place in its parent; angular velocity, angular and linear acceleration [T,3] in its frame
-    origins: list[Floats] = []
-    rotations: list[Floats] = []
-    moving: list[tuple[Floats, Floats, Floats]] = []
-    w, dw, dv = np.zeros((rows, 3)), np.zeros((rows, 3)), np.tile([0.0, 0.0, _GRAVITY], (rows, 1))
-    for k in range(axes):
-        p, R = chain.pose(k, q[:, k])
-        axis, rate, change = chain.axis[k], qd[:, k : k + 1], qdd[:, k : k + 1]
-        dv = _to_link(R, dv + _cross_place(dw, p) + _double_cross(w, p))
-        w, dw = _to_link(R, w), _to_link(R, dw)
-        if k in chain.sliding:  # Coriolis and relative acceleration along the axis
-            dv = dv + 2.0 * rate * (w @ _cross_matrix(axis)) + axis * change
-        else:
-            dw = dw + rate * (w @ _cross_matrix(axis)) + axis * change
-            w = w + axis * rate
-        origins.append(p)
-        rotations.append(R)
-        moving.append((w, dw, dv))
-    tau = np.empty_like(q)
-    force, moment = np.zeros((rows, 3)), np.zeros((rows, 3))
-    for k in range(axes - 1, -1, -1):
-        mass, first, tensor = links[k, 0], links[k, 1:4], _tensor(links[k, 4:])
-        (w, dw, dv), first_cross = moving[k], _cross_matrix(first)
-        if k < axes - 1:
-            force = _to_parent(rotations[k + 1], force)
-            moment = _to_parent(rotations[k + 1], moment) - _cross_place(force, origins[k + 1])
-        force = force + mass * dv + dw @ first_cross + _double_cross(w, first)
-        moment = moment + dw @ tensor + _cross(w, w @ tensor) - dv @ first_cross
-        tau[:, k] = (force if k in chain.sliding else moment) @ chain.axis[k]
+    return np.asarray(joint_torques(chain, parameters[None], q, qd, qdd)[0])
+
+
+def joint_torques(chain: Chain, arms: Floats, q: Floats, qd: Floats, qdd: Floats) -> Floats:
+    """As `joint_torque`, of several sets of inertial parameters [n, 10 axes]: [n, T, axes]."""
+    links = arms.reshape(len(arms), -1, 10)
+    tau = np.empty((len(arms), *q.shape))
+    for first in range(0, len(q), _TOGETHER):
+        rows = slice(first, first + _TOGETHER)
+        moving = _moving(chain, *(np.ascontiguousarray(each[rows].T) for each in (q, qd, qdd)))
+        for number, own in enumerate(links):
+            tau[number, rows] = _carried(chain, own, moving).T
     return tau
+
+
+def _moving(chain: Chain, q: Floats, qd: Floats, qdd: Floats) -> list[_Moving]:
+    """All links at positions, velocities and accelerations [axes, T] of the joints, from the base on."""
+    links: list[_Moving] = []
+    motion = np.zeros((3, 3, q.shape[1]))
+    motion[2, 2] = _GRAVITY
+    field = np.zeros_like(motion)
+    for k, axis in enumerate(chain.axis):
+        joint = _Joint.of(chain, k, q[k])
+        carried = motion.copy()
+        carried[:, 2] += _at(joint.place, field)
+        motion = joint.to_link(carried)
+        w, dw, dv = motion.swapaxes(0, 1)
+        turned = qd[k] * (_cross_matrix(axis).T @ w)
+        if joint.slides:  # Coriolis and relative acceleration along the axis
+            dv += 2.0 * turned + axis[:, None] * qdd[k]
+        else:
+            dw += turned + axis[:, None] * qdd[k]
+            w += axis[:, None] * qd[k]
+        field = _acceleration_field(w, dw)
+        links.append(_Moving(joint, motion, field))
+    return links
+
+
+def _carried(chain: Chain, bodies: Floats, moving: list[_Moving]) -> Floats:
+    """[axes, T] torques that `bodies` [axes, 10] on the moving links need, from the tip on."""
+    rows = moving[0].motion.shape[2]
+    tau = np.zeros((len(moving), rows))
+    load: Floats | None = None  # force and moment [3, which, T]
+    for k in range(len(moving) - 1, -1, -1):
+        if load is not None:
+            after = moving[k + 1].joint
+            load = after.to_parent(load)
+            load[:, 1] += _moment(after.place, load[:, 0])
+        if bodies[k].any():
+            load = np.zeros((3, 2, rows)) if load is None else load
+            mass, first, tensor = bodies[k, 0], bodies[k, 1:4], _tensor(bodies[k, 4:])
+            w, dw, dv = moving[k].motion.swapaxes(0, 1)
+            load[:, 0] += mass * dv + _at(first, moving[k].field)
+            load[:, 1] += tensor @ dw + _cross(w, tensor @ w) + _moment(first, dv)
+        if load is not None:
+            tau[k] = chain.axis[k] @ load[:, 0 if moving[k].joint.slides else 1]
+    return tau
+
+
+@dataclass(frozen=True, slots=True)
+class _Joint:
+    """A joint at T positions: its frame in the frame of the joint before it."""
+
+    place: Floats
+    """Origin [3] or [3, T] m."""
+    fixed: Floats
+    """[3, 3] from the frame in which the joint turns about z to the parent's frame."""
+    basis: Floats | None
+    """[3, 3] from that frame to the link's frame; None: they are the same."""
+    cosine: Floats
+    sine: Floats
+    """[T], or [1] of a prismatic joint."""
+    slides: bool
+
+    @classmethod
+    def of(cls, chain: Chain, k: int, q: Floats) -> _Joint:
+        """Joint `k` at positions `q` [T]."""
+        rotation, axis, place = chain.rotation[k], chain.axis[k], chain.xyz[k]
+        if k in chain.sliding:
+            place = place[:, None] + (rotation @ axis)[:, None] * q
+            return cls(place, rotation, None, np.ones(1), np.zeros(1), slides=True)
+        basis = None if axis[2] == 1.0 else _with_z(axis)
+        fixed = rotation if basis is None else rotation @ basis
+        return cls(place, fixed, basis, np.cos(q), np.sin(q), slides=False)
+
+    def to_link(self, v: Floats) -> Floats:
+        """Vectors [3, n, T] from the parent's frame to the link's frame."""
+        turned = _about_z(_times(self.fixed.T, v), self.cosine, -self.sine)
+        return turned if self.basis is None else _times(self.basis, turned)
+
+    def to_parent(self, v: Floats) -> Floats:
+        """Vectors [3, n, T] from the link's frame to the parent's frame."""
+        turned = v if self.basis is None else _times(self.basis.T, v)
+        return _times(self.fixed, _about_z(turned, self.cosine, self.sine))
+
+
+@dataclass(frozen=True, slots=True)
+class _Moving:
+    """A link at T moments, in its frame; vectors are [3, T], so that every operation runs along the rows."""
+
+    joint: _Joint
+    motion: Floats
+    """[3, 3, T]: components of the angular velocity, the angular and the linear acceleration."""
+    field: Floats
+    """As `_acceleration_field`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,36 +212,70 @@ def weight_torque(where: Frames, link: int, point: Floats) -> Floats:
 
 
 def _cross_matrix(v: Floats) -> Floats:
-    """Matrix M with a @ M = a x v."""
+    """Matrix M [3, 3] of a vector [3] with M @ a = v x a."""
     x, y, z = v
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
-def _cross_place(a: Floats, v: Floats) -> Floats:
-    """a x v of vectors [T, 3] with one vector [3], or with [T, 3]."""
-    return a @ _cross_matrix(v) if v.ndim == 1 else _cross(a, v)
-
-
-def _double_cross(w: Floats, v: Floats) -> Floats:
-    """w x (w x v) of vectors [T, 3] with one vector [3], or with [T, 3]."""
-    along = w @ v if v.ndim == 1 else (w * v).sum(axis=1)
-    return np.asarray(w * along[:, None] - v * (w * w).sum(axis=1)[:, None])
-
-
 def _cross(a: Floats, b: Floats) -> Floats:
-    x, y, z = a.T
-    u, v, w = b.T
-    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=1)
+    """a x b of vectors [3, T]."""
+    x, y, z = a
+    u, v, w = b
+    return np.stack((y * w - z * v, z * u - x * w, x * v - y * u))
 
 
-def _to_link(R: Floats, v: Floats) -> Floats:
-    """Vectors [T, 3] from the parent's frame to the link's frame."""
-    return np.asarray((v[:, None, :] @ R)[:, 0])
+def _moment(place: Floats, force: Floats) -> Floats:
+    """place x force; `place` [3] or [3, T], `force` [3, T]."""
+    return np.asarray(_cross_matrix(place) @ force) if place.ndim == 1 else _cross(place, force)
 
 
-def _to_parent(R: Floats, v: Floats) -> Floats:
-    """Vectors [T, 3] from the link's frame to the parent's frame."""
-    return np.asarray((R @ v[:, :, None])[:, :, 0])
+def _acceleration_field(w: Floats, dw: Floats) -> Floats:
+    """B [3 of the place, 3, T] with dw x p + w x (w x p) = sum of p[j] B[j]: what turning adds at a place p."""
+    x, y, z = w
+    u, v, t = dw
+    field = np.empty((3, *w.shape))
+    xx, yy, zz, xy, xz, yz = x * x, y * y, z * z, x * y, x * z, y * z
+    np.negative(yy + zz, out=field[0, 0])
+    np.negative(xx + zz, out=field[1, 1])
+    np.negative(xx + yy, out=field[2, 2])
+    np.add(xy, t, out=field[0, 1])
+    np.subtract(xy, t, out=field[1, 0])
+    np.subtract(xz, v, out=field[0, 2])
+    np.add(xz, v, out=field[2, 0])
+    np.add(yz, u, out=field[1, 2])
+    np.subtract(yz, u, out=field[2, 1])
+    return field
+
+
+def _at(place: Floats, field: Floats) -> Floats:
+    """[3, T] the field at a place [3] or [3, T]."""
+    if place.ndim == 1:
+        return np.asarray(place @ field.reshape(3, -1)).reshape(field.shape[1:])
+    return np.asarray((place[:, None] * field).sum(axis=0))
+
+
+def _times(matrix: Floats, v: Floats) -> Floats:
+    """Vectors [3, n, T] times a matrix [3, 3]."""
+    return np.asarray(matrix @ v.reshape(3, -1)).reshape(v.shape)
+
+
+def _about_z(v: Floats, cosine: Floats, sine: Floats) -> Floats:
+    """Vectors [3, n, T] turned about z."""
+    turned = np.empty_like(v)
+    x, y = v[0], v[1]
+    np.multiply(cosine, x, out=turned[0])
+    turned[0] -= sine * y
+    np.multiply(sine, x, out=turned[1])
+    turned[1] += cosine * y
+    turned[2] = v[2]
+    return turned
+
+
+def _with_z(axis: Floats) -> Floats:
+    """A rotation [3, 3] that turns z into a unit vector [3]."""
+    x = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
+    x /= np.linalg.norm(x)
+    return np.column_stack((x, np.cross(axis, x), axis))
 
 
 def _tensor(six: Floats) -> Floats:

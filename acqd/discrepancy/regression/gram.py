@@ -157,6 +157,22 @@ class Competition:
     """[own] coefficients without candidates."""
 
 
+@dataclass(slots=True)
+class _Cross:
+    """Sums of products of candidates over blocks."""
+
+    squares: Floats
+    """[c, c]."""
+    products: Floats
+    """[c] with the residual."""
+    own: Floats
+    """[own, c] with the regression's columns."""
+
+    def copy(self) -> _Cross:
+        """Another one with the same values."""
+        return _Cross(self.squares.copy(), self.products.copy(), self.own.copy())
+
+
 @dataclass(frozen=True, slots=True)
 class _BlockProducts:
     """Products of the gated columns in a block."""
@@ -178,6 +194,8 @@ class Regression:
         self.gates: Floats = np.array([column.gate for column in columns])  # [own, blocks]
         self.precision = np.array([0.0 if np.isinf(c.deviation) else c.deviation**-2.0 for c in columns])
         self._open: list[_BlockProducts] | None = None
+        self._normal: tuple[Floats, Floats] | None = None  # of all blocks
+        self._crossed: tuple[Places, Floats, _Cross] | None = None  # of all blocks: candidates, gate, sums
 
     def on(self, blocks: Blocks) -> Regression:
         """The same columns on the blocks of a design with more columns, whose own columns have the same values."""
@@ -197,32 +215,57 @@ class Regression:
     def compete(self, candidates: Places, gate: Floats, weights: Floats | None = None) -> Competition:
         """Candidate columns under `gate` [blocks]; `weights` [blocks]: how often a block counts."""
         weights = np.ones(len(self.blocks)) if weights is None else weights
-        gram = self.blocks.white
         A, b = self.normal(weights)
-        weighted = weights * gate
-        open_ = np.flatnonzero(weighted)
-        Gcc, Gcy = np.zeros((len(candidates), len(candidates))), np.zeros(len(candidates))
-        Gmc = np.zeros((len(self.places), len(candidates)))
-        for i in open_.tolist():
-            Gcc += weighted[i] * gram.take(i, candidates, candidates)
-            Gcy += weighted[i] * gram.residual_products(i, candidates)
-            own = np.flatnonzero(self.gates[:, i])
-            Gmc[own] += weighted[i] * self.gates[own, i, None] * gram.take(i, self.places[own], candidates)
+        cross = self._cross(candidates, gate, weights)
         factor = cho_factor(A)
-        projection = cho_solve(factor, Gmc)
+        projection = cho_solve(factor, cross.own)
         beta = cho_solve(factor, b)
         return Competition(
-            schur=Gcc - Gmc.T @ projection, products=Gcy - Gmc.T @ beta, projection=projection, beta=beta
-        )
+            schur=cross.squares - cross.own.T @ projection, products=cross.products - cross.own.T @ beta,
+            projection=projection, beta=beta,
+        )  # fmt: skip
+
+    def _cross(self, candidates: Places, gate: Floats, weights: Floats) -> _Cross:
+        """Products of candidates under a gate, blocks weighted."""
+        open_ = gate != 0
+        changed = np.flatnonzero(open_ & (weights != 1))
+        if 2 * len(changed) >= np.count_nonzero(open_):
+            return self._add_cross(None, candidates, gate * weights)
+        known = self._crossed
+        if known is None or not (np.array_equal(known[0], candidates) and np.array_equal(known[1], gate)):
+            known = self._crossed = candidates, gate, self._add_cross(None, candidates, gate)
+        # without a recording: all but its blocks, which are few
+        return self._add_cross(known[2].copy(), candidates, gate * (weights - 1)) if len(changed) else known[2]
+
+    def _add_cross(self, to: _Cross | None, candidates: Places, weighted: Floats) -> _Cross:
+        gram, c = self.blocks.white, len(candidates)
+        cross = to or _Cross(np.zeros((c, c)), np.zeros(c), np.zeros((len(self.places), c)))
+        for i in np.flatnonzero(weighted).tolist():
+            cross.squares += weighted[i] * gram.take(i, candidates, candidates)
+            cross.products += weighted[i] * gram.residual_products(i, candidates)
+            own = np.flatnonzero(self.gates[:, i])
+            cross.own[own] += weighted[i] * self.gates[own, i, None] * gram.take(i, self.places[own], candidates)
+        return cross
 
     def normal(self, weights: Floats) -> tuple[Floats, Floats]:
         """Normal matrix [own, own] and vector [own] with the priors, blocks weighted."""
-        A, b = np.zeros((len(self.columns), len(self.columns))), np.zeros(len(self.columns))
+        changed = np.count_nonzero(weights != 1)
+        if 2 * changed >= len(weights):
+            A, b = self._add_normal(None, weights)
+        else:
+            if self._normal is None:
+                self._normal = self._add_normal(None, np.ones(len(weights)))
+            A, b = self._add_normal(self._normal, weights - 1)
+        A[np.diag_indices(len(A))] += self.precision + 1e-9 * np.maximum(np.diag(A), 1e-9)
+        return A, b
+
+    def _add_normal(self, to: tuple[Floats, Floats] | None, weights: Floats) -> tuple[Floats, Floats]:
+        size = len(self.columns)
+        A, b = (np.zeros((size, size)), np.zeros(size)) if to is None else (to[0].copy(), to[1].copy())
         for weight, block in zip(weights.tolist(), self._block_products(), strict=True):
             if weight:
                 A[np.ix_(block.open, block.open)] += weight * block.squares
                 b[block.open] += weight * block.products
-        A[np.diag_indices(len(A))] += self.precision + 1e-9 * np.maximum(np.diag(A), 1e-9)
         return A, b
 
     def _block_products(self) -> list[_BlockProducts]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, overload
 
+from acqd.models.effects.bodies import LINK_FRAMES
 from acqd.models.effects.scene import Scene, segment_scene
 from acqd.models.greybox.model import GreyBox
 from acqd.models.segments import Segment
@@ -28,6 +29,7 @@ class Scenes(Sequence[Scene]):
         self._memory: list[dict[str, Any]] = [{} for _ in segments]
         self._kept: dict[int, Scene] = {}
         self._kept_rows = 0
+        self._newest: Scene | None = None
 
     def __len__(self) -> int:
         return len(self.segments)
@@ -40,8 +42,13 @@ class Scenes(Sequence[Scene]):
         if isinstance(index, slice):
             return [self[number] for number in range(*index.indices(len(self)))]
         number = range(len(self))[index]
-        if number in self._kept:
-            return self._kept[number]
+        scene = self._kept.get(number) or self._made(number)
+        if self._newest is not None and self._newest is not scene:
+            self._newest.moved.pop(LINK_FRAMES, None)  # larger than all the rest
+        self._newest = scene
+        return scene
+
+    def _made(self, number: int) -> Scene:
         scene = segment_scene(self._model, self.segments[number])
         scene.memory = self._memory[number]
         if self.in_question[number] and self._kept_rows + scene.rows <= _KEPT_ROWS:

@@ -6,9 +6,11 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.models.effects.scene import Scene
-from acqd.robot.newton_euler import Chain, Frames, frames, joint_torque, weight_torque
+from acqd.robot.newton_euler import Chain, Frames, frames, joint_torques, weight_torque
 
 GRAVITY = 9.81
+LINK_FRAMES = "frames"
+"""Key in `Scene.moved`."""
 
 
 def weight_power(scene: Scene, link: int, point: Floats) -> Floats:
@@ -29,7 +31,7 @@ def point_mass_power(scene: Scene, reach_m: float) -> Floats:
     if "point_masses" not in scene.moved:
         chain = scene.model.chain
         samples = [point_mass(chain.beyond_flange(reach)) for reach in (-1.0, 0.0, 1.0)]
-        scene.moved["point_masses"] = [_last_link_torque(scene, body) for body in samples]
+        scene.moved["point_masses"] = _last_link_torques(scene, samples)
     if "point_mass" not in scene.computed:
         powers = [torque_power(scene, torque) for torque in scene.moved["point_masses"]]
         polynomial = powers[1], (powers[2] - powers[0]) / 2, (powers[2] + powers[0]) / 2 - powers[1]
@@ -45,7 +47,7 @@ def first_moment_power(scene: Scene, reach_m: float) -> Floats:
     """
     if "first_moments" not in scene.moved:  # linear in the reach: two samples determine them
         bodies = [body for reach in (0.0, 1.0) for body in first_moments(scene.model.chain, reach)]
-        scene.moved["first_moments"] = [_last_link_torque(scene, body) for body in bodies]
+        scene.moved["first_moments"] = _last_link_torques(scene, bodies)
     if "first_moments" not in scene.computed:
         scene.computed["first_moments"] = [torque_power(scene, torque) for torque in scene.moved["first_moments"]]
     x, y, x_beyond, y_beyond = scene.computed["first_moments"]
@@ -89,14 +91,14 @@ def centres_of(inertial: Floats) -> Floats:
 
 
 def _frames(scene: Scene) -> Frames:
-    if "frames" not in scene.moved:
-        scene.moved["frames"] = frames(scene.model.chain, scene.q)
-    computed: Frames = scene.moved["frames"]
+    if LINK_FRAMES not in scene.moved:
+        scene.moved[LINK_FRAMES] = frames(scene.model.chain, scene.q)
+    computed: Frames = scene.moved[LINK_FRAMES]
     return computed
 
 
-def _last_link_torque(scene: Scene, body: Floats) -> Floats:
-    """[N, axes] Nm of a body with inertial parameters [10] on the last link."""
-    inertial = np.zeros(10 * scene.axes)
-    inertial[-10:] = body
-    return joint_torque(scene.model.chain, inertial, scene.q, scene.qd, scene.qdd)
+def _last_link_torques(scene: Scene, bodies: list[Floats]) -> Floats:
+    """[n, N, axes] Nm of n bodies with inertial parameters [10] on the last link."""
+    arms = np.zeros((len(bodies), 10 * scene.axes))
+    arms[:, -10:] = bodies
+    return joint_torques(scene.model.chain, arms, scene.q, scene.qd, scene.qdd)
