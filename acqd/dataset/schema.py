@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.parquet
 
 from acqd.arrays import Floats
+from acqd.errors import InputError
 
 TIME = "time"
 _UNITS = {
@@ -43,6 +46,16 @@ def recording_table(time_ns: np.ndarray, columns: Mapping[str, np.ndarray], slid
         fields.append(pa.field(name, array.type, metadata=None if unit is None else {"unit": unit}))
         arrays.append(array)
     return pa.Table.from_arrays(arrays, schema=pa.schema(fields))
+
+
+def read_columns(file: Path) -> dict[str, Floats]:
+    """The columns of a recording's file, by name, as `columns_of`. Raises InputError."""
+    try:
+        # not read_table, which imports pyarrow.dataset
+        with pyarrow.parquet.ParquetFile(file) as parquet:
+            return columns_of(parquet.read())
+    except (OSError, pa.ArrowInvalid) as error:
+        raise InputError(file, f"cannot be read ({str(error).splitlines()[0]}); build the dataset again") from None
 
 
 def columns_of(table: pa.Table) -> dict[str, Floats]:

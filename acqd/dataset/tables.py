@@ -17,9 +17,9 @@ from acqd.dataset.growing import write_new
 from acqd.dataset.manifest import load_manifest
 from acqd.dataset.merge import Recording
 from acqd.dataset.power import Measured
-from acqd.dataset.schema import TIME, UTC_NS, columns_of, recording_table
+from acqd.dataset.schema import TIME, UTC_NS, read_columns, recording_table
 from acqd.dataset.split import with_split
-from acqd.errors import InputError, UserError
+from acqd.errors import UserError
 from acqd.robot.description import RobotDescription, load_description
 
 RECORDING = "recording"
@@ -35,12 +35,7 @@ def table_of(dataset: Path) -> pa.Table:
     """
     parts = []
     for entry in load_manifest(dataset)["recordings"]:
-        path = dataset / entry["file"]
-        try:
-            table = pyarrow.parquet.read_table(path)
-        except (OSError, pa.ArrowInvalid) as error:
-            raise InputError(path, f"cannot be read ({str(error).splitlines()[0]}); build the dataset again") from None
-        columns = columns_of(table)
+        columns = read_columns(dataset / entry["file"])
         columns.pop("context", None)
         table = recording_table(columns.pop("time_ns"), columns)
         for name in ("split", RECORDING):

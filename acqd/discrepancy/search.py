@@ -40,7 +40,7 @@ def _without_delay(subject: Subject) -> tuple[Delay | None, Subject]:
     """Clocks first: while power and motion are shifted, every other effect seems to explain something."""
     if not clock_effects() & subject.chosen:
         return None, subject
-    scenes = [segment_scene(subject.carrier, s) for s in subject.fit]
+    scenes = (segment_scene(subject.carrier, s) for s in subject.fit)
     delay = find_delay(scenes, subject.fit)
     if delay is None:
         return None, subject

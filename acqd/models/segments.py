@@ -7,13 +7,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-import pyarrow.parquet
 
 from acqd.arrays import Floats
 from acqd.dataset.manifest import load_manifest
-from acqd.dataset.schema import columns_of
+from acqd.dataset.schema import read_columns
 from acqd.dataset.split import Part
-from acqd.errors import InputError, UserError
+from acqd.errors import UserError
 from acqd.models.features import derivatives, padded
 from acqd.numerics import runs_of_true
 
@@ -133,11 +132,7 @@ def load_dataset(path: Path) -> Dataset:
 
 
 def _segments(file: Path, entry: dict[str, object], step_s: float) -> list[Segment]:
-    try:
-        table = pyarrow.parquet.read_table(file)
-    except (OSError, pyarrow.ArrowInvalid) as error:
-        raise InputError(file, f"cannot be read ({str(error).splitlines()[0]}); build the dataset again") from None
-    return segments_of(columns_of(table), entry, step_s)
+    return segments_of(read_columns(file), entry, step_s)
 
 
 def segments_of(columns: dict[str, Floats], entry: dict[str, object], step_s: float) -> list[Segment]:

@@ -40,7 +40,9 @@ def _read_parquet(path: Path) -> Table:
     except ModuleNotFoundError:
         raise UserError(f"{path}: Parquet needs pyarrow: pip install 'acqd[data]'") from None
     try:
-        table = pyarrow.parquet.read_table(path)
+        # not read_table, which imports pyarrow.dataset
+        with pyarrow.parquet.ParquetFile(path) as parquet:
+            table = parquet.read()
     except (OSError, pyarrow.ArrowException) as error:
         raise InputError(path, f"is not a Parquet file ({str(error).splitlines()[0]})") from None
     if not len(table) or not table.num_columns:

@@ -138,10 +138,8 @@ def design_columns(
     values: list[NDArray[np.float32]] = []
     residual: list[Floats] = []
     for number, (scene, side) in enumerate(zip(scenes, scenes.in_question, strict=True)):
-        lag = Lag(float(model.group("lag")[0]), scene.step_s)
-        columns = [grey_box_columns(arm, scene, withheld), *(effect_rows(effect, scene) for effect in effects)]
-        columns.append(averaged(lag.run(smooth_columns(scene, ranges, in_question=side))))
-        values.append(np.concatenate(columns, axis=1).astype(np.float32))
+        named = [grey_box_columns(arm, scene, withheld), *(effect_rows(effect, scene) for effect in effects)]
+        values.append(_rows(scene, named, smooth_columns(scene, ranges, in_question=side)))
         residual.append(scenes.segments[number].P - scene.predicted)
         scene.moved.clear()  # link frames of hours of motion are much larger than what they are needed for
         scene.computed.clear()
@@ -152,6 +150,17 @@ def design_columns(
         parts=tuple(_parts(segments, model.step_s)), segments=scenes.segments, scenes=scenes, values=tuple(values),
         residual=tuple(residual), chosen=chosen,
     )  # fmt: skip
+
+
+def _rows(scene: Scene, named: list[Floats], unnamed: list[Floats]) -> NDArray[np.float32]:
+    """[T, p] from columns [T, k] of rows, and from single columns [N] at substeps before the supply's lag."""
+    first = sum(columns.shape[1] for columns in named)
+    rows = np.empty((scene.rows, first + len(unnamed)), dtype=np.float32)
+    np.concatenate(named, axis=1, out=rows[:, :first], casting="same_kind")
+    lag_s = float(scene.model.group("lag")[0])
+    for place, column in enumerate(unnamed, first):
+        rows[:, place] = averaged(Lag(lag_s, scene.step_s).run(column))
+    return rows
 
 
 def _candidates(model: GreyBox, effects: list[Effect], scene: Scene, *, difference: bool) -> list[Candidate]:

@@ -173,18 +173,6 @@ class _Cross:
         return _Cross(self.squares.copy(), self.products.copy(), self.own.copy())
 
 
-@dataclass(frozen=True, slots=True)
-class _BlockProducts:
-    """Products of the gated columns in a block."""
-
-    open: Places
-    """[o] indices of the columns whose gate is open."""
-    squares: Floats
-    """[o, o]."""
-    products: Floats
-    """[o] with the residual."""
-
-
 class Regression:
     """Columns that are free, with their priors, and the Gram matrices of the blocks."""
 
@@ -193,7 +181,6 @@ class Regression:
         self.places: Places = np.array([column.place for column in columns])
         self.gates: Floats = np.array([column.gate for column in columns])  # [own, blocks]
         self.precision = np.array([0.0 if np.isinf(c.deviation) else c.deviation**-2.0 for c in columns])
-        self._open: list[_BlockProducts] | None = None
         self._normal: tuple[Floats, Floats] | None = None  # of all blocks
         self._crossed: tuple[Places, Floats, _Cross] | None = None  # of all blocks: candidates, gate, sums
 
@@ -201,7 +188,7 @@ class Regression:
         """The same columns on the blocks of a design with more columns, whose own columns have the same values."""
         assert blocks.white.fixed is self.blocks.white.fixed, "another design, or other rows"
         other = Regression(blocks, self.columns)
-        other._open = self._block_products()
+        other._normal = self._normal
         return other
 
     def with_columns(self, blocks: Blocks, columns: list[Column]) -> Regression:
@@ -262,26 +249,23 @@ class Regression:
     def _add_normal(self, to: tuple[Floats, Floats] | None, weights: Floats) -> tuple[Floats, Floats]:
         size = len(self.columns)
         A, b = (np.zeros((size, size)), np.zeros(size)) if to is None else (to[0].copy(), to[1].copy())
-        for weight, block in zip(weights.tolist(), self._block_products(), strict=True):
-            if weight:
-                A[np.ix_(block.open, block.open)] += weight * block.squares
-                b[block.open] += weight * block.products
+        for i in np.flatnonzero(weights).tolist():
+            own, squares, products = self._own(i)
+            A[np.ix_(own, own)] += weights[i] * squares
+            b[own] += weights[i] * products
         return A, b
 
-    def _block_products(self) -> list[_BlockProducts]:
-        """Products of the columns that are open in a block, computed once.
+    def _own(self, block: int) -> tuple[Places, Floats, Floats]:
+        """Columns [o] that are open in a block, their products [o, o], and those with the residual [o].
 
-        A random intercept is open in one block only: a hundred blocks have a hundred of them.
+        A random intercept is open in one block only: a hundred blocks have a hundred of them. Taken anew each time:
+        the products of an hour's blocks are larger than what they save.
         """
-        if self._open is None:
-            gram = self.blocks.white
-            self._open = []
-            for number in range(len(self.blocks)):
-                open_ = np.flatnonzero(self.gates[:, number])
-                gates, places = self.gates[open_, number], self.places[open_]
-                squares = gram.take(number, places, places) * np.outer(gates, gates)
-                self._open.append(_BlockProducts(open_, squares, gram.residual_products(number, places) * gates))
-        return self._open
+        gram = self.blocks.white
+        own = np.flatnonzero(self.gates[:, block])
+        gates, places = self.gates[own, block], self.places[own]
+        squares = gram.take(block, places, places) * np.outer(gates, gates)
+        return own, squares, gram.residual_products(block, places) * gates
 
     def solve(self) -> Floats:
         """[own] coefficients of all columns on all blocks."""
@@ -293,9 +277,10 @@ class Regression:
         gram = self.blocks.white
         scores = np.zeros((len(self.blocks), len(candidates)))
         beta, projection = competition.beta, competition.projection
-        for i, block in enumerate(self._block_products()):
-            own, inside = block.open, beta[block.open]
-            scores[i] = -projection[own].T @ (block.products - block.squares @ inside)
+        for i in range(len(self.blocks)):
+            own, squares, products = self._own(i)
+            inside = beta[own]
+            scores[i] = -projection[own].T @ (products - squares @ inside)
             if gate[i]:
                 cross = gram.take(i, candidates, self.places[own])
                 left = gram.residual_products(i, candidates) - cross @ (self.gates[own, i] * inside)

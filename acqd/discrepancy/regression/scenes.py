@@ -14,8 +14,8 @@ from acqd.models.effects.scene import Scene, segment_scene
 from acqd.models.greybox.model import GreyBox
 from acqd.models.segments import Segment
 
-_KEPT_ROWS = 45_000
-"""Half an hour at 25 rows per second."""
+_KEPT_ROWS = 22_500
+"""A quarter of an hour at 25 rows per second."""
 
 
 class Scenes(Sequence[Scene]):

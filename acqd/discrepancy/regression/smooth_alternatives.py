@@ -102,8 +102,8 @@ class Ranges:
         )  # fmt: skip
 
 
-def smooth_columns(scene: Scene, ranges: Ranges, *, in_question: bool) -> Floats:
-    """[N, k] at substeps, in the order of `alternatives`."""
+def smooth_columns(scene: Scene, ranges: Ranges, *, in_question: bool) -> list[Floats]:
+    """Columns [N] at substeps, in the order of `alternatives`."""
     columns = [np.ones(len(scene.q)) * _moving(scene)]
     phase = np.pi * (scene.q - ranges.low) / np.maximum(ranges.high - ranges.low, 1e-6)
     for joint in range(scene.axes):
@@ -131,8 +131,7 @@ def smooth_columns(scene: Scene, ranges: Ranges, *, in_question: bool) -> Floats
         )
     share_of_time = (scene.t - begin_s) / max(end_s - begin_s, 1.0)
     columns += list(np.cos(np.pi * np.outer(share_of_time, np.arange(1, 5))).T)
-    columns += torque_columns(scene, (ranges.low, ranges.high), ranges.speed, ranges.load)
-    return np.column_stack(columns)
+    return columns + torque_columns(scene, (ranges.low, ranges.high), ranges.speed, ranges.load)
 
 
 def alternatives(axes: int) -> Iterator[SmoothGroup]:

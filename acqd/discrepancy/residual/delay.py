@@ -5,6 +5,7 @@ A clock offset of a tenth of a second would be explained by many effects, but is
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -49,14 +50,12 @@ class Delay:
         return slope, error
 
 
-def find_delay(scenes: list[Scene], segments: list[Segment]) -> Delay | None:
+def find_delay(scenes: Iterable[Scene], segments: list[Segment]) -> Delay | None:
     """A drift, or a constant delay, of all recordings; None if power and motion are aligned."""
-    measured = [(scene, *_best(scene, segment.P)) for scene, segment in zip(scenes, segments, strict=True)]
-    usable = [
-        (float(scene.t.mean()), delay, gain)
-        for scene, delay, gain, moving in measured
-        if moving > THRESHOLDS.delay_least_moving_W
+    measured = [
+        (float(scene.t.mean()), *_best(scene, segment.P)) for scene, segment in zip(scenes, segments, strict=True)
     ]
+    usable = [(t, delay, gain) for t, delay, gain, moving in measured if moving > THRESHOLDS.delay_least_moving_W]
     if len(usable) < THRESHOLDS.delay_fewest_recordings:
         return None
     t, delays, gains = (np.array(each) for each in zip(*usable, strict=True))
