@@ -16,6 +16,8 @@ from acqd.arrays import Floats
 
 Places: TypeAlias = NDArray[np.int64]
 """Indices of columns."""
+_ROUNDING = 1e-12
+"""Of sums over hundreds of blocks, with a margin."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -243,6 +245,8 @@ class Regression:
             if self._normal is None:
                 self._normal = self._add_normal(None, np.ones(len(weights)))
             A, b = self._add_normal(self._normal, weights - 1)
+            if changed:  # what the other blocks hold was taken away, but for its rounding errors
+                A[np.diag_indices(len(A))] += _ROUNDING * np.diag(self._normal[0])
         A[np.diag_indices(len(A))] += self.precision + 1e-9 * np.maximum(np.diag(A), 1e-9)
         return A, b
 

@@ -156,21 +156,23 @@ def _outdone_by_any(detected: Finding, unnamed: list[Finding]) -> bool:
 def _evidence_of_reference(design: Design, regression: Regression, gate: Gate, pool: list[Candidate]) -> float:
     """Evidence of the best candidate in most single sessions of the reference, scaled to the rows in question.
 
-    Sessions that are much shorter than the recordings in question are left out: what chance explains there does not
-    grow with the rows.
+    Against the other sessions of the reference only: an effect in question would bend the base model, and unchanged
+    sessions would seem to differ from it. Sessions that are much shorter than the recordings in question are left
+    out: what chance explains there does not grow with the rows.
     """
     sessions: dict[str, list[int]] = {}
     for number, part in enumerate(design.parts):
         if not part.in_question:
             sessions.setdefault(log_of(part.recording), []).append(number)
     rows = float((design.blocks.rows * gate.open).sum())
+    unchanged = 1 - design.columns.in_question
     found_in: list[float] = []
     for blocks in sessions.values():
         if design.blocks.rows[blocks].sum() < THRESHOLDS.comparable_share * rows:
             continue
         own = np.zeros(len(design.parts))
         own[blocks] = 1.0
-        found = rank_pooled(replace(design, witness=None), regression, own, pool)[:1]
+        found = rank_pooled(replace(design, witness=None), regression, own, pool, unchanged)[:1]
         seen = float(design.blocks.rows[blocks].sum())
         found_in += [finding.drop * rows / max(seen, 1.0) for finding in found]
     return float(np.quantile(found_in, THRESHOLDS.reference_quantile)) if found_in else 0.0

@@ -50,6 +50,31 @@ def test_replaced_columns_have_the_products_of_their_values(seed):
     assert b.white.size == 6  # the old one is what it was
 
 
+@given(seed=st.integers(0, 2**32 - 1), out=st.integers(0, BLOCKS - 1))
+@settings(deadline=None, max_examples=30)
+def test_a_fit_without_a_block_knows_nothing_of_that_block(seed, out):
+    """Also where a column acts in that block only: the block is taken away from the sum of all."""
+    random = np.random.default_rng(seed)
+    _, rows, _ = blocks(random, 0)
+    rows[np.arange(BLOCKS) != out, :, 1] = 0.0
+    rows[out] *= 1e3
+    whole = np.einsum("bri,brj->bij", rows, rows)
+
+    def regression(kept):
+        gram = Gram(FIXED, tuple(upper_triangle(whole[k]) for k in kept), np.empty((len(kept), FIXED + 1, 0)))
+        columns = [Column(0, np.ones(len(kept))), Column(1, np.ones(len(kept)), 10.0)]
+        return Regression(Blocks(gram, gram, np.full(len(kept), float(ROWS))), columns)
+
+    others = [k for k in range(BLOCKS) if k != out]
+    candidates, weights = np.array([2, 3]), np.ones(BLOCKS)
+    weights[out] = 0.0
+    without = regression(range(BLOCKS)).compete(candidates, np.ones(BLOCKS), weights)
+    direct = regression(others).compete(candidates, np.ones(len(others)))
+    np.testing.assert_allclose(without.schur, direct.schur, rtol=1e-6)
+    np.testing.assert_allclose(without.products, direct.products, rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(without.beta, direct.beta, rtol=1e-6, atol=1e-6)
+
+
 @given(seed=st.integers(0, 2**32 - 1), block=st.integers(0, BLOCKS - 1), deviation=st.floats(0.01, 100.0))
 @settings(deadline=None, max_examples=30)
 def test_a_random_intercept_is_part_of_the_noise_covariance(seed, block, deviation):

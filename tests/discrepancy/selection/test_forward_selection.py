@@ -12,6 +12,7 @@ from tests.discrepancy.independent import (
     added_payload,
     extra_power,
     lagged_mean,
+    payload_torque,
     selected,
     since_release,
     thermostat,
@@ -55,6 +56,16 @@ def test_a_lower_standby_power_does_not_hide_a_friction(standby_W, model, robot)
     only = COMMON | {"viscous_friction", "thermal_friction"}
     _, tracing = traced(model, robot, both, only=only)
     assert {named.id for named in tracing.effects} == {"viscous_friction", "offset_shift"}
+
+
+def test_a_large_change_is_named_in_three_recordings(model, robot):
+    """Three recordings cannot surprise; the change must stand out from unchanged sessions, which know nothing of it."""
+
+    def heavy(scene, random):
+        return extra_power(scene, payload_torque(scene, 6.0))
+
+    _, tracing = traced(model, robot, heavy, count=3, rows=1400, only=COMMON | {"gravity_bias"})
+    assert [named.id for named in tracing.effects] == ["payload"], tracing.hypotheses[:2]
 
 
 def test_nothing_is_found_where_nothing_is(model, robot):
