@@ -66,6 +66,16 @@ def test_the_log_of_a_biased_sensor_is_biased():
     np.testing.assert_allclose(difference, np.tile([0, 0, 0, 2.0, 0, 0, 0], (2000, 1)), atol=1e-12)
 
 
+@pytest.mark.parametrize("name", ["payload", "gravity_bias", "contact_force"])
+def test_torque_sensors_feel_what_the_arm_carries(name):
+    """They sit after the gear: a weight on the arm is in the log, a friction in the gear is not."""
+    honest = Plant(CELL.true_arm, CELL.parameters).run(MOTION, VOLTAGE).recorded.tau
+    loaded = Plant(CELL.true_arm, CELL.parameters, make_effects([parse_effect(name)], [1]))
+    rubbing = Plant(CELL.true_arm, CELL.parameters, make_effects([parse_effect("viscous_friction")], [1]))
+    assert np.abs(loaded.run(MOTION, VOLTAGE).recorded.tau - honest).max() > 0.5
+    np.testing.assert_allclose(rubbing.run(MOTION, VOLTAGE).recorded.tau, honest, atol=1e-9)
+
+
 def test_clock_effects_change_the_clock_from_their_recording_on():
     offset, drift = make_effects([parse_effect("clock_offset:from=3"), parse_effect("clock_drift:from=3")], [1])
     clock = ControllerClock()

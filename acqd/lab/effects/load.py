@@ -41,8 +41,11 @@ class GravityBias(Effect):
     defaults: ClassVar = {"mass_kg": 0.8, "axis": 3.0}
     limits: ClassVar = {"mass_kg": (-1000, 1000), "axis": (1, 100)}
 
-    def torque(self, situation: Situation) -> Floats:
-        """Static torque of the added mass, [T, axes] Nm. Raises UserError when the link is lighter than the mass."""
+    def external_torque(self, situation: Situation) -> Floats:
+        """Static torque of the added mass, [T, axes] Nm: torque sensors, which sit after the gear, measure it.
+
+        Raises UserError when the link is lighter than the mass.
+        """
         joints = list(situation.arm.description.joint)
         number = int(np.clip(self["axis"], 1, len(joints))) - 1
         link = joints[number].link
