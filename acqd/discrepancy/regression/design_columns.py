@@ -41,6 +41,8 @@ class Candidate:
     """Whether the columns were detected in the residual."""
     cost: float = 0.0
     """Parameters charged for the detection."""
+    tried: int = 1
+    """Shapes of the effect that compete: the best of them pays for the choice."""
     key: str = ""
     """Identity within a design; equal keys are the same hypothesis."""
     fitted: Variant | None = None
@@ -172,7 +174,8 @@ def _candidates(model: GreyBox, effects: list[Effect], scene: Scene, *, differen
             where = variant.place.where
             places = place + np.array(variant.columns)
             asked = variant if difference else variant.without_reference()
-            candidates.append(Candidate(effect.id, where, places, asked, key=f"{effect.id} {number}"))
+            tried = len(effect.shapes)
+            candidates.append(Candidate(effect.id, where, places, asked, tried=tried, key=f"{effect.id} {number}"))
         place += effect_rows(effect, scene).shape[1]
     unnamed = alternatives(model.axes)
     return candidates + [Candidate("", g.name, place + np.array(g.columns), key=g.name) for g in unnamed]

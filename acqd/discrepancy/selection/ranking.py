@@ -70,7 +70,11 @@ class Finding:
     drop: float
     """Reduction of the white squared error, less the squares of coefficients over their prior deviations."""
     evidence: float
-    """The drop minus k log n, what k free coefficients explain by chance (BIC, Schwarz 1978)."""
+    """The drop minus k log n, what k free coefficients explain by chance (BIC, Schwarz 1978).
+
+    Less 2 log s for the best of s shapes, which are equally likely beforehand: a cold gear that hardly warms up in the
+    recordings explains what a higher viscous friction explains, and always a little more.
+    """
     at_joints: float = 0.0
     """Part of the drop that logged torques contribute; negative where they contradict the power."""
     support: Support | None = None
@@ -176,7 +180,7 @@ def _pooled(
         if not _possible(candidate, coefficients, both):
             continue
         drop = float(projected @ coefficients)
-        evidence = drop - (candidate.size + candidate.cost) * np.log(rows)
+        evidence = drop - (candidate.size + candidate.cost) * np.log(rows) - 2 * np.log(candidate.tried)
         joints = 0.0 if at_joints is None else at_joints.gain(coefficients)
         yield number, schur, Finding(candidate, coefficients, drop, float(evidence), joints)
 
