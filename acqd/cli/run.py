@@ -32,9 +32,9 @@ def run(
     """
     if config and database is not None:
         raise UserError("--database is for a run without --config: with one, acqd sink stores the rows")
-    settings = load_config(config) if config else Config.demonstration(port or demonstration_port())
     if device is not None and not valid_device(device):
         raise UserError(f"--device {device!r}: expected 1 to 64 letters, digits, dots, dashes or underscores")
+    settings = load_config(config) if config else Config.demonstration(port or demonstration_port())
     settings.device = device or settings.device
     settings.mqtt.port = port or settings.mqtt.port
     settings.sink.database = database or settings.sink.database

@@ -391,9 +391,12 @@ print("RESULT", len(slaves), identity.hex(), name.decode(), [slave.input_size fo
 def test_kickcat_reaches_safe_op(pair: tuple[str, str]) -> None:
     pytest.importorskip("kickcat")
     with EtherCatDouble(pair[1], terminals=2):
-        # A process of its own: KickCAT keeps the interpreter's lock while it waits, and prints at the end.
-        done = subprocess.run([sys.executable, "-c", KICKCAT, pair[0]], capture_output=True, text=True, timeout=30)
-    result = next((line for line in done.stdout.splitlines() if line.startswith("RESULT")), done.stderr)
+        for _ in range(3):  # a busy computer may answer after KickCAT's 20 ms, and KickCAT does not repeat a frame
+            # A process of its own: KickCAT keeps the interpreter's lock while it waits, and prints at the end.
+            done = subprocess.run([sys.executable, "-c", KICKCAT, pair[0]], capture_output=True, text=True, timeout=30)
+            result = next((line for line in done.stdout.splitlines() if line.startswith("RESULT")), done.stderr)
+            if "bytes read" not in result:
+                break
     assert result == "RESULT 3 5230c70e EL3783 [0, 32, 32]"
 
 
