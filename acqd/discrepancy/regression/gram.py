@@ -262,7 +262,7 @@ class Regression:
     def _own(self, block: int) -> tuple[Places, Floats, Floats]:
         """Columns [o] that are open in a block, their products [o, o], and those with the residual [o].
 
-        A random intercept is open in one block only: a hundred blocks have a hundred of them. Taken anew each time:
+        A random intercept is open in one block only: a hundred blocks have a hundred of them. Not kept:
         the products of an hour's blocks are larger than what they save.
         """
         gram = self.blocks.white
