@@ -9,8 +9,9 @@ lines are fitted over the last windows together with a parabola, which takes the
 
 from __future__ import annotations
 
+import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -21,7 +22,7 @@ from acqd.arrays import Floats
 
 LIMIT = 0.005
 """Hz; an interharmonic that moves f by less is let pass."""
-_SPREAD = 1.5 * LIMIT
+SPREAD = 1.5 * LIMIT
 """Hz between the largest and the smallest f without which nothing is fitted."""
 LENGTHS = (12, 25, 50)
 """Windows that are fitted: a fast beat is known early, a slow one at all."""
@@ -29,6 +30,10 @@ _FASTEST = 0.45
 """Beats per window at most; half a beat is the limit of sampling."""
 _SLOWEST = 0.8
 """Beats in the windows at least; fewer cannot be told from the parabola."""
+_MARGIN = 4.0
+"""Of the limit for how much f varies with the magnitude, which holds for pure lines."""
+_EDGE = 2
+"""Windows in which an interharmonic may begin: they move f by more than the limit."""
 _ONE_SIDED = 4.0
 """Power of the line over that of its mirror image."""
 _JUMPS = 3
@@ -52,28 +57,30 @@ class _Basis:
 
 
 class Sideband:
-    """Remembers the fundamental of the last windows of a stream."""
+    """Remembers the fundamental of the last windows of a stream; looks at stretches of `lengths` windows."""
 
-    def __init__(self, window_s: float) -> None:
-        self._window_s = window_s
-        self._f: deque[float] = deque(maxlen=LENGTHS[-1])
-        self._magnitude: deque[float] = deque(maxlen=LENGTHS[-1])
-        self._bent: deque[bool] = deque(maxlen=LENGTHS[0])
+    def __init__(self, window_s: float, lengths: Sequence[int] = LENGTHS) -> None:
+        self._window_s, self._lengths = window_s, lengths
+        self._f: deque[float] = deque(maxlen=lengths[-1])
+        self._magnitude: deque[float] = deque(maxlen=lengths[-1])
+        self._bent: deque[bool] = deque(maxlen=lengths[0])
         self._low = self._high = 0.0  # bounds of the remembered f, as of at most _fresh windows ago
         self._fresh = 0  # windows until they are taken anew
         self._next = 0  # which of the lengths has its turn
         self._suspected = False
         self.beating = False
         """Whether an interharmonic moved f in the last window."""
+        self._varied = 0  # windows in which f has varied so far
         self.unsettled = False
-        """Whether f varies, and too few windows are known to tell an interharmonic from a swing of f."""
+        """Whether f has begun to vary, and too few windows are known to tell an interharmonic from a swing of f."""
 
     def reset(self) -> None:
         """The next window does not follow the last one."""
         self._f.clear()
         self._magnitude.clear()
         self._bent.clear()
-        self._fresh, self.beating, self._suspected, self.unsettled = 0, False, False, False
+        self._fresh, self._varied = 0, 0
+        self.beating = self._suspected = self.unsettled = False
 
     def note(self, f: float, magnitude: float, *, steady: bool = True) -> float | None:
         """The next window: f [Hz] as it was estimated, magnitude of the fundamental in any unit.
@@ -89,14 +96,17 @@ class Sideband:
             f, magnitude = self._f[-1], self._magnitude[-1]
         self._f.append(f)
         self._magnitude.append(magnitude)
-        varies = self._spread(f) >= _SPREAD
-        self.unsettled = varies and len(self._f) < LENGTHS[-1]
-        if not varies or len(self._f) < LENGTHS[0]:
+        varies = self._spread(f) >= SPREAD
+        self._varied = self._varied + 1 if varies else 0
+        self.unsettled = 0 < self._varied < self._lengths[-1] and (
+            self._varied <= _EDGE or may_be_moved(self._f, self._magnitude, self._window_s)
+        )
+        if not varies or len(self._f) < self._lengths[0]:
             self.beating = self._suspected = False
             return None
         # One length per window while there is nothing; then all of them, the longest, and most exact, first.
-        self._next = (self._next + 1) % len(LENGTHS)
-        found = self._look(LENGTHS[::-1] if self._suspected else LENGTHS[self._next : self._next + 1])
+        self._next = (self._next + 1) % len(self._lengths)
+        found = self._look(self._lengths[::-1] if self._suspected else self._lengths[self._next : self._next + 1])
         self.beating = found is not None and self._suspected  # a chance likeness does not last
         self._suspected = found is not None
         return found if self.beating else None
@@ -108,7 +118,7 @@ class Sideband:
         """
         self._f.extend(f)
         self._magnitude.extend(magnitude)
-        self.beating = max(self._f) - min(self._f) >= _SPREAD and self._look(LENGTHS) is not None
+        self.beating = max(self._f) - min(self._f) >= SPREAD and self._look(self._lengths) is not None
         return self.beating
 
     def forget_last(self) -> None:
@@ -118,10 +128,10 @@ class Sideband:
         self._bent.pop()
 
     def _spread(self, f: float) -> float:
-        """Between the largest and the smallest remembered f [Hz]; for LENGTHS[0] windows at most, more than that."""
+        """Between the largest and the smallest remembered f [Hz]; for lengths[0] windows at most, more than that."""
         self._fresh -= 1
         if self._fresh < 0 or not self._low <= f <= self._high:
-            self._low, self._high, self._fresh = min(self._f), max(self._f), LENGTHS[0]
+            self._low, self._high, self._fresh = min(self._f), max(self._f), self._lengths[0]
         return self._high - self._low
 
     def _look(self, lengths: Sequence[int]) -> float | None:
@@ -131,11 +141,11 @@ class Sideband:
         phase = turn * (np.cumsum(f - f[-1]) - 0.5 * (f - f[-1]))  # in the middles of the windows, less that of f[-1]
         w = np.log(magnitude / magnitude[-1]) + 1j * phase
         for length in lengths:
-            if length <= len(w) and np.ptp(f[-length:]) >= _SPREAD:
+            if length <= len(w) and np.ptp(f[-length:]) >= SPREAD:
                 slope = self._slope(w[-length:])
                 if slope is not None:
                     # Over the shortest length a parabola and a slow line are much alike: the mean is more exact.
-                    return float(f[-1] + slope / turn) if length > LENGTHS[0] else float(f[-length:].mean())
+                    return float(f[-1] + slope / turn) if length > self._lengths[0] else float(f[-length:].mean())
         return None
 
     def _slope(self, w: Complexes) -> float | None:
@@ -153,7 +163,17 @@ class Sideband:
         return float(slope.imag)
 
 
-@lru_cache(maxsize=len(LENGTHS))
+def may_be_moved(f: Collection[float], magnitude: Collection[float], window_s: float) -> bool:
+    """Whether an interharmonic may be why the f [Hz] of so many windows differ, by how much their magnitudes do.
+
+    The real part of w is a cos(2 pi b t), and f is moved by b times that: f varies by at most the fastest beat times
+    what ln(magnitude) does.
+    """
+    varies_Hz = max(f) - min(f)
+    return varies_Hz < _MARGIN * _FASTEST / window_s * math.log(max(magnitude) / min(magnitude))
+
+
+@lru_cache(maxsize=8)
 def _basis(n: int) -> _Basis:
     t = np.arange(n) - (n - 1.0)
     beats = np.arange(_SLOWEST / n, _FASTEST, 0.2 / n)

@@ -70,8 +70,35 @@ def test_a_swing_of_f_itself_is_measured(beat):
     turns = 50.02 * T + 0.05 / (2 * np.pi * beat) * np.sin(2 * np.pi * beat * T)
     (batch,) = metered(codes_of(turns, 1))
     assert not transient(batch)[1:].any()
+    assert flagged(batch, "unsettled").sum() <= 2, "the voltage does not vary with f"
+
+
+def test_a_swing_of_f_while_the_voltage_falls_is_doubted_for_two_seconds():
+    codes = codes_of(50.02 * T - 0.05 / (2 * np.pi * 0.7) * np.cos(2 * np.pi * 0.7 * T), 1).astype(float)
+    codes[:, 0] *= 1 - 0.02 * T
+    (batch,) = metered(np.rint(codes).astype(np.int16))
     doubted = flagged(batch, "unsettled")
-    assert doubted[5:50].any() and not doubted[50:].any() and not np.isnan(batch.f[doubted]).any()
+    assert doubted[10:45].all() and not doubted[52:].any() and not np.isnan(batch.f[doubted]).any()
+
+
+def with_onset(between, begin_s, rise_s):
+    """Codes of three phases; an interharmonic of positive sequence sets in."""
+    share = 0.02 * np.clip((T - begin_s) / rise_s, 0, 1)
+    codes = codes_of(50.02 * T, 3).astype(float)
+    for k in range(3):
+        codes[:, 2 * k] += share * 325 / SCALE[0] * np.cos(2 * np.pi * (between * T - k / 3))
+    return np.rint(codes).astype(np.int16)
+
+
+@pytest.mark.parametrize("between", [44.0, 47.0, 49.0, 49.5, 52.0, 56.0, 60.0, 72.0])
+@pytest.mark.parametrize(("begin_s", "rise_s"), [(0.8, 1e-6), (0.83, 1e-6), (0.83, 0.4)])
+def test_an_interharmonic_that_sets_in_later_is_flagged_from_the_first_wrong_f_on(between, begin_s, rise_s):
+    codes = with_onset(between, begin_s, rise_s)
+    (batch,) = metered(codes)
+    silent = ~(transient(batch) | flagged(batch, "unsettled"))
+    assert np.abs(batch.f - 50.02)[silent].max() < 0.010
+    f, named = intervals(codes, "transient", "unsettled")
+    assert np.abs(f - 50.02)[~named].max() < 0.010
 
 
 @pytest.mark.parametrize(
@@ -99,10 +126,26 @@ def test_how_the_stream_is_cut_does_not_matter():
 
 @pytest.mark.parametrize("between", [46.0, 47.0, 48.0, 49.0, 51.0, 52.0, 53.0])
 def test_intervals_of_ten_cycles_are_flagged_too(between):
-    f, flagged = intervals(codes_of(50.02 * T, 1, (0.02, between)))
+    codes = codes_of(50.02 * T, 1, (0.02, between))
+    f, flagged = intervals(codes)
     late = np.arange(len(f)) >= 5
     assert np.abs(f - 50.02)[late & ~flagged].max(initial=0) < 0.010
     assert flagged[late].mean() > 0.6
+    _, doubted = intervals(codes, "transient", "unsettled")
+    assert np.abs(f - 50.02)[1:][~doubted[1:]].max(initial=0) < 0.010, "only the first one has nothing before it"
+
+
+def test_an_interharmonic_is_flagged_at_a_tick_of_ten_minutes_too():
+    tick = 600 * 10**9 * 10**6
+    f, named = intervals(with_onset(48.0, 0, 1e-6), "transient", "unsettled", utc_ns=tick - 1_150_000_000)
+    assert np.abs(f - 50.02)[1:][~named[1:]].max(initial=0) < 0.010
+
+
+@pytest.mark.parametrize("slope", [-1.0, 0.2, 1.0])
+def test_a_ramp_of_f_is_settled(slope):
+    codes = codes_of(50 * T + slope * np.maximum(0, T - 1) ** 2 / 2, 3)
+    (batch,) = metered(codes)
+    assert flagged(batch, "unsettled").sum() <= 2 and not intervals(codes, "unsettled")[1].any()
 
 
 @pytest.mark.parametrize("beat", [0.5, 1.0])
@@ -111,8 +154,9 @@ def test_intervals_in_which_f_itself_swings_are_not(beat):
     assert not flagged.any()
 
 
-def intervals(codes):
-    """f, and whether it is flagged."""
+def intervals(codes, *names, utc_ns=0):
+    """f, and whether it has one of the flags."""
     meter = QualityMeter(StreamFormat(RATE, SCALE * (codes.shape[1] // 2)))
-    values = [one for one in meter.feed(SampleBlock(codes, 0, 0)) if one.kind == "10/12"]
-    return np.array([one.f for one in values]), np.array(["transient" in one.flags for one in values])
+    values = [one for one in meter.feed(SampleBlock(codes, 0, utc_ns)) if one.kind == "10/12"]
+    wanted = set(names or ("transient",))
+    return np.array([one.f for one in values]), np.array([bool(wanted & one.flags) for one in values])

@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
+from collections import deque
+
 import numpy as np
 from numpy.typing import NDArray
 
 from acqd.metering.quality.cycles import CycleFit
-from acqd.metering.sideband import Sideband
+from acqd.metering.sideband import LENGTHS, SPREAD, Sideband, may_be_moved
+
+_INTERVALS = 10
+"""2 s, after which every interharmonic that moves f by 10 mHz is known."""
 
 
 class CycleSideband:
     """Remembers the cycles of the intervals of a chain; an interval begins where the last one ended."""
 
     def __init__(self, f_nominal: float) -> None:
-        self._sideband = Sideband(1 / f_nominal)
+        self._sideband = Sideband(1 / f_nominal, (*LENGTHS, 2 * LENGTHS[-1]))
         self._last: NDArray[np.complex128] | None = None  # [phases]
+        self._f: deque[float] = deque(maxlen=_INTERVALS)
+        self._magnitude: deque[float] = deque(maxlen=_INTERVALS)
+        self._varied = 0  # intervals in which f has varied so far
+        self.unsettled = False
+        """Whether the f of intervals has begun to vary, and an interharmonic cannot be told from a swing of f yet."""
 
     def moves(self, fit: CycleFit, *, follows: bool) -> bool:
         """Whether an interharmonic moves the f of the interval; `follows`: without a gap or a tick before it."""
@@ -23,6 +33,10 @@ class CycleSideband:
         if not follows or phasors is None or jumps:
             self._sideband.reset()
             self._last = None
+            self._varied, self.unsettled = 0, False
+        if phasors is None:
+            self._f.clear()
+            self._magnitude.clear()
         if phasors is None or jumps:
             return False
         # To the phases that cycles of the interval's own f have: it ends where the next one begins.
@@ -34,4 +48,10 @@ class CycleSideband:
         turns = np.angle((phasors[:, :-1].conj() * phasors[:, 1:]).sum(axis=0))
         power = np.square(np.abs(phasors)).sum(axis=0)
         f = fit.f * (1 + turns / (2 * np.pi))
-        return self._sideband.note_all(f.tolist(), np.sqrt((power[:-1] + power[1:]) / 2).tolist())
+        magnitude = np.sqrt((power[:-1] + power[1:]) / 2)
+        self._f.append(fit.f)
+        self._magnitude.append(float(magnitude.mean()))
+        self._varied = self._varied + 1 if max(self._f) - min(self._f) >= SPREAD else 0
+        interval_s = phasors.shape[1] / fit.f
+        self.unsettled = 0 < self._varied < _INTERVALS and may_be_moved(self._f, self._magnitude, interval_s)
+        return self._sideband.note_all(f.tolist(), magnitude.tolist())

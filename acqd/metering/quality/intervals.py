@@ -152,6 +152,8 @@ class IntervalCutter:
         misled = not chain.trailing and self._sideband.moves(fit, follows=not chain.fresh)
         if misled or fit.jump or fit.beats or not fit.credible:
             flags |= {"transient"}
+        elif not chain.trailing and self._sideband.unsettled:
+            flags |= {"unsettled"}
         if chain.fresh and self._gap:
             flags |= {"gap"}
         return Interval(
