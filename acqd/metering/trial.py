@@ -39,14 +39,17 @@ def make_trial(f: float, rate: float, samples: int, *, tapered: bool = True) -> 
     """Vectors of the trial frequency `f` [Hz] for `samples` samples at `rate` [1/s], kept for all meters."""
     time = (np.arange(samples) - (samples - 1) / 2) / rate
     highest = min(_HARMONICS, int(0.48 * rate / f))
-    angle = np.outer(time, 2 * np.pi * f * np.arange(1, highest + 1))
-    cos, sin = np.cos(angle), np.sin(angle)
+    fundamental = np.exp(2j * np.pi * f * time)[:, None]
+    harmonics = np.multiply.accumulate(np.broadcast_to(fundamental, (samples, highest)), axis=1)
+    cos, sin = harmonics.real, harmonics.imag
     span = time[-1]  # keeps the slope columns of the same size as the others
     slope = time[:, None] / span * np.column_stack((cos[:, 0], sin[:, 0]))
     basis = np.column_stack((cos[:, :1], sin[:, :1], slope, np.ones_like(time), cos[:, 1:], sin[:, 1:]))
     share = (np.arange(samples) + 0.5) / samples
     weighted = basis * (4 * share * (1 - share))[:, None] if tapered else basis
-    rows = weighted @ np.linalg.solve(basis.T @ weighted, np.eye(basis.shape[1])[:, :4])
+    # not with BLAS, whose threads take longer to begin than this takes
+    normal = np.einsum("nj,nk->jk", basis, weighted)
+    rows = weighted @ np.linalg.solve(normal, np.eye(basis.shape[1])[:, :4])
     rows[:, 2:] /= span
     turn = np.ascontiguousarray(np.stack((cos[:, 0], sin[:, 0])))
     end = np.linspace(rate / f, samples, CYCLES)
