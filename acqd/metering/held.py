@@ -41,10 +41,15 @@ class HeldFrequency:
     def note_steady(self, f: list[float], magnitude: list[float]) -> list[bool]:
         """Estimates of consecutive windows that were all steady [Hz, digits]; `unsettled` of those that are usable."""
         unsettled: list[bool] = []
-        for value, size in zip(f, magnitude, strict=True):
-            if not self.note(value, size):
+        while (done := len(unsettled)) < len(f):
+            quiet = self._sideband.note_quiet(f[done:], magnitude[done:])
+            if quiet:
+                self._recent.extend((value, False) for value in f[done : done + quiet][-_REMEMBERED:])
+                unsettled += [False] * quiet
+            elif self.note(f[done], magnitude[done]):
+                unsettled.append(self._sideband.unsettled)
+            else:
                 break
-            unsettled.append(self._sideband.unsettled)
         return unsettled
 
     def note(self, f: float, magnitude: float) -> bool:

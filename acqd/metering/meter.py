@@ -34,7 +34,8 @@ INTERRUPTION = 0.05
 """Share of the nominal voltage below which there is no mains (EN 50160: supply interruption)."""
 _FREQUENCY_SPAN = 0.06  # s per frequency value, tapered; 50 ms has 1.4 times the noise
 _QUANTISATION = 4.0  # digits: a voltage this small is the converter's noise whatever the nominal is
-_BATCH_SAMPLES = 20_000  # per pass, so that the working set of one phase stays in the L2 cache
+_BATCH_SAMPLES = 20_000  # per pass of numpy, so that the working set of one phase stays in the L2 cache
+_STREAMED = 200_000  # per pass of the kernel, which reads them once: so that a pass costs more than its preparation
 
 
 class Meter:
@@ -71,7 +72,9 @@ class Meter:
         self._held = HeldFrequency(form.f_nominal, window)
         self._middle = MiddleFrequency(window * form.rate)
         history = max(fit, int(np.ceil(CYCLES * form.rate / (F_MIN - 1))) + 2) - shortest
-        self._stream = WindowStream(self._grid, history, max(1, _BATCH_SAMPLES // shortest))
+        kernel = compiled and why_not(len(form.scale)) is None
+        batch = _STREAMED if kernel else _BATCH_SAMPLES
+        self._stream = WindowStream(self._grid, history, max(1, batch // shortest))
         scale = np.asarray(form.scale)
         self._u_scale, self._i_scale = scale[0::2, None], scale[1::2, None]
         resolution = _QUANTISATION * self._u_scale if form.bits < 64 else np.zeros_like(self._u_scale)
@@ -86,7 +89,7 @@ class Meter:
             creep_kWh=creep_W * window / 3.6e6,
         )
         self._phases = range(form.phases)
-        self._kernel = self._make_kernel() if compiled and why_not(len(form.scale)) is None else None
+        self._kernel = self._make_kernel() if kernel else None
 
     def _make_kernel(self) -> Kernel:
         fixed = self.mode == "fixed"

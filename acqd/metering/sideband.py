@@ -64,8 +64,8 @@ class Sideband:
         self._f: deque[float] = deque(maxlen=lengths[-1])
         self._magnitude: deque[float] = deque(maxlen=lengths[-1])
         self._bent: deque[bool] = deque(maxlen=lengths[0])
-        self._low = self._high = 0.0  # bounds of the remembered f, as of at most _fresh windows ago
-        self._fresh = 0  # windows until they are taken anew
+        self._low = self._high = 0.0  # bounds of the remembered f and of some before them
+        self._left = 0  # windows until these are forgotten
         self._next = 0  # which of the lengths has its turn
         self._suspected = False
         self.beating = False
@@ -79,7 +79,7 @@ class Sideband:
         self._f.clear()
         self._magnitude.clear()
         self._bent.clear()
-        self._fresh, self._varied = 0, 0
+        self._left = self._varied = 0
         self.beating = self._suspected = self.unsettled = False
 
     def note(self, f: float, magnitude: float, *, steady: bool = True) -> float | None:
@@ -96,7 +96,8 @@ class Sideband:
             f, magnitude = self._f[-1], self._magnitude[-1]
         self._f.append(f)
         self._magnitude.append(magnitude)
-        varies = self._spread(f) >= SPREAD
+        self._bound(f)
+        varies = self._high - self._low >= SPREAD
         self._varied = self._varied + 1 if varies else 0
         self.unsettled = 0 < self._varied < self._lengths[-1] and (
             self._varied <= _EDGE or may_be_moved(self._f, self._magnitude, self._window_s)
@@ -110,6 +111,21 @@ class Sideband:
         self.beating = found is not None and self._suspected  # a chance likeness does not last
         self._suspected = found is not None
         return found if self.beating else None
+
+    def note_quiet(self, f: Sequence[float], magnitude: Sequence[float]) -> int:
+        """Takes some of the next windows at once, all steady, if f does not vary in them; how many it has taken."""
+        count = min(self._left, len(f))
+        if not count or self._varied:
+            return 0
+        f, magnitude = f[:count], magnitude[:count]
+        low, high = min(self._low, min(f)), max(self._high, max(f))
+        if high - low >= SPREAD:
+            return 0
+        self._low, self._high, self._left = low, high, self._left - count
+        self._f.extend(f)
+        self._magnitude.extend(magnitude)
+        self._bent.extend([False] * count)
+        return count
 
     def note_all(self, f: Sequence[float], magnitude: Sequence[float]) -> bool:
         """The next windows at once, all steady: whether an interharmonic moves f in the last one.
@@ -127,12 +143,13 @@ class Sideband:
         self._magnitude.pop()
         self._bent.pop()
 
-    def _spread(self, f: float) -> float:
-        """Between the largest and the smallest remembered f [Hz]; for lengths[0] windows at most, more than that."""
-        self._fresh -= 1
-        if self._fresh < 0 or not self._low <= f <= self._high:
-            self._low, self._high, self._fresh = min(self._f), max(self._f), self._lengths[0]
-        return self._high - self._low
+    def _bound(self, f: float) -> None:
+        """Of the remembered f, the last of which is `f`; from the remembered ones alone every lengths[0] windows."""
+        if self._left:
+            self._left -= 1
+            self._low, self._high = min(self._low, f), max(self._high, f)
+        else:
+            self._low, self._high, self._left = min(self._f), max(self._f), self._lengths[0]
 
     def _look(self, lengths: Sequence[int]) -> float | None:
         """f [Hz] without the interharmonic, from the first of `lengths` that shows one; None where none does."""
