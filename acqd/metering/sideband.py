@@ -9,9 +9,8 @@ lines are fitted over the last windows together with a parabola, which takes the
 
 from __future__ import annotations
 
-import math
 from collections import deque
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -19,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acqd.arrays import Floats
+from acqd.metering.onset import Onset
 
 LIMIT = 0.005
 """Hz; an interharmonic that moves f by less is let pass."""
@@ -26,14 +26,10 @@ SPREAD = 1.5 * LIMIT
 """Hz between the largest and the smallest f without which nothing is fitted."""
 LENGTHS = (12, 25, 50)
 """Windows that are fitted: a fast beat is known early, a slow one at all."""
-_FASTEST = 0.45
+FASTEST = 0.45
 """Beats per window at most; half a beat is the limit of sampling."""
 _SLOWEST = 0.8
 """Beats in the windows at least; fewer cannot be told from the parabola."""
-_MARGIN = 4.0
-"""Of the limit for how much f varies with the magnitude, which holds for pure lines."""
-_EDGE = 2
-"""Windows in which an interharmonic may begin: they move f by more than the limit."""
 _ONE_SIDED = 4.0
 """Power of the line over that of its mirror image."""
 _JUMPS = 3
@@ -70,17 +66,21 @@ class Sideband:
         self._suspected = False
         self.beating = False
         """Whether an interharmonic moved f in the last window."""
-        self._varied = 0  # windows in which f has varied so far
-        self.unsettled = False
+        self._onset = Onset(SPREAD, lengths[-1], FASTEST / window_s, edge=2)
+
+    @property
+    def unsettled(self) -> bool:
         """Whether f has begun to vary, and too few windows are known to tell an interharmonic from a swing of f."""
+        return self._onset.doubted
 
     def reset(self) -> None:
         """The next window does not follow the last one."""
         self._f.clear()
         self._magnitude.clear()
         self._bent.clear()
-        self._left = self._varied = 0
-        self.beating = self._suspected = self.unsettled = False
+        self._left = 0
+        self.beating = self._suspected = False
+        self._onset.reset()
 
     def note(self, f: float, magnitude: float, *, steady: bool = True) -> float | None:
         """The next window: f [Hz] as it was estimated, magnitude of the fundamental in any unit.
@@ -96,12 +96,11 @@ class Sideband:
             f, magnitude = self._f[-1], self._magnitude[-1]
         self._f.append(f)
         self._magnitude.append(magnitude)
-        self._bound(f)
-        varies = self._high - self._low >= SPREAD
-        self._varied = self._varied + 1 if varies else 0
-        self.unsettled = 0 < self._varied < self._lengths[-1] and (
-            self._varied <= _EDGE or may_be_moved(self._f, self._magnitude, self._window_s)
-        )
+        forgotten = self._bound(f)
+        spread = self._high - self._low
+        varies = spread >= SPREAD
+        if varies or forgotten:
+            self._onset.note(spread, self._f, self._magnitude, explained=self.beating)
         if not varies or len(self._f) < self._lengths[0]:
             self.beating = self._suspected = False
             return None
@@ -115,7 +114,7 @@ class Sideband:
     def note_quiet(self, f: Sequence[float], magnitude: Sequence[float]) -> int:
         """Takes some of the next windows at once, all steady, if f does not vary in them; how many it has taken."""
         count = min(self._left, len(f))
-        if not count or self._varied:
+        if not count:
             return 0
         f, magnitude = f[:count], magnitude[:count]
         low, high = min(self._low, min(f)), max(self._high, max(f))
@@ -143,13 +142,14 @@ class Sideband:
         self._magnitude.pop()
         self._bent.pop()
 
-    def _bound(self, f: float) -> None:
-        """Of the remembered f, the last of which is `f`; from the remembered ones alone every lengths[0] windows."""
+    def _bound(self, f: float) -> bool:
+        """Of the remembered f, the last of which is `f`; every lengths[0] windows of these alone, and True."""
         if self._left:
             self._left -= 1
             self._low, self._high = min(self._low, f), max(self._high, f)
-        else:
-            self._low, self._high, self._left = min(self._f), max(self._f), self._lengths[0]
+            return False
+        self._low, self._high, self._left = min(self._f), max(self._f), self._lengths[0]
+        return True
 
     def _look(self, lengths: Sequence[int]) -> float | None:
         """f [Hz] without the interharmonic, from the first of `lengths` that shows one; None where none does."""
@@ -180,20 +180,10 @@ class Sideband:
         return float(slope.imag)
 
 
-def may_be_moved(f: Collection[float], magnitude: Collection[float], window_s: float) -> bool:
-    """Whether an interharmonic may be why the f [Hz] of so many windows differ, by how much their magnitudes do.
-
-    The real part of w is a cos(2 pi b t), and f is moved by b times that: f varies by at most the fastest beat times
-    what ln(magnitude) does.
-    """
-    varies_Hz = max(f) - min(f)
-    return varies_Hz < _MARGIN * _FASTEST / window_s * math.log(max(magnitude) / min(magnitude))
-
-
 @lru_cache(maxsize=8)
 def _basis(n: int) -> _Basis:
     t = np.arange(n) - (n - 1.0)
-    beats = np.arange(_SLOWEST / n, _FASTEST, 0.2 / n)
+    beats = np.arange(_SLOWEST / n, FASTEST, 0.2 / n)
     powers = t[:, None] ** np.arange(3)
     parabola, _ = np.linalg.qr(powers)
     lines, solve = [], []

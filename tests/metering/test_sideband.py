@@ -101,6 +101,31 @@ def test_an_interharmonic_that_sets_in_later_is_flagged_from_the_first_wrong_f_o
     assert np.abs(f - 50.02)[~named].max() < 0.010
 
 
+def restless_mains(seconds, onset_s):
+    """Codes: f and voltage wander from window to window; an interharmonic of 2 % at 48 Hz sets in."""
+    random = np.random.default_rng(5)
+    t = np.arange(round(seconds * RATE)) / RATE
+    f = 50.02 + np.repeat(0.003 * random.standard_normal(len(t) // 800), 800)
+    codes = codes_of(np.cumsum(f) / RATE, 1, (0.02, 48.0)).astype(float)
+    quiet = codes_of(np.cumsum(f) / RATE, 1).astype(float)
+    codes[t < onset_s] = quiet[t < onset_s]
+    codes[:, 0] *= 1 + 0.002 * np.sin(2 * np.pi * 0.3 * t)
+    return np.rint(codes).astype(np.int16)
+
+
+def test_f_that_always_varies_a_little_is_settled_and_an_interharmonic_there_is_not():
+    codes = restless_mains(12.0, 9.0)
+    (batch,) = metered(codes)
+    doubted, onset = flagged(batch, "unsettled"), 225
+    assert np.ptp(batch.f[175:onset]) > 0.0075, "more than what is an onset on quiet mains"
+    assert not doubted[60:onset].any()
+    silent = ~(transient(batch) | doubted)
+    assert np.abs(batch.f - 50.02)[silent][onset:].max(initial=0) < 0.020
+    assert doubted[onset : onset + 10].any()
+    cut = metered(codes, range(700, len(codes), 700))
+    assert [batch.flags[0][0] for batch in cut] == batch.flags[0]
+
+
 @pytest.mark.parametrize(
     "shape",
     [

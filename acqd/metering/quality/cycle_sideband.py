@@ -7,8 +7,9 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
+from acqd.metering.onset import Onset
 from acqd.metering.quality.cycles import CycleFit
-from acqd.metering.sideband import LENGTHS, SPREAD, Sideband, may_be_moved
+from acqd.metering.sideband import FASTEST, LENGTHS, SPREAD, Sideband
 
 _INTERVALS = 10
 """2 s, after which every interharmonic that moves f by 10 mHz is known."""
@@ -22,9 +23,12 @@ class CycleSideband:
         self._last: NDArray[np.complex128] | None = None  # [phases]
         self._f: deque[float] = deque(maxlen=_INTERVALS)
         self._magnitude: deque[float] = deque(maxlen=_INTERVALS)
-        self._varied = 0  # intervals in which f has varied so far
-        self.unsettled = False
+        self._onset = Onset(SPREAD, _INTERVALS, FASTEST * f_nominal / 10)
+
+    @property
+    def unsettled(self) -> bool:
         """Whether the f of intervals has begun to vary, and an interharmonic cannot be told from a swing of f yet."""
+        return self._onset.doubted
 
     def moves(self, fit: CycleFit, *, follows: bool) -> bool:
         """Whether an interharmonic moves the f of the interval; `follows`: without a gap or a tick before it."""
@@ -33,7 +37,7 @@ class CycleSideband:
         if not follows or phasors is None or jumps:
             self._sideband.reset()
             self._last = None
-            self._varied, self.unsettled = 0, False
+            self._onset.reset()
         if phasors is None:
             self._f.clear()
             self._magnitude.clear()
@@ -51,7 +55,6 @@ class CycleSideband:
         magnitude = np.sqrt((power[:-1] + power[1:]) / 2)
         self._f.append(fit.f)
         self._magnitude.append(float(magnitude.mean()))
-        self._varied = self._varied + 1 if max(self._f) - min(self._f) >= SPREAD else 0
-        interval_s = phasors.shape[1] / fit.f
-        self.unsettled = 0 < self._varied < _INTERVALS and may_be_moved(self._f, self._magnitude, interval_s)
-        return self._sideband.note_all(f.tolist(), magnitude.tolist())
+        moved = self._sideband.note_all(f.tolist(), magnitude.tolist())
+        self._onset.note(max(self._f) - min(self._f), self._f, self._magnitude, explained=moved)
+        return moved

@@ -1,0 +1,57 @@
+"""Whether f has begun to vary more than it used to, so that nobody can tell yet what moves it.
+
+An interharmonic that sets in moves f before it is known (`sideband`), and a true swing of f looks the same. The f of
+noisy mains always varies a little: only more than that is an onset.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+
+_MORE = 1.25
+"""A spread so many times the largest one of late is an onset."""
+_REMEMBERED = 0.9992
+"""Share of that largest spread after a note: half is forgotten within minutes."""
+_MARGIN = 4.0
+"""Of the limit for how much f varies with the magnitude, which holds for pure lines."""
+
+
+class Onset:
+    """Of one stream."""
+
+    def __init__(self, least_Hz: float, windows: int, fastest_Hz: float, edge: int = 0) -> None:
+        """A spread of f below `least_Hz` is none; after so many windows it is usual; `fastest_Hz`: of a beat.
+
+        `edge`: windows in which an interharmonic may begin; it moves their f by more than that of later ones.
+        """
+        self._least_Hz, self._windows, self._fastest_Hz, self._edge = least_Hz, windows, fastest_Hz, edge
+        self._limit_Hz = least_Hz
+        self._varied = 0
+        self.doubted = False
+        """Whether f varies unusually, and has for less than the windows."""
+
+    def reset(self) -> None:
+        """The next windows do not follow the last ones; what is usual stays."""
+        self._varied, self.doubted = 0, False
+
+    def note(self, spread_Hz: float, f: Collection[float], magnitude: Collection[float], *, explained: bool) -> None:
+        """One more window: how much the remembered f vary, and whether a known interharmonic is why."""
+        if explained:
+            self.reset()
+        elif spread_Hz < self._limit_Hz:
+            self.reset()
+            self._limit_Hz = max(self._least_Hz, _MORE * spread_Hz, self._limit_Hz * _REMEMBERED)
+        else:
+            self._varied += 1
+            self.doubted = self._varied < self._windows and (self._varied <= self._edge or self._movable(f, magnitude))
+            if self._varied >= self._windows:
+                self._limit_Hz = _MORE * spread_Hz
+
+    def _movable(self, f: Collection[float], magnitude: Collection[float]) -> bool:
+        """Whether an interharmonic may be why these f [Hz] differ, by how much their magnitudes do.
+
+        ln(magnitude) varies by a cos(2 pi b t), and f by b times that: by at most the fastest beat times what
+        ln(magnitude) does.
+        """
+        return max(f) - min(f) < _MARGIN * self._fastest_Hz * math.log(max(magnitude) / min(magnitude))
