@@ -26,9 +26,12 @@ from acqd.models.segments import Segment
 from acqd.robot.arm import Arm
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Candidate:
-    """A hypothesis: an effect in one shape at one place, or an unnamed smooth alternative."""
+    """A hypothesis: an effect in one shape at one place, or an unnamed smooth alternative.
+
+    Compared by `key`, never as a whole.
+    """
 
     id: str
     """Of the effect; "" for an unnamed alternative."""

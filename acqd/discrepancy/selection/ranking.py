@@ -61,9 +61,9 @@ class Support:
         return float(self.gains.sum())
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Finding:
-    """A candidate under a gate, with its coefficients."""
+    """A candidate under a gate, with its coefficients. A finding equals itself only: coefficients are arrays."""
 
     candidate: Candidate
     coefficients: Floats
