@@ -114,6 +114,8 @@ def replay(
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
         bar = progress.add_task("metering", total=1.0)
         report = play(settings, lambda share: progress.update(bar, completed=share))
+    for note in report.notes:
+        console.print(f"acqd: {note}", soft_wrap=True, highlight=False, markup=False)
     if out is not None and str(out) == "-":
         return
     if json:

@@ -70,6 +70,9 @@ def play(settings: Playback, progress: Callable[[float], None]) -> PlaybackRepor
     for path, waveform in zip(settings.files, waveforms, strict=True) if settings.flicker else ():
         check_length(path, waveform.duration * settings.loops)
     report = PlaybackReport(recorded_s=sum(w.duration for w in waveforms) * settings.loops)
+    report.notes = [
+        f"{path}: {note}" for path, one in zip(settings.files, waveforms, strict=True) for note in one.notes
+    ]
     run = _Run(settings, report, progress)
     begun = time.perf_counter()
     with ExitStack() as stack:

@@ -38,6 +38,8 @@ class PlaybackReport:
     events: int = 0
     """Voltage events, where they are wanted."""
     channels: list[ChannelReport] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    """How files were read, where that is not the only way."""
 
 
 def describe(file: str, batch: WindowBatch) -> list[ChannelReport]:

@@ -12,7 +12,7 @@ import numpy as np
 from acqd.arrays import Floats
 from acqd.errors import InputError
 from acqd.sources.text_file import encoding_of
-from acqd.sources.waveform import LATEST_NS, QUANTITIES, ChannelMap, Waveform, physical, position
+from acqd.sources.waveform import LATEST_NS, QUANTITIES, ChannelMap, Waveform, physical, positions
 
 _TIME = ("time", "t", "t_s", "time_s", "seconds")
 _ALIASES = {"u": "u1", "v": "u1", "v1": "u1", "v2": "u2", "v3": "u3", "i": "i1"}
@@ -27,7 +27,7 @@ def load(path: Path, channels: ChannelMap) -> Waveform:
     if all(_is_number(name) for name in header):
         raise InputError(path, "row 1 has no names; expected a header like time,u1,i1")
     pairs = channels.pairs(path, {} if channels.columns else _by_name(path, header))
-    order = [position(path, header, name, "column") for pair in pairs for name in pair]
+    order = positions(path, header, pairs, "column")
     table = text.table()
     if not len(table):
         raise InputError(path, "has a header but no samples")
@@ -145,10 +145,11 @@ def _clock(path: Path, time: Floats, channels: ChannelMap) -> tuple[float, int |
     expected = time[0] + period * np.arange(len(time))
     uneven = np.flatnonzero(np.abs(time - expected) > slack + 0.5 * period * (period > 0) * _JITTER)
     if len(uneven):
-        row = int(uneven[0])
+        # From row to row: against the even grid, a missing row shifts all others.
+        row = int(np.argmax(np.abs(np.diff(time) - step))) + 1
         raise InputError(
             path,
-            f"row {row + 2}: time {time[row]:.9g} s breaks the equidistant step of {period:.9g} s; "
-            "resample it, or give --rate to overrule the column",
+            f"row {row + 2}: time {time[row]:.9g} s is {time[row] - time[row - 1]:.6g} s after the row before, "
+            f"expected an equidistant step of {step:.6g} s; resample it, or give --rate to overrule the column",
         )
     return float(1 / period), start

@@ -12,6 +12,8 @@ from acqd.errors import InputError
 from acqd.sources.waveform import LATEST_NS, MOST_BYTES, ChannelMap, Waveform, check_values, stream_format
 
 _KEYS = ("u_code", "i_code", "u_V_per_digit", "i_A_per_digit", "fs")
+_EARLIEST_NS = 10**16
+"""April 1970: microseconds of this century are less."""
 _PHYSICAL = ("u_V", "i_A", "fs")
 
 
@@ -46,6 +48,8 @@ def load(path: Path, channels: ChannelMap) -> Waveform:
     start = _integer(path, data, "start_utc_ns") if "start_utc_ns" in data else None
     if start is not None and not 0 <= start < LATEST_NS:
         raise InputError(path, f"start_utc_ns {start} is no time between 1970 and 2200")
+    if start is not None and 0 < start < _EARLIEST_NS:
+        raise InputError(path, f"start_utc_ns {start} is {start * 1e-9:g} s after 1970; expected nanoseconds")
     simulated = "simulated" in data and _number(path, data, "simulated") != 0
     return Waveform(path.name, codes, stream_format(path, rate, scale, f_nominal, codes), start, simulated)
 

@@ -47,6 +47,8 @@ class ChannelMap:
             key = key.strip().lower()
             if not equals or key not in QUANTITIES or not column.strip():
                 raise UserError(f"{option}: {item!r} is not like u1=COLUMN (keys {', '.join(QUANTITIES)})")
+            if key in columns:
+                raise UserError(f"{option}: {key} stands twice ({columns[key]} and {column.strip()}); expected once")
             columns[key] = column.strip()
         return columns
 
@@ -78,11 +80,26 @@ class Waveform:
     """UTC of the first sample if the file knows it."""
     simulated: bool = False
     """Made by a simulation, and says so: every row of it is flagged."""
+    notes: tuple[str, ...] = ()
+    """What the user should know about how the file was read."""
 
     @property
     def duration(self) -> float:
         """Seconds."""
         return len(self.codes) / self.form.rate
+
+
+def positions(path: Path, names: list[str], pairs: list[tuple[str, str]], kind: str) -> list[int]:
+    """Places of u1, i1, u2 ... as `position` finds them. Phases may share a voltage.
+
+    Raises InputError for a current that is used twice, or as a voltage.
+    """
+    places = [position(path, names, name, kind) for pair in pairs for name in pair]
+    for place in places[1::2]:
+        if places.count(place) > 1:
+            twice = " and ".join(QUANTITIES[k] for k, other in enumerate(places) if other == place)
+            raise InputError(path, f"{kind} {names[place]!r} is {twice}; expected another {kind} for each (see --map)")
+    return places
 
 
 def position(path: Path, names: list[str], name: str, kind: str) -> int:

@@ -182,6 +182,28 @@ def test_equal_channel_names_are_refused_and_numbers_select(tmp_path, recording)
     assert_exact(metered(load_waveform(path, chosen)), as_recorded(recording))
 
 
+def test_a_map_that_takes_a_current_for_a_voltage_is_refused(tmp_path, recording):
+    path = recording.write(tmp_path)
+    swapped = {"u1": "IA", "i1": "VA"}
+    with pytest.raises(InputError, match=r"'IA' for u1 is in A; expected V .*--u-scale"):
+        load_waveform(path, ChannelMap(swapped))
+    assert load_waveform(path, ChannelMap(swapped, u_scale=2.0, i_scale=3.0)).form.phases == 1
+
+
+def test_channels_beside_the_metered_ones_are_named(tmp_path, recording):
+    path = replace(recording, names=("VA", "IA", "VA2", "IA2", "VB", "IB")).write(tmp_path)
+    path.write_text(path.read_text().replace("VA2,B", "VA2,A").replace("IA2,B", "IA2,A").replace("B,C", "B,B"))
+    (note,) = load_waveform(path).notes
+    assert note == "metered are u1=VA, i1=IA, u2=VB, i2=IB; it also has VA2, IA2 (--map selects)"
+
+
+def test_data_that_are_longer_than_announced_are_named(tmp_path, recording):
+    path = replace(recording, segments=((20_000.0, 8_000),)).write(tmp_path)
+    waveform = load_waveform(path)
+    assert len(waveform.codes) == 8_000
+    assert waveform.notes == ("has 10000 samples, of which its header announces the first 8000",)
+
+
 def test_a_missing_sample_is_named(tmp_path):
     mains = make_mains(50.0, seconds=0.2)
     mains.codes[77, 3] = -32_768

@@ -7,7 +7,7 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from acqd.errors import InputError
+from acqd.errors import InputError, UserError
 from acqd.metering import Meter, SampleBlock, StreamFormat
 from acqd.sources import ChannelMap, load_waveform
 from tests.mains import make_mains
@@ -75,6 +75,18 @@ def test_two_columns_for_one_quantity_are_refused(tmp_path, header):
     with pytest.raises(InputError, match=r"two columns for u1.*columns: 0=time, 1=u"):
         load_waveform(path)
     assert load_waveform(path, ChannelMap({"u1": "1", "i1": "2"})).codes[0].tolist() == [1, 2]
+
+
+@pytest.mark.parametrize("columns", [{"u1": "u1", "i1": "u1"}, {"u1": "0", "i1": "1", "u2": "2", "i2": "1"}])
+def test_a_column_is_one_current_only(tmp_path, columns):
+    write_csv(tmp_path / "a.csv")
+    with pytest.raises(InputError, match="expected another column for each"):
+        load_waveform(tmp_path / "a.csv", ChannelMap(columns))
+
+
+def test_a_key_of_a_map_stands_once():
+    with pytest.raises(UserError, match=r"u1 stands twice \(A and B\)"):
+        ChannelMap.parse("u1=A,i1=C,u1=B")
 
 
 def test_a_map_to_equal_names_is_refused(tmp_path):

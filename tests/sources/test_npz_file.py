@@ -28,6 +28,8 @@ BROKEN_NPZ = {
     "absurd scale": ({"u_V_per_digit": 1e9}, "full scale"),
     "zero scale": ({"i_A_per_digit": 0.0}, "full scale"),
     "negative scale": ({"i_A_per_digit": -1.0}, "full scale"),
+    "a start in seconds": ({"start_utc_ns": 1_700_000_000}, "1.7 s after 1970; expected nanoseconds"),
+    "a start in ms": ({"start_utc_ns": 1_700_000_000_000}, "expected nanoseconds"),
 }
 
 

@@ -16,7 +16,7 @@ from acqd.metering.delay import delayed
 from acqd.sources.comtrade.files import parts
 from acqd.sources.comtrade.header import SIMULATED, AnalogChannel, Header, read_header
 from acqd.sources.comtrade.samples import Samples
-from acqd.sources.waveform import ChannelMap, Waveform, check_values, position, stream_format
+from acqd.sources.waveform import QUANTITIES, ChannelMap, Waveform, check_values, positions, stream_format
 
 _UNITS = {
     **{
@@ -32,6 +32,7 @@ _UNITS = {
 }
 _PHASES = {"a": "1", "l1": "1", "r": "1", "1": "1", "b": "2", "l2": "2", "s": "2", "2": "2", "c": "3", "l3": "3"}
 _PHASES |= {"t": "3", "3": "3"}
+_SHOWN = 6  # channels that are not metered
 _STEP_SLACK = 0.05  # of a period: how far times may be from an even step
 
 
@@ -51,13 +52,15 @@ def load(path: Path, channels: ChannelMap) -> Waveform:
     header = read_header(path, text)
     names = [channel.name for channel in header.channels]
     pairs = channels.pairs(path, _by_unit(header.channels))
-    columns = [position(path, names, name, "analog channel") for pair in pairs for name in pair]
+    columns = positions(path, names, pairs, "analog channel")
+    _check_units(path, [header.channels[column] for column in columns], channels)
     samples = Samples(path, header, content)
     rate = channels.rate or _rate(path, header, samples)
     record = _Record(path, header, samples, columns, rate)
     codes, scale, utc_ns = record.codes(channels)
     form = stream_format(path, rate, scale, channels.f_nominal or _nominal(header.frequency), codes)
-    return Waveform(path.name, codes, form, utc_ns, header.device == SIMULATED)
+    notes = () if channels.columns else _left_out(header.channels, columns)
+    return Waveform(path.name, codes, form, utc_ns, header.device == SIMULATED, (*notes, *samples.notes))
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,6 +104,33 @@ class _Record:
         if first >= last:
             raise InputError(self.path, "the skews of its channels are longer than the recording")
         return first, last
+
+
+def _check_units(path: Path, chosen: list[AnalogChannel], given: ChannelMap) -> None:
+    """Raises InputError for a current in V, and for a unit that says nothing, unless the user gives the scale."""
+    for key, channel in zip(QUANTITIES, chosen, strict=False):
+        unit, wanted = channel.unit.strip().lower(), "V" if key[0] == "u" else "A"
+        if (
+            unit
+            and _UNITS.get(unit, ("", 0.0))[0] != key[0]
+            and not (given.u_scale if key[0] == "u" else given.i_scale)
+        ):
+            raise InputError(
+                path,
+                f"channel {channel.name!r} for {key} is in {channel.unit}; expected {wanted} (see --map), or say how "
+                f"many {wanted} its unit is with --{key[0]}-scale",
+            )
+
+
+def _left_out(channels: list[AnalogChannel], columns: list[int]) -> tuple[str, ...]:
+    """Says which of several voltages or currents of a phase are metered."""
+    units = [_UNITS.get(channel.unit.lower(), ("", 0.0))[0] for channel in channels]
+    others = [channel.name for k, channel in enumerate(channels) if units[k] and k not in columns]
+    if not others:
+        return ()
+    metered = ", ".join(f"{key}={channels[column].name}" for key, column in zip(QUANTITIES, columns, strict=False))
+    more = f" and {len(others) - _SHOWN} more" if len(others) > _SHOWN else ""
+    return (f"metered are {metered}; it also has {', '.join(others[:_SHOWN])}{more} (--map selects)",)
 
 
 def _is_code(channel: AnalogChannel) -> bool:

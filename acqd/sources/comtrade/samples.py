@@ -34,6 +34,10 @@ class Samples:
             if not present and not announced:
                 raise InputError(path, "has no samples")
             raise InputError(path, f"is truncated: {present} of {announced} samples")
+        self.notes = (f"has {present} samples, of which its header announces the first {announced}",) * (
+            0 < announced < present
+        )
+        """What the user should know."""
         self._rows = self._rows[: announced or present]
 
     def __len__(self) -> int:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from pydantic import ValidationError
@@ -13,6 +15,8 @@ from acqd.metering import SampleBlock
 from acqd.sources import Waveform, load_waveform
 from tests.metering.quality.disturbed import RATE, blocks, form, voltages
 from tests.waiting import wait_for
+
+T0 = 1_700_000_000 * 10**9
 
 
 def dip(begin, end, share=0.5):
@@ -27,7 +31,7 @@ def watched(envelope, folder=None, *, seconds=4.0, drop=(0, 0), **section):
     u = voltages(envelope, seconds=seconds)
     for block in blocks(u):
         if not drop[0] <= block.index < drop[1]:
-            watch.feed(block)
+            watch.feed(replace(block, utc_ns=T0 + block.utc_ns))
     watch.finish()
     return told, u
 
@@ -43,7 +47,7 @@ def test_begin_and_end_are_reported_with_one_waveform_from_before_to_after(tmp_p
     (file,) = kept(tmp_path)
     assert file.name == ended.waveform
     back = load_waveform(file)
-    first = round((back.start_utc_ns * 1e-9) * RATE)
+    first = round(((back.start_utc_ns - T0) * 1e-9) * RATE)
     assert first == pytest.approx((1.0 - 0.2) * RATE, abs=200)
     np.testing.assert_allclose(back.codes[:, 0::2], u[first : first + len(back.codes)])
     assert back.duration == pytest.approx(0.2 + 0.3 + 0.2, abs=0.05)
@@ -62,15 +66,17 @@ def test_a_rapid_change_is_reported_once_with_what_was_before_it(tmp_path):
     (one,), _ = watched(lambda t, _: np.where(t < 2, 1.0, 0.93), tmp_path)
     assert one.kind == "rvc" and one.duration is not None
     back = load_waveform(kept(tmp_path)[0])
-    assert back.start_utc_ns == pytest.approx(1.8e9, abs=0.03e9)
+    assert back.start_utc_ns - T0 == pytest.approx(1.8e9, abs=0.03e9)
 
 
 def test_a_gap_ends_the_waveform(tmp_path):
     told, _ = watched(dip(1.0, 2.0), tmp_path, drop=(12_000, 13_000))
     assert [each.flags for each in told if each.duration is not None] == [["gap"], ["gap"]]
     first, second = kept(tmp_path)
-    assert load_waveform(first).start_utc_ns * 1e-9 + load_waveform(first).duration == pytest.approx(1.2, abs=0.01)
-    assert load_waveform(second).start_utc_ns == pytest.approx(1.32e9, abs=1e6)
+    assert (load_waveform(first).start_utc_ns - T0) * 1e-9 + load_waveform(first).duration == pytest.approx(
+        1.2, abs=0.01
+    )
+    assert load_waveform(second).start_utc_ns - T0 == pytest.approx(1.32e9, abs=1e6)
 
 
 def test_without_a_folder_or_waveforms_nothing_is_kept(tmp_path):
@@ -106,7 +112,7 @@ def test_a_disk_that_fails_is_logged_once_and_stops_nothing(tmp_path, caplog):
 
 def test_a_waveform_of_16_bit_codes_stays_one(tmp_path):
     files = WaveformFiles(tmp_path, 9, 1e9)
-    files.save("a.npz", Waveform("x", piece().codes, form(1), 5, simulated=True))
+    files.save("a.npz", Waveform("x", piece().codes, form(1), T0, simulated=True))
     files.close(9.0)
     assert load_waveform(tmp_path / "a.npz").simulated
 
