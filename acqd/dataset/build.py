@@ -10,8 +10,8 @@ from acqd.dataset.column_check import check_columns, to_check
 from acqd.dataset.config import BuildConfig, BuildReport
 from acqd.dataset.cut import AUTO, automatic_length, cut, cut_at_rests
 from acqd.dataset.growing import Existing, existing
-from acqd.dataset.log_files import Logs, read_logs
-from acqd.dataset.log_power import LOG, log_power
+from acqd.dataset.log_files import Logs, read_logs, uncommon_columns
+from acqd.dataset.log_power import LOG, log_power, small_power
 from acqd.dataset.merge import merge
 from acqd.dataset.merged_log import Batch, MergedLog
 from acqd.dataset.placement import Alignment, given, place
@@ -41,12 +41,16 @@ def build(config: BuildConfig, progress: _Progress) -> BuildReport:
     progress("reading power", 0.0)
     stream = None if config.power == LOG else open_power(config.power, config.device, config.channel)
     logs = read_logs(config.logs, robot, before.logs, before.names, lambda share: progress("reading logs", share))
+    if to_check(logs.kept, robot):
+        logs.keep(lambda log: check_columns(log, robot), lambda _: None)
+    logs.notes += uncommon_columns(logs.kept)
     _cut(logs, config, robot, before)
     if stream is None:
         powers = logs.keep(log_power, lambda share: progress("reading power", share))
         regressors: list[Regressors] = []
         alignment = given(len(logs.kept), 0.0)
         logs.notes.append("power and motion are in the same logs, with one clock: nothing was aligned")
+        logs.notes += small_power(powers)
     else:
         regressors, alignment = _align(logs, config, robot, stream, progress)
         powers = [stream]
@@ -99,10 +103,6 @@ def _align(
     regressors = logs.keep(
         lambda log: regressors_of(log, robot, config.torque), lambda share: progress("computing regressors", share)
     )
-    if to_check(logs.kept, robot):
-        of_log = {id(log): columns for log, columns in zip(logs.kept, regressors, strict=True)}
-        logs.keep(lambda log: check_columns(log, robot), lambda _: None)
-        regressors = [of_log[id(log)] for log in logs.kept]
     names = [log.path.stem for log in logs.kept]
     return regressors, place(regressors, stream, config.search_s, lambda share: progress("aligning", share), names)
 

@@ -1,6 +1,8 @@
-"""A check that a log's torque columns belong to its angle columns: logged against computed torques."""
+"""A check that a log's torque or current columns belong to its angle columns: against computed torques."""
 
 from __future__ import annotations
+
+import itertools
 
 import numpy as np
 
@@ -29,27 +31,57 @@ def to_check(logs: list[RobotLog], robot: RobotDescription) -> list[RobotLog]:
 
 
 def check_columns(log: RobotLog, robot: RobotDescription) -> None:
-    """Raises InputError when logged torques contradict the logged angles."""
-    if best_torque(log) != "measured":
+    """Raises InputError when logged torques contradict the logged angles.
+
+    Currents stand in for torques that were not logged. Friction bends them, so that they contradict the angles only if
+    they agree with them once two axes are exchanged.
+    """
+    name, known = _torques(log, robot)
+    if known is None:
         return
     time, rows = in_time(log)
     grid = np.arange(time[0], time[-1], _STEP_S)
-    q = _on_grid(grid, time, log.q[rows])
+    q, logged = _on_grid(grid, time, log.q[rows]), _on_grid(grid, time, known[rows])
+    agreement = _agreement(robot, q, logged)
+    if len(agreement) < 2 or np.median(list(agreement.values())) >= _MIN_CORRELATION:
+        return
+    exchanged = _exchanged(robot, q, logged)
+    if name == "currents" and not exchanged:
+        return
+    worst = min(agreement, key=lambda axis: agreement[axis])
+    raise InputError(
+        log.path,
+        f"the {name} do not belong to the angles (worst joint {robot.joint[worst].name}, correlation "
+        f"{agreement[worst]:.2f}{exchanged}): are the columns in the order of {robot.name}'s axes?",
+    )
+
+
+def _agreement(robot: RobotDescription, q: Floats, logged: Floats) -> dict[int, float]:
+    """Correlation of logged with computed torque of the axes that move."""
     qd = np.gradient(q, _STEP_S, axis=0)
-    assert log.tau is not None
-    logged = _on_grid(grid, time, log.tau[rows])
     computed = inverse_dynamics(robot, q, qd, np.gradient(qd, _STEP_S, axis=0))
     moving = np.flatnonzero((logged.std(axis=0) > _MIN_DEVIATION_NM) & (computed.std(axis=0) > _MIN_DEVIATION_NM))
-    if len(moving) < 2:
-        return
-    correlations = [abs(float(np.corrcoef(logged[:, k], computed[:, k])[0, 1])) for k in moving]
-    if np.median(correlations) < _MIN_CORRELATION:
-        worst = robot.joint[int(moving[int(np.argmin(correlations))])].name
-        raise InputError(
-            log.path,
-            f"the torques do not belong to the angles (worst joint {worst}, correlation {min(correlations):.2f}): "
-            f"are the columns in the order of {robot.name}'s axes?",
-        )
+    return {k: abs(float(np.corrcoef(logged[:, k], computed[:, k])[0, 1])) for k in moving.tolist()}
+
+
+def _exchanged(robot: RobotDescription, q: Floats, logged: Floats) -> str:
+    """Which two axes, exchanged, make angles and torques agree; empty if none do."""
+    for one, other in itertools.combinations(range(robot.axes), 2):
+        order = np.arange(robot.axes)
+        order[[one, other]] = other, one
+        agreement = _agreement(robot, q[:, order], logged)
+        if len(agreement) > 1 and np.median(list(agreement.values())) >= _MIN_CORRELATION:
+            return f"; with {robot.joint[one].name} and {robot.joint[other].name} exchanged they do"
+    return ""
+
+
+def _torques(log: RobotLog, robot: RobotDescription) -> tuple[str, Floats | None]:
+    """[T, axes] Nm at the joints: logged, or the nominal torque of the logged currents; None without either."""
+    if best_torque(log) == "measured":
+        return "torques", log.tau
+    if log.current is None or not np.isfinite(log.current).all():
+        return "currents", None
+    return "currents", log.current * np.array([joint.drive.effort_per_ampere for joint in robot.joint])
 
 
 def _on_grid(grid: Floats, time: Floats, values: Floats) -> Floats:

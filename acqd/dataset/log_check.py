@@ -10,7 +10,14 @@ from acqd.robot.log import RobotLog, in_time
 
 _SLOWEST_S = 0.125
 """Longest usual step between rows: angles are not interpolated over more than twice that (merge.py)."""
+_SPARSE = 100.0
+"""Times the usual step that rows may be apart on average: a recorder that pauses leaves gaps, not seldom rows."""
+_MOVING = 0.05
+"""rad/s or m/s of a joint that moves."""
+_BRAKED_SHARE, _BRAKED_S = 0.1, 1.0
+"""Of the motion, and so long, a joint may seem to move behind closed brakes."""
 _TOO_MUCH = 10.0  # times the current that holds the joint's greatest torque
+_OPEN = 0.5
 _MOST_ROWS = 99  # percentile: a few rows of noise are no wrong unit
 
 
@@ -26,7 +33,32 @@ def check_log(log: RobotLog, robot: RobotDescription) -> None:
             f"has a row every {step_s:.3g} s, expected one every {_SLOWEST_S} s or faster: "
             "the motion between the rows is unknown; record at 25 Hz or more",
         )
+    span_s = float(time[-1] - time[0])
+    if span_s > _SPARSE * step_s * len(time):
+        raise InputError(
+            log.path,
+            f"has {len(time)} rows in {span_s / 3600:.3g} h, most of them {step_s:.3g} s apart; expected rows of one "
+            "recording: is its time in ms, or are parts of it missing?",
+        )
     _check_currents(log, robot)
+    _check_brake(log)
+
+
+def _check_brake(log: RobotLog) -> None:
+    brake = log.signals.get("brake")
+    if brake is None:
+        return
+    time, rows = in_time(log)
+    steps = np.diff(time)
+    moving = (np.abs(np.diff(log.q[rows], axis=0)) > _MOVING * steps[:, None]).any(axis=1)
+    closed = moving & (brake[rows][1:] < _OPEN) & (brake[rows][:-1] < _OPEN)
+    braked_s, moving_s = float(steps[closed].sum()), float(steps[moving].sum())
+    if braked_s > max(_BRAKED_S, _BRAKED_SHARE * moving_s):
+        raise InputError(
+            log.path,
+            f"moves for {moving_s:.1f} s, {braked_s:.1f} s of them with closed brakes; expected brake 1 where the "
+            "brakes are open: is the column inverted, or another one?",
+        )
 
 
 def _check_currents(log: RobotLog, robot: RobotDescription) -> None:

@@ -87,6 +87,22 @@ def read_logs(
     return logs
 
 
+def uncommon_columns(logs: list[RobotLog]) -> list[str]:
+    """Notes on quantities that some logs lack and others have: a model uses what all logs have."""
+    has = {
+        "torques": [log.tau is not None for log in logs],
+        "currents": [log.current is not None for log in logs],
+        "temperatures": [log.temperature is not None for log in logs],
+        **{name: [name in log.signals for log in logs] for name in ("brake", "tool")},
+    }
+    return [
+        f"{known.count(False)} of {len(logs)} logs have no {name}, or not of all joints, the first: "
+        f"{logs[known.index(False)].path}; a model uses what all its logs have"
+        for name, known in has.items()
+        if any(known) and not all(known)
+    ]
+
+
 def _read(path: Path, robot: RobotDescription, twin: str | None, taken: set[str]) -> RobotLog:
     if twin is not None:
         raise InputError(path, f"has the same content as {twin}")

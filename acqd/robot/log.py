@@ -14,9 +14,11 @@ from acqd.errors import InputError
 from acqd.robot.bag import is_bag, read_bag
 from acqd.robot.description import LogColumns, RobotDescription
 from acqd.robot.garbled import BEYOND, FEW, beyond_limit, clock_restart, garbled_rows, impossible_jump, limits
-from acqd.robot.log_layout import PER_AXIS, Columns, layout_of, why_not
+from acqd.robot.log_layout import PER_AXIS, Columns, layout_of, twice, why_not
 from acqd.robot.table import Table, read_table
 
+LATEST_S = 7_258_118_400.0
+"""2200-01-01 in Unix seconds."""
 _DAY_S = 86_400.0
 _NAMED_ROWS = 5
 
@@ -73,7 +75,13 @@ def log_of(path: Path, table: Table, robot: RobotDescription) -> RobotLog:
     found = layout_of(table, robot)
     if found is None:
         raise InputError(path, why_not(table, robot))
+    repeated = twice(table, found[1])
+    if repeated is not None:
+        raise InputError(path, f"has several columns {repeated!r}; expected one: rename or remove the others")
     log = _assemble(path, table, *found)
+    usual = float(np.median(log.time))  # single stamps may be garbled
+    if usual > LATEST_S:
+        raise InputError(path, f"its times are about {usual:.4g} s; expected seconds before 2200; in ms or ns?")
     faults = garbled_rows(log.time, log.q, robot) | table.broken
     if len(faults) > FEW * len(log.time):
         raise InputError(path, _refusal(table, log.q, faults, robot))

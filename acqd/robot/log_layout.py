@@ -73,6 +73,19 @@ def _in_order(layout: LogColumns, table: Table, axes: int) -> Columns | None:
     return columns if at == table.values.shape[1] else None
 
 
+def _clocks(layouts: list[LogColumns]) -> str:
+    """Names of the time columns of some layouts."""
+    names = [f"{each.time_s} and {each.time_ns}" if each.time_s and each.time_ns else each.time for each in layouts]
+    return " or ".join(dict.fromkeys(name for name in names if name))
+
+
+def twice(table: Table, columns: Columns) -> str | None:
+    """A name of the layout that more than one column has: nobody knows which of them is meant."""
+    header = table.header or []
+    used = [header[number] for numbers in columns.values() for number in numbers if number < len(header)]
+    return next((name for name in used if header.count(name) > 1), None)
+
+
 def why_not(table: Table, robot: RobotDescription) -> str:
     """Why no layout of `robot` fits the table: a sentence for the user that quotes nothing of the file.
 
@@ -91,5 +104,7 @@ def why_not(table: Table, robot: RobotDescription) -> str:
         count = len(numbered.get(pattern, ()))
         if count and count != robot.axes:
             return f"has {count} columns {pattern.replace('#', 'N')}, but {robot.name} has {robot.axes} axes"
+        if count:  # all angles are there, so that the time is not
+            return f"has {count} columns {pattern.replace('#', 'N')}, but no time: expected {_clocks(layouts)}"
     expected = " or ".join([f"time,q1..q{robot.axes}", *patterns[:-1]])
     return f"has none of the columns a log of {robot.name} has ({expected}); look at its first line"

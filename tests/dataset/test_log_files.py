@@ -27,12 +27,23 @@ def spoil(folder):
     days = time.copy()
     days[len(days) // 2 :] += 1e9
     write_log(folder / "days.csv", days, q, power)
+    clumps = time + 1000.0 * (np.arange(len(time)) // 100)
+    write_log(folder / "clumps.csv", clumps, q + 0.02, power)
+    write_log(folder / "epoch.csv", 1.7e12 + time, q, power)
+    write_log(folder / "braked.csv", time, q + 0.03, power, brake=np.zeros(len(time)))
+    doubled = (folder / "good.csv").read_text().splitlines()
+    header, *rows = (f"{line},{line.split(',')[-1]}" for line in doubled)
+    (folder / "doubled.csv").write_text("\n".join([header, *rows]))
     (folder / "text.csv").write_text("this is,no log\n")
     (folder / "twin.csv").write_bytes((folder / "good.csv").read_bytes())
     return folder
 
 
 COMPLAINTS = {
+    "braked": "s of them with closed brakes; expected brake 1 where the brakes are open",
+    "clumps": "has 600 rows in 1.39 h, most of them 0.02 s apart",
+    "doubled": "has several columns 'power'; expected one",
+    "epoch": "its times are about 1.7e+12 s; expected seconds before 2200",
     "days": "time jumps by 11574 days after data row 300",
     "degrees": "limit",
     "milli": "wrist_2 draws a current of 2500, but 3.13 A are its greatest torque: are the currents in mA",
@@ -53,6 +64,25 @@ def test_bad_logs_are_named_and_the_others_go_on(tmp_path, lag):
     for name, complaint in COMPLAINTS.items():
         line = next(line for line in report.refused if f"{name}.csv" in line)
         assert complaint in line and "\n" not in line
+
+
+def test_power_with_the_wrong_sign_is_refused_and_kilowatts_are_noted(tmp_path):
+    time, q, power = motion(12)
+    for number, (factor, name) in enumerate([(1e-3, "kw"), (1e-3, "kw2"), (-1.0, "sign")]):
+        write_log(tmp_path / "logs" / f"{name}.csv", time, q + 0.01 * number, factor * power)
+    report = build(BuildConfig("log", tmp_path / "logs", tmp_path / "ds", "ur3e", cut_s=0), quiet)
+    assert len(report.refused) == 1 and "sign.csv: its power is -" in report.refused[0]
+    assert any("little for a robot: is it in kW?" in note for note in report.notes)
+
+
+def test_columns_that_only_some_logs_have_are_noted(tmp_path):
+    time, q, power = motion(12)
+    brake = {"brake": np.ones(len(time))}
+    write_log(tmp_path / "logs" / "a.csv", time, q, power, **brake)
+    write_log(tmp_path / "logs" / "b.csv", time, q + 0.01, power)
+    report = build(BuildConfig("log", tmp_path / "logs", tmp_path / "ds", "ur3e", cut_s=0), quiet)
+    (note,) = (note for note in report.notes if "have no brake" in note)
+    assert "1 of 2 logs" in note and "b.csv" in note
 
 
 def test_a_few_garbled_rows_are_a_note(tmp_path):

@@ -55,7 +55,10 @@ HEADER = "time," + ",".join(f"q{k}" for k in range(1, 8))
         (HEADER + "\n0,0,0,0,0,0,0,0\n1,0,0,0\n", "row 3 has 4 columns, the first line 8; is it cut off"),
         (HEADER + "\n0,0,0,0,0,0,0,0\n1,0,0,x,0,0,0,0\n", "row 3: q column 3 is empty or no number"),
         (HEADER.replace(",q7", "") + "\n0,0,0,0,0,0,0\n", "has 6 columns qN, but iiwa7_r800 has 7 axes"),
-        (HEADER.replace("time", "when") + "\n0,0,0,0,0,0,0,0\n", "has none of the columns a log of iiwa7_r800 has"),
+        (
+            HEADER.replace("time", "when") + "\n0,0,0,0,0,0,0,0\n",
+            "has 7 columns qN, but no time: expected ZeitInSec and",
+        ),
         (HEADER + "\n0,90,0,0,0,0,0,0\n1,91,0,0,0,0,0,0\n", "A1 reaches 91 rad.*look like degrees: write radians"),
         (HEADER + "\n0,0,2.5,0,0,0,0,0\n", "A2 reaches 2.5 rad, but its limit is 120 deg; is this a log of iiwa7"),
         ("1,2,3\n4,5,6\n", "has no header and 3 columns; expected a header time,q1..q7"),
