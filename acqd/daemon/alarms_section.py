@@ -7,7 +7,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from acqd.daemon.section import Port, Section
+from acqd.daemon.section import Port
+from acqd.section import FileName, Section
 
 _Url = Annotated[str, Field(pattern=r"^https?://")]
 _Address = Annotated[str, Field(pattern=r"^[^@\s]+@[^@\s]+$")]
@@ -28,7 +29,7 @@ class AlarmsSection(Section):
     """A state of a daemon is an alarm when it has lasted so long [s]: longer than a restart."""
     remind_h: Annotated[float, Field(ge=0)] = 24.0
     """An alarm that nobody has acknowledged is repeated; 0: never [h]."""
-    state: Path = Path("acqd-alarms.json")
+    state: FileName = Path("acqd-alarms.json")
     """Remembers alarms and messages on their way over a restart."""
 
     @model_validator(mode="after")

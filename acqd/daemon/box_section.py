@@ -5,8 +5,8 @@ from __future__ import annotations
 from pydantic import Field, model_validator
 
 from acqd.daemon.modbus_sections import MetersSection
-from acqd.daemon.section import Section
 from acqd.daemon.source_sections import SourceSection
+from acqd.section import Section
 from acqd.telemetry.topics import valid_device
 
 

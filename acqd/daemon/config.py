@@ -24,13 +24,14 @@ from acqd.daemon.mqtt_section import MqttSection
 from acqd.daemon.opcua_section import OpcUaSection
 from acqd.daemon.quality_section import QualitySection
 from acqd.daemon.registers_section import RegistersSection
-from acqd.daemon.section import Positive, Section
+from acqd.daemon.section import Positive
 from acqd.daemon.source_sections import SECTIONS, SimulatedSection, SourceSection
 from acqd.daemon.spool_section import SpoolSection
 from acqd.daemon.topic_sections import PlainSection, SparkplugSection
 from acqd.daemon.web_section import WebSection
 from acqd.errors import InputError
 from acqd.plc.realtime import RealtimeSettings
+from acqd.section import FileName, Section
 from acqd.storage.sink_settings import SinkSettings
 from acqd.telemetry.topics import valid_device
 
@@ -98,7 +99,7 @@ class Config(Section):
     """The whole file."""
 
     device: str = "acqd"
-    state_dir: Path | None = None
+    state_dir: FileName | None = None
     source: SourceSection = SimulatedSection()
     boxes: list[BoxSection] = Field(default=[], max_length=64)
     """Several sources, written as [[source]]; then `source` means nothing."""
@@ -249,16 +250,19 @@ def _complaint(fault: Any) -> str:
     if kind and foreign:
         return f"{key} belongs to kind {' or '.join(foreign)}, here kind is {kind}; delete it"
     known = known_keys() if "correction." not in key else _CORRECTIONS
+    if isinstance(fault["input"], dict) and len(place) == 1:
+        known = [name for name in Config.model_fields if name != "boxes"]
     near = difflib.get_close_matches(key, known, n=1, cutoff=0.0)
     same_end = [name for name in known if name.rpartition(".")[2] == key.rpartition(".")[2]]
-    return f"unknown key {key}; did you mean {(same_end or near)[0]}?"
+    return f"unknown key {key}; did you mean {' or '.join(same_end or near)}?"
 
 
 def _got(key: str, value: Any) -> str:
     """What the file says instead, unless that may be a secret: a password, or anything in the place of a section."""
     name = key.rpartition(".")[2]
     plain = isinstance(value, (str, int, float)) and "." in key and name not in _SECRET
-    return f" (got {value!r:.60})" if plain or (key in ("device", "state_dir") and isinstance(value, str)) else ""
+    shown = str(value).lower() if isinstance(value, bool) else f"{value!r:.60}"  # as TOML writes it
+    return f" (got {shown})" if plain or (key in ("device", "state_dir") and isinstance(value, str)) else ""
 
 
 _KINDS: dict[str, type[Section]] = {

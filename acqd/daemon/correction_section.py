@@ -6,10 +6,11 @@ from typing import Annotated
 
 from pydantic import Field
 
-from acqd.daemon.section import Positive, Section
+from acqd.daemon.section import Positive
 from acqd.errors import SettingError
 from acqd.metering import StreamFormat
 from acqd.metering.correction import ChannelErrors, Correction
+from acqd.section import Section
 
 _Delay = Annotated[float, Field(ge=-1000, le=1000)]
 _Gains = Annotated[list[Positive], Field(min_length=1, max_length=3)]

@@ -6,11 +6,12 @@ from collections.abc import Callable
 from typing import Literal
 
 from acqd.daemon.correction_section import CorrectionSection
-from acqd.daemon.section import Nominal, Positive, Section
+from acqd.daemon.section import Nominal, Positive
 from acqd.errors import SettingError
 from acqd.metering import StreamFormat
 from acqd.metering.stages import Stage
 from acqd.metering.wiring import Aron
+from acqd.section import Section
 from acqd.sources.spec import Spec, spec_of
 
 NOT_OF_THE_SOURCE = {"correction", "wiring", "nominal_voltage"}

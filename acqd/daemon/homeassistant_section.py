@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from acqd.daemon.section import Section
+from acqd.section import ARRAY, Section
 
 _Prefix = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+(/[A-Za-z0-9_-]+)*$")]
 
@@ -17,4 +17,4 @@ class HomeAssistantSection(Section):
     prefix: _Prefix = "homeassistant"
     expire_s: Annotated[int, Field(ge=0, le=86_400)] = 60
     """A value that is not renewed for so long becomes unavailable [s]; 0: never."""
-    channels: tuple[Literal["L1", "L2", "L3", "total"], ...] = ("L1", "L2", "L3", "total")
+    channels: Annotated[tuple[Literal["L1", "L2", "L3", "total"], ...], ARRAY] = ("L1", "L2", "L3", "total")

@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import Field
 
 from acqd.daemon.quality_section import BridgedQuality
-from acqd.daemon.section import Section
+from acqd.section import Section
 
 
 class InfluxSection(Section):

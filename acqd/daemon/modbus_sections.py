@@ -7,7 +7,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from acqd.daemon.device_section import NOT_OF_THE_SOURCE, DeviceSection
-from acqd.daemon.section import Port, Positive, Section
+from acqd.daemon.section import Port, Positive
+from acqd.section import Section
 from acqd.sources.spec import Spec, spec_of
 
 

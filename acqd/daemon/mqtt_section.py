@@ -9,8 +9,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from acqd.daemon.section import Port, Section
+from acqd.daemon.section import Port
 from acqd.errors import UserError
+from acqd.section import FileName, Section
 from acqd.telemetry.mqtt import BrokerAddress
 
 _log = logging.getLogger(__name__)
@@ -26,14 +27,14 @@ class MqttSection(Section):
     port: Port = 1883
     username: str | None = None
     password: str | None = Field(default=None, repr=False)
-    password_file: Path | None = None
+    password_file: FileName | None = None
     tls: bool | None = None
     """None: with TLS if any certificate is named."""
     rows: Literal["channel", "window"] = "channel"
     """A message for each channel's row, or one for all rows of a window."""
-    ca_file: Path | None = None
-    cert_file: Path | None = None
-    key_file: Path | None = None
+    ca_file: FileName | None = None
+    cert_file: FileName | None = None
+    key_file: FileName | None = None
     queue: Annotated[int, Field(ge=100, le=10_000_000)] | None = None
     """Without effect since rows wait in the spool; kept so that older files are still read."""
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 from pydantic import Field, model_validator
 
 from acqd.daemon.quality_section import BridgedQuality
-from acqd.daemon.section import Port, Positive, Section
+from acqd.daemon.section import Port, Positive
+from acqd.section import FileName, Section
 from acqd.telemetry.mqtt import is_loopback
 
 
@@ -17,9 +17,9 @@ class OpcUaSection(Section):
 
     host: Annotated[str, Field(min_length=1)] = "127.0.0.1"
     port: Port = 4840
-    certificate: Path | None = None
+    certificate: FileName | None = None
     """With `key`: connections are signed and encrypted (Basic256Sha256)."""
-    key: Path | None = None
+    key: FileName | None = None
     username: str | None = None
     password: str | None = Field(default=None, repr=False)
     stale_s: Positive = 5.0

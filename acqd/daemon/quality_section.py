@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from acqd.daemon.section import Section
 from acqd.metering.quality.quantities import Options
+from acqd.section import Section
 
 BridgedQuality = Literal["10/12", "150/180", "10min", "off"]
 """Setting of a bridge: the rows of power quality that it passes on, from this aggregation on."""

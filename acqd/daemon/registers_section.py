@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from acqd.daemon.section import Section
+from acqd.section import Section
 
 
 class RegistersSection(Section):

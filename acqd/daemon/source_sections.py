@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
 from acqd.daemon.device_section import NOT_OF_THE_SOURCE, DeviceSection, WaveformKeys
 from acqd.daemon.modbus_sections import MetersSection, ModbusSection
-from acqd.daemon.section import Nominal, Port, Positive, Section, Share
+from acqd.daemon.section import Nominal, Port, Positive, Share
+from acqd.section import KEY, FileName, Section
 from acqd.sources import ChannelMap, SimulationSettings
 from acqd.sources.simulated import Sag
 from acqd.sources.spec import Spec, replay_spec, simulated_spec
 from acqd.sources.text_file import check_encoding
 
-_Order = Annotated[int, Field(ge=2, le=100)]
+_Order = Annotated[int, KEY, Field(ge=2, le=100)]
 _Position = Annotated[int, Field(ge=0, le=63)]
 _Period = Annotated[int, Field(ge=1, le=40)]
 _OVERSAMPLING = Literal[0, 1, 2, 4, 5, 8, 10, 16, 20, 25, 32, 40, 50, 64, 80, 100]
@@ -46,7 +46,7 @@ class SimulatedSection(WaveformKeys):
     current_range: Literal[1, 5] = 5
     harmonics: dict[_Order, Share] = Field(default={3: 0.01, 5: 0.02, 7: 0.01})
     current_harmonics: dict[_Order, Share] = Field(default={3: 0.15, 5: 0.08, 7: 0.04})
-    load_profile: Path | None = None
+    load_profile: FileName | None = None
     sags: list[SagSection] = Field(default=[])
     period_ms: _Period = 1
 
@@ -67,7 +67,7 @@ class ReplaySection(WaveformKeys):
     """A recorded waveform in real time."""
 
     kind: Literal["replay"]
-    file: Path
+    file: FileName
     loops: Annotated[int, Field(ge=0)] = 1
     map: str | None = None
     u_scale: Positive | None = None

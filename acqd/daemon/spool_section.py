@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from acqd.daemon.section import Section
+from acqd.section import Section
 from acqd.telemetry.delivery import Until
 from acqd.telemetry.spool import Limits, WhenFull
 

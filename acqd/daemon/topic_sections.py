@@ -8,7 +8,8 @@ from typing import Annotated
 from pydantic import Field
 
 from acqd.daemon.quality_section import BridgedQuality
-from acqd.daemon.section import Positive, Section
+from acqd.daemon.section import Positive
+from acqd.section import Section
 
 _Name = Annotated[str, Field(pattern=r"^[^/+#\s]{1,64}$")]
 

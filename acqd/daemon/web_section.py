@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from pydantic import Field, model_validator
 
-from acqd.daemon.section import Port, Section
+from acqd.daemon.section import Port
+from acqd.section import FileName, Section
 
 
 class WebSection(Section):
@@ -20,13 +19,13 @@ class WebSection(Section):
     """Asked for in the address; empty: none on loopback, elsewhere a new one per start."""
     robot: str = ""
     """Robot whose posture is drawn; empty: none."""
-    reports: Path | None = None
+    reports: FileName | None = None
     """Folder with results of `acqd close-loop`; its newest report is shown, and proposals are written there."""
     loop: bool = False
     """Whether the page may search for the cause of an alarm, and replace the model when somebody confirms that."""
-    logs: Path | None = None
+    logs: FileName | None = None
     """Folder of the robot's logs, as for the sidecar."""
-    model: Path | None = None
+    model: FileName | None = None
     """Bundle of the sidecar."""
 
     @model_validator(mode="after")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -15,6 +14,8 @@ from acqd.lab.instruments.mains import MainsSettings
 from acqd.lab.motion.excitation import Cube
 from acqd.lab.motion.program import MotionParameters
 from acqd.robot.description import Section
+from acqd.robot.joint import Vector
+from acqd.section import ARRAY, FileName
 
 _Share = Annotated[float, Field(ge=0, le=1)]
 
@@ -22,8 +23,8 @@ _Share = Annotated[float, Field(ge=0, le=1)]
 class MotionSection(Section):
     """Ranges of the random parameters of each motion (thesis, Listing 5.1)."""
 
-    relative_speed: tuple[_Share, _Share] = (0.2, 0.5)
-    relative_blending: tuple[_Share, _Share] = (0.0, 0.5)
+    relative_speed: Annotated[tuple[_Share, _Share], ARRAY] = (0.2, 0.5)
+    relative_blending: Annotated[tuple[_Share, _Share], ARRAY] = (0.0, 0.5)
     relative_acceleration: Annotated[float, Field(ge=0.01, le=1)] = 0.2
 
     @field_validator("relative_speed", "relative_blending")
@@ -48,7 +49,7 @@ class MotionSection(Section):
 class CubeSection(Section):
     """The cube of the limited space (thesis, Algorithm 1); lengths in m."""
 
-    centre: tuple[float, float, float] = (0.6, 0.0, 0.34)
+    centre: Vector = (0.6, 0.0, 0.34)
     edge: Annotated[float, Field(ge=0.01, le=3)] = 0.3
 
     def cube(self) -> Cube:
@@ -91,9 +92,9 @@ class LabSettings(Section):
     """Shipped name, or path of a description."""
     scene: str | None = None
     """Shipped name or path; None: `digital_factory` for the iiwa, `free` for others."""
-    plant: Path | None = None
+    plant: FileName | None = None
     """Plant file; None: the one shipped for the robot."""
-    seed: Annotated[int, Field(ge=0, lt=2**63, strict=True)] = 1
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = 1
     start: datetime = datetime(2021, 7, 13, 8, 0, tzinfo=UTC)
     """UTC of the start of the campaign."""
     device: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,59}$")] = "cell"

@@ -12,6 +12,7 @@ from acqd.arrays import Floats
 from acqd.errors import UserError
 from acqd.robot.joint import Capsule, Drive, Friction, Joint, Link, Positive, Vector
 from acqd.robot.section import Section, complaint, read_toml, read_toml_table
+from acqd.section import ARRAY
 
 __all__ = [
     "Base",
@@ -85,7 +86,7 @@ class RobotDescription(Section):
     name: Annotated[str, Field(pattern=r"^[a-z0-9_]+$")]
     title: str
     sources: list[str]
-    ignore_pairs: list[tuple[int, int]] = Field(default=[])
+    ignore_pairs: list[Annotated[tuple[int, int], ARRAY]] = Field(default=[])
     """Pairs of links (0: base) whose capsules touch by construction."""
     base: Base
     joint: Annotated[list[Joint], Field(min_length=1)]

@@ -10,8 +10,9 @@ import numpy as np
 from pydantic import AliasChoices, Field, field_validator, model_validator
 
 from acqd.robot.section import Section
+from acqd.section import ARRAY
 
-Vector = tuple[float, float, float]
+Vector = Annotated[tuple[float, float, float], ARRAY]
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 Kind = Literal["revolute", "prismatic"]
@@ -58,7 +59,7 @@ class Link(Section):
     """kg."""
     com: Vector
     """Centre of mass in the link frame [m]."""
-    inertia: tuple[float, float, float, float, float, float]
+    inertia: Annotated[tuple[float, float, float, float, float, float], ARRAY]
     """xx, yy, zz, xy, xz, yz at the centre of mass [kg m^2]."""
     inertia_rpy_deg: Vector = (0.0, 0.0, 0.0)
     """Orientation of the axes of `inertia` in the link frame."""
@@ -107,7 +108,7 @@ class Joint(Section):
     """m."""
     rpy_deg: Vector = (0.0, 0.0, 0.0)
     axis: Vector
-    limits: Annotated[tuple[float, float], _either(UNITS["limits"])]
+    limits: Annotated[tuple[float, float], ARRAY, _either(UNITS["limits"])]
     """deg, or m."""
     speed: Annotated[Positive, _either(UNITS["speed"])]
     """deg/s, or m/s."""

@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 
 from acqd.errors import UserError
 from acqd.robot.description import Capsule, Section, read_toml
+from acqd.robot.joint import Vector
 
 _FOLDER = Path(__file__).parent / "scenes"
 
@@ -17,11 +18,11 @@ class Box(Section):
     """A solid box in the frame of the robot's base."""
 
     name: Annotated[str, Field(min_length=1)]
-    centre: tuple[float, float, float]
+    centre: Vector
     """m."""
-    size: Annotated[tuple[float, float, float], Field()]
+    size: Vector
     """Edge lengths [m]."""
-    rpy_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    rpy_deg: Vector = (0.0, 0.0, 0.0)
 
     @model_validator(mode="after")
     def _solid(self) -> Box:

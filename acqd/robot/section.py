@@ -8,15 +8,16 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from acqd import section
 from acqd.errors import InputError
 
 Model = TypeVar("Model", bound=BaseModel)
 
 
-class Section(BaseModel):
-    """A table of a TOML file: unknown keys are mistakes."""
+class Section(section.Section):
+    """A table of a TOML file that does not change once it is read."""
 
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, frozen=True, populate_by_name=True)
+    model_config = ConfigDict(frozen=True, populate_by_name=True)
 
 
 def read_toml(path: Path, model: type[Model]) -> Model:

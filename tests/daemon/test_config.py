@@ -71,7 +71,14 @@ def test_every_kind_has_its_block():
 
 
 MISTAKES = {
-    "[metring]\n": "unknown key metring; did you mean metering",
+    "[metring]\n": "unknown key metring; did you mean metering?",
+    "[sorce]\n": "unknown key sorce; did you mean source?",
+    "port = 1884\n": "unknown key port; did you mean source.port or mqtt.port or",
+    "[source]\npower_factor = true\n": "source.power_factor: Input should be a valid number (got true)",
+    "[source]\nvoltage = '230'\n": "source.voltage: Input should be a valid number (got '230')",
+    "[source]\nphases = 2.0\n": "source.phases: Input should be a valid integer (got 2.0)",
+    "[events]\nenabled = 'no'\n": "events.enabled: Input should be a valid boolean (got 'no')",
+    "[source.harmonics]\n5 = true\n": "source.harmonics.5: Input should be a valid number (got true)",
     "[metering]\nmod = 'fixed'\n": "unknown key metering.mod; did you mean metering.mode",
     "[metering]\nmode = 'sync'\n": "metering.mode",
     "[mqtt]\nport = 99999\n": "mqtt.port",

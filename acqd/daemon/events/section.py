@@ -6,9 +6,10 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from acqd.daemon.section import Positive, Section
+from acqd.daemon.section import Positive
 from acqd.metering.quality.event import Thresholds
 from acqd.metering.quality.reference import Declared, Reference, Sliding
+from acqd.section import Section
 
 _Percent = Annotated[float, Field(ge=0, le=300)]
 

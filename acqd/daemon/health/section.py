@@ -7,9 +7,9 @@ from typing import Annotated
 
 from pydantic import Field, field_validator
 
-from acqd.daemon.section import Section
+from acqd.section import Section
 
-_PortOrNone = Annotated[int, Field(ge=0, le=65_535, strict=True)]
+_PortOrNone = Annotated[int, Field(ge=0, le=65_535)]
 
 
 class HealthSection(Section):

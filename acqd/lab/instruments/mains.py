@@ -22,12 +22,13 @@ from acqd.lab.motion.controller import RATE
 from acqd.metering import StreamFormat
 from acqd.metering.block import CODE_MAX, CODE_MIN, Codes
 from acqd.robot.description import Section
+from acqd.section import KEY
 from acqd.sources import el3783
 
 _KNOT_S = 1.0  # frequency and voltage are drawn once per second and interpolated linearly
 _STEP_EVERY_S = 600.0  # mean time between steps of the voltage
 _SURGE_TAU_S = 0.02
-_Order = Annotated[int, Field(ge=2, le=100)]
+_Order = Annotated[int, KEY, Field(ge=2, le=100)]
 _Share = Annotated[float, Field(ge=-0.5, le=0.5)]
 
 

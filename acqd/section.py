@@ -1,0 +1,25 @@
+"""What the tables of all TOML files are made of: the strict base model, and types that TOML writes another way."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field
+
+ARRAY = Field(strict=False)
+"""Of a field that is a tuple here: TOML has arrays. The array's items stay strict."""
+KEY = Field(strict=False)
+"""Of a key that is a number here: TOML's keys are text."""
+FileName = Annotated[Path, Field(strict=False)]
+"""A path, which TOML writes as text."""
+
+
+class Section(BaseModel):
+    """A table of a TOML file. Unknown keys are mistakes, and so are values of another type.
+
+    A number in quotes, or `true` for a number, is more likely a slip than a value; only an integer may stand for a
+    number with a fraction.
+    """
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, strict=True)
