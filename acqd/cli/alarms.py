@@ -24,7 +24,7 @@ _NOBODY = "[alarms] names nobody to tell: set webhooks or mail_to, and pass the 
 
 @app.callback()
 def alarms(context: typer.Context, config: ConfigFile = None, host: Host = None, port: Port = None) -> None:
-    """Tell the webhooks and mailboxes of [alarms] when a residual changes or a daemon is in trouble.
+    """Tell the webhooks and mailboxes of section alarms when a residual changes or a daemon is in trouble.
 
     Example: acqd alarms --config /etc/acqd/acqd.toml
     """

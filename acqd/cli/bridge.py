@@ -51,7 +51,7 @@ def homeassistant(
 
 @app.command("influx")
 def influx(config: ConfigFile = None, host: Host = None, port: Port = None, json: Json = False) -> None:
-    """Write rows to InfluxDB (line protocol over HTTP); see [influx] in acqd.toml.
+    """Write rows to InfluxDB (line protocol over HTTP); see section influx of acqd.toml.
 
     Example: acqd bridge influx --config /etc/acqd/acqd.toml
     """
@@ -71,7 +71,7 @@ def influx(config: ConfigFile = None, host: Host = None, port: Port = None, json
 
 @app.command("plain")
 def plain(config: ConfigFile = None, host: Host = None, port: Port = None, json: Json = False) -> None:
-    """Publish every quantity as a single number, acqd/DEVICE/CHANNEL/P; see [plain] in acqd.toml.
+    """Publish every quantity as a single number, acqd/DEVICE/CHANNEL/P; see section plain of acqd.toml.
 
     Example: acqd bridge plain --config /etc/acqd/acqd.toml
     """
@@ -85,7 +85,7 @@ def plain(config: ConfigFile = None, host: Host = None, port: Port = None, json:
 
 @app.command("sparkplug")
 def sparkplug(config: ConfigFile = None, host: Host = None, port: Port = None, json: Json = False) -> None:
-    """Publish 1 s summaries and power quality as an edge node of Sparkplug B; see [sparkplug] in acqd.toml.
+    """Publish 1 s summaries and power quality as an edge node of Sparkplug B; see section sparkplug of acqd.toml.
 
     Example: acqd bridge sparkplug --config /etc/acqd/acqd.toml
     """

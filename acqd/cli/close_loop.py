@@ -8,11 +8,11 @@ from typing import Annotated, Any
 
 import orjson
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from acqd.cli.options import Json
 from acqd.cli.progress import progress
+from acqd.cli.terminal import terminal
 from acqd.errors import UserError
 from acqd.extras import LOOP, require
 
@@ -76,14 +76,14 @@ def close_loop(
         watch_loop(config, every or 5.0, 3600 * (false_alarm or 200.0), json=json)
         return
     require_writable(folder)
-    console = Console(stderr=True)
+    console = terminal(stderr=True)
     with progress(console) as show_step:
         closed = run(config, show_step)
         show_step("drawing", 0.9)
         write_all(config, closed)
     result = as_json(config, closed)
     for note in closed.notes:
-        console.print(f"acqd: {note}", soft_wrap=True, highlight=False)
+        console.print(f"acqd: {note}")
     if json:
         print(orjson.dumps(result | {"out": str(folder)}, option=orjson.OPT_SERIALIZE_NUMPY).decode())
         return
@@ -91,13 +91,10 @@ def close_loop(
 
 
 def _print(result: dict[str, Any], folder: Path) -> None:
-    console = Console(soft_wrap=True)
-    console.width = max(console.width, 110)
+    console = terminal(tables=True)
     before, after = result["before"], result["after"]
     label = "" if result["measured"] == "mains" else f" ({result['measured']} power)"
-    console.print(
-        f"{result['verdict']}{label}: held-out RMSE {before['rmse']:.2f} -> {after['rmse']:.2f} W", highlight=False
-    )
+    console.print(f"{result['verdict']}{label}: held-out RMSE {before['rmse']:.2f} -> {after['rmse']:.2f} W")
     if result["effects"]:
         table = Table("effect", "where", "parameters", "confidence", "RMSE", "alternatives")
         for effect in result["effects"]:
@@ -112,7 +109,7 @@ def _print(result: dict[str, Any], folder: Path) -> None:
             cells = [effect["id"], effect["where"], "\n".join(values), f"{effect['confidence']:.0%}"]
             table.add_row(*cells, f"-{effect['delta_rmse']:.2f} W", alternatives)
         console.print(table)
-    console.print(f"residual: {result['unexplained']}", highlight=False)
+    console.print(f"residual: {result['unexplained']}")
     for step in result["next"]:
-        console.print(f"next: {step}", highlight=False)
-    console.print(f"report: {folder / 'report.html'}", highlight=False)
+        console.print(f"next: {step}")
+    console.print(f"report: {folder / 'report.html'}")

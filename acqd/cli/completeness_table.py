@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
+
+from acqd.cli.terminal import terminal
 
 if TYPE_CHECKING:
     from acqd.storage.completeness import Completeness
@@ -16,7 +16,7 @@ _MOST_GAPS = 40
 
 def show_completeness(report: list[Completeness], day: str) -> None:
     """Print a line per channel, then the gaps."""
-    console = Console()
+    console = terminal(soft_wrap=False)
     if not report:
         console.print(f"the database has no rows of {day} or before")
         return
@@ -29,7 +29,7 @@ def show_completeness(report: list[Completeness], day: str) -> None:
         share = f"{100 * one.stored / one.expected:.4f} %" if one.expected else "-"
         known = str(len(one.gaps)) if one.source == "rows" else "past retention"
         table.add_row(
-            escape(one.device), one.channel, str(one.expected), str(one.stored), str(one.missing), share, known
+            one.device, one.channel, str(one.expected), str(one.stored), str(one.missing), share, known
         )
     console.print(table)
     gaps = [(one, gap) for one in report for gap in one.gaps]
@@ -37,7 +37,7 @@ def show_completeness(report: list[Completeness], day: str) -> None:
         return
     table = Table("device", "channel", "from", "to", "rows", "cause")
     for one, gap in gaps[:_MOST_GAPS]:
-        table.add_row(escape(one.device), one.channel, gap.begin, gap.end, str(gap.rows), gap.cause.value)
+        table.add_row(one.device, one.channel, gap.begin, gap.end, str(gap.rows), gap.cause.value)
     console.print(table)
     if len(gaps) > _MOST_GAPS:
         console.print(f"{len(gaps) - _MOST_GAPS} more gaps: --json lists all")

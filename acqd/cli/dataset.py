@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import orjson
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from acqd.cli.options import Json
 from acqd.cli.progress import progress
+from acqd.cli.terminal import terminal
 from acqd.errors import UserError
 from acqd.extras import require
 
@@ -82,11 +82,11 @@ def build(
     build_config = BuildConfig(
         power, logs, out, description, device, channel, source, search, step_s, seed, lag, length, append
     )
-    console = Console(stderr=True)
+    console = terminal(stderr=True)
     with progress(console) as show_step:
         report = run(build_config, show_step)
     for line in [*report.refused, *report.notes]:
-        console.print(f"acqd: {line}", soft_wrap=True, highlight=False)
+        console.print(f"acqd: {line}")
     print(orjson.dumps(report).decode() if json else summary(report, lag, power))
 
 
@@ -135,9 +135,8 @@ def show(path: Annotated[Path, typer.Argument(metavar="DS", help="Folder of a da
     if json:
         print(orjson.dumps(manifest).decode())
         return
-    console = Console(soft_wrap=True)
-    console.width = max(console.width, 110)
-    table = Table("recording", "split", "seconds", "lag \\[s]", "by", "own lag \\[s]", "R2", "stands out")
+    console = terminal(tables=True)
+    table = Table("recording", "split", "seconds", "lag [s]", "by", "own lag [s]", "R2", "stands out")
     for entry in manifest["recordings"]:
         own = entry["own_lag"]
         cells = (f"{entry['valid_s']:.1f}", f"{entry['lag_s']:.4f}", entry["lag_by"], f"{own['s']:.4f}")

@@ -7,10 +7,10 @@ from typing import Annotated
 
 import orjson
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from acqd.cli.options import Json
+from acqd.cli.terminal import terminal
 from acqd.errors import UserError
 from acqd.sources.spec import device_module
 
@@ -51,9 +51,9 @@ def scan(
     for slave in slaves:
         identity = (f"{number:#010x}" for number in (slave.vendor, slave.product, slave.revision))
         table.add_row(str(slave.position), slave.title, *identity, slave.name)
-    console = Console()
+    console = terminal(soft_wrap=False)
     console.print(table)
     for position, lines in assigned.items():
         console.print(f"slave {position}, objects assigned to its inputs:")
         for line in lines:
-            console.print(f"  {line}", highlight=False)
+            console.print(f"  {line}")

@@ -7,9 +7,9 @@ from typing import Annotated, Literal
 
 import orjson
 import typer
-from rich.console import Console
 
 from acqd.cli.options import Json
+from acqd.cli.terminal import terminal
 from acqd.extras import require
 
 
@@ -31,7 +31,7 @@ def export_fmu(
     from acqd.fmu.package import export_fmu as run
     from acqd.fmu.platforms import here
 
-    console = Console(stderr=True)
+    console = terminal(stderr=True)
     target = out or bundle.with_name(f"{bundle.resolve().name}.fmu")
     platforms = [here()] if platform is None else [name.strip() for name in platform.split(",")]
     with console.status("reading the bundle") as status:
@@ -49,11 +49,11 @@ def export_fmu(
     if json:
         print(orjson.dumps(result).decode())
         return
-    plain = Console(soft_wrap=True, highlight=False)
+    plain = terminal()
     size, platform_names = f"{exported.bytes / 1000:.0f} kB", ", ".join(exported.compilers)
     plain.print(f"{exported.path}: FMI {exported.version}, {size}, for {platform_names}")
     for variable in exported.variables:
-        plain.print(f"  {variable.causality:9} {variable.name} [{variable.unit}] {variable.description}", markup=False)
-    plain.print("  input     reset \\[boolean] while true, the next row is the first row", highlight=False)
+        plain.print(f"  {variable.causality:9} {variable.name} [{variable.unit}] {variable.description}")
+    plain.print("  input     reset [boolean] while true, the next row is the first row")
     for note in exported.notes:
         plain.print(note)

@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import orjson
 import typer
-from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
 from acqd.cli.options import Json
 from acqd.cli.progress import progress
+from acqd.cli.terminal import terminal
 from acqd.extras import LOOP, require
 
 if TYPE_CHECKING:
@@ -52,7 +51,7 @@ def fleet(
     described = read_fleet(file)
     folder = out or default_folder(file.with_suffix(""), "fleet")
     config = FleetConfig(described, folder, jobs or os.cpu_count() or 1, engine.value, ray_address)
-    with progress(Console(stderr=True)) as show:
+    with progress(terminal(stderr=True)) as show:
         report = run_fleet(config, show)
     if json:
         result = report.as_json() | {"out": str(folder), "page": str(folder / "report.html")}
@@ -66,8 +65,7 @@ def fleet(
 def _print(report: FleetReport, folder: Path, *, everybody: bool) -> None:
     from acqd.fleet import words
 
-    console = Console(soft_wrap=True, highlight=False)
-    console.width = max(console.width, 110)
+    console = terminal(tables=True)
     failed = [row for row in report.robots if row["state"] == "failed"]
     unchanged = [row for row in report.robots if row["state"] == "unchanged"]
     console.print(
@@ -82,6 +80,6 @@ def _print(report: FleetReport, folder: Path, *, everybody: bool) -> None:
         table = Table("robot", "state", "since (UTC)", "what", "how much", "how sure", "shared")
         for row in rows:
             cells = (row["name"], words.STATES[row["state"]], words.since(row), words.what(row), words.how_much(row))
-            table.add_row(*map(escape, (*cells, words.how_sure(row), str(row["shared"] or ""))))
+            table.add_row(*cells, words.how_sure(row), str(row["shared"] or ""))
         console.print(table)
     console.print(f"report: {folder / 'report.html'}")

@@ -14,7 +14,7 @@ from acqd.telemetry.ports import check_port
 
 
 def opcua(config: ConfigFile = None, host: Host = None, port: Port = None, json: Json = False) -> None:
-    """Serve rows as OPC UA variables with units, source timestamps and quality; see [opcua] in acqd.toml.
+    """Serve rows as OPC UA variables with units, source timestamps and quality; see section opcua of acqd.toml.
 
     Example: acqd opcua --config /etc/acqd/acqd.toml
     """

@@ -11,12 +11,12 @@ from typing import Annotated
 
 import orjson
 import typer
-from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
 from acqd.cli.options import ConfigFile, Host, Json, Port, broker_address
 from acqd.cli.table import energy
+from acqd.cli.terminal import terminal
 from acqd.daemon.events.of_recording import event_settings
 from acqd.daemon.playback import Playback, play
 from acqd.daemon.playback_report import PlaybackReport
@@ -110,12 +110,12 @@ def replay(
         lamp=lamp.value,
         broker=broker_address(config, host, port) if publish else None,
     )
-    console = Console(stderr=True)
+    console = terminal(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
         bar = progress.add_task("metering", total=1.0)
         report = play(settings, lambda share: progress.update(bar, completed=share))
     for note in report.notes:
-        console.print(f"acqd: {note}", soft_wrap=True, highlight=False, markup=False)
+        console.print(f"acqd: {note}")
     if out is not None and str(out) == "-":
         return
     if json:
@@ -137,10 +137,9 @@ def _utc(text: str | None) -> int | None:
 
 
 def _print(report: PlaybackReport) -> None:
-    console = Console(soft_wrap=True)
-    console.width = max(console.width, 110)  # long lines are better than truncated numbers
+    console = terminal(tables=True)
     for file in dict.fromkeys(line.file for line in report.channels):
-        table = Table("", "windows", "Vrms \\[V]", "Irms \\[A]", "P \\[W]", "f \\[Hz]", "W", "flagged")
+        table = Table("", "windows", "Vrms [V]", "Irms [A]", "P [W]", "f [Hz]", "W", "flagged")
         table.title, table.title_justify = file, "left"
         for line in (line for line in report.channels if line.file == file):
             cells = (line.Vrms, line.Irms, line.P, line.f)

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import orjson
-from rich.console import Console
 from rich.live import Live
 
 from acqd.cli.table import power_table
+from acqd.cli.terminal import terminal
 from acqd.daemon.config import Config
 from acqd.daemon.service import Service
 from acqd.daemon.tape import Tape
@@ -27,7 +27,7 @@ def serve(
     settings: Config, duration: float | None, *, json: bool, quiet: bool, title: str, tape: Path | None = None
 ) -> None:
     """Run the daemon until it ends; `quiet`: no lines where stdout is no terminal; `tape`: a file for all rows."""
-    console = Console(stderr=json)
+    console = terminal(stderr=json)
     latest: dict[tuple[str, str], dict[str, Any]] = {}
     live = Live(console=console, auto_refresh=False) if sys.stdout.isatty() and not json else None
 
@@ -39,7 +39,7 @@ def serve(
         elif live is not None:
             live.update(power_table(latest, f"{title}  {summaries[-1]['time']}"), refresh=True)
         elif not quiet:
-            console.print(_line(summaries[-1]), soft_wrap=True, highlight=False)
+            console.print(_line(summaries[-1]))
 
     async def run() -> None:
         await Service(settings, show, Tape(tape) if tape else None).run(duration)
@@ -50,11 +50,10 @@ def serve(
 
 def announce(settings: Config, what: str, *, json: bool) -> None:
     """Print where the rows of a demonstration go."""
-    Console(stderr=json).print(
+    terminal(stderr=json).print(
         f"{what}; broker mqtt://{settings.mqtt.host}:{settings.mqtt.port}; "
         f"database {Path(settings.sink.database).absolute()}; stop with Ctrl-C; "
         f"look: acqd watch{'' if settings.mqtt.port == _DEFAULT_PORT else f' --port {settings.mqtt.port}'}",
-        soft_wrap=True,
     )
 
 

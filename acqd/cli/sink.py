@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import orjson
 import typer
-from rich.console import Console
 from rich.progress import Progress
 
 from acqd.cli.completeness_table import show_completeness
 from acqd.cli.options import ConfigFile, Host, Json, Port, configured
+from acqd.cli.terminal import terminal
 from acqd.daemon.config import Config
 from acqd.daemon.health.sink import SinkHealth
 from acqd.daemon.notify import notify
@@ -140,7 +140,7 @@ def completeness_command(
     now = datetime.now(UTC)
     wanted = day_of(day, now)
     engine = open_database(database or configured(config).sink.database, create=False)
-    with Progress(console=Console(stderr=True), transient=True) as shown:
+    with Progress(console=terminal(stderr=True), transient=True) as shown:
         bar = shown.add_task(f"rows of {wanted}", total=1.0)
         report = completeness(engine, wanted, now, device, lambda done: shown.update(bar, completed=done))
     if device is not None and not report:

@@ -30,7 +30,7 @@ def power_table(
     for name in (["device"] if several else []) + ["channel"]:
         table.add_column(name, no_wrap=True)
     for name, (unit, _) in shown.items():
-        table.add_column(f"{name} \\[{unit}]" if unit else name, justify="right", no_wrap=True)
+        table.add_column(f"{name} [{unit}]" if unit else name, justify="right", no_wrap=True)
     table.add_column("W", justify="right", no_wrap=True)
     if traces is not None:
         table.add_column("P, 60 s", no_wrap=True)

@@ -7,10 +7,10 @@ import sys
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 from rich.live import Live
 
 from acqd.cli.options import ConfigFile, Host, Json, Port, broker_address
+from acqd.cli.terminal import terminal
 from acqd.cli.watched import Watched
 from acqd.errors import UserError
 from acqd.telemetry import topics
@@ -104,7 +104,7 @@ def _payloads(topic: str, payload: bytes) -> list[bytes]:
 async def _table(address: BrokerAddress, count: int | None) -> None:
     """Show summaries; only the first connection must succeed. Raises aiomqtt.MqttError."""
     watched = Watched(str(address))
-    with Live(console=Console(), auto_refresh=False) as live:
+    with Live(console=terminal(soft_wrap=False), auto_refresh=False) as live:
         refreshing = asyncio.create_task(_refresh(live, watched))
         try:
             while not await _until_lost(address, live, watched, count):

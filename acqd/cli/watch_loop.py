@@ -7,8 +7,8 @@ import threading
 from datetime import UTC, datetime
 
 import orjson
-from rich.console import Console
 
+from acqd.cli.terminal import terminal
 from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.monitor.watch import Event, Watch
 
@@ -21,10 +21,10 @@ def watch_loop(config: CloseConfig, every_s: float, between_s: float, *, json: b
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
-    console = Console(soft_wrap=True)
+    console = terminal()
     watch = Watch(config, between_s)
     if not json:
-        console.print(f"watching {config.dataset} with {config.bundle}; proposals go to {config.out}", highlight=False)
+        console.print(f"watching {config.dataset} with {config.bundle}; proposals go to {config.out}")
     if watch.resumed is not None:
         _print(watch.resumed, json=json)
     while not stop.is_set():

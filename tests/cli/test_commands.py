@@ -5,12 +5,20 @@ import sys
 
 import pytest
 import typer.main
+from rich import markup
 
 from acqd.cli.commands import command_tree
 
 
 def names(app):
     return set(typer.main.get_command(app).commands)
+
+
+def helps(command):
+    """Every text that --help prints, of a command and those below it."""
+    yield from (text for text in (command.help, *(getattr(p, "help", None) for p in command.params)) if text)
+    for each in getattr(command, "commands", {}).values():
+        yield from helps(each)
 
 
 def test_a_command_line_has_the_command_that_it_starts_with():
@@ -20,6 +28,11 @@ def test_a_command_line_has_the_command_that_it_starts_with():
         assert names(command_tree([name, "--json"])) == {name}
     for line in ([], ["--help"], ["--version"], ["snik"]):
         assert names(command_tree(line)) == everything
+
+
+def test_help_keeps_its_brackets():
+    texts = list(helps(typer.main.get_command(command_tree())))
+    assert len(texts) > 200 and [text for text in texts if markup.render(text).plain != text] == []
 
 
 @pytest.mark.parametrize(

@@ -9,12 +9,12 @@ from typing import Annotated
 
 import orjson
 import typer
-from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
 from acqd.cli.lab.options import Effects, LabFile, Robot, Scene, Seed, Undeclared, settings_from
 from acqd.cli.options import Json
+from acqd.cli.terminal import terminal
 from acqd.errors import UserError
 
 
@@ -89,7 +89,7 @@ def campaign(
         engine.value,
         ray_address,
     )
-    console = Console(stderr=True)
+    console = terminal(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
         bar = progress.add_task("preparing", total=1.0)
@@ -101,8 +101,8 @@ def campaign(
 
 
 def _print(report) -> None:  # type: ignore[no-untyped-def]
-    console = Console(soft_wrap=True, highlight=False)
-    table = Table("space", "recordings", "hours", "mean P \\[W]", "p99 \\[W]", "max \\[W]", "effects \\[W RMS]")
+    console = terminal()
+    table = Table("space", "recordings", "hours", "mean P [W]", "p99 [W]", "max [W]", "effects [W RMS]")
     for name, figures in report.spaces.items():
         keys = ("hours", "mean_W", "p99_W", "max_W", "hidden_rms_W")
         table.add_row(name, str(figures["recordings"]), *(f"{figures[key]:.4g}" for key in keys))

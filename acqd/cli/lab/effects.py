@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import orjson
-from rich.console import Console
 from rich.table import Table
 
 from acqd.cli.options import Json
+from acqd.cli.terminal import terminal
 
 
 def effects(json: Json = False) -> None:
@@ -29,6 +29,6 @@ def effects(json: Json = False) -> None:
     for cls in known.values():
         parameters = ",".join(f"{name}={value:g}" for name, value in cls.defaults.items())
         table.add_row(cls.id, cls.summary, parameters, cls.strength[1])
-    console = Console()
+    console = terminal(soft_wrap=False)
     console.width = max(console.width, 170)  # parameter names must be readable to be used
     console.print(table)

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import orjson
 import typer
-from rich.console import Console
 
 from acqd.cli.lab.options import Effects, LabFile, Robot, Scene, Seed, settings_from
 from acqd.cli.options import ConfigFile, Json
+from acqd.cli.terminal import terminal
 from acqd.errors import UserError
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ def _serve_live(chosen: LabSettings, file: Path, config: Path | None, *, json: b
 
 
 def _print(report) -> None:  # type: ignore[no-untyped-def]
-    console = Console(soft_wrap=True, highlight=False)
+    console = terminal()
     console.print(
         f"{report.name} on the virtual {report.robot} (simulated): {report.seconds:.1f} s, {report.rows} windows\n"
         f"P mean {report.P_mean_W:.1f} W, p99 {report.P_p99_W:.1f} W, max {report.P_max_W:.1f} W; "

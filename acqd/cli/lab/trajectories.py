@@ -9,11 +9,11 @@ from typing import Annotated
 
 import orjson
 import typer
-from rich.console import Console
 from rich.progress import Progress
 
 from acqd.cli.lab.options import LabFile, Robot, Scene, Seed, settings_from
 from acqd.cli.options import Json
+from acqd.cli.terminal import terminal
 from acqd.errors import UserError
 
 
@@ -62,7 +62,7 @@ def trajectories(
         out.rmdir()  # only a check that it can be made: no folder remains if drawing fails
     except OSError as error:
         raise UserError(f"{out}: cannot be made ({error.strerror}); choose another --out") from None
-    console = Console(stderr=True)
+    console = terminal(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
         bar = progress.add_task("drawing", total=1.0)
         drawn = draw(

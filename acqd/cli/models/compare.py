@@ -7,11 +7,11 @@ from typing import Annotated
 
 import orjson
 import typer
-from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
 from acqd.cli.options import Json
+from acqd.cli.terminal import terminal
 from acqd.dataset.places import default_models
 from acqd.extras import require
 
@@ -32,7 +32,7 @@ def compare(
     from acqd.models.segments import load_dataset
 
     folder = models or default_models(dataset)
-    console = Console(stderr=True)
+    console = terminal(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("predicting", total=1.0)
         comparison = run(
@@ -41,17 +41,17 @@ def compare(
     path = out or folder / "report.html"
     write_report(comparison, path)
     for note in comparison.notes:
-        console.print(f"acqd: {note}", soft_wrap=True, highlight=False)
+        console.print(f"acqd: {note}")
     if json:
         print(orjson.dumps(as_json(comparison) | {"report": str(path)}).decode())
         return
-    table = Table("model", "trained on", "seeds", "MAE \\[W]", "95 %", "RMSE \\[W]", "energy p95", "unstable")
+    table = Table("model", "trained on", "seeds", "MAE [W]", "95 %", "RMSE [W]", "energy p95", "unstable")
     for entry in sorted(comparison.entries, key=lambda e: e.metrics["everything"].mae) + comparison.baselines:
         m = entry.metrics["everything"]
         low, high = entry.mae_ci95
         cells = (f"{m.mae:.2f}", f"{low:.2f} to {high:.2f}", f"{m.rmse:.2f}", f"{100 * m.energy_p95:.2f} %")
         table.add_row(entry.name, entry.trained_on, str(entry.seeds), *cells, f"{100 * entry.unstable:.2f} %")
-    out_console = Console(soft_wrap=True)
+    out_console = terminal()
     out_console.width = max(out_console.width, 100)
     out_console.print(table)
     out_console.print(

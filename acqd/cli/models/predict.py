@@ -8,9 +8,9 @@ from typing import Annotated
 import numpy as np
 import orjson
 import typer
-from rich.console import Console
 
 from acqd.cli.options import Json
+from acqd.cli.terminal import terminal
 from acqd.extras import require
 
 
@@ -36,11 +36,11 @@ def predict(
     if out is not None:
         prediction.write(out)
     if prediction.note:
-        Console(stderr=True).print(f"acqd: {log}: {prediction.note}", soft_wrap=True, highlight=False)
+        terminal(stderr=True).print(f"acqd: {log}: {prediction.note}")
     share = float(prediction.outside.mean())
     if share > 0:
-        Console(stderr=True).print(
-            f"acqd: {log}: {share:.1%} of the rows are outside the range of motion of the training data", soft_wrap=True
+        terminal(stderr=True).print(
+            f"acqd: {log}: {share:.1%} of the rows are outside the range of motion of the training data"
         )
     known = np.isfinite(prediction.P)
     summary = {

@@ -9,11 +9,11 @@ from typing import Annotated, Any
 
 import orjson
 import typer
-from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 from rich.table import Table
 
 from acqd.cli.options import Json
+from acqd.cli.terminal import terminal
 from acqd.dataset.places import default_models
 from acqd.errors import UserError
 from acqd.extras import require
@@ -124,7 +124,7 @@ def train(
         learned = None if prior is None else _learned(prior, dataset, path)
         config = TrainConfig(dataset, network or "", path, kinds, number, settings, robot, withheld, learned)
         configs += table_7_1_configs(config, folder) if table_7_1 else [config]
-    console = Console(stderr=True)
+    console = terminal(stderr=True)
     bar = Progress(
         TextColumn("{task.description}"),
         BarColumn(),
@@ -166,7 +166,7 @@ def _learned(prior: Path, dataset: Path, out: Path) -> Any:
 
 
 def _print_table(results: list[tuple[Any, dict[str, Any]]]) -> None:
-    table = Table("bundle", "MAE train \\[W]", "validation", "test", "RMSE test", "energy p95 test", "seconds")
+    table = Table("bundle", "MAE train [W]", "validation", "test", "RMSE test", "energy p95 test", "seconds")
     for config, metadata in results:
         m = metadata["metrics"]
         cells = [f"{m[part]['mae']:.2f}" for part in ("train", "validation", "test")]
@@ -177,7 +177,7 @@ def _print_table(results: list[tuple[Any, dict[str, Any]]]) -> None:
             f"{100 * m['test']['energy_p95']:.2f} %",
             f"{metadata['training']['seconds']:.0f}",
         )
-    wide = Console(soft_wrap=True)
+    wide = terminal()
     wide.width = max(wide.width, 120)
     wide.print(table)
 

@@ -7,9 +7,9 @@ from typing import Annotated
 
 import orjson
 import typer
-from rich.console import Console
 
 from acqd.cli.options import Json
+from acqd.cli.terminal import terminal
 from acqd.errors import UserError
 from acqd.extras import require
 
@@ -45,7 +45,7 @@ def from_urdf(
         result = {"out": str(target), "robot": converted.robot.name, "joints": joints, "notes": converted.notes}
         print(orjson.dumps(result).decode())
         return
-    console = Console(soft_wrap=True, highlight=False, markup=False)
+    console = terminal()
     console.print(f"{target}: {converted.robot.axes} axes, {', '.join(j.name for j in converted.robot.joint)}")
     for note in converted.notes:
         console.print(f"  {note}")

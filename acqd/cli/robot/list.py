@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import orjson
-from rich.console import Console
 from rich.table import Table
 
 from acqd.cli.options import Json
+from acqd.cli.terminal import terminal
 from acqd.robot.description import load_description, shipped_descriptions
 
 
@@ -28,6 +28,5 @@ def show_list(json: Json = False) -> None:
     table = Table("name", "robot", "axes", "guessed")
     for row in rows:
         table.add_row(row["name"], row["title"], str(row["axes"]), ", ".join(row["guessed"]))
-    console = Console(highlight=False)
-    console.width = max(console.width, 110)
+    console = terminal(soft_wrap=False, tables=True)
     console.print(table)

@@ -37,7 +37,7 @@ RUNBOOK = (
     _entry(
         "no-answer",
         "`daemon: no answer at ...`",
-        "`systemctl status acqd`: is it running? Another program on the port: `[health] port`",
+        "`systemctl status acqd acqd-sink`: are both running? Another program on the port: `[health] port`",
         r"no answer at|what answers at|answers at http",
     ),
     _entry(
