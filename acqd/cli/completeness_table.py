@@ -28,9 +28,7 @@ def show_completeness(report: list[Completeness], day: str) -> None:
     for one in report:
         share = f"{100 * one.stored / one.expected:.4f} %" if one.expected else "-"
         known = str(len(one.gaps)) if one.source == "rows" else "past retention"
-        table.add_row(
-            one.device, one.channel, str(one.expected), str(one.stored), str(one.missing), share, known
-        )
+        table.add_row(one.device, one.channel, str(one.expected), str(one.stored), str(one.missing), share, known)
     console.print(table)
     gaps = [(one, gap) for one in report for gap in one.gaps]
     if not gaps:

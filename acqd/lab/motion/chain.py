@@ -47,6 +47,10 @@ class Chain:
         """Total time (s)."""
         return max((leg.end for leg in self.legs), default=0.0)
 
+    def active(self, time: float) -> list[int]:
+        """Numbers of the motions that move the arm at `time` (s): two of them while one blends into the next."""
+        return [k for k, leg in enumerate(self.legs) if leg.start <= time <= leg.end]
+
     def sample(self, t: Floats) -> tuple[Floats, Floats, Floats]:
         """q (rad), qd (rad/s) and qdd (rad/s^2), each [T, axes], at rising times `t` (s)."""
         q = np.tile(self.origin, (len(t), 1))

@@ -15,7 +15,7 @@ from acqd.lab.motion.excitation import CHECK_STEP, planned_path
 from acqd.lab.motion.path_planning import find_path
 from acqd.lab.motion.trajectory import Trajectory
 from acqd.robot.arm import Arm
-from acqd.robot.collision import CollisionChecker
+from acqd.robot.collision import CollisionChecker, dense_path
 from acqd.robot.kinematics import forward_kinematics
 
 
@@ -96,14 +96,26 @@ class Planner:
         """Time (s) of the first collision along a chain, None without a collision."""
         t = np.arange(0.0, chain.duration, 4e-3)
         q = chain.sample(t)[0]
-        path = planned_path(q)
-        if not self.checker.path_collides(path):
+        if not self.checker.path_collides(planned_path(q)):
             return None
-        return next(float(t[k]) for k in range(len(q)) if self.checker.collides(q[k]))
+        times = (float(t[k]) for k in range(len(q)) if self.checker.collides(q[k]))
+        return next((time for time in times if not self._was_drawn_free(chain, time)), None)
+
+    def _was_drawn_free(self, chain: Chain, time: float) -> bool:
+        """Whether the straight path of the only motion at `time` (s) is free where it was checked when it was drawn.
+
+        Between two of those positions a path may come nearer than the scene's margin, which is there to cover that.
+        """
+        active = chain.active(time)
+        if len(active) > 1:
+            return False
+        start = chain.origin + sum((leg.distance for leg in chain.legs[: active[0]]), np.zeros_like(chain.origin))
+        straight = np.array([start, start + chain.legs[active[0]].distance])
+        return not self.checker.path_collides(dense_path(straight, CHECK_STEP))
 
     def _unblended(self, moves: list[Move], chain: Chain, time: float) -> list[Move]:
         """The motions without the blend that is active at `time` (s). Raises UserError without an active blend."""
-        active = [k for k, leg in enumerate(chain.legs) if leg.start <= time <= leg.end]
+        active = chain.active(time)
         before = min(active)
         if len(active) < 2 or moves[before].blend_after >= 1.0:
             target = " ".join(f"{angle:.0f}" for angle in np.degrees(moves[before].target))

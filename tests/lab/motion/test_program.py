@@ -41,6 +41,25 @@ def test_transfers_go_round_what_stands_in_the_way(cell):
     np.testing.assert_array_equal(way[1:], [move.target for move in again])
 
 
+class _Band(CollisionChecker):
+    """Collides while axis 1 is between two angles [deg]."""
+
+    def __init__(self, lowest, highest):
+        self._limits = np.radians([lowest, highest])
+
+    def collides(self, q):
+        return bool(self._limits[0] < q[0] < self._limits[1])
+
+
+def test_a_trajectory_is_executed_where_its_drawing_was_free(cell):
+    """Seed 8 of a campaign of 40 recordings: a path came within the margin of a box between two checked positions."""
+    path = Trajectory("path", np.radians([[0.0] + 6 * [0.0], [10.0] + 6 * [0.0]]))
+    between = Planner(cell.arm, _Band(2.05, 3.95))  # drawn paths are checked at 0, 2, 4 .. 10 deg
+    assert len(between.program(path, np.random.default_rng(0))) == 3
+    with pytest.raises(UserError, match="collides"):
+        Planner(cell.arm, _Band(1.95, 3.95)).program(path, np.random.default_rng(0))
+
+
 def test_a_trajectory_through_a_box_is_refused_with_the_place(cell):
     arm = Arm(IIWA)
     wall = Scene(name="wall", box=[Box(name="wall", centre=(0.5, 0.0, 0.6), size=(0.02, 0.4, 0.6))])
