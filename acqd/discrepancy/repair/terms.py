@@ -185,6 +185,6 @@ def described(effect: Added) -> str:
         return f"{summary}: {agreement} are shifted the same way"
     since = f", since {effect.start}" if effect.start else ""
     return (
-        f"{summary} ({effect.term.where}{since}): explains {effect.evidence:.0f} units of white squared error "
-        f"beyond chance; {agreement} agree"
+        f"{summary} ({effect.term.where}{since}): evidence {effect.evidence:.0f} (BIC difference to the model "
+        f"without the effect); {agreement} agree"
     )

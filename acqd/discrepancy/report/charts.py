@@ -73,8 +73,8 @@ def ranking(findings: list[Finding], chosen: str | None) -> Bars:
             finding.evidence,
             percent(finding.evidence / largest),
             "after" if name == chosen else ("before" if finding.candidate.id else "muted"),
-            f"evidence {finding.evidence:.0f} units",
+            f"evidence {finding.evidence:.0f}",
         )
         for name, finding in shown
     ]
-    return ranked(rows, f"Evidence relative to the best hypothesis [%]; 100 % is {float(f'{largest:.2e}'):.0f} units")
+    return ranked(rows, f"Evidence relative to the best hypothesis [%]; 100 % is {float(f'{largest:.2e}'):.0f}")

@@ -96,8 +96,8 @@ def unexplained(closed: Closed) -> str:
     if unknown is not None:
         since = f", {unknown.gate.label}" if unknown.gate.start else ""
         return (
-            f"{unnamed(unknown.finding.candidate.label)}{since}: {unknown.finding.evidence:.0f} units "
-            "of white squared error that no effect of the library explains as well"
+            f"{unnamed(unknown.finding.candidate.label)}{since}: evidence "
+            f"{unknown.finding.evidence:.0f} (BIC difference), which no effect of the library reaches"
         )
     rest = f"{closed.after.rmse:.2f} W RMS on held-out recordings, noise {closed.floor_W:.2f} W"
     if closed.reference_rmse is not None:
