@@ -3,9 +3,8 @@
 Rows are correlated, and their spread depends on whether the arm moves. Blocks of some seconds are therefore compared
 with blocks of the same kind, at rest or in motion, among the recordings that the bundle remembers (CUSUM: Page 1954).
 
-The bound h of a chart follows from the same blocks. If r solves E exp(r (z - k)) = 1, independent blocks exceed h by
-chance once in about exp(r h) blocks (Lundberg's exponent; Wald 1947). Correlated blocks count as fewer: the bound is
-multiplied by (1 + rho) / (1 - rho), the long-run variance of an AR(1) process with the measured autocorrelation rho.
+The bounds of the charts follow from the same blocks (`bound.py`). What acts once per recording, such as a surge when
+the brakes open, is in too few blocks for these charts and has a fifth one (`start_peak.py`).
 """
 
 from __future__ import annotations
@@ -15,14 +14,16 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq
 
 from acqd.arrays import Floats
+from acqd.discrepancy.monitor.bound import bound
+from acqd.discrepancy.monitor.start_peak import StartPeaks, start_peak
 from acqd.discrepancy.residual.whitening import Whitener
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.numerics import mad_sigma
 
-CHARTS = ("level up", "level down", "whitened variance up", "raw variance up")
+CHARTS = ("level up", "level down", "whitened variance up", "raw variance up", "peak at the start up")
+_START = CHARTS.index("peak at the start up")
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +48,9 @@ class Baseline:
     spread: Floats
     """[2, 3]."""
     bounds: Floats
-    """[charts]."""
+    """[4] of the charts of blocks."""
+    start: StartPeaks | None
+    """Of the peaks at the start of recordings; None where too few recordings start at rest."""
     seconds: float
     """Recorded time that it is based on."""
 
@@ -75,8 +78,11 @@ class Baseline:
             spread[kind] = np.maximum(sigma, own.std(axis=0) / 2)
         spread = np.maximum(spread, (0.02, 0.05, 0.05))
         z = charted((figures - centre[moving.astype(int)]) / spread[moving.astype(int)])
-        bounds = np.array([_bound(column, between_s / THRESHOLDS.cusum_block_s) for column in z.T])
-        return cls(whitener, centre, spread, bounds, len(figures) * THRESHOLDS.cusum_block_s)
+        bounds = np.array([bound(column, between_s / THRESHOLDS.cusum_block_s) for column in z.T])
+        seconds = len(figures) * THRESHOLDS.cusum_block_s
+        peaks = [start_peak(errors[k], predicted[k], step_s) for _, k in in_time]
+        start = StartPeaks.of([peak for peak in peaks if peak is not None], between_s / seconds)
+        return cls(whitener, centre, spread, bounds, start, seconds)
 
 
 def blocks_of(whitener: Whitener, errors: Floats, predicted: Floats, start_s: float, step_s: float) -> Blocks:
@@ -101,31 +107,9 @@ def blocks_of(whitener: Whitener, errors: Floats, predicted: Floats, start_s: fl
 
 
 def charted(z: Floats) -> Floats:
-    """[n, charts] increments of the charts, from standardised figures [n, 3]."""
+    """[n, 4] increments of the charts of blocks, from standardised figures [n, 3]."""
     z = np.clip(z, -THRESHOLDS.cusum_clip, THRESHOLDS.cusum_clip)
     return np.column_stack([z[:, 0], -z[:, 0], z[:, 1], z[:, 2]])
-
-
-def _bound(z: Floats, blocks: float) -> float:
-    """Height that a CUSUM of values `z` [n], in the order of time, exceeds by chance once in `blocks` blocks."""
-
-    def moment(r: float) -> float:
-        return float(np.mean(np.exp(r * (z - THRESHOLDS.cusum_slack)))) - 1.0
-
-    centred = z - z.mean()
-    rho = float(centred[1:] @ centred[:-1]) / max(float(centred @ centred), 1e-12) + 1 / np.sqrt(len(z))  # cautious
-    rho = float(np.clip(rho, 0.0, 0.9))
-    slower = (1 + rho) / (1 - rho)
-    if z.max() <= THRESHOLDS.cusum_slack:
-        return slower * float(np.log(blocks))
-    high = 1.0
-    while moment(high) < 0 and high < 64:
-        high *= 2
-    low = high
-    while moment(low) >= 0 and low > 1e-3:
-        low /= 2
-    rate = float(brentq(moment, low, high)) if moment(low) < 0 <= moment(high) else low
-    return slower * float(np.log(blocks)) / max(rate, 0.05)
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,20 +168,27 @@ class Monitor:
         blocks = blocks_of(base.whitener, errors, predicted, start_s, step_s)
         kinds = blocks.moving.astype(int)
         z = charted((blocks.figures - base.centre[kinds]) / base.spread[kinds])
-        for block_s, values in zip(blocks.start_s.tolist(), z, strict=True):
+        bounds = np.append(base.bounds, np.inf if base.start is None else base.start.bound)
+        peak = None if base.start is None else start_peak(errors, predicted, step_s)
+        for number, (block_s, values) in enumerate(zip(blocks.start_s.tolist(), z, strict=True)):
             for chart, value in enumerate(values):
-                if self.sums[chart] == 0.0:
-                    self.since[chart].clear()
-                self.since[chart] = [*self.since[chart][-THRESHOLDS.cusum_remembered :], (block_s, float(value))]
-                self.sums[chart] = max(0.0, self.sums[chart] + float(value) - THRESHOLDS.cusum_slack)
-            highest = int(np.argmax(self.sums / base.bounds))
-            height = float(self.sums[highest] / base.bounds[highest])
+                self._add(chart, block_s, float(value))
+            if number == 0 and base.start is not None and peak is not None:
+                self._add(_START, block_s, base.start.charted(peak))
+            highest = int(np.argmax(self.sums / bounds))
+            height = float(self.sums[highest] / bounds[highest])
             if height > 1.0:
                 self.alarm = Alarm(
                     CHARTS[highest], onset(self.since[highest]), block_s + THRESHOLDS.cusum_block_s, height
                 )
                 return self.alarm
         return None
+
+    def _add(self, chart: int, block_s: float, value: float) -> None:
+        if self.sums[chart] == 0.0:
+            self.since[chart].clear()
+        self.since[chart] = [*self.since[chart][-THRESHOLDS.cusum_remembered :], (block_s, value)]
+        self.sums[chart] = max(0.0, self.sums[chart] + value - THRESHOLDS.cusum_slack)
 
     def as_json(self) -> dict[str, Any]:
         """State, to continue after a restart."""
@@ -207,7 +198,10 @@ class Monitor:
 
     def restore(self, state: dict[str, Any]) -> None:
         """Restore the state of `as_json`. Raises KeyError, ValueError, TypeError."""
-        self.sums = np.array(state["sums"], dtype=float).reshape(len(CHARTS))
-        self.since = [[(float(t), float(value)) for t, value in each] for each in state["since"]]
+        sums, since = list(state["sums"]), list(state["since"])
+        if len(sums) == _START:  # of a version without the chart of starts
+            sums, since = [*sums, 0.0], [*since, []]
+        self.sums = np.array(sums, dtype=float).reshape(len(CHARTS))
+        self.since = [[(float(t), float(value)) for t, value in each] for each in since]
         self.judged_s = float(state["judged_s"])
         self.alarm = None if state["alarm"] is None else Alarm(**state["alarm"])

@@ -50,13 +50,13 @@ def main() -> None:
     wolf = false_alarms(model, baseline, sorted(clean, key=lambda each: each.start_s))
     hours = sum(len(each.P) for each in clean) * model.step_s / 3600
     title = f"sequential test (simulated); clean: {wolf} false alarms in {hours:.1f} h"
-    table = Table("strength", "cases", "alarm", "within 5 min", "recorded minutes to it (median, 90 %)",
+    table = Table("strength", "cases", "alarm", "within 10 min", "recorded minutes to it (median, 90 %)",
                   "onset told late by, min (median)", title=title)  # fmt: skip
     for strength, cases in sorted(found.items()):
         taken = [each[2] for each in cases if each[1] is not None]
         late = [each[3] for each in cases if each[1] is not None]
         table.add_row(
-            strength, str(len(cases)), str(len(taken)), str(sum(m <= 5 for m in taken)),
+            strength, str(len(cases)), str(len(taken)), str(sum(m <= 10 for m in taken)),
             f"{np.median(taken):.1f}, {np.percentile(taken, 90):.1f}" if taken else "-",
             f"{np.median(late):.1f}" if late else "-",
         )  # fmt: skip
