@@ -61,6 +61,7 @@ def subject_of(config: CloseConfig, progress: Callable[[str, float], None]) -> S
     data = _since(load_dataset(config.dataset), config.since_s)
     _require_same_robot(config, bundle, model, data)
     robot = load_description(config.robot or bundle.metadata["description"])
+    strangers = _strangers(config, bundle, data, robot)
     provenance = bundle.metadata["provenance"]
     same = is_training_dataset(provenance, data)
     unseen, remarks = _unseen(provenance, data)
@@ -79,7 +80,7 @@ def subject_of(config: CloseConfig, progress: Callable[[str, float], None]) -> S
     return Subject(
         bundle=bundle, model=model, carrier=carrier, robot=robot, data=data,
         question="change" if reference else "structure", fit=fit, held_out=held_out, reference=reference,
-        withheld=withheld, chosen=_chosen(config), notes=[*remarks, *notes],
+        withheld=withheld, chosen=_chosen(config), notes=[*strangers, *remarks, *notes],
     )  # fmt: skip
 
 
@@ -94,6 +95,22 @@ def _require_same_robot(config: CloseConfig, bundle: Bundle, model: Predictor, d
             f"{config.dataset} has rows of {data.step_s} s, the model has rows of {model.step_s} s; "
             "build the dataset again with the model's step"
         )
+
+
+def _strangers(config: CloseConfig, bundle: Bundle, data: Dataset, robot: RobotDescription) -> list[str]:
+    """A note where description, dataset and model name different robots. Raises UserError for another number of axes.
+
+    Names may differ for a reason, such as a corrected description under a new name.
+    """
+    if robot.axes != data.axes:
+        raise UserError(
+            f"{robot.name} has {robot.axes} axes, {config.dataset} has {data.axes}: describe {data.robot} (--robot)"
+        )
+    names = {"description": robot.name, "dataset": data.robot, "model": str(bundle.metadata["robot"])}
+    if len(set(names.values())) == 1:
+        return []
+    which = ", ".join(f"the {what} is of {name}" for what, name in names.items())
+    return [f"{which}: masses, limits and sizes are those of {robot.name}; is that meant?"]
 
 
 def _unseen(provenance: dict[str, Any], data: Dataset) -> tuple[list[Segment], list[str]]:

@@ -6,6 +6,8 @@ import sys
 
 import pytest
 
+from acqd.discrepancy.config import CloseConfig
+from acqd.discrepancy.recordings import subject_of
 from acqd.models.bundle.bundle import load_bundle
 from tests.builders import recording, write_dataset
 from tests.commands import acqd_here
@@ -83,6 +85,7 @@ def test_only_and_exclude(closed, tmp_path):
         (("{ds}", "--model", "{model}", "--only", "paylod"), "paylod"),
         (("{ds}", "--model", "{model}", "--reference", "{model}"), "model"),
         (("{ds}", "--model", "{model}", "--out", "{ds}"), "choose another --out"),
+        (("{ds}", "--model", "{model}", "--robot", "kuka_iiwa14"), "kuka_iiwa14 has 7 axes"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_2(closed, arguments, said):
@@ -91,6 +94,14 @@ def test_bad_input_is_one_line_and_exit_2(closed, arguments, said):
     done = acqd_here("close-loop", *(each.format(**places) for each in arguments))
     assert done.returncode == 2
     assert said in done.stderr and len(done.stderr.strip().splitlines()) == 1
+
+
+@pytest.mark.parametrize(("robot", "notes"), [("ur5e", 1), (None, 0)])
+def test_a_description_of_another_robot_is_noted(closed, tmp_path, robot, notes):
+    folder, _ = closed
+    config = CloseConfig(folder / "now" / "ds", folder / "model", tmp_path / "out", robot=robot)
+    said = [note for note in subject_of(config, lambda *_: None).notes if "is that meant?" in note]
+    assert len(said) == notes and all("ur5e" in note and "ur10e" in note for note in said)
 
 
 def test_too_few_recordings_are_refused(model, closed, tmp_path):
