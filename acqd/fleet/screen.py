@@ -32,7 +32,7 @@ class Screened:
     onset_s: float
     """UTC."""
     trained_s: float
-    """UTC of the last row that the bundle remembers from before."""
+    """UTC of the last row that the bundle remembers from before `first_s`; `first_s` if all recordings are later."""
     first_s: float
     """UTC of the start of the first recording in question."""
     first_end_s: float
@@ -76,7 +76,7 @@ def screen(model_path: Path, bundle: Bundle, model: Predictor, dataset: Path) ->
     since = [e for e, s in zip(errors, segments, strict=True) if _end(s, data.step_s) > found.onset_s]
     return Screened(
         p=found.p, chart=found.chart, height=found.height, onset_s=found.onset_s,
-        trained_s=max(_end(segment, data.step_s) for segment in remembered.segments), first_s=segments[0].start_s,
+        trained_s=_end_before(starts[0], remembered.segments, data.step_s), first_s=starts[0],
         first_end_s=max(_end(s, data.step_s) for s in segments if s.recording == segments[0].recording),
         last_s=max(_end(segment, data.step_s) for segment in segments),
         recordings=len({segment.recording for segment in segments}),
@@ -84,6 +84,11 @@ def screen(model_path: Path, bundle: Bundle, model: Predictor, dataset: Path) ->
         reference_rmse=rms(remembered.errors), measured=data.measured,
         content=data.content,
     )  # fmt: skip
+
+
+def _end_before(time_s: float, segments: list[Segment], step_s: float) -> float:
+    """UTC of the last end of segments before a time; that time where none ends before."""
+    return max((end for end in (_end(each, step_s) for each in segments) if end <= time_s), default=time_s)
 
 
 def _end(segment: Segment, step_s: float) -> float:

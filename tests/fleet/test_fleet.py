@@ -7,6 +7,9 @@ import pytest
 
 from acqd.fleet.config import read_fleet
 from acqd.fleet.run import FleetConfig, run_fleet
+from acqd.fleet.scan import Finding, clusters
+from acqd.fleet.screen import screen
+from acqd.models.bundle.restore import open_model
 from tests.browser import chromium, looks, serious_findings
 from tests.builders import recording, write_dataset
 from tests.commands import acqd_here, refused, without_workers
@@ -58,6 +61,21 @@ def test_the_changed_robot_is_found_with_its_cause_and_the_broken_ones_are_lines
     stored = json.loads((folder / "plant.fleet" / "report.json").read_text())
     assert stored["robots"] == report["robots"]
     assert (folder / "plant.fleet" / "robots" / "loaded" / "loop" / "report.html").exists()
+
+
+@pytest.mark.parametrize("shift_s", [-9e6, 9000.0])
+def test_recordings_from_before_the_training_have_a_time_in_which_they_were_watched(closed, model, tmp_path, shift_s):
+    """Found by hand: two robots asked about older recordings ended the whole fleet with a traceback."""
+    folder, _ = closed
+    dataset = write_dataset(tmp_path, [recording(model, k, seed=8, rows=900, start_s=1e9 + shift_s) for k in range(6)])
+    bundle, opened = open_model(folder / "model")
+    screened = screen(folder / "model", bundle, opened, dataset)
+    assert screened.trained_s <= screened.first_s < screened.last_s
+    assert (screened.trained_s == screened.first_s) == (shift_s < 0)
+    findings = [Finding(name, "payload", screened.onset_s, screened.trained_s, screened.last_s) for name in "abc"]
+    assert [each.robots for each in clusters(findings, {"payload": 1, "offset_shift": 99}, [3600.0], 0.05, 1)] == [
+        ("a", "b", "c")
+    ]
 
 
 @pytest.mark.long(seconds=5)
