@@ -25,6 +25,8 @@ from acqd.models.bundle.restore import open_model
 
 Result = dict[str, Any]
 """`name`, and `error` or what was found; plain JSON."""
+_SCREEN = 2
+"""Format of what is kept of a screen: another number screens again."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +77,14 @@ def _screen(task: ScreenTask) -> Result:
     description = robot.description or str(bundle.metadata["description"])
     current = up_to_date(robot, task.folder, description, model.step_s)
     manifest = (current.path / "manifest.json").read_bytes() if (current.path / "manifest.json").exists() else b""
-    key = digest({"acqd": __version__, "model": robot.model_digest(), "manifest": digest({"text": manifest.hex()})})
+    key = digest(
+        {
+            "acqd": __version__,
+            "format": _SCREEN,
+            "model": robot.model_digest(),
+            "manifest": digest({"text": manifest.hex()}),
+        }
+    )
     about = {"dataset": str(current.path), "type": bundle.metadata["robot"], "refused": current.refused}
     file = task.folder / "screen.json"
     found = _kept(file, key) or _keep(file, key, screen(robot.model, bundle, model, current.path).as_json())

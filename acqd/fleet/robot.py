@@ -16,7 +16,7 @@ from acqd.errors import InputError
 from acqd.models.bundle.bundle import fingerprint
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,79}")
-_FORMAT = 2
+_FORMAT = 1
 """Of what is kept of a robot: another number does everything again."""
 
 
