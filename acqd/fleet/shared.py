@@ -9,6 +9,7 @@ import numpy as np
 
 from acqd.fleet.scan import Cluster, Finding, clusters
 from acqd.fleet.settings import FleetSettings
+from acqd.fleet.size import main_parameter
 from acqd.models.effects import library
 
 _COMPATIBLE = 0.05
@@ -68,15 +69,14 @@ def _compatible(robot: dict[str, Any], cluster: Cluster) -> bool:
 
 
 def _sizes(cluster: Cluster, members: Sequence[dict[str, Any]]) -> dict[str, Any] | None:
-    """Median and range of the first parameter of the cause; None where units differ."""
-    effects = [next(e for e in robot["effects"] if e["id"] == cluster.kind) for robot in members]
-    firsts = [next(iter(effect["parameters"].items()), None) for effect in effects]
-    known = [(name, p) for name, p in (first for first in firsts if first is not None)]
-    if not known or len({(name, p["unit"]) for name, p in known}) > 1:
+    """Median and range of the main parameter of the first robot's cause; None where names or units differ."""
+    sizes = [next(e["parameters"] for e in robot["effects"] if e["id"] == cluster.kind) for robot in members]
+    known = [parameters for parameters in sizes if parameters]
+    name = main_parameter(known[0]) if known else None
+    if name is None or len({(p.get(name) or {}).get("unit") for p in known}) > 1:
         return None
-    values = np.array([float(p["value"]) for _, p in known])
-    name, first = known[0]
+    values = np.array([float(parameters[name]["value"]) for parameters in known])
     return {
-        "parameter": name, "unit": first["unit"], "median": float(np.median(values)), "lowest": float(values.min()),
+        "parameter": name, "unit": known[0][name]["unit"], "median": float(np.median(values)), "lowest": float(values.min()),
         "highest": float(values.max()), "robots": len(values),
     }  # fmt: skip

@@ -5,6 +5,7 @@ from __future__ import annotations
 from datetime import UTC, datetime
 from typing import Any
 
+from acqd.fleet.size import main_parameter
 from acqd.report.digits import number, percent
 
 Row = dict[str, Any]
@@ -41,10 +42,12 @@ def what(row: Row) -> str:
 
 
 def how_much(row: Row) -> str:
-    """The first parameter of every cause with its 95 % interval."""
+    """The main parameter of every cause with its 95 % interval."""
     texts = []
     for effect in row["effects"]:
-        for name, p in list(effect["parameters"].items())[:1]:
+        name = main_parameter(effect["parameters"])
+        if name is not None:
+            p = effect["parameters"][name]
             bounds = f" ({number(p['ci95'][0])} to {number(p['ci95'][1])})" if p["ci95"] else ""
             texts.append(f"{name} {number(p['value'])} {p['unit']}{bounds}")
     return "; ".join(texts)

@@ -6,6 +6,7 @@ import pytest
 
 from acqd.fleet import words
 from acqd.fleet.page import page_of
+from acqd.fleet.size import main_parameter
 from acqd.fleet.summary import judged, report_of
 from tests.browser import chromium, looks, serious_findings
 from tests.fleet.findings import START_S, cause, hall, screened
@@ -50,6 +51,16 @@ def test_numbers_are_words_that_a_person_reads(tmp_path):
     assert words.shared_line(1, report.shared[0]).startswith(
         "shared cause 1: viscous_friction in 9 robots, since 2023-"
     )
+
+
+def test_the_largest_power_of_a_peak_stands_for_its_size():
+    peak = {
+        "power 0-20 ms": {"value": -2.0, "unit": "W"}, "power 20-60 ms": {"value": 259.0, "unit": "W"},
+        "energy": {"value": 900.0, "unit": "J"},
+    }  # fmt: skip
+    assert main_parameter(peak) == "power 20-60 ms" and main_parameter({}) is None
+    mass = {"mass": {"value": 0.6, "unit": "kg"}, "centre_of_mass_m": {"value": 3.0, "unit": "m"}}
+    assert main_parameter(mass) == "mass"
 
 
 def test_the_page_says_what_the_table_says_and_needs_no_other_file(tmp_path):
