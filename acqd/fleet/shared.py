@@ -77,6 +77,6 @@ def _sizes(cluster: Cluster, members: Sequence[dict[str, Any]]) -> dict[str, Any
         return None
     values = np.array([float(parameters[name]["value"]) for parameters in known])
     return {
-        "parameter": name, "unit": known[0][name]["unit"], "median": float(np.median(values)), "lowest": float(values.min()),
-        "highest": float(values.max()), "robots": len(values),
+        "parameter": name, "unit": known[0][name]["unit"], "median": float(np.median(values)),
+        "lowest": float(values.min()), "highest": float(values.max()), "robots": len(values),
     }  # fmt: skip
