@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from acqd.discrepancy.joints.columns import side_of
+from acqd.discrepancy.joints.logged import side_of
 from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.repair.guard import Improved
 from acqd.discrepancy.search import clock_effects

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, get_args
 
 import numpy as np
 
 from acqd.arrays import Floats
+from acqd.discrepancy.joints.logged import Side, logged
 from acqd.models.effects.effect import Effect
 from acqd.models.effects.places import Shape
 from acqd.models.effects.scene import Scene
@@ -19,31 +19,13 @@ from acqd.robot.arm import Arm
 from acqd.robot.description import RobotDescription
 from acqd.robot.dynamics import inertial_parameters, regressor
 
-Side = Literal["link", "motor"]
-"""A torque sensor behind the gear sees the link; a motor current sees friction and rotor too."""
-
-
-def side_of(segments: list[Segment]) -> Side | None:
-    """Where most of the segments have a torque; None if most have none."""
-    for side in get_args(Side):
-        if sum(has_torque(segment, side) for segment in segments) > len(segments) / 2:
-            return side  # type: ignore[no-any-return]
-    return None
-
-
-def has_torque(segment: Segment, side: Side) -> bool:
-    """Whether a segment has torques of that side without gaps; a column of zeros was not measured."""
-    values = segment.tau if side == "link" else segment.channels.get("current")
-    return values is not None and bool(np.isfinite(values).all()) and bool(np.abs(values).max(initial=0.0) > 0)
-
 
 def measured_torque(segment: Segment, side: Side, robot: RobotDescription) -> Floats:
     """[T, axes] Nm: logged, or motor current times the nominal torque constant at the output."""
-    if side == "link":
-        assert segment.tau is not None
-        return segment.tau
+    values = logged(segment, side)
+    assert values is not None
     constant = [joint.drive.effort_per_ampere for joint in robot.joint]
-    return np.asarray(segment.channels["current"] * np.array(constant))
+    return values if side == "link" else np.asarray(values * np.array(constant))
 
 
 _ZERO_SHARE = 0.05

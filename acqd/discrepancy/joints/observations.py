@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from acqd.arrays import Floats
 from acqd.dataset.split import log_of
-from acqd.discrepancy.joints.columns import BaseLayout, base_columns, has_torque, measured_torque, side_of
+from acqd.discrepancy.joints.columns import BaseLayout, base_columns, measured_torque
+from acqd.discrepancy.joints.logged import has_torque, side_of
 from acqd.discrepancy.joints.sessions import Products, Session
 from acqd.discrepancy.residual.known_rows import known_rows
 from acqd.discrepancy.residual.whitening import Whitener

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acqd.discrepancy.joints.columns import has_torque
+from acqd.discrepancy.joints.logged import has_torque
 from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.robot.arm import Arm
