@@ -107,11 +107,7 @@ def prior(layout: Layout, robot: RobotDescription, inertial: Floats, standby_W: 
     """
     mean, deviation = np.zeros(layout.size), np.full(layout.size, np.inf)
     mean[layout.place("inertial")] = inertial
-    mass = inertial[::10]
-    spread = _MASS_SPREAD * np.abs(inertial).reshape(-1, 10)
-    spread[:, 1:4] += _COM_SPREAD_M * mass[:, None]
-    spread[:, 4:] += (_COM_SPREAD_M**2 + 0.1 * _COM_SPREAD_M) * mass[:, None]
-    deviation[layout.place("inertial")] = spread.ravel() + 1e-6
+    deviation[layout.place("inertial")] = inertial_spread(inertial)
     drives = [joint.drive for joint in robot.joint]
     rotor = np.array([drive.rotor_inertia_kgm2 for drive in drives])
     mean[layout.place("rotor")], deviation[layout.place("rotor")] = rotor, 0.5 * rotor + 0.01
@@ -129,6 +125,15 @@ def prior(layout: Layout, robot: RobotDescription, inertial: Floats, standby_W: 
     mean[layout.place("gain")], deviation[layout.place("gain")] = _GAIN, _GAIN_SPREAD
     mean[layout.place("lag")], deviation[layout.place("lag")] = 0.015, step_s
     return Prior(mean, deviation)
+
+
+def inertial_spread(inertial: Floats) -> Floats:
+    """[10 axes] standard deviation of published inertial parameters about those of a description [10 axes]."""
+    mass = inertial[::10]
+    spread = _MASS_SPREAD * np.abs(inertial).reshape(-1, 10)
+    spread[:, 1:4] += _COM_SPREAD_M * mass[:, None]
+    spread[:, 4:] += (_COM_SPREAD_M**2 + 0.1 * _COM_SPREAD_M) * mass[:, None]
+    return np.asarray(spread.ravel() + 1e-6)
 
 
 def table(layout: Layout, values: Floats, covariance: Floats) -> list[dict[str, Any]]:
