@@ -381,6 +381,9 @@ class Thresholds:
     )
     cusum_rest_s: float = _threshold(0.5, "s", "monitor", "study", "a recording starts at rest: at least so long")
     cusum_peak_s: float = _threshold(0.2, "s", "monitor", "study", "a peak at the start is a mean over this time")
+    cusum_tail_share: float = _threshold(
+        0.1, "of the rows", "monitor", "convention", "high and low power: beyond the upper and the lower decile"
+    )
     cusum_fewest_blocks: int = _threshold(12, "blocks", "monitor", "study", "fewest blocks of a baseline")
     cusum_step: float = _threshold(1.0, "sigma", "monitor", "study", "least step that dates the onset")
     screen_level_share: float = _threshold(

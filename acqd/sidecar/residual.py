@@ -56,7 +56,7 @@ class DriftMonitor:
         alarm = None
         if self.monitor is not None:
             for error, P, segment in zip(errors, predicted, segments, strict=True):
-                alarm = self.monitor.update(error, P, segment.start_s, self._step_s) or alarm
+                alarm = self.monitor.update(error, P, segment.start_s, self._step_s, segment) or alarm
         return None if alarm is None else alarm.as_json()
 
     def as_json(self) -> dict[str, Any] | None:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.discrepancy.monitor.cusum import Baseline
+from acqd.discrepancy.monitor.blocks import blocks_of
+from acqd.discrepancy.monitor.cusum import CHARTS, Baseline
+from acqd.discrepancy.monitor.joint_chart import JointChart, grey_box_of
+from acqd.discrepancy.monitor.score_charts import ScoreCharts
 from acqd.discrepancy.residual.residuals import residuals, rms
 from acqd.errors import UserError
 from acqd.models.bundle.reference import load_reference
@@ -37,11 +40,25 @@ class Remembered:
         return cls(bundle, segments, predicted, residuals(predicted, segments))
 
 
-def baseline_of(
-    bundle: Path, model: Predictor, between_s: float, kept: Callable[[Floats], Floats] = np.asarray
-) -> Baseline:
-    """As `baseline_from`, of the recordings that a bundle remembers."""
-    return baseline_from(Remembered.of(bundle, model), model.step_s, between_s, kept)
+def baseline_of(bundle: Path, model: Predictor, between_s: float) -> Baseline:
+    """Of all charts of the monitor, from the recordings that a bundle remembers. Raises UserError, InputError.
+
+    `between_s`: mean recorded time between false alarms of all charts together, by Bonferroni's inequality.
+    """
+    remembered = Remembered.of(bundle, model)
+    between_s *= len(CHARTS)
+    baseline = baseline_from(remembered, model.step_s, between_s)
+    in_time = sorted(range(len(remembered.segments)), key=lambda k: remembered.segments[k].start_s)
+    segments = [remembered.segments[k] for k in in_time]
+    errors, predicted = ([each[k] for k in in_time] for each in (remembered.errors, remembered.predicted))
+    whitener, starts = baseline.whitener, [segment.start_s for segment in segments]
+    blocks = [blocks_of(whitener, *each, model.step_s) for each in zip(errors, predicted, starts, strict=True)]
+    grey_box = grey_box_of(model)
+    return replace(
+        baseline,
+        joints=None if grey_box is None else JointChart.of(grey_box, segments, blocks, between_s),
+        scores=ScoreCharts.of(whitener, segments, errors, predicted, blocks, between_s),
+    )
 
 
 def baseline_from(

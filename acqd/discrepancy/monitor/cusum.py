@@ -1,10 +1,9 @@
 """A sequential test on a residual: CUSUM charts of its level and its variance, against a baseline of the model.
 
-Rows are correlated, and their spread depends on whether the arm moves. Blocks of some seconds are therefore compared
-with blocks of the same kind, at rest or in motion, among the recordings that the bundle remembers (CUSUM: Page 1954).
-
-The bounds of the charts follow from the same blocks (`bound.py`). What acts once per recording, such as a surge when
-the brakes open, is in too few blocks for these charts and has a fifth one (`start_peak.py`).
+Blocks of some seconds (`blocks.py`) are compared with those of the recordings that the bundle remembers (CUSUM: Page
+1954). The bounds of the charts follow from the same blocks (`bound.py`). What acts once per recording, such as a surge
+when the brakes open, is in too few blocks for these charts and has a fifth one (`start_peak.py`). Logged joint torques
+have a sixth (`joint_chart.py`); what acts in few rows has three pairs of charts (`score_charts.py`).
 """
 
 from __future__ import annotations
@@ -14,28 +13,25 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from acqd.arrays import Floats
+from acqd.discrepancy.monitor.blocks import Blocks, Scale, blocks_of
 from acqd.discrepancy.monitor.bound import bound
+from acqd.discrepancy.monitor.joint_chart import JointChart
+from acqd.discrepancy.monitor.score_charts import SCORES, ScoreCharts
 from acqd.discrepancy.monitor.start_peak import StartPeaks, start_peak
 from acqd.discrepancy.residual.whitening import Whitener
 from acqd.discrepancy.thresholds import THRESHOLDS
-from acqd.numerics import mad_sigma
+from acqd.models.segments import Segment
 
-CHARTS = ("level up", "level down", "whitened variance up", "raw variance up", "peak at the start up")
-_START = CHARTS.index("peak at the start up")
-
-
-@dataclass(frozen=True, slots=True)
-class Blocks:
-    """Figures of consecutive blocks."""
-
-    start_s: Floats
-    """[n] UTC."""
-    moving: Floats
-    """[n] 0 or 1."""
-    figures: Floats
-    """[n, 3]: mean residual (W), log of the mean square of the white residual, and of the residual as it is."""
+CHARTS = (
+    "level up", "level down", "whitened variance up", "raw variance up", "peak at the start up", "joint torque up",
+    *(f"{score} {side}" for score in SCORES for side in ("up", "down")),
+)  # fmt: skip
+_START, _JOINTS = CHARTS.index("peak at the start up"), CHARTS.index("joint torque up")
+_SCORES = slice(_JOINTS + 1, len(CHARTS))
+_LEAST_SPREAD = np.array([0.02, 0.05, 0.05])
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,16 +39,18 @@ class Baseline:
     """The residual of an unchanged robot."""
 
     whitener: Whitener
-    centre: Floats
-    """[2, 3] median of blocks at rest and in motion."""
-    spread: Floats
-    """[2, 3]."""
+    scale: Scale
+    """Of the three figures of blocks."""
     bounds: Floats
     """[4] of the charts of blocks."""
     start: StartPeaks | None
     """Of the peaks at the start of recordings; None where too few recordings start at rest."""
     seconds: float
     """Recorded time that it is based on."""
+    joints: JointChart | None = None
+    """None without logged torques."""
+    scores: ScoreCharts | None = None
+    """Of rows at high power, at low power, and where the tool switches."""
 
     @classmethod
     def of(
@@ -67,43 +65,38 @@ class Baseline:
         in_time = sorted(zip(starts_s, range(len(errors)), strict=True))
         parts = [blocks_of(whitener, errors[k], predicted[k], start, step_s) for start, k in in_time]
         figures = kept(np.concatenate([part.figures for part in parts]))
-        moving = np.concatenate([part.moving for part in parts])
         if len(figures) < THRESHOLDS.cusum_fewest_blocks:
             return None
-        centre, spread = np.empty((2, 3)), np.empty((2, 3))
-        for kind in (0, 1):
-            own = figures[moving == kind] if (moving == kind).sum() >= THRESHOLDS.cusum_fewest_blocks else figures
-            centre[kind] = np.median(own, axis=0)
-            sigma = np.array([mad_sigma(column, middle) for column, middle in zip(own.T, centre[kind], strict=True)])
-            spread[kind] = np.maximum(sigma, own.std(axis=0) / 2)
-        spread = np.maximum(spread, (0.02, 0.05, 0.05))
-        z = charted((figures - centre[moving.astype(int)]) / spread[moving.astype(int)])
+        kinds = np.concatenate([part.kinds for part in parts])
+        scale = Scale.of(figures, kinds, _LEAST_SPREAD)
+        z = charted(scale.standardised(figures, kinds))
         bounds = np.array([bound(column, between_s / THRESHOLDS.cusum_block_s) for column in z.T])
         seconds = len(figures) * THRESHOLDS.cusum_block_s
         peaks = [start_peak(errors[k], predicted[k], step_s) for _, k in in_time]
         start = StartPeaks.of([peak for peak in peaks if peak is not None], between_s / seconds)
-        return cls(whitener, centre, spread, bounds, start, seconds)
+        return cls(whitener, scale, bounds, start, seconds)
 
+    def all_bounds(self) -> Floats:
+        """[charts], infinite where there is no chart."""
+        single = [np.inf if each is None else each.bound for each in (self.start, self.joints)]
+        scores = np.full(2 * len(SCORES), np.inf) if self.scores is None else self.scores.bounds
+        return np.concatenate([self.bounds, single, scores])
 
-def blocks_of(whitener: Whitener, errors: Floats, predicted: Floats, start_s: float, step_s: float) -> Blocks:
-    """Blocks of a segment; a remainder shorter than half a block is left out."""
-    size = round(THRESHOLDS.cusum_block_s / step_s)
-    white = (
-        np.concatenate([np.full(THRESHOLDS.noise_order, np.nan), whitener.apply(errors)])
-        if len(errors) > THRESHOLDS.noise_order
-        else errors * np.nan
-    )
-    starts, moving, figures = [], [], []
-    for first in range(0, len(errors), size):
-        rows = slice(first, first + size)
-        inner = white[rows][np.isfinite(white[rows])]
-        if len(errors[rows]) < size / 2 or len(inner) < size / 4:
-            continue
-        starts.append(start_s + first * step_s)
-        moving.append(float(predicted[rows].std() > THRESHOLDS.cusum_moving_W))
-        sizes = (float(np.mean(np.square(values))) for values in (inner, errors[rows]))
-        figures.append([float(errors[rows].mean()), *(np.log(max(each, 1e-12)) for each in sizes)])
-    return Blocks(np.array(starts), np.array(moving), np.array(figures).reshape(-1, 3))
+    def increments(
+        self, blocks: Blocks, errors: Floats, predicted: Floats, step_s: float, logged: Segment | None
+    ) -> tuple[Floats, NDArray[np.intp]]:
+        """[n, charts] of the blocks of a segment, NaN where there are none, and the joints that deviate most [n]."""
+        z = np.full((len(blocks.rows), len(CHARTS)), np.nan)
+        joints = np.zeros(len(blocks.rows), dtype=np.intp)
+        z[:, :_START] = charted(self.scale.standardised(blocks.figures, blocks.kinds))
+        peak = None if self.start is None else start_peak(errors, predicted, step_s)
+        if self.start is not None and peak is not None and len(z):
+            z[0, _START] = self.start.charted(peak)
+        if self.joints is not None and logged is not None:
+            z[:, _JOINTS], joints = self.joints.charted(logged, blocks)
+        if self.scores is not None and logged is not None:
+            z[:, _SCORES] = self.scores.charted(logged, errors, predicted, blocks)
+        return z, joints
 
 
 def charted(z: Floats) -> Floats:
@@ -123,12 +116,15 @@ class Alarm:
     """UTC of the end of the block that raised the alarm."""
     height: float
     """Sum over bound."""
+    joint: int | None = None
+    """From 1: the joint whose torque deviates most; None for the charts of power."""
 
     def as_json(self) -> dict[str, Any]:
         """For MQTT and for files."""
-        return {
+        entry = {
             "chart": self.chart, "onset_s": self.onset_s, "raised_s": self.raised_s, "height": round(self.height, 3)
         }  # fmt: skip
+        return entry if self.joint is None else entry | {"joint": self.joint}
 
 
 def onset(blocks: list[tuple[float, float]]) -> float:
@@ -159,27 +155,29 @@ class Monitor:
     alarm: Alarm | None = None
     """The first alarm; it stays until the monitor is replaced."""
 
-    def update(self, errors: Floats, predicted: Floats, start_s: float, step_s: float) -> Alarm | None:
-        """Judge a segment; return the alarm that it raises, None without a new alarm."""
+    def update(
+        self, errors: Floats, predicted: Floats, start_s: float, step_s: float, logged: Segment | None = None
+    ) -> Alarm | None:
+        """Judge a segment; return the alarm that it raises, None without a new alarm.
+
+        `logged`: the segment itself, for its signals and joint torques.
+        """
         if self.alarm is not None or start_s < self.judged_s:
             return None  # raised already, or rows that were judged before
         self.judged_s = start_s + len(errors) * step_s
         base = self.baseline
         blocks = blocks_of(base.whitener, errors, predicted, start_s, step_s)
-        kinds = blocks.moving.astype(int)
-        z = charted((blocks.figures - base.centre[kinds]) / base.spread[kinds])
-        bounds = np.append(base.bounds, np.inf if base.start is None else base.start.bound)
-        peak = None if base.start is None else start_peak(errors, predicted, step_s)
-        for number, (block_s, values) in enumerate(zip(blocks.start_s.tolist(), z, strict=True)):
-            for chart, value in enumerate(values):
-                self._add(chart, block_s, float(value))
-            if number == 0 and base.start is not None and peak is not None:
-                self._add(_START, block_s, base.start.charted(peak))
+        z, joints = base.increments(blocks, errors, predicted, step_s, logged)
+        bounds = base.all_bounds()
+        for number, block_s in enumerate(blocks.start_s.tolist()):
+            for chart in np.flatnonzero(np.isfinite(z[number])).tolist():
+                self._add(chart, block_s, float(z[number, chart]))
             highest = int(np.argmax(self.sums / bounds))
             height = float(self.sums[highest] / bounds[highest])
             if height > 1.0:
+                joint = int(joints[number]) if highest == _JOINTS else None
                 self.alarm = Alarm(
-                    CHARTS[highest], onset(self.since[highest]), block_s + THRESHOLDS.cusum_block_s, height
+                    CHARTS[highest], onset(self.since[highest]), block_s + THRESHOLDS.cusum_block_s, height, joint
                 )
                 return self.alarm
         return None
@@ -199,8 +197,8 @@ class Monitor:
     def restore(self, state: dict[str, Any]) -> None:
         """Restore the state of `as_json`. Raises KeyError, ValueError, TypeError."""
         sums, since = list(state["sums"]), list(state["since"])
-        if len(sums) == _START:  # of a version without the chart of starts
-            sums, since = [*sums, 0.0], [*since, []]
+        missing = range(len(sums), len(CHARTS)) if len(sums) >= _START else ()  # charts that came later
+        sums, since = [*sums, *(0.0 for _ in missing)], [*since, *([] for _ in missing)]
         self.sums = np.array(sums, dtype=float).reshape(len(CHARTS))
         self.since = [[(float(t), float(value)) for t, value in each] for each in since]
         self.judged_s = float(state["judged_s"])

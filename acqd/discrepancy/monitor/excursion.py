@@ -17,7 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.discrepancy.monitor.cusum import Baseline, blocks_of, charted, onset
+from acqd.discrepancy.monitor.blocks import blocks_of
+from acqd.discrepancy.monitor.cusum import Baseline, charted, onset
 from acqd.discrepancy.thresholds import THRESHOLDS
 
 CHARTS = ("level up", "level down", "whitened variance up", "variance within blocks up")
@@ -60,13 +61,13 @@ def largest_excursion(
     starts = np.concatenate([part.start_s for part in parts]) if parts else np.zeros(0)
     if not len(starts):
         return None
-    kinds = np.concatenate([part.moving for part in parts]).astype(int)
+    kinds = np.concatenate([part.kinds for part in parts])
     figures = without_level(np.concatenate([part.figures for part in parts]))
-    figures = figures - baseline.centre[kinds]
+    figures = figures - baseline.scale.centre[kinds]
     figures -= np.clip(figures, 0.0, 2 * np.log(THRESHOLDS.grown_factor)) * (0.0, 1.0, 1.0)
     level_W = THRESHOLDS.screen_level_share * range_W
     figures[:, 0] -= np.clip(figures[:, 0], -level_W, level_W)
-    z = charted(figures / baseline.spread[kinds])
+    z = charted(figures / baseline.scale.spread[kinds])
     sums = np.column_stack([cusum(column) for column in z.T]) / baseline.bounds
     chart = int(np.argmax(sums.max(axis=0)))
     height = float(sums[:, chart].max())

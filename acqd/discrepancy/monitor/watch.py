@@ -94,7 +94,7 @@ class Watch:
         predicted = predictions(self._model, segments)
         errors = residuals(predicted, segments)
         for segment, residual, prediction in zip(segments, errors, predicted, strict=True):
-            alarm = self._monitor.update(residual, prediction, segment.start_s, step_s) or alarm
+            alarm = self._monitor.update(residual, prediction, segment.start_s, step_s, segment) or alarm
         self._seen |= {segment.content for segment in segments}
         yield Event("recording", {"recording": recording, "rmse": rms(errors)})
         if alarm is not None:

@@ -70,9 +70,11 @@ def test_too_few_starts_have_no_chart():
     assert StartPeaks.of([0.0] * (THRESHOLDS.cusum_fewest_blocks - 1), 100.0) is None
 
 
-def test_the_state_of_a_version_without_this_chart_is_continued():
+@pytest.mark.parametrize("charts", [4, 5])
+def test_the_state_of_a_version_with_fewer_charts_is_continued(charts):
     watch = Monitor(baseline(np.random.default_rng(3)))
     old = watch.as_json()
-    old["sums"], old["since"] = [1.0, 0.0, 2.0, 0.0], [[[5.0, 1.0]], [], [[5.0, 2.0]], []]
+    old["sums"], old["since"] = [1.0, 0.0, 2.0, 0.0, 3.0][:charts], [[[5.0, 1.0]], [], [[5.0, 2.0]], [], []][:charts]
     watch.restore(json.loads(json.dumps(old)))
-    assert watch.sums.tolist() == [1.0, 0.0, 2.0, 0.0, 0.0] and len(watch.since) == len(CHARTS)
+    assert watch.sums[:charts].tolist() == old["sums"] and watch.sums[charts:].tolist() == [0.0] * (12 - charts)
+    assert len(watch.since) == len(CHARTS) == 12

@@ -70,7 +70,7 @@ def first_alarm(model: Predictor, baseline: Baseline, segments: list[Segment]) -
     """And the recorded minutes before it."""
     monitor, minutes = Monitor(baseline), 0.0
     for segment, errors, guess in zip(segments, errors_of(model, segments), predictions(model, segments), strict=True):
-        alarm = monitor.update(errors, guess, segment.start_s, model.step_s)
+        alarm = monitor.update(errors, guess, segment.start_s, model.step_s, segment)
         if alarm is not None:
             return alarm, minutes + (alarm.raised_s - segment.start_s) / 60
         minutes += len(segment.P) * model.step_s / 60
@@ -81,7 +81,7 @@ def false_alarms(model: Predictor, baseline: Baseline, segments: list[Segment]) 
     """In recordings without an effect; after an alarm the charts start again at zero."""
     monitor, count = Monitor(baseline), 0
     for segment, errors, guess in zip(segments, errors_of(model, segments), predictions(model, segments), strict=True):
-        if monitor.update(errors, guess, segment.start_s, model.step_s) is not None:
+        if monitor.update(errors, guess, segment.start_s, model.step_s, segment) is not None:
             monitor, count = Monitor(baseline), count + 1
     return count
 
