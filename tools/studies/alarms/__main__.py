@@ -1,19 +1,22 @@
 """How soon `acqd close-loop --watch` raises its alarm, and how often it cries wolf (simulated data).
 
-    python -m tools.studies.alarms OUT [--base grey-box] [--hours 200]
+    python -m tools.studies.alarms OUT [--base grey-box] [--hours 200] [--make SEED [--clean 8] [--jobs 2]]
 
-OUT is a folder that `tools.studies.effects` has filled: datasets with an effect from their first row
-on, and clean ones.
+OUT is a folder that `tools.studies.effects` has filled: datasets with an effect from their first row on, and clean
+ones. `--make` fills a folder with a plant, every effect at 3 % of the dynamic range, and clean campaigns of 27 minutes.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from rich.console import Console
+from rich.progress import track
 from rich.table import Table
 
 from acqd.discrepancy.monitor.baseline import baseline_of
@@ -23,6 +26,10 @@ from acqd.models.bundle.restore import open_model
 from acqd.models.metrics import predictions
 from acqd.models.predictor import Predictor
 from acqd.models.segments import Segment, load_dataset
+from tools.studies.effects.cases import Case, World, make_case
+from tools.studies.effects.prepared import known_for, prepared
+
+_STRENGTH = 0.03
 
 
 def main() -> None:
@@ -31,24 +38,29 @@ def main() -> None:
     parser.add_argument("out", type=Path)
     parser.add_argument("--base", default="grey-box")
     parser.add_argument("--hours", type=float, default=200.0, help="recorded time that one false alarm may come in")
+    parser.add_argument("--make", type=int, metavar="SEED", help="of the plant; the loop is not closed")
+    parser.add_argument("--clean", type=int, default=8, help="clean campaigns of 27 minutes to make")
+    parser.add_argument("--jobs", type=int, default=2)
     arguments = parser.parse_args()
+    if arguments.make is not None:
+        world = World.of("iiwa7_r800", arguments.make, arguments.out.resolve(), arguments.clean)
+        make(world, arguments.base, arguments.jobs)
     bundle = arguments.out / "models" / arguments.base
     _, model = open_model(bundle)
     baseline = baseline_of(bundle, model, 3600 * arguments.hours)
-    clean: list[Segment] = []
+    wolf, hours = 0, 0.0
     found: dict[str, list[tuple[str, Alarm | None, float, float]]] = {}
     for truth in sorted((arguments.out / "truth").glob("*.json")):
         case = json.loads(truth.read_text())
         segments = sorted(load_dataset(Path(case["dataset"])).segments, key=lambda each: each.start_s)
         if not case["effects"]:
-            clean += segments
+            wolf += false_alarms(model, baseline, segments)
+            hours += sum(len(each.P) for each in segments) * model.step_s / 3600
             continue
         strength = "pair" if len(case["effects"]) > 1 else f"{case['effects'][0]['strength']:g}"
         alarm, minutes = first_alarm(model, baseline, segments)
         off = 0.0 if alarm is None else (alarm.onset_s - segments[0].start_s) / 60
         found.setdefault(strength, []).append((truth.stem, alarm, minutes, off))
-    wolf = false_alarms(model, baseline, sorted(clean, key=lambda each: each.start_s))
-    hours = sum(len(each.P) for each in clean) * model.step_s / 3600
     title = f"sequential test (simulated); clean: {wolf} false alarms in {hours:.1f} h"
     table = Table("strength", "cases", "alarm", "within 10 min", "recorded minutes to it (median, 90 %)",
                   "onset told late by, min (median)", title=title)  # fmt: skip
@@ -62,8 +74,22 @@ def main() -> None:
         )  # fmt: skip
     console = Console(width=140)
     console.print(table)
+    for name, alarm, minutes, _ in (each for strength in sorted(found) for each in found[strength]):
+        if alarm is not None:
+            joint = "" if alarm.joint is None else f", joint {alarm.joint}"
+            console.print(f"{name}: {alarm.chart}{joint}, {minutes:.1f} min", highlight=False)
     silent = [f"{each[0]}" for cases in found.values() for each in cases if each[1] is None]
     console.print(f"no alarm within the dataset: {', '.join(silent)}")
+
+
+def make(world: World, base: str, jobs: int) -> None:
+    """Fill the world's folder."""
+    prepared(world, base, epochs=1000)
+    cases = [Case(f"{effect}-{_STRENGTH:g}", 1, ((effect, _STRENGTH),)) for effect in known_for(world)]
+    cases += [Case(f"clean{test}", test, ()) for test in range(1, world.tests + 1)]
+    with ProcessPoolExecutor(jobs) as pool:
+        for _ in track(pool.map(partial(make_case, world), cases), "datasets", len(cases)):
+            pass
 
 
 def first_alarm(model: Predictor, baseline: Baseline, segments: list[Segment]) -> tuple[Alarm | None, float]:

@@ -20,7 +20,8 @@ from typing import Any
 
 from rich.console import Console
 
-from tools.studies.effects.cases import OUTSIDE_IDS, Case, World, make_case, make_reference
+from tools.studies.effects.cases import OUTSIDE_IDS, Case, World, make_case
+from tools.studies.effects.prepared import known_for, prepared
 from tools.studies.effects.score import table
 
 STRENGTHS = (0.03, 0.10, 0.01)
@@ -67,19 +68,6 @@ def run_case(world: World, bundle: Path, base: str, case: Case) -> dict[str, Any
     return result
 
 
-def prepared(world: World, base: str, epochs: int) -> Path:
-    """The reference dataset and the model fitted on it."""
-    from acqd.models.config import TrainConfig
-    from acqd.models.networks.settings import TrainingSettings
-    from acqd.models.training import train_one
-
-    bundle = world.folder / "models" / base
-    dataset = make_reference(world)
-    if not (bundle / "bundle.json").exists():
-        train_one(TrainConfig(dataset, base, bundle, settings=TrainingSettings(epochs=epochs)), lambda *_: None)
-    return bundle
-
-
 def main() -> None:
     """Run what is missing, print the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -92,15 +80,9 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--tables-only", action="store_true")
     arguments = parser.parse_args()
-    from acqd.lab.effects import known_effects
-
-    assemblies = 8 if arguments.robot == "iiwa7_r800" else 0
     out = arguments.out.resolve()
-    world = World(arguments.robot, arguments.seed, out, assemblies=assemblies, tests=CLEAN)
-    known = [name for name in known_effects() if name not in OUTSIDE_IDS]
-    if not assemblies:
-        known = [name for name in known if name != "tool_actuation"]  # no tool switches in random motions
-    wanted = cases(known)
+    world = World.of(arguments.robot, arguments.seed, out, CLEAN)
+    wanted = cases(known_for(world))
     if arguments.cases:
         wanted = [case for case in wanted if any(case.name.startswith(name) for name in arguments.cases)]
     console = Console(width=150)

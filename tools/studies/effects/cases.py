@@ -45,6 +45,11 @@ class World:
     tests: int = 1
     """Number of test campaigns, with different trajectories."""
 
+    @classmethod
+    def of(cls, robot: str, seed: int, folder: Path, tests: int) -> World:
+        """Only the iiwa has assemblies, where a tool switches."""
+        return cls(robot, seed, folder, assemblies=8 if robot == "iiwa7_r800" else 0, tests=tests)
+
     def settings(self, effects: list[EffectSpec]) -> CampaignSettings:
         """Of all its campaigns."""
         clock = {"offset_s": _CLOCK_OFFSET_S, "drift_ppm": 0.0}
