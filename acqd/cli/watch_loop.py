@@ -48,9 +48,11 @@ def _sentence(event: Event) -> str:
         done = ", a proposal is written" if details["proposed"] else ""
         return f"resuming: {details['recordings']} recordings are known, {since}{done}"
     if event.kind == "recording":
-        return f"{details['recording']}: residual {details['rmse']:.2f} W RMS"
+        short = "" if details["judged"] else "; too short for the charts, which need 5 s without a gap"
+        return f"{details['recording']}: residual {details['rmse']:.2f} W RMS{short}"
     if event.kind == "alarm":
-        return f"ALARM: the residual has changed since about {_when(details['onset_s'])} ({details['chart']})"
+        chart = details["chart"] + (f", joint {details['joint']}" if "joint" in details else "")
+        return f"ALARM: the residual has changed since about {_when(details['onset_s'])} ({chart})"
     if event.kind == "trouble":
         return f"{details['reason']}; retrying"
     if "reason" in details:

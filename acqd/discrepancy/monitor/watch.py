@@ -96,7 +96,8 @@ class Watch:
         for segment, residual, prediction in zip(segments, errors, predicted, strict=True):
             alarm = self._monitor.update(residual, prediction, segment.start_s, step_s, segment) or alarm
         self._seen |= {segment.content for segment in segments}
-        yield Event("recording", {"recording": recording, "rmse": rms(errors)})
+        judged = any(len(segment.P) * step_s >= THRESHOLDS.cusum_block_s / 2 for segment in segments)
+        yield Event("recording", {"recording": recording, "rmse": rms(errors), "judged": judged})
         if alarm is not None:
             yield Event("alarm", alarm.as_json() | {"recording": recording})
 
