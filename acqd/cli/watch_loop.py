@@ -37,10 +37,11 @@ def watch_loop(config: CloseConfig, every_s: float, between_s: float, *, json: b
 
 def _print(event: Event, *, json: bool) -> None:
     line = orjson.dumps({"event": event.kind, **event.details}, option=orjson.OPT_SERIALIZE_NUMPY).decode()
-    print(line if json else _sentence(event), flush=True)
+    print(line if json else sentence(event), flush=True)
 
 
-def _sentence(event: Event) -> str:
+def sentence(event: Event) -> str:
+    """An event in a line for people."""
     details = event.details
     if event.kind == "resumed":
         alarm = details["alarm"]

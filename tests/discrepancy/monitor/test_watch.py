@@ -6,10 +6,13 @@ from pathlib import Path
 import orjson
 import pytest
 
+from acqd.cli.watch_loop import sentence
 from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.monitor.watch import Watch
 from acqd.errors import InputError
-from acqd.models.bundle.bundle import load_bundle
+from acqd.models.bundle.bundle import load_bundle, save_bundle
+from acqd.models.bundle.reference import reference_arrays
+from tests.builders import grey, grey_bundle, recording, write_dataset
 
 
 @pytest.mark.long(seconds=8)
@@ -55,3 +58,15 @@ def test_recordings_are_known_by_their_content_not_by_their_names(closed, tmp_pa
     training = CloseConfig(folder / "before" / "ds", folder / "model", tmp_path / "other")
     seen = judged_by(Watch(training, 200 * 3600.0))
     assert seen and not set(seen) & set(trained)  # the model's own test recordings only
+
+
+def test_recordings_too_short_for_the_charts_are_said(tmp_path):
+    model = grey()
+    save_bundle(tmp_path / "model", grey_bundle(reference_arrays([recording(model, k) for k in range(8)])))
+    rows_of = {20: 115, 21: 250}  # half of a block, 5 s, are 125 rows
+    ds = write_dataset(tmp_path, [recording(model, k, rows=rows) for k, rows in rows_of.items()])
+    order = CloseConfig(ds, tmp_path / "model", tmp_path / "watch")
+    events = [event for event in Watch(order, 200 * 3600.0).look(lambda *_: None) if event.kind == "recording"]
+    assert [event.details["judged"] for event in events] == [False, True]
+    short, judged = (sentence(event) for event in events)
+    assert short.endswith("; too short for the charts, which need 5 s without a gap") and judged.endswith("W RMS")
