@@ -173,6 +173,13 @@ class Thresholds:
         "probability that clean recordings surprise more (wild block bootstrap)",
     )
     chance_draws: int = _threshold(999, "draws", "selection", "convention", "draws of the wild block bootstrap")
+    spread_chance: float = _threshold(
+        0.003,
+        "probability",
+        "selection",
+        "choice",
+        "probability that two unchanged sessions differ more; a search over a hundred candidates has to pay",
+    )
     consistent_share: float = _threshold(
         0.6, "-", "selection", "study", "least share of recordings that agree with the pooled estimate"
     )
@@ -197,24 +204,8 @@ class Thresholds:
         120.0, "white squared error", "selection", "study", "unanimous recordings with more evidence need no surprise"
     )
     few_recordings: int = _threshold(3, "recordings", "selection", "study", "fewest recordings, all agreeing and loud")
-    few_evidence: float = _threshold(
-        1000.0, "white squared error", "selection", "study", "evidence of few recordings that counts as loud"
-    )
     few_held_out_share: float = _threshold(
         0.5, "-", "selection", "study", "held-out gain of few recordings, relative to their evidence, at least"
-    )
-    reference_margin: float = _threshold(
-        2.0,
-        "-",
-        "selection",
-        "choice",
-        "few recordings must exceed the largest evidence in unchanged sessions so often",
-    )
-    reference_quantile: float = _threshold(
-        0.9, "-", "selection", "choice", "quantile of the evidence in unchanged sessions: a few of them were unusual"
-    )
-    comparable_share: float = _threshold(
-        0.25, "-", "selection", "choice", "an unchanged session with a smaller share of the rows is not compared"
     )
     alternative_margin: float = _threshold(
         40.0,
@@ -288,9 +279,6 @@ class Thresholds:
         1.96, "standard errors", "uncertainty", "convention", "half width of a 95 % interval"
     )
     jackknife_fewest: int = _threshold(3, "recordings", "uncertainty", "choice", "fewest recordings for a jackknife")
-    described_mass_deviation: float = _threshold(
-        0.05, "-", "uncertainty", "choice", "relative standard deviation of described link masses"
-    )
     drive_scale_deviation: float = _threshold(
         0.10,
         "-",
@@ -332,7 +320,7 @@ class Thresholds:
         0.95, "-", "verdict", "convention", "effects whose powers correlate more are one family in these recordings"
     )
     least_confidence: float = _threshold(
-        0.5, "-", "verdict", "choice", "with less confidence, two effects cannot be distinguished"
+        0.8, "-", "verdict", "study", "with less confidence, an effect is a hypothesis and no finding"
     )
     # logged joint torques
     stick_rad_s: float = _threshold(

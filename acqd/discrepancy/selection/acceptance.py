@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,6 +15,7 @@ from acqd.discrepancy.selection.accepted import Named
 from acqd.discrepancy.selection.detectors.candidates import Detection
 from acqd.discrepancy.selection.imitation import beyond_earlier
 from acqd.discrepancy.selection.ranking import Finding, Support
+from acqd.discrepancy.selection.reference_spread import beyond_reference_spread
 from acqd.discrepancy.selection.shape_fit import fit_shape
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.effects import library
@@ -33,8 +34,6 @@ class View:
     """By key of their candidates."""
     complete: bool
     """All rows of the design take part, so that shapes can be refined."""
-    evidence_of_reference: Callable[[], float]
-    """Largest evidence that any candidate has in an unchanged session of the reference, scaled to as many rows."""
 
 
 def worth(finding: Finding) -> float:
@@ -73,7 +72,7 @@ def missing(view: View, finding: Finding, limit: float) -> list[str]:
         failed.append("a size that matters")
     if not beyond_earlier(view.design, view.prior_findings, finding):
         failed.append("more power than an error of the earlier effects may leave")
-    if not (support.surprise > limit or _seen_at_joints(view, finding) or _unanimous(view, finding)):
+    if not (support.surprise > limit or _seen_at_joints(view, finding) or _unanimous(finding)):
         failed.append(
             f"more agreement than by chance (surprise {support.surprise:.1f} of {limit:.1f}): more recordings"
         )
@@ -83,7 +82,16 @@ def missing(view: View, finding: Finding, limit: float) -> list[str]:
         failed.append("a smaller error in W")
     if support.consistency < THRESHOLDS.consistent_share:
         failed.append(f"agreement of the recordings ({support.consistency:.0%})")
+    if not failed and not _changed(view, finding):
+        failed.append("more than what unchanged sessions of the reference differ by")
     return failed
+
+
+def _changed(view: View, finding: Finding) -> bool:
+    """Whether the recordings in question differ from the reference more than its sessions among each other."""
+    if finding.candidate.detected or _seen_at_joints(view, finding):  # these have tests against the reference
+        return True
+    return beyond_reference_spread(view.design, view.regression, finding)
 
 
 def _smaller_error(support: Support) -> bool:
@@ -188,18 +196,15 @@ def _recordings_shifted(design: Design, seconds: float) -> bool:
     return bool(known) and abs(float(np.median(known)) - seconds) < tolerance
 
 
-def _unanimous(view: View, finding: Finding) -> bool:
+def _unanimous(finding: Finding) -> bool:
     """Nearly all recordings agree: few recordings, or a few loud ones, cannot surprise otherwise."""
     support = finding.supported()
+    if finding.evidence <= THRESHOLDS.unanimous_evidence:
+        return False
     if support.acting >= THRESHOLDS.unanimous_recordings:
-        agree = support.consistency >= THRESHOLDS.unanimous_share
-        return agree and finding.evidence > THRESHOLDS.unanimous_evidence
-    loud = (
-        finding.evidence > THRESHOLDS.few_evidence
-        and support.held_out > THRESHOLDS.few_held_out_share * finding.evidence
-    )
+        return support.consistency >= THRESHOLDS.unanimous_share
     agree = support.acting >= THRESHOLDS.few_recordings and support.consistency == 1.0
-    return agree and loud and finding.evidence > THRESHOLDS.reference_margin * view.evidence_of_reference()
+    return agree and support.held_out > THRESHOLDS.few_held_out_share * finding.evidence
 
 
 def refuted(view: View, gate: Gate, best: Finding, alternative: Finding) -> bool:

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cache, partial
 
 import numpy as np
 
-from acqd.dataset.split import log_of
 from acqd.discrepancy.regression.design_columns import Candidate
 from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.gram import Regression
@@ -84,8 +82,7 @@ class Step:
         self._regression = self._regression.on(tracing.design.blocks)
 
     def _view(self, design: Design, regression: Regression, prior: list[Named], *, complete: bool) -> View:
-        of_reference = cache(partial(_evidence_of_reference, design, regression, self._gates[0], self._pool))
-        return View(design, regression, list(prior), self._detections, complete, of_reference)
+        return View(design, regression, list(prior), self._detections, complete)
 
     def _likeliest_gate(self, view: View) -> Gate:
         """No onset, unless an onset explains clearly more."""
@@ -151,31 +148,6 @@ class Step:
 def _outdone_by_any(detected: Finding, unnamed: list[Finding]) -> bool:
     """Whether an unnamed alternative, credible or not, explains more than something that was found by searching."""
     return any(finding.evidence > detected.evidence for finding in unnamed)
-
-
-def _evidence_of_reference(design: Design, regression: Regression, gate: Gate, pool: list[Candidate]) -> float:
-    """Evidence of the best candidate in most single sessions of the reference, scaled to the rows in question.
-
-    Against the other sessions of the reference only: an effect in question would bend the base model, and unchanged
-    sessions would seem to differ from it. Sessions that are much shorter than the recordings in question are left
-    out: what chance explains there does not grow with the rows.
-    """
-    sessions: dict[str, list[int]] = {}
-    for number, part in enumerate(design.parts):
-        if not part.in_question:
-            sessions.setdefault(log_of(part.recording), []).append(number)
-    rows = float((design.blocks.rows * gate.open).sum())
-    unchanged = 1 - design.columns.in_question
-    found_in: list[float] = []
-    for blocks in sessions.values():
-        if design.blocks.rows[blocks].sum() < THRESHOLDS.comparable_share * rows:
-            continue
-        own = np.zeros(len(design.parts))
-        own[blocks] = 1.0
-        found = rank_pooled(replace(design, witness=None), regression, own, pool, unchanged)[:1]
-        seen = float(design.blocks.rows[blocks].sum())
-        found_in += [finding.drop * rows / max(seen, 1.0) for finding in found]
-    return float(np.quantile(found_in, THRESHOLDS.reference_quantile)) if found_in else 0.0
 
 
 def _at_fewer_places(finding: Finding, ranking: list[Finding]) -> list[Finding]:

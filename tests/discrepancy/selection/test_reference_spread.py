@@ -1,0 +1,44 @@
+"""What sessions of the reference differ by is no effect, however well the rows of a new session agree."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from acqd.discrepancy.selection.reference_spread import between_sessions
+from tests.builders import recording
+from tests.discrepancy.independent import COMMON, selected
+
+ONLY = COMMON | {"meter_gain"}
+
+
+def gain_drifts(model, robot, gain):
+    """A meter whose gain is another in every session by 0.6 %; in the session in question it is `gain`."""
+    gains = np.random.default_rng(4).normal(0, 0.006, 8)
+
+    def drawn(share):
+        return lambda scene, random: share * scene.predicted
+
+    reference = [recording(model, k, drawn(share), seed=1) for k, share in enumerate(gains)]
+    question = [recording(model, k, drawn(gain), seed=2, start_s=1e9 + 5000) for k in range(8)]
+    return selected(model, robot, question, reference, ONLY)[1]
+
+
+def test_a_gain_within_the_spread_of_the_reference_is_not_named(model, robot):
+    tracing = gain_drifts(model, robot, 0.008)
+    assert not tracing.effects and tracing.unknown is None
+    known = next(each for each in tracing.hypotheses if each.id == "meter_gain")
+    assert known.missing == ["more than what unchanged sessions of the reference differ by"], known
+
+
+def test_a_gain_beyond_the_spread_is_named(model, robot):
+    assert [named.id for named in gain_drifts(model, robot, 0.06).effects] == ["meter_gain"]
+
+
+@given(st.integers(0, 1000), st.floats(0.05, 2.0))
+def test_the_spread_is_that_of_the_sessions(seed, spread):
+    random = np.random.default_rng(seed)
+    information = random.uniform(2000, 20000, 400)
+    amplitudes = random.normal(0, spread, 400) + random.normal(0, information**-0.5)
+    assert between_sessions(amplitudes, information) == pytest.approx(spread, rel=0.25)
+    assert between_sessions(information**-0.5, information) == pytest.approx(0.0, abs=1e-4)  # white noise only
