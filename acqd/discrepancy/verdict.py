@@ -12,6 +12,7 @@ from acqd.discrepancy.repair.guard import Improved
 from acqd.discrepancy.repair.terms import Added
 from acqd.discrepancy.residual.residuals import errors_of, rms
 from acqd.discrepancy.selection.accepted import Tracing, Verdict
+from acqd.discrepancy.selection.hypotheses import Hypothesis
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.segments import Segment
 
@@ -21,7 +22,7 @@ def settled(
 ) -> tuple[Verdict, Improved, list[str]]:
     """The verdict, the model that it permits, and notes.
 
-    Effects are found only if they are likelier than all others together, and explain a fair share of the excess over
+    Effects are found only with enough confidence, and if they explain a fair share of the excess over
     the reference (without one, over the noise floor). A structure is unknown only in a residual above that of the
     reference, where the model misses as much. Nothing is left only where the error has not grown beyond that of the
     reference.
@@ -40,7 +41,8 @@ def settled(
         )
         if tracing.unknown is not None:
             return "unknown_structure", _without_effects(subject, improved, errors_before), [*notes, remark]
-        return "not_identifiable", _nothing_added(subject, improved, errors_before), [*notes, remark]
+        tracing.hypotheses = [*_unexplaining(improved, share), *tracing.hypotheses]
+        return "not_identifiable", _without_effects(subject, improved, errors_before), [*notes, remark]
     if unlikely and tracing.unknown is None:
         return "not_identifiable", improved, notes
     sizes = f"{rms(errors_before):.2f} W RMS, {lowest_W:.2f} W in the reference"
@@ -103,20 +105,22 @@ def _without_traces(
 
 
 def _without_unlikely(tracing: Tracing, improved: Improved) -> tuple[Improved, list[str]]:
-    """Without effects that are less likely than all others together: they become hypotheses, with a note."""
+    """Without effects of too little confidence: they become hypotheses, with a note."""
     unlikely = [each for each in improved.reported_only if not each.sure]
     tracing.hypotheses = [*(each.as_hypothesis() for each in unlikely), *tracing.hypotheses]
     notes = [
-        f"{each.term.id} ({each.term.where}) is less likely than the other causes together: no finding"
+        f"{each.term.id} ({each.term.where}) has a confidence of {each.family_confidence:.0%}, less than "
+        f"{THRESHOLDS.least_confidence:.0%}: no finding"
         for each in unlikely
     ]
     return improved.with_reported([each for each in improved.reported_only if each.sure]), notes
 
 
-def _nothing_added(subject: Subject, improved: Improved, errors_before: list[Floats]) -> Improved:
-    """With all effects in the report only."""
-    everything: list[Added] = [*improved.kept, *improved.reported_only]
-    return replace(_without_effects(subject, improved, errors_before), reported_only=everything)
+def _unexplaining(improved: Improved, share: float) -> list[Hypothesis]:
+    """Effects that explain less than a fair share of the residual, as hypotheses."""
+    needed = f"{THRESHOLDS.fair_share:.0%} of the residual's excess (all effects explain {max(share, 0.0):.0%})"
+    effects: list[Added] = [*improved.kept, *improved.reported_only]
+    return [replace(each.as_hypothesis(), missing=[needed]) for each in effects if each.evidence is not None]
 
 
 def _without_effects(subject: Subject, improved: Improved, errors_before: list[Floats]) -> Improved:

@@ -69,8 +69,8 @@ def test_an_effect_that_is_less_likely_than_the_others_together_is_a_hypothesis(
     useless = Improved(model, kept=[likely], reported_only=[], refused=[], gains=[0.0], errors=errors)
     verdict, improved, _ = settled(subject, tracing, useless, errors, 0.5)
     assert verdict == "unknown_structure" and not improved.kept and not improved.reported_only
-    assert "less likely than the other causes" in " ".join(said[False][2])
-    assert tracing.hypotheses[0].missing == ["a confidence of 50% (the effect has 43%)"]
+    assert "(joint 2) has a confidence of 43%, less than 80%: no finding" in " ".join(said[False][2])
+    assert tracing.hypotheses[0].missing == ["a confidence of 80% (the effect has 43%)"]
 
 
 @given(st.floats(0.7, 1.4), st.floats(0.0, 0.1), st.floats(0.1, 20), st.just(0.0) | st.floats(1e-9, 2))

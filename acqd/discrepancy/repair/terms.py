@@ -53,7 +53,7 @@ class Added:
 
     @property
     def sure(self) -> bool:
-        """Whether the effect and its family are likelier than all others; shifts of whole recordings always are."""
+        """Whether the effect and its family have enough confidence; shifts of whole recordings always have."""
         return self.evidence is None or self.family_confidence >= THRESHOLDS.least_confidence
 
     @property
