@@ -86,6 +86,8 @@ class RobotDescription(Section):
     name: Annotated[str, Field(pattern=r"^[a-z0-9_]+$")]
     title: str
     sources: list[str]
+    mass_deviation: Annotated[float, Field(gt=0, lt=1)] = Field(default=0.2)
+    """Relative standard deviation of the first moment of each link; published sets of one robot differ by so much."""
     ignore_pairs: list[Annotated[tuple[int, int], ARRAY]] = Field(default=[])
     """Pairs of links (0: base) whose capsules touch by construction."""
     base: Base

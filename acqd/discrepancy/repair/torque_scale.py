@@ -2,7 +2,8 @@
 
 Power alone fixes the product of torque and gain. A model of torques that are 10 % too small explains a payload of
 2 kg by 1.8 kg. The described link masses tell the scale, where no torque sensor does: by the slope of the model's
-rigid-body torque on the described one, with the nominal drives as a prior.
+rigid-body torque on the described one, with the nominal drives as a prior. How far they can be trusted is in the
+robot's description (`mass_deviation`).
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.robot.arm import Arm
 from acqd.robot.dynamics import inertial_parameters
-from acqd.robot.newton_euler import joint_torque
+from acqd.robot.newton_euler import joint_torques
 
 _POWERS = {
     "kg": -1, "kg m": -1, "Nm": -1, "N": -1, "Nm s/rad": -1, "N s/m": -1, "W/Nm^2": 2, "W/N^2": 2, "W/Nm": 1, "W/N": 1,
@@ -46,15 +47,21 @@ def torque_scale(subject: Subject) -> TorqueScale:
     segments = [*subject.reference, *subject.fit]
     if all(has_torque(segment, "link") for segment in segments):
         return TorqueScale(1.0, THRESHOLDS.sensor_scale_deviation)
-    described = inertial_parameters(Arm(subject.robot))
-    products = squares = 0.0
+    model, described = subject.carrier, inertial_parameters(Arm(subject.robot))
+    links = np.kron(np.eye(subject.robot.axes), np.ones(10)) * described
+    arms = np.vstack([model.group("inertial"), described, links])
+    products = np.zeros(len(arms))
     for segment in segments[:: math.ceil(len(segments) / THRESHOLDS.scale_segments)]:
-        moved = segment.motion(subject.data.step_s)
-        nominal = joint_torque(subject.carrier.chain, described, *moved)
-        products += float(
-            (joint_torque(subject.carrier.chain, subject.carrier.group("inertial"), *moved) * nominal).sum()
-        )
-        squares += float((nominal**2).sum())
-    slope = products / max(squares, 1e-9)
-    weights = np.array([THRESHOLDS.described_mass_deviation, THRESHOLDS.drive_scale_deviation]) ** -2.0
+        torques = joint_torques(model.chain, arms, *segment.motion(subject.data.step_s))
+        products += np.einsum("nta,ta->n", torques, torques[1])
+    slope, _, *shares = (products / max(products[1], 1e-9)).tolist()
+    return combined(slope, subject.robot.mass_deviation * float(np.hypot.reduce(shares)))
+
+
+def combined(slope: float, deviation: float) -> TorqueScale:
+    """Two measurements of one scale, by their precisions: `slope` on the described torques, and 1 by the drives.
+
+    Errors of the described masses are independent from link to link, so that `deviation` is less than that of a link.
+    """
+    weights = np.array([deviation, THRESHOLDS.drive_scale_deviation]) ** -2.0
     return TorqueScale(float(np.average([slope, 1.0], weights=weights)), float(weights.sum() ** -0.5))

@@ -132,9 +132,19 @@ class Runner:
         dataset.parent.mkdir(parents=True, exist_ok=True)
         known = [] if self.world.own_clocks else ["--lag", "0"]
         self._acqd(
-            "dataset", "build", "--power", files / "power.csv", "--logs", files / "logs", "--robot", self.world.robot,
-            "--out", dataset, *known,
+            "dataset", "build", "--power", files / "power.csv", "--logs", files / "logs",
+            "--robot", self._description(), "--out", dataset, *known,
         )  # fmt: skip
+
+    def _description(self) -> Path:
+        """The shipped description, as far off as an engineer would expect who knows that its masses are not exact."""
+        shipped = Path(judged_tree(self.tree)) / "robot" / "descriptions" / f"{self.world.robot}.toml"
+        own = self.work / shipped.name
+        if not own.exists():
+            partial = own.with_suffix(f".{os.getpid()}.partial")
+            partial.write_text(shipped.read_text().replace("mass_deviation = 0.1 ", "mass_deviation = 0.2 "))
+            partial.rename(own)
+        return own
 
     def _acqd(self, *arguments: object) -> str:
         done = subprocess.run(
