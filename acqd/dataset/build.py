@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -11,7 +12,7 @@ from acqd.dataset.config import BuildConfig, BuildReport
 from acqd.dataset.cut import AUTO, automatic_length, cut, cut_at_rests
 from acqd.dataset.growing import Existing, existing
 from acqd.dataset.log_files import Logs, read_logs, uncommon_columns
-from acqd.dataset.log_power import LOG, log_power, small_power
+from acqd.dataset.log_power import LOG, log_power, require_drawn, small_power
 from acqd.dataset.merge import merge
 from acqd.dataset.merged_log import Batch, MergedLog
 from acqd.dataset.placement import Alignment, given, place
@@ -36,10 +37,14 @@ def build(config: BuildConfig, progress: _Progress) -> BuildReport:
 
     Raises UserError.
     """
+    if config.lag_s is not None and not math.isfinite(config.lag_s):
+        raise UserError(f"--lag {config.lag_s}: expected seconds that the robot's clock is ahead")
     robot = load_description(config.robot)
     before = existing(config, robot)
     progress("reading power", 0.0)
     stream = None if config.power == LOG else open_power(config.power, config.device, config.channel)
+    if stream is not None:
+        require_drawn(stream)
     logs = read_logs(config.logs, robot, before.logs, before.names, lambda share: progress("reading logs", share))
     if to_check(logs.kept, robot):
         logs.keep(lambda log: check_columns(log, robot), lambda _: None)
@@ -50,10 +55,10 @@ def build(config: BuildConfig, progress: _Progress) -> BuildReport:
         regressors: list[Regressors] = []
         alignment = given(len(logs.kept), 0.0)
         logs.notes.append("power and motion are in the same logs, with one clock: nothing was aligned")
-        logs.notes += small_power(powers)
     else:
         regressors, alignment = _align(logs, config, robot, stream, progress)
         powers = [stream]
+    logs.notes += small_power(powers)
     _require_placements(alignment)
     merged = _merge_all(config, logs.kept, powers, alignment)
     logs.notes += alignment.notes

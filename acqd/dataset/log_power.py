@@ -10,6 +10,8 @@ from acqd.robot.log import RobotLog, in_time
 
 _LEAST_W = 2.0
 """The electronics of the smallest arms at rest take more."""
+_HIGH = 95
+"""Percentile of the power that a robot in operation exceeds."""
 LOG = "log"
 """As `--power`: the power is in the logs."""
 
@@ -30,19 +32,31 @@ def log_power(log: RobotLog) -> PowerStream:
     known = P[np.isfinite(P)]
     if len(known) < 3 or np.ptp(known) == 0.0:
         raise InputError(log.path, "its power is constant or missing")
-    mean_W = float(known.mean())
-    if mean_W < 0:
-        raise InputError(
-            log.path, f"its power is {mean_W:.4g} W on average; expected W that the robot takes: is the sign inverted?"
-        )
     window_ns = round(float(np.median(np.diff(time))) * 1e6) * 1000
     time_ns = np.rint(time * 1e9).astype(np.int64) - window_ns // 2
-    return PowerStream(time_ns, P, np.full(len(P), np.nan), window_ns, len(log.time) - len(time), "bus", str(log.path))
+    dropped = len(log.time) - len(time)
+    power = PowerStream(time_ns, P, np.full(len(P), np.nan), window_ns, dropped, "bus", str(log.path))
+    require_drawn(power)
+    return power
+
+
+def require_drawn(power: PowerStream) -> None:
+    """Raises InputError if power flows out of the robot on average."""
+    known = power.P[np.isfinite(power.P)]
+    mean_W = float(known.mean()) if len(known) else 0.0
+    if mean_W < 0:
+        raise InputError(
+            power.origin,
+            f"its power is {mean_W:.4g} W on average; expected W that the robot takes: is the sign inverted, or a "
+            "current transformer mounted the other way round?",
+        )
 
 
 def small_power(powers: list[PowerStream]) -> list[str]:
-    """A note on power that is too small for a robot."""
-    usual_W = float(np.median([np.nanmean(each.P) for each in powers]))
-    if usual_W >= _LEAST_W:
+    """A note on power that is too small for a robot; a meter may run for hours while the robot is off."""
+    known = [each.P[np.isfinite(each.P)] for each in powers]
+    high = [float(np.percentile(each, _HIGH)) for each in known if len(each)]
+    high_W = float(np.median(high or [np.inf]))
+    if high_W >= _LEAST_W:
         return []
-    return [f"the logs' power is {usual_W:.3g} W on average, little for a robot: is it in kW? expected W"]
+    return [f"the power is below {high_W:.3g} W in {_HIGH} % of the rows, little for a robot: is it in kW? expected W"]

@@ -112,7 +112,8 @@ def _clock(batch: Batch) -> KeyFigure:
         return KeyFigure(
             "lags", f"{min(lags):.3f} to {max(lags):.3f} s", f"no common clock line; {counted(count, 'log')}"
         )
-    half_ms = 1000 * NORMAL_95 * line.offset_error_s
+    known = [place.within_s for place in batch.alignment.placements if place.within_s is not None]
+    half_ms = 1000 * max(NORMAL_95 * line.offset_error_s, float(np.median(known or [0.0])))  # with the supply's lag
     within = f"± {half_ms:.1f} ms (95 %, {count} recordings); " if count >= FEWEST_FOR_INTERVAL else ""
     note = f"{within}drift {line.drift_ppm:+.1f} ppm"
     return KeyFigure("robot clock is off by", f"{line.offset_s:+.3f} s", note)

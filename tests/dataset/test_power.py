@@ -7,6 +7,7 @@ import pyarrow.parquet
 import pytest
 
 from acqd.dataset.config import BuildConfig
+from acqd.dataset.log_power import require_drawn, small_power
 from acqd.dataset.power import open_power
 from acqd.dataset.write import power_provenance
 from acqd.errors import UserError
@@ -110,3 +111,32 @@ def test_a_manifest_holds_no_password(tmp_path):
     path.write_text("time,P\n" + "".join(f"{1_626_163_200 + s:.6f},{p}\n" for s, p in zip(t, P, strict=True)))
     config = BuildConfig("postgresql://reader:hush@db:5432/acqd", tmp_path, tmp_path / "ds", "ur10e")
     assert power_provenance(config, [open_power(str(path), None, None)])["origin"] == "postgresql://db:5432/acqd"
+
+
+@pytest.mark.parametrize("decimal", [",", "."])
+def test_a_file_with_semicolons_is_read(tmp_path, decimal):
+    t, P = rows()
+    path = tmp_path / "p.csv"
+    lines = [f"{1_626_163_200 + a:.3f};{b:.6f};230.5".replace(".", decimal) for a, b in zip(t, P, strict=True)]
+    path.write_text("\n".join(["time;P;Vrms", *lines, ""]))
+    stream = open_power(str(path), None, None)
+    np.testing.assert_allclose(stream.time_ns * 1e-9 - 1_626_163_200, t, atol=1e-6)
+    np.testing.assert_allclose(stream.P, P, atol=1e-5)
+    assert set(stream.Vrms) == {230.5}
+
+
+def test_power_that_flows_out_of_the_robot_is_refused_and_kilowatts_are_noted(tmp_path):
+    t, P = rows()
+    path = tmp_path / "p.csv"
+
+    def written(factor):
+        path.write_text(
+            "\n".join(["time,P", *(f"{1.6e9 + a:.3f},{b * factor}" for a, b in zip(t, P, strict=True)), ""])
+        )
+        return open_power(str(path), None, None)
+
+    with pytest.raises(UserError, match=r"p\.csv: its power is -1.* W on average; .*current transformer"):
+        require_drawn(written(-1.0))
+    require_drawn(written(1.0))
+    assert not small_power([written(1.0)])
+    assert "is it in kW?" in small_power([written(0.001)])[0]
