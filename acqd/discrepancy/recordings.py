@@ -58,7 +58,7 @@ class Subject:
 def subject_of(config: CloseConfig, progress: Callable[[str, float], None]) -> Subject:
     """Open the model and the datasets. Raises UserError, InputError."""
     bundle, model = open_model(config.bundle)
-    data = _since(load_dataset(config.dataset), config.since_s)
+    data, copies = _without_copies(_since(load_dataset(config.dataset), config.since_s))
     _require_same_robot(config, bundle, model, data)
     robot = load_description(config.robot or bundle.metadata["description"])
     strangers = _strangers(config, bundle, data, robot)
@@ -80,7 +80,7 @@ def subject_of(config: CloseConfig, progress: Callable[[str, float], None]) -> S
     return Subject(
         bundle=bundle, model=model, carrier=carrier, robot=robot, data=data,
         question="change" if reference else "structure", fit=fit, held_out=held_out, reference=reference,
-        withheld=withheld, chosen=_chosen(config), notes=[*strangers, *remarks, *notes],
+        withheld=withheld, chosen=_chosen(config), notes=[*strangers, *copies, *remarks, *notes],
     )  # fmt: skip
 
 
@@ -98,9 +98,10 @@ def _require_same_robot(config: CloseConfig, bundle: Bundle, model: Predictor, d
 
 
 def _strangers(config: CloseConfig, bundle: Bundle, data: Dataset, robot: RobotDescription) -> list[str]:
-    """A note where description, dataset and model name different robots. Raises UserError for another number of axes.
+    """A note where description, dataset and model name different robots.
 
-    Names may differ for a reason, such as a corrected description under a new name.
+    Names may differ for a reason, such as a corrected description under a new name: then `--robot` says which one
+    holds. Raises UserError without `--robot`, and for another number of axes.
     """
     if robot.axes != data.axes:
         raise UserError(
@@ -110,6 +111,8 @@ def _strangers(config: CloseConfig, bundle: Bundle, data: Dataset, robot: RobotD
     if len(set(names.values())) == 1:
         return []
     which = ", ".join(f"the {what} is of {name}" for what, name in names.items())
+    if config.robot is None:
+        raise UserError(f"{which}: use a model of this robot, or say with --robot which description holds for both")
     return [f"{which}: masses, limits and sizes are those of {robot.name}; is that meant?"]
 
 
@@ -173,6 +176,20 @@ def _since(data: Dataset, since_s: float | None) -> Dataset:
     return replace(data, segments=kept)
 
 
+def _without_copies(data: Dataset) -> tuple[Dataset, list[str]]:
+    """Every recording once, and a note: copies of a recording at other times would count as evidence."""
+    first: dict[str, str] = {}
+    for segment in sorted(data.segments, key=lambda each: (each.start_s, each.recording)):
+        first.setdefault(segment.content, segment.recording)
+    kept = [segment for segment in data.segments if first[segment.content] == segment.recording]
+    left = sorted({segment.recording for segment in data.segments} - {segment.recording for segment in kept})
+    if not left:
+        return data, []
+    return replace(data, segments=kept), [
+        f"{', '.join(left)}: same power and angles as an earlier recording of {data.path}; left out"
+    ]
+
+
 def is_training_dataset(provenance: dict[str, Any], data: Dataset) -> bool:
     """Whether the model was last fitted on this dataset: the same file, or the same recordings under any name."""
     prefix = _last_fit(provenance)
@@ -205,7 +222,10 @@ def _chosen(config: CloseConfig) -> frozenset[str]:
     for name in (*config.only, *config.exclude):
         if name not in known:
             raise UserError(f"no effect {name!r}; the effects are {', '.join(known)}")
-    return frozenset(set(config.only or known) - set(config.exclude))
+    chosen = frozenset(set(config.only or known) - set(config.exclude))
+    if not chosen:
+        raise UserError("--only and --exclude leave no effect to search for")
+    return chosen
 
 
 def _hold_out(

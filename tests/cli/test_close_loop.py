@@ -1,13 +1,16 @@
 """`acqd close-loop` as a user runs it."""
 
 import json
+import shutil
 import subprocess
 import sys
+from dataclasses import replace
 
 import pytest
 
 from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.recordings import subject_of
+from acqd.errors import UserError
 from acqd.models.bundle.bundle import load_bundle
 from tests.builders import recording, write_dataset
 from tests.commands import acqd_here
@@ -94,6 +97,32 @@ def test_bad_input_is_one_line_and_exit_2(closed, arguments, said):
     done = acqd_here("close-loop", *(each.format(**places) for each in arguments))
     assert done.returncode == 2
     assert said in done.stderr and len(done.stderr.strip().splitlines()) == 1
+
+
+def test_a_model_of_another_robot_is_refused_and_an_empty_search_too(closed, tmp_path):
+    folder, _ = closed
+    shutil.copytree(folder / "now" / "ds", tmp_path / "ds")
+    manifest = tmp_path / "ds" / "manifest.json"
+    manifest.write_bytes(manifest.read_bytes().replace(b'"robot": "ur10e"', b'"robot": "ur5e"'))
+    config = CloseConfig(tmp_path / "ds", folder / "model", tmp_path / "out")
+    with pytest.raises(UserError, match="the dataset is of ur5e, the model is of ur10e: use a model of this robot"):
+        subject_of(config, lambda *_: None)
+    assert any("is that meant?" in note for note in subject_of(replace(config, robot="ur5e"), lambda *_: None).notes)
+    nothing = replace(config, dataset=folder / "now" / "ds", only=("payload",), exclude=("payload",))
+    with pytest.raises(UserError, match="leave no effect to search for"):
+        subject_of(nothing, lambda *_: None)
+
+
+def test_a_copy_of_a_recording_is_no_further_evidence(model, closed, tmp_path):
+    folder, _ = closed
+    recordings = [recording(model, k, seed=6, rows=300) for k in range(6)]
+    twice = [(each, f"{each.recording}_again") for each in recordings[:2]]
+    copies = [replace(each, recording=name, start_s=each.start_s + 7200) for each, name in twice]
+    ds = write_dataset(tmp_path, [*recordings, *copies])
+    subject = subject_of(CloseConfig(ds, folder / "model", tmp_path / "out"), lambda *_: None)
+    assert len({each.recording for each in [*subject.fit, *subject.held_out]}) == 6
+    note = next(note for note in subject.notes if "left out" in note)
+    assert "same power and angles" in note and all(each.recording in note for each in copies)
 
 
 @pytest.mark.parametrize(("robot", "notes"), [("ur5e", 1), (None, 0)])

@@ -107,7 +107,7 @@ def explained(closed: Closed, named: Named) -> Figure:
     right.axhline(0, color=_UNNAMED, lw=0.8)
     right.plot(np.array(share)[order], "o", ms=4, color=_AFTER)
     right.set_ylim(*np.clip([min(np.min(share), -0.2), max(np.max(share), 1.4)], -3, 5))
-    right.set_xlabel("blocks of a minute, in time [1]")
+    right.set_xlabel("blocks of at most a minute, in time [1]")
     right.set_ylabel("strength relative to the fit [1]")
     return figure
 

@@ -95,9 +95,10 @@ def unexplained(closed: Closed) -> str:
     unknown = closed.tracing.unknown
     if unknown is not None:
         since = f", {unknown.gate.label}" if unknown.gate.start else ""
+        whole = closed.subject.chosen == frozenset(library())
         return (
-            f"{unnamed(unknown.finding.candidate.label)}{since}: evidence "
-            f"{unknown.finding.evidence:.0f} (BIC difference), which no effect of the library reaches"
+            f"{unnamed(unknown.finding.candidate.label)}{since}: evidence {unknown.finding.evidence:.0f} "
+            f"(BIC difference), which no effect {'of the library' if whole else 'that was searched for'} reaches"
         )
     rest = f"{closed.after.rmse:.2f} W RMS on held-out recordings, noise {closed.floor_W:.2f} W"
     if closed.reference_rmse is not None:

@@ -102,7 +102,7 @@ def _how_sure(closed: Closed) -> list[KeyFigure]:
         return []
     best = next((each for each in closed.tracing.hypotheses if each.id), None)
     if best is None:
-        return [KeyFigure("closest known effect", "none", "no effect of the library comes near")]
+        return [KeyFigure("closest known effect", "none", "no effect that was searched for comes near")]
     share = percent(max(best.evidence, 0.0) / unknown.finding.evidence)
     return [KeyFigure("closest known effect", best.id, f"explains only {share} of the change: not the cause")]
 
