@@ -139,8 +139,10 @@ def show(path: Annotated[Path, typer.Argument(metavar="DS", help="Folder of a da
     table = Table("recording", "split", "seconds", "lag [s]", "by", "own lag [s]", "R2", "stands out")
     for entry in manifest["recordings"]:
         own = entry["own_lag"]
-        cells = (f"{entry['valid_s']:.1f}", f"{entry['lag_s']:.4f}", entry["lag_by"], f"{own['s']:.4f}")
-        table.add_row(entry["name"], entry["split"], *cells, f"{own['r2']:.3f}", f"{own['stands_out']:.1f}")
+        cells = (f"{entry['valid_s']:.1f}", f"{entry['lag_s']:.4f}", entry["lag_by"])
+        found = (f"{own['s']:.4f}", f"{own['r2']:.3f}", f"{own['stands_out']:.1f}")
+        computed = entry["lag_by"] not in ("given", "table")
+        table.add_row(entry["name"], entry["split"], *cells, *(found if computed else ("-", "-", "-")))
     console.print(table)
     label = f"{manifest['measured']}, " if manifest["measured"] != "mains" else ""
     version = f"version {manifest['version']}, " if manifest.get("version", 1) > 1 else ""
