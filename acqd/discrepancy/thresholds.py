@@ -204,6 +204,9 @@ class Thresholds:
         120.0, "white squared error", "selection", "study", "unanimous recordings with more evidence need no surprise"
     )
     few_recordings: int = _threshold(3, "recordings", "selection", "study", "fewest recordings, all agreeing and loud")
+    few_evidence: float = _threshold(
+        1000.0, "white squared error", "selection", "study", "least evidence of few recordings without a reference"
+    )
     few_held_out_share: float = _threshold(
         0.5, "-", "selection", "study", "held-out gain of few recordings, relative to their evidence, at least"
     )

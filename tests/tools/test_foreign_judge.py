@@ -163,6 +163,8 @@ print(json.dumps({"effects": [], "verdict": "nothing_left", "before": {"rmse": 1
                   "reference_rmse": 1.0, "thresholds": []}))
 """
     (package / "__main__.py").write_text(script)
+    (package / "robot" / "descriptions").mkdir(parents=True)
+    (package / "robot" / "descriptions" / "ur10e.toml").write_text("mass_deviation = 0.1  # the maker's\n")
     return tmp_path / "tree"
 
 

@@ -15,7 +15,7 @@ from acqd.discrepancy.selection.accepted import Named
 from acqd.discrepancy.selection.detectors.candidates import Detection
 from acqd.discrepancy.selection.imitation import beyond_earlier
 from acqd.discrepancy.selection.ranking import Finding, Support
-from acqd.discrepancy.selection.reference_spread import beyond_reference_spread
+from acqd.discrepancy.selection.reference_spread import beyond_reference_spread, knows_spread
 from acqd.discrepancy.selection.shape_fit import fit_shape
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.effects import library
@@ -72,7 +72,7 @@ def missing(view: View, finding: Finding, limit: float) -> list[str]:
         failed.append("a size that matters")
     if not beyond_earlier(view.design, view.prior_findings, finding):
         failed.append("more power than an error of the earlier effects may leave")
-    if not (support.surprise > limit or _seen_at_joints(view, finding) or _unanimous(finding)):
+    if not (support.surprise > limit or _seen_at_joints(view, finding) or _unanimous(view, finding)):
         failed.append(
             f"more agreement than by chance (surprise {support.surprise:.1f} of {limit:.1f}): more recordings"
         )
@@ -196,15 +196,18 @@ def _recordings_shifted(design: Design, seconds: float) -> bool:
     return bool(known) and abs(float(np.median(known)) - seconds) < tolerance
 
 
-def _unanimous(finding: Finding) -> bool:
-    """Nearly all recordings agree: few recordings, or a few loud ones, cannot surprise otherwise."""
-    support = finding.supported()
-    if finding.evidence <= THRESHOLDS.unanimous_evidence:
-        return False
+def _unanimous(view: View, finding: Finding) -> bool:
+    """Nearly all recordings agree: few recordings cannot surprise otherwise.
+
+    Without sessions of a reference, whose spread is the scale, few recordings must be loud.
+    """
+    support, least = finding.supported(), THRESHOLDS.unanimous_evidence
     if support.acting >= THRESHOLDS.unanimous_recordings:
-        return support.consistency >= THRESHOLDS.unanimous_share
+        return support.consistency >= THRESHOLDS.unanimous_share and finding.evidence > least
+    least = least if knows_spread(view.design) else THRESHOLDS.few_evidence
     agree = support.acting >= THRESHOLDS.few_recordings and support.consistency == 1.0
-    return agree and support.held_out > THRESHOLDS.few_held_out_share * finding.evidence
+    gained = support.held_out > THRESHOLDS.few_held_out_share * finding.evidence
+    return agree and gained and finding.evidence > least
 
 
 def refuted(view: View, gate: Gate, best: Finding, alternative: Finding) -> bool:

@@ -20,6 +20,11 @@ from acqd.discrepancy.selection.ranking import Finding
 from acqd.discrepancy.thresholds import THRESHOLDS
 
 
+def knows_spread(design: Design) -> bool:
+    """Whether the reference has enough sessions to know what unchanged ones differ by."""
+    return len(_sessions(design.parts)) >= THRESHOLDS.fewest_for_noise
+
+
 def beyond_reference_spread(design: Design, regression: Regression, finding: Finding) -> bool:
     """Whether the finding is larger than what two unchanged sessions differ by.
 
