@@ -58,9 +58,10 @@ def parquet_batches(path: Path) -> Iterator[pa.RecordBatch]:
 def csv_batches(path: Path) -> Iterator[pa.RecordBatch]:
     """Batches of a CSV file; with semicolons, its numbers have decimal commas or points. Raises InputError."""
     with path.open("rb") as file:
-        commas = b";" in file.readline()
-    parse = pyarrow.csv.ParseOptions(delimiter=";" if commas else ",")
-    convert = pyarrow.csv.ConvertOptions(decimal_point="," if commas else ".")
+        head = file.readline()
+    semicolons = b";" in head and b"," not in head
+    parse = pyarrow.csv.ParseOptions(delimiter=";" if semicolons else ",")
+    convert = pyarrow.csv.ConvertOptions(decimal_point="," if semicolons else ".")
     try:
         yield from pyarrow.csv.open_csv(path, parse_options=parse, convert_options=convert)
     except pa.ArrowInvalid as error:
