@@ -10,7 +10,7 @@ import orjson
 
 from acqd.cli.terminal import terminal
 from acqd.discrepancy.config import CloseConfig
-from acqd.discrepancy.monitor.watch import Event, Watch
+from acqd.discrepancy.monitor.watch import SHORTEST_S, Event, Watch
 
 
 def watch_loop(config: CloseConfig, every_s: float, between_s: float, *, json: bool) -> None:
@@ -49,7 +49,7 @@ def sentence(event: Event) -> str:
         done = ", a proposal is written" if details["proposed"] else ""
         return f"resuming: {details['recordings']} recordings are known, {since}{done}"
     if event.kind == "recording":
-        short = "" if details["judged"] else "; too short for the charts, which need 5 s without a gap"
+        short = "" if details["judged"] else f"; too short for the charts, which need {SHORTEST_S:g} s without a gap"
         return f"{details['recording']}: residual {details['rmse']:.2f} W RMS{short}"
     if event.kind == "alarm":
         chart = details["chart"] + (f", joint {details['joint']}" if "joint" in details else "")

@@ -36,9 +36,8 @@ def settled(
         share = _share(rms(errors_before), rms(improved.errors), lowest_W)
         if not improved.kept or share >= THRESHOLDS.fair_share:
             return "effects_found", improved, notes
-        remark = (
-            f"the effects explain only {max(share, 0.0):.0%} of the squared error above {lowest_W:.2f} W: not added"
-        )
+        names = ", ".join(f"{e.term.id} ({e.term.where})" for e in [*improved.kept, *improved.reported_only])
+        remark = f"{names} explain only {max(share, 0.0):.0%} of the squared error above {lowest_W:.2f} W: not added"
         if tracing.unknown is not None:
             return "unknown_structure", _without_effects(subject, improved, errors_before), [*notes, remark]
         tracing.hypotheses = [*_unexplaining(improved, share), *tracing.hypotheses]

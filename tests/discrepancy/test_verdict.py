@@ -51,7 +51,7 @@ def test_an_unnamed_cause_is_a_finding_only_where_the_residual_has_grown(now_W, 
     assert said == verdict and ("has not grown" in " ".join(notes)) == (said == "not_identifiable")
 
 
-def test_an_effect_that_is_less_likely_than_the_others_together_is_a_hypothesis(model, robot):
+def test_an_effect_of_too_little_confidence_is_a_hypothesis(model, robot):
     reference = [recording(model, k, seed=1) for k in range(7)]
     new = [recording(model, k, INDEPENDENT["coulomb_friction"], seed=2, start_s=1e9 + 5000) for k in range(7)]
     _, tracing = selected(model, robot, new, reference, COMMON)

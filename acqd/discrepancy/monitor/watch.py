@@ -27,6 +27,8 @@ from acqd.models.metrics import predictions
 from acqd.models.segments import Dataset, Segment, load_dataset
 
 STATE = "watch.json"
+SHORTEST_S = THRESHOLDS.cusum_block_s / 2
+"""Shortest segment that has a block of the charts."""
 _BY = "content"  # how a state knows recordings
 
 
@@ -96,7 +98,7 @@ class Watch:
         for segment, residual, prediction in zip(segments, errors, predicted, strict=True):
             alarm = self._monitor.update(residual, prediction, segment.start_s, step_s, segment) or alarm
         self._seen |= {segment.content for segment in segments}
-        judged = any(len(segment.P) * step_s >= THRESHOLDS.cusum_block_s / 2 for segment in segments)
+        judged = any(len(segment.P) * step_s >= SHORTEST_S for segment in segments)
         yield Event("recording", {"recording": recording, "rmse": rms(errors), "judged": judged})
         if alarm is not None:
             yield Event("alarm", alarm.as_json() | {"recording": recording})

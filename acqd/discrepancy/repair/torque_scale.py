@@ -55,10 +55,10 @@ def torque_scale(subject: Subject) -> TorqueScale:
         torques = joint_torques(model.chain, arms, *segment.motion(subject.data.step_s))
         products += np.einsum("nta,ta->n", torques, torques[1])
     slope, _, *shares = (products / max(products[1], 1e-9)).tolist()
-    return combined(slope, subject.robot.mass_deviation * float(np.hypot.reduce(shares)))
+    return _combined(slope, subject.robot.mass_deviation * float(np.hypot.reduce(shares)))
 
 
-def combined(slope: float, deviation: float) -> TorqueScale:
+def _combined(slope: float, deviation: float) -> TorqueScale:
     """Two measurements of one scale, by their precisions: `slope` on the described torques, and 1 by the drives.
 
     Errors of the described masses are independent from link to link, so that `deviation` is less than that of a link.

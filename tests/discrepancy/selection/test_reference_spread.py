@@ -42,3 +42,12 @@ def test_the_spread_is_that_of_the_sessions(seed, spread):
     amplitudes = random.normal(0, spread, 400) + random.normal(0, information**-0.5)
     assert between_sessions(amplitudes, information) == pytest.approx(spread, rel=0.25)
     assert between_sessions(information**-0.5, information) == pytest.approx(0.0, abs=1e-4)  # white noise only
+
+
+def test_three_recordings_with_a_load_beyond_the_spread_are_enough(model, robot):
+    """A steady load cannot surprise in three recordings; the spread of eight unchanged sessions is the scale."""
+    reference = [recording(model, k, rows=700, seed=1) for k in range(8)]
+    question = [recording(model, k, lambda s, _: np.full(s.rows, 1.5), seed=2, start_s=1e9 + 5000) for k in range(3)]
+    tracing = selected(model, robot, question, reference, ONLY)[1]
+    assert [named.id for named in tracing.effects] == ["offset_shift"], tracing.hypotheses[:2]
+    assert tracing.effects[0].finding.evidence < 1000  # which few recordings without a reference would need
