@@ -181,7 +181,10 @@ def _candidates(model: GreyBox, effects: list[Effect], scene: Scene, *, differen
             candidates.append(Candidate(effect.id, where, places, asked, tried=tried, key=f"{effect.id} {number}"))
         place += effect_rows(effect, scene).shape[1]
     unnamed = alternatives(model.axes)
-    return candidates + [Candidate("", g.name, place + np.array(g.columns), key=g.name) for g in unnamed]
+    return candidates + [
+        Candidate("", group.name, place + np.array(group.columns), tried=group.tried, key=group.name)
+        for group in unnamed
+    ]
 
 
 def _surveyed(scenes: Scenes, effects: list[Effect]) -> tuple[Ranges, list[Effect]]:

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.signal import lfilter
 
 from acqd.arrays import Floats
-from acqd.discrepancy.regression.torque_alternatives import torque_columns, torque_groups
+from acqd.discrepancy.regression.torque_alternatives import single_laws, torque_columns, torque_groups
 from acqd.models.effects.events import bins, edges, since
 from acqd.models.effects.scene import Scene
 from acqd.models.effects.substeps import SUBSTEPS
 
 _SPEEDS = tuple(0.05 + 0.1 * k for k in range(10))  # of the largest speed seen
-_MEMORIES_S = (3.0, 10.0, 30.0, 90.0)
-_LONG_MEMORIES_S = (300.0, 1200.0)
-"""Longer than a recording: their memory lasts over the pauses between recordings."""
+_MEMORIES_S = (3.0, 10.0, 30.0)
+_LONG_MEMORIES_S = (100.0, 300.0, 1200.0)
+"""Their memory lasts over the pauses between recordings."""
 _AFTER_S = (0.0, 0.2, 0.5, 1.0, 2.0, 4.0, 8.0)
 _ANGLES = 6
 
@@ -29,10 +29,12 @@ class SmoothGroup:
     name: str
     """The quantity."""
     columns: tuple[int, ...]
+    tried: int = 1
+    """Groups of which only the best was looked for: the best of them pays for the choice."""
 
     def beside(self, others: tuple[int, ...]) -> SmoothGroup:
         """With more columns."""
-        return SmoothGroup(self.name, self.columns + others)
+        return replace(self, columns=self.columns + others)
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,11 +126,8 @@ def smooth_columns(scene: Scene, ranges: Ranges, *, in_question: bool) -> list[F
     columns += [into, np.exp(-into * 6)]
     begin_s, end_s = ranges.calendar_s[in_question]
     for seconds in _LONG_MEMORIES_S:
-        columns.append(
-            _remembered(
-                np.abs(scene.drives), scene.substep_s, seconds, ranges.before[in_question, float(scene.t[0]), seconds]
-            )
-        )
+        before = ranges.before[in_question, float(scene.t[0]), seconds]
+        columns.append(_remembered(np.abs(scene.drives), scene.substep_s, seconds, before))
     share_of_time = (scene.t - begin_s) / max(end_s - begin_s, 1.0)
     columns += list(np.cos(np.pi * np.outer(share_of_time, np.arange(1, 5))).T)
     return columns + torque_columns(scene, (ranges.low, ranges.high), ranges.speed, ranges.load)
@@ -157,10 +156,13 @@ def alternatives(axes: int) -> Iterator[SmoothGroup]:
     yield take("the time since the motion stopped", len(_AFTER_S) - 1)
     yield take("the time within the recording", 2)
     for seconds in _LONG_MEMORIES_S:
-        yield take(f"the drives' power of the last {seconds / 60:g} min, pauses counted", 1).beside(level)
+        yield take(f"the drives' power of the last {seconds / 60:.2g} min, pauses counted", 1).beside(level)
     yield take("the time of day", 4)
+    first = place
     for name, count in torque_groups(axes):
         yield take(name, count)
+    for name, column, tried in single_laws(axes):
+        yield SmoothGroup(name, (first + column,), tried)
 
 
 def _left_before(side: list[Survey]) -> dict[tuple[float, float], float]:

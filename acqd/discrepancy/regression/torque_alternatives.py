@@ -17,9 +17,10 @@ _WAVES = 4
 """Half waves over the range of the angle: enough for a spring, an end stop, an unbalanced weight."""
 _FRICTION_WAVES = 3
 """Of friction: dry grease in one place, a cable that rubs near an end, an oval bearing."""
-_SMOOTH_RAD_S = 0.05
 _KNOTS = (0.0, 0.1, 0.3, 0.6, 0.85)
 """Of a friction curve in straight pieces, relative to the speed that few rows exceed; the last piece has no end."""
+_BEGINNINGS = (1, 2, 3)
+"""Knots above which a friction of one coefficient may begin."""
 _PLAYS_RAD = (0.05, 0.2)
 _PLAY_OF_LOAD = 0.15
 """Half width relative to the largest load."""
@@ -46,10 +47,9 @@ def torque_columns(scene: Scene, angles: tuple[Floats, Floats], fastest: Floats,
         slope = scene.power_per_torque[:, joint] * against[:, joint]
         columns += [slope * load, slope * load**2 / heaviest[joint]]
     for joint in range(scene.axes):
-        slope = scene.power_per_torque[:, joint]
-        speed = scene.qd[:, joint] / np.hypot(scene.qd[:, joint], _SMOOTH_RAD_S)
+        slope = scene.power_per_torque[:, joint] * against[:, joint]
         others = [other for other in range(scene.axes) if other != joint]
-        columns += [slope * speed * np.abs(scene.qd[:, joint] * scene.qd[:, other]) for other in others]
+        columns += [slope * np.abs(scene.qd[:, other]) for other in others]
     share = np.abs(scene.qd) / fastest
     for joint in range(scene.axes):
         slope = scene.power_per_torque[:, joint] * against[:, joint]
@@ -84,7 +84,38 @@ def torque_groups(axes: int) -> list[tuple[str, int]]:
         *((f"a torque that depends on the angle of joint {joint}", _WAVES + 1) for joint in joints),
         *((f"a friction that depends on the angle of joint {joint}", _FRICTION_WAVES + 1) for joint in joints),
         *((f"a friction that depends on the load of joint {joint}", 2) for joint in joints),
-        *((f"a friction of joint {joint} that depends on the speeds of other joints", axes - 1) for joint in coupled),
-        *((f"a friction of joint {joint} of another curve over its speed", len(_KNOTS) + 1) for joint in joints),
+        *((_coupling(joint), axes - 1) for joint in coupled),
+        *((_curve(joint), len(_KNOTS) + 1) for joint in joints),
         *((f"a torque of joint {joint} with hysteresis", len(_PLAYS_RAD) + 1) for joint in joints),
     ]
+
+
+def single_laws(axes: int) -> list[tuple[str, int, int]]:
+    """Name, column and number of equally likely laws: single columns of the groups, which cost one coefficient.
+
+    A friction of a joint that grows with the speed of one other joint, or that begins above a speed. Beside them, a
+    group with a coefficient for every other joint or every piece of the curve pays for what it does not need.
+    """
+    first, place = {}, 0
+    for name, count in torque_groups(axes):
+        first[name], place = place, place + count
+    laws = []
+    for joint in range(1, axes + 1):
+        others = [other for other in range(1, axes + 1) if other != joint]
+        for number, other in enumerate(others):
+            column = first[_coupling(joint)] + number
+            laws.append(
+                (f"a friction of joint {joint} that grows with the speed of joint {other}", column, len(others))
+            )
+        for knot in _BEGINNINGS:
+            above = f"a friction of joint {joint} that begins above {_KNOTS[knot]:.0%} of its highest speed"
+            laws.append((above, first[_curve(joint)] + 1 + knot, len(_BEGINNINGS)))
+    return laws
+
+
+def _coupling(joint: int) -> str:
+    return f"a friction of joint {joint} that depends on the speeds of other joints"
+
+
+def _curve(joint: int) -> str:
+    return f"a friction of joint {joint} of another curve over its speed"

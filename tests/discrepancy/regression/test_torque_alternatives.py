@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from acqd.discrepancy.regression.torque_alternatives import play, torque_columns, torque_groups
+from acqd.discrepancy.regression.torque_alternatives import play, single_laws, torque_columns, torque_groups
 from acqd.models.effects.scene import segment_scene
 from tests.builders import AXES, grey, recording
 
@@ -55,3 +55,19 @@ def test_a_friction_curve_covers_all_speeds_also_those_that_few_rows_exceed():
         power = slope * law
         left = power - curve @ np.linalg.lstsq(curve, power, rcond=None)[0]
         assert 1 - (left @ left) / (power @ power) > share
+
+
+def test_a_law_of_one_coefficient_is_what_its_name_says():
+    model = grey()
+    scene = segment_scene(model, recording(model, 1, rows=400))
+    fastest = np.abs(scene.qd).max(axis=0)
+    columns = torque_columns(scene, (scene.q.min(axis=0), scene.q.max(axis=0)), fastest, np.ones(AXES))
+    laws = {name: (columns[column], tried) for name, column, tried in single_laws(AXES)}
+    along = scene.power_per_torque[:, 1] * np.tanh(scene.qd[:, 1] / 0.01)
+    above = np.maximum(np.abs(scene.qd[:, 1]) - 0.3 * fastest[1], 0.0)
+    for name, power, count in (
+        ("a friction of joint 2 that grows with the speed of joint 1", along * np.abs(scene.qd[:, 0]), AXES - 1),
+        ("a friction of joint 2 that begins above 30% of its highest speed", along * above, 3),
+    ):
+        law, tried = laws[name]
+        assert np.corrcoef(law, power)[0, 1] > 0.999 and tried == count
