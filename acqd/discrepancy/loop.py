@@ -6,7 +6,7 @@ from acqd.discrepancy.closed import Closed
 from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.joints.summary import joint_level
 from acqd.discrepancy.recordings import subject_of
-from acqd.discrepancy.remarks import not_added, stages_of, unused_efforts
+from acqd.discrepancy.remarks import disagreements, not_added, stages_of, unused_efforts
 from acqd.discrepancy.repair.guard import improve
 from acqd.discrepancy.repair.naming import named_effects
 from acqd.discrepancy.residual.quality import quality
@@ -32,5 +32,8 @@ def close_loop(config: CloseConfig, progress: Progress) -> Closed:
         after=quality(improved.errors), errors_before=errors_before, floor_W=floor_W, floor_source=floor_source,
         reference_rmse=rms(errors_of(subject.model, subject.reference)) if subject.reference else None,
         joints=joint_level(tracing.witness, subject.chosen), verdict=verdict, stages=stages_of(subject, tracing),
-        notes=[*subject.notes, *unused_efforts(subject), *doubts, *remarks, *not_added(improved)],
+        notes=[
+            *subject.notes, *unused_efforts(subject), *doubts, *remarks, *not_added(improved),
+            *disagreements(tracing, improved),
+        ],
     )  # fmt: skip

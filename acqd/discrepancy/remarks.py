@@ -7,6 +7,7 @@ from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.repair.guard import Improved
 from acqd.discrepancy.search import clock_effects
 from acqd.discrepancy.selection.accepted import Tracing
+from acqd.discrepancy.selection.agreement import disagreeing_sessions
 from acqd.discrepancy.thresholds import Stage
 from acqd.models.effects import library
 
@@ -28,6 +29,20 @@ def unused_efforts(subject: Subject) -> list[str]:
     logged = side_of([*subject.reference, *subject.fit]) is not None
     unused = logged and bool(subject.robot.sliding)
     return ["the robot has prismatic joints: logged torques and currents are not used"] if unused else []
+
+
+def disagreements(tracing: Tracing, improved: Improved) -> list[str]:
+    """Notes of reported effects that some logs ask other parameters of than all logs together."""
+    reported = {(each.term.id, each.term.where) for each in [*improved.kept, *improved.reported_only]}
+    notes = []
+    for named in tracing.effects:
+        logs = disagreeing_sessions(tracing, named) if (named.id, named.place.where) in reported else []
+        if logs:
+            notes.append(
+                f"{named.id} ({named.place.where}) is not the same in all logs: {', '.join(logs)} would be explained "
+                f"clearly better by other parameters; close the loop on single sessions"
+            )
+    return notes
 
 
 def not_added(improved: Improved) -> list[str]:

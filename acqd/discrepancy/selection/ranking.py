@@ -144,7 +144,7 @@ def chance(regression: Regression, gate: Floats, candidates: list[Candidate], se
     signs = np.random.default_rng(seed).choice([-1.0, 1.0], size=(draws, len(scores)))
     largest = np.zeros(draws)
     for candidate, own in zip(candidates, contest.owns, strict=True):
-        schur, _ = _part(competition.schur, competition.products, own, candidate)
+        schur, _ = part_of(competition.schur, competition.products, own, candidate)
         if not _acts(schur):
             continue
         E = scores[:, own] if candidate.mix is None else scores[:, own] @ candidate.mix
@@ -152,6 +152,14 @@ def chance(regression: Regression, gate: Floats, candidates: list[Candidate], se
         statistic, rank = quadratic_form(V, signs @ E)
         largest = np.maximum(largest, -chi2.logsf(statistic, rank))
     return largest
+
+
+def part_of(schur: Floats, products: Floats, own: Places, candidate: Candidate) -> tuple[Floats, Floats]:
+    """Schur complement and products of a candidate's parameters; `own`: indices of its columns in those."""
+    schur, products = schur[np.ix_(own, own)], products[own]
+    if candidate.mix is not None:
+        schur, products = candidate.mix.T @ schur @ candidate.mix, candidate.mix.T @ products
+    return schur, products
 
 
 def solve_part(schur: Floats, products: Floats) -> Floats:
@@ -169,7 +177,7 @@ def _pooled(
     """
     rows = float((design.blocks.rows * (weights > 0)).sum())
     for number, (candidate, own) in enumerate(zip(candidates, contest.owns, strict=True)):
-        schur, products = _part(competition.schur, competition.products, own, candidate)
+        schur, products = part_of(competition.schur, competition.products, own, candidate)
         if not _acts(schur):
             continue
         at_joints = design.at_joints(candidate, weights)
@@ -188,13 +196,6 @@ def _pooled(
 def _precision(candidate: Candidate) -> Floats:
     """[k] of the normal priors: a far-fetched size costs what it gains (maximum a posteriori)."""
     return np.zeros(candidate.size) if candidate.variant is None else candidate.variant.precision
-
-
-def _part(schur: Floats, products: Floats, own: Places, candidate: Candidate) -> tuple[Floats, Floats]:
-    schur, products = schur[np.ix_(own, own)], products[own]
-    if candidate.mix is not None:
-        schur, products = candidate.mix.T @ schur @ candidate.mix, candidate.mix.T @ products
-    return schur, products
 
 
 def _acts(schur: Floats) -> bool:
@@ -257,11 +258,11 @@ def _held_out(
             regression.held_out_products(competition, contest.used, gate, np.flatnonzero(out), gram) for gram in grams
         ]
         for k, (candidate, own) in enumerate(zip(candidates, contest.owns, strict=True)):
-            schur, products = _part(competition.schur, competition.products, own, candidate)
+            schur, products = part_of(competition.schur, competition.products, own, candidate)
             if not _acts(schur):
                 continue
             coefficients = solve_part(schur, products)
             for side, (Q, s) in enumerate(sides):
-                Qk, sk = _part(Q, s, own, candidate)
+                Qk, sk = part_of(Q, s, own, candidate)
                 gains[side, k, number] = 2 * coefficients @ sk - coefficients @ Qk @ coefficients
     return gains
