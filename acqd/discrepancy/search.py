@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.regression.setup import Question, set_up
-from acqd.discrepancy.residual.delay import Delay, corrected, find_delay
+from acqd.discrepancy.residual.delay import Delay, beyond_reference, corrected, find_delay
 from acqd.discrepancy.residual.residuals import without_known_effects
 from acqd.discrepancy.selection.accepted import Tracing
 from acqd.discrepancy.selection.forward_selection import Limits, trace
 from acqd.models.effects import library
-from acqd.models.effects.scene import segment_scene
+from acqd.models.effects.scene import Scene, segment_scene
+from acqd.models.segments import Segment
 
 Progress = Callable[[str, float], None]
 """Gets the step in progress and the share of it that is complete."""
@@ -40,11 +41,15 @@ def _without_delay(subject: Subject) -> tuple[Delay | None, Subject]:
     """Clocks first: while power and motion are shifted, every other effect seems to explain something."""
     if not clock_effects() & subject.chosen:
         return None, subject
-    scenes = (segment_scene(subject.carrier, s) for s in subject.fit)
-    delay = find_delay(scenes, subject.fit)
+    delay = find_delay(_scenes(subject, subject.fit), subject.fit)
     if delay is None:
         return None, subject
+    delay = beyond_reference(delay, _scenes(subject, subject.reference), subject.reference)
     return delay, replace(subject, fit=[corrected(s, delay, subject.data.step_s) for s in subject.fit])
+
+
+def _scenes(subject: Subject, segments: list[Segment]) -> Iterator[Scene]:
+    return (segment_scene(subject.carrier, segment) for segment in segments)
 
 
 def _select(config: CloseConfig, subject: Subject, progress: Progress) -> Tracing:

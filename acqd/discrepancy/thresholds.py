@@ -62,6 +62,9 @@ class Thresholds:
     delay_fewest_recordings: int = _threshold(3, "recordings", "delay", "choice", "fewest recordings with a delay")
     delay_fewest_rows: int = _threshold(50, "rows", "delay", "study", "fewest rows inside the range of tried delays")
     delay_significance: float = _threshold(4.0, "standard errors", "delay", "study", "significance of a constant delay")
+    drift_deviation: float = _threshold(
+        30e-6, "s/s", "delay", "physics", "prior deviation of the drift between two clocks: quartz crystals"
+    )
     drift_significance: float = _threshold(5.0, "standard errors", "delay", "study", "significance of a drifting delay")
     drift_least_gain: float = _threshold(
         0.6, "-", "delay", "study", "scatter about the drift, relative to the scatter about a constant, at most"
@@ -217,7 +220,14 @@ class Thresholds:
         "study",
         "an unnamed alternative wins if it exceeds the effect by this plus alternative_share of the effect",
     )
-    alternative_share: float = _threshold(0.06, "-", "selection", "study", "see alternative_margin")
+    alternative_share: float = _threshold(0.02, "-", "selection", "study", "see alternative_margin")
+    doubted_steps: int = _threshold(
+        2,
+        "effects",
+        "selection",
+        "choice",
+        "so many more effects may clear a doubt about an earlier one, two causes at once being rare",
+    )
     coarse_factor: float = _threshold(
         1.3, "-", "selection", "study", "refining a shape is assumed to gain no more evidence than this factor"
     )

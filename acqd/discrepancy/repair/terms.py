@@ -6,14 +6,16 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.stats import t as t_distribution
+from scipy.special import expit
+from scipy.stats import norm
 
 from acqd.arrays import Floats
 from acqd.discrepancy.repair.torque_scale import TorqueScale
 from acqd.discrepancy.residual.delay import Delay
 from acqd.discrepancy.selection.accepted import Named, Tracing, Unknown
+from acqd.discrepancy.selection.family import family
 from acqd.discrepancy.selection.hypotheses import Hypothesis, unnamed
-from acqd.discrepancy.selection.uncertainty import Intervals, confidence, family, intervals
+from acqd.discrepancy.selection.uncertainty import Intervals, confidence, intervals
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.augmented import Term
 from acqd.models.effects import library
@@ -157,14 +159,19 @@ def clock_term(delay: Delay) -> Added:
 
 
 def _clock_confidence(delay: Delay, delays: Floats) -> float:
-    """Probability that the delay drifts, or does not, as said: t test of the drift over the recordings."""
+    """Probability that the delay drifts, or does not, as said; both are equally likely beforehand.
+
+    By the Bayes factor of a drift of 0 against a normal prior of drifts (Savage and Dickey; Verdinelli and Wasserman
+    1995).
+    """
     if len(delays) < 4:  # a drift has no error with fewer
         return 0.5
     rate, error = delay.line()
     times = np.array([time for time, _ in delay.single])
     error = float(np.hypot(error, THRESHOLDS.delay_floor_s / max(np.sqrt(((times - times.mean()) ** 2).sum()), 1e-9)))
-    drifting = float(t_distribution.cdf(abs(rate) / max(error, 1e-12), len(delays) - 2) * 2 - 1)
-    return drifting if delay.drifts else 1 - drifting * (1 - 1 / len(delays))
+    wide = float(np.hypot(error, THRESHOLDS.drift_deviation))
+    constant = norm.logpdf(rate, scale=error) - norm.logpdf(rate, scale=wide)
+    return float(expit(-constant if delay.drifts else constant))
 
 
 def _clock(*, drifts: bool) -> Effect:

@@ -143,15 +143,15 @@ def leading(view: View, named: list[Finding], limit: float) -> Finding | None:
     return max(better, key=lambda finding: finding.evidence, default=first)
 
 
-def equal_to(view: View, alternative: Finding, named: list[Finding]) -> Finding | None:
+def equal_to(view: View, gate: Gate, alternative: Finding, named: list[Finding]) -> Finding | None:
     """The effect that explains as much as a credible unnamed alternative, in most recordings.
 
     The alternative shows that something is there; a name that explains as much is the better explanation.
     """
     equal = [
         finding for finding in named
-        if not finding.candidate.detected and not outdone(finding, alternative)
-        and _agrees(view, finding) and serious(view.design, finding)
+        if not finding.candidate.detected and _agrees(view, finding) and serious(view.design, finding)
+        and not refuted(view, gate, finding, alternative)
     ]  # fmt: skip
     return max(equal, key=lambda finding: finding.evidence, default=None)
 
@@ -215,18 +215,23 @@ def refuted(view: View, gate: Gate, best: Finding, alternative: Finding) -> bool
 
     Scanned shapes are coarse, and their columns hold for a small effect.
     """
-    if not outdone(best, alternative):
+    earlier = view.prior_findings
+    if not outdone(best, alternative, earlier):
         return False
     coarse = alternative.evidence <= THRESHOLDS.coarse_factor * best.evidence
     if not view.complete or best.candidate.detected or not coarse:
         return True
     fitted = fit_shape(view.design, view.regression, gate.open, best, None)
-    return outdone(replace(best, evidence=fitted.finding.evidence), alternative)
+    return outdone(replace(best, evidence=fitted.finding.evidence), alternative, earlier)
 
 
-def outdone(best: Finding, alternative: Finding) -> bool:
-    """Whether an alternative explains clearly more."""
+def outdone(best: Finding, alternative: Finding, others: Sequence[Named] = ()) -> bool:
+    """Whether an alternative explains clearly more, where the effects `others` are part of the explanation.
+
+    What the columns of all these effects get wrong, a flexible alternative explains beside the truth.
+    """
     if best.candidate.detected:  # anything that predicts half as much is the better explanation
         return alternative.evidence > THRESHOLDS.predictive_share * best.evidence
-    margin = THRESHOLDS.alternative_margin + THRESHOLDS.alternative_share * best.evidence
+    explained = best.evidence + sum(other.finding.evidence for other in others)
+    margin = THRESHOLDS.alternative_margin + THRESHOLDS.alternative_share * explained
     return alternative.evidence > best.evidence + margin

@@ -31,6 +31,12 @@ class Named:
     """The best findings of other effects and of unnamed alternatives, given the effects before."""
     witness: Witness | None = None
     """Logged torques, given the effects before."""
+    doubt: Unknown | None = None
+    """An unnamed alternative that explains more, as long as later effects do not explain the difference."""
+    ranking: list[Finding] = field(default_factory=list)
+    """In which the effect was selected."""
+    hypotheses: list[Hypothesis] = field(default_factory=list)
+    """Of that ranking."""
 
     @property
     def id(self) -> str:

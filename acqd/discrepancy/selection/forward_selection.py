@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 from acqd.discrepancy.regression.gram import Column, Regression
 from acqd.discrepancy.regression.setup import Setup
 from acqd.discrepancy.selection.accepted import Tracing
+from acqd.discrepancy.selection.doubt import clear_doubts, doubted_steps, without_doubted
+from acqd.discrepancy.selection.family import likeliest_member
 from acqd.discrepancy.selection.ranking import rank_pooled
 from acqd.discrepancy.selection.stepwise import Step
 from acqd.discrepancy.selection.supply_response import with_loaded_laws
@@ -27,18 +29,22 @@ def trace(setup: Setup, limits: Limits, progress: Callable[[str], None]) -> Trac
     """Select effects one after the other."""
     regression = base = _without_small_clock(setup)
     tracing = Tracing(setup.design, setup.regression, setup.design.witness)
-    while len(tracing.effects) < limits.max_effects:
+    while len(tracing.effects) < limits.max_effects and doubted_steps(tracing) <= THRESHOLDS.doubted_steps:
         progress(f"looking for effect {len(tracing.effects) + 1}")
         named = Step(tracing, regression, setup.gates, limits.seed).run()
         if named is None:
             break
         tracing.effects.append(named)
+        regression = tracing.regression = _with_effects(tracing, base)
+        clear_doubts(tracing)
+    if without_doubted(tracing):
         regression = _with_effects(tracing, base)
     tracing.regression = regression.on(tracing.design.blocks)
     before = len(tracing.effects)
     _prune(tracing)
     if len(tracing.effects) < before:
         tracing.regression = _with_effects(tracing, base)
+    _prefer_likeliest(tracing, base, limits.seed)
     accepted = {(named.id, named.finding.candidate.label) for named in tracing.effects}
     tracing.hypotheses = [each for each in tracing.hypotheses if (each.id, each.where) not in accepted]
     if tracing.effects:
@@ -46,6 +52,15 @@ def trace(setup: Setup, limits: Limits, progress: Callable[[str], None]) -> Trac
     elif tracing.unknown is not None:
         tracing.verdict = "unknown_structure"
     return tracing
+
+
+def _prefer_likeliest(tracing: Tracing, base: Regression, seed: int) -> None:
+    """Give every family the name of the member that most recordings prefer."""
+    for number, named in enumerate(list(tracing.effects)):
+        likeliest = likeliest_member(tracing, named, seed)
+        if likeliest is not named:
+            tracing.effects[number] = likeliest
+            tracing.regression = _with_effects(tracing, base)
 
 
 def _with_effects(tracing: Tracing, base: Regression) -> Regression:

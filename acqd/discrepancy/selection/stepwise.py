@@ -28,6 +28,7 @@ class _Winner:
     finding: Finding
     gate: Gate
     alternatives: list[Finding]
+    doubt: Unknown | None = None
 
 
 class Step:
@@ -54,7 +55,7 @@ class Step:
         winner = self._best_under_gate(likeliest, everywhere)
         unknown = tracing.unknown
         if winner is None and likeliest is not self._gates[0]:
-            winner = self._best_under_gate(self._gates[0], everywhere)
+            winner = _without_doubt(self._best_under_gate(self._gates[0], everywhere))
             tracing.unknown = unknown  # a second look may name an effect, but raises no doubts
         if winner is not None:
             return self._accept(winner)
@@ -66,7 +67,7 @@ class Step:
         rest = [named for named in tracing.effects if named.key not in masked_keys]
         calm = self._view(masked, Regression(masked.blocks, self._regression.columns), rest, complete=False)
         self._detected = []
-        winner = self._best_under_gate(self._likeliest_gate(calm), calm)
+        winner = _without_doubt(self._best_under_gate(self._likeliest_gate(calm), calm))
         tracing.unknown = unknown
         return None if winner is None else self._accept(winner)
 
@@ -106,16 +107,21 @@ class Step:
         best = leading(view, named, limit)
         doubts = [finding for finding in unnamed if credible(view, finding, limit)]
         alternative = max(doubts, key=lambda finding: finding.evidence, default=None)
+        doubt = None
         if alternative is not None and (best is None or refuted(view, gate, best, alternative)):
-            best = equal_to(view, alternative, named)
-            if best is None:
-                tracing.unknown = tracing.unknown or Unknown(alternative, gate)
+            doubt = Unknown(alternative, gate)
+            equal = equal_to(view, gate, alternative, named)
+            if equal is not None:
+                best, doubt = equal, None
+            elif best is None or best.candidate.detected:
+                tracing.unknown = tracing.unknown or doubt
                 return None
         if best is None or (best.candidate.detected and _outdone_by_any(best, unnamed)):
             return None
         others = _best_of_each([finding for finding in named if serious(view.design, finding)], best)
         doubts = sorted((each for each in unnamed if serious(view.design, each)), key=lambda each: -each.evidence)
-        return _Winner(best, gate, others[: THRESHOLDS.contenders] + doubts[: THRESHOLDS.unnamed_contenders])
+        alternatives = others[: THRESHOLDS.contenders] + doubts[: THRESHOLDS.unnamed_contenders]
+        return _Winner(best, gate, alternatives, doubt)
 
     def _chance_limit(self, gate: Gate, view: View) -> float:
         """Surprise that clean recordings exceed with the probability `chance`; more for the best of several onsets."""
@@ -142,7 +148,15 @@ class Step:
         assert found.variant is not None
         place = (found.fitted or found.variant).place
         shape = fitted.shape | library()[candidate.id].fixed_shape(tracing.design.columns.scenes)
-        return Named(fitted.finding, gate, place, shape, winner.alternatives, before)
+        return Named(
+            fitted.finding, gate, place, shape, winner.alternatives, before, winner.doubt, tracing.last_ranking,
+            tracing.hypotheses,
+        )  # fmt: skip
+
+
+def _without_doubt(winner: _Winner | None) -> _Winner | None:
+    """None for a winner that an unnamed alternative outdoes."""
+    return None if winner is None or winner.doubt is not None else winner
 
 
 def _outdone_by_any(detected: Finding, unnamed: list[Finding]) -> bool:

@@ -10,7 +10,6 @@ from scipy.stats import t as student
 from acqd.arrays import Floats
 from acqd.discrepancy.regression.design_columns import Candidate
 from acqd.discrepancy.regression.design_matrix import Design
-from acqd.discrepancy.regression.onset import Gate
 from acqd.discrepancy.selection.acceptance import discounted, outdone
 from acqd.discrepancy.selection.accepted import Named, Tracing
 from acqd.discrepancy.selection.hypotheses import unnamed
@@ -30,13 +29,15 @@ def confidence(tracing: Tracing, named: Named, seed: int) -> tuple[float, list[t
     set as it would win the recordings: if it explains clearly more.
     """
     design, regression = replace(tracing.design, witness=named.witness), tracing.regression.without(named.key)
-    others = {other.id for other in tracing.effects if other.key != named.key}
-    rivals = [finding.candidate for finding in named.alternatives if finding.candidate.id not in others]
+    others = [other for other in tracing.effects if other.key != named.key]
+    taken = {other.id for other in others}
+    rivals = [finding.candidate for finding in named.alternatives if finding.candidate.id not in taken]
     candidates = [named.finding.candidate, *rivals]
     won = dict.fromkeys([_name(candidate) for candidate in candidates], 0)
     random = np.random.default_rng(seed)
     for _ in range(THRESHOLDS.resamples):
-        winner = _winner(rank_pooled(design, regression, named.gate.open, candidates, _resampled(design, random)))
+        ranked = rank_pooled(design, regression, named.gate.open, candidates, _resampled(design, random))
+        winner = _winner(ranked, others)
         if winner is not None:
             won[_name(winner.candidate)] += 1
     total = sum(won.values()) + 2
@@ -44,38 +45,17 @@ def confidence(tracing: Tracing, named: Named, seed: int) -> tuple[float, list[t
     return (won[named.id] + 1) / total, sorted(shares, key=lambda share: -share[1])[:_SHOWN]
 
 
-def _winner(findings: list[Finding]) -> Finding | None:
+def _winner(findings: list[Finding], others: list[Named]) -> Finding | None:
     """Of findings with the largest evidence first; what was found by searching pays as it does in the selection."""
     effect = max((finding for finding in findings if finding.candidate.id), key=discounted, default=None)
     doubt = next((finding for finding in findings if not finding.candidate.id), None)
-    if doubt is None or (effect is not None and not outdone(effect, doubt)):
+    if doubt is None or (effect is not None and not outdone(effect, doubt, others)):
         return effect
     return doubt
 
 
 def _name(candidate: Candidate) -> str:
     return candidate.id or unnamed(candidate.label)
-
-
-def family(tracing: Tracing, named: Named) -> list[Finding]:
-    """Alternatives whose power is nearly the power of the effect, in all rows under the gate."""
-    design = tracing.design
-    mine = _power(design, named.finding, named.gate)
-    effects = [finding for finding in named.alternatives if finding.candidate.id]
-    alike = [_correlation(mine, _power(design, finding, named.gate)) for finding in effects]
-    return [finding for finding, r in zip(effects, alike, strict=True) if r > THRESHOLDS.family_correlation]
-
-
-def _power(design: Design, finding: Finding, gate: Gate) -> Floats:
-    """[rows] W of a finding under a gate."""
-    weights = finding.candidate.weights(finding.coefficients)
-    open_ = [part for part, own in zip(design.parts, gate.open, strict=True) if own]
-    return np.concatenate([design.values(part.segment, finding.candidate.places, part.own) @ weights for part in open_])
-
-
-def _correlation(a: Floats, b: Floats) -> float:
-    a, b = a - a.mean(), b - b.mean()
-    return float(a @ b / max(float(np.sqrt((a @ a) * (b @ b))), 1e-12))
 
 
 def _resampled(design: Design, random: np.random.Generator) -> Floats:

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
-from acqd.discrepancy.residual.delay import corrected, delay_of, find_delay
+from acqd.discrepancy.repair.terms import clock_term
+from acqd.discrepancy.residual.delay import Delay, beyond_reference, corrected, delay_of, find_delay
 from acqd.models.effects.scene import scene_of
 from tests.builders import STEP, recording
 
@@ -24,6 +25,35 @@ def test_a_delay_is_seen_before_anything_else(model):
     assert delay.offset_s == pytest.approx(0.1, abs=0.01)
     back = corrected(late[0], delay, STEP).P
     assert np.abs(back - segments[0].P)[20:-20].mean() < 0.5 * np.abs(late[0].P - segments[0].P)[20:-20].mean()
+
+
+def test_a_delay_counts_from_that_of_unchanged_recordings(model):
+    """A model whose lag is 3 ms short finds 3 ms in every recording: they are no part of a clock's offset."""
+
+    def late_by(segments, seconds):
+        rows = np.arange(len(segments[0].P))
+        return [replace(s, P=np.interp(rows - seconds / STEP, rows, s.P)) for s in segments]
+
+    segments = [recording(model, k, seed=3) for k in range(6)]
+    scenes = [scene_of(model, s.q, s.signals, s.start_s, s.channels) for s in segments]
+    delay = find_delay(scenes, late_by(segments, 0.063))
+    assert delay is not None
+    beyond = beyond_reference(delay, scenes, late_by(segments, 0.013))
+    assert beyond.offset_s == pytest.approx(0.05, abs=0.003) and beyond.offset_error_s >= delay.offset_error_s
+    assert np.median([each for _, each in beyond.single]) == pytest.approx(beyond.offset_s)
+    assert beyond_reference(delay, scenes[:2], segments[:2]) == delay
+
+
+@pytest.mark.parametrize(("ppm", "drifting"), [(0.0, 0.15), (300.0, 0.9)])
+def test_confidence_in_a_clock_knows_an_offset_from_a_drift(ppm, drifting):
+    random = np.random.default_rng(5)
+    t = 150.0 * np.arange(8)
+    delays = 0.05 + 1e-6 * ppm * t + random.normal(0, 0.001, len(t))
+    rate = 1e-6 * ppm
+    single = list(zip(t.tolist(), delays.tolist(), strict=True))
+    term = clock_term(Delay(0.05, rate, 0.0, 0.001, 1e-6, single))
+    said = term.confidence if ppm else 1 - term.confidence
+    assert said > drifting if ppm else said < drifting
 
 
 @settings(max_examples=25, deadline=None)

@@ -1,0 +1,43 @@
+"""Doubts by unnamed alternatives: two causes together are no unknown cause, an unknown cause is."""
+
+import numpy as np
+
+from tests.builders import recording
+from tests.discrepancy.independent import COMMON, column, extra_power, selected, traced
+
+ONLY = COMMON | {"viscous_friction"}
+
+
+def test_a_friction_and_a_load_that_a_curve_explains_together_are_both_named(model, robot):
+    """A smooth function of a speed has a level too; each name alone explains clearly less."""
+
+    def both(scene, random):
+        return extra_power(scene, column(scene, 1, 6.0 * scene.qd[:, 1])) + 6.0
+
+    _, tracing = traced(model, robot, both, count=7, only=ONLY)
+    assert {named.id for named in tracing.effects} == {"viscous_friction", "offset_shift"}, tracing.hypotheses[:3]
+    assert tracing.unknown is None and all(named.doubt is None for named in tracing.effects)
+
+
+def test_a_friction_that_begins_above_a_speed_is_no_viscous_friction(model, robot):
+    def fast_only(scene, random):
+        speed = scene.qd[:, 1]
+        return extra_power(scene, column(scene, 1, 25.0 * np.sign(speed) * np.maximum(np.abs(speed) - 0.25, 0.0)))
+
+    _, tracing = traced(model, robot, fast_only, count=7, rows=700, only=ONLY)
+    assert not tracing.effects and tracing.verdict == "unknown_structure"
+    assert "joint 2" in tracing.unknown.finding.candidate.label
+    best = max((each for each in tracing.hypotheses if each.id), key=lambda each: each.evidence)
+    assert best.id == "viscous_friction"  # the hypotheses are those of the ranking in which the doubt arose
+
+
+def test_a_friction_that_grows_with_another_joint_s_speed_is_described_as_such(model, robot):
+    def coupled(scene, random):
+        torque = 8.0 * np.tanh(scene.qd[:, 1] / 0.01) * np.abs(scene.qd[:, 0])
+        return extra_power(scene, column(scene, 1, torque))
+
+    question = [recording(model, k, coupled, rows=700, seed=2, start_s=1e9 + 5000) for k in range(7)]
+    reference = [recording(model, k, rows=700, seed=1) for k in range(7)]
+    tracing = selected(model, robot, question, reference, ONLY)[1]
+    assert tracing.verdict == "unknown_structure"
+    assert "joint" in tracing.unknown.finding.candidate.label and "speed" in tracing.unknown.finding.candidate.label
