@@ -78,6 +78,8 @@ class LogColumns(Section):
     bus_voltage: str | None = None
     """With `bus_current`: V and A at the robot's supply, whose product is the power."""
     bus_current: str | None = None
+    tool_point: str | None = None
+    """x, y and z of the tool's centre point in the base frame [m], three columns: they show whose log it is."""
 
 
 class RobotDescription(Section):

@@ -46,6 +46,8 @@ class RobotLog:
     """[T] W, measured by the controller: the logged power, or voltage times current of the supply."""
     voltage: Floats | None = None
     """[T] V at the robot's supply, where the controller measures it."""
+    tool_point: Floats | None = None
+    """[T, 3] m, the tool's centre point in the base frame, where the controller logs it."""
     core: tuple[float, float] | None = None
     """Of a piece of a log: the span [s] that is the piece; rows outside it tell how the arm came and went."""
     note: str = ""
@@ -53,7 +55,7 @@ class RobotLog:
 
     def part(self, rows: NDArray[np.bool_] | NDArray[np.int64], path: Path) -> RobotLog:
         """Some rows as a log of the name `path`."""
-        names = ("time", "q", "qd", "tau", "current", "temperature", "power", "voltage")
+        names = ("time", "q", "qd", "tau", "current", "temperature", "power", "voltage", "tool_point")
         values: dict[str, Any] = {
             name: None if (column := getattr(self, name)) is None else column[rows] for name in names
         }
@@ -113,7 +115,7 @@ def _assemble(path: Path, table: Table, layout: LogColumns, columns: Columns) ->
     assert clock is not None and q is not None
     time = clock[:, 0] + clock[:, 1] * 1e-9 if clock.shape[1] == 2 else clock[:, 0] * layout.time_unit_s
     signals = {name: column for name in ("tool", "brake") if (column := single(name)) is not None}
-    others: dict[str, Any] = {name: values(name) for name in PER_AXIS[1:]}
+    others: dict[str, Any] = {name: values(name) for name in (*PER_AXIS[1:], "tool_point")}
     power, voltage, current = single("power"), single("bus_voltage"), single("bus_current")
     if power is None and voltage is not None and current is not None:
         power = voltage * current

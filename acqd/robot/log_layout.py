@@ -22,8 +22,9 @@ _GENERIC = LogColumns(
     power="power",
     bus_voltage="bus_voltage",
     bus_current="bus_current",
+    tool_point="tcp{1}",
 )
-"""The header every robot may use: time, q1..qn, qd1..qn, tau1.., current1.., temperature1.., tool, brake, power ..."""
+"""The generic header: time, q1.., qd1.., tau1.., current1.., temperature1.., tool, brake, power, tcp1 ..."""
 
 Columns = dict[str, list[int]]
 
@@ -56,6 +57,9 @@ def _match(layout: LogColumns, table: Table, axes: int) -> Columns | None:
     if "q" not in columns or not all(name in where for name in clock):
         return None
     columns["time"] = [where[name] for name in clock if name]
+    point = [layout.tool_point.format(axis, axis + 1) for axis in range(3)] if layout.tool_point else []
+    if point and all(name in where for name in point):
+        columns["tool_point"] = [where[name] for name in point]
     for name in _SINGLE:
         column = getattr(layout, name)
         if column in where:

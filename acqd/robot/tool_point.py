@@ -1,0 +1,43 @@
+"""Does a logged tool point move as this robot's kinematics say? If not, the log is another robot's.
+
+Robots of one maker have the same axes and columns, and differ in their lengths only: angles alone cannot tell a UR3e
+from a UR10e. Many controllers also log where the tool's centre point (TCP) is.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+from acqd.arrays import Floats
+from acqd.robot.description import RobotDescription
+from acqd.robot.newton_euler import Chain, frames
+
+_POSTURES = 80
+_REACH_M = 1.0
+"""Scale of tools: where the search for the tool point starts to doubt."""
+
+
+def tool_point_error(robot: RobotDescription, q: Floats, point: Floats) -> float:
+    """RMS distance [m] between logged tool points [T, 3] and those of the robot's kinematics at angles q [T, axes].
+
+    The tool and the frame of the base are unknown: the smallest distance that any fixed point on the last link and any
+    fixed frame reach. For a given point, the frame is the solution of Kabsch (1976).
+    """
+    finite = np.flatnonzero(np.isfinite(q).all(axis=1) & np.isfinite(point).all(axis=1))
+    rows = finite[np.linspace(0, len(finite) - 1, min(_POSTURES, len(finite))).astype(int)] if len(finite) else finite
+    if len(rows) < 2:
+        return 0.0
+    where = frames(Chain.of(robot), q[rows])
+    origin, turn = where.origin[:, -1], where.rotation[:, -1]
+    target = point[rows] - point[rows].mean(axis=0)
+
+    def distances(tool: Floats) -> Floats:
+        reached = origin + turn @ tool
+        reached = reached - reached.mean(axis=0)
+        frame, _ = Rotation.align_vectors(target, reached)
+        return np.asarray((target - frame.apply(reached)).ravel())
+
+    best = least_squares(distances, np.zeros(3), x_scale=_REACH_M)
+    return float(np.sqrt(2 * best.cost / len(rows)))
