@@ -14,6 +14,8 @@ from acqd.discrepancy.residual.residuals import errors_of, rms
 from acqd.discrepancy.selection.accepted import Tracing, Verdict
 from acqd.discrepancy.selection.hypotheses import Hypothesis
 from acqd.discrepancy.thresholds import THRESHOLDS
+from acqd.models.effects import library
+from acqd.models.predictor import Predictor
 from acqd.models.segments import Segment
 
 
@@ -34,6 +36,9 @@ def settled(
     notes += unlikely
     if improved.kept or improved.reported_only:
         share = _share(rms(errors_before), rms(improved.errors), lowest_W)
+        if not any(library()[each.term.id].predictable for each in improved.kept):
+            # their mean power is added: what they explain shows where their times are known
+            share = max([share, *_shares_in_fit(subject, tracing, subject.model, improved.kept, lowest_W)])
         if not improved.kept or share >= THRESHOLDS.fair_share:
             return "effects_found", improved, notes
         names = ", ".join(f"{e.term.id} ({e.term.where})" for e in [*improved.kept, *improved.reported_only])
@@ -87,13 +92,8 @@ def _without_traces(
     """Without effects that explain next to nothing of what the added ones leave: a random walk has switching loads."""
     if not improved.reported_only:
         return improved, []
-    errors = errors_of(improved.model(subject), subject.fit)
-    rows = sum(len(error) for error in errors)
-    excess = max(rms(errors) ** 2 - lowest_W**2, 0.0) * rows
-    gains = {(named.id, named.place.where): named.finding.supported().plain.total for named in tracing.effects}
-    shares = [
-        (each, gains.get((each.term.id, each.term.where), 0.0) / max(excess, 1e-9)) for each in improved.reported_only
-    ]
+    known = _shares_in_fit(subject, tracing, improved.model(subject), improved.reported_only, lowest_W)
+    shares = list(zip(improved.reported_only, known, strict=True))
     kept = [each for each, share in shares if share >= THRESHOLDS.fair_share]
     notes = [
         f"{each.term.id} was found, but explains only {max(share, 0.0):.0%} of the residual's excess: not reported"
@@ -101,6 +101,17 @@ def _without_traces(
         if share < THRESHOLDS.fair_share
     ]
     return improved.with_reported(kept), notes
+
+
+def _shares_in_fit(
+    subject: Subject, tracing: Tracing, model: Predictor, effects: list[Added], lowest_W: float
+) -> list[float]:
+    """Share of the excess over `lowest_W` in the errors of `model` that each effect explains, at the times it acts."""
+    errors = errors_of(model, subject.fit)
+    rows = sum(len(error) for error in errors)
+    excess = max(rms(errors) ** 2 - lowest_W**2, 0.0) * rows
+    gains = {(named.id, named.place.where): named.finding.supported().plain.total for named in tracing.effects}
+    return [gains.get((each.term.id, each.term.where), 0.0) / max(excess, 1e-9) for each in effects]
 
 
 def _without_unlikely(tracing: Tracing, improved: Improved) -> tuple[Improved, list[str]]:

@@ -73,6 +73,26 @@ def test_an_effect_of_too_little_confidence_is_a_hypothesis(model, robot):
     assert tracing.hypotheses[0].missing == ["a confidence of 80% (the effect has 43%)"]
 
 
+def test_a_load_at_times_that_nobody_predicts_counts_by_what_it_explains_at_its_times(model, robot):
+    """Its mean power is what a model can add; on held-out recordings that explains little of a strong load."""
+    reference = [recording(model, k, seed=1) for k in range(7)]
+    new = [recording(model, k, INDEPENDENT["coulomb_friction"], seed=2, start_s=1e9 + 5000) for k in range(7)]
+    _, tracing = selected(model, robot, new, reference, COMMON)
+    (named,) = tracing.effects
+    subject = Subject(None, model, model, None, None, "change", new, new, reference, frozenset(), frozenset(), [])
+    errors = errors_of(model, new)
+    verdicts = {}
+    for name in ("coulomb_friction", "contact_force"):
+        finding = replace(named.finding, candidate=replace(named.finding.candidate, id=name))
+        each = added(tracing, named, TorqueScale(1.0, 0.0), 1)
+        each = replace(each, term=replace(each.term, id=name))
+        tracing.effects = [replace(named, finding=finding)]
+        improved = Improved(model, [each], [], [], [0.1], [0.99 * error for error in errors])
+        verdicts[name] = settled(subject, tracing, improved, errors, 0.5)[0]
+        tracing.effects = [named]
+    assert verdicts == {"coulomb_friction": "not_identifiable", "contact_force": "effects_found"}
+
+
 @given(st.floats(0.7, 1.4), st.floats(0.0, 0.1), st.floats(0.1, 20), st.just(0.0) | st.floats(1e-9, 2))
 def test_true_units(scale, deviation, value, half):
     true, wide = TorqueScale(scale, deviation).corrected(value, half, "kg")
