@@ -6,6 +6,7 @@ A block is a recording or a piece of a long one: the unit of cross-validation an
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Protocol, TypeAlias
 
 import numpy as np
@@ -97,7 +98,14 @@ def upper_triangle(matrix: Floats) -> Floats:
 
 def _in_triangle(rows: Places, columns: Places, size: int) -> Places:
     """[rows, columns] indices into an upper triangle of a symmetric matrix [size, size]."""
-    return _upper(np.minimum.outer(rows, columns), np.maximum.outer(rows, columns), size)
+    return _remembered_triangle(rows.tobytes(), columns.tobytes(), size)
+
+
+@lru_cache(maxsize=8)
+def _remembered_triangle(rows: bytes, columns: bytes, size: int) -> Places:
+    """Blocks after blocks are asked for the same columns."""
+    own, other = (np.frombuffer(each, dtype=np.int64) for each in (rows, columns))
+    return _upper(np.minimum.outer(own, other), np.maximum.outer(own, other), size)
 
 
 def _upper(row: Places, column: Places, size: int) -> Places:

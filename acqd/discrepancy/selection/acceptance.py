@@ -148,12 +148,15 @@ def equal_to(view: View, gate: Gate, alternative: Finding, named: list[Finding])
 
     The alternative shows that something is there; a name that explains as much is the better explanation.
     """
-    equal = [
-        finding for finding in named
-        if not finding.candidate.detected and _agrees(view, finding) and serious(view.design, finding)
-        and not refuted(view, gate, finding, alternative)
-    ]  # fmt: skip
-    return max(equal, key=lambda finding: finding.evidence, default=None)
+    tried = set()
+    for finding in sorted(named, key=lambda finding: -finding.evidence):
+        if finding.candidate.detected or finding.candidate.id in tried:
+            continue
+        if _agrees(view, finding) and serious(view.design, finding):
+            if not refuted(view, gate, finding, alternative):
+                return finding
+            tried.add(finding.candidate.id)  # its other places and shapes explain less
+    return None
 
 
 def _agrees(view: View, finding: Finding) -> bool:
