@@ -69,8 +69,8 @@ def test_an_effect_of_too_little_confidence_is_a_hypothesis(model, robot):
     useless = Improved(model, kept=[likely], reported_only=[], refused=[], gains=[0.0], errors=errors)
     verdict, improved, _ = settled(subject, tracing, useless, errors, 0.5)
     assert verdict == "unknown_structure" and not improved.kept and not improved.reported_only
-    assert "(joint 2) has a confidence of 43%, less than 80%: no finding" in " ".join(said[False][2])
-    assert tracing.hypotheses[0].missing == ["a confidence of 80% (the effect has 43%)"]
+    assert "(joint 2) has a confidence of 43%, less than 90%: no finding" in " ".join(said[False][2])
+    assert tracing.hypotheses[0].missing == ["a confidence of 90% (the effect has 43%)"]
 
 
 def test_a_load_at_times_that_nobody_predicts_counts_by_what_it_explains_at_its_times(model, robot):

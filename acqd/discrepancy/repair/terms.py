@@ -164,7 +164,7 @@ def _clock_confidence(delay: Delay, delays: Floats) -> float:
     By the Bayes factor of a drift of 0 against a normal prior of drifts (Savage and Dickey; Verdinelli and Wasserman
     1995).
     """
-    if len(delays) < 4:  # a drift has no error with fewer
+    if len(delays) < 3:  # a drift has no error with fewer
         return 0.5
     rate, error = delay.line()
     times = np.array([time for time, _ in delay.single])

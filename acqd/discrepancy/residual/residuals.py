@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from acqd.arrays import Floats
+from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.augmented import Augmented
 from acqd.models.effects.substeps import RADIUS
 from acqd.models.metrics import predictions, signals_of
@@ -49,3 +50,11 @@ def without_known_effects(model: Predictor, segments: list[Segment]) -> list[Seg
 def rms(errors: list[Floats]) -> float:
     """Root mean square of all rows, W."""
     return float(np.sqrt((np.concatenate(errors) ** 2).mean()))
+
+
+def about_means(errors: list[Floats]) -> list[Floats]:
+    """[T] W per block of at most a minute, about its mean: without the drift of the standby power."""
+    blocks = [
+        block for each in errors for block in np.array_split(each, max(1, round(len(each) / THRESHOLDS.block_rows)))
+    ]
+    return [block - block.mean() for block in blocks]

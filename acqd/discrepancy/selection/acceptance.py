@@ -183,20 +183,28 @@ def relevant(design: Design, finding: Finding) -> bool:
         question = {part.segment for part in columns.parts if part.in_question}
         steepest = max(float(np.abs(slope(columns.scenes[k])).max()) for k in question)
         seconds = size.max() / max(steepest, 1e-9)
-        return bool(seconds > THRESHOLDS.clock_smallest_s and _recordings_shifted(design, finding.coefficients[0]))
+        return bool(seconds > THRESHOLDS.clock_smallest_s and _recordings_shifted(design, finding))
     acting = power[size > THRESHOLDS.acting_share * size.max()]
     least = THRESHOLDS.least_share_of_range * columns.dynamic_range
     return bool(np.sqrt(np.mean(acting**2)) > least)
 
 
-def _recordings_shifted(design: Design, seconds: float) -> bool:
+def _recordings_shifted(design: Design, finding: Finding) -> bool:
     """Whether shifts of whole recordings agree; a slope also explains motion that is sharper than logged."""
-    columns = design.columns
-    segments = sorted({part.segment for part in columns.parts if part.in_question})
-    delays = [single_delay(columns.scenes[k], columns.segments[k].P) for k in segments]
-    known = [delay for delay in delays if delay is not None]
-    tolerance = THRESHOLDS.clock_agreement * abs(seconds)
-    return bool(known) and abs(float(np.median(known)) - seconds) < tolerance
+    columns, candidate = design.columns, finding.candidate
+    weights = candidate.weights(finding.coefficients)
+    pairs = []
+    for k in sorted({part.segment for part in columns.parts if part.in_question}):
+        delay = single_delay(columns.scenes[k], columns.segments[k].P)
+        if delay is not None:
+            steepness = slope(columns.scenes[k])
+            said = -float(design.values(k, candidate.places) @ weights @ steepness) / float(steepness @ steepness)
+            pairs.append((delay, said))
+    if not pairs:
+        return False
+    delays, shifts = np.array(pairs).T
+    tolerance = THRESHOLDS.clock_agreement * float(np.median(np.abs(shifts)))
+    return abs(float(np.median(delays - shifts))) < tolerance
 
 
 def _unanimous(view: View, finding: Finding) -> bool:

@@ -1,7 +1,11 @@
 """Doubts by unnamed alternatives: two causes together are no unknown cause, an unknown cause is."""
 
+from dataclasses import replace
+
 import numpy as np
 
+from acqd.discrepancy.selection.accepted import Unknown
+from acqd.discrepancy.selection.doubt import clear_doubts, doubted_steps, without_doubted
 from tests.builders import recording
 from tests.discrepancy.independent import COMMON, column, extra_power, selected, traced
 
@@ -41,3 +45,25 @@ def test_a_friction_that_grows_with_another_joint_s_speed_is_described_as_such(m
     tracing = selected(model, robot, question, reference, ONLY)[1]
     assert tracing.verdict == "unknown_structure"
     assert "joint" in tracing.unknown.finding.candidate.label and "speed" in tracing.unknown.finding.candidate.label
+
+
+def test_effects_that_explain_together_what_the_alternative_explains_leave_the_doubt(model, robot):
+    """Given the others, no friction of a set that imitates a curve is outdone by the curve."""
+
+    def greased(scene, random):
+        return extra_power(scene, column(scene, 1, 8.0 * scene.qd[:, 1]))
+
+    _, tracing = traced(model, robot, greased, only=ONLY)
+    (first,) = tracing.effects
+    found = {(each.candidate.id, each.candidate.label): each for each in first.ranking}
+    curve = found["", "a friction of joint 2 of another curve over its speed"]
+    doubted = replace(first, doubt=Unknown(curve, first.gate))
+    tracing.effects = [doubted]
+    clear_doubts(tracing)
+    assert tracing.effects[0].doubt is None
+    second = replace(first, finding=found["coulomb_friction", "joint 2"])
+    tracing.effects = [doubted, second]
+    tracing.regression = tracing.regression.with_columns(tracing.design.blocks, second.columns())
+    clear_doubts(tracing)
+    assert tracing.effects[0].doubt is not None and doubted_steps(tracing) == 2
+    assert without_doubted(tracing) and not tracing.effects and tracing.unknown.finding is curve

@@ -68,6 +68,19 @@ def test_a_large_change_is_named_in_three_recordings(model, robot):
     assert [named.id for named in tracing.effects] == ["payload"], tracing.hypotheses[:2]
 
 
+def test_a_small_drift_of_the_clock_is_no_offset(model, robot):
+    """Power is 18 ms late after seven minutes: too little for the alignment, and in every recording another delay."""
+
+    def drifting(scene, random):
+        t = averaged(scene.t)
+        late_s = 0.018 * (t - (1e9 + 5000)) / 420
+        return np.interp(t - late_s, t, scene.predicted) - scene.predicted
+
+    _, tracing = traced(model, robot, drifting, count=7, only=COMMON | {"clock_drift"})
+    assert [named.id for named in tracing.effects] == ["clock_drift"], tracing.hypotheses[:2]
+    assert tracing.effects[0].finding.coefficients[0] == pytest.approx(0.018 * 3600 / 420, rel=0.1)
+
+
 def test_nothing_is_found_where_nothing_is(model, robot):
     _, tracing = traced(model, robot, None)
     assert tracing.verdict == "nothing_left", [named.id for named in tracing.effects]
