@@ -198,7 +198,8 @@ def _recordings_shifted(design: Design, finding: Finding) -> bool:
         delay = single_delay(columns.scenes[k], columns.segments[k].P)
         if delay is not None:
             steepness = slope(columns.scenes[k])
-            said = -float(design.values(k, candidate.places) @ weights @ steepness) / float(steepness @ steepness)
+            power = design.values(k, candidate.places) @ weights
+            said = -float(power @ steepness) / max(float(steepness @ steepness), 1e-12)
             pairs.append((delay, said))
     if not pairs:
         return False
