@@ -193,12 +193,13 @@ class Regression:
         self.precision = np.array([0.0 if np.isinf(c.deviation) else c.deviation**-2.0 for c in columns])
         self._normal: tuple[Floats, Floats] | None = None  # of all blocks
         self._crossed: tuple[Places, Floats, _Cross] | None = None  # of all blocks: candidates, gate, sums
+        self._latest: tuple[Floats, tuple[Floats, bool], Floats] | None = None  # weights, factor, coefficients
 
     def on(self, blocks: Blocks) -> Regression:
         """The same columns on the blocks of a design with more columns, whose own columns have the same values."""
         assert blocks.white.fixed is self.blocks.white.fixed, "another design, or other rows"
         other = Regression(blocks, self.columns)
-        other._normal = self._normal
+        other._normal, other._latest = self._normal, self._latest
         return other
 
     def with_columns(self, blocks: Blocks, columns: list[Column]) -> Regression:
@@ -212,15 +213,21 @@ class Regression:
     def compete(self, candidates: Places, gate: Floats, weights: Floats | None = None) -> Competition:
         """Candidate columns under `gate` [blocks]; `weights` [blocks]: how often a block counts."""
         weights = np.ones(len(self.blocks)) if weights is None else weights
-        A, b = self.normal(weights)
+        factor, beta = self._solved(weights)
         cross = self._cross(candidates, gate, weights)
-        factor = cho_factor(A)
         projection = cho_solve(factor, cross.own)
-        beta = cho_solve(factor, b)
         return Competition(
             schur=cross.squares - cross.own.T @ projection, products=cross.products - cross.own.T @ beta,
             projection=projection, beta=beta,
         )  # fmt: skip
+
+    def _solved(self, weights: Floats) -> tuple[tuple[Floats, bool], Floats]:
+        """Cholesky factor of the normal matrix, and the coefficients; those of the latest weights are kept."""
+        if self._latest is None or not np.array_equal(self._latest[0], weights):
+            A, b = self.normal(weights)
+            factor = cho_factor(A)
+            self._latest = weights.copy(), factor, np.asarray(cho_solve(factor, b))
+        return self._latest[1:]
 
     def _cross(self, candidates: Places, gate: Floats, weights: Floats) -> _Cross:
         """Products of candidates under a gate, blocks weighted."""

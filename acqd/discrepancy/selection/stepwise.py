@@ -105,8 +105,8 @@ class Step:
         unnamed = [finding for finding in findings if not finding.candidate.id]
         tracing.hypotheses = hypotheses(view, findings, limit)
         best = leading(view, named, limit)
-        doubts = [finding for finding in unnamed if credible(view, finding, limit)]
-        alternative = max(doubts, key=lambda finding: finding.evidence, default=None)
+        by_evidence = sorted(unnamed, key=lambda finding: -finding.evidence)
+        alternative = next((finding for finding in by_evidence if credible(view, finding, limit)), None)
         doubt = None
         if alternative is not None and (best is None or refuted(view, gate, best, alternative)):
             doubt = Unknown(alternative, gate)
@@ -119,7 +119,7 @@ class Step:
         if best is None or (best.candidate.detected and _outdone_by_any(best, unnamed)):
             return None
         others = _best_of_each([finding for finding in named if serious(view.design, finding)], best)
-        doubts = sorted((each for each in unnamed if serious(view.design, each)), key=lambda each: -each.evidence)
+        doubts = [each for each in by_evidence if serious(view.design, each)]
         alternatives = others[: THRESHOLDS.contenders] + doubts[: THRESHOLDS.unnamed_contenders]
         return _Winner(best, gate, alternatives, doubt)
 
