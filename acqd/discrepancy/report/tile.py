@@ -103,8 +103,8 @@ def _how_sure(closed: Closed) -> list[KeyFigure]:
     best = next((each for each in closed.tracing.hypotheses if each.id), None)
     if best is None:
         return [KeyFigure("closest known effect", "none", "no effect that was searched for comes near")]
-    share = percent(max(best.evidence, 0.0) / unknown.finding.evidence)
-    return [KeyFigure("closest known effect", best.id, f"explains only {share} of the change: not the cause")]
+    share = percent(min(max(best.evidence, 0.0) / unknown.finding.evidence, 1.0))
+    return [KeyFigure("closest known effect", best.id, f"explains {share} of the change and leaves a clear rest")]
 
 
 def _error(closed: Closed) -> KeyFigure:
