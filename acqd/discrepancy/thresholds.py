@@ -266,6 +266,15 @@ class Thresholds:
         "physics",
         "least RMS while acting, relative to the dynamic range: nobody would act on less",
     )
+    level_span_s: float = _threshold(
+        900.0, "s", "selection", "physics", "a shorter reference does not show the drift of the standby power"
+    )
+    level_share_of_range: float = _threshold(
+        0.015, "-", "selection", "study", "least change of a level beside such a reference, as a share of the range"
+    )
+    level_steady: float = _threshold(
+        0.9, "-", "selection", "choice", "a level has this share of its mean square in the means of the blocks"
+    )
     acting_share: float = _threshold(
         0.05, "-", "selection", "choice", "an effect acts where its power exceeds this share of its largest power"
     )

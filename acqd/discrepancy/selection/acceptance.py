@@ -10,16 +10,15 @@ import numpy as np
 from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.gram import Regression
 from acqd.discrepancy.regression.onset import Gate
-from acqd.discrepancy.residual.delay import single_delay
 from acqd.discrepancy.selection.accepted import Named
 from acqd.discrepancy.selection.detectors.candidates import Detection
 from acqd.discrepancy.selection.imitation import beyond_earlier
 from acqd.discrepancy.selection.ranking import Finding, Support
 from acqd.discrepancy.selection.reference_spread import beyond_reference_spread, knows_spread
+from acqd.discrepancy.selection.relevance import relevant
 from acqd.discrepancy.selection.shape_fit import fit_shape
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.effects import library
-from acqd.models.effects.clocks import slope
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,42 +169,6 @@ def serious(design: Design, finding: Finding) -> bool:
     support = finding.supported()
     smaller = support.plain.total > 0 or support.varying.sign() > 0
     return support.held_out > 0 and smaller and relevant(design, finding)
-
-
-def relevant(design: Design, finding: Finding) -> bool:
-    """Whether the effect is more than a trace of power while it acts, or more than a difference of two alignments."""
-    candidate = finding.candidate
-    weights = candidate.weights(finding.coefficients)
-    columns = design.columns
-    power = np.concatenate([design.values(k, candidate.places) @ weights for k in range(len(columns.segments))])
-    size = np.abs(power)
-    if candidate.id and library()[candidate.id].acts_on == "clock":
-        question = {part.segment for part in columns.parts if part.in_question}
-        steepest = max(float(np.abs(slope(columns.scenes[k])).max()) for k in question)
-        seconds = size.max() / max(steepest, 1e-9)
-        return bool(seconds > THRESHOLDS.clock_smallest_s and _recordings_shifted(design, finding))
-    acting = power[size > THRESHOLDS.acting_share * size.max()]
-    least = THRESHOLDS.least_share_of_range * columns.dynamic_range
-    return bool(np.sqrt(np.mean(acting**2)) > least)
-
-
-def _recordings_shifted(design: Design, finding: Finding) -> bool:
-    """Whether shifts of whole recordings agree; a slope also explains motion that is sharper than logged."""
-    columns, candidate = design.columns, finding.candidate
-    weights = candidate.weights(finding.coefficients)
-    pairs = []
-    for k in sorted({part.segment for part in columns.parts if part.in_question}):
-        delay = single_delay(columns.scenes[k], columns.segments[k].P)
-        if delay is not None:
-            steepness = slope(columns.scenes[k])
-            power = design.values(k, candidate.places) @ weights
-            said = -float(power @ steepness) / max(float(steepness @ steepness), 1e-12)
-            pairs.append((delay, said))
-    if not pairs:
-        return False
-    delays, shifts = np.array(pairs).T
-    tolerance = THRESHOLDS.clock_agreement * float(np.median(np.abs(shifts)))
-    return abs(float(np.median(delays - shifts))) < tolerance
 
 
 def _unanimous(view: View, finding: Finding) -> bool:

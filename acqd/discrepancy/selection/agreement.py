@@ -27,9 +27,9 @@ def disagreeing_sessions(tracing: Tracing, named: Named) -> list[str]:
     for number, (part, own) in enumerate(zip(design.parts, named.gate.open, strict=True)):
         if own:
             logs.setdefault(log_of(part.recording), []).append(number)
-    if len(logs) < 2 or named.finding.candidate.detected:
+    same = [each for each in design.columns.candidates if each.id == named.id]
+    if len(logs) < 2 or not same:  # what was detected in the residual has no columns of its own
         return []
-    same = [each for each in design.columns.candidates if each.id == named.id and not each.detected]
     least = THRESHOLDS.least_evidence + THRESHOLDS.neighbour_share * named.finding.evidence + 2 * np.log(len(same))
     evidence = {log: _of_own_parameters(tracing, same, blocks) for log, blocks in logs.items()}
     return sorted((log for log, value in evidence.items() if value > least), key=lambda log: -evidence[log])
