@@ -19,8 +19,8 @@ def disagreeing_sessions(tracing: Tracing, named: Named) -> list[str]:
     """Logs that ask for other parameters of the effect than all logs together, the clearest first.
 
     Empty with a single log. The difference may be in any of the effect's places: a mass on the axis of the flange may
-    be two bodies beside it. It must explain as much as a neighbour of the effect would have to, because a model is
-    wrong in another way in another motion.
+    be two bodies beside it. It must explain as much as an unnamed alternative would have to exceed the effect by:
+    a model is wrong in another way in another motion. Judged by the power alone.
     """
     design = tracing.design
     logs: dict[str, list[int]] = {}
@@ -30,7 +30,8 @@ def disagreeing_sessions(tracing: Tracing, named: Named) -> list[str]:
     same = [each for each in design.columns.candidates if each.id == named.id]
     if len(logs) < 2 or not same:  # what was detected in the residual has no columns of its own
         return []
-    least = THRESHOLDS.least_evidence + THRESHOLDS.neighbour_share * named.finding.evidence + 2 * np.log(len(same))
+    explained = named.finding.evidence - named.finding.at_joints
+    least = THRESHOLDS.alternative_margin + THRESHOLDS.alternative_share * explained + 2 * np.log(len(same))
     evidence = {log: _of_own_parameters(tracing, same, blocks) for log, blocks in logs.items()}
     return sorted((log for log, value in evidence.items() if value > least), key=lambda log: -evidence[log])
 
