@@ -342,7 +342,7 @@ class Thresholds:
         0.95, "-", "verdict", "convention", "effects whose powers correlate more are one family in these recordings"
     )
     least_confidence: float = _threshold(
-        0.9, "-", "verdict", "study", "with less confidence, an effect is a hypothesis and no finding"
+        0.85, "-", "verdict", "study", "with less confidence, an effect is a hypothesis and no finding"
     )
     # logged joint torques
     stick_rad_s: float = _threshold(

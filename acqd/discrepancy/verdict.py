@@ -39,6 +39,7 @@ def settled(
         share = _share(errors_before, improved.errors, lowest_W)
         # standby power drifts over minutes; beside such a drift, an effect of some seconds explains little
         share = max(share, _share(about_means(errors_before), about_means(improved.errors), varying_W))
+        share = max(share, _share(*_where_acting(errors_before, improved.errors), lowest_W))
         if not any(library()[each.term.id].predictable for each in improved.kept):
             # their mean power is added: what they explain shows where their times are known
             share = max([share, *_shares_in_fit(subject, tracing, subject.model, improved.kept, lowest_W)])
@@ -88,6 +89,14 @@ def _share(errors_before: list[Floats], errors: list[Floats], lowest_W: float) -
     """Share of the squared error above the lowest that can be reached."""
     before, after = rms(errors_before), rms(errors)
     return (before**2 - after**2) / max(before**2 - min(lowest_W, after) ** 2, 1e-12)
+
+
+def _where_acting(errors_before: list[Floats], errors: list[Floats]) -> tuple[list[Floats], list[Floats]]:
+    """Both errors in the rows in which the added effects act: the surge of a brake lasts for a few of them."""
+    before, after = np.concatenate(errors_before), np.concatenate(errors)
+    power = np.abs(before - after)
+    acting = power >= THRESHOLDS.acting_share * power.max()
+    return [before[acting]], [after[acting]]
 
 
 def _without_traces(
