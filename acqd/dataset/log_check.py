@@ -7,7 +7,6 @@ import numpy as np
 from acqd.errors import InputError
 from acqd.robot.description import RobotDescription
 from acqd.robot.log import RobotLog, in_time
-from acqd.robot.tool_point import tool_point_error
 
 _SLOWEST_S = 0.125
 """Longest usual step between rows: angles are not interpolated over more than twice that (merge.py)."""
@@ -19,8 +18,6 @@ _BRAKED_SHARE, _BRAKED_S = 0.1, 1.0
 """Of the motion, and so long, a joint may seem to move behind closed brakes."""
 _TOO_MUCH = 10.0  # times the current that holds the joint's greatest torque
 _OPEN = 0.5
-_TOOL_POINT_M = 0.015
-"""Robots are calibrated within some millimetres of their drawings."""
 _MOST_ROWS = 99  # percentile: a few rows of noise are no wrong unit
 
 
@@ -45,19 +42,6 @@ def check_log(log: RobotLog, robot: RobotDescription) -> None:
         )
     _check_currents(log, robot)
     _check_brake(log)
-    _check_tool_point(log, robot)
-
-
-def _check_tool_point(log: RobotLog, robot: RobotDescription) -> None:
-    if log.tool_point is None:
-        return
-    error_m = tool_point_error(robot, log.q, log.tool_point)
-    if error_m > _TOOL_POINT_M:
-        raise InputError(
-            log.path,
-            f"its tool point is {1000 * error_m:.0f} mm (RMS) from where the angles put it on {robot.name}, "
-            f"expected {1000 * _TOOL_POINT_M:.0f} mm at most: is it another robot's log, or are its points not in m?",
-        )
 
 
 def _check_brake(log: RobotLog) -> None:

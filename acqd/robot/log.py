@@ -16,6 +16,7 @@ from acqd.robot.description import LogColumns, RobotDescription
 from acqd.robot.garbled import BEYOND, FEW, beyond_limit, clock_restart, garbled_rows, impossible_jump, limits
 from acqd.robot.log_layout import PER_AXIS, Columns, layout_of, twice, why_not
 from acqd.robot.table import Table, read_table
+from acqd.robot.tool_point import check_tool_point
 
 LATEST_S = 7_258_118_400.0
 """2200-01-01 in Unix seconds."""
@@ -46,8 +47,6 @@ class RobotLog:
     """[T] W, measured by the controller: the logged power, or voltage times current of the supply."""
     voltage: Floats | None = None
     """[T] V at the robot's supply, where the controller measures it."""
-    tool_point: Floats | None = None
-    """[T, 3] m, the tool's centre point in the base frame, where the controller logs it."""
     core: tuple[float, float] | None = None
     """Of a piece of a log: the span [s] that is the piece; rows outside it tell how the arm came and went."""
     note: str = ""
@@ -55,7 +54,7 @@ class RobotLog:
 
     def part(self, rows: NDArray[np.bool_] | NDArray[np.int64], path: Path) -> RobotLog:
         """Some rows as a log of the name `path`."""
-        names = ("time", "q", "qd", "tau", "current", "temperature", "power", "voltage", "tool_point")
+        names = ("time", "q", "qd", "tau", "current", "temperature", "power", "voltage")
         values: dict[str, Any] = {
             name: None if (column := getattr(self, name)) is None else column[rows] for name in names
         }
@@ -84,6 +83,7 @@ def log_of(path: Path, table: Table, robot: RobotDescription) -> RobotLog:
     usual = float(np.median(log.time))  # single stamps may be garbled
     if usual > LATEST_S:
         raise InputError(path, f"its times are about {usual:.4g} s; expected seconds before 2200; in ms or ns?")
+    point = table.values[:, found[1]["tool_point"]] if "tool_point" in found[1] else None
     faults = garbled_rows(log.time, log.q, robot) | table.broken
     if len(faults) > FEW * len(log.time):
         raise InputError(path, _refusal(table, log.q, faults, robot))
@@ -92,6 +92,7 @@ def log_of(path: Path, table: Table, robot: RobotDescription) -> RobotLog:
         kept[list(faults)] = False
         log = replace(log.part(kept, path), note=_note(table, faults))
         table = replace(table, lines=table.lines[kept])
+        point = None if point is None else point[kept]
     restart = clock_restart(log.time, log.q)
     if restart is not None:
         back = f"time goes back from {log.time[restart - 1]:.3f} to {log.time[restart]:.3f} s"
@@ -101,6 +102,8 @@ def log_of(path: Path, table: Table, robot: RobotDescription) -> RobotLog:
     if jump is not None:
         where = f"row {table.line(order[jump[0] + 1])}"
         raise InputError(path, f"{where}: {jump[1]}; is the log damaged, in degrees, or another robot's?")
+    if point is not None:
+        check_tool_point(path, robot, log.q, point)
     return log
 
 
@@ -115,7 +118,7 @@ def _assemble(path: Path, table: Table, layout: LogColumns, columns: Columns) ->
     assert clock is not None and q is not None
     time = clock[:, 0] + clock[:, 1] * 1e-9 if clock.shape[1] == 2 else clock[:, 0] * layout.time_unit_s
     signals = {name: column for name in ("tool", "brake") if (column := single(name)) is not None}
-    others: dict[str, Any] = {name: values(name) for name in (*PER_AXIS[1:], "tool_point")}
+    others: dict[str, Any] = {name: values(name) for name in PER_AXIS[1:]}
     power, voltage, current = single("power"), single("bus_voltage"), single("bus_current")
     if power is None and voltage is not None and current is not None:
         power = voltage * current

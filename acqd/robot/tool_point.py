@@ -6,17 +6,33 @@ from a UR10e. Many controllers also log where the tool's centre point (TCP) is.
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from acqd.arrays import Floats
+from acqd.errors import InputError
 from acqd.robot.description import RobotDescription
 from acqd.robot.newton_euler import Chain, frames
 
+_MOST_M = 0.015
+"""Robots are calibrated within some millimetres of their drawings."""
 _POSTURES = 80
 _REACH_M = 1.0
 """Scale of tools: where the search for the tool point starts to doubt."""
+
+
+def check_tool_point(path: Path, robot: RobotDescription, q: Floats, point: Floats) -> None:
+    """Raises InputError for a log at `path` whose tool points [T, 3] m are not the robot's."""
+    error_m = tool_point_error(robot, q, point)
+    if error_m > _MOST_M:
+        raise InputError(
+            path,
+            f"its tool point is {1000 * error_m:.0f} mm (RMS) from where the angles put it on {robot.name}, "
+            f"expected {1000 * _MOST_M:.0f} mm at most: is it another robot's log, or are its points not in m?",
+        )
 
 
 def tool_point_error(robot: RobotDescription, q: Floats, point: Floats) -> float:
