@@ -6,6 +6,7 @@ from a UR10e. Many controllers also log where the tool's centre point (TCP) is.
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -20,8 +21,6 @@ from acqd.robot.newton_euler import Chain, frames
 _MOST_M = 0.015
 """Robots are calibrated within some millimetres of their drawings."""
 _POSTURES = 80
-_REACH_M = 1.0
-"""Scale of tools: where the search for the tool point starts to doubt."""
 
 
 def check_tool_point(path: Path, robot: RobotDescription, q: Floats, point: Floats) -> None:
@@ -55,5 +54,7 @@ def tool_point_error(robot: RobotDescription, q: Floats, point: Floats) -> float
         frame, _ = Rotation.align_vectors(target, reached)
         return np.asarray((target - frame.apply(reached)).ravel())
 
-    best = least_squares(distances, np.zeros(3), x_scale=_REACH_M)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # several frames fit points on a line equally well
+        best = least_squares(distances, np.zeros(3))
     return float(np.sqrt(2 * best.cost / len(rows)))

@@ -38,6 +38,15 @@ def test_points_that_nobody_knows_say_nothing():
     assert tool_point_error(robot, q, np.ones((5, 3))) < 1e-9  # an arm at rest
 
 
+@pytest.mark.filterwarnings("error")
+def test_motion_of_one_wrist_joint_neither_warns_nor_refuses():
+    robot = load_description("ur3e")
+    q = np.zeros((50, 6))
+    q[:, 5] = np.linspace(0, 1, 50)
+    position, _ = forward_kinematics(Arm(robot), q)
+    assert tool_point_error(robot, q, position) < 1e-6
+
+
 @pytest.mark.skipif(not RTDE.exists(), reason="recordings are not part of the repository")
 def test_a_log_of_a_smaller_arm_is_refused():
     read_log(RTDE, load_description("ur3e"))
