@@ -11,7 +11,7 @@ import numpy as np
 from acqd.arrays import Floats
 from acqd.fmu.literals import literal
 from acqd.fmu.variables import Parameters
-from acqd.models.effects import library
+from acqd.models.effects import holdable
 from acqd.models.effects.effect import Effect
 from acqd.models.greybox.model import GreyBox
 
@@ -23,7 +23,7 @@ def terms_header(parameters: Sequence[Parameters], carrier: GreyBox) -> str:
     meter: list[str] = []
     first = 0
     for number, own in enumerate(parameters):
-        effect = library()[own.term.id]
+        effect = holdable()[own.term.id]
         functions.append(_function(f"term_{number}", effect, own, first, carrier))
         if effect.acts_on == "meter":
             meter.append(f"    power += term_{number}(predicted, volts, parameter);")

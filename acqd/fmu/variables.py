@@ -11,7 +11,7 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.models.augmented import Augmented, Term
-from acqd.models.effects import library
+from acqd.models.effects import holdable
 from acqd.models.predictor import Predictor
 
 _SIGNAL_UNITS = {"Vrms": "V"}
@@ -47,14 +47,14 @@ class Parameters:
 
 def exported_terms(model: Predictor) -> list[Term]:
     """Added effects that the FMU holds."""
-    return [term for term in _terms(model) if library()[term.id].exported]
+    return [term for term in _terms(model) if holdable()[term.id].exported]
 
 
 def left_out(model: Predictor) -> list[str]:
     """Added effects that the FMU does not hold, with the reason, and assumptions about the others."""
-    omitted = [(term, library()[term.id]) for term in _terms(model) if not library()[term.id].exported]
+    omitted = [(term, holdable()[term.id]) for term in _terms(model) if not holdable()[term.id].exported]
     notes = [f"{term.id} is left out: {effect.omitted_because}" for term, effect in omitted]
-    notes += [note for term in exported_terms(model) if (note := library()[term.id].assumption(term.shape))]
+    notes += [note for term in exported_terms(model) if (note := holdable()[term.id].assumption(term.shape))]
     return list(dict.fromkeys(notes))
 
 
@@ -95,7 +95,7 @@ def _effect_variables(model: Predictor) -> Iterator[Variable]:
         prefix = term.id + (f"_{seen[term.id]}" if seen[term.id] > 1 else "")
         own = parameters_of(term)
         for name, unit, start in zip(own.names, own.units, own.start, strict=True):
-            description = f"{library()[term.id].summary} ({term.where})"
+            description = f"{holdable()[term.id].summary} ({term.where})"
             yield Variable(f"{prefix}.{_identifier(name)}", "parameter", unit, description, float(start))
 
 

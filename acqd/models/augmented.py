@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.models.effects import library
+from acqd.models.effects import holdable
 from acqd.models.effects.effect import effect_rows_at
 from acqd.models.effects.places import Place
 from acqd.models.effects.scene import Scene, make_scene
@@ -21,7 +21,7 @@ from acqd.models.predictor import Predictor
 
 @dataclass(frozen=True, slots=True)
 class Term:
-    """An effect with its parameters."""
+    """An effect, or a law without a name, with its parameters."""
 
     id: str
     where: str
@@ -43,7 +43,7 @@ class Term:
 
     def rows(self, scene: Scene) -> Floats:
         """[T] W of the effect."""
-        effect = library()[self.id]
+        effect = holdable()[self.id]
         return effect_rows_at(effect, scene, self.shape, self.columns, self.coefficients) @ self.coefficients
 
     def as_json(self) -> dict[str, Any]:
@@ -60,7 +60,7 @@ class Term:
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> Term:
         """From bundle.json. Raises ValueError for an unknown effect."""
-        if data["id"] not in library():
+        if data["id"] not in holdable():
             raise ValueError(f"effect {data['id']!r} is unknown to this version of acqd")
         return cls(
             data["id"], data["where"], data["shape"], tuple(data["columns"]), np.array(data["coefficients"]),
@@ -91,7 +91,7 @@ class Augmented(Predictor):
         self.radius = max(base.radius, RADIUS)
         needed = set(carrier.signals) if terms else set()
         for term in terms:
-            needed |= library()[term.id].signals_of(term.columns)
+            needed |= holdable()[term.id].signals_of(term.columns)
         self.signals = (*base.signals, *sorted(needed - set(base.signals)))
 
     @classmethod

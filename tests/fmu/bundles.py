@@ -5,6 +5,8 @@ import numpy as np
 from acqd.models.augmented import Term
 from acqd.models.bundle.bundle import Bundle, save_bundle
 from acqd.models.effects import library
+from acqd.models.effects.laws import laws
+from acqd.models.effects.laws.law import MotionRange
 from acqd.models.effects.scene import make_scene
 from acqd.models.features import padded
 from acqd.models.greybox.bundle_io import arrays_of
@@ -30,7 +32,7 @@ def network_bundle(name):
 
 
 def terms(model):
-    """One term of every effect that the library can foresee or average, in every place that differs."""
+    """One term of every law, and of every effect that the library can foresee or average, in every place."""
     q = np.zeros((60, AXES)) + 0.1 * np.arange(60)[:, None] / 60
     scene = make_scene(model, padded(q, 2), {"brake": np.ones(60), "tool": np.ones(60)}, 0.0, np.full(60, 231.0))
     detected = {
@@ -52,6 +54,14 @@ def terms(model):
             theta = random.uniform(0.5, 1.5, count) * (1e-3 if identity in ("copper_loss", "clock_offset") else 1.0)
             weights = theta if place.mix is None else place.mix @ theta
             found.append(term(identity, place.where, shape, place.columns, weights, count, theta))
+    covered = MotionRange(
+        np.full(AXES, -0.5), np.full(AXES, 0.8), np.full(AXES, 1.5), np.full(AXES, 40.0), np.linspace(80, 200, 4)
+    )
+    for law in laws().values():
+        width = law.count(AXES)
+        joint = 2 if law.per_joint else 0
+        shape = law.shape_of(covered, joint)
+        found.append(term(law.id, law.label(joint), shape, tuple(range(width)), random.normal(0, 2, width), width))
     return found
 
 

@@ -14,10 +14,12 @@ from acqd.discrepancy.regression.gram import Places
 from acqd.discrepancy.regression.grey_box_columns import grey_box_columns
 from acqd.discrepancy.regression.scenes import Scenes
 from acqd.discrepancy.regression.smooth_alternatives import Ranges, Survey, alternatives, smooth_columns
+from acqd.discrepancy.regression.torque_alternatives import LawColumns
 from acqd.discrepancy.residual.known_rows import known_rows
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.effects import library
 from acqd.models.effects.effect import Effect, effect_rows
+from acqd.models.effects.laws.law import MotionRange
 from acqd.models.effects.places import Variant
 from acqd.models.effects.scene import Scene
 from acqd.models.effects.substeps import Lag, averaged
@@ -50,6 +52,8 @@ class Candidate:
     """Identity within a design; equal keys are the same hypothesis."""
     fitted: Variant | None = None
     """With a fitted shape, and columns as in `Effect.at`; None: a scanned shape."""
+    law: LawColumns | None = None
+    """Of an unnamed alternative that can correct a model."""
 
     @property
     def size(self) -> int:
@@ -103,6 +107,8 @@ class DesignColumns:
     """[T] W per segment: measured minus predicted by the base model."""
     chosen: frozenset[str]
     """Ids of effects that compete."""
+    motion: MotionRange
+    """That all recordings cover."""
 
     @property
     def dynamic_range(self) -> float:
@@ -153,7 +159,7 @@ def design_columns(
         model=model, base=model.layout.size,
         candidates=tuple(_candidates(model, effects, scenes[0], difference=not all(scenes.in_question))),
         parts=tuple(_parts(segments, model.step_s)), segments=scenes.segments, scenes=scenes, values=tuple(values),
-        residual=tuple(residual), chosen=chosen,
+        residual=tuple(residual), chosen=chosen, motion=ranges.motion,
     )  # fmt: skip
 
 
@@ -182,7 +188,7 @@ def _candidates(model: GreyBox, effects: list[Effect], scene: Scene, *, differen
         place += effect_rows(effect, scene).shape[1]
     unnamed = alternatives(model.axes)
     return candidates + [
-        Candidate("", group.name, place + np.array(group.columns), tried=group.tried, key=group.name)
+        Candidate("", group.name, place + np.array(group.columns), tried=group.tried, key=group.name, law=group.law)
         for group in unnamed
     ]
 

@@ -50,7 +50,7 @@ def _fit(columns: DesignColumns, whitener: Whitener, base: list[Column], weights
     """[p] coefficients of all columns but the unnamed torque laws (0), on blocks whose weight is not 0."""
     p = columns.values[0].shape[1]
     # torque laws are many and similar to effects: in few recordings they would explain the noise too
-    last = p - sum(count for _, count in torque_groups(columns.model.axes))
+    last = p - sum(len(group.columns) for group in torque_groups(columns.model.axes))
     A, b = np.zeros((last, last)), np.zeros(last)
     for number in np.flatnonzero(weights).tolist():
         part = columns.parts[number]

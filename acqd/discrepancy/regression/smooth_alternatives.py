@@ -9,17 +9,22 @@ import numpy as np
 from scipy.signal import lfilter
 
 from acqd.arrays import Floats
-from acqd.discrepancy.regression.torque_alternatives import single_laws, torque_columns, torque_groups
+from acqd.discrepancy.regression.torque_alternatives import LawColumns, single_laws, torque_columns, torque_groups
 from acqd.models.effects.events import bins, edges, since
+from acqd.models.effects.laws.law import Law, MotionRange
+from acqd.models.effects.laws.power_laws import PowerAboveLevels, PowerOfAngle, PowerOfMoving, PowerOfSpeed, moving
+from acqd.models.effects.laws.torque_laws import ReflectedInertia
 from acqd.models.effects.scene import Scene
 from acqd.models.effects.substeps import SUBSTEPS
 
-_SPEEDS = tuple(0.05 + 0.1 * k for k in range(10))  # of the largest speed seen
 _MEMORIES_S = (3.0, 10.0, 30.0)
 _LONG_MEMORIES_S = (100.0, 300.0, 1200.0)
 """Their memory lasts over the pauses between recordings."""
 _AFTER_S = (0.0, 0.2, 0.5, 1.0, 2.0, 4.0, 8.0)
-_ANGLES = 6
+_POWER_LAWS: tuple[Law, ...] = (
+    PowerOfMoving(), PowerOfAngle(), PowerOfSpeed(), ReflectedInertia(), PowerAboveLevels()
+)  # fmt: skip
+"""In the order of their columns."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +36,8 @@ class SmoothGroup:
     columns: tuple[int, ...]
     tried: int = 1
     """Groups of which only the best was looked for: the best of them pays for the choice."""
+    law: LawColumns | None = None
+    """What can correct a model; None: time or a long memory, which a prediction does not know."""
 
     def beside(self, others: tuple[int, ...]) -> SmoothGroup:
         """With more columns."""
@@ -69,15 +76,7 @@ class Survey:
 class Ranges:
     """Ranges that the recordings cover."""
 
-    low: Floats
-    """[axes] rad."""
-    high: Floats
-    speed: Floats
-    """[axes] rad/s, the largest."""
-    load: Floats
-    """[axes] Nm, the largest rigid-body torque."""
-    power: Floats
-    """[4] W: quantiles of the predicted power."""
+    motion: MotionRange
     calendar_s: dict[bool, tuple[float, float]]
     """UTC of the start and the end of the recordings in question (True) and of the reference (False).
 
@@ -95,10 +94,13 @@ class Ranges:
             side: [each for each, own in zip(surveys, in_question, strict=True) if own == side]
             for side in set(in_question)
         }
-        return cls(
+        motion = MotionRange(
             q.min(axis=0), q.max(axis=0), np.maximum(np.percentile(speed, 99.5, axis=0), 1e-3),
             np.maximum(np.max([each.load for each in surveys], axis=0), 1e-6),
             np.percentile(np.concatenate([each.predicted for each in surveys]), [50, 75, 90, 97]),
+        )  # fmt: skip
+        return cls(
+            motion,
             {side: (min(s.begin_s for s in own), max(s.end_s for s in own)) for side, own in sides.items()},
             {(side, *key): left for side, own in sides.items() for key, left in _left_before(own).items()},
         )  # fmt: skip
@@ -106,20 +108,13 @@ class Ranges:
 
 def smooth_columns(scene: Scene, ranges: Ranges, *, in_question: bool) -> list[Floats]:
     """Columns [N] at substeps, in the order of `alternatives`."""
-    columns = [np.ones(len(scene.q)) * _moving(scene)]
-    phase = np.pi * (scene.q - ranges.low) / np.maximum(ranges.high - ranges.low, 1e-6)
-    for joint in range(scene.axes):
-        columns += [np.cos((k + 1) * phase[:, joint]) for k in range(_ANGLES)]
-    share = np.minimum(np.abs(scene.qd) / ranges.speed, 1.0)
-    for joint in range(scene.axes):
-        columns += [np.exp(-(((share[:, joint] - middle) / 0.08) ** 2)) for middle in _SPEEDS]
-    columns += list(scene.qdd.T * scene.power_per_torque.T)
-    load = np.repeat(scene.predicted, len(scene.q) // scene.rows)
-    columns += [np.maximum(load - level, 0.0) for level in ranges.power]
+    columns = [
+        column for law in _POWER_LAWS for joint in law.joints(scene.axes)
+        for column in law.at(scene, law.shape_of(ranges.motion, joint)).T
+    ]  # fmt: skip
     columns += [np.ones(len(scene.q))]
     columns += [_low_pass(np.abs(scene.drives), scene.substep_s, seconds) for seconds in _MEMORIES_S]
-    moving = _moving(scene)
-    starts, stops = edges(moving, scene, "moving")
+    starts, stops = edges(moving(scene), scene, "moving")
     columns += list(bins(since(starts, scene, "start_age"), _AFTER_S).T)
     columns += list(bins(since(stops, scene, "stop_age"), _AFTER_S).T)
     into = (scene.t - scene.t[0]) / 60.0
@@ -130,7 +125,7 @@ def smooth_columns(scene: Scene, ranges: Ranges, *, in_question: bool) -> list[F
         columns.append(_remembered(np.abs(scene.drives), scene.substep_s, seconds, before))
     share_of_time = (scene.t - begin_s) / max(end_s - begin_s, 1.0)
     columns += list(np.cos(np.pi * np.outer(share_of_time, np.arange(1, 5))).T)
-    return columns + torque_columns(scene, (ranges.low, ranges.high), ranges.speed, ranges.load)
+    return columns + torque_columns(scene, ranges.motion)
 
 
 def alternatives(axes: int) -> Iterator[SmoothGroup]:
@@ -142,13 +137,11 @@ def alternatives(axes: int) -> Iterator[SmoothGroup]:
         place += count
         return SmoothGroup(name, tuple(range(place - count, place)))
 
-    yield take("whether the arm moves", 1)
-    for joint in range(axes):
-        yield take(f"the angle of joint {joint + 1}", _ANGLES)
-    for joint in range(axes):
-        yield take(f"the speed of joint {joint + 1}", len(_SPEEDS))
-    yield take("accelerations", axes)
-    yield take("the power itself", 4)
+    def whole(law: Law, joint: int) -> SmoothGroup:
+        group = LawColumns.whole(law, joint, axes)
+        return replace(take(law.label(joint), len(group.columns)), law=group)
+
+    yield from (whole(law, joint) for law in _POWER_LAWS for joint in law.joints(axes))
     level, place = (place,), place + 1  # what follows the past at a distance looks like an offset
     for seconds in _MEMORIES_S:
         yield take(f"the drives' power of the last {seconds:g} s", 1).beside(level)
@@ -158,11 +151,13 @@ def alternatives(axes: int) -> Iterator[SmoothGroup]:
     for seconds in _LONG_MEMORIES_S:
         yield take(f"the drives' power of the last {seconds / 60:.2g} min, pauses counted", 1).beside(level)
     yield take("the time of day", 4)
-    first = place
-    for name, count in torque_groups(axes):
-        yield take(name, count)
-    for name, column, tried in single_laws(axes):
-        yield SmoothGroup(name, (first + column,), tried)
+    first: dict[tuple[str, int], int] = {}
+    for group in torque_groups(axes):
+        first[group.law.id, group.joint] = place
+        yield whole(group.law, group.joint)
+    for name, single, tried in single_laws(axes):
+        start = first[single.law.id, single.joint]
+        yield SmoothGroup(name, tuple(start + column for column in single.columns), tried, single)
 
 
 def _left_before(side: list[Survey]) -> dict[tuple[float, float], float]:
@@ -186,10 +181,6 @@ def _remembered(values: Floats, step_s: float, seconds: float, before: float) ->
     keep = float(np.exp(-step_s / seconds))
     out, _ = lfilter([1 - keep], [1, -keep], values, zi=[keep * before])
     return np.asarray(out)
-
-
-def _moving(scene: Scene) -> Floats:
-    return np.asarray((np.abs(scene.qd).max(axis=1) > 0.01) * 1.0)
 
 
 def _low_pass(values: Floats, step_s: float, seconds: float) -> Floats:

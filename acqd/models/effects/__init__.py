@@ -1,6 +1,7 @@
 """Physical effects that a model may lack: one class in one file of `catalogue` for every effect.
 
-Effects live with the models because a bundle can hold them; `acqd.discrepancy` searches for them.
+Effects live with the models because a bundle can hold them; `acqd.discrepancy` searches for them. Beside them, a bundle
+can hold `laws` without a name.
 """
 
 from __future__ import annotations
@@ -8,10 +9,12 @@ from __future__ import annotations
 import importlib
 import inspect
 import pkgutil
+from collections.abc import Mapping
 from functools import cache
 
 from acqd.models.effects import catalogue
 from acqd.models.effects.effect import Effect
+from acqd.models.effects.laws import laws
 
 
 @cache
@@ -26,3 +29,9 @@ def library() -> dict[str, Effect]:
             if issubclass(cls, Effect) and cls.__module__ == module.__name__
         ]
     return {cls.id: cls() for cls in sorted(classes, key=lambda cls: cls.id)}
+
+
+@cache
+def holdable() -> Mapping[str, Effect]:
+    """Everything that a bundle can hold, by id: the library's effects, and laws without a name."""
+    return library() | laws()

@@ -1,0 +1,46 @@
+"""Laws without a name."""
+
+import numpy as np
+import pytest
+
+from acqd.models.effects import holdable, library
+from acqd.models.effects.laws import laws
+from acqd.models.effects.laws.law import MotionRange
+from acqd.models.effects.scene import segment_scene
+from tests.builders import AXES, grey, recording
+
+RANGE = MotionRange(
+    np.full(AXES, -1.0), np.full(AXES, 1.0), np.full(AXES, 2.0), np.full(AXES, 50.0), np.linspace(80.0, 200.0, 4)
+)
+
+
+@pytest.mark.parametrize("law", laws().values(), ids=lambda law: law.id)
+def test_a_law_has_as_many_columns_as_it_says_and_one_quantity(law):
+    model = grey()
+    scene = segment_scene(model, recording(model, 1, rows=80))
+    for joint in law.joints(AXES):
+        shape = law.shape_of(RANGE, joint)
+        assert law.at(scene, shape).shape == (len(scene.q), law.count(AXES))
+        along = law.along(scene, shape)
+        assert along.values.shape == (len(scene.q),) and along.unit
+        assert along.name and "{" not in law.label(joint)
+    assert law.equation and law.experiment and bool(law.c_body) == law.exported != bool(law.omitted_because)
+
+
+def test_laws_are_no_effects_of_the_library():
+    assert not set(laws()) & set(library()) and set(holdable()) == set(laws()) | set(library())
+    model = grey()
+    scene = segment_scene(model, recording(model, 1, rows=30))
+    assert not any(list(law.places(scene)) for law in laws().values())
+    labels = [law.label(joint) for law in laws().values() for joint in law.joints(AXES)]
+    assert len(set(labels)) == len(labels)
+
+
+@pytest.mark.parametrize("law", [law for law in laws().values() if law.per_joint and law.acts_on == "torque"],
+                         ids=lambda law: law.id)  # fmt: skip
+def test_a_torque_law_acts_on_its_joint_only(law):
+    model = grey()
+    scene = segment_scene(model, recording(model, 1, rows=80))
+    shape = law.shape_of(RANGE, 2)
+    for joint in range(AXES):
+        assert law.at(scene.unit_torque(joint), shape).any() == (joint == 1)
