@@ -1,4 +1,4 @@
-"""Confidence of a selected effect (bootstrap over recordings) and intervals of its parameters (jackknife)."""
+"""Confidence of a selected effect (Bayesian bootstrap over recordings) and intervals of its parameters (jackknife)."""
 
 from __future__ import annotations
 
@@ -59,14 +59,17 @@ def _name(candidate: Candidate) -> str:
 
 
 def _resampled(design: Design, random: np.random.Generator) -> Floats:
-    """[blocks] how often a block counts when the recordings of both sides are drawn with replacement."""
+    """[blocks] weights of a Bayesian bootstrap over the recordings of both sides (Rubin 1981).
+
+    The weights of n recordings are n times a draw of Dirichlet's distribution. With replacement, one draw of three
+    recordings in four would lack one of them, and with it the only cold gear or the only other load.
+    """
     weights = np.zeros(len(design.parts))
     for side in (True, False):
         names = sorted({part.recording for part in design.parts if part.in_question == side})
         if names:
-            counts = np.bincount(random.integers(0, len(names), len(names)), minlength=len(names))
-            times = dict(zip(names, counts, strict=True))
-            weights += [times[part.recording] if part.in_question == side else 0 for part in design.parts]
+            times = dict(zip(names, len(names) * random.dirichlet(np.ones(len(names))), strict=True))
+            weights += [times[part.recording] if part.in_question == side else 0.0 for part in design.parts]
     return weights
 
 
