@@ -109,7 +109,16 @@ def _print(result: dict[str, Any], folder: Path) -> None:
             cells = [effect["id"], effect["where"], "\n".join(values), f"{effect['confidence']:.0%}"]
             table.add_row(*cells, f"-{effect['delta_rmse']:.2f} W", alternatives)
         console.print(table)
+    if result["correction"]:
+        console.print(f"correction: {_corrected_by(result['correction'])}")
     console.print(f"residual: {result['unexplained']}")
     for step in result["next"]:
         console.print(f"next: {step}")
     console.print(f"report: {folder / 'report.html'}")
+
+
+def _corrected_by(correction: dict[str, Any]) -> str:
+    size = correction["size"]
+    interval = f" ({size['ci95'][0]:.3g} to {size['ci95'][1]:.3g})" if size["ci95"] else ""
+    likeness = f", like {correction['looks_like']}" if correction["looks_like"] else ""
+    return f"{correction['follows']}{likeness}: up to {size['value']:.3g} {size['unit']}{interval}; its cause is unknown"

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from acqd.arrays import Floats
 from acqd.discrepancy.joints.summary import JointLevel
 from acqd.discrepancy.recordings import Subject
+from acqd.discrepancy.repair.correction import Correction
 from acqd.discrepancy.repair.guard import Improved
 from acqd.discrepancy.repair.terms import Added
 from acqd.discrepancy.residual.quality import Quality
@@ -40,6 +41,16 @@ class Closed:
     def kept(self) -> list[Added]:
         """Effects that were added."""
         return self.improved.kept
+
+    @property
+    def correction(self) -> Correction | None:
+        """Of an unknown structure."""
+        return self.improved.correction
+
+    @property
+    def extended(self) -> bool:
+        """Whether the model after differs from the model before."""
+        return self.improved.extended
 
     @property
     def named(self) -> list[Added]:

@@ -7,6 +7,7 @@ from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.joints.summary import joint_level
 from acqd.discrepancy.recordings import subject_of
 from acqd.discrepancy.remarks import disagreements, not_added, stages_of, unused_efforts
+from acqd.discrepancy.repair.correcting import corrected
 from acqd.discrepancy.repair.guard import improve
 from acqd.discrepancy.repair.naming import named_effects
 from acqd.discrepancy.residual.quality import quality
@@ -27,6 +28,10 @@ def close_loop(config: CloseConfig, progress: Progress) -> Closed:
     improved = improved.with_reported([*improved.reported_only, *(each for each in effects if not each.sure)])
     floor_W, floor_source = noise_floor([*subject.fit, *subject.held_out], subject.data.step_s)
     verdict, improved, remarks = settled(subject, tracing, improved, errors_before, floor_W)
+    if verdict == "unknown_structure":
+        progress("correcting the model", 0.0)
+        improved, reasons = corrected(subject, tracing, improved, errors_before, config.seed)
+        remarks = [*remarks, *reasons]
     return Closed(
         subject=subject, tracing=tracing, improved=improved, before=quality(errors_before),
         after=quality(improved.errors), errors_before=errors_before, floor_W=floor_W, floor_source=floor_source,

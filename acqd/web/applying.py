@@ -27,7 +27,7 @@ def apply(proposal: Path, model: Path, log: Path, name: str, address: str) -> di
     if not _NAME.fullmatch(name.strip()):
         raise UserError("type your name: 2 to 80 characters")
     if not (proposal / "bundle.json").is_file() or not _changed(proposal.parent / "report.json"):
-        raise UserError("this search proposes no other model: no effect was added")
+        raise UserError("this search proposes no other model: nothing was added")
     if model.is_symlink() or not (model / "bundle.json").is_file():
         raise UserError(f"{model} is not the folder of a bundle; nothing was replaced")
     stamp = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
@@ -65,9 +65,10 @@ def applied(log: Path) -> list[dict[str, Any]]:
 
 
 def _changed(report: Path) -> bool:
-    """Whether the search has added an effect."""
+    """Whether the search has added an effect or a correction."""
     try:
-        return any(effect.get("added") for effect in orjson.loads(report.read_bytes())["effects"])
+        found = orjson.loads(report.read_bytes())
+        return bool(found.get("correction")) or any(effect.get("added") for effect in found["effects"])
     except (OSError, orjson.JSONDecodeError, KeyError, TypeError, AttributeError):
         return False
 

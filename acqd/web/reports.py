@@ -10,7 +10,10 @@ REPORT_POLICY = (
     "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:; sandbox allow-scripts"
 )
 """A report is one self-contained file. The sandbox keeps its script away from the page's cookie and requests."""
-_KEYS = ("verdict", "before", "after", "effects", "unexplained", "next", "measured", "recordings", "model", "dataset")
+_KEYS = (
+    "verdict", "before", "after", "effects", "correction", "unexplained", "next", "measured", "recordings", "model",
+    "dataset",
+)  # fmt: skip
 
 
 def newest_report(folder: Path | None) -> Path | None:

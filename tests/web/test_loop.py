@@ -110,7 +110,7 @@ def test_a_model_is_replaced_with_a_name_and_the_old_one_is_kept(settings, tmp_p
 
 
 def test_a_search_that_added_nothing_replaces_nothing(settings, tmp_path):
-    with pytest.raises(UserError, match="no effect was added"):
+    with pytest.raises(UserError, match="nothing was added"):
         apply(proposal_of(tmp_path / "job", False), settings.section.model, tmp_path / "log", "E. Example", "")
     assert (settings.section.model / "bundle.json").read_text() == '{"old": 1}'
 

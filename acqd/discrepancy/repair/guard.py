@@ -8,10 +8,11 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.discrepancy.recordings import Subject
+from acqd.discrepancy.repair.correction import Correction
 from acqd.discrepancy.repair.refit import refitted
 from acqd.discrepancy.repair.terms import Added, scaled
 from acqd.discrepancy.residual.residuals import errors_of, rms
-from acqd.models.augmented import Augmented
+from acqd.models.augmented import Augmented, Term
 from acqd.models.effects import library
 from acqd.models.greybox.model import GreyBox
 from acqd.models.metrics import predictions
@@ -33,15 +34,27 @@ class Improved:
     """W RMS on held-out recordings: increase of the error without a kept effect."""
     errors: list[Floats]
     """[T] W on the held-out segments."""
+    correction: Correction | None = None
+    """Of an unknown structure."""
 
     def with_reported(self, effects: list[Added]) -> Improved:
         """With other effects that are only reported."""
         return replace(self, reported_only=effects)
 
     def model(self, subject: Subject) -> Predictor:
-        """The base with the kept effects as terms."""
-        terms = [each.term for each in self.kept if not each.restored]
-        return Augmented.of(self.base, subject.carrier, terms)
+        """The base with all terms."""
+        return Augmented.of(self.base, subject.carrier, self.terms)
+
+    @property
+    def terms(self) -> list[Term]:
+        """Kept effects that are no parameters of the base, and the correction."""
+        kept = [each.term for each in self.kept if not each.restored]
+        return kept if self.correction is None else [*kept, self.correction.term]
+
+    @property
+    def extended(self) -> bool:
+        """Whether the model has an effect or a correction that it had not before."""
+        return bool(self.kept) or self.correction is not None
 
 
 def improve(subject: Subject, effects: list[Added], errors_before: list[Floats], seed: int) -> Improved:
@@ -52,7 +65,9 @@ def improve(subject: Subject, effects: list[Added], errors_before: list[Floats],
     if subject.question == "structure":
         base, effects = refitted(subject, effects, seed)
         if not isinstance(base, GreyBox):
-            effects = [replace(each, term=scaled(each.term, _share(base, each, subject))) for each in effects]
+            effects = [
+                replace(each, term=scaled(each.term, share_unlearned(base, each.term, subject))) for each in effects
+            ]
     restored, terms = [e for e in effects if e.restored], [e for e in effects if not e.restored]
     kept, errors, gains = guarded(base, terms, subject)
     if rms(errors) >= rms(errors_before) or not restored + kept:
@@ -99,10 +114,10 @@ def _split_predictable(effects: list[Added]) -> tuple[list[Added], list[Added]]:
     return unpredictable, [each for each in effects if library()[each.term.id].predictable]
 
 
-def _share(base: Predictor, effect: Added, subject: Subject) -> float:
-    """Share of an effect's power that a network has not learned yet: slope of the residual on that power, 0 to 1."""
+def share_unlearned(base: Predictor, term: Term, subject: Subject) -> float:
+    """Share of a term's power that a network has not learned yet: slope of the residual on that power, 0 to 1."""
     segments: list[Segment] = subject.fit
-    with_effect = predictions(Augmented.of(base, subject.carrier, [effect.term]), segments)
+    with_effect = predictions(Augmented.of(base, subject.carrier, [term]), segments)
     pairs = zip(with_effect, predictions(base, segments), strict=True)
     power = np.concatenate([with_term - without for with_term, without in pairs])
     error = np.concatenate(errors_of(base, segments))

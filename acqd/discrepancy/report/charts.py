@@ -21,7 +21,7 @@ def example(closed: Closed) -> tuple[Chart, str]:
     """At most a minute: where the loop helped most, or where the residual is largest, and its recording."""
     step_s = closed.subject.data.step_s
     size = [
-        b**2 - a**2 if closed.kept else b**2 for b, a in zip(closed.errors_before, closed.errors_after, strict=True)
+        b**2 - a**2 if closed.extended else b**2 for b, a in zip(closed.errors_before, closed.errors_after, strict=True)
     ]
     k = int(np.argmax([float(each.mean()) for each in size]))
     segment = closed.subject.held_out[k]
@@ -29,15 +29,15 @@ def example(closed: Closed) -> tuple[Chart, str]:
     first = int(np.convolve(size[k], np.ones(width), "valid").argmax())
     rows = slice(first, first + width)
     before, after, P = closed.errors_before[k][rows], closed.errors_after[k][rows], segment.P[rows]
-    lines: list[tuple[str, Floats, Colour]] = [("model before" if closed.kept else "model", before, "before")]
-    if closed.kept:
+    lines: list[tuple[str, Floats, Colour]] = [("model before" if closed.extended else "model", before, "before")]
+    if closed.extended:
         lines.append(("model after", after, "after"))
     powers = [Line("measured", P), *(Line(name, P - error, colour) for name, error, colour in lines)]
     residuals = [Line(name, error, colour) for name, error, colour in lines]
     alt = (
         f"Power of {segment.recording} over {width * step_s:.0f} s, measured and predicted. "
         f"The RMS residual of this extract is {_rms(before):.1f} W"
-        + (f" before and {_rms(after):.1f} W after." if closed.kept else ".")
+        + (f" before and {_rms(after):.1f} W after." if closed.extended else ".")
     )
     t = step_s * np.arange(first, first + width)
     panels = [Panel("P [W]", powers), Panel("error [W]", residuals, 120, zero=True)]
@@ -51,8 +51,10 @@ def _rms(values: Floats) -> float:
 def correlation(closed: Closed) -> Chart:
     """Autocorrelation of the residual."""
     t = closed.subject.data.step_s * np.arange(1, _LAGS + 1)
-    lines = [Line("model before" if closed.kept else "model", autocorrelation(closed.errors_before, _LAGS), "before")]
-    if closed.kept:
+    lines = [
+        Line("model before" if closed.extended else "model", autocorrelation(closed.errors_before, _LAGS), "before")
+    ]
+    if closed.extended:
         lines.append(Line("model after", autocorrelation(closed.errors_after, _LAGS), "after"))
     alt = f"Autocorrelation of the residual at lags up to {t[-1]:.0f} s"
     return Chart(t, "lag [s]", [Panel("autocorrelation [1]", lines, 170, zero=True)], alt)

@@ -9,6 +9,7 @@ import numpy as np
 from acqd.arrays import Floats
 from acqd.discrepancy.closed import Closed
 from acqd.discrepancy.joints.summary import JointLevel
+from acqd.discrepancy.repair.correction import Correction
 from acqd.discrepancy.residual.aspects import Aspect, aspects
 from acqd.discrepancy.selection.accepted import Named
 from acqd.models.metrics import predictions
@@ -33,8 +34,8 @@ def by_recording(closed: Closed) -> Figure:
     figure = _figure(9.5, 2.8)
     axes = figure.subplots()
     x = np.arange(len(order))
-    bars = [(closed.errors_before, _BEFORE, "before" if closed.kept else "model")]
-    if closed.kept:
+    bars = [(closed.errors_before, _BEFORE, "before" if closed.extended else "model")]
+    if closed.extended:
         bars.append((closed.errors_after, _AFTER, "after"))
     for number, (errors, colour, label) in enumerate(bars):
         heights = [float(np.sqrt((errors[k] ** 2).mean())) for k in order]
@@ -123,6 +124,20 @@ def _bins(x: Floats, y: Floats, count: int = 15) -> tuple[Floats, Floats, Floats
     return np.bincount(which, x, len(edges) - 1) / size, mean, spread / np.sqrt(size)
 
 
+def law(correction: Correction) -> Figure:
+    """A law without a name over the quantity that it depends on most."""
+    figure = _figure(9.5, 3.0)
+    axes = figure.subplots()
+    every = max(1, len(correction.strength) // _MOST_POINTS)
+    axes.plot(correction.along.values[::every], correction.strength[::every], ".", ms=2, color=_AFTER, rasterized=True)
+    axes.axhline(0, color="black", lw=0.5)
+    axes.set_xlabel(f"{correction.along.name} [{correction.along.unit}]")
+    axes.set_ylabel(
+        f"{'power' if correction.unit == 'W' else 'torque' if correction.unit == 'Nm' else 'force'} [{correction.unit}]"
+    )
+    return figure
+
+
 def along(closed: Closed) -> Figure:
     """The residual along recorded quantities, before and after."""
     held_out, step_s = closed.subject.held_out, closed.subject.data.step_s
@@ -135,7 +150,7 @@ def along(closed: Closed) -> Figure:
     panels = figure.subplots(rows, columns, squeeze=False, sharey=True).ravel()
     for axes, one, other in zip(panels, before, after, strict=False):
         _along(axes, one, _BEFORE)
-        if closed.kept:
+        if closed.extended:
             _along(axes, other, _AFTER)
         axes.axhline(0, color="black", lw=0.5)
         axes.set_title(f"{one.name} [{one.unit}]", fontsize=8)

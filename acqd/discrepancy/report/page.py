@@ -6,6 +6,7 @@ from pathlib import Path
 
 from acqd.discrepancy.closed import Closed
 from acqd.discrepancy.config import CloseConfig
+from acqd.discrepancy.repair.correction import Correction
 from acqd.discrepancy.repair.terms import Added, described
 from acqd.discrepancy.report import charts, figures
 from acqd.discrepancy.report.summary import VERDICTS, held_out_gain, unexplained
@@ -30,13 +31,15 @@ def write_report(path: Path, config: CloseConfig, closed: Closed) -> None:
     if subject.data.measured == "derived":
         page.text("The power of this dataset is derived from other measurements, not metered.")
     chart, recording = charts.example(closed)
-    chosen = "the loop changed most" if closed.kept else "the error is largest"
+    chosen = "the loop changed most" if closed.extended else "the error is largest"
     page.lines(
         chart, f"Where {chosen}, a minute at most: held-out recording {recording}. Error: measured minus predicted."
     )
     _errors(page, closed)
     for number_, effect in enumerate(closed.named):
         _effect(page, closed, effect, number_)
+    if closed.correction is not None:
+        _correction(page, closed.correction)
     _rest(page, closed)
     _evidence(page, closed)
     for name, value in _sources(config, closed).items():
@@ -48,8 +51,8 @@ def _errors(page: Page, closed: Closed) -> None:
     page.heading("Errors on held-out recordings")
     page.text(f"{VERDICTS[closed.verdict]} The question was {_QUESTIONS[closed.subject.question]}.")
     head = ["", "MAE [W]", "RMSE [W]", "bias, predicted minus measured [W]", "residual autocorrelation (0: white)"]
-    rows = [["before" if closed.kept else "model", *_numbers(closed.before)]]
-    page.table(head, [*rows, ["after", *_numbers(closed.after)]] if closed.kept else rows)
+    rows = [["before" if closed.extended else "model", *_numbers(closed.before)]]
+    page.table(head, [*rows, ["after", *_numbers(closed.after)]] if closed.extended else rows)
     page.text(f"{len(closed.subject.held_out)} held-out segments, which no fit has seen. {_floor(closed)}")
     page.figure(figures.by_recording(closed), "All held-out segments in the order of time.")
 
@@ -95,7 +98,7 @@ def _rest(page: Page, closed: Closed) -> None:
 
 def _evidence(page: Page, closed: Closed) -> None:
     page.heading("Evidence")
-    colours = "before (orange), after (blue); " if closed.kept else ""
+    colours = "before (orange), after (blue); " if closed.extended else ""
     caption = f"Residual along recorded quantities: {colours}line: mean, band: RMS."
     page.figure(figures.along(closed), caption)
     page.lines(charts.correlation(closed), "Autocorrelation of the residual: what one row says about later rows.")
@@ -117,6 +120,24 @@ def _effect(page: Page, closed: Closed, each: Added, index: int) -> None:
     with page.folded("Parameters and equation"):
         page.table(["parameter", "value", "unit", "95 % interval"], _parameters(each))
         page.text(f"Equation: {effect.equation}.")
+
+
+def _correction(page: Page, correction: Correction) -> None:
+    page.heading("Correction without a name")
+    looks = f"looks like {correction.looks_like}" if correction.looks_like else "is part of the repaired model"
+    page.text(
+        f"{_sentence(correction.follows)[:-1]} {looks}. It predicts the power of these recordings and does not say "
+        f"what causes it. Without the correction, the held-out RMSE is {number(correction.gain)} W higher."
+    )
+    page.figure(figures.law(correction), "What was fitted, in all rows in question.")
+    with page.folded("Size and equation"):
+        size = correction.size
+        bounds = f"{number(size['ci95'][0])} to {number(size['ci95'][1])}" if size["ci95"] else "no interval"
+        page.table(
+            ["", "value", "unit", "95 % interval"],
+            [["not exceeded in 95 % of the time", number(size["value"]), size["unit"], bounds]],
+        )
+        page.text(f"Equation: {correction.law.law.equation}.")
 
 
 def _parameters(each: Added) -> list[list[str]]:

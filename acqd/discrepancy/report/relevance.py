@@ -79,11 +79,11 @@ def _holding_torque(subject: Subject, each: Added, mass_kg: float) -> Floats:
 
 
 def mean_power(closed: Closed) -> list[KeyFigure]:
-    """Power that the effects add on average of the held-out recordings, per day; none if no effect was added.
+    """Power that the new terms add on average of the held-out recordings, per day; none if nothing was added.
 
     The interval is that of the recordings' means (normal approximation).
     """
-    if not closed.kept:
+    if not closed.extended:
         return []
     pairs = zip(closed.subject.held_out, closed.errors_before, closed.errors_after, strict=True)
     extra: dict[str, list[Floats]] = {}

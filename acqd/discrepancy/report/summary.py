@@ -42,6 +42,7 @@ def as_json(config: CloseConfig, closed: Closed) -> dict[str, Any]:
         "after": closed.after.as_json(),
         "verdict": closed.verdict,
         "effects": [_effect(closed, number) for number in range(len(closed.named))],
+        "correction": None if closed.correction is None else closed.correction.as_json(),
         "unexplained": unexplained(closed),
         "question": subject.question,
         "noise_floor_from": closed.floor_source,

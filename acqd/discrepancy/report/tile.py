@@ -7,6 +7,7 @@ from typing import Any
 
 from acqd.discrepancy.closed import Closed
 from acqd.discrepancy.recordings import Subject
+from acqd.discrepancy.repair.correction import Correction
 from acqd.discrepancy.repair.terms import Added
 from acqd.discrepancy.report.main_parameter import changed_place, main_parameter
 from acqd.discrepancy.report.relevance import beside, mean_power
@@ -44,7 +45,9 @@ def _sentence(closed: Closed) -> str:
     if closed.verdict == "unknown_structure" and closed.tracing.unknown is not None:
         unknown = closed.tracing.unknown
         since = f", since {unknown.gate.start}" if unknown.gate.start else ""
-        return f"The error of the model looks like {unnamed(unknown.finding.candidate.label)}{since}."
+        what = f"The error of the model looks like {unnamed(unknown.finding.candidate.label)}{since}"
+        likeness = closed.correction.looks_like if closed.correction is not None else ""
+        return f"{what}, namely {likeness}." if likeness else f"{what}."
     sentences = [directed(library()[each.term.id].summary, main_parameter(each)[1]) for each in closed.named]
     since = next((f" It begins with {each.start}." for each in closed.named if each.start), "")
     perhaps = "Perhaps: " if closed.verdict == "not_identifiable" and sentences else ""
@@ -72,9 +75,15 @@ def _how_much(closed: Closed) -> list[KeyFigure]:
         return [_size(closed.subject, each) for each in closed.named[:_SHOWN_EFFECTS]]
     usual = closed.floor_W if closed.reference_rmse is None else closed.reference_rmse
     excess = max(closed.before.rmse**2 - usual**2, 0.0) ** 0.5
-    return [
-        KeyFigure("power of unknown cause", f"{number(excess)} W RMS", f"with the usual {number(usual, 2)} W apart")
-    ]
+    power = KeyFigure("power of unknown cause", f"{number(excess)} W RMS", f"with the usual {number(usual, 2)} W apart")
+    return [power] if closed.correction is None else [power, _size_of_law(closed.correction)]
+
+
+def _size_of_law(correction: Correction) -> KeyFigure:
+    value, bounds = float(correction.size["value"]), correction.size["ci95"]
+    shown = with_error(value, (bounds[1] - bounds[0]) / 2) if bounds else number(value)
+    note = "less in 95 % of the time; the repaired model contains it, whatever the cause is"
+    return KeyFigure("size of the unknown", f"up to {shown} {correction.unit}", note)
 
 
 def _size(subject: Subject, each: Added) -> KeyFigure:
@@ -110,7 +119,7 @@ def _how_sure(closed: Closed) -> list[KeyFigure]:
 def _error(closed: Closed) -> KeyFigure:
     """Held-out error before and after, and the least that the recordings permit."""
     before, after = number(closed.before.rmse), number(closed.after.rmse)
-    value = f"{before} → {after} W" if closed.kept else f"{before} W"
+    value = f"{before} → {after} W" if closed.extended else f"{before} W"
     held_out = counted(len({segment.recording for segment in closed.subject.held_out}), "recording")
     was = f"; {number(closed.reference_rmse, 2)} W when the model was made" if closed.reference_rmse is not None else ""
     return KeyFigure("error (RMS), held out", value, f"{held_out}; noise {number(closed.floor_W, 2)} W{was}")

@@ -40,8 +40,8 @@ def write_all(config: CloseConfig, closed: Closed) -> None:
 def augmented_bundle(config: CloseConfig, closed: Closed) -> Bundle:
     """The model with its effects.
 
-    With new effects, the bundle remembers the recordings that it was closed on. Without, it keeps its reference: what
-    was not explained must remain a change.
+    With new effects or a correction, the bundle remembers the recordings that it was closed on. Without, it keeps its
+    reference: what was not explained must remain a change.
     """
     subject, improved = closed.subject, closed.improved
     metadata = dict(subject.bundle.metadata)
@@ -50,7 +50,7 @@ def augmented_bundle(config: CloseConfig, closed: Closed) -> Bundle:
     if isinstance(base, GreyBox):
         arrays |= arrays_of(base)
         _describe_refit(metadata, base, closed)
-    terms = [each.term for each in closed.kept if not each.restored]
+    terms = improved.terms
     if terms and (not isinstance(base, GreyBox) or base is not subject.carrier):
         metadata["carrier"] = {"signals": list(subject.carrier.signals)}
         arrays |= {f"carrier.{name}": array for name, array in arrays_of(subject.carrier).items()}
@@ -59,12 +59,12 @@ def augmented_bundle(config: CloseConfig, closed: Closed) -> Bundle:
     new = [{"name": n, "unit": "V" if n == "Vrms" else "0/1"} for n in model.signals if n not in known]
     metadata["inputs"] = [*metadata["inputs"], *new]
     metadata["look_ahead_rows"] = model.radius
-    if closed.kept:
+    if closed.extended:
         metadata["provenance"] = metadata["provenance"] | _provenance(config, closed)
     metadata["loop"] = {
         "before": closed.before.as_json(), "after": closed.after.as_json(), "verdict": closed.verdict
     }  # fmt: skip
-    remembered = [*subject.held_out, *subject.fit] if closed.kept else subject.reference or subject.fit
+    remembered = [*subject.held_out, *subject.fit] if closed.extended else subject.reference or subject.fit
     return Bundle(metadata, arrays, reference_arrays(remembered))
 
 

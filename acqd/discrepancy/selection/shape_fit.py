@@ -79,12 +79,8 @@ def fit_shape(
     if shape and effect.bounds:
         design, shape = _searched(design, regression, gate, own, columns, finding.drop)
         own = replace(own, fitted=Variant(place, place.columns, shape))
-    found = rank_pooled(design, regression.on(design.blocks), gate, [own])
-    for _ in range(_SECANT_ITERATIONS if effect.acts_on == "torque" else 0):
-        if found:
-            design = design.with_replaced(places, columns(shape, found[0].coefficients))
-            found = rank_pooled(design, regression.on(design.blocks), gate, [own])
-    fitted = found[0] if found else finding
+    design, found = at_secant_slope(design, regression, gate, own, columns, shape)
+    fitted = found or finding
     finding = replace(
         finding,
         candidate=own,
@@ -94,6 +90,21 @@ def fit_shape(
         at_joints=fitted.at_joints,
     )
     return ShapeFit(design, finding, shape)
+
+
+def at_secant_slope(
+    design: Design, regression: Regression, gate: Floats, own: Candidate, columns: _Columns, shape: Shape
+) -> tuple[Design, Finding | None]:
+    """A candidate whose columns are those of a torque of the fitted size, and the design with them.
+
+    None where the candidate does not act, or has no possible coefficients.
+    """
+    found = rank_pooled(design, regression.on(design.blocks), gate, [own])
+    for _ in range(_SECANT_ITERATIONS if columns.effect.acts_on == "torque" else 0):
+        if found:
+            design = design.with_replaced(own.places, columns(shape, found[0].coefficients))
+            found = rank_pooled(design, regression.on(design.blocks), gate, [own])
+    return design, found[0] if found else None
 
 
 def columns_of(design: Design, effect: Effect, place: Place, gate: Floats) -> _Columns:

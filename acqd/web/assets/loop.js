@@ -21,11 +21,17 @@
     });
   }
 
+  function correction({ follows, looks_like: likeness, size }) {
+    const interval = size.ci95 ? ` (${number(size.ci95[0])} to ${number(size.ci95[1])})` : "";
+    return `The model was corrected by ${follows}${likeness ? `, like ${likeness}` : ""}: up to ${number(size.value)} ${size.unit}${interval}. The cause is unknown.`;
+  }
+
   function tile(result, title) {
     const box = element("div", [element("p", title), element("p", element("b", VERDICTS[result.verdict] ?? "The result cannot be read."))], { className: "tile" });
     if (result.before && result.after) box.append(element("p", `Error on held-out recordings: ${result.before.rmse.toFixed(2)} W before, ${result.after.rmse.toFixed(2)} W after${result.recordings ? ` (${result.recordings.fit} recordings to fit, ${result.recordings.held_out} held out)` : ""}.`));
     if (result.effects?.length) box.append(element("ul", effects(result)));
     if (result.verdict && !result.effects?.length) box.append(element("p", result.unexplained ?? ""));
+    if (result.correction) box.append(element("p", correction(result.correction)));
     if (result.next?.length) box.append(element("p", "What to do next:"), element("ul", result.next.map((step) => element("li", step))));
     box.append(element("p", element("a", "open the report", { href: "/report", target: "_blank", rel: "noopener" })));
     return box;
@@ -69,7 +75,7 @@
       $("proposal").replaceChildren(tile(proposal, `Proposal from ${job.recordings} recordings`));
     }
     $("report").hidden = $("report").hidden || proposal;
-    $("apply").hidden = !proposal || !proposal.effects?.some((effect) => effect.added) || done;
+    $("apply").hidden = !proposal || !(proposal.correction || proposal.effects?.some((effect) => effect.added)) || done;
     $("applied").replaceChildren(...state.applied.map((line) => element("li", `${line.time}: ${line.name} replaced the model; the old one is ${line.kept}. Restart acqd sidecar to use it.`)));
   }
 

@@ -208,7 +208,10 @@ class CurvedFriction(_TorqueLaw):
 
 
 class Hysteresis(_TorqueLaw):
-    """A torque that follows the angle or the load behind a play: backlash, a gear that winds up."""
+    """A torque that follows the angle or the load behind a play: backlash, a gear that winds up.
+
+    A prediction row by row knows the last seconds of the motion only, and with them the side of the play.
+    """
 
     id = "torque_with_hysteresis"
     summary = sentence = "a torque of joint {joint} with hysteresis"

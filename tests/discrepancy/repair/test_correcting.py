@@ -1,0 +1,104 @@
+"""The law without a name that corrects a model."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from acqd.discrepancy.recordings import Subject
+from acqd.discrepancy.repair.correcting import corrected
+from acqd.discrepancy.repair.guard import Improved
+from acqd.discrepancy.residual.residuals import errors_of, rms
+from acqd.discrepancy.selection.accepted import Unknown
+from acqd.discrepancy.selection.ranking import Finding
+from acqd.models.augmented import Augmented, Term
+from tests.builders import STEP, grey, recording
+from tests.discrepancy.independent import COMMON, column, extra_power, selected
+
+STIFFNESS = 9.0
+
+
+def spring(scene, random):
+    return extra_power(scene, column(scene, 2, STIFFNESS * (scene.q[:, 2] - 0.1)))
+
+
+def recordings(model, add, numbers, start_s):
+    return [recording(model, k, add, seed=2, start_s=start_s) for k in numbers]
+
+
+@pytest.fixture(scope="module")
+def sprung(robot):
+    """A subject whose recordings have a spring that no effect of the library is, and the selection on them."""
+    model = grey()
+    reference = [recording(model, k, seed=1) for k in range(6)]
+    fit, held_out = (recordings(model, spring, numbers, 1e9 + 5000) for numbers in (range(6), range(6, 9)))
+    _, tracing = selected(model, robot, fit, reference, COMMON)
+    data = SimpleNamespace(step_s=STEP)
+    subject = Subject(
+        None, model, model, robot, data, "change", fit, held_out, reference, frozenset(), frozenset(COMMON), []
+    )
+    return subject, tracing
+
+
+def correct(subject, tracing):
+    errors = errors_of(subject.model, subject.held_out)
+    improved = Improved(subject.model, kept=[], reported_only=[], refused=[], gains=[], errors=errors)
+    return corrected(subject, tracing, improved, errors, 1)
+
+
+def test_an_unknown_spring_is_measured_and_corrected(sprung):
+    subject, tracing = sprung
+    assert tracing.verdict == "unknown_structure"
+    improved, notes = correct(subject, tracing)
+    assert not notes
+    found = improved.correction
+    assert found.follows == "a torque that depends on the angle of joint 3"
+    assert found.looks_like.startswith("a spring of ") and found.looks_like.endswith(" Nm/rad")
+    assert float(found.looks_like.split()[3]) == pytest.approx(STIFFNESS, rel=0.1)
+    torque = STIFFNESS * np.abs(np.concatenate([segment.q[:, 2] for segment in subject.fit]) - 0.1)
+    low, high = found.size["ci95"]
+    assert low <= np.quantile(torque, 0.95) <= high and found.unit == "Nm"
+    before, after, usual = (
+        rms(errors) for errors in (
+            errors_of(subject.model, subject.held_out), improved.errors, errors_of(subject.model, subject.reference)
+        )
+    )  # fmt: skip
+    assert before > 3 * usual and after < 1.1 * usual and found.gain == pytest.approx(before - after)
+
+
+def test_a_correction_is_the_same_from_a_bundle_and_row_by_row(sprung):
+    subject, tracing = sprung
+    improved, _ = correct(subject, tracing)
+    term = Term.from_json(improved.correction.term.as_json())
+    model = Augmented.of(subject.model, subject.carrier, [term])
+    assert errors_of(model, subject.held_out)[0] == pytest.approx(improved.errors[0], abs=1e-9)
+    segment = subject.held_out[0]
+    whole = model.sequence(segment.q, np.column_stack([segment.signals["brake"]]))
+    r = model.radius
+    padded = np.concatenate([np.repeat(segment.q[:1], r, axis=0), segment.q, np.repeat(segment.q[-1:], r, axis=0)])
+    state = model.start()
+    rows = [model.step(state, padded[k : k + 2 * r + 1], segment.signals["brake"][k : k + 1]) for k in range(300)]
+    assert np.array(rows) == pytest.approx(whole[:300], abs=0.05)
+
+
+def test_a_correction_that_does_not_help_is_not_added(sprung):
+    subject, tracing = sprung
+    model = subject.model
+    elsewhere = replace(subject, held_out=recordings(model, None, range(6, 9), 1e9 + 5000))
+    improved, notes = correct(elsewhere, tracing)
+    assert improved.correction is None and not improved.extended
+    assert notes == [
+        "a correction by a torque that depends on the angle of joint 3 does not help on held-out recordings: not added"
+    ]
+
+
+def test_what_the_motion_does_not_determine_is_described_only(sprung):
+    subject, tracing = sprung
+    slow = next(c for c in tracing.design.columns.candidates if c.label == "the time of day")
+    unknown = Unknown(Finding(slow, np.zeros(4), 100.0, 80.0), tracing.unknown.gate)
+    improved, notes = correct(subject, replace(tracing, unknown=unknown))
+    assert improved.correction is None
+    assert notes == [
+        "something that follows the time of day cannot be predicted from the motion: the model is not corrected"
+    ]
