@@ -1,0 +1,37 @@
+"""Delay between power and motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from acqd.discrepancy.thresholds.threshold import threshold
+
+
+@dataclass(frozen=True)
+class DelayThresholds:
+    """Delay between power and motion."""
+
+    delay_reach_s: float = threshold(0.8, "s", "delay", "study", "longest delay that is tried")
+    delay_step_s: float = threshold(0.02, "s", "delay", "choice", "distance of tried delays")
+    delay_smallest_s: float = threshold(
+        0.012, "s", "delay", "study", "smaller delays compete as an effect with the other effects"
+    )
+    delay_floor_s: float = threshold(
+        0.001, "s", "delay", "study", "error of every delay besides its scatter: motion between rows, the supply's lag"
+    )
+    delay_least_gain: float = threshold(
+        0.15, "-", "delay", "study", "least share of the residual's variance that the delay must explain"
+    )
+    delay_least_moving_W: float = threshold(
+        3.0, "W", "delay", "study", "least standard deviation of the predicted power for a delay to be measurable"
+    )
+    delay_fewest_recordings: int = threshold(3, "recordings", "delay", "choice", "fewest recordings with a delay")
+    delay_fewest_rows: int = threshold(50, "rows", "delay", "study", "fewest rows inside the range of tried delays")
+    delay_significance: float = threshold(4.0, "standard errors", "delay", "study", "significance of a constant delay")
+    drift_deviation: float = threshold(
+        30e-6, "s/s", "delay", "physics", "prior deviation of the drift between two clocks: quartz crystals"
+    )
+    drift_significance: float = threshold(5.0, "standard errors", "delay", "study", "significance of a drifting delay")
+    drift_least_gain: float = threshold(
+        0.6, "-", "delay", "study", "scatter about the drift, relative to the scatter about a constant, at most"
+    )

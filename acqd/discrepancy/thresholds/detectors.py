@@ -1,0 +1,56 @@
+"""Detectors in the residual."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from acqd.discrepancy.thresholds.threshold import threshold
+
+
+@dataclass(frozen=True)
+class DetectorThresholds:
+    """Detectors in the residual."""
+
+    detected_evidence: float = threshold(
+        250.0, "white squared error", "detectors", "study", "least evidence of an effect detected in the residual"
+    )
+    reference_factor: float = threshold(
+        3.0, "-", "detectors", "study", "a detected effect must exceed the reference's gain by this factor (2 x 1.5)"
+    )
+    detected_worth: float = threshold(
+        1.33, "-", "detectors", "study", "evidence of a detected effect is divided by this factor in the ranking"
+    )
+    predictive_share: float = threshold(
+        0.5,
+        "-",
+        "detectors",
+        "study",
+        "an unnamed alternative with more than this share of its evidence refutes a detected effect",
+    )
+    ripple_cost: float = threshold(
+        6.0, "parameters", "detectors", "study", "parameters charged for the search of a ripple"
+    )
+    ripple_fewest_periods: float = threshold(3.0, "per turn", "detectors", "physics", "slowest ripple that is searched")
+    ripple_most_periods: float = threshold(130.0, "per turn", "detectors", "physics", "fastest ripple that is searched")
+    switching_price: float = threshold(
+        7.0, "log-likelihood", "detectors", "study", "price of a switching in the Viterbi path"
+    )
+    switching_rarest: float = threshold(0.005, "-", "detectors", "study", "least share of time on, and of time off")
+    walk_s: float = threshold(
+        20.0, "s", "detectors", "choice", "a moving average over this time must explain less than a load that switches"
+    )
+    contact_longest: float = threshold(
+        0.6, "-", "detectors", "study", "a contact for a larger share of the time is a load, not a contact"
+    )
+    rhythm_regular: float = threshold(
+        0.33, "correlation", "detectors", "study", "regularity from which a load has a rhythm"
+    )
+    rhythm_shortest_s: float = threshold(
+        12.0, "s", "detectors", "physics", "no heater or fan switches with a shorter period"
+    )
+    rhythm_fewest_pairs: int = threshold(
+        100, "pairs", "detectors", "study", "fewest pairs of states for a correlation at a distance in time"
+    )
+    rhythm_near_best: float = threshold(
+        0.85, "-", "detectors", "study", "the shortest period with this share of the best regularity is the period"
+    )

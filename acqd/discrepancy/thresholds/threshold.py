@@ -1,0 +1,15 @@
+"""A threshold: a value with unit, stage, source and meaning."""
+
+from __future__ import annotations
+
+from dataclasses import field
+from typing import Any, Literal
+
+Stage = Literal["recordings", "delay", "noise", "detectors", "selection", "uncertainty", "verdict", "joints", "monitor"]
+"""Of the method; one module each."""
+
+
+def threshold(value: float, unit: str, stage: Stage, source: str, meaning: str) -> Any:
+    """A field of a dataclass; `source` is convention, choice, study or physics."""
+    metadata = {"unit": unit, "stage": stage, "source": source, "meaning": meaning}
+    return field(default=value, metadata=metadata)

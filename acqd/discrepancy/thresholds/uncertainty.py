@@ -1,0 +1,45 @@
+"""Confidence and intervals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from acqd.discrepancy.thresholds.threshold import threshold
+
+
+@dataclass(frozen=True)
+class UncertaintyThresholds:
+    """Confidence and intervals."""
+
+    resamples: int = threshold(40, "draws", "uncertainty", "choice", "bootstrap draws of recordings for the confidence")
+    contenders: int = threshold(
+        6, "effects", "uncertainty", "study", "alternative effects that take part in the bootstrap"
+    )
+    unnamed_contenders: int = threshold(
+        3, "alternatives", "uncertainty", "choice", "unnamed alternatives that take part in the bootstrap"
+    )
+    shape_step: float = threshold(
+        0.1, "-", "uncertainty", "choice", "step of a fitted shape for its interval, relative to the value"
+    )
+    interval_width: float = threshold(
+        1.96, "standard errors", "uncertainty", "convention", "half width of a 95 % interval"
+    )
+    jackknife_fewest: int = threshold(3, "recordings", "uncertainty", "choice", "fewest recordings for a jackknife")
+    drive_scale_deviation: float = threshold(
+        0.10,
+        "-",
+        "uncertainty",
+        "choice",
+        "relative standard deviation of nominal drive gains and of the supply's gain",
+    )
+    sensor_scale_deviation: float = threshold(
+        0.02, "-", "uncertainty", "physics", "relative standard deviation of a torque sensor's scale"
+    )
+    scale_segments: int = threshold(60, "segments", "uncertainty", "choice", "most segments that a scale is taken from")
+    column_deviation: float = threshold(
+        0.04,
+        "-",
+        "uncertainty",
+        "choice",
+        "relative error of an effect's columns by the model's wrong torques and powers",
+    )
