@@ -6,7 +6,7 @@ from acqd.discrepancy.closed import Closed
 from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.joints.summary import joint_level
 from acqd.discrepancy.recordings import subject_of
-from acqd.discrepancy.remarks import disagreements, not_added, stages_of, unused_efforts
+from acqd.discrepancy.remarks import disagreements, drifted_level, not_added, stages_of, unused_efforts
 from acqd.discrepancy.repair.correcting import corrected
 from acqd.discrepancy.repair.guard import improve
 from acqd.discrepancy.repair.naming import named_effects
@@ -39,6 +39,6 @@ def close_loop(config: CloseConfig, progress: Progress) -> Closed:
         joints=joint_level(tracing.witness, subject.chosen), verdict=verdict, stages=stages_of(subject, tracing),
         notes=[
             *subject.notes, *unused_efforts(subject), *doubts, *remarks, *not_added(improved),
-            *disagreements(tracing, improved),
+            *disagreements(tracing, improved), *drifted_level(tracing),
         ],
     )  # fmt: skip

@@ -8,7 +8,8 @@ from acqd.discrepancy.repair.guard import Improved
 from acqd.discrepancy.search import clock_effects
 from acqd.discrepancy.selection.accepted import Tracing
 from acqd.discrepancy.selection.agreement import disagreeing_sessions
-from acqd.discrepancy.thresholds import Stage
+from acqd.discrepancy.selection.nuisance import level_difference
+from acqd.discrepancy.thresholds import THRESHOLDS, Stage
 from acqd.models.effects import library
 
 
@@ -43,6 +44,16 @@ def disagreements(tracing: Tracing, improved: Improved) -> list[str]:
                 f"clearly better by other parameters; close the loop on single sessions"
             )
     return notes
+
+
+def drifted_level(tracing: Tracing) -> list[str]:
+    """A note of a level that may be drift, because the reference does not show how far standby power drifts."""
+    level_W = level_difference(tracing)
+    if level_W is None or abs(level_W) < THRESHOLDS.least_share_of_range * tracing.design.columns.dynamic_range:
+        return []
+    size = f"a constant {abs(level_W):.2g} W {'more' if level_W > 0 else 'less'} than in the reference"
+    short = f"a reference of less than {THRESHOLDS.level_span_s / 60:.0f} min does not show how far that goes"
+    return [f"{size} may be drift of the standby power: {short}"]
 
 
 def not_added(improved: Improved) -> list[str]:

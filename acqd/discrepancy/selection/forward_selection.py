@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from acqd.discrepancy.regression.gram import Column, Regression
+from acqd.discrepancy.regression.gram import Regression
 from acqd.discrepancy.regression.setup import Setup
 from acqd.discrepancy.selection.accepted import Tracing
 from acqd.discrepancy.selection.doubt import clear_doubts, doubted_steps, without_doubted
 from acqd.discrepancy.selection.family import likeliest_member
+from acqd.discrepancy.selection.nuisance import with_small_differences
 from acqd.discrepancy.selection.ranking import rank_pooled
 from acqd.discrepancy.selection.stepwise import Step
 from acqd.discrepancy.selection.supply_response import with_loaded_laws
 from acqd.discrepancy.thresholds import THRESHOLDS
-from acqd.models.effects import library
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +27,7 @@ class Limits:
 
 def trace(setup: Setup, limits: Limits, progress: Callable[[str], None]) -> Tracing:
     """Select effects one after the other."""
-    regression = base = _without_small_clock(setup)
+    regression = base = with_small_differences(setup)
     tracing = Tracing(setup.design, setup.regression, setup.design.witness)
     while len(tracing.effects) < limits.max_effects and doubted_steps(tracing) <= THRESHOLDS.doubted_steps:
         progress(f"looking for effect {len(tracing.effects) + 1}")
@@ -68,22 +68,6 @@ def _with_effects(tracing: Tracing, base: Regression) -> Regression:
     tracing.design, common = with_loaded_laws(tracing.design, base.on(tracing.design.blocks), tracing.effects)
     columns = [column for each in tracing.effects for column in each.columns()]
     return common.with_columns(tracing.design.blocks, columns)
-
-
-def _without_small_clock(setup: Setup) -> Regression:
-    """With a constant clock offset as a free column if it is small: two alignments differ by a millisecond or two."""
-    design, gate = setup.design, setup.gates[0].open
-    effects = library()
-    clocks = [
-        c for c in design.columns.candidates
-        if c.id and effects[c.id].acts_on == "clock" and not effects[c.id].follows_clock
-    ]  # fmt: skip
-    if not clocks:
-        return setup.regression
-    found = rank_pooled(design, setup.regression, gate, clocks)
-    if not found or abs(float(found[0].coefficients[0])) > THRESHOLDS.clock_smallest_s:
-        return setup.regression
-    return setup.regression.with_columns(design.blocks, [Column(int(clocks[0].places[0]), gate)])
 
 
 def _prune(tracing: Tracing) -> None:

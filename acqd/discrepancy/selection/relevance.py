@@ -25,18 +25,18 @@ def relevant(design: Design, finding: Finding) -> bool:
         seconds = size.max() / max(steepest, 1e-9)
         return bool(seconds > THRESHOLDS.clock_smallest_s and _recordings_shifted(design, finding))
     acting = power[size > THRESHOLDS.acting_share * size.max()]
-    short = _reference_span_s(design) < THRESHOLDS.level_span_s and _is_level(design, finding)
+    short = not shows_drift(design) and _is_level(design, finding)
     share = THRESHOLDS.level_share_of_range if short else THRESHOLDS.least_share_of_range
     return bool(np.sqrt(np.mean(acting**2)) > share * columns.dynamic_range)
 
 
-def _reference_span_s(design: Design) -> float:
-    """From the first to the last block of the reference, s; infinite without one.
+def shows_drift(design: Design) -> bool:
+    """Whether the reference shows how standby power drifts, and what the model gets wrong in other motions.
 
-    A few minutes do not show how standby power drifts, nor what the model gets wrong in other motions.
+    A few minutes do not. Without a reference, nothing has drifted since.
     """
     starts = [part.start_s for part in design.parts if not part.in_question]
-    return max(starts) - min(starts) if starts else np.inf
+    return not starts or max(starts) - min(starts) >= THRESHOLDS.level_span_s
 
 
 def _is_level(design: Design, finding: Finding) -> bool:

@@ -1,0 +1,52 @@
+"""Small differences of two sides that are no effects."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from acqd.discrepancy.regression.setup import Question, set_up
+from acqd.discrepancy.selection.forward_selection import Limits, trace
+from acqd.discrepancy.selection.nuisance import with_small_differences
+from tests.builders import grey, recording
+from tests.discrepancy.independent import COMMON
+
+MINUTES, DAYS = 30.0, 86400.0
+
+
+def set_up_with(robot, level_W, apart_s):
+    """Recordings with a constant load, and a reference whose recordings begin `apart_s` after each other."""
+    model = grey()
+    reference = [recording(model, k, seed=1, rows=500, start_s=1e9 + apart_s * k) for k in range(5)]
+    new = [recording(model, k, seed=2, rows=500, start_s=1e9 + 5000) for k in range(4)]
+    new = [replace(each, P=each.P + level_W) for each in new]
+    only = frozenset(COMMON | {"supply_efficiency"})
+    return set_up(Question(model, robot, new, reference, only, frozenset()), lambda _: None)
+
+
+def extra(setup):
+    return len(with_small_differences(setup).columns) - len(setup.regression.columns)
+
+
+@pytest.mark.parametrize(("level_share", "apart_s", "free"), [(0.01, MINUTES, 1), (0.04, MINUTES, 0), (0.01, DAYS, 0)])
+def test_a_small_level_is_free_beside_a_reference_of_minutes_only(robot, level_share, apart_s, free):
+    quiet = set_up_with(robot, 0.0, apart_s)
+    level_W = level_share * quiet.design.columns.dynamic_range
+    assert extra(set_up_with(robot, level_W, apart_s)) - extra(quiet) == free - extra_level(apart_s)
+
+
+def extra_level(apart_s):
+    """A level of zero is small, too."""
+    return 1 if apart_s == MINUTES else 0
+
+
+def test_a_drift_of_standby_power_is_no_loss_of_the_supply(robot):
+    quiet = set_up_with(robot, 0.0, MINUTES)
+    drifted = set_up_with(robot, 0.012 * quiet.design.columns.dynamic_range, MINUTES)
+    assert not trace(drifted, Limits(), lambda _: None).effects
+    changed = set_up_with(robot, 0.04 * quiet.design.columns.dynamic_range, MINUTES)
+    named = trace(changed, Limits(), lambda _: None).effects
+    assert [each.id for each in named] == ["offset_shift"]
+    assert float(named[0].finding.coefficients[0]) == pytest.approx(
+        0.04 * quiet.design.columns.dynamic_range, abs=float(np.sqrt(2) * 0.2 + 0.3)
+    )
