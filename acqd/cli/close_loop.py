@@ -120,5 +120,4 @@ def _print(result: dict[str, Any], folder: Path) -> None:
 def _corrected_by(correction: dict[str, Any]) -> str:
     size = correction["size"]
     interval = f" ({size['ci95'][0]:.3g} to {size['ci95'][1]:.3g})" if size["ci95"] else ""
-    likeness = f", like {correction['looks_like']}" if correction["looks_like"] else ""
-    return f"{correction['follows']}{likeness}: up to {size['value']:.3g} {size['unit']}{interval}; cause unknown"
+    return f"{correction['follows']}: up to {size['value']:.3g} {size['unit']}{interval}; cause unknown"

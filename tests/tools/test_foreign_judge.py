@@ -57,6 +57,18 @@ def test_any_name_is_wrong_for_clean_sets_and_outside_of_the_library():
     assert judge.outcome(result([true("spring")], [], "unknown_structure")) == "unknown"
 
 
+def test_a_correction_counts_by_the_squared_error_above_the_reference_that_it_leaves():
+    corrected = result([true("spring")], [], "unknown_structure", before=5.0, after=2.0)
+    corrected["report"]["correction"] = {"follows": "a torque that depends on the angle of joint 2"}
+    described = result([true("lagging_pump")], [], "unknown_structure", before=5.0, after=5.0)
+    assert judge.excess_left(corrected) == pytest.approx((2.0**2 - 1) / (5.0**2 - 1))
+    assert judge.excess_left(described) is None
+    figures = summary([corrected, described])
+    assert figures["unknown_corrected"] == {"of": 2, "hits": 1} and figures["excess_left_median"] == pytest.approx(
+        1 / 8
+    )
+
+
 @pytest.mark.parametrize(("axes", "link", "right"), [(7, 7, True), (7, 6, True), (7, 5, False), (6, 5, True)])
 def test_a_payload_may_be_called_a_weight_on_the_last_two_links(axes, link, right):
     case = result([true("payload", "flange", unit="kg")], [effect("gravity_bias", f"link {link}")], axes=axes)

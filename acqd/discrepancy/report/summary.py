@@ -97,8 +97,10 @@ def unexplained(closed: Closed) -> str:
     if unknown is not None:
         since = f", {unknown.gate.label}" if unknown.gate.start else ""
         whole = closed.subject.chosen == frozenset(library())
+        likeness = closed.correction.looks_like if closed.correction is not None else ""
+        what = f"{unnamed(unknown.finding.candidate.label)}{f', like {likeness}' if likeness else ''}"
         return (
-            f"{unnamed(unknown.finding.candidate.label)}{since}: evidence {unknown.finding.evidence:.0f} "
+            f"{what}{since}: evidence {unknown.finding.evidence:.0f} "
             f"(BIC difference), which no effect {'of the library' if whole else 'that was searched for'} reaches"
         )
     rest = f"{closed.after.rmse:.2f} W RMS on held-out recordings, noise {closed.floor_W:.2f} W"

@@ -88,6 +88,16 @@ def harmed(result: Result) -> bool:
     return bool(report) and report["after"]["rmse"] > report["before"]["rmse"] + 1e-9
 
 
+def excess_left(result: Result) -> float | None:
+    """Share of the squared held-out error above the reference's that a corrected model leaves; None: not corrected."""
+    report = result["report"]
+    if not report or not report.get("correction"):
+        return None
+    usual = report["reference_rmse"] or 0.0
+    before, after = (report[when]["rmse"] ** 2 - usual**2 for when in ("before", "after"))
+    return max(after, 0.0) / before if before > 0 else None
+
+
 def intervals(result: Result) -> list[bool]:
     """Per effect named by its own id at its own place: whether its 95 % interval holds the true parameter."""
     found = []

@@ -12,6 +12,7 @@ from tools.studies.foreign.judge import (
     OUTCOMES,
     Result,
     both,
+    excess_left,
     harmed,
     intervals,
     kind,
@@ -31,6 +32,7 @@ def summary(results: list[Result]) -> dict[str, Any]:
     for result in results:
         groups.setdefault(_group(result), []).append(result)
     pairs = [r for r in results if kind(r) == "pair"]
+    left = [share for r in results if (share := excess_left(r)) is not None]
     covered = [hit for r in results for hit in intervals(r)]
     return {
         "cases": len(results),
@@ -41,6 +43,8 @@ def summary(results: list[Result]) -> dict[str, Any]:
         "pairs_both": _rate([both(r) for r in pairs]),
         "intervals_hold": _rate(covered),
         "harm": _rate([harmed(r) for r in results]),
+        "unknown_corrected": _rate([bool(r["report"].get("correction")) for r in results if outcome(r) == "unknown"]),
+        "excess_left_median": float(np.median(left)) if left else None,
         "errors": _rate([bool(r["error"]) for r in results]),
         "lags_within_10_ms": _rate([abs(error) <= 0.010 for r in results for error in _lag_errors(r)]),
         "lag_worst_ms": max((1000 * abs(error) for r in results for error in _lag_errors(r)), default=0.0),
@@ -144,6 +148,8 @@ def _overall(figures: dict[str, Any]) -> Table:
             continue
         share = f"{100 * rate['hits'] / rate['of']:.0f}" if rate["of"] else "-"
         table.add_row(name.replace("_", " "), str(rate["hits"]), str(rate["of"]), share)
+    left = figures["excess_left_median"]
+    table.add_row("squared excess that corrections leave, median", "", "", "-" if left is None else f"{100 * left:.0f}")
     return table
 
 
