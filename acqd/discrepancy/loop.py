@@ -28,9 +28,9 @@ def close_loop(config: CloseConfig, progress: Progress) -> Closed:
     improved = improved.with_reported([*improved.reported_only, *(each for each in effects if not each.sure)])
     floor_W, floor_source = noise_floor([*subject.fit, *subject.held_out], subject.data.step_s)
     verdict, improved, remarks = settled(subject, tracing, improved, errors_before, floor_W)
-    if verdict == "unknown_structure":
+    if verdict in ("unknown_structure", "effects_found"):
         progress("correcting the model", 0.0)
-        improved, reasons = corrected(subject, tracing, improved, errors_before, config.seed)
+        improved, reasons = corrected(subject, tracing, improved, config.seed)
         remarks = [*remarks, *reasons]
     return Closed(
         subject=subject, tracing=tracing, improved=improved, before=quality(errors_before),

@@ -32,7 +32,6 @@ from acqd.models.effects.laws.law import Quantity
 from acqd.models.effects.places import Parameter, Place
 from acqd.models.effects.scene import Scene
 from acqd.models.greybox.parameters import SLIDING_UNITS
-from acqd.models.predictor import Predictor
 
 _QUANTILE = 0.95
 """Share of the rows that stay below the size of a law: single rows of a sudden stop say little."""
@@ -40,42 +39,46 @@ _SPRING_SHARE = 0.8
 """Share of a torque's variance along the angle that a straight line explains, at least."""
 
 
-def corrected(
-    subject: Subject, tracing: Tracing, improved: Improved, errors_before: list[Floats], seed: int
-) -> tuple[Improved, list[str]]:
-    """The model with the law that its error follows, if that helps on the held-out recordings; notes if not."""
+def corrected(subject: Subject, tracing: Tracing, improved: Improved, seed: int) -> tuple[Improved, list[str]]:
+    """The model with the law that its error follows, if that helps on the held-out recordings; notes if not.
+
+    Effects that are part of the improved model stay beside the law.
+    """
     unknown = tracing.unknown
     if unknown is None:
         return improved, []
     what = unnamed(unknown.finding.candidate.label)
     if unknown.finding.candidate.law is None:
         return improved, [f"{what} cannot be predicted from the motion: the model is not corrected"]
-    fitted = _fitted(tracing, unknown)
+    fitted = _fitted(tracing, unknown, {(each.term.id, each.term.where) for each in improved.kept})
     if fitted is None:
         return improved, [f"{what} has no size beside the model's own parameters: the model is not corrected"]
     scale = torque_scale(subject)
     term = _term(scale, unknown, *fitted)
-    base: Predictor = subject.model
-    if subject.question == "structure":
-        base = refitted_to_rest(subject, [term], subject.withheld, seed)
+    base, terms = improved.base, [*improved.terms, term]
+    if subject.question == "structure" and not improved.kept:
+        base = refitted_to_rest(subject, terms, subject.withheld, seed)
         if base is subject.model:
-            term = scaled(term, share_unlearned(base, term, subject))
-    errors = errors_of(Augmented.of(base, subject.carrier, [term]), subject.held_out)
-    gain = rms(errors_before) - rms(errors)
+            terms = [scaled(term, share_unlearned(base, term, subject))]
+    errors = errors_of(Augmented.of(base, subject.carrier, terms), subject.held_out)
+    gain = rms(improved.errors) - rms(errors)
     if gain <= 0:
         return improved, [f"a correction by {what} does not help on held-out recordings: not added"]
     law = unknown.finding.candidate.law
     along, strength = _seen(tracing.design, law, term)
     strength = strength * scale.corrected(1.0, 0.0, _unit(tracing.design, law))[0]
-    correction = Correction(term, law, what, along, strength, _likeness(law, along, strength), gain)
+    correction = Correction(terms[-1], law, what, along, strength, _likeness(law, along, strength), gain)
     return replace(improved, base=base, correction=correction, errors=errors), []
 
 
-def _fitted(tracing: Tracing, unknown: Unknown) -> tuple[Design, Regression, Finding] | None:
-    """The law's coefficients without any effect beside it, at the secant slope; None where the law does not act."""
+def _fitted(
+    tracing: Tracing, unknown: Unknown, kept: set[tuple[str, str]]
+) -> tuple[Design, Regression, Finding] | None:
+    """The law's coefficients beside the kept effects (id, place), at the secant slope; None where it does not act."""
     regression = tracing.regression
     for named in tracing.effects:
-        regression = regression.without(named.key)
+        if (named.id, named.place.where) not in kept:
+            regression = regression.without(named.key)
     candidate, gate = unknown.finding.candidate, unknown.gate.open
     law = candidate.law
     assert law is not None

@@ -8,7 +8,9 @@ import pytest
 
 from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.repair.correcting import corrected
-from acqd.discrepancy.repair.guard import Improved
+from acqd.discrepancy.repair.guard import Improved, improve
+from acqd.discrepancy.repair.terms import added
+from acqd.discrepancy.repair.torque_scale import TorqueScale
 from acqd.discrepancy.residual.residuals import errors_of, rms
 from acqd.discrepancy.selection.accepted import Unknown
 from acqd.discrepancy.selection.ranking import Finding
@@ -44,7 +46,7 @@ def sprung(robot):
 def correct(subject, tracing):
     errors = errors_of(subject.model, subject.held_out)
     improved = Improved(subject.model, kept=[], reported_only=[], refused=[], gains=[], errors=errors)
-    return corrected(subject, tracing, improved, errors, 1)
+    return corrected(subject, tracing, improved, 1)
 
 
 def test_an_unknown_spring_is_measured_and_corrected(sprung):
@@ -102,3 +104,27 @@ def test_what_the_motion_does_not_determine_is_described_only(sprung):
     assert notes == [
         "something that follows the time of day cannot be predicted from the motion: the model is not corrected"
     ]
+
+
+def test_a_law_is_corrected_beside_a_named_effect(robot):
+    """The friction is named first; the rest has no name."""
+    model = grey()
+
+    def both(scene, random):
+        friction = 8.0 * np.tanh(scene.qd[:, 1] / 0.004)
+        return extra_power(scene, column(scene, 1, friction) + column(scene, 2, 9.0 * (scene.q[:, 2] - 0.1)))
+
+    reference = [recording(model, k, seed=1) for k in range(6)]
+    fit, held_out = (recordings(model, both, numbers, 1e9 + 5000) for numbers in (range(6), range(6, 9)))
+    _, tracing = selected(model, robot, fit, reference, COMMON)
+    assert [named.id for named in tracing.effects] == ["coulomb_friction"]
+    data = SimpleNamespace(step_s=STEP)
+    subject = Subject(
+        None, model, model, robot, data, "change", fit, held_out, reference, frozenset(), frozenset(COMMON), []
+    )
+    friction = added(tracing, tracing.effects[0], TorqueScale(1.0, 0.0), 1)
+    improved = improve(subject, [friction], errors_of(model, held_out), 1)
+    better, notes = corrected(subject, tracing, improved, 1)
+    assert not notes and better.correction.follows == "a torque that depends on the angle of joint 3"
+    assert [term.id for term in better.terms] == ["coulomb_friction", "torque_of_angle"]
+    assert rms(better.errors) < 1.5 * rms(errors_of(model, reference)) < 0.5 * rms(improved.errors)
