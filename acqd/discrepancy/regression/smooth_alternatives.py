@@ -11,9 +11,9 @@ from scipy.signal import lfilter
 from acqd.arrays import Floats
 from acqd.discrepancy.regression.torque_alternatives import LawColumns, single_laws, torque_columns, torque_groups
 from acqd.models.effects.events import bins, edges, since
+from acqd.models.effects.laws import POWER_LAWS
 from acqd.models.effects.laws.law import Law, MotionRange
-from acqd.models.effects.laws.power_laws import PowerAboveLevels, PowerOfAngle, PowerOfMoving, PowerOfSpeed, moving
-from acqd.models.effects.laws.torque_laws import ReflectedInertia
+from acqd.models.effects.laws.power_laws import moving
 from acqd.models.effects.scene import Scene
 from acqd.models.effects.substeps import SUBSTEPS
 
@@ -21,10 +21,6 @@ _MEMORIES_S = (3.0, 10.0, 30.0)
 _LONG_MEMORIES_S = (100.0, 300.0, 1200.0)
 """Their memory lasts over the pauses between recordings."""
 _AFTER_S = (0.0, 0.2, 0.5, 1.0, 2.0, 4.0, 8.0)
-_POWER_LAWS: tuple[Law, ...] = (
-    PowerOfMoving(), PowerOfAngle(), PowerOfSpeed(), ReflectedInertia(), PowerAboveLevels()
-)  # fmt: skip
-"""In the order of their columns."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +105,7 @@ class Ranges:
 def smooth_columns(scene: Scene, ranges: Ranges, *, in_question: bool) -> list[Floats]:
     """Columns [N] at substeps, in the order of `alternatives`."""
     columns = [
-        column for law in _POWER_LAWS for joint in law.joints(scene.axes)
+        column for law in POWER_LAWS for joint in law.joints(scene.axes)
         for column in law.at(scene, law.shape_of(ranges.motion, joint)).T
     ]  # fmt: skip
     columns += [np.ones(len(scene.q))]
@@ -141,7 +137,7 @@ def alternatives(axes: int) -> Iterator[SmoothGroup]:
         group = LawColumns.whole(law, joint, axes)
         return replace(take(law.label(joint), len(group.columns)), law=group)
 
-    yield from (whole(law, joint) for law in _POWER_LAWS for joint in law.joints(axes))
+    yield from (whole(law, joint) for law in POWER_LAWS for joint in law.joints(axes))
     level, place = (place,), place + 1  # what follows the past at a distance looks like an offset
     for seconds in _MEMORIES_S:
         yield take(f"the drives' power of the last {seconds:g} s", 1).beside(level)

@@ -6,8 +6,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from acqd.arrays import Floats
+from acqd.models.effects.laws import TORQUE_LAWS
+from acqd.models.effects.laws.friction_laws import KNOTS, CoupledFriction, CurvedFriction
 from acqd.models.effects.laws.law import Law, MotionRange
-from acqd.models.effects.laws.torque_laws import KNOTS, TORQUE_LAWS, CoupledFriction, CurvedFriction
 from acqd.models.effects.scene import Scene
 
 _BEGINNINGS = (1, 2, 3)
@@ -47,7 +48,7 @@ def single_laws(axes: int) -> Iterator[tuple[str, LawColumns, int]]:
     A friction of a joint that grows with the speed of one other joint, or that begins above a speed. Beside them, a
     group with a coefficient for every other joint or every piece of the curve pays for what it does not need.
     """
-    coupled, curved = (next(law for law in TORQUE_LAWS if isinstance(law, kind)) for kind in _SINGLE)
+    coupled, curved = CoupledFriction(), CurvedFriction()
     for joint in range(1, axes + 1):
         others = [other for other in range(1, axes + 1) if other != joint]
         for number, other in enumerate(others):
@@ -56,6 +57,3 @@ def single_laws(axes: int) -> Iterator[tuple[str, LawColumns, int]]:
         for knot in _BEGINNINGS:
             name = f"a friction of joint {joint} that begins above {KNOTS[knot]:.0%} of its highest speed"
             yield name, LawColumns(curved, joint, (1 + knot,)), len(_BEGINNINGS)
-
-
-_SINGLE = (CoupledFriction, CurvedFriction)

@@ -24,6 +24,7 @@ def test_a_law_has_as_many_columns_as_it_says_and_one_quantity(law):
         along = law.along(scene, shape)
         assert along.values.shape == (len(scene.q),) and along.unit
         assert along.name and "{" not in law.label(joint)
+    assert law.summary and "{" not in law.summary
     assert law.equation and law.experiment and bool(law.c_body) == law.exported != bool(law.omitted_because)
 
 

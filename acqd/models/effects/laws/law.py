@@ -50,6 +50,12 @@ class Law(Effect):
     experiment = "record what may cause it together with the power"
     exported = False
 
+    def __init_subclass__(cls) -> None:
+        """The summary is the sentence about any joint."""
+        super().__init_subclass__()
+        if "sentence" in cls.__dict__:
+            cls.summary = cls.sentence.replace("joint {joint}", "a joint")
+
     @property
     def sized_in(self) -> str:
         """Unit of the law's size."""

@@ -26,12 +26,12 @@ class PowerOfMoving(_PowerLaw):
     """A constant power while any joint moves."""
 
     id = "power_while_moving"
-    summary = sentence = "whether the arm moves"
+    sentence = "whether the arm moves"
     equation = "P = c while any joint moves"
     per_joint = False
 
     def count(self, axes: int) -> int:
-        """One."""
+        """A single column."""
         return 1
 
     def shape_of(self, motion: MotionRange, joint: int) -> dict[str, float]:
@@ -51,7 +51,7 @@ class PowerOfAngle(_PowerLaw):
     """A power that depends on the angle of a joint."""
 
     id = "power_of_angle"
-    summary = sentence = "the angle of joint {joint}"
+    sentence = "the angle of joint {joint}"
     equation = "P = sum of c_k cos(k pi (q - q_low) / (q_high - q_low))"
 
     def count(self, axes: int) -> int:
@@ -75,7 +75,7 @@ class PowerOfSpeed(_PowerLaw):
     """A power that depends on the speed of a joint."""
 
     id = "power_of_speed"
-    summary = sentence = "the speed of joint {joint}"
+    sentence = "the speed of joint {joint}"
     equation = "P = sum of c_k exp(-((|qd| / qd_fast - s_k) / 0.08)^2)"
 
     def count(self, axes: int) -> int:
@@ -100,7 +100,7 @@ class PowerAboveLevels(_PowerLaw):
     """A power in straight pieces over the predicted power."""
 
     id = "power_of_power"
-    summary = sentence = "the power itself"
+    sentence = "the power itself"
     equation = "P = sum of c_k max(P_predicted - P_k, 0)"
     per_joint = False
 
