@@ -10,7 +10,7 @@ from acqd.discrepancy.regression.setup import Setup
 from acqd.discrepancy.selection.accepted import Tracing
 from acqd.discrepancy.selection.doubt import clear_doubts, doubted_steps, without_doubted
 from acqd.discrepancy.selection.family import likeliest_member
-from acqd.discrepancy.selection.nuisance import with_small_differences
+from acqd.discrepancy.selection.nuisance import with_small_differences, without_large_level
 from acqd.discrepancy.selection.ranking import rank_pooled
 from acqd.discrepancy.selection.stepwise import Step
 from acqd.discrepancy.selection.supply_response import with_loaded_laws
@@ -35,6 +35,8 @@ def trace(setup: Setup, limits: Limits, progress: Callable[[str], None]) -> Trac
         if named is None:
             break
         tracing.effects.append(named)
+        regression = _with_effects(tracing, base)
+        base = without_large_level(base, regression, tracing.design)
         regression = tracing.regression = _with_effects(tracing, base)
         clear_doubts(tracing)
     if without_doubted(tracing):

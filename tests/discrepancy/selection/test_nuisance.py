@@ -9,7 +9,7 @@ from acqd.discrepancy.regression.setup import Question, set_up
 from acqd.discrepancy.selection.forward_selection import Limits, trace
 from acqd.discrepancy.selection.nuisance import with_small_differences
 from tests.builders import grey, recording
-from tests.discrepancy.independent import COMMON
+from tests.discrepancy.independent import COMMON, column, extra_power
 
 MINUTES, DAYS = 30.0, 86400.0
 
@@ -38,6 +38,26 @@ def test_a_small_level_is_free_beside_a_reference_of_minutes_only(robot, level_s
 def extra_level(apart_s):
     """A level of zero is small, too."""
     return 1 if apart_s == MINUTES else 0
+
+
+def test_a_constant_load_that_an_effect_hides_is_named_once_the_effect_is(robot):
+    """The mean power of the friction and of the load cancel, so that the level looks small at first."""
+    model = grey()
+    reference = [recording(model, k, seed=1, rows=500, start_s=1e9 + MINUTES * k) for k in range(5)]
+
+    def friction(scene, random):
+        return extra_power(scene, column(scene, 1, 40.0 * scene.qd[:, 1]))
+
+    new = [recording(model, k, friction, seed=2, rows=500, start_s=1e9 + 5000) for k in range(6)]
+    plain = [recording(model, k, seed=2, rows=500, start_s=1e9 + 5000) for k in range(6)]
+    mean_W = float(np.mean([np.mean(a.P - b.P) for a, b in zip(new, plain, strict=True)]))
+    new = [replace(each, P=each.P - mean_W) for each in new]
+    only = frozenset(COMMON | {"viscous_friction"})
+    setup = set_up(Question(model, robot, new, reference, only, frozenset()), lambda _: None)
+    assert mean_W > 0.015 * setup.design.columns.dynamic_range and extra(setup) == 2  # clock and level
+    named = trace(setup, Limits(), lambda _: None).effects
+    assert [each.id for each in named] == ["viscous_friction", "offset_shift"]
+    assert float(named[1].finding.coefficients[0]) == pytest.approx(-mean_W, rel=0.2)
 
 
 def test_a_drift_of_standby_power_is_no_loss_of_the_supply(robot):
