@@ -59,11 +59,13 @@ def sentence(event: Event) -> str:
     if "reason" in details:
         return f"no proposal yet from {details['recordings']} recordings: {details['reason']}"
     named = ", ".join(f"{effect['id']} ({effect['where']})" for effect in details["effects"])
+    unnamed = f"without a name: {details['correction']['follows']}" if details["correction"] else ""
     if details["verdict"] != "effects_found":
-        perhaps = f", perhaps {named}" if named else ""
+        perhaps = f", perhaps {named}" if named else f", {unnamed}" if unnamed else ""
         return f"{details['verdict']} from {details['recordings']} recordings{perhaps}: {details['out']}/report.html"
+    also = f"; {unnamed}" if unnamed else ""
     return (
-        f"PROPOSAL from {details['recordings']} recordings: {named}; RMSE {details['before']['rmse']:.2f} -> "
+        f"PROPOSAL from {details['recordings']} recordings: {named}{also}; RMSE {details['before']['rmse']:.2f} -> "
         f"{details['after']['rmse']:.2f} W; look at {details['out']}/report.html, then use {details['out']}/model"
     )
 

@@ -28,9 +28,9 @@ def close_loop(config: CloseConfig, progress: Progress) -> Closed:
     improved = improved.with_reported([*improved.reported_only, *(each for each in effects if not each.sure)])
     floor_W, floor_source = noise_floor([*subject.fit, *subject.held_out], subject.data.step_s)
     verdict, improved, remarks = settled(subject, tracing, improved, errors_before, floor_W)
-    if verdict in ("unknown_structure", "effects_found"):
+    if tracing.unknown is not None and verdict in ("unknown_structure", "effects_found"):
         progress("correcting the model", 0.0)
-        improved, reasons = corrected(subject, tracing, improved, config.seed)
+        improved, reasons = corrected(subject, tracing, improved, floor_W, config.seed)
         remarks = [*remarks, *reasons]
     return Closed(
         subject=subject, tracing=tracing, improved=improved, before=quality(errors_before),
@@ -38,7 +38,7 @@ def close_loop(config: CloseConfig, progress: Progress) -> Closed:
         reference_rmse=rms(errors_of(subject.model, subject.reference)) if subject.reference else None,
         joints=joint_level(tracing.witness, subject.chosen), verdict=verdict, stages=stages_of(subject, tracing),
         notes=[
-            *subject.notes, *unused_efforts(subject), *doubts, *remarks, *not_added(improved),
-            *disagreements(tracing, improved), *drifted_level(tracing),
+            *subject.notes, *unused_efforts(subject), *doubts, *drifted_level(tracing), *remarks, *not_added(improved),
+            *disagreements(tracing, improved),
         ],
     )  # fmt: skip

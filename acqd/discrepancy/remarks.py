@@ -48,7 +48,7 @@ def disagreements(tracing: Tracing, improved: Improved) -> list[str]:
 
 def drifted_level(tracing: Tracing) -> list[str]:
     """A note of a level that may be drift, because the reference does not show how far standby power drifts."""
-    level_W = level_difference(tracing.regression)
+    level_W = None if tracing.unknown is not None else level_difference(tracing.regression)  # else part of the unknown
     if level_W is None or abs(level_W) < THRESHOLDS.least_share_of_range * tracing.design.columns.dynamic_range:
         return []
     size = f"a constant {abs(level_W):.2g} W {'more' if level_W > 0 else 'less'} than in the reference"

@@ -10,7 +10,7 @@ from acqd.arrays import Floats
 from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.repair.guard import Improved
 from acqd.discrepancy.repair.terms import Added
-from acqd.discrepancy.residual.residuals import about_means, errors_of, rms
+from acqd.discrepancy.residual.residuals import about_means, errors_of, explained_share, rms
 from acqd.discrepancy.selection.accepted import Tracing, Verdict
 from acqd.discrepancy.selection.hypotheses import Hypothesis
 from acqd.discrepancy.thresholds import THRESHOLDS
@@ -36,10 +36,10 @@ def settled(
     improved, unlikely = _without_unlikely(tracing, improved)
     notes += unlikely
     if improved.kept or improved.reported_only:
-        share = _share(errors_before, improved.errors, lowest_W)
+        share = explained_share(errors_before, improved.errors, lowest_W)
         # standby power drifts over minutes; beside such a drift, an effect of some seconds explains little
-        share = max(share, _share(about_means(errors_before), about_means(improved.errors), varying_W))
-        share = max(share, _share(*_where_acting(errors_before, improved.errors), lowest_W))
+        share = max(share, explained_share(about_means(errors_before), about_means(improved.errors), varying_W))
+        share = max(share, explained_share(*_where_acting(errors_before, improved.errors), lowest_W))
         if not any(library()[each.term.id].predictable for each in improved.kept):
             # their mean power is added: what they explain shows where their times are known
             share = max([share, *_shares_in_fit(subject, tracing, subject.model, improved.kept, lowest_W)])
@@ -83,12 +83,6 @@ def _by_recording(segments: list[Segment], errors: list[Floats]) -> Floats:
     names = sorted({segment.recording for segment in segments})
     pairs = list(zip(segments, errors, strict=True))
     return np.array([rms([error for segment, error in pairs if segment.recording == name]) for name in names])
-
-
-def _share(errors_before: list[Floats], errors: list[Floats], lowest_W: float) -> float:
-    """Share of the squared error above the lowest that can be reached."""
-    before, after = rms(errors_before), rms(errors)
-    return (before**2 - after**2) / max(before**2 - min(lowest_W, after) ** 2, 1e-12)
 
 
 def _where_acting(errors_before: list[Floats], errors: list[Floats]) -> tuple[list[Floats], list[Floats]]:

@@ -12,6 +12,7 @@ import numpy as np
 from acqd.arrays import Floats
 from acqd.models.augmented import Augmented, Term
 from acqd.models.effects import holdable
+from acqd.models.effects.laws import laws
 from acqd.models.predictor import Predictor
 
 _SIGNAL_UNITS = {"Vrms": "V"}
@@ -63,10 +64,12 @@ def _terms(model: Predictor) -> list[Term]:
 
 
 def parameters_of(term: Term) -> Parameters:
-    """Fitted parameters of a term. Columns in fixed proportions share one parameter."""
+    """Fitted parameters of a term. Columns in fixed proportions share one parameter, those of a law its size."""
     fitted = {name: value for name, value in term.parameters.items() if name not in term.shape}
     names, units = tuple(fitted), tuple(str(each["unit"]) for each in fitted.values())
     start = np.array([float(each["value"]) for each in fitted.values()])
+    if term.id in laws():
+        return Parameters(term, names, units, start, (term.coefficients / start[0])[:, None])
     if len(names) == len(term.coefficients):
         return Parameters(term, names, units, term.coefficients.copy(), np.eye(len(names)))
     if len(names) == 1 and start[0] != 0.0:

@@ -128,7 +128,7 @@ class Watch:
         report = as_json(config, closed)
         self._settled = closed.verdict == "effects_found"
         self._save()
-        kept = {key: report[key] for key in ("verdict", "effects", "before", "after", "next")}
+        kept = {key: report[key] for key in ("verdict", "effects", "correction", "before", "after", "next")}
         return Event("proposal", kept | {"out": str(config.out), "recordings": count})
 
     def _restore(self) -> None:

@@ -136,7 +136,9 @@ class Column:
     gate: Floats
     """[blocks] 0 or 1."""
     deviation: float = np.inf
-    """Standard deviation of a normal prior about 0."""
+    """Standard deviation of a normal prior."""
+    mean: float = 0.0
+    """Of the prior."""
     block_intercept: bool = False
     """Random intercept of a block: part of the noise, not of the prediction."""
     owner: str = ""
@@ -191,6 +193,7 @@ class Regression:
         self.places: Places = np.array([column.place for column in columns])
         self.gates: Floats = np.array([column.gate for column in columns])  # [own, blocks]
         self.precision = np.array([0.0 if np.isinf(c.deviation) else c.deviation**-2.0 for c in columns])
+        self._pull = self.precision * np.array([c.mean for c in columns])
         self._normal: tuple[Floats, Floats] | None = None  # of all blocks
         self._crossed: tuple[Places, Floats, _Cross] | None = None  # of all blocks: candidates, gate, sums
         self._latest: tuple[Floats, tuple[Floats, bool], Floats] | None = None  # weights, factor, coefficients
@@ -263,7 +266,7 @@ class Regression:
             if changed:  # what the other blocks hold was taken away, but for its rounding errors
                 A[np.diag_indices(len(A))] += _ROUNDING * np.diag(self._normal[0])
         A[np.diag_indices(len(A))] += self.precision + 1e-9 * np.maximum(np.diag(A), 1e-9)
-        return A, b
+        return A, b + self._pull
 
     def _add_normal(self, to: tuple[Floats, Floats] | None, weights: Floats) -> tuple[Floats, Floats]:
         size = len(self.columns)

@@ -121,7 +121,7 @@ def next_steps(closed: Closed) -> list[str]:
             steps.append(f"look for what has changed at: {changed_place(each)}; to confirm it: {effect.experiment}")
     if closed.verdict in ("unknown_structure", "not_identifiable") and (wander := wandering(closed)):
         steps.append(wander)
-    if closed.verdict == "unknown_structure":
+    if closed.verdict == "unknown_structure" or closed.correction is not None:
         steps.append(
             "ask what was changed in the cell, and log what may be the cause together with the power; "
             "figures below show which quantities the error follows"

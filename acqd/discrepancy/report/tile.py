@@ -72,7 +72,8 @@ def _capital(text: str) -> str:
 
 def _how_much(closed: Closed) -> list[KeyFigure]:
     if closed.named or closed.verdict != "unknown_structure":
-        return [_size(closed.subject, each) for each in closed.named[:_SHOWN_EFFECTS]]
+        sizes = [_size(closed.subject, each) for each in closed.named[:_SHOWN_EFFECTS]]
+        return sizes if closed.correction is None else [*sizes, _size_of_law(closed.correction)]
     usual = closed.floor_W if closed.reference_rmse is None else closed.reference_rmse
     excess = max(closed.before.rmse**2 - usual**2, 0.0) ** 0.5
     power = KeyFigure("power of unknown cause", f"{number(excess)} W RMS", f"with the usual {number(usual, 2)} W apart")
@@ -80,10 +81,11 @@ def _how_much(closed: Closed) -> list[KeyFigure]:
 
 
 def _size_of_law(correction: Correction) -> KeyFigure:
-    value, bounds = float(correction.size["value"]), correction.size["ci95"]
-    shown = with_error(value, (bounds[1] - bounds[0]) / 2) if bounds else number(value)
+    bounds = correction.size["ci95"]
+    interval = f"95 % interval {number(bounds[0])} to {number(bounds[1])}" if bounds else ""
     note = "less in 95 % of the time; the repaired model contains it, whatever the cause is"
-    return KeyFigure("size of the unknown", f"up to {shown} {correction.unit}", note)
+    size = f"up to {number(float(correction.size['value']))} {correction.unit}"
+    return KeyFigure("size of what has no name", size, _joined(interval, note))
 
 
 def _size(subject: Subject, each: Added) -> KeyFigure:

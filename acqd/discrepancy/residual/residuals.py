@@ -52,6 +52,12 @@ def rms(errors: list[Floats]) -> float:
     return float(np.sqrt((np.concatenate(errors) ** 2).mean()))
 
 
+def explained_share(before: list[Floats], after: list[Floats], lowest_W: float) -> float:
+    """Share of the squared error above the lowest that can be reached."""
+    was, remains = rms(before), rms(after)
+    return (was**2 - remains**2) / max(was**2 - min(lowest_W, remains) ** 2, 1e-12)
+
+
 def about_means(errors: list[Floats]) -> list[Floats]:
     """[T] W per block of at most a minute, about its mean: without the drift of the standby power."""
     blocks = [

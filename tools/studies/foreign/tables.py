@@ -32,7 +32,7 @@ def summary(results: list[Result]) -> dict[str, Any]:
     for result in results:
         groups.setdefault(_group(result), []).append(result)
     pairs = [r for r in results if kind(r) == "pair"]
-    left = [share for r in results if (share := excess_left(r)) is not None]
+    left = [share for r in results if outcome(r) == "unknown" and (share := excess_left(r)) is not None]
     covered = [hit for r in results for hit in intervals(r)]
     return {
         "cases": len(results),

@@ -1,0 +1,149 @@
+"""Coefficients, size and strength of a law without a name, beside the base model and the kept effects."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import t as student
+
+from acqd.arrays import Floats
+from acqd.discrepancy.regression.design_matrix import Design
+from acqd.discrepancy.regression.gram import Regression
+from acqd.discrepancy.regression.torque_alternatives import LawColumns
+from acqd.discrepancy.repair.correction import SIZE
+from acqd.discrepancy.repair.torque_scale import TorqueScale
+from acqd.discrepancy.selection.accepted import Tracing, Unknown
+from acqd.discrepancy.selection.ranking import Finding, rank_pooled
+from acqd.discrepancy.selection.shape_fit import at_secant_slope, columns_of
+from acqd.discrepancy.thresholds import THRESHOLDS
+from acqd.models.augmented import Term
+from acqd.models.effects.laws.law import Quantity
+from acqd.models.effects.places import Parameter, Place
+from acqd.models.effects.scene import Scene
+from acqd.models.greybox.parameters import SLIDING_UNITS
+
+_QUANTILE = 0.95
+"""Share of the rows that stay below the size of a law: single rows of a sudden stop say little."""
+_FIXED = 1e-6
+"""Relative standard deviation of a coefficient that does not change."""
+
+
+@dataclass(frozen=True, slots=True)
+class LawFit:
+    """A fitted law over the recordings in question."""
+
+    law: LawColumns
+    unit: str
+    """Nm, N or W."""
+    shape: dict[str, float]
+    coefficients: Floats
+    """[k], in the scale of the model's torques."""
+    left_out: list[Floats]
+    """[k] each: without one of the recordings."""
+    along: Quantity
+    columns: Floats
+    """[N, joints, k] Nm or W per unit coefficient, at substeps."""
+
+    def strength(self, scale: TorqueScale) -> Floats:
+        """[N] Nm, N or W of the law in true units; of the joint with the largest torque, for a law of all joints."""
+        return self._strength(self.coefficients) * scale.corrected(1.0, 0.0, self.unit)[0]
+
+    def term(self, scale: TorqueScale) -> Term:
+        """With its size and the interval of that (delete-one-recording jackknife and the error of the columns)."""
+        where = f"joint {self.law.joint}" if self.law.joint else "robot"
+        value, half = scale.corrected(self._size(self.coefficients), 0.0, self.unit)
+        interval = None
+        if len(self.left_out) >= THRESHOLDS.jackknife_fewest:
+            sizes = np.array([self._size(each) for each in self.left_out])
+            spread = float(student.ppf(0.975, len(sizes) - 1) * np.sqrt((len(sizes) - 1) * sizes.var()))
+            of_columns = THRESHOLDS.interval_width * THRESHOLDS.column_deviation * self._size(self.coefficients)
+            value, half = scale.corrected(self._size(self.coefficients), float(np.hypot(spread, of_columns)), self.unit)
+            interval = [max(value - half, 0.0), value + half]
+        parameters = {SIZE: {"value": value, "unit": self.unit, "ci95": interval}}
+        return Term(self.law.law.id, where, self.shape, self.law.columns, self.coefficients, parameters)
+
+    def _size(self, coefficients: Floats) -> float:
+        """Strength that 95 % of the rows stay below, in the model's units."""
+        return float(np.quantile(np.abs(self._strength(coefficients)), _QUANTILE))
+
+    def _strength(self, coefficients: Floats) -> Floats:
+        by_joint = self.columns @ coefficients
+        return np.asarray(by_joint[:, np.abs(by_joint).max(axis=0).argmax()])
+
+
+def fit_law(tracing: Tracing, unknown: Unknown, kept: set[tuple[str, str]]) -> LawFit | None:
+    """The law of an unknown structure at the secant slope of its torque; None where it does not act.
+
+    Effects that are `kept` (id, place) have the coefficients that they are reported with; the others are left out.
+    """
+    candidate, gate = unknown.finding.candidate, unknown.gate
+    law = candidate.law
+    assert law is not None
+    regression = _beside(tracing, kept)
+    design = replace(tracing.design, witness=None)
+    shape = law.law.shape_of(design.columns.motion, law.joint)
+    unit = _unit(design, law)
+    place = Place("", law.columns, tuple(Parameter(f"c{k + 1}", unit) for k in range(len(law.columns))))
+    columns = columns_of(design, law.law, place, gate.open)
+    design, places = design.with_columns(columns(shape))
+    own = replace(candidate, places=places)
+    design, found = at_secant_slope(design, regression, gate.open, own, columns, shape)
+    if found is None:
+        return None
+    open_ = [part for part, acts in zip(design.parts, gate.open, strict=True) if acts]
+    left_out = [
+        finding.coefficients
+        for name in sorted({part.recording for part in open_})
+        for finding in _without_recording(design, regression.on(design.blocks), gate.open, found, name)
+    ]
+    along, strength = _over_question(design, law, shape)
+    begins = {} if gate.start is None else {"begin_s": min(part.start_s for part in open_)}
+    return LawFit(law, unit, shape | begins, found.coefficients, left_out, along, strength)
+
+
+def _beside(tracing: Tracing, kept: set[tuple[str, str]]) -> Regression:
+    """The base model, and the kept effects with coefficients that do not change."""
+    fixed = {named.key for named in tracing.effects if (named.id, named.place.where) in kept}
+    others = {named.key for named in tracing.effects} - fixed
+    columns = []
+    for column, value in zip(tracing.regression.columns, tracing.regression.solve().tolist(), strict=True):
+        if column.owner in fixed:
+            columns.append(replace(column, mean=value, deviation=_FIXED * max(abs(value), _FIXED)))
+        elif column.owner not in others:
+            columns.append(column)
+    return Regression(tracing.design.blocks, columns)
+
+
+def _without_recording(
+    design: Design, regression: Regression, gate: Floats, found: Finding, name: str
+) -> list[Finding]:
+    weights = np.array([float(not part.in_question or part.recording != name) for part in design.parts])
+    return rank_pooled(design, regression, gate, [found.candidate], weights)
+
+
+def _unit(design: Design, law: LawColumns) -> str:
+    unit = law.law.sized_in
+    return SLIDING_UNITS.get(unit, unit) if law.joint - 1 in design.columns.model.layout.sliding else unit
+
+
+def _over_question(design: Design, law: LawColumns, shape: dict[str, float]) -> tuple[Quantity, Floats]:
+    """What the law depends on, and its columns [N, joints, k], over all recordings in question."""
+    quantities, columns = [], []
+    scenes = design.columns.scenes
+    for number, in_question in enumerate(scenes.in_question):
+        if in_question:
+            scene = scenes[number]
+            quantities.append(law.law.along(scene, shape))
+            columns.append(_strength_columns(scene, law, shape))
+    values = np.concatenate([each.values for each in quantities])
+    return replace(quantities[0], values=values), np.concatenate(columns)
+
+
+def _strength_columns(scene: Scene, law: LawColumns, shape: dict[str, float]) -> Floats:
+    """[N, joints, k] Nm of torque at the law's joint (of the whole robot: at every joint), or W."""
+    chosen = list(law.columns)
+    if law.law.acts_on != "torque":
+        return law.law.at(scene, shape)[:, None, chosen]
+    joints = [law.joint - 1] if law.joint else range(scene.axes)
+    return np.stack([law.law.at(scene.unit_torque(joint), shape)[:, chosen] for joint in joints], axis=1)
