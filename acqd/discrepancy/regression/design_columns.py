@@ -52,7 +52,7 @@ class Candidate:
     """Identity within a design; equal keys are the same hypothesis."""
     fitted: Variant | None = None
     """With a fitted shape, and columns as in `Effect.at`; None: a scanned shape."""
-    law: LawColumns | None = None
+    law_columns: LawColumns | None = None
     """Of an unnamed alternative that can correct a model."""
 
     @property
@@ -188,7 +188,14 @@ def _candidates(model: GreyBox, effects: list[Effect], scene: Scene, *, differen
         place += effect_rows(effect, scene).shape[1]
     unnamed = alternatives(model.axes)
     return candidates + [
-        Candidate("", group.name, place + np.array(group.columns), tried=group.tried, key=group.name, law=group.law)
+        Candidate(
+            "",
+            group.name,
+            place + np.array(group.columns),
+            tried=group.tried,
+            key=group.name,
+            law_columns=group.law_columns,
+        )
         for group in unnamed
     ]
 

@@ -32,7 +32,7 @@ class SmoothGroup:
     columns: tuple[int, ...]
     tried: int = 1
     """Groups of which only the best was looked for: the best of them pays for the choice."""
-    law: LawColumns | None = None
+    law_columns: LawColumns | None = None
     """What can correct a model; None: time or a long memory, which a prediction does not know."""
 
     def beside(self, others: tuple[int, ...]) -> SmoothGroup:
@@ -135,7 +135,7 @@ def alternatives(axes: int) -> Iterator[SmoothGroup]:
 
     def whole(law: Law, joint: int) -> SmoothGroup:
         group = LawColumns.whole(law, joint, axes)
-        return replace(take(law.label(joint), len(group.columns)), law=group)
+        return replace(take(law.label(joint), len(group.columns)), law_columns=group)
 
     yield from (whole(law, joint) for law in POWER_LAWS for joint in law.joints(axes))
     level, place = (place,), place + 1  # what follows the past at a distance looks like an offset

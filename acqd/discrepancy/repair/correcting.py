@@ -36,7 +36,7 @@ def corrected(
     if unknown is None:
         return improved, []
     what = unnamed(unknown.finding.candidate.label)
-    if unknown.finding.candidate.law is None:
+    if unknown.finding.candidate.law_columns is None:
         return improved, [f"{what} cannot be predicted from the motion: the model is not corrected"]
     reference = errors_of(subject.model, subject.reference) if subject.reference else []
     lowest_W = rms(reference) if reference else floor_W
@@ -58,7 +58,7 @@ def corrected(
     if share < THRESHOLDS.fair_share:
         return improved, [f"a correction by {what} explains only {share:.0%} of the held-out error: not added"]
     correction = Correction(
-        term=term, law=fitted.law, follows=what, along=fitted.along, strength=fitted.strength(torque_scale(subject)),
+        term=term, part=fitted.part, follows=what, along=fitted.along, strength=fitted.strength(torque_scale(subject)),
         begins=unknown.gate.start, gain=gain,
     )  # fmt: skip
     better = replace(improved, base=base, correction=correction, errors=errors)

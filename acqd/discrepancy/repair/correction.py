@@ -27,7 +27,7 @@ class Correction:
     """A law without a name in the model, and what it looks like."""
 
     term: Term
-    law: LawColumns
+    part: LawColumns
     follows: str
     """In words: "a torque that depends on the angle of joint 3"."""
     along: Quantity
@@ -53,7 +53,7 @@ class Correction:
     def looks_like(self) -> str:
         """ "a spring of 12 Nm/rad" for a torque that grows in proportion to the angle; "" for everything else."""
         angle, torque = self.along.values, self.strength
-        if not isinstance(self.law.law, AngleTorque) or angle.std() <= 0.01 * max(float(np.abs(angle).max()), 1.0):
+        if not isinstance(self.part.law, AngleTorque) or angle.std() <= 0.01 * max(float(np.abs(angle).max()), 1.0):
             return ""
         slope, _ = np.polyfit(angle, torque, 1)
         share = np.corrcoef(angle, torque)[0, 1] ** 2
@@ -64,6 +64,6 @@ class Correction:
     def as_json(self) -> dict[str, Any]:
         """For report.json."""
         return {
-            "follows": self.follows, "id": self.term.id, "where": self.term.where, "equation": self.law.law.equation,
+            "follows": self.follows, "id": self.term.id, "where": self.term.where, "equation": self.part.law.equation,
             "size": self.size, "looks_like": self.looks_like or None, "begins": self.begins, "delta_rmse": self.gain,
         }  # fmt: skip

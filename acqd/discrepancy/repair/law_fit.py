@@ -33,7 +33,7 @@ _FIXED = 1e-6
 class LawFit:
     """A fitted law over the recordings in question."""
 
-    law: LawColumns
+    part: LawColumns
     unit: str
     """Nm, N or W."""
     shape: dict[str, float]
@@ -51,17 +51,15 @@ class LawFit:
 
     def term(self, scale: TorqueScale) -> Term:
         """With its size and the interval of that (delete-one-recording jackknife and the error of the columns)."""
-        where = f"joint {self.law.joint}" if self.law.joint else "robot"
-        value, half = scale.corrected(self._size(self.coefficients), 0.0, self.unit)
-        interval = None
-        if len(self.left_out) >= THRESHOLDS.jackknife_fewest:
-            sizes = np.array([self._size(each) for each in self.left_out])
-            spread = float(student.ppf(0.975, len(sizes) - 1) * np.sqrt((len(sizes) - 1) * sizes.var()))
-            of_columns = THRESHOLDS.interval_width * THRESHOLDS.column_deviation * self._size(self.coefficients)
-            value, half = scale.corrected(self._size(self.coefficients), float(np.hypot(spread, of_columns)), self.unit)
-            interval = [max(value - half, 0.0), value + half]
+        where = f"joint {self.part.joint}" if self.part.joint else "robot"
+        size, sizes = self._size(self.coefficients), np.array([self._size(each) for each in self.left_out])
+        known = len(sizes) >= THRESHOLDS.jackknife_fewest
+        spread = float(student.ppf(0.975, len(sizes) - 1) * np.sqrt((len(sizes) - 1) * sizes.var())) if known else 0.0
+        of_columns = THRESHOLDS.interval_width * THRESHOLDS.column_deviation * size
+        value, half = scale.corrected(size, float(np.hypot(spread, of_columns)), self.unit)
+        interval = [max(value - half, 0.0), value + half] if known else None
         parameters = {SIZE: {"value": value, "unit": self.unit, "ci95": interval}}
-        return Term(self.law.law.id, where, self.shape, self.law.columns, self.coefficients, parameters)
+        return Term(self.part.law.id, where, self.shape, self.part.columns, self.coefficients, parameters)
 
     def _size(self, coefficients: Floats) -> float:
         """Strength that 95 % of the rows stay below, in the model's units."""
@@ -78,28 +76,27 @@ def fit_law(tracing: Tracing, unknown: Unknown, kept: set[tuple[str, str]]) -> L
     Effects that are `kept` (id, place) have the coefficients that they are reported with; the others are left out.
     """
     candidate, gate = unknown.finding.candidate, unknown.gate
-    law = candidate.law
-    assert law is not None
+    part = candidate.law_columns
+    assert part is not None
     regression = _beside(tracing, kept)
     design = replace(tracing.design, witness=None)
-    shape = law.law.shape_of(design.columns.motion, law.joint)
-    unit = _unit(design, law)
-    place = Place("", law.columns, tuple(Parameter(f"c{k + 1}", unit) for k in range(len(law.columns))))
-    columns = columns_of(design, law.law, place, gate.open)
+    shape = part.law.shape_of(design.columns.motion, part.joint)
+    unit = _unit(design, part)
+    place = Place("", part.columns, tuple(Parameter(f"c{k + 1}", unit) for k in range(len(part.columns))))
+    columns = columns_of(design, part.law, place, gate.open)
     design, places = design.with_columns(columns(shape))
     own = replace(candidate, places=places)
     design, found = at_secant_slope(design, regression, gate.open, own, columns, shape)
     if found is None:
         return None
-    open_ = [part for part, acts in zip(design.parts, gate.open, strict=True) if acts]
+    open_ = [each for each, acts in zip(design.parts, gate.open, strict=True) if acts]
     left_out = [
         finding.coefficients
-        for name in sorted({part.recording for part in open_})
+        for name in sorted({each.recording for each in open_})
         for finding in _without_recording(design, regression.on(design.blocks), gate.open, found, name)
     ]
-    along, strength = _over_question(design, law, shape)
-    begins = {} if gate.start is None else {"begin_s": min(part.start_s for part in open_)}
-    return LawFit(law, unit, shape | begins, found.coefficients, left_out, along, strength)
+    begins = {} if gate.start is None else {"begin_s": min(each.start_s for each in open_)}
+    return LawFit(part, unit, shape | begins, found.coefficients, left_out, *_over_question(design, part, shape))
 
 
 def _beside(tracing: Tracing, kept: set[tuple[str, str]]) -> Regression:
@@ -118,32 +115,32 @@ def _beside(tracing: Tracing, kept: set[tuple[str, str]]) -> Regression:
 def _without_recording(
     design: Design, regression: Regression, gate: Floats, found: Finding, name: str
 ) -> list[Finding]:
-    weights = np.array([float(not part.in_question or part.recording != name) for part in design.parts])
+    weights = np.array([float(not block.in_question or block.recording != name) for block in design.parts])
     return rank_pooled(design, regression, gate, [found.candidate], weights)
 
 
-def _unit(design: Design, law: LawColumns) -> str:
-    unit = law.law.sized_in
-    return SLIDING_UNITS.get(unit, unit) if law.joint - 1 in design.columns.model.layout.sliding else unit
+def _unit(design: Design, part: LawColumns) -> str:
+    unit = part.law.sized_in
+    return SLIDING_UNITS.get(unit, unit) if part.joint - 1 in design.columns.model.layout.sliding else unit
 
 
-def _over_question(design: Design, law: LawColumns, shape: dict[str, float]) -> tuple[Quantity, Floats]:
+def _over_question(design: Design, part: LawColumns, shape: dict[str, float]) -> tuple[Quantity, Floats]:
     """What the law depends on, and its columns [N, joints, k], over all recordings in question."""
     quantities, columns = [], []
     scenes = design.columns.scenes
     for number, in_question in enumerate(scenes.in_question):
         if in_question:
             scene = scenes[number]
-            quantities.append(law.law.along(scene, shape))
-            columns.append(_strength_columns(scene, law, shape))
+            quantities.append(part.law.along(scene, shape))
+            columns.append(_strength_columns(scene, part, shape))
     values = np.concatenate([each.values for each in quantities])
     return replace(quantities[0], values=values), np.concatenate(columns)
 
 
-def _strength_columns(scene: Scene, law: LawColumns, shape: dict[str, float]) -> Floats:
+def _strength_columns(scene: Scene, part: LawColumns, shape: dict[str, float]) -> Floats:
     """[N, joints, k] Nm of torque at the law's joint (of the whole robot: at every joint), or W."""
-    chosen = list(law.columns)
-    if law.law.acts_on != "torque":
-        return law.law.at(scene, shape)[:, None, chosen]
-    joints = [law.joint - 1] if law.joint else range(scene.axes)
-    return np.stack([law.law.at(scene.unit_torque(joint), shape)[:, chosen] for joint in joints], axis=1)
+    chosen = list(part.columns)
+    if part.law.acts_on != "torque":
+        return part.law.at(scene, shape)[:, None, chosen]
+    joints = [part.joint - 1] if part.joint else range(scene.axes)
+    return np.stack([part.law.at(scene.unit_torque(joint), shape)[:, chosen] for joint in joints], axis=1)

@@ -124,12 +124,14 @@ def _effect(page: Page, closed: Closed, each: Added, index: int) -> None:
 
 def _correction(page: Page, correction: Correction) -> None:
     page.heading("Correction without a name")
-    looks = f"looks like {correction.looks_like}" if correction.looks_like else "is part of the repaired model"
+    since = f", since {correction.begins}" if correction.begins else ""
+    looks = f", like {correction.looks_like}," if correction.looks_like else ""
     page.text(
-        f"{_sentence(correction.follows)[:-1]} {looks}. It predicts the power of these recordings and does not say "
-        f"what causes it. Without the correction, the held-out RMSE is {number(correction.gain)} W higher."
+        f"{_sentence(correction.follows)[:-1]}{looks} is part of the repaired model{since}. The correction predicts "
+        f"power and does not say what causes it. Without the correction, the held-out RMSE is "
+        f"{number(correction.gain)} W higher."
     )
-    page.figure(figures.law(correction), "What was fitted, in all rows in question.")
+    page.figure(figures.law(correction), "The law as fitted, in the rows in question.")
     with page.folded("Size and equation"):
         size = correction.size
         bounds = f"{number(size['ci95'][0])} to {number(size['ci95'][1])}" if size["ci95"] else "no interval"
@@ -137,7 +139,7 @@ def _correction(page: Page, correction: Correction) -> None:
             ["", "value", "unit", "95 % interval"],
             [["not exceeded in 95 % of the time", number(size["value"]), size["unit"], bounds]],
         )
-        page.text(f"Equation: {correction.law.law.equation}.")
+        page.text(f"Equation: {correction.part.law.equation}.")
 
 
 def _parameters(each: Added) -> list[list[str]]:
