@@ -11,6 +11,7 @@ from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.repair.guard import Improved
 from acqd.discrepancy.repair.terms import Added
 from acqd.discrepancy.residual.residuals import about_means, errors_of, explained_share, rms
+from acqd.discrepancy.residual.usual_error import UsualError
 from acqd.discrepancy.selection.accepted import Tracing, Verdict
 from acqd.discrepancy.selection.hypotheses import Hypothesis
 from acqd.discrepancy.thresholds import THRESHOLDS
@@ -20,7 +21,7 @@ from acqd.models.segments import Segment
 
 
 def settled(
-    subject: Subject, tracing: Tracing, improved: Improved, errors_before: list[Floats], floor_W: float
+    subject: Subject, tracing: Tracing, improved: Improved, errors_before: list[Floats], usual: UsualError
 ) -> tuple[Verdict, Improved, list[str]]:
     """The verdict, the model that it permits, and notes.
 
@@ -29,16 +30,14 @@ def settled(
     reference, where the model misses as much. Nothing is left only where the error has not grown beyond that of the
     reference.
     """
-    errors_of_reference = errors_of(subject.model, subject.reference) if subject.reference else []
-    lowest_W = rms(errors_of_reference) if errors_of_reference else floor_W
-    varying_W = rms(about_means(errors_of_reference)) if errors_of_reference else floor_W
+    lowest_W = usual.lowest_W
     improved, notes = _without_traces(subject, tracing, improved, lowest_W)
     improved, unlikely = _without_unlikely(tracing, improved)
     notes += unlikely
     if improved.kept or improved.reported_only:
         share = explained_share(errors_before, improved.errors, lowest_W)
         # standby power drifts over minutes; beside such a drift, an effect of some seconds explains little
-        share = max(share, explained_share(about_means(errors_before), about_means(improved.errors), varying_W))
+        share = max(share, explained_share(about_means(errors_before), about_means(improved.errors), usual.varying_W))
         share = max(share, explained_share(*_where_acting(errors_before, improved.errors), lowest_W))
         if not any(library()[each.term.id].predictable for each in improved.kept):
             # their mean power is added: what they explain shows where their times are known
@@ -54,12 +53,12 @@ def settled(
     if unlikely and tracing.unknown is None:
         return "not_identifiable", improved, notes
     sizes = f"{rms(errors_before):.2f} W RMS, {lowest_W:.2f} W in the reference"
-    if tracing.unknown is not None and errors_of_reference and rms(errors_before) <= lowest_W:
+    if tracing.unknown is not None and not usual.exceeded_by(errors_before):
         remark = f"what follows an unnamed cause is in an error that has not grown ({sizes}): no finding"
         return "not_identifiable", improved, [*notes, remark]
     if tracing.unknown is not None:
         return "unknown_structure", improved, notes
-    if grown(subject.held_out, errors_before, subject.reference, errors_of_reference):
+    if grown(subject.held_out, errors_before, subject.reference, usual.reference):
         return (
             "not_identifiable",
             improved,

@@ -12,6 +12,7 @@ from acqd.discrepancy.repair.guard import Improved
 from acqd.discrepancy.repair.terms import added
 from acqd.discrepancy.repair.torque_scale import TorqueScale
 from acqd.discrepancy.residual.residuals import errors_of
+from acqd.discrepancy.residual.usual_error import UsualError
 from acqd.discrepancy.selection.accepted import Tracing, Unknown
 from acqd.discrepancy.verdict import grown, settled
 from tests.builders import grey, recording
@@ -47,7 +48,7 @@ def test_an_unnamed_cause_is_a_finding_only_where_the_residual_has_grown(now_W, 
     errors = errors_of(model, new)
     improved = Improved(model, kept=[], reported_only=[], refused=[], gains=[], errors=errors)
     tracing = Tracing(design=None, regression=None, unknown=Unknown(None, None))
-    said, _, notes = settled(subject, tracing, improved, errors, 0.5)
+    said, _, notes = settled(subject, tracing, improved, errors, UsualError.of(subject, 0.5))
     assert said == verdict and ("has not grown" in " ".join(notes)) == (said == "not_identifiable")
 
 
@@ -62,12 +63,12 @@ def test_an_effect_of_too_little_confidence_is_a_hypothesis(model, robot):
     said = {}
     for each in (likely, unlikely):
         improved = Improved(model, kept=[], reported_only=[each], refused=[], gains=[], errors=errors)
-        said[each.sure] = settled(subject, tracing, improved, errors, 0.5)
+        said[each.sure] = settled(subject, tracing, improved, errors, UsualError.of(subject, 0.5))
     assert said[True][0] == "effects_found" and said[True][1].reported_only == [likely]
     assert said[False][0] == "not_identifiable" and not said[False][1].reported_only
     tracing.unknown = Unknown(None, None)
     useless = Improved(model, kept=[likely], reported_only=[], refused=[], gains=[0.0], errors=errors)
-    verdict, improved, _ = settled(subject, tracing, useless, errors, 0.5)
+    verdict, improved, _ = settled(subject, tracing, useless, errors, UsualError.of(subject, 0.5))
     assert verdict == "unknown_structure" and not improved.kept and not improved.reported_only
     assert "(joint 2) has a confidence of 43%, less than 85%: no finding" in " ".join(said[False][2])
     assert tracing.hypotheses[0].missing == ["a confidence of 85% (the effect has 43%)"]
@@ -88,7 +89,7 @@ def test_a_load_at_times_that_nobody_predicts_counts_by_what_it_explains_at_its_
         each = replace(each, term=replace(each.term, id=name))
         tracing.effects = [replace(named, finding=finding)]
         improved = Improved(model, [each], [], [], [0.1], [0.99 * error for error in errors])
-        verdicts[name] = settled(subject, tracing, improved, errors, 0.5)[0]
+        verdicts[name] = settled(subject, tracing, improved, errors, UsualError.of(subject, 0.5))[0]
         tracing.effects = [named]
     assert verdicts == {"coulomb_friction": "not_identifiable", "contact_force": "effects_found"}
 
@@ -106,7 +107,7 @@ def test_a_surge_of_some_rows_is_found_beside_a_wander_that_it_does_not_explain(
         surge = [np.where(np.arange(len(error)) < 8, power_W, 0.0) for error in wander]
         before = [error + own for error, own in zip(wander, surge, strict=True)]
         improved = Improved(model, [each], [], [], [0.1], wander)
-        verdicts[power_W] = settled(subject, tracing, improved, before, 0.5)[0]
+        verdicts[power_W] = settled(subject, tracing, improved, before, UsualError.of(subject, 0.5))[0]
     assert verdicts == {0.5: "not_identifiable", 60.0: "effects_found"}
 
 

@@ -17,6 +17,7 @@ from acqd.discrepancy.repair.refit import groups_of, refitted_to_rest
 from acqd.discrepancy.repair.terms import scaled
 from acqd.discrepancy.repair.torque_scale import torque_scale
 from acqd.discrepancy.residual.residuals import about_means, errors_of, explained_share, rms
+from acqd.discrepancy.residual.usual_error import UsualError
 from acqd.discrepancy.selection.accepted import Tracing
 from acqd.discrepancy.selection.hypotheses import unnamed
 from acqd.discrepancy.thresholds import THRESHOLDS
@@ -25,7 +26,7 @@ from acqd.models.predictor import Predictor
 
 
 def corrected(
-    subject: Subject, tracing: Tracing, improved: Improved, floor_W: float, seed: int
+    subject: Subject, tracing: Tracing, improved: Improved, usual: UsualError, seed: int
 ) -> tuple[Improved, list[str]]:
     """The model with the law that its error follows, and notes if it is left out.
 
@@ -38,19 +39,16 @@ def corrected(
     what = unnamed(unknown.finding.candidate.label)
     if unknown.finding.candidate.law_columns is None:
         return improved, [f"{what} cannot be predicted from the motion: the model is not corrected"]
-    reference = errors_of(subject.model, subject.reference) if subject.reference else []
-    lowest_W = rms(reference) if reference else floor_W
-    if rms(improved.errors) <= lowest_W:
+    if not usual.exceeded_by(improved.errors):
         return improved, [f"{what} is in an error that has not grown: the model is not corrected"]
     fitted = fit_law(tracing, unknown, {(each.term.id, each.term.where) for each in improved.kept})
     if fitted is None:
         return improved, [f"{what} has no size beside the model's own parameters: the model is not corrected"]
     base, term = _with_law(subject, improved, fitted.term(torque_scale(subject)), seed)
     errors = errors_of(Augmented.of(base, subject.carrier, [*improved.terms, term]), subject.held_out)
-    varying_W = rms(about_means(reference)) if reference else floor_W
     share = max(
-        explained_share(improved.errors, errors, lowest_W),
-        explained_share(about_means(improved.errors), about_means(errors), varying_W),
+        explained_share(improved.errors, errors, usual.lowest_W),
+        explained_share(about_means(improved.errors), about_means(errors), usual.varying_W),
     )
     gain = rms(improved.errors) - rms(errors)
     if gain <= 0:

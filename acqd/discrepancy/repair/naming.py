@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.repair.terms import Added, added, clock_term
@@ -21,6 +22,21 @@ def named_effects(
         progress(f"confidence of {named.id}", 0.0)
         effects.append(added(tracing, named, scale, seed))
     return without_doubtful(effects, tracing)
+
+
+def without_unproven(effects: list[Added], tracing: Tracing) -> tuple[list[Added], list[str]]:
+    """For an error that has not grown beyond the reference's: effects with a size for certain, and notes of the others.
+
+    Of recordings that the model predicts as well as before, some fit a small effect better by chance.
+    """
+    unproven = [each for each in effects if each.may_be_nothing]
+    needed = ["an error that has grown, or a size whose 95 % interval excludes zero"]
+    tracing.hypotheses = [*(replace(each.as_hypothesis(), missing=needed) for each in unproven), *tracing.hypotheses]
+    notes = [
+        f"{each.term.id} ({each.term.where}) may be zero, in an error that has not grown: no finding"
+        for each in unproven
+    ]
+    return [each for each in effects if not each.may_be_nothing], notes
 
 
 def without_doubtful(effects: list[Added], tracing: Tracing) -> tuple[list[Added], list[str]]:

@@ -59,6 +59,12 @@ class Added:
         return self.evidence is None or self.family_confidence >= THRESHOLDS.least_confidence
 
     @property
+    def may_be_nothing(self) -> bool:
+        """Whether all intervals of an effect hold zero; never for what shifts of whole recordings show."""
+        intervals = [each["ci95"] for each in self.term.parameters.values() if each["ci95"] is not None]
+        return self.evidence is not None and bool(intervals) and all(low <= 0.0 <= high for low, high in intervals)
+
+    @property
     def key(self) -> str:
         """Identity within a report: an effect is added once at a place, or once from shifts of whole recordings."""
         return f"{self.term.id} {self.term.where}{' (whole recordings)' if self.evidence is None else ''}"

@@ -13,6 +13,7 @@ from acqd.discrepancy.repair.guard import Improved, improve
 from acqd.discrepancy.repair.terms import added
 from acqd.discrepancy.repair.torque_scale import TorqueScale
 from acqd.discrepancy.residual.residuals import errors_of, rms
+from acqd.discrepancy.residual.usual_error import UsualError
 from acqd.discrepancy.selection.accepted import Unknown
 from acqd.discrepancy.selection.ranking import Finding
 from acqd.models.augmented import Augmented, Term
@@ -58,7 +59,7 @@ def sprung(robot):
 def correct(subject, tracing):
     errors = errors_of(subject.model, subject.held_out)
     improved = Improved(subject.model, kept=[], reported_only=[], refused=[], gains=[], errors=errors)
-    return corrected(subject, tracing, improved, 0.5, 1)
+    return corrected(subject, tracing, improved, UsualError.of(subject, 0.5), 1)
 
 
 def test_an_unknown_spring_is_measured_and_corrected(sprung):
@@ -140,7 +141,7 @@ def test_a_law_is_corrected_beside_a_named_effect(robot):
     )
     friction = added(tracing, tracing.effects[0], TorqueScale(1.0, 0.0), 1)
     improved = improve(subject, [friction], errors_of(model, held_out), 1)
-    better, notes = corrected(subject, tracing, improved, 0.5, 1)
+    better, notes = corrected(subject, tracing, improved, UsualError.of(subject, 0.5), 1)
     assert not notes and better.correction.follows == "a torque that depends on the angle of joint 3"
     assert [term.id for term in better.terms] == ["coulomb_friction", "torque_of_angle"]
     assert rms(better.errors) < 1.5 * rms(errors_of(model, reference)) < 0.5 * rms(improved.errors)

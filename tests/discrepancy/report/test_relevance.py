@@ -46,7 +46,7 @@ def test_what_has_no_usual_value_says_nothing(subject):
 
 
 def closed(subject, before, after, kept=True):
-    return SimpleNamespace(subject=subject, kept=[1] if kept else [], errors_before=before, errors_after=after)
+    return SimpleNamespace(subject=subject, extended=kept, errors_before=before, errors_after=after)
 
 
 def test_the_power_on_average_becomes_energy_per_day(subject):
