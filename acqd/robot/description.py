@@ -90,6 +90,8 @@ class RobotDescription(Section):
     sources: list[str]
     mass_deviation: Annotated[float, Field(gt=0, lt=1)] = Field(default=0.2)
     """Relative standard deviation of the first moment of each link; published sets of one robot differ by so much."""
+    drive_deviation: Annotated[float, Field(gt=0, lt=1)] = Field(default=0.1)
+    """Relative standard deviation of mains power per joint torque and speed: the drives' gains and the supply's."""
     ignore_pairs: list[Annotated[tuple[int, int], ARRAY]] = Field(default=[])
     """Pairs of links (0: base) whose capsules touch by construction."""
     base: Base

@@ -2,8 +2,8 @@
 
 Power alone fixes the product of torque and gain. A model of torques that are 10 % too small explains a payload of
 2 kg by 1.8 kg. The described link masses tell the scale, where no torque sensor does: by the slope of the model's
-rigid-body torque on the described one, with the nominal drives as a prior. How far they can be trusted is in the
-robot's description (`mass_deviation`).
+rigid-body torque on the described one, with the nominal drives as a prior. How far both can be trusted is in the
+robot's description (`mass_deviation`, `drive_deviation`).
 """
 
 from __future__ import annotations
@@ -55,13 +55,14 @@ def torque_scale(subject: Subject) -> TorqueScale:
         torques = joint_torques(model.chain, arms, *segment.motion(subject.data.step_s))
         products += np.einsum("nta,ta->n", torques, torques[1])
     slope, _, *shares = (products / max(products[1], 1e-9)).tolist()
-    return _combined(slope, subject.robot.mass_deviation * float(np.hypot.reduce(shares)))
+    deviation = subject.robot.mass_deviation * float(np.hypot.reduce(shares))
+    return _combined(slope, deviation, subject.robot.drive_deviation)
 
 
-def _combined(slope: float, deviation: float) -> TorqueScale:
+def _combined(slope: float, deviation: float, drive_deviation: float) -> TorqueScale:
     """Two measurements of one scale, by their precisions: `slope` on the described torques, and 1 by the drives.
 
     Errors of the described masses are independent from link to link, so that `deviation` is less than that of a link.
     """
-    weights = np.array([deviation, THRESHOLDS.drive_scale_deviation]) ** -2.0
+    weights = np.array([deviation, drive_deviation]) ** -2.0
     return TorqueScale(float(np.average([slope, 1.0], weights=weights)), float(weights.sum() ** -0.5))

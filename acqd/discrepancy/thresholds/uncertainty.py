@@ -25,13 +25,6 @@ class UncertaintyThresholds:
         1.96, "standard errors", "uncertainty", "convention", "half width of a 95 % interval"
     )
     jackknife_fewest: int = threshold(3, "recordings", "uncertainty", "choice", "fewest recordings for a jackknife")
-    drive_scale_deviation: float = threshold(
-        0.10,
-        "-",
-        "uncertainty",
-        "choice",
-        "relative standard deviation of nominal drive gains and of the supply's gain",
-    )
     sensor_scale_deviation: float = threshold(
         0.02, "-", "uncertainty", "physics", "relative standard deviation of a torque sensor's scale"
     )

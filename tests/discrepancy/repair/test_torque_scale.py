@@ -7,7 +7,6 @@ import pytest
 
 from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.repair.torque_scale import torque_scale
-from acqd.discrepancy.thresholds import THRESHOLDS
 from tests.builders import STEP, recording
 
 
@@ -36,7 +35,12 @@ def test_the_scale_lies_between_the_described_masses_and_the_nominal_drives(mode
 def test_masses_that_err_independently_leave_less_uncertainty_than_one_of_them(model, robot):
     sure, unsure = (scale_of(model, robot, mass_deviation=share).deviation for share in (0.02, 0.2))
     assert 0.2 * 0.02 < sure < 0.02
-    assert sure < unsure < THRESHOLDS.drive_scale_deviation
+    assert sure < unsure < robot.drive_deviation
+
+
+def test_well_known_drives_leave_less_uncertainty(model, robot):
+    usual, identified = (scale_of(model, robot, drive_deviation=share) for share in (0.1, 0.03))
+    assert identified.deviation < 0.03 < usual.deviation < 0.1
 
 
 def test_torque_sensors_need_no_masses(model, robot):
