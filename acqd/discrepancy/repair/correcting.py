@@ -57,7 +57,7 @@ def corrected(
         return improved, [f"a correction by {what} explains only {share:.0%} of the held-out error: not added"]
     correction = Correction(
         term=term, part=fitted.part, follows=what, along=fitted.along, strength=fitted.strength(torque_scale(subject)),
-        begins=unknown.gate.start, gain=gain,
+        recordings=fitted.recordings, begins=unknown.gate.start, gain=gain,
     )  # fmt: skip
     better = replace(improved, base=base, correction=correction, errors=errors)
     return replace(better, gains=_gains(subject, better)), []

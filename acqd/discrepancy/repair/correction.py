@@ -34,6 +34,8 @@ class Correction:
     """The quantity that the law depends on most, at substeps of the recordings in question."""
     strength: Floats
     """[N] Nm (or N, or W) of the law there, in true units."""
+    recordings: int
+    """Number of recordings in which the law acts."""
     begins: str | None
     """First recording with the law; None: all recordings have it."""
     gain: float

@@ -39,6 +39,8 @@ class LawFit:
     shape: dict[str, float]
     coefficients: Floats
     """[k], in the scale of the model's torques."""
+    recordings: int
+    """In which the law acts."""
     left_out: list[Floats]
     """[k] each: without one of the recordings."""
     along: Quantity
@@ -90,13 +92,15 @@ def fit_law(tracing: Tracing, unknown: Unknown, kept: set[tuple[str, str]]) -> L
     if found is None:
         return None
     open_ = [each for each, acts in zip(design.parts, gate.open, strict=True) if acts]
+    names = sorted({each.recording for each in open_})
     left_out = [
         finding.coefficients
-        for name in sorted({each.recording for each in open_})
+        for name in names
         for finding in _without_recording(design, regression.on(design.blocks), gate.open, found, name)
     ]
     begins = {} if gate.start is None else {"begin_s": min(each.start_s for each in open_)}
-    return LawFit(part, unit, shape | begins, found.coefficients, left_out, *_over_question(design, part, shape))
+    seen = _over_question(design, part, shape)
+    return LawFit(part, unit, shape | begins, found.coefficients, len(names), left_out, *seen)
 
 
 def _beside(tracing: Tracing, kept: set[tuple[str, str]]) -> Regression:

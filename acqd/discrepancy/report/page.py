@@ -134,7 +134,8 @@ def _correction(page: Page, correction: Correction) -> None:
     page.figure(figures.law(correction), "The law as fitted, in the rows in question.")
     with page.folded("Size and equation"):
         size = correction.size
-        bounds = f"{number(size['ci95'][0])} to {number(size['ci95'][1])}" if size["ci95"] else "no interval"
+        low_high = size["ci95"]
+        bounds = interval_of((low_high[0], low_high[1]), correction.recordings) if low_high else "no interval"
         page.table(
             ["", "value", "unit", "95 % interval"],
             [["not exceeded in 95 % of the time", number(size["value"]), size["unit"], bounds]],
