@@ -58,6 +58,7 @@ def _select(config: CloseConfig, subject: Subject, progress: Progress) -> Tracin
     question = Question(
         model=subject.carrier, robot=subject.robot, in_question=subject.fit, reference=subject.reference,
         chosen=subject.chosen, withheld=subject.withheld,
+        begins_s=min(segment.start_s for segment in [*subject.fit, *subject.held_out]),
     )  # fmt: skip
     setup = set_up(question, lambda share: progress(what, share))
     return trace(setup, Limits(config.max_effects, config.seed), lambda text: progress(text, 0.0))

@@ -138,14 +138,16 @@ def design_columns(
     chosen: frozenset[str],
     withheld: frozenset[str],
     progress: Callable[[float], None],
+    begins_s: float | None = None,
 ) -> DesignColumns:
     """Columns of the base model, of the chosen effects and of all alternatives.
 
-    `segments`: with whether they are in question; `withheld`: groups of parameters that the model was denied.
+    `segments`: with whether they are in question; `withheld`: groups of parameters that the model was denied;
+    `begins_s`: UTC of the start of the session in question, where its first recordings are held out.
     """
     scenes = Scenes(model, segments)
     ranges, effects = _surveyed(scenes, [effect for name, effect in library().items() if name in chosen])
-    _remember_common(scenes, effects)
+    _remember_common(scenes, effects, begins_s)
     values: list[NDArray[np.float32]] = []
     residual: list[Floats] = []
     for number, (scene, side) in enumerate(zip(scenes, scenes.in_question, strict=True)):
@@ -209,11 +211,12 @@ def _surveyed(scenes: Scenes, effects: list[Effect]) -> tuple[Ranges, list[Effec
     return Ranges.of(surveys, scenes.in_question), effects
 
 
-def _remember_common(scenes: Scenes, effects: list[Effect]) -> None:
+def _remember_common(scenes: Scenes, effects: list[Effect], begins_s: float | None) -> None:
     """What is the same in all scenes: fixed shapes, and the start of a side's session for effects of the clock."""
     for side in (True, False):
         own = [k for k, question in enumerate(scenes.in_question) if question == side]
-        origin = min((scenes.segments[k].start_s for k in own), default=0.0)
+        starts = [scenes.segments[k].start_s for k in own] + ([begins_s] if side and begins_s is not None else [])
+        origin = min(starts, default=0.0)
         for k in own:
             scenes.remember(k, {"origin_s": origin})
     for effect in effects:

@@ -42,6 +42,8 @@ class Question:
     """Ids of effects that compete."""
     withheld: frozenset[str]
     """Groups of the model's parameters that are held at zero."""
+    begins_s: float | None = None
+    """UTC of the start of the session in question, held-out recordings included; None: of its first recording here."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +60,9 @@ def set_up(question: Question, progress: Callable[[float], None]) -> Setup:
     """With a reference, structural effects are free on both sides, and only a difference can be selected."""
     arm = Arm(question.robot)
     segments = [(each, False) for each in question.reference] + [(each, True) for each in question.in_question]
-    columns = design_columns(question.model, arm, segments, question.chosen, question.withheld, progress)
+    columns = design_columns(
+        question.model, arm, segments, question.chosen, question.withheld, progress, question.begins_s
+    )
     columns = columns.with_withheld(question.withheld)
     base = _base(columns, arm, question)
     everywhere = np.ones(len(columns.parts))

@@ -94,7 +94,8 @@ def added(tracing: Tracing, named: Named, scale: TorqueScale, seed: int) -> Adde
     shape = dict(named.shape)
     parts = tracing.design.parts
     if library()[named.id].follows_clock:
-        shape["origin_s"] = min(part.start_s for part in parts if part.in_question)
+        scenes = tracing.design.columns.scenes
+        shape["origin_s"] = scenes[scenes.in_question.index(True)].memory["origin_s"]
     open_ = [part for part, own in zip(parts, named.gate.open, strict=True) if own]
     if named.gate.start is not None:
         shape["begin_s"] = min(part.start_s for part in open_)  # the key that bundles have

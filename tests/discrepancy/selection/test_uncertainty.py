@@ -6,13 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from acqd.discrepancy.regression.setup import Question, set_up
 from acqd.discrepancy.repair.naming import without_doubtful
 from acqd.discrepancy.repair.terms import added, doubt_about
 from acqd.discrepancy.repair.torque_scale import TorqueScale
+from acqd.discrepancy.selection.forward_selection import Limits, trace
 from acqd.discrepancy.selection.hypotheses import unnamed
 from acqd.discrepancy.selection.shape_interval import fit_at
 from acqd.discrepancy.selection.uncertainty import confidence, intervals
 from acqd.models.greybox.model import direction
+from tests.builders import grey, recording
 from tests.discrepancy.independent import COMMON, INDEPENDENT, added_payload, column, extra_power, traced
 
 
@@ -97,3 +100,22 @@ def test_the_size_of_a_load_that_switches_is_not_attenuated_by_wrong_edges(model
     column = fit_at(tracing.design, tracing.regression.without(named.key), named.finding.candidate, named.gate.open,
                     np.ones(len(design.parts)))[1]  # fmt: skip
     assert column.coefficients[0] < 0.85 * 7.0
+
+
+def test_a_cold_coefficient_is_that_of_the_start_of_the_session_also_where_its_first_recordings_are_held_out(robot):
+    """Friction that dies out with 2.5 min, asked without the session's first 2 min."""
+    model, begins_s = grey(), 1e9 + 5000
+
+    def cold(scene, random):
+        return extra_power(scene, column(scene, 0, 60 * scene.qd[:, 0] * np.exp(-(scene.t - begins_s) / 150)))
+
+    reference = [recording(model, k, seed=1) for k in range(6)]
+    new = [recording(model, k, cold, seed=2, start_s=begins_s) for k in range(2, 8)]
+    only = frozenset(COMMON | {"thermal_friction", "viscous_friction"})
+    question = Question(model, robot, new, reference, only, frozenset(), begins_s)
+    tracing = trace(set_up(question, lambda _: None), Limits(), lambda _: None)
+    assert tracing.effects[0].id == "thermal_friction"
+    term = added(tracing, tracing.effects[0], TorqueScale(1.0, 0.0), 1).term
+    assert term.shape["origin_s"] == begins_s
+    low, high = term.parameters["cold coefficient"]["ci95"]
+    assert low < 60 < high and high < 80

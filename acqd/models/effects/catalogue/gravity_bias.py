@@ -30,6 +30,7 @@ class GravityBias(Effect):
     experiment = "hold ten postures for ten seconds each, and move each joint alone through the vertical"
     acts_on = "torque"
     at_link = True
+    simplification = 0.15  # the mass sits 3 cm beside the described centre of mass, whose lever is about 20 cm
     c_body = """
     for (int link = 1; link < AXES; link++) {
         lanes_t weight[AXES];
