@@ -62,8 +62,8 @@ def _function(name: str, effect: Effect, own: Parameters, first: int, carrier: G
 
 
 def _width(own: Parameters, carrier: GreyBox) -> int:
-    """Columns that a C body may index: at most three per joint, or the intervals of an event."""
-    return max(3 * carrier.axes, 8, 1 + max(own.term.columns))
+    """Columns that a C body may index: at most four per joint, or the intervals of an event."""
+    return max(4 * carrier.axes, 8, 1 + max(own.term.columns))
 
 
 def _coefficients(own: Parameters, first: int) -> list[tuple[int, str]]:

@@ -117,11 +117,22 @@ INDEPENDENT = {
 
 
 def gravity_torque_of_link(q, link, kg):
+    return gravity_torque(Arm(with_heavier_link(link, kg)), q) - gravity_torque(Arm(load_description("ur10e")), q)
+
+
+def mass_torque_of_link(scene, link, kg):
+    """Nm of a point mass at the centre of mass of a link, with its inertia."""
+    arms = Arm(with_heavier_link(link, kg)), Arm(load_description("ur10e"))
+    more, usual = (inverse_dynamics(arm, scene.q, scene.qd, scene.qdd) for arm in arms)
+    return more - usual
+
+
+def with_heavier_link(link, kg):
     robot = load_description("ur10e")
     joints = list(robot.joint)
     heavier = joints[link].link.model_copy(update={"mass": joints[link].link.mass + kg})
     joints[link] = joints[link].model_copy(update={"link": heavier})
-    return gravity_torque(Arm(robot.model_copy(update={"joint": joints})), q) - gravity_torque(Arm(robot), q)
+    return robot.model_copy(update={"joint": joints})
 
 
 def contact_power(scene, newton):

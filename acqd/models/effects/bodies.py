@@ -13,9 +13,14 @@ LINK_FRAMES = "frames"
 """Key in `Scene.moved`."""
 
 
-def weight_power(scene: Scene, link: int, point: Floats) -> Floats:
-    """[N] W that hold 1 kg at `point` [3] m in the frame of `link` (from 0) against gravity."""
-    return torque_power(scene, weight_torque(_frames(scene), link, point))
+def weight_power(scene: Scene, name: str, points: list[tuple[int, Floats]]) -> list[Floats]:
+    """[N] W each that hold 1 kg at a point [3] m in the frame of a link (from 0) against gravity.
+
+    `name`: of their torques in the scene.
+    """
+    if name not in scene.moved:
+        scene.moved[name] = [weight_torque(_frames(scene), link, point) for link, point in points]
+    return [torque_power(scene, torque) for torque in scene.moved[name]]
 
 
 def torque_power(scene: Scene, torque: Floats) -> Floats:
@@ -54,6 +59,16 @@ def first_moment_power(scene: Scene, reach_m: float) -> Floats:
     return np.column_stack([x + reach_m * (x_beyond - x), y + reach_m * (y_beyond - y)])
 
 
+def link_power(scene: Scene, name: str, bodies: list[tuple[int, Floats]]) -> list[Floats]:
+    """[N] W each of bodies on links (from 0) with inertial parameters [10]; `name`: of their torques in the scene."""
+    if name not in scene.moved:
+        arms = np.zeros((len(bodies), 10 * scene.axes))
+        for row, (link, body) in zip(arms, bodies, strict=True):
+            row[10 * link : 10 * link + 10] = body
+        scene.moved[name] = joint_torques(scene.model.chain, arms, scene.q, scene.qd, scene.qdd)
+    return [torque_power(scene, torque) for torque in scene.moved[name]]
+
+
 def first_moments(chain: Chain, reach_m: float) -> Floats:
     """[2, 10] inertial parameters per kg m of first moment beside the flange's axis."""
     place = chain.beyond_flange(reach_m)
@@ -62,11 +77,15 @@ def first_moments(chain: Chain, reach_m: float) -> Floats:
 
 
 def across_flange(chain: Chain) -> Floats:
-    """[2, 3] two unit vectors at right angles to the flange's axis, in the last joint's frame.
+    """[2, 3] two unit vectors at right angles to the flange's axis, in the last joint's frame."""
+    return across(chain.tip[1])
 
-    The first one lies in the plane of the flange's axis and that axis of the frame which it resembles least.
+
+def across(along: Floats) -> Floats:
+    """[2, 3] two unit vectors at right angles to the unit vector `along` [3].
+
+    The first one lies in the plane of `along` and that axis of the frame which it resembles least.
     """
-    along = chain.tip[1]
     start = np.eye(3)[int(np.argmin(np.abs(along)))]
     first = start - (start @ along) * along
     first /= np.linalg.norm(first)

@@ -12,6 +12,7 @@ from tests.discrepancy.independent import (
     added_payload,
     extra_power,
     lagged_mean,
+    mass_torque_of_link,
     payload_torque,
     selected,
     since_release,
@@ -79,6 +80,17 @@ def test_a_small_drift_of_the_clock_is_no_offset(model, robot):
     _, tracing = traced(model, robot, drifting, count=7, only=COMMON | {"clock_drift"})
     assert [named.id for named in tracing.effects] == ["clock_drift"], tracing.hypotheses[:2]
     assert tracing.effects[0].finding.coefficients[0] == pytest.approx(0.018 * 3600 / 420, rel=0.1)
+
+
+@pytest.mark.parametrize(("link", "where"), [(1, "link 2"), (2, "link 3")])
+def test_a_mass_on_an_upper_link_has_inertia_and_is_no_payload(model, robot, link, where):
+    def heavier(scene, random):
+        return extra_power(scene, mass_torque_of_link(scene, link, 4.0))
+
+    _, tracing = traced(model, robot, heavier, only=COMMON | {"gravity_bias"})
+    named = tracing.effects[0]
+    assert named.id == "gravity_bias" and named.place.where in (where, f"{where}, beside its centre")
+    assert len(tracing.effects) == 1 and named.finding.coefficients[0] == pytest.approx(4.0, rel=0.1)
 
 
 def test_nothing_is_found_where_nothing_is(model, robot):

@@ -112,8 +112,8 @@ def intervals(result: Result) -> list[bool]:
 
 
 def _parameter_at(effect: dict[str, Any], place: str) -> dict[str, Any] | None:
-    """The parameter of a place: the effect's only one, or that of the joint in an effect with one for each joint."""
-    if effect["where"] == place:
+    """The first parameter at a place ("flange, beside its axis" is at the flange), or that of a joint of all joints."""
+    if effect["where"].partition(",")[0] == place:
         return next(iter(effect["parameters"].values()), None)
     if effect["where"] == "each joint":
         return next((value for name, value in effect["parameters"].items() if name.endswith(place)), None)

@@ -42,7 +42,8 @@ class ContactForce(Effect):
         """[N, 1] W/N of an upward force on the flange, times the share of time; no columns without a shape."""
         if not shape:
             return np.zeros((len(scene.q), 0))
-        weight = weight_power(scene, scene.axes - 1, scene.model.chain.beyond_flange(0.0))
+        flange = [(scene.axes - 1, scene.model.chain.beyond_flange(0.0))]
+        (weight,) = weight_power(scene, "weight at the flange", flange)
         return shape["share_of_time"] * (-weight / GRAVITY)[:, None]
 
     def places(self, scene: Scene) -> Iterator[Place]:
