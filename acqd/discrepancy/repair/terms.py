@@ -121,20 +121,20 @@ def _parameters(named: Named, certain: Intervals, scale: TorqueScale) -> dict[st
     parameters: dict[str, Any] = {}
     effect = library()[named.id]
     for parameter, value, width in zip(named.place.parameters, certain.coefficients, certain.half, strict=True):
-        of_columns = _with_columns(effect, float(value), float(width))
+        of_columns = _with_columns(effect.simplified(named.place), float(value), float(width))
         true, wide = scale.corrected(float(value), of_columns, parameter.unit)
         parameters[parameter.name] = _shown(true, parameter.unit, wide)
     for name, value in named.shape.items():
         unit = next((unit for ending, unit in _UNITS.items() if name.endswith(ending)), "-")
         half = certain.shape_half if name in effect.bounds else None
-        wide_shape = None if half is None else _with_columns(effect, value, half)
+        wide_shape = None if half is None else _with_columns(effect.simplified(named.place), value, half)
         parameters[name] = _shown(float(value), unit, wide_shape)
     return parameters
 
 
-def _with_columns(effect: Effect, value: float, half: float) -> float:
+def _with_columns(simplification: float, value: float, half: float) -> float:
     """Half width of an interval, with the relative error of the columns themselves."""
-    deviation = np.hypot(THRESHOLDS.column_deviation, effect.simplification)
+    deviation = np.hypot(THRESHOLDS.column_deviation, simplification)
     return float(np.hypot(half, THRESHOLDS.interval_width * deviation * abs(value)))
 
 

@@ -73,6 +73,10 @@ class Effect(ABC):
     def places(self, scene: Scene) -> Iterator[Place]:
         """Places where the effect can act; none for a detected effect. `scene`: any of the recordings."""
 
+    def simplified(self, place: Place) -> float:
+        """Relative standard deviation of the columns at a place, by what the equation leaves out."""
+        return self.simplification
+
     def detected_place(self, shape: Shape) -> Place:
         """Place of a detected effect. Raises NotImplementedError for other effects."""
         raise NotImplementedError(f"{self.id} is not detected in the residual")

@@ -85,6 +85,10 @@ class GravityBias(Effect):
                 yield Place(f"link {k + 1}", (own,), (mass,))
                 yield Place(f"link {k + 1}, beside its centre", (own, first, first + 1), (mass, *moments))
 
+    def simplified(self, place: Place) -> float:
+        """None where the place of the mass is fitted."""
+        return 0.0 if len(place.columns) > 1 else self.simplification
+
     def c_constants(self, carrier: GreyBox, shape: Shape) -> dict[str, float | Floats]:
         """Centres of mass [axes, 3] m, inertial parameters per kg and per kg m, number of links below the wrist."""
         centres = centres_of(carrier.group("inertial"))
