@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, overload
 
-from acqd.models.effects.bodies import LINK_FRAMES
+from acqd.models.effects.bodies import LINK_FRAMES, LINK_TORQUES
 from acqd.models.effects.scene import Scene, segment_scene
 from acqd.models.greybox.model import GreyBox
 from acqd.models.segments import Segment
@@ -44,7 +44,8 @@ class Scenes(Sequence[Scene]):
         number = range(len(self))[index]
         scene = self._kept.get(number) or self._made(number)
         if self._newest is not None and self._newest is not scene:
-            self._newest.moved.pop(LINK_FRAMES, None)  # larger than all the rest
+            for large in (LINK_FRAMES, LINK_TORQUES):
+                self._newest.moved.pop(large, None)
         self._newest = scene
         return scene
 

@@ -9,8 +9,8 @@ from acqd.models.effects.scene import Scene
 from acqd.robot.newton_euler import Chain, Frames, frames, joint_torques, weight_torque
 
 GRAVITY = 9.81
-LINK_FRAMES = "frames"
-"""Key in `Scene.moved`."""
+LINK_FRAMES, LINK_TORQUES = "frames", "torques of bodies on links"
+"""Keys in `Scene.moved`, of what is larger than all the rest."""
 
 
 def weight_power(scene: Scene, name: str, points: list[tuple[int, Floats]]) -> list[Floats]:
@@ -18,9 +18,10 @@ def weight_power(scene: Scene, name: str, points: list[tuple[int, Floats]]) -> l
 
     `name`: of their torques in the scene.
     """
-    if name not in scene.moved:
-        scene.moved[name] = [weight_torque(_frames(scene), link, point) for link, point in points]
-    return [torque_power(scene, torque) for torque in scene.moved[name]]
+    known = scene.moved.setdefault(LINK_TORQUES, {})
+    if name not in known:
+        known[name] = [weight_torque(_frames(scene), link, point) for link, point in points]
+    return [torque_power(scene, torque) for torque in known[name]]
 
 
 def torque_power(scene: Scene, torque: Floats) -> Floats:
@@ -61,12 +62,13 @@ def first_moment_power(scene: Scene, reach_m: float) -> Floats:
 
 def link_power(scene: Scene, name: str, bodies: list[tuple[int, Floats]]) -> list[Floats]:
     """[N] W each of bodies on links (from 0) with inertial parameters [10]; `name`: of their torques in the scene."""
-    if name not in scene.moved:
+    known = scene.moved.setdefault(LINK_TORQUES, {})
+    if name not in known:
         arms = np.zeros((len(bodies), 10 * scene.axes))
         for row, (link, body) in zip(arms, bodies, strict=True):
             row[10 * link : 10 * link + 10] = body
-        scene.moved[name] = joint_torques(scene.model.chain, arms, scene.q, scene.qd, scene.qdd)
-    return [torque_power(scene, torque) for torque in scene.moved[name]]
+        known[name] = joint_torques(scene.model.chain, arms, scene.q, scene.qd, scene.qdd)
+    return [torque_power(scene, torque) for torque in known[name]]
 
 
 def first_moments(chain: Chain, reach_m: float) -> Floats:
