@@ -10,9 +10,9 @@ from acqd.discrepancy.remarks import disagreements, drifted_level, not_added, st
 from acqd.discrepancy.repair.correcting import corrected
 from acqd.discrepancy.repair.guard import improve
 from acqd.discrepancy.repair.naming import named_effects, without_unproven
+from acqd.discrepancy.repair.usual_error import UsualError
 from acqd.discrepancy.residual.quality import quality
 from acqd.discrepancy.residual.residuals import errors_of
-from acqd.discrepancy.residual.usual_error import UsualError
 from acqd.discrepancy.search import Progress, search
 from acqd.discrepancy.verdict import settled
 from acqd.models.noise_floor import noise_floor

@@ -10,8 +10,8 @@ from acqd.arrays import Floats
 from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.repair.guard import Improved
 from acqd.discrepancy.repair.terms import Added
+from acqd.discrepancy.repair.usual_error import UsualError
 from acqd.discrepancy.residual.residuals import about_means, errors_of, explained_share, rms
-from acqd.discrepancy.residual.usual_error import UsualError
 from acqd.discrepancy.selection.accepted import Tracing, Verdict
 from acqd.discrepancy.selection.hypotheses import Hypothesis
 from acqd.discrepancy.thresholds import THRESHOLDS

@@ -11,8 +11,8 @@ from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.repair.guard import Improved
 from acqd.discrepancy.repair.terms import added
 from acqd.discrepancy.repair.torque_scale import TorqueScale
+from acqd.discrepancy.repair.usual_error import UsualError
 from acqd.discrepancy.residual.residuals import errors_of
-from acqd.discrepancy.residual.usual_error import UsualError
 from acqd.discrepancy.selection.accepted import Tracing, Unknown
 from acqd.discrepancy.verdict import grown, settled
 from tests.builders import grey, recording

@@ -16,8 +16,8 @@ from acqd.discrepancy.repair.law_fit import fit_law
 from acqd.discrepancy.repair.refit import groups_of, refitted_to_rest
 from acqd.discrepancy.repair.terms import scaled
 from acqd.discrepancy.repair.torque_scale import torque_scale
+from acqd.discrepancy.repair.usual_error import UsualError
 from acqd.discrepancy.residual.residuals import about_means, errors_of, explained_share, rms
-from acqd.discrepancy.residual.usual_error import UsualError
 from acqd.discrepancy.selection.accepted import Tracing
 from acqd.discrepancy.selection.hypotheses import unnamed
 from acqd.discrepancy.thresholds import THRESHOLDS

@@ -12,8 +12,8 @@ from acqd.discrepancy.repair.correcting import corrected
 from acqd.discrepancy.repair.guard import Improved, improve
 from acqd.discrepancy.repair.terms import added
 from acqd.discrepancy.repair.torque_scale import TorqueScale
+from acqd.discrepancy.repair.usual_error import UsualError
 from acqd.discrepancy.residual.residuals import errors_of, rms
-from acqd.discrepancy.residual.usual_error import UsualError
 from acqd.discrepancy.selection.accepted import Unknown
 from acqd.discrepancy.selection.ranking import Finding
 from acqd.models.augmented import Augmented, Term

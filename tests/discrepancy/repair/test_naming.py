@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from acqd.discrepancy.repair.naming import without_unproven
-from acqd.discrepancy.residual.usual_error import UsualError
+from acqd.discrepancy.repair.usual_error import UsualError
 from acqd.discrepancy.selection.accepted import Tracing
 from tests.builders import grey, recording
 from tests.discrepancy.report.subjects import found
