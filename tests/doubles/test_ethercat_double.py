@@ -25,6 +25,7 @@ FACTORS = (1, 2, 4, 5, 8, 10, 16, 20, 25, 32, 40, 50, 64, 80, 100)
 SYNC0 = 50_000
 SAFEOP, OP, ACK = 4, 8, 0x10
 TIMEOUT_US = 500_000
+STATE_TIMEOUT_US = 20_000_000  # a busy machine changes state late
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +72,7 @@ class Soem:
         assert self.master.config_dc()
         for slave in self.master.slaves[1:]:
             slave.dc_sync(True, SYNC0, 0, (self.factor - 1) * SYNC0 if sync1 is None else sync1)
-        assert self.master.state_check(SAFEOP, TIMEOUT_US) == SAFEOP
+        assert self.master.state_check(SAFEOP, STATE_TIMEOUT_US) == SAFEOP
 
     def _assign(self, slave: Any) -> None:
         slave.sdo_write(0x1C13, 0, b"\0")
@@ -81,7 +82,7 @@ class Soem:
 
     def operate(self) -> None:
         self.request(OP)
-        assert self.master.state_check(OP, TIMEOUT_US) == OP
+        assert self.master.state_check(OP, STATE_TIMEOUT_US) == OP
 
     def request(self, state: int) -> None:
         self.master.state = state
