@@ -75,6 +75,8 @@ class _State:
     base: Any
     recent: deque[tuple[Floats, Floats]]
     """Angles and signals of the last rows, for effects that depend on the past."""
+    memory: dict[str, Any]
+    """What effects remember from before the recent rows."""
 
 
 _PAST = 75
@@ -128,7 +130,9 @@ class Augmented(Predictor):
         """[T] W of all effects for angles [T + 2 RADIUS, axes]."""
         if not self.terms:
             return np.zeros(len(signals))
-        scene = self._scene(q, signals, start_s)
+        return self._powers(self._scene(q, signals, start_s), start_s)
+
+    def _powers(self, scene: Scene, start_s: float | None) -> Floats:
         powers = []
         for term in self.terms:
             if start_s is not None and "origin_s" in term.shape:  # every term keeps its session start
@@ -152,10 +156,10 @@ class Augmented(Predictor):
 
     def start(self) -> Any:
         """Initial state of a row-by-row prediction."""
-        return _State(self.base.start(), deque(maxlen=_PAST))
+        return _State(self.base.start(), deque(maxlen=_PAST), {})
 
     def step(self, state: Any, window: Floats, signals: Floats) -> float:
-        """W of one row; effects are computed from the last three seconds."""
+        """W of one row; effects are computed from the last three seconds and what they remember from before."""
         inner, middle = self.radius - self.base.radius, self.radius
         base = self.base.step(state.base, window[inner : len(window) - inner], signals[: len(self.base.signals)])
         if not self.terms:
@@ -166,4 +170,17 @@ class Augmented(Predictor):
         own = before if len(before) < _PAST else before[RADIUS:]
         recent_signals = np.array([row for _, row in state.recent])[len(before) - len(own) :]
         angles = np.concatenate([past, own, window[middle + 1 : middle + 1 + RADIUS]])
-        return base + float(self.effects(angles, recent_signals, None)[-1])
+        scene = self._scene(angles, recent_signals, None)
+        scene.memory.update(state.memory)
+        power = float(self._powers(scene, None)[-1])
+        if passed := _passed(len(before)):
+            for term in self.terms:
+                state.memory |= holdable()[term.id].remembered(scene, term.shape, passed)
+        return base + power
+
+
+def _passed(rows: int) -> int:
+    """Number of rows that the next scene no longer has, after a scene of the last `rows`."""
+    if rows == _PAST:
+        return 1
+    return RADIUS if rows == _PAST - 1 else 0  # then the first rows become the past of the others

@@ -91,6 +91,10 @@ def test_intervals_are_judged_at_the_true_place_in_the_true_unit():
     assert judge.intervals(result(truth, [effect("coulomb_friction")])) == [True]
     assert judge.intervals(result(truth, [effect("coulomb_friction", ci95=(4.0, 5.0))])) == [False]
     assert judge.intervals(result(truth, [effect("coulomb_friction", where="joint 3")])) == []
+    on_link = [true("gravity_bias", "link 3", 2.0, "kg")]
+    for where, judged in (("link 3", [True]), ("link 3, beside its centre", [True]), ("link 4", []), ("link 30", [])):
+        named = effect("gravity_bias", where, 2.1, "kg", (1.5, 2.7), parameter="mass")
+        assert judge.intervals(result(on_link, [named])) == judged
     assert judge.intervals(result(truth, [effect("coulomb_friction", unit="-")])) == []
     each = effect("coulomb_friction", where="each joint", parameter="torque joint 1")
     each["parameters"]["torque joint 2"] = {"value": 9.0, "unit": "Nm", "ci95": [8.0, 10.0]}

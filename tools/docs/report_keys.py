@@ -29,7 +29,7 @@ KEYS: dict[str, tuple[str, str]] = {
     "correction.id": ("text", "law, as in the bundle"),
     "correction.where": ("text", "joint, or robot"),
     "correction.equation": ("text", "of the law"),
-    "correction.size": ("`{value, unit, ci95}`", "torque or power that 95 % of the rows stay below"),
+    "correction.size": ("`{value, unit, ci95}`", "torque or power that 95 % of the rows in which it acts stay below"),
     "correction.looks_like": ("text or null", "such as a spring, with its stiffness"),
     "correction.begins": ("text or null", "first recording in which it acts, where it began within the recordings"),
     "correction.delta_rmse": ("W", "by how much the correction reduces the error"),

@@ -44,7 +44,8 @@ def corrected(
     fitted = fit_law(tracing, unknown, {(each.term.id, each.term.where) for each in improved.kept})
     if fitted is None:
         return improved, [f"{what} has no size beside the model's own parameters: the model is not corrected"]
-    base, term = _with_law(subject, improved, fitted.term(torque_scale(subject)), seed)
+    scale = torque_scale(subject)
+    base, term = _with_law(subject, improved, fitted.term(scale), seed)
     errors = errors_of(Augmented.of(base, subject.carrier, [*improved.terms, term]), subject.held_out)
     share = max(
         explained_share(improved.errors, errors, usual.lowest_W),
@@ -56,7 +57,7 @@ def corrected(
     if share < THRESHOLDS.fair_share:
         return improved, [f"a correction by {what} explains only {share:.0%} of the held-out error: not added"]
     correction = Correction(
-        term=term, part=fitted.part, follows=what, along=fitted.along, strength=fitted.strength(torque_scale(subject)),
+        term=term, part=fitted.part, follows=what, along=fitted.along, strength=fitted.strength(scale),
         recordings=fitted.recordings, begins=unknown.gate.start, gain=gain,
     )  # fmt: skip
     better = replace(improved, base=base, correction=correction, errors=errors)

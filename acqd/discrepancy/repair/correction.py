@@ -48,7 +48,7 @@ class Correction:
 
     @property
     def size(self) -> dict[str, Any]:
-        """The strength that 95 % of the rows stay below, with its interval."""
+        """The strength that 95 % of the rows with the law stay below, with its interval."""
         return dict(self.term.parameters[SIZE])
 
     @property

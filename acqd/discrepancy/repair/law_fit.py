@@ -24,7 +24,7 @@ from acqd.models.effects.scene import Scene
 from acqd.models.greybox.parameters import SLIDING_UNITS
 
 _QUANTILE = 0.95
-"""Share of the rows that stay below the size of a law: single rows of a sudden stop say little."""
+"""Share of the rows with the law that stay below its size: single rows of a sudden stop say little."""
 _FIXED = 1e-6
 """Relative standard deviation of a coefficient that does not change."""
 
@@ -64,8 +64,12 @@ class LawFit:
         return Term(self.part.law.id, where, self.shape, self.part.columns, self.coefficients, parameters)
 
     def _size(self, coefficients: Floats) -> float:
-        """Strength that 95 % of the rows stay below, in the model's units."""
-        return float(np.quantile(np.abs(self._strength(coefficients)), _QUANTILE))
+        """Strength that 95 % of the rows stay below in which the law acts, in the model's units.
+
+        A friction that begins at a high speed acts in few rows.
+        """
+        strength = np.abs(self._strength(coefficients))
+        return float(np.quantile(strength[strength >= THRESHOLDS.acting_share * strength.max()], _QUANTILE))
 
     def _strength(self, coefficients: Floats) -> Floats:
         by_joint = self.columns @ coefficients

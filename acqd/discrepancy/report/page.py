@@ -138,7 +138,7 @@ def _correction(page: Page, correction: Correction) -> None:
         bounds = interval_of((low_high[0], low_high[1]), correction.recordings) if low_high else "no interval"
         page.table(
             ["", "value", "unit", "95 % interval"],
-            [["not exceeded in 95 % of the time", number(size["value"]), size["unit"], bounds]],
+            [["not exceeded in 95 % of the rows in which the law acts", number(size["value"]), size["unit"], bounds]],
         )
         page.text(f"Equation: {correction.part.law.equation}.")
 

@@ -83,7 +83,7 @@ def _how_much(closed: Closed) -> list[KeyFigure]:
 def _size_of_law(correction: Correction) -> KeyFigure:
     bounds = correction.size["ci95"]
     interval = confidence_interval((bounds[0], bounds[1]), correction.recordings) if bounds else ""
-    note = "less in 95 % of the time; the repaired model contains it, whatever the cause is"
+    note = "less in 95 % of the rows in which it acts; the repaired model contains it, whatever the cause is"
     size = f"up to {number(float(correction.size['value']))} {correction.unit}"
     return KeyFigure("size of what has no name", size, _joined(interval, note))
 

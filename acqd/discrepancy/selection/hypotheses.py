@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from acqd.discrepancy.selection.acceptance import View, least_evidence, missing
 from acqd.discrepancy.selection.ranking import Finding
 from acqd.models.effects import library
+from acqd.models.effects.laws.law import Law
 
 _SHOWN = 6
 
@@ -46,7 +47,7 @@ class Hypothesis:
     @property
     def experiment(self) -> str:
         """The recording that would decide."""
-        return library()[self.id].experiment if self.id else "record what may cause it together with the power"
+        return library()[self.id].experiment if self.id else Law.experiment
 
     def as_text(self) -> str:
         """A sentence for the report."""

@@ -16,7 +16,7 @@ LINK_FRAMES, LINK_TORQUES = "frames", "torques of bodies on links"
 def weight_power(scene: Scene, name: str, points: list[tuple[int, Floats]]) -> list[Floats]:
     """[N] W each that hold 1 kg at a point [3] m in the frame of a link (from 0) against gravity.
 
-    `name`: of their torques in the scene.
+    The scene keeps their torques under `name`: these depend on the motion only, and effects ask for them often.
     """
     known = scene.moved.setdefault(LINK_TORQUES, {})
     if name not in known:
@@ -61,26 +61,24 @@ def first_moment_power(scene: Scene, reach_m: float) -> Floats:
 
 
 def link_power(scene: Scene, name: str, bodies: list[tuple[int, Floats]]) -> list[Floats]:
-    """[N] W each of bodies on links (from 0) with inertial parameters [10]; `name`: of their torques in the scene."""
+    """[N] W each of bodies on links (from 0) with inertial parameters [10]; `name` as in `weight_power`."""
     known = scene.moved.setdefault(LINK_TORQUES, {})
     if name not in known:
-        arms = np.zeros((len(bodies), 10 * scene.axes))
-        for row, (link, body) in zip(arms, bodies, strict=True):
-            row[10 * link : 10 * link + 10] = body
-        known[name] = joint_torques(scene.model.chain, arms, scene.q, scene.qd, scene.qdd)
+        known[name] = _torques(scene, bodies)
     return [torque_power(scene, torque) for torque in known[name]]
 
 
 def first_moments(chain: Chain, reach_m: float) -> Floats:
     """[2, 10] inertial parameters per kg m of first moment beside the flange's axis."""
-    place = chain.beyond_flange(reach_m)
-    # a point mass is quadratic in its place: central differences are exact
-    return np.array([(point_mass(place + u) - point_mass(place - u)) / 2 for u in across_flange(chain)])
+    return moments_about(chain.beyond_flange(reach_m), chain.tip[1])
 
 
-def across_flange(chain: Chain) -> Floats:
-    """[2, 3] two unit vectors at right angles to the flange's axis, in the last joint's frame."""
-    return across(chain.tip[1])
+def moments_about(place: Floats, along: Floats) -> Floats:
+    """[2, 10] inertial parameters per kg m of first moment about `place` [3] m, in two directions across `along` [3].
+
+    A point mass is quadratic in its place: central differences are exact derivatives.
+    """
+    return np.array([(point_mass(place + side) - point_mass(place - side)) / 2 for side in across(along)])
 
 
 def across(along: Floats) -> Floats:
@@ -120,6 +118,12 @@ def _frames(scene: Scene) -> Frames:
 
 def _last_link_torques(scene: Scene, bodies: list[Floats]) -> Floats:
     """[n, N, axes] Nm of n bodies with inertial parameters [10] on the last link."""
-    arms = np.zeros((len(bodies), 10 * scene.axes))
-    arms[:, -10:] = bodies
+    return _torques(scene, [(scene.axes - 1, body) for body in bodies])
+
+
+def _torques(scene: Scene, bodies: list[tuple[int, Floats]]) -> Floats:
+    """[n, N, axes] Nm of n bodies on links (from 0) with inertial parameters [10]."""
+    arms = np.zeros((len(bodies), scene.axes, 10))
+    for arm, (link, body) in zip(arms, bodies, strict=True):
+        arm[link] = body
     return joint_torques(scene.model.chain, arms, scene.q, scene.qd, scene.qdd)

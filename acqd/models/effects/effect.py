@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
@@ -72,6 +72,10 @@ class Effect(ABC):
     @abstractmethod
     def places(self, scene: Scene) -> Iterator[Place]:
         """Places where the effect can act; none for a detected effect. `scene`: any of the recordings."""
+
+    def remembered(self, scene: Scene, shape: Shape, rows: int) -> dict[str, Any]:
+        """What the scene's memory holds after `rows` (at least 1), for a scene that starts there; {} for nothing."""
+        return {}
 
     def simplified(self, place: Place) -> float:
         """Relative standard deviation of the columns at a place, by what the equation leaves out."""

@@ -21,7 +21,7 @@ def names():
 
 @given(st.lists(st.floats(-3, 3), min_size=2, max_size=60), st.floats(0.01, 1.0))
 def test_play_follows_within_its_width_and_only_when_pushed(values, width):
-    followed = play(np.array(values), width)
+    followed = play(np.array(values), width, values[0])
     assert np.all(np.abs(followed - values) <= width + 1e-12)
     moved = np.diff(followed) != 0
     assert np.all(np.abs(followed - values)[1:][moved] >= width - 1e-12)

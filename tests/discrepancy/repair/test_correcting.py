@@ -10,18 +10,38 @@ import pytest
 from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.repair.correcting import corrected
 from acqd.discrepancy.repair.guard import Improved, improve
-from acqd.discrepancy.repair.terms import added
+from acqd.discrepancy.repair.law_fit import fit_law
+from acqd.discrepancy.repair.terms import added, scaled
 from acqd.discrepancy.repair.torque_scale import TorqueScale
 from acqd.discrepancy.repair.usual_error import UsualError
 from acqd.discrepancy.residual.residuals import errors_of, rms
 from acqd.discrepancy.selection.accepted import Unknown
 from acqd.discrepancy.selection.ranking import Finding
+from acqd.fmu.variables import parameters_of
 from acqd.models.augmented import Augmented, Term
 from acqd.models.greybox.fit import fit_grey_box
+from acqd.models.predictor import Predictor
 from tests.builders import STEP, grey, recording
 from tests.discrepancy.independent import COMMON, column, extra_power, selected
 
 STIFFNESS = 9.0
+
+
+class Learned(Predictor):
+    """A model that is no grey box: what another model predicts."""
+
+    def __init__(self, model):
+        self.axes, self.step_s, self.radius, self.signals = model.axes, model.step_s, model.radius, model.signals
+        self.model = model
+
+    def run(self, q, signals):
+        return self.model.run(q, signals)
+
+    def start(self):
+        return self.model.start()
+
+    def step(self, state, window, signals):
+        return self.model.step(state, window, signals)
 
 
 def spring(scene, random):
@@ -49,11 +69,14 @@ def sprung(robot):
     reference = [recording(model, k, seed=1) for k in range(6)]
     fit, held_out = (recordings(model, spring, numbers, 1e9 + 5000) for numbers in (range(6), range(6, 9)))
     _, tracing = selected(model, robot, fit, reference, COMMON)
-    data = SimpleNamespace(step_s=STEP)
-    subject = Subject(
-        None, model, model, robot, data, "change", fit, held_out, reference, frozenset(), frozenset(COMMON), []
+    return subject_of(robot, model, model, fit, held_out, reference), tracing
+
+
+def subject_of(robot, model, carrier, fit, held_out, reference):
+    data, question = SimpleNamespace(step_s=STEP), "change" if reference else "structure"
+    return Subject(
+        None, model, carrier, robot, data, question, fit, held_out, reference, frozenset(), frozenset(COMMON), []
     )
-    return subject, tracing
 
 
 def correct(subject, tracing):
@@ -135,10 +158,7 @@ def test_a_law_is_corrected_beside_a_named_effect(robot):
     fit, held_out = (recordings(model, friction_and_spring, numbers, 1e9 + 5000) for numbers in (range(6), range(6, 9)))
     _, tracing = selected(model, robot, fit, reference, COMMON)
     assert [named.id for named in tracing.effects] == ["coulomb_friction"]
-    data = SimpleNamespace(step_s=STEP)
-    subject = Subject(
-        None, model, model, robot, data, "change", fit, held_out, reference, frozenset(), frozenset(COMMON), []
-    )
+    subject = subject_of(robot, model, model, fit, held_out, reference)
     friction = added(tracing, tracing.effects[0], TorqueScale(1.0, 0.0), 1)
     improved = improve(subject, [friction], errors_of(model, held_out), 1)
     better, notes = corrected(subject, tracing, improved, UsualError.of(subject, 0.5), 1)
@@ -158,10 +178,39 @@ def test_a_grey_box_that_has_absorbed_a_law_is_fitted_again(robot):
     absorbed = fit_grey_box(robot, fit, STEP, 1, lambda _: None).model
     _, tracing = selected(absorbed, robot, fit, [], COMMON)
     assert tracing.unknown is not None
-    data = SimpleNamespace(step_s=STEP)
-    subject = Subject(
-        None, absorbed, absorbed, robot, data, "structure", fit, held_out, [], frozenset(), frozenset(COMMON), []
-    )
-    improved, notes = correct(subject, tracing)
+    improved, notes = correct(subject_of(robot, absorbed, absorbed, fit, held_out, []), tracing)
     assert not notes and improved.base is not absorbed
     assert rms(improved.errors) < 0.6 * rms(errors_of(absorbed, held_out))
+
+
+def test_a_network_that_has_learned_half_of_a_law_gets_the_other_half(robot):
+    """Without a reference; the network is a grey box that knows half of the spring."""
+    model = grey()
+    fit, held_out = (recordings(model, spring, numbers, 1e9) for numbers in (range(7), range(7, 10)))
+    _, tracing = selected(model, robot, fit, [], COMMON)
+    law = fit_law(tracing, tracing.unknown, set()).term(TorqueScale(1.0, 0.0))
+    learned = Learned(Augmented.of(model, model, [scaled(law, 0.5)]))
+    improved, notes = correct(subject_of(robot, learned, model, fit, held_out, []), tracing)
+    assert not notes and improved.base is learned
+    assert improved.correction.term.coefficients == pytest.approx(0.5 * law.coefficients, rel=0.2)
+    assert rms(improved.errors) < 0.5 * rms(errors_of(learned, held_out))
+
+
+def test_a_friction_that_begins_at_a_high_speed_has_a_size(robot):
+    """It acts in few rows: the torque that 95 % of all rows stay below is zero."""
+    model = grey()
+    fastest = max(np.abs(np.gradient(recording(model, k, seed=2).q[:, 1], STEP)).max() for k in range(9))
+
+    def late(scene, random):
+        above = np.maximum(np.abs(scene.qd[:, 1]) - 0.7 * fastest, 0.0)
+        return extra_power(scene, column(scene, 1, 400.0 * above * np.sign(scene.qd[:, 1])))
+
+    reference = [recording(model, k, seed=1) for k in range(6)]
+    _, tracing = selected(model, robot, recordings(model, late, range(6), 1e9 + 5000), reference, COMMON)
+    assert tracing.unknown is not None, [named.id for named in tracing.effects]
+    fitted = fit_law(tracing, tracing.unknown, set())
+    assert fitted.part.law.id == "friction_of_speed"
+    term = fitted.term(TorqueScale(1.0, 0.0))
+    torque = np.abs(fitted.strength(TorqueScale(1.0, 0.0)))
+    assert np.quantile(torque, 0.95) < 0.01 * torque.max() < 0.1 * term.parameters["size"]["value"]
+    assert parameters_of(term).mix[:, 0] * term.parameters["size"]["value"] == pytest.approx(term.coefficients)

@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 
+from acqd.models.augmented import Augmented, Term
 from acqd.models.effects import holdable, library
 from acqd.models.effects.laws import laws
 from acqd.models.effects.laws.law import MotionRange
 from acqd.models.effects.scene import segment_scene
-from tests.builders import AXES, grey, recording
+from acqd.models.predictor import Stream
+from tests.builders import AXES, grey, motion, recording
 
 RANGE = MotionRange(
     np.full(AXES, -1.0), np.full(AXES, 1.0), np.full(AXES, 2.0), np.full(AXES, 50.0), np.linspace(80.0, 200.0, 4)
@@ -45,3 +47,23 @@ def test_a_torque_law_acts_on_its_joint_only(law):
     shape = law.shape_of(RANGE, 2)
     for joint in range(AXES):
         assert law.at(scene.unit_torque(joint), shape).any() == (joint == 1)
+
+
+@pytest.mark.parametrize("law", laws().values(), ids=lambda law: law.id)
+def test_a_stream_of_rows_gives_what_a_whole_recording_gives(law):
+    """Also after a rest that is longer than the rows that a stream keeps: a play stays where it was."""
+    model = grey()
+    moved = motion(120, AXES, 3)
+    q = np.concatenate(
+        [moved[:70], np.repeat(moved[69:70], 160, axis=0), moved[70:], np.repeat(moved[-1:], 20, axis=0)]
+    )
+    shape = law.shape_of(RANGE, 2 if law.per_joint else 0)
+    columns = tuple(range(law.count(AXES)))
+    term = Term(law.id, "joint 2", shape, columns, np.linspace(1.0, 3.0, len(columns)), {})
+    corrected = Augmented.of(model, model, [term])
+    brake = np.ones((len(q), 1))
+    whole = corrected.sequence(q, brake)
+    stream = Stream(corrected)
+    rows = [stream.step(*each) for each in zip(q, brake, strict=True)][corrected.radius :] + stream.finish()
+    assert np.array(rows) == pytest.approx(whole, abs=1e-3)
+    assert np.abs(whole - model.sequence(q, brake)).max() > 0.1

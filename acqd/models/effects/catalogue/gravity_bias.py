@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.models.effects.bodies import across, centres_of, link_centres, link_power, point_mass, weight_power
+from acqd.models.effects.bodies import centres_of, link_centres, link_power, moments_about, point_mass, weight_power
 from acqd.models.effects.effect import Effect
 from acqd.models.effects.places import Parameter, Place, Shape
 from acqd.models.effects.scene import Scene
@@ -32,7 +32,7 @@ class GravityBias(Effect):
     summary = "one link is heavier (or lighter) than the model has it: hoses, a dress pack, a cover gone"
     equation = "tau = m Y(q, qd, qdd; link), or m g(q; link)"
     neighbours = ("payload",)
-    experiment = "hold ten postures for ten seconds each, and move each joint alone through the vertical"
+    experiment = "hold ten postures for ten seconds each, and move each joint through the vertical, slowly and fast"
     acts_on = "torque"
     at_link = True
     simplification = 0.15  # the mass sits 3 cm beside the described centre of mass, whose lever is about 20 cm
@@ -92,7 +92,7 @@ class GravityBias(Effect):
     def c_constants(self, carrier: GreyBox, shape: Shape) -> dict[str, float | Floats]:
         """Centres of mass [axes, 3] m, inertial parameters per kg and per kg m, number of links below the wrist."""
         centres = centres_of(carrier.group("inertial"))
-        sides = [_first_moments(carrier.chain, centres, k) for k in range(carrier.axes)]
+        sides = [moments_about(centre, axis) for centre, axis in zip(centres, carrier.chain.axis, strict=True)]
         return {
             "centre": centres, "body": np.array([point_mass(centre) for centre in centres]),
             "first_moment": np.array(sides), "upper_links": len(_upper_links(carrier.axes)),
@@ -103,17 +103,7 @@ def _bodies(chain: Chain, centres: Floats) -> list[tuple[int, Floats]]:
     """Link (from 0) and inertial parameters [10] of every column of a mass or a first moment."""
     upper = _upper_links(len(centres))
     masses = [(k, point_mass(centres[k])) for k in upper]
-    return masses + [(k, each) for k in upper for each in _first_moments(chain, centres, k)]
-
-
-def _first_moments(chain: Chain, centres: Floats, link: int) -> list[Floats]:
-    """Inertial parameters [10] per kg m of first moment beside the centre, in two directions across the joint's axis.
-
-    A point mass is quadratic in its place: central differences are exact derivatives.
-    """
-    return [
-        (point_mass(centres[link] + side) - point_mass(centres[link] - side)) / 2 for side in across(chain.axis[link])
-    ]
+    return masses + [(k, each) for k in upper for each in moments_about(centres[k], chain.axis[k])]
 
 
 def _upper_links(axes: int) -> range:

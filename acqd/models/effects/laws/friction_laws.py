@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.models.effects.laws.joint_law import C_OF_ANGLE, JointLaw, LawOfAngle, against
-from acqd.models.effects.laws.law import MotionRange, Quantity, cosines, load_of, speed_of
+from acqd.models.effects.laws.joint_law import C_OF_ANGLE, JointLaw, JointLawOfAngle, against
+from acqd.models.effects.laws.law import MotionRange, OfLoad, OfSpeed, cosines
 from acqd.models.effects.places import Shape
 from acqd.models.effects.scene import Scene
 from acqd.models.greybox.model import GreyBox
@@ -17,7 +17,7 @@ KNOTS = (0.0, 0.1, 0.3, 0.6, 0.85)
 """Of a friction curve in straight pieces, relative to the speed that few rows exceed; the last piece has no end."""
 
 
-class AngleFriction(LawOfAngle):
+class AngleFriction(JointLawOfAngle):
     """A friction that the angle of the joint determines: dry grease in one place, an oval bearing."""
 
     id = "friction_of_angle"
@@ -36,7 +36,7 @@ class AngleFriction(LawOfAngle):
         return np.column_stack([friction * wave for wave in cosines(scene, shape, _WAVES)])
 
 
-class LoadFriction(JointLaw):
+class LoadFriction(OfLoad, JointLaw):
     """A friction that grows with the load of the joint, along a curve."""
 
     id = "friction_of_load"
@@ -52,22 +52,14 @@ class LoadFriction(JointLaw):
         """Linear and square."""
         return 2
 
-    def shape_of(self, motion: MotionRange, joint: int) -> dict[str, float]:
-        """Largest load."""
-        return {"joint": joint, "heaviest_Nm": motion.load[joint - 1]}
-
     def at(self, scene: Scene, shape: Shape) -> Floats:
         """[N, 2] W/Nm, per share of the load."""
         load = np.abs(scene.tau_rigid[:, int(shape["joint"]) - 1])
         friction = against(scene, shape)
         return np.column_stack([friction * load, friction * load**2 / shape["heaviest_Nm"]])
 
-    def along(self, scene: Scene, shape: Shape) -> Quantity:
-        """Load."""
-        return load_of(scene, shape)
 
-
-class CoupledFriction(JointLaw):
+class CoupledFriction(OfSpeed, JointLaw):
     """A friction that grows with the speeds of other joints: a belt or a cable that couples two axes."""
 
     id = "friction_of_other_speeds"
@@ -98,12 +90,8 @@ class CoupledFriction(JointLaw):
         others = np.delete(np.arange(scene.axes), int(shape["joint"]) - 1)
         return np.column_stack([friction * np.abs(scene.qd[:, other]) for other in others])
 
-    def along(self, scene: Scene, shape: Shape) -> Quantity:
-        """Speed."""
-        return speed_of(scene, shape)
 
-
-class CurvedFriction(JointLaw):
+class CurvedFriction(OfSpeed, JointLaw):
     """A friction of any curve over the speed of the joint."""
 
     id = "friction_of_speed"
@@ -122,19 +110,11 @@ class CurvedFriction(JointLaw):
         """The friction at standstill and the slopes after the knots."""
         return len(KNOTS) + 1
 
-    def shape_of(self, motion: MotionRange, joint: int) -> dict[str, float]:
-        """A high speed."""
-        return {"joint": joint, "fastest_rad_s": motion.speed[joint - 1]}
-
     def at(self, scene: Scene, shape: Shape) -> Floats:
         """[N, knots + 1] W/Nm."""
         share = np.abs(scene.qd[:, int(shape["joint"]) - 1]) / shape["fastest_rad_s"]
         friction = against(scene, shape)
         return np.column_stack([friction, *(friction * np.maximum(share - knot, 0.0) for knot in KNOTS)])
-
-    def along(self, scene: Scene, shape: Shape) -> Quantity:
-        """Speed."""
-        return speed_of(scene, shape)
 
     def c_constants(self, carrier: GreyBox, shape: Shape) -> dict[str, float | Floats]:
         """Also the knots."""

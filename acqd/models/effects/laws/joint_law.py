@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.models.effects.laws.law import Law, MotionRange, Quantity, angle_of
+from acqd.models.effects.laws.law import Law, OfAngle
 from acqd.models.effects.places import Shape
 from acqd.models.effects.scene import Scene
 from acqd.models.greybox.model import GreyBox, direction
@@ -32,16 +32,8 @@ class JointLaw(Law):
         return numbers | {"joint": int(shape["joint"]) - 1}
 
 
-class LawOfAngle(JointLaw):
-    """Scaled to the range of the joint's angle."""
-
-    def shape_of(self, motion: MotionRange, joint: int) -> dict[str, float]:
-        """Smallest and largest recorded angle."""
-        return {"joint": joint, "low_rad": motion.low[joint - 1], "high_rad": motion.high[joint - 1]}
-
-    def along(self, scene: Scene, shape: Shape) -> Quantity:
-        """Angle."""
-        return angle_of(scene, shape)
+class JointLawOfAngle(OfAngle, JointLaw):
+    """A torque scaled to the range of the joint's angle."""
 
     def c_constants(self, carrier: GreyBox, shape: Shape) -> dict[str, float | Floats]:
         """Joint, lower end and length of the range."""

@@ -86,26 +86,47 @@ class Law(Effect):
         return iter(())
 
 
-def speed_of(scene: Scene, shape: Shape) -> Quantity:
-    """Speed of the law's joint."""
+class OfAngle(Law):
+    """Scaled to the range of the joint's angle, and drawn over that angle."""
+
+    def shape_of(self, motion: MotionRange, joint: int) -> dict[str, float]:
+        """Smallest and largest recorded angle."""
+        return {"joint": joint, "low_rad": motion.low[joint - 1], "high_rad": motion.high[joint - 1]}
+
+    def along(self, scene: Scene, shape: Shape) -> Quantity:
+        """Angle."""
+        return of_joint("angle", scene, shape, scene.q, "rad", "m")
+
+
+class OfSpeed(Law):
+    """Scaled to a high speed of the joint, and drawn over the speed."""
+
+    def shape_of(self, motion: MotionRange, joint: int) -> dict[str, float]:
+        """A high speed."""
+        return {"joint": joint, "fastest_rad_s": motion.speed[joint - 1]}
+
+    def along(self, scene: Scene, shape: Shape) -> Quantity:
+        """Speed."""
+        return of_joint("speed", scene, shape, scene.qd, "rad/s", "m/s")
+
+
+class OfLoad(Law):
+    """Scaled to the largest load of the joint, and drawn over the load."""
+
+    def shape_of(self, motion: MotionRange, joint: int) -> dict[str, float]:
+        """Largest load."""
+        return {"joint": joint, "heaviest_Nm": motion.load[joint - 1]}
+
+    def along(self, scene: Scene, shape: Shape) -> Quantity:
+        """Rigid-body torque."""
+        return of_joint("load", scene, shape, scene.tau_rigid, "Nm", "N")
+
+
+def of_joint(name: str, scene: Scene, shape: Shape, values: Floats, turning: str, sliding: str) -> Quantity:
+    """Column of `values` [N, axes] of the law's joint, in the unit of a turning or a sliding joint."""
     joint = int(shape["joint"]) - 1
-    return Quantity(f"speed of joint {joint + 1}", *_in_units(scene, joint, scene.qd[:, joint], "rad/s", "m/s"))
-
-
-def angle_of(scene: Scene, shape: Shape) -> Quantity:
-    """Angle of the law's joint."""
-    joint = int(shape["joint"]) - 1
-    return Quantity(f"angle of joint {joint + 1}", *_in_units(scene, joint, scene.q[:, joint], "rad", "m"))
-
-
-def load_of(scene: Scene, shape: Shape) -> Quantity:
-    """Rigid-body torque of the law's joint."""
-    joint = int(shape["joint"]) - 1
-    return Quantity(f"load of joint {joint + 1}", *_in_units(scene, joint, scene.tau_rigid[:, joint], "Nm", "N"))
-
-
-def _in_units(scene: Scene, joint: int, values: Floats, turning: str, sliding: str) -> tuple[str, Floats]:
-    return sliding if joint in scene.model.layout.sliding else turning, np.asarray(values)
+    unit = sliding if joint in scene.model.layout.sliding else turning
+    return Quantity(f"{name} of joint {joint + 1}", unit, np.asarray(values[:, joint]))
 
 
 def cosines(scene: Scene, shape: Shape, waves: range) -> list[Floats]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.models.effects.laws.law import Law, MotionRange, Quantity, angle_of, cosines, speed_of
+from acqd.models.effects.laws.law import Law, MotionRange, OfAngle, OfSpeed, Quantity, cosines
 from acqd.models.effects.places import Shape
 from acqd.models.effects.scene import Scene
 
@@ -47,7 +47,7 @@ class PowerOfMoving(_PowerLaw):
         return Quantity("speed of the fastest joint", "rad/s", np.abs(scene.qd).max(axis=1))
 
 
-class PowerOfAngle(_PowerLaw):
+class PowerOfAngle(OfAngle, _PowerLaw):
     """A power that depends on the angle of a joint."""
 
     id = "power_of_angle"
@@ -58,20 +58,12 @@ class PowerOfAngle(_PowerLaw):
         """One per wave."""
         return len(_WAVES)
 
-    def shape_of(self, motion: MotionRange, joint: int) -> dict[str, float]:
-        """Smallest and largest recorded angle."""
-        return {"joint": joint, "low_rad": motion.low[joint - 1], "high_rad": motion.high[joint - 1]}
-
     def at(self, scene: Scene, shape: Shape) -> Floats:
         """[N, waves] W/W."""
         return np.column_stack(cosines(scene, shape, _WAVES))
 
-    def along(self, scene: Scene, shape: Shape) -> Quantity:
-        """Angle."""
-        return angle_of(scene, shape)
 
-
-class PowerOfSpeed(_PowerLaw):
+class PowerOfSpeed(OfSpeed, _PowerLaw):
     """A power that depends on the speed of a joint."""
 
     id = "power_of_speed"
@@ -82,18 +74,10 @@ class PowerOfSpeed(_PowerLaw):
         """One per bell."""
         return len(_SPEEDS)
 
-    def shape_of(self, motion: MotionRange, joint: int) -> dict[str, float]:
-        """A high speed."""
-        return {"joint": joint, "fastest_rad_s": motion.speed[joint - 1]}
-
     def at(self, scene: Scene, shape: Shape) -> Floats:
         """[N, bells] W/W; above the recorded speeds, the last bell holds."""
         share = np.minimum(np.abs(scene.qd[:, int(shape["joint"]) - 1]) / shape["fastest_rad_s"], 1.0)
         return np.column_stack([np.exp(-(((share - middle) / _BELL) ** 2)) for middle in _SPEEDS])
-
-    def along(self, scene: Scene, shape: Shape) -> Quantity:
-        """Speed."""
-        return speed_of(scene, shape)
 
 
 class PowerAboveLevels(_PowerLaw):

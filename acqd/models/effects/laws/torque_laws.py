@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.models.effects.laws.joint_law import C_OF_ANGLE, JointLaw, LawOfAngle, slope_of
-from acqd.models.effects.laws.law import Law, MotionRange, Quantity, angle_of, cosines
+from acqd.models.effects.laws.joint_law import C_OF_ANGLE, JointLaw, JointLawOfAngle, slope_of
+from acqd.models.effects.laws.law import Law, MotionRange, OfLoad, Quantity, cosines, of_joint
 from acqd.models.effects.places import Shape
 from acqd.models.effects.scene import Scene
 from acqd.models.effects.substeps import averaged
@@ -18,7 +20,7 @@ _PLAY_OF_LOAD = 0.15
 """Half width relative to the largest load."""
 
 
-class AngleTorque(LawOfAngle):
+class AngleTorque(JointLawOfAngle):
     """A torque that the angle of the joint determines: a spring, a weight, an end stop."""
 
     id = "torque_of_angle"
@@ -37,10 +39,10 @@ class AngleTorque(LawOfAngle):
         return np.column_stack([slope * wave for wave in cosines(scene, shape, _WAVES)])
 
 
-class Hysteresis(JointLaw):
+class Hysteresis(OfLoad, JointLaw):
     """A torque that follows the angle or the load behind a play: backlash, a gear that winds up.
 
-    A prediction row by row knows the last seconds of the motion only, and with them the side of the play.
+    A recording starts in the middle of the play; consecutive scenes continue where the scene's memory says.
     """
 
     id = "torque_with_hysteresis"
@@ -52,22 +54,40 @@ class Hysteresis(JointLaw):
         """Two plays of the angle, one of the load."""
         return len(_PLAYS_RAD) + 1
 
-    def shape_of(self, motion: MotionRange, joint: int) -> dict[str, float]:
-        """Largest load."""
-        return {"joint": joint, "heaviest_Nm": motion.load[joint - 1]}
-
     def at(self, scene: Scene, shape: Shape) -> Floats:
-        """[N, 3] W/Nm; every recording starts in the middle of the play."""
-        joint, substeps = int(shape["joint"]) - 1, len(scene.q) // scene.rows
-        angle, load = averaged(scene.q[:, joint]), averaged(scene.tau_rigid[:, joint])
-        plays = [*((angle, width) for width in _PLAYS_RAD), (load, _PLAY_OF_LOAD * float(shape["heaviest_Nm"]))]
-        slope = slope_of(scene, shape)
-        wound = [np.repeat((values - play(values, width)) / width, substeps) for values, width in plays]
-        return np.column_stack([slope * each for each in wound])
+        """[N, 3] W/Nm."""
+        slope, substeps = slope_of(scene, shape), len(scene.q) // scene.rows
+        played = zip(*_inputs(scene, shape), _followed(scene, shape), strict=True)
+        return np.column_stack(
+            [slope * np.repeat((values - followed) / width, substeps) for values, width, followed in played]
+        )
 
     def along(self, scene: Scene, shape: Shape) -> Quantity:
         """Angle."""
-        return angle_of(scene, shape)
+        return of_joint("angle", scene, shape, scene.q, "rad", "m")
+
+    def remembered(self, scene: Scene, shape: Shape, rows: int) -> dict[str, Any]:
+        """Where each play is after `rows`."""
+        return {_memory(shape): [float(followed[rows - 1]) for followed in _followed(scene, shape)]}
+
+
+def _inputs(scene: Scene, shape: Shape) -> tuple[list[Floats], list[float]]:
+    """What each play follows, [T], and its half width."""
+    joint = int(shape["joint"]) - 1
+    angle, load = averaged(scene.q[:, joint]), averaged(scene.tau_rigid[:, joint])
+    return [angle] * len(_PLAYS_RAD) + [load], [*_PLAYS_RAD, _PLAY_OF_LOAD * float(shape["heaviest_Nm"])]
+
+
+def _followed(scene: Scene, shape: Shape) -> list[Floats]:
+    """[T] of every play, from where the memory says."""
+    values, widths = _inputs(scene, shape)
+    starts = scene.memory.get(_memory(shape), [float(each[0]) for each in values])
+    return [play(*each) for each in zip(values, widths, starts, strict=True)]
+
+
+def _memory(shape: Shape) -> str:
+    """Key in `Scene.memory`."""
+    return f"plays of joint {int(shape['joint'])}"
 
 
 class ReflectedInertia(Law):
@@ -102,10 +122,13 @@ class ReflectedInertia(Law):
         return Quantity("largest relative acceleration", "1", share.max(axis=1))
 
 
-def play(values: Floats, width: float) -> Floats:
-    """[T] play operator (backlash) of half width `width`: follows `values` [T] at a distance of at most the width."""
+def play(values: Floats, width: float, start: float) -> Floats:
+    """[T] play operator (backlash) of half width `width`: follows `values` [T] at a distance of at most the width.
+
+    `start`: where the play was before the first value.
+    """
     followed = np.empty_like(values)
-    at = float(values[0])
+    at = start
     for row, value in enumerate(values.tolist()):
         at = min(max(at, value - width), value + width)
         followed[row] = at
