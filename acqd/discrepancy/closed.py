@@ -9,9 +9,9 @@ from acqd.discrepancy.joints.summary import JointLevel
 from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.repair.correction import Correction
 from acqd.discrepancy.repair.guard import Improved
-from acqd.discrepancy.repair.terms import Added
+from acqd.discrepancy.repair.terms import Reported
 from acqd.discrepancy.residual.quality import Quality
-from acqd.discrepancy.selection.accepted import Tracing, Verdict
+from acqd.discrepancy.selection.accepted import Hypothesis, Selection, Verdict
 from acqd.discrepancy.thresholds import Stage
 
 
@@ -20,7 +20,7 @@ class Closed:
     """Everything that the report shows."""
 
     subject: Subject
-    tracing: Tracing
+    selection: Selection
     improved: Improved
     before: Quality
     after: Quality
@@ -38,7 +38,7 @@ class Closed:
     notes: list[str]
 
     @property
-    def kept(self) -> list[Added]:
+    def kept(self) -> list[Reported]:
         """Effects that were added."""
         return self.improved.kept
 
@@ -53,9 +53,16 @@ class Closed:
         return self.improved.extended
 
     @property
-    def named(self) -> list[Added]:
+    def named(self) -> list[Reported]:
         """Effects that were found: added, or reported only."""
-        return [*self.improved.kept, *self.improved.reported_only]
+        return self.improved.named
+
+    @property
+    def hypotheses(self) -> list[Hypothesis]:
+        """Rows of the table that are no finding: selected effects without a name, then those of the last step."""
+        selected = {(each.id, each.finding.candidate.label) for each in self.selection.effects}
+        rest = [row for row in self.selection.table if (row.id, row.where) not in selected]
+        return [*self.improved.hypotheses, *rest]
 
     @property
     def errors_after(self) -> list[Floats]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from acqd.discrepancy.closed import Closed
 from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.joints.summary import joint_level
@@ -9,7 +11,8 @@ from acqd.discrepancy.recordings import subject_of
 from acqd.discrepancy.remarks import disagreements, drifted_level, not_added, stages_of, unused_efforts
 from acqd.discrepancy.repair.correcting import corrected
 from acqd.discrepancy.repair.guard import improve
-from acqd.discrepancy.repair.naming import named_effects, without_unproven
+from acqd.discrepancy.repair.naming import named_effects
+from acqd.discrepancy.repair.predictive import Predictive
 from acqd.discrepancy.repair.usual_error import UsualError
 from acqd.discrepancy.residual.quality import quality
 from acqd.discrepancy.residual.residuals import errors_of
@@ -24,26 +27,25 @@ def close_loop(config: CloseConfig, progress: Progress) -> Closed:
     errors_before = errors_of(subject.model, subject.held_out)
     floor_W, floor_source = noise_floor([*subject.fit, *subject.held_out], subject.data.step_s)
     usual = UsualError.of(subject, floor_W)
-    delay, tracing = search(config, subject, progress)
-    effects, doubts = named_effects(subject, tracing, delay, config.seed, progress)
-    if not usual.exceeded_by(errors_before):
-        effects, unproven = without_unproven(effects, tracing)
-        doubts = [*doubts, *unproven]
-    sure = [each for each in effects if each.sure]
-    improved = improve(subject, sure, errors_before, config.seed)
-    improved = improved.with_reported([*improved.reported_only, *(each for each in effects if not each.sure)])
-    verdict, improved, remarks = settled(subject, tracing, improved, errors_before, usual)
-    if tracing.unknown is not None and verdict in ("unknown_structure", "effects_found"):
+    delay, selection = search(config, subject, progress)
+    effects = named_effects(subject, selection, delay, progress)
+    doubts = [each.doubt for each in effects if each.doubt is not None]
+    if doubts and selection.unknown is None:
+        selection = replace(selection, unknown=doubts[0])
+    predictive = Predictive.of(selection)
+    improved = improve(subject, effects, errors_before, predictive, config.seed)
+    verdict, remarks = settled(subject, selection, improved, errors_before, usual)
+    if selection.unknown is not None and verdict in ("unknown_structure", "effects_found"):
         progress("correcting the model", 0.0)
-        improved, reasons = corrected(subject, tracing, improved, usual, config.seed)
+        improved, reasons = corrected(subject, selection, improved, usual, predictive, config.seed)
         remarks = [*remarks, *reasons]
     return Closed(
-        subject=subject, tracing=tracing, improved=improved, before=quality(errors_before),
+        subject=subject, selection=selection, improved=improved, before=quality(errors_before),
         after=quality(improved.errors), errors_before=errors_before, floor_W=floor_W, floor_source=floor_source,
         reference_rmse=usual.reference_rms,
-        joints=joint_level(tracing.witness, subject.chosen), verdict=verdict, stages=stages_of(subject, tracing),
+        joints=joint_level(selection.witness, subject.chosen), verdict=verdict, stages=stages_of(subject, selection),
         notes=[
-            *subject.notes, *unused_efforts(subject), *doubts, *drifted_level(tracing), *remarks, *not_added(improved),
-            *disagreements(tracing, improved),
+            *subject.notes, *unused_efforts(subject), *drifted_level(selection), *remarks, *not_added(improved),
+            *disagreements(selection, improved),
         ],
     )  # fmt: skip

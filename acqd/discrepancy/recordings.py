@@ -69,7 +69,7 @@ def subject_of(config: CloseConfig, progress: Callable[[str, float], None]) -> S
     if not unseen:
         raise UserError(f"{config.dataset}: the model was fitted on all of its recordings; close the loop on new ones")
     reference, notes = _reference(config, data, same=same)
-    fit, held_out = _hold_out(data.segments, unseen, config.seed, same=same)
+    fit, held_out = _hold_out(data.segments, unseen, same=same)
     withheld = frozenset(bundle.metadata.get("withheld", ()))
     carrier = _carrier_in(bundle, model) if not withheld else None
     if carrier is None:
@@ -228,13 +228,11 @@ def _chosen(config: CloseConfig) -> frozenset[str]:
     return chosen
 
 
-def _hold_out(
-    segments: list[Segment], unseen: list[Segment], seed: int, *, same: bool
-) -> tuple[list[Segment], list[Segment]]:
+def _hold_out(segments: list[Segment], unseen: list[Segment], *, same: bool) -> tuple[list[Segment], list[Segment]]:
     """Recordings for the search, and whole held-out recordings.
 
     In the model's own dataset, the model's test recordings are held out. In a new dataset, every fourth or fifth
-    recording is held out, and the first one of them is chosen such that signals switch among them.
+    recording is held out, and the first one of them is chosen such that signals switch among them: no chance decides.
     """
     if same:
         names = {segment.recording for segment in unseen}
@@ -245,8 +243,7 @@ def _hold_out(
     in_time = sorted(sorted(starts), key=lambda name: starts[name])
     many = len(in_time) >= THRESHOLDS.fewest_for_one_in_five
     every = round(1 / THRESHOLDS.held_out_share) if many else THRESHOLDS.few_every
-    order = np.random.default_rng(seed).permutation(every)
-    first = max(order, key=lambda start: _switching(unseen, set(in_time[start::every])))
+    first = max(range(every), key=lambda start: _switching(unseen, set(in_time[start::every])))
     names = set(in_time[first::every])
     return [s for s in unseen if s.recording not in names], [s for s in unseen if s.recording in names]
 

@@ -10,8 +10,8 @@ from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.regression.setup import Question, set_up
 from acqd.discrepancy.residual.delay import Delay, beyond_reference, corrected, find_delay
 from acqd.discrepancy.residual.residuals import without_known_effects
-from acqd.discrepancy.selection.accepted import Tracing
-from acqd.discrepancy.selection.forward_selection import Limits, trace
+from acqd.discrepancy.selection.accepted import Selection
+from acqd.discrepancy.selection.forward_selection import Limits, select
 from acqd.models.effects import library
 from acqd.models.effects.scene import Scene, segment_scene
 from acqd.models.segments import Segment
@@ -20,7 +20,7 @@ Progress = Callable[[str, float], None]
 """Gets the step in progress and the share of it that is complete."""
 
 
-def search(config: CloseConfig, subject: Subject, progress: Progress) -> tuple[Delay | None, Tracing]:
+def search(config: CloseConfig, subject: Subject, progress: Progress) -> tuple[Delay | None, Selection]:
     """The delay between power and motion, if there is one, and the effects that the selection finds after it."""
     delay, unexplained = _without_delay(_without_known_power(subject))
     return delay, _select(config, unexplained, progress)
@@ -52,7 +52,7 @@ def _scenes(subject: Subject, segments: list[Segment]) -> Iterator[Scene]:
     return (segment_scene(subject.carrier, segment) for segment in segments)
 
 
-def _select(config: CloseConfig, subject: Subject, progress: Progress) -> Tracing:
+def _select(config: CloseConfig, subject: Subject, progress: Progress) -> Selection:
     what = "computing the columns of all effects"
     progress(what, 0.0)
     question = Question(
@@ -61,4 +61,4 @@ def _select(config: CloseConfig, subject: Subject, progress: Progress) -> Tracin
         begins_s=min(segment.start_s for segment in [*subject.fit, *subject.held_out]),
     )  # fmt: skip
     setup = set_up(question, lambda share: progress(what, share))
-    return trace(setup, Limits(config.max_effects, config.seed), lambda text: progress(text, 0.0))
+    return select(setup, Limits(config.max_effects), lambda text: progress(text, 0.0))

@@ -49,6 +49,8 @@ class Segment:
     """[k, axes] rad: likewise after the last one."""
     content: str = ""
     """Hash of the recording's power and angles: the same recording under any name, at any date."""
+    lag_within_s: float = 0.0
+    """Half the width of the 95 % interval of the lag between power and motion, s; 0 for a lag that was given."""
 
     def around(self, radius: int) -> Floats:
         """Angles [T + 2 radius, axes] rad: the known ones before and after; beyond these the arm rests."""
@@ -166,6 +168,7 @@ def segments_of(columns: dict[str, Floats], entry: dict[str, object], step_s: fl
                 before,
                 after,
                 content,
+                float(entry.get("lag_within_s") or 0.0),  # type: ignore[arg-type]
             )
         )
     return segments

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from acqd.discrepancy.regression.setup import Question, set_up
-from acqd.discrepancy.selection.forward_selection import Limits, trace
+from acqd.discrepancy.selection.forward_selection import Limits, select
 from acqd.models.effects import library
 from acqd.models.effects.substeps import SUBSTEPS, averaged
 from acqd.robot import load_description
@@ -24,7 +24,7 @@ def selected(model, robot, in_question, reference, only, withheld=()):
     """The selection on recordings in question and reference recordings."""
     question = Question(model, robot, in_question, reference, frozenset(only), frozenset(withheld))
     setup = set_up(question, lambda _: None)
-    return setup.design, trace(setup, Limits(), lambda _: None)
+    return setup.design, select(setup, Limits(), lambda _: None)
 
 
 def lagged_mean(fine_power, lag_s=0.012, steps=40):

@@ -33,9 +33,9 @@ def sides(model):
 
 def said(robot, before, after):
     only = COMMON | {"payload", "gravity_bias", "coulomb_friction", "copper_loss"}
-    _, tracing = selected(grey(), robot, after, before, only)
-    effects = [(n.id, n.place.where, n.shape, n.finding.coefficients.tolist()) for n in tracing.effects]
-    return tracing.verdict, effects
+    _, selection = selected(grey(), robot, after, before, only)
+    effects = [(n.id, n.place.where, n.shape, n.finding.coefficients.tolist()) for n in selection.effects]
+    return selection.verdict, effects
 
 
 @pytest.mark.long(seconds=20)
@@ -74,8 +74,8 @@ def test_a_spring_is_described_and_not_named(robot, model):
 
     before = [recording(model, k, rows=500, seed=1) for k in range(7)]
     after = [recording(model, k, spring, rows=500, seed=2, start_s=1e9 + 5000) for k in range(7)]
-    _, tracing = selected(model, robot, after, before, COMMON | {"payload", "viscous_friction", "copper_loss"})
-    assert tracing.verdict == "unknown_structure", [(n.id, n.place.where) for n in tracing.effects]
-    assert tracing.unknown.finding.candidate.label == "a torque that depends on the angle of joint 3"
-    leading = tracing.hypotheses[0]
+    _, selection = selected(model, robot, after, before, COMMON | {"payload", "viscous_friction", "copper_loss"})
+    assert selection.verdict == "unknown_structure", [(n.id, n.place.where) for n in selection.effects]
+    assert selection.unknown.finding.candidate.label == "a torque that depends on the angle of joint 3"
+    leading = selection.table[0]
     assert leading.id == "" and "joint 3" in leading.as_text()

@@ -64,7 +64,7 @@ def largest_excursion(
     kinds = np.concatenate([part.kinds for part in parts])
     figures = without_level(np.concatenate([part.figures for part in parts]))
     figures = figures - baseline.scale.centre[kinds]
-    figures -= np.clip(figures, 0.0, 2 * np.log(THRESHOLDS.grown_factor)) * (0.0, 1.0, 1.0)
+    figures -= np.clip(figures, 0.0, 2 * np.log(THRESHOLDS.screen_growth)) * (0.0, 1.0, 1.0)
     level_W = THRESHOLDS.screen_level_share * range_W
     figures[:, 0] -= np.clip(figures[:, 0], -level_W, level_W)
     z = charted(figures / baseline.scale.spread[kinds])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
@@ -47,13 +48,18 @@ class Candidate:
     cost: float = 0.0
     """Parameters charged for the detection."""
     tried: int = 1
-    """Shapes of the effect that compete: the best of them pays for the choice."""
+    """Places and shapes of the same kind that compete: the best of them pays for the choice."""
     key: str = ""
     """Identity within a design; equal keys are the same hypothesis."""
     fitted: Variant | None = None
     """With a fitted shape, and columns as in `Effect.at`; None: a scanned shape."""
     law_columns: LawColumns | None = None
     """Of an unnamed alternative that can correct a model."""
+
+    @property
+    def kind(self) -> str:
+        """Id of the effect or of the law, or the quantity that an alternative depends on."""
+        return self.id or (self.law_columns.law.id if self.law_columns else self.label)
 
     @property
     def size(self) -> int:
@@ -185,21 +191,14 @@ def _candidates(model: GreyBox, effects: list[Effect], scene: Scene, *, differen
             where = variant.place.where
             places = place + np.array(variant.columns)
             asked = variant if difference else variant.without_reference()
-            tried = len(effect.shapes)
-            candidates.append(Candidate(effect.id, where, places, asked, tried=tried, key=f"{effect.id} {number}"))
+            candidates.append(Candidate(effect.id, where, places, asked, key=f"{effect.id} {number}"))
         place += effect_rows(effect, scene).shape[1]
-    unnamed = alternatives(model.axes)
-    return candidates + [
-        Candidate(
-            "",
-            group.name,
-            place + np.array(group.columns),
-            tried=group.tried,
-            key=group.name,
-            law_columns=group.law_columns,
-        )
-        for group in unnamed
+    candidates += [
+        Candidate("", each.name, place + np.array(each.columns), key=each.name, law_columns=each.law_columns)
+        for each in alternatives(model.axes)
     ]
+    tried = Counter(candidate.kind for candidate in candidates)
+    return [replace(candidate, tried=tried[candidate.kind]) for candidate in candidates]
 
 
 def _surveyed(scenes: Scenes, effects: list[Effect]) -> tuple[Ranges, list[Effect]]:

@@ -13,55 +13,48 @@ from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.repair.correction import Correction
 from acqd.discrepancy.repair.guard import Improved, share_unlearned
 from acqd.discrepancy.repair.law_fit import fit_law
+from acqd.discrepancy.repair.predictive import Predictive
 from acqd.discrepancy.repair.refit import groups_of, refitted_to_rest
-from acqd.discrepancy.repair.terms import scaled
+from acqd.discrepancy.repair.terms import Reported, scaled
 from acqd.discrepancy.repair.torque_scale import torque_scale
 from acqd.discrepancy.repair.usual_error import UsualError
-from acqd.discrepancy.residual.residuals import about_means, errors_of, explained_share, rms
-from acqd.discrepancy.selection.accepted import Tracing
-from acqd.discrepancy.selection.hypotheses import unnamed
-from acqd.discrepancy.thresholds import THRESHOLDS
+from acqd.discrepancy.residual.residuals import errors_of, rms
+from acqd.discrepancy.selection.accepted import Selection, unnamed
 from acqd.models.augmented import Augmented, Term
 from acqd.models.predictor import Predictor
 
 
 def corrected(
-    subject: Subject, tracing: Tracing, improved: Improved, usual: UsualError, seed: int
+    subject: Subject, selection: Selection, improved: Improved, usual: UsualError, predictive: Predictive, seed: int
 ) -> tuple[Improved, list[str]]:
     """The model with the law that its error follows, and notes if it is left out.
 
-    Kept effects stay as they are. Like effects, the law must explain a fair share of the held-out error above that of
-    the reference (without one, above the noise floor), as it is or about the mean of every minute.
+    Kept effects stay as they are. Like effects, the law must predict the held-out recordings better, and reduce the
+    error in W.
     """
-    unknown = tracing.unknown
+    unknown = selection.unknown
     if unknown is None:
         return improved, []
     what = unnamed(unknown.finding.candidate.label)
     if unknown.finding.candidate.law_columns is None:
         return improved, [f"{what} cannot be predicted from the motion: the model is not corrected"]
-    if not usual.exceeded_by(improved.errors):
+    if not usual.exceeded_by(subject.held_out, improved.errors):
         return improved, [f"{what} is in an error that has not grown: the model is not corrected"]
-    fitted = fit_law(tracing, unknown, {(each.term.id, each.term.where) for each in improved.kept})
+    fitted = fit_law(selection, unknown, {(each.term.id, each.term.where) for each in improved.kept})
     if fitted is None:
         return improved, [f"{what} has no size beside the model's own parameters: the model is not corrected"]
     scale = torque_scale(subject)
     base, term = _with_law(subject, improved, fitted.term(scale), seed)
     errors = errors_of(Augmented.of(base, subject.carrier, [*improved.terms, term]), subject.held_out)
-    share = max(
-        explained_share(improved.errors, errors, usual.lowest_W),
-        explained_share(about_means(improved.errors), about_means(errors), usual.varying_W),
-    )
     gain = rms(improved.errors) - rms(errors)
-    if gain <= 0:
+    if gain <= 0 or predictive.density(errors) <= predictive.density(improved.errors):
         return improved, [f"a correction by {what} does not help on held-out recordings: not added"]
-    if share < THRESHOLDS.fair_share:
-        return improved, [f"a correction by {what} explains only {share:.0%} of the held-out error: not added"]
     correction = Correction(
         term=term, part=fitted.part, follows=what, along=fitted.along, strength=fitted.strength(scale),
         recordings=fitted.recordings, begins=unknown.gate.start, gain=gain,
     )  # fmt: skip
     better = replace(improved, base=base, correction=correction, errors=errors)
-    return replace(better, gains=_gains(subject, better)), []
+    return replace(better, effects=_gains(subject, better)), []
 
 
 def _with_law(subject: Subject, improved: Improved, term: Term, seed: int) -> tuple[Predictor, Term]:
@@ -78,11 +71,14 @@ def _with_law(subject: Subject, improved: Improved, term: Term, seed: int) -> tu
     return base, term
 
 
-def _gains(subject: Subject, better: Improved) -> list[float]:
-    """W RMS by which the held-out error is larger without each kept effect; as before for restored parameters."""
-    gains = []
-    for each, before in zip(better.kept, better.gains, strict=True):
+def _gains(subject: Subject, better: Improved) -> tuple[Reported, ...]:
+    """The effects with their gains beside the correction; as before for restored parameters."""
+    effects = []
+    for each in better.effects:
+        if each.status != "added" or each.restored:
+            effects.append(each)
+            continue
         others = [term for term in better.terms if term is not each.term]
         without: list[Floats] = errors_of(Augmented.of(better.base, subject.carrier, others), subject.held_out)
-        gains.append(before if each.restored else rms(without) - rms(better.errors))
-    return gains
+        effects.append(replace(each, gain_W=rms(without) - rms(better.errors)))
+    return tuple(effects)

@@ -1,7 +1,8 @@
-"""The repaired model, and the guard: an effect is added only if it reduces the error on held-out recordings."""
+"""The repaired model, and the guard: what does not predict recordings that took no part is no finding."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,9 +10,11 @@ import numpy as np
 from acqd.arrays import Floats
 from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.repair.correction import Correction
+from acqd.discrepancy.repair.predictive import Predictive
 from acqd.discrepancy.repair.refit import refitted
-from acqd.discrepancy.repair.terms import Added, scaled
+from acqd.discrepancy.repair.terms import Reported, scaled
 from acqd.discrepancy.residual.residuals import errors_of, rms
+from acqd.discrepancy.selection.accepted import Hypothesis
 from acqd.models.augmented import Augmented, Term
 from acqd.models.effects import library
 from acqd.models.greybox.model import GreyBox
@@ -26,20 +29,28 @@ class Improved:
 
     base: Predictor
     """Unchanged, or fitted again."""
-    kept: list[Added]
-    reported_only: list[Added]
-    """Effects at unpredictable times: the report has them, the model has not."""
-    refused: list[Added]
-    gains: list[float]
-    """W RMS on held-out recordings: increase of the error without a kept effect."""
+    effects: tuple[Reported, ...]
+    """All that were selected, each with its status."""
     errors: list[Floats]
     """[T] W on the held-out segments."""
     correction: Correction | None = None
     """Of an unknown structure."""
 
-    def with_reported(self, effects: list[Added]) -> Improved:
-        """With other effects that are only reported."""
-        return replace(self, reported_only=effects)
+    @property
+    def kept(self) -> list[Reported]:
+        """Effects in the model."""
+        return [each for each in self.effects if each.status == "added"]
+
+    @property
+    def named(self) -> list[Reported]:
+        """Effects that were found: in the model, then those that are only reported."""
+        return self.kept + [each for each in self.effects if each.status == "reported"]
+
+    @property
+    def hypotheses(self) -> list[Hypothesis]:
+        """Selected effects that are no finding, with the reason."""
+        rows = [each.as_hypothesis() for each in self.effects if each.status in ("hypothesis", "refused")]
+        return [row for row in rows if row is not None]
 
     def model(self, subject: Subject) -> Predictor:
         """The base with all terms."""
@@ -57,61 +68,76 @@ class Improved:
         return bool(self.kept) or self.correction is not None
 
 
-def improve(subject: Subject, effects: list[Added], errors_before: list[Floats], seed: int) -> Improved:
-    """Add effects; keep those that help on the held-out recordings."""
-    if not effects:
-        return _unchanged(subject, effects, errors_before)
+def improve(
+    subject: Subject, effects: list[Reported], errors_before: list[Floats], predictive: Predictive, seed: int
+) -> Improved:
+    """Add named effects; the guard refuses what does not predict the held-out recordings.
+
+    What predicts them beside a level that varies, and does not reduce the error in W, is reported and not added.
+    """
+    named = [each for each in effects if each.status == "named"]
+    if not named:
+        return Improved(subject.model, tuple(effects), errors_before)
     base: Predictor = subject.model
     if subject.question == "structure":
-        base, effects = refitted(subject, effects, seed)
+        base, named = refitted(subject, named, seed)
         if not isinstance(base, GreyBox):
-            effects = [
-                replace(each, term=scaled(each.term, share_unlearned(base, each.term, subject))) for each in effects
-            ]
-    restored, terms = [e for e in effects if e.restored], [e for e in effects if not e.restored]
-    kept, errors, gains = guarded(base, terms, subject)
-    if rms(errors) >= rms(errors_before) or not restored + kept:
-        return _unchanged(subject, effects, errors_before)
-    keys = {each.key for each in kept}
-    rejected = [each for each in terms if each.key not in keys]
-    reported_only, refused = _split_predictable(rejected)
-    total = rms(errors_before) - rms(errors)
-    return Improved(
-        base=base, kept=restored + kept, reported_only=reported_only, refused=refused,
-        gains=[total] * len(restored) + gains, errors=errors,
-    )  # fmt: skip
+            named = [replace(each, term=scaled(each.term, share_unlearned(base, each.term, subject))) for each in named]
+    errors = _Errors(base, subject)
+    restored, terms = [e for e in named if e.restored], [e for e in named if not e.restored]
+    predicting = helpful(terms, lambda chosen: predictive.density(errors.of(chosen)))
+    added = helpful(predicting, lambda chosen: -rms(errors.of(chosen)))
+    if rms(errors.of(added)) >= rms(errors_before) or not restored + added:
+        restored, added, base, after = [], [], subject.model, errors_before
+    else:
+        after = errors.of(added)
+    before, now = rms(errors_before), rms(after)
+    keys = {each.key for each in restored + added}
+    gains = {each.key: rms(errors.of([o for o in added if o.key != each.key])) - now for each in added}
+    judged = {
+        each.key: replace(each, status="added", gain_W=gains.get(each.key, before - now))
+        if each.key in keys
+        else _not_added(each, predicts=any(each.key == other.key for other in predicting))
+        for each in named
+    }
+    return Improved(base, tuple(judged.get(each.key, each) for each in effects), after)
 
 
-def _unchanged(subject: Subject, effects: list[Added], errors_before: list[Floats]) -> Improved:
-    reported_only, refused = _split_predictable(effects)
-    return Improved(
-        base=subject.model, kept=[], reported_only=reported_only, refused=refused, gains=[], errors=errors_before
-    )
+def _not_added(effect: Reported, *, predicts: bool) -> Reported:
+    if predicts or not library()[effect.term.id].predictable:
+        return replace(effect, status="reported")
+    return effect.without_name("refused", "a better prediction of recordings that took no part")
 
 
-def guarded(base: Predictor, effects: list[Added], subject: Subject) -> tuple[list[Added], list[Floats], list[float]]:
-    """Effects that help on the held-out segments, the residuals, and the gain of every kept effect (W RMS).
+def helpful(effects: list[Reported], worth: Callable[[list[Reported]], float]) -> list[Reported]:
+    """Effects without which a model is worth less.
 
     Backward elimination: two effects may help only together, so that the most harmful one is removed first.
     """
     kept = list(effects)
-    while True:
-        errors = _errors_with(base, kept, subject)
-        without = [rms(_errors_with(base, [o for o in kept if o.key != each.key], subject)) for each in kept]
-        gains = [rmse - rms(errors) for rmse in without]
-        if not kept or min(gains) > 0:
-            return kept, errors, gains
-        kept.pop(int(np.argmin(gains)))
+    while kept:
+        whole = worth(kept)
+        losses = [whole - worth([other for other in kept if other.key != each.key]) for each in kept]
+        if min(losses) > 0:
+            break
+        kept.pop(int(np.argmin(losses)))
+    return kept
 
 
-def _errors_with(base: Predictor, effects: list[Added], subject: Subject) -> list[Floats]:
-    return errors_of(Augmented.of(base, subject.carrier, [each.term for each in effects]), subject.held_out)
+class _Errors:
+    """Errors of a base model with some effects on the held-out segments, each set computed once."""
 
+    def __init__(self, base: Predictor, subject: Subject) -> None:
+        self._base, self._subject = base, subject
+        self._known: dict[frozenset[str], list[Floats]] = {}
 
-def _split_predictable(effects: list[Added]) -> tuple[list[Added], list[Added]]:
-    """Effects at unpredictable times, and the others."""
-    unpredictable = [each for each in effects if not library()[each.term.id].predictable]
-    return unpredictable, [each for each in effects if library()[each.term.id].predictable]
+    def of(self, effects: list[Reported]) -> list[Floats]:
+        """[T] W per segment."""
+        key = frozenset(each.key for each in effects)
+        if key not in self._known:
+            model = Augmented.of(self._base, self._subject.carrier, [each.term for each in effects])
+            self._known[key] = errors_of(model, self._subject.held_out)
+        return self._known[key]
 
 
 def share_unlearned(base: Predictor, term: Term, subject: Subject) -> float:

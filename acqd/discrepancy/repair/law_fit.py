@@ -13,8 +13,8 @@ from acqd.discrepancy.regression.gram import Regression
 from acqd.discrepancy.regression.torque_alternatives import LawColumns
 from acqd.discrepancy.repair.correction import SIZE
 from acqd.discrepancy.repair.torque_scale import TorqueScale
-from acqd.discrepancy.selection.accepted import Tracing, Unknown
-from acqd.discrepancy.selection.ranking import Finding, rank_pooled
+from acqd.discrepancy.selection.accepted import Selection, Unknown
+from acqd.discrepancy.selection.ranking import Finding, Rows, ranked
 from acqd.discrepancy.selection.shape_fit import at_secant_slope, columns_of
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.augmented import Term
@@ -76,7 +76,7 @@ class LawFit:
         return np.asarray(by_joint[:, np.abs(by_joint).max(axis=0).argmax()])
 
 
-def fit_law(tracing: Tracing, unknown: Unknown, kept: set[tuple[str, str]]) -> LawFit | None:
+def fit_law(selection: Selection, unknown: Unknown, kept: set[tuple[str, str]]) -> LawFit | None:
     """The law of an unknown structure at the secant slope of its torque; None where it does not act.
 
     Effects that are `kept` (id, place) have the coefficients that they are reported with; the others are left out.
@@ -84,47 +84,42 @@ def fit_law(tracing: Tracing, unknown: Unknown, kept: set[tuple[str, str]]) -> L
     candidate, gate = unknown.finding.candidate, unknown.gate
     part = candidate.law_columns
     assert part is not None
-    regression = _beside(tracing, kept)
-    design = replace(tracing.design, witness=None)
+    design = replace(selection.design, witness=None)
+    rows = Rows(design, _beside(selection, kept), selection.rows.learning_rate)
     shape = part.law.shape_of(design.columns.motion, part.joint)
     unit = _unit(design, part)
     place = Place("", part.columns, tuple(Parameter(f"c{k + 1}", unit) for k in range(len(part.columns))))
     columns = columns_of(design, part.law, place, gate.open)
     design, places = design.with_columns(columns(shape))
     own = replace(candidate, places=places)
-    design, found = at_secant_slope(design, regression, gate.open, own, columns, shape)
+    rows, found = at_secant_slope(rows.on(design), gate.open, own, columns, shape)
+    design = rows.design
     if found is None:
         return None
     open_ = [each for each, acts in zip(design.parts, gate.open, strict=True) if acts]
     names = sorted({each.recording for each in open_})
-    left_out = [
-        finding.coefficients
-        for name in names
-        for finding in _without_recording(design, regression.on(design.blocks), gate.open, found, name)
-    ]
+    left_out = [finding.coefficients for name in names for finding in _without_recording(rows, gate.open, found, name)]
     begins = {} if gate.start is None else {"begin_s": min(each.start_s for each in open_)}
     seen = _over_question(design, part, shape)
     return LawFit(part, unit, shape | begins, found.coefficients, len(names), left_out, *seen)
 
 
-def _beside(tracing: Tracing, kept: set[tuple[str, str]]) -> Regression:
+def _beside(selection: Selection, kept: set[tuple[str, str]]) -> Regression:
     """The base model, and the kept effects with coefficients that do not change."""
-    fixed = {named.key for named in tracing.effects if (named.id, named.place.where) in kept}
-    others = {named.key for named in tracing.effects} - fixed
+    fixed = {each.key for each in selection.effects if (each.id, each.place.where) in kept}
+    others = {each.key for each in selection.effects} - fixed
     columns = []
-    for column, value in zip(tracing.regression.columns, tracing.regression.solve().tolist(), strict=True):
+    for column, value in zip(selection.regression.columns, selection.regression.solve().tolist(), strict=True):
         if column.owner in fixed:
             columns.append(replace(column, mean=value, deviation=_FIXED * max(abs(value), _FIXED)))
         elif column.owner not in others:
             columns.append(column)
-    return Regression(tracing.design.blocks, columns)
+    return Regression(selection.design.blocks, columns)
 
 
-def _without_recording(
-    design: Design, regression: Regression, gate: Floats, found: Finding, name: str
-) -> list[Finding]:
-    weights = np.array([float(not block.in_question or block.recording != name) for block in design.parts])
-    return rank_pooled(design, regression, gate, [found.candidate], weights)
+def _without_recording(rows: Rows, gate: Floats, found: Finding, name: str) -> list[Finding]:
+    weights = np.array([float(not block.in_question or block.recording != name) for block in rows.design.parts])
+    return ranked(rows, gate, [found.candidate], weights)
 
 
 def _unit(design: Design, part: LawColumns) -> str:

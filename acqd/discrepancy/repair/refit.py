@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 from acqd.discrepancy.recordings import Subject
-from acqd.discrepancy.repair.terms import Added
+from acqd.discrepancy.repair.terms import Reported
 from acqd.discrepancy.residual.residuals import without_known_effects
 from acqd.models.augmented import Augmented, Term
 from acqd.models.effects import library
@@ -15,7 +15,7 @@ from acqd.models.greybox.model import GreyBox
 from acqd.models.predictor import Predictor
 
 
-def refitted(subject: Subject, effects: list[Added], seed: int) -> tuple[Predictor, list[Added]]:
+def refitted(subject: Subject, effects: list[Reported], seed: int) -> tuple[Predictor, list[Reported]]:
     """A grey box fitted to the power without the effects; other models stay unchanged.
 
     An effect whose parameters the grey box had been denied comes back as those parameters.
@@ -37,6 +37,6 @@ def refitted_to_rest(subject: Subject, terms: list[Term], denied: Iterable[str],
     return fit.model
 
 
-def groups_of(effect: Added) -> set[str]:
+def groups_of(effect: Reported) -> set[str]:
     """Groups of grey-box parameters that describe an effect."""
     return set(library()[effect.term.id].restores)

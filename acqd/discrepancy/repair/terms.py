@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from scipy.special import expit
@@ -12,10 +12,9 @@ from scipy.stats import norm
 from acqd.arrays import Floats
 from acqd.discrepancy.repair.torque_scale import TorqueScale
 from acqd.discrepancy.residual.delay import Delay
-from acqd.discrepancy.selection.accepted import Named, Tracing, Unknown
-from acqd.discrepancy.selection.family import family
-from acqd.discrepancy.selection.hypotheses import Hypothesis, unnamed
-from acqd.discrepancy.selection.uncertainty import Intervals, confidence, intervals
+from acqd.discrepancy.selection.accepted import Hypothesis, Selected, Selection, Unknown
+from acqd.discrepancy.selection.confidence import confidence
+from acqd.discrepancy.selection.uncertainty import Intervals, intervals
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.augmented import Term
 from acqd.models.effects import library
@@ -28,15 +27,19 @@ _UNITS = {
 """Unit of a shape parameter by the ending of its name; the first match holds."""
 
 
+Status = Literal["named", "added", "reported", "hypothesis", "refused"]
+"""Not judged yet; in the model; named, not in the model; too little to name; no help on held-out recordings."""
+
+
 @dataclass(frozen=True, slots=True)
-class Added:
+class Reported:
     """An effect as the report shows it."""
 
     term: Term
-    evidence: float | None
-    """White squared error that the effect explains beyond chance; None: shifts of whole recordings show the effect."""
+    hypothesis: Hypothesis | None
+    """Of the table in which the effect leads; None: shifts of whole recordings show the effect."""
     confidence: float
-    alternatives: list[tuple[str, float]]
+    alternatives: tuple[tuple[str, float], ...]
     """Ids of other effects, or unnamed alternatives in words, and their confidence."""
     start: str | None
     """First recording with the effect; None: all recordings have it."""
@@ -45,89 +48,77 @@ class Added:
     recordings: int
     """Number of recordings in which the effect may act."""
     family: tuple[tuple[str, str], ...] = ()
-    """Ids and places of effects whose power is nearly the same in these recordings."""
+    """Ids and places of effects that these recordings cannot tell from this one."""
     family_confidence: float = 0.0
     """Together with the family; at least `confidence`."""
     doubt: Unknown | None = None
-    """An unnamed alternative that more resampled sets of recordings prefer."""
+    """An unnamed alternative that is likelier than the family."""
     restored: bool = False
     """The effect came back as parameters that the grey box had been denied, not as a term."""
+    status: Status = "named"
+    missing: str = ""
+    """What a hypothesis or a refused effect lacks, in words."""
+    gain_W: float = 0.0
+    """W RMS by which an added effect reduces the held-out error."""
 
     @property
-    def sure(self) -> bool:
-        """Whether the effect and its family have enough confidence; shifts of whole recordings always have."""
-        return self.evidence is None or self.family_confidence >= THRESHOLDS.least_confidence
+    def evidence(self) -> float | None:
+        """Twice the log Bayes factor against no effect; None for shifts of whole recordings."""
+        return None if self.hypothesis is None else self.hypothesis.finding.evidence
 
     @property
     def may_be_nothing(self) -> bool:
         """Whether all intervals of an effect hold zero; never for what shifts of whole recordings show."""
         intervals = [each["ci95"] for each in self.term.parameters.values() if each["ci95"] is not None]
-        return self.evidence is not None and bool(intervals) and all(low <= 0.0 <= high for low, high in intervals)
+        return self.hypothesis is not None and bool(intervals) and all(low <= 0.0 <= high for low, high in intervals)
 
     @property
     def key(self) -> str:
         """Identity within a report: an effect is added once at a place, or once from shifts of whole recordings."""
         return f"{self.term.id} {self.term.where}{' (whole recordings)' if self.evidence is None else ''}"
 
-    def as_hypothesis(self) -> Hypothesis:
-        """An effect that an unnamed alternative outdoes, or other effects together, as the report shows it."""
-        assert self.evidence is not None
-        sizes = {name: (float(shown["value"]), str(shown["unit"])) for name, shown in self.term.parameters.items()}
-        if self.doubt is not None:
-            alternative = self.doubt.finding
-            least = float(alternative.evidence)
-            missing = [f"more evidence than {unnamed(alternative.candidate.label)}"]
-        else:
-            least = self.evidence
-            missing = [
-                f"a confidence of {THRESHOLDS.least_confidence:.0%} (the effect has {self.family_confidence:.0%})"
-            ]
-        return Hypothesis(self.term.id, self.term.where, sizes, self.evidence, least, missing)
+    def without_name(self, status: Status, missing: str) -> Reported:
+        """The effect as no finding, with the reason."""
+        return replace(self, status=status, missing=missing)
+
+    def as_hypothesis(self) -> Hypothesis | None:
+        """A row of the table of hypotheses, for an effect that is no finding."""
+        if self.hypothesis is None:
+            return None
+        return replace(self.hypothesis, status="refused", missing=(self.missing,))
 
 
-def added(tracing: Tracing, named: Named, scale: TorqueScale, seed: int) -> Added:
+def reported(selection: Selection, selected: Selected, scale: TorqueScale) -> Reported:
     """Parameters with intervals, confidence and alternatives of a selected effect."""
-    sure, alternatives = confidence(tracing, named, seed)
-    kin = family(tracing, named)
-    together = sure + sum(share for name, share in alternatives if name in {finding.candidate.id for finding in kin})
-    certain = intervals(tracing, named)
-    shape = dict(named.shape)
-    parts = tracing.design.parts
-    if library()[named.id].follows_clock:
-        scenes = tracing.design.columns.scenes
+    sure, certain = confidence(selection, selected), intervals(selection, selected)
+    shape = dict(selected.shape)
+    design = selection.design
+    if library()[selected.id].follows_clock:
+        scenes = design.columns.scenes
         shape["origin_s"] = scenes[scenes.in_question.index(True)].memory["origin_s"]
-    open_ = [part for part, own in zip(parts, named.gate.open, strict=True) if own]
-    if named.gate.start is not None:
+    open_ = [part for part, acts in zip(design.parts, selected.gate.open, strict=True) if acts]
+    if selected.gate.start is not None:
         shape["begin_s"] = min(part.start_s for part in open_)  # the key that bundles have
-    term = Term.of(named.id, named.place, shape, certain.coefficients, _parameters(named, certain, scale))
-    finding = named.finding
-    return Added(
-        term=term, evidence=finding.evidence, confidence=sure, alternatives=alternatives, start=named.gate.start,
-        consistency=finding.supported().consistency, recordings=len({part.recording for part in open_}),
-        family=tuple((finding.candidate.id, finding.candidate.label) for finding in kin),
-        family_confidence=min(together, 1.0), doubt=doubt_about(named, together, alternatives),
+    term = Term.of(selected.id, selected.place, shape, certain.coefficients, _parameters(selected, certain, scale))
+    return Reported(
+        term=term, hypothesis=selected.hypothesis, confidence=sure.share, alternatives=sure.rivals,
+        start=selected.gate.start, consistency=sure.agreeing, recordings=len({part.recording for part in open_}),
+        family=sure.family, family_confidence=sure.family_share, doubt=sure.doubt,
     )  # fmt: skip
 
 
-def doubt_about(named: Named, together: float, alternatives: list[tuple[str, float]]) -> Unknown | None:
-    """The unnamed alternative that is likelier than an effect with its family (`together`), or None."""
-    likelier = [name for name, share in alternatives if share > together]
-    found = [each for each in named.alternatives if not each.candidate.id and unnamed(each.candidate.label) in likelier]
-    return Unknown(found[0], named.gate) if found else None
-
-
-def _parameters(named: Named, certain: Intervals, scale: TorqueScale) -> dict[str, Any]:
+def _parameters(selected: Selected, certain: Intervals, scale: TorqueScale) -> dict[str, Any]:
     """In true units; the coefficients of a term are in the scale of its model's torques."""
     parameters: dict[str, Any] = {}
-    effect = library()[named.id]
-    for parameter, value, width in zip(named.place.parameters, certain.coefficients, certain.half, strict=True):
-        of_columns = _with_columns(effect.simplified(named.place), float(value), float(width))
+    effect = library()[selected.id]
+    for parameter, value, width in zip(selected.place.parameters, certain.coefficients, certain.half, strict=True):
+        of_columns = _with_columns(effect.simplified(selected.place), float(value), float(width))
         true, wide = scale.corrected(float(value), of_columns, parameter.unit)
         parameters[parameter.name] = _shown(true, parameter.unit, wide)
-    for name, value in named.shape.items():
+    for name, value in selected.shape.items():
         unit = next((unit for ending, unit in _UNITS.items() if name.endswith(ending)), "-")
         half = certain.shape_half if name in effect.bounds else None
-        wide_shape = None if half is None else _with_columns(effect.simplified(named.place), value, half)
+        wide_shape = None if half is None else _with_columns(effect.simplified(selected.place), value, half)
         parameters[name] = _shown(float(value), unit, wide_shape)
     return parameters
 
@@ -142,7 +133,7 @@ def _shown(value: float, unit: str, half: float | None) -> dict[str, Any]:
     return {"value": value, "unit": unit, "ci95": None if half is None else [value - half, value + half]}
 
 
-def clock_term(delay: Delay) -> Added:
+def clock_term(delay: Delay) -> Reported:
     """The offset or drift that shifts of whole recordings show before the selection."""
     width = THRESHOLDS.interval_width
     offset = _shown(delay.offset_s, "s", width * float(np.hypot(delay.offset_error_s, THRESHOLDS.delay_floor_s)))
@@ -158,9 +149,9 @@ def clock_term(delay: Delay) -> Added:
         parameters = {"power later by": offset}
     term = Term.of(_clock(drifts=delay.drifts).id, place, shape, np.ones(1), parameters)
     sure = _clock_confidence(delay, delays)
-    alternatives = [(_clock(drifts=not delay.drifts).id, round(1 - sure, 6))]
-    return Added(
-        term=term, evidence=None, confidence=sure, alternatives=alternatives, start=None, consistency=agree,
+    alternatives = ((_clock(drifts=not delay.drifts).id, round(1 - sure, 6)),)
+    return Reported(
+        term=term, hypothesis=None, confidence=sure, alternatives=alternatives, start=None, consistency=agree,
         recordings=len(delays), family_confidence=1.0,
     )  # fmt: skip
 
@@ -191,7 +182,7 @@ def scaled(term: Term, factor: float) -> Term:
     return replace(term, coefficients=term.coefficients * factor)
 
 
-def described(effect: Added) -> str:
+def described(effect: Reported) -> str:
     """A sentence about the evidence, for report.json."""
     summary = library()[effect.term.id].summary
     agreement = f"{effect.consistency:.0%} of {effect.recordings} recordings"
@@ -199,6 +190,6 @@ def described(effect: Added) -> str:
         return f"{summary}: {agreement} are shifted the same way"
     since = f", since {effect.start}" if effect.start else ""
     return (
-        f"{summary} ({effect.term.where}{since}): evidence {effect.evidence:.0f} (BIC difference to the model "
-        f"without the effect); {agreement} agree"
+        f"{summary} ({effect.term.where}{since}): evidence {effect.evidence:.0f} (twice the log Bayes factor "
+        f"against the model without the effect); {agreement} agree"
     )

@@ -11,7 +11,7 @@ from acqd.discrepancy.closed import Closed
 from acqd.discrepancy.joints.summary import JointLevel
 from acqd.discrepancy.repair.correction import Correction
 from acqd.discrepancy.residual.aspects import Aspect, aspects
-from acqd.discrepancy.selection.accepted import Named
+from acqd.discrepancy.selection.accepted import Selected
 from acqd.models.metrics import predictions
 
 if TYPE_CHECKING:
@@ -72,15 +72,15 @@ def joints(level: JointLevel) -> Figure:
     return figure
 
 
-def explained(closed: Closed, named: Named) -> Figure:
+def explained(closed: Closed, selected: Selected) -> Figure:
     """Left: residual without the effect against the power of the effect, in bins. Right: block by block."""
-    tracing = closed.tracing
-    design, regression = tracing.design, tracing.regression
+    selection = closed.selection
+    design, regression = selection.design, selection.regression
     beta = regression.solve()
-    mine = np.array([column.owner == named.key for column in regression.columns])
+    mine = np.array([column.owner == selected.key for column in regression.columns])
     contribution, partial, share, starts = [], [], [], []
     for number, part in enumerate(design.parts):
-        if not named.gate.open[number]:
+        if not selected.gate.open[number]:
             continue
         values = design.values(part.segment, regression.places, part.rows)
         weights = beta * regression.gates[:, number]
@@ -100,7 +100,7 @@ def explained(closed: Closed, named: Named) -> Figure:
     left.errorbar(middle, mean, 2 * error, fmt="o", ms=4, color=_AFTER, label="mean of bins")
     limits = np.array([x.min(), x.max()])
     left.plot(limits, limits, color="black", lw=0.8, label="line of equality")
-    left.set_xlabel(f"power of {named.id} as fitted [W]")
+    left.set_xlabel(f"power of {selected.id} as fitted [W]")
     left.set_ylabel("residual without the effect [W]")
     left.legend(frameon=False, fontsize=8)
     order = np.argsort(starts)

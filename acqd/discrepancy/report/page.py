@@ -7,9 +7,9 @@ from pathlib import Path
 from acqd.discrepancy.closed import Closed
 from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.repair.correction import Correction
-from acqd.discrepancy.repair.terms import Added, described
+from acqd.discrepancy.repair.terms import Reported, described
 from acqd.discrepancy.report import charts, figures
-from acqd.discrepancy.report.summary import VERDICTS, held_out_gain, unexplained
+from acqd.discrepancy.report.summary import VERDICTS, unexplained
 from acqd.discrepancy.report.tile import tile
 from acqd.discrepancy.residual.quality import Quality
 from acqd.models.bundle.bundle import fingerprint
@@ -77,8 +77,8 @@ def _rest(page: Page, closed: Closed) -> None:
     page.text(_sentence(unexplained(closed)))
     for note in closed.notes:
         page.text(_sentence(note))
-    if closed.tracing.last_ranking:
-        bars = charts.ranking(closed.tracing.last_ranking, None)
+    if closed.hypotheses:
+        bars = charts.ranking([row.finding for row in closed.hypotheses], None)
         if bars.rows:
             page.bars(bars, "The last ranking: how much every hypothesis would explain now. Grey: without a name.")
     if closed.joints is not None:
@@ -89,10 +89,10 @@ def _rest(page: Page, closed: Closed) -> None:
             "Line: equality."
         )
         page.figure(figures.joints(closed.joints), caption)
-    if closed.tracing.hypotheses:
+    if closed.hypotheses:
         page.heading("Hypotheses that were not accepted")
         with page.folded("Evidence, what is missing, and the recording that would decide"):
-            rows = [[h.as_text(), h.experiment] for h in closed.tracing.hypotheses]
+            rows = [[h.as_text(), h.experiment] for h in closed.hypotheses]
             page.table(["hypothesis", "what would decide"], rows)
 
 
@@ -104,17 +104,19 @@ def _evidence(page: Page, closed: Closed) -> None:
     page.lines(charts.correlation(closed), "Autocorrelation of the residual: what one row says about later rows.")
 
 
-def _effect(page: Page, closed: Closed, each: Added, index: int) -> None:
+def _effect(page: Page, closed: Closed, each: Reported, index: int) -> None:
     effect = library()[each.term.id]
     page.heading(f"Effect {index + 1}: {each.term.id}, {each.term.where}")
     page.text(_sentence(described(each)))
-    page.text(_confidence(closed, each, index))
-    named = next((n for n in closed.tracing.effects if n.id == each.term.id and n.place.where == each.term.where), None)
-    if named is not None:
-        bars = charts.ranking([named.finding, *named.alternatives], named.id)
+    page.text(_confidence(each))
+    selected = next(
+        (n for n in closed.selection.effects if n.id == each.term.id and n.place.where == each.term.where), None
+    )
+    if selected is not None:
+        bars = charts.ranking([row.finding for row in selected.table], selected.id)
         page.bars(bars, "The hypotheses that competed. Blue: accepted; grey: without a name.")
         page.figure(
-            figures.explained(closed, named),
+            figures.explained(closed, selected),
             "Left: residual without the effect against the effect's power. Right: strength of the effect over time.",
         )
     with page.folded("Parameters and equation"):
@@ -143,7 +145,7 @@ def _correction(page: Page, correction: Correction) -> None:
         page.text(f"Equation: {correction.part.law.equation}.")
 
 
-def _parameters(each: Added) -> list[list[str]]:
+def _parameters(each: Reported) -> list[list[str]]:
     rows = []
     for name, parameter in each.term.parameters.items():
         value, interval = float(parameter["value"]), parameter["ci95"]
@@ -153,17 +155,17 @@ def _parameters(each: Added) -> list[list[str]]:
     return rows
 
 
-def _confidence(closed: Closed, each: Added, index: int) -> str:
+def _confidence(each: Reported) -> str:
     others = ", ".join(f"{name} {percent(share)}" for name, share in each.alternatives) or "none"
     if each.family:
         kin = ", ".join(f"{name} ({where})" for name, where in each.family)
         others += f". Nearly the same power in these recordings: {kin}; together {percent(each.family_confidence)}"
-    if index < len(closed.kept):
-        gain = f"Without the effect, the held-out RMSE is {number(held_out_gain(closed, index))} W higher."
+    if each.status == "added":
+        gain = f"Without the effect, the held-out RMSE is {number(each.gain_W)} W higher."
     else:
         gain = "The effect is reported only: it is not part of the model."
     return (
-        f"Confidence {percent(each.confidence)} (of naming the effect again from other recordings of this kind); "
+        f"Confidence {percent(each.confidence)} (that the effect explains more than its alternatives); "
         f"alternative explanations: {others}. {gain}"
     )
 

@@ -9,7 +9,7 @@ import numpy as np
 from acqd.arrays import Floats
 from acqd.discrepancy.closed import Closed
 from acqd.discrepancy.recordings import Subject
-from acqd.discrepancy.repair.terms import Added
+from acqd.discrepancy.repair.terms import Reported
 from acqd.discrepancy.report.main_parameter import changed_place, main_parameter
 from acqd.models.effects import library
 from acqd.report.digits import confidence_interval, number, percent
@@ -23,12 +23,12 @@ _LEAST_SHARE = 0.005
 _HOURS_PER_DAY, _W_PER_KW = 24.0, 1000.0
 
 
-def beside(subject: Subject, each: Added) -> str:
+def beside(subject: Subject, each: Reported) -> str:
     """The size beside what the robot has: "the model has 18 Nm; the change is 7 % of the limit"; "" if unknown."""
     return "; ".join(text for text in (_usual(subject, each), _load(subject, each)) if text)
 
 
-def _usual(subject: Subject, each: Added) -> str:
+def _usual(subject: Subject, each: Reported) -> str:
     """The same quantity in the model, which the effect comes on top of; "" where the model has none."""
     if subject.withheld or each.restored:
         return ""  # the model lacks the quantity altogether
@@ -42,13 +42,13 @@ def _usual(subject: Subject, each: Added) -> str:
     return f"the model has {number(usual, 2)} {unit}" if usual > 0 else ""
 
 
-def _joint_of(each: Added) -> int | None:
+def _joint_of(each: Reported) -> int | None:
     """Number of the joint, from 0, or None for another place."""
     match = _JOINT.search(changed_place(each))
     return int(match[1]) - 1 if match else None
 
 
-def _load(subject: Subject, each: Added) -> str:
+def _load(subject: Subject, each: Reported) -> str:
     """Share of a joint's torque limit that the change takes; "" where no torque can be said."""
     effort = subject.robot.effort
     value, unit = float(main_parameter(each)[1]["value"]), main_parameter(each)[1]["unit"]
@@ -66,7 +66,7 @@ def _load(subject: Subject, each: Added) -> str:
     return f"holding the mass takes up to {percent(float(shares[joint]))} of the torque limit of joint {joint + 1}"
 
 
-def _holding_torque(subject: Subject, each: Added, mass_kg: float) -> Floats:
+def _holding_torque(subject: Subject, each: Reported, mass_kg: float) -> Floats:
     """[axes] Nm: the largest torque that the mass alone asks for in the postures of the recordings, at rest."""
     from acqd.robot.arm import Arm, Payload  # Pinocchio takes a while to import
     from acqd.robot.dynamics import gravity_torque

@@ -8,10 +8,10 @@ import numpy as np
 
 from acqd.discrepancy.closed import Closed
 from acqd.discrepancy.config import CloseConfig
-from acqd.discrepancy.repair.terms import described
+from acqd.discrepancy.repair.terms import Reported, described
 from acqd.discrepancy.report.main_parameter import changed_place
 from acqd.discrepancy.report.wander import wandering
-from acqd.discrepancy.selection.hypotheses import unnamed
+from acqd.discrepancy.selection.accepted import unnamed
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.discrepancy.thresholds import described as described_thresholds
 from acqd.models.effects import library
@@ -41,7 +41,7 @@ def as_json(config: CloseConfig, closed: Closed) -> dict[str, Any]:
         "before": closed.before.as_json(),
         "after": closed.after.as_json(),
         "verdict": closed.verdict,
-        "effects": [_effect(closed, number) for number in range(len(closed.named))],
+        "effects": [_effect(closed, each) for each in closed.named],
         "correction": None if closed.correction is None else closed.correction.as_json(),
         "unexplained": unexplained(closed),
         "question": subject.question,
@@ -49,7 +49,7 @@ def as_json(config: CloseConfig, closed: Closed) -> dict[str, Any]:
         "reference_rmse": closed.reference_rmse,
         "joint_level": None if closed.joints is None else closed.joints.as_text(),
         "joints": [] if closed.joints is None else closed.joints.as_json(),
-        "hypotheses": [each.as_json() for each in closed.tracing.hypotheses],
+        "hypotheses": [each.as_json() for each in closed.hypotheses],
         "next": next_steps(closed),
         "notes": closed.notes,
         "model": {"name": subject.bundle.metadata["name"], "bundle": str(config.bundle)},
@@ -59,10 +59,9 @@ def as_json(config: CloseConfig, closed: Closed) -> dict[str, Any]:
     }
 
 
-def _effect(closed: Closed, number: int) -> dict[str, Any]:
-    each = closed.named[number]
+def _effect(closed: Closed, each: Reported) -> dict[str, Any]:
     after = closed.after.rmse
-    before = after + held_out_gain(closed, number)
+    before = after + each.gain_W
     lowest = min(closed.after.rmse, closed.reference_rmse or np.inf)
     explainable = max(closed.before.rmse**2 - lowest**2, 1e-12)
     return {
@@ -82,31 +81,31 @@ def _effect(closed: Closed, number: int) -> dict[str, Any]:
         ],
         "evidence": described(each),
         "begins": each.start,
-        "added": number < len(closed.kept),
+        "added": each.status == "added",
     }
-
-
-def held_out_gain(closed: Closed, number: int) -> float:
-    """W RMS by which an effect reduces the held-out error; 0 for an effect that was not added."""
-    return closed.improved.gains[number] if number < len(closed.kept) else 0.0
 
 
 def unexplained(closed: Closed) -> str:
     """What remains, in words."""
-    unknown = closed.tracing.unknown
+    unknown = closed.selection.unknown
     if unknown is not None:
         since = f", {unknown.gate.label}" if unknown.gate.start else ""
-        whole = closed.subject.chosen == frozenset(library())
         likeness = closed.correction.looks_like if closed.correction is not None else ""
         what = f"{unnamed(unknown.finding.candidate.label)}{f', like {likeness}' if likeness else ''}"
-        return (
-            f"{what}{since}: evidence {unknown.finding.evidence:.0f} "
-            f"(BIC difference), which no effect {'of the library' if whole else 'that was searched for'} reaches"
-        )
+        return f"{what}{since}: evidence {unknown.finding.evidence:.0f} (twice the log Bayes factor){_closest(closed)}"
     rest = f"{closed.after.rmse:.2f} W RMS on held-out recordings, noise {closed.floor_W:.2f} W"
     if closed.reference_rmse is not None:
         return f"{rest}; the model's residual was {closed.reference_rmse:.2f} W when it was made"
     return rest
+
+
+def _closest(closed: Closed) -> str:
+    """The effect with the largest evidence beside an unknown structure, in words."""
+    best = next((row for row in closed.hypotheses if row.id), None)
+    whole = "of the library" if closed.subject.chosen == frozenset(library()) else "that was searched for"
+    if best is None:
+        return f"; no effect {whole} comes near"
+    return f"; the closest effect {whole} is {best.id} ({best.where}) with {best.finding.evidence:.0f}"
 
 
 def next_steps(closed: Closed) -> list[str]:

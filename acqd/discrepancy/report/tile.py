@@ -8,11 +8,11 @@ from typing import Any
 from acqd.discrepancy.closed import Closed
 from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.repair.correction import Correction
-from acqd.discrepancy.repair.terms import Added
+from acqd.discrepancy.repair.terms import Reported
 from acqd.discrepancy.report.main_parameter import changed_place, main_parameter
 from acqd.discrepancy.report.relevance import beside, mean_power
 from acqd.discrepancy.report.summary import next_steps
-from acqd.discrepancy.selection.hypotheses import unnamed
+from acqd.discrepancy.selection.accepted import unnamed
 from acqd.models.effects import library
 from acqd.report.digits import confidence_interval, counted, number, percent, with_error
 from acqd.report.verdict import KeyFigure, Tone, Verdict
@@ -42,8 +42,8 @@ def _headline(closed: Closed) -> str:
 
 
 def _sentence(closed: Closed) -> str:
-    if closed.verdict == "unknown_structure" and closed.tracing.unknown is not None:
-        unknown = closed.tracing.unknown
+    if closed.verdict == "unknown_structure" and closed.selection.unknown is not None:
+        unknown = closed.selection.unknown
         since = f", since {unknown.gate.start}" if unknown.gate.start else ""
         what = f"The error of the model looks like {unnamed(unknown.finding.candidate.label)}{since}"
         likeness = closed.correction.looks_like if closed.correction is not None else ""
@@ -88,7 +88,7 @@ def _size_of_law(correction: Correction) -> KeyFigure:
     return KeyFigure("size of what has no name", size, _joined(interval, note))
 
 
-def _size(subject: Subject, each: Added) -> KeyFigure:
+def _size(subject: Subject, each: Reported) -> KeyFigure:
     """The main parameter of an effect with its interval, and beside what the robot has; signed if it can be either."""
     name, parameter = main_parameter(each)
     value, unit, bounds = float(parameter["value"]), parameter["unit"], parameter["ci95"]
@@ -107,15 +107,16 @@ def _joined(*parts: str) -> str:
 def _how_sure(closed: Closed) -> list[KeyFigure]:
     if closed.named:
         sure = " and ".join(percent(each.confidence) for each in closed.named[:_SHOWN_EFFECTS])
-        return [KeyFigure("how sure", sure, "would be named again from other recordings of this kind")]
-    unknown = closed.tracing.unknown
+        return [KeyFigure("how sure", sure, "that the effect explains more than its alternatives")]
+    unknown = closed.selection.unknown
     if unknown is None or closed.verdict != "unknown_structure":
         return []
-    best = next((each for each in closed.tracing.hypotheses if each.id), None)
+    best = next((each for each in closed.hypotheses if each.id), None)
     if best is None:
         return [KeyFigure("closest known effect", "none", "no effect that was searched for comes near")]
-    share = percent(min(max(best.evidence, 0.0) / unknown.finding.evidence, 1.0))
-    return [KeyFigure("closest known effect", best.id, f"explains {share} of the change and leaves a clear rest")]
+    share = percent(min(max(best.finding.evidence, 0.0) / unknown.finding.evidence, 1.0))
+    lacks = f"; missing: {'; '.join(best.missing)}" if best.missing else ""
+    return [KeyFigure("closest known effect", best.id, f"has {share} of the evidence{lacks}")]
 
 
 def _error(closed: Closed) -> KeyFigure:

@@ -1,20 +1,33 @@
-"""Forward selection: the effect that explains most, then again with that effect, until no effect is credible."""
+"""Forward selection: the effect with the largest evidence, then again beside that effect, until none passes its margin.
+
+Names and laws are two explanations of the same residual. A law that explains more than the leading effect by its
+margin is a doubt, not a verdict: a curve may explain a friction and a load together. The names continue, and in the
+end the whole list of names is compared with the law in their place, every hypothesis paying its margin (ADR 26).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
-from acqd.discrepancy.regression.gram import Regression
+from acqd.discrepancy.regression.design_columns import Candidate
+from acqd.discrepancy.regression.gram import Column
+from acqd.discrepancy.regression.onset import Gate
 from acqd.discrepancy.regression.setup import Setup
-from acqd.discrepancy.selection.accepted import Tracing
-from acqd.discrepancy.selection.doubt import clear_doubts, doubted_steps, without_doubted
-from acqd.discrepancy.selection.family import likeliest_member
-from acqd.discrepancy.selection.nuisance import with_small_differences, without_large_level
-from acqd.discrepancy.selection.ranking import rank_pooled
-from acqd.discrepancy.selection.stepwise import Step
+from acqd.discrepancy.selection.accepted import Hypothesis, Selected, Selection, Unknown
+from acqd.discrepancy.selection.detectors.candidates import Detection, detect
+from acqd.discrepancy.selection.judging import best_of_each, judged, kinds_of, margin
+from acqd.discrepancy.selection.ranking import Finding, Rows, ranked
+from acqd.discrepancy.selection.session_columns import session_columns
+from acqd.discrepancy.selection.shape_fit import ShapeFit, fit_shape
+from acqd.discrepancy.selection.spread import learning_rate
 from acqd.discrepancy.selection.supply_response import with_loaded_laws
-from acqd.discrepancy.thresholds import THRESHOLDS
+from acqd.models.effects import library
+
+_TABLE = 6
+"""Hypotheses that are judged and shown."""
+_FITTED = 3
+"""Effects whose shapes are fitted before they are compared."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,64 +35,279 @@ class Limits:
     """What the user asked for."""
 
     max_effects: int = 5
-    seed: int = 1
 
 
-def trace(setup: Setup, limits: Limits, progress: Callable[[str], None]) -> Tracing:
-    """Select effects one after the other."""
-    regression = base = with_small_differences(setup)
-    tracing = Tracing(setup.design, setup.regression, setup.design.witness)
-    while len(tracing.effects) < limits.max_effects and doubted_steps(tracing) <= THRESHOLDS.doubted_steps:
-        progress(f"looking for effect {len(tracing.effects) + 1}")
-        named = Step(tracing, regression, setup.gates, limits.seed).run()
-        if named is None:
+@dataclass(frozen=True, slots=True, eq=False)
+class _State:
+    """What a search stands on."""
+
+    rows: Rows
+    base: Rows
+    """Without the selected effects; its regression only."""
+    gates: tuple[Gate, ...]
+    kinds: int
+    effects: tuple[Selected, ...] = ()
+    law: Unknown | None = None
+    """A law in the place of names."""
+    doubts: tuple[_Doubt, ...] = ()
+    unknown: Unknown | None = None
+    table: tuple[Hypothesis, ...] = ()
+
+    @property
+    def known(self) -> list[Finding]:
+        """Findings that a later one is judged beside."""
+        return [each.finding for each in self.effects] + ([self.law.finding] if self.law is not None else [])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Doubt:
+    """A law that explains more than the effect that was selected instead."""
+
+    before: _State
+    """The state that the law could have continued."""
+    rows: Rows
+    """With the columns of the step's detections."""
+    law: Unknown
+    passes: bool
+    """Whether the law by itself shows that something is there; else only the name is in doubt."""
+    table: tuple[Hypothesis, ...]
+
+
+def select(setup: Setup, limits: Limits, progress: Callable[[str], None]) -> Selection:
+    """Select effects one after the other, and compare the list with laws that outdid one of them."""
+    rate = learning_rate(setup.design, setup.regression)
+    regression = setup.regression.with_columns(setup.design.blocks, session_columns(setup.design, setup.regression))
+    rows = Rows(setup.design, regression, rate)
+    state = _State(rows, rows, tuple(setup.gates), kinds_of(setup.design.columns.candidates))
+    state = _settled(_grown(state, limits, progress))
+    for doubt in state.doubts[:1]:
+        number = len(doubt.before.effects)
+        names = sum(each.net for each in state.effects[number:])
+        if _explained_by_law(doubt, limits) > names:
+            unknown = doubt.law if doubt.passes else None
+            state = replace(doubt.before, rows=doubt.rows, unknown=unknown, table=doubt.table)
+    rows = replace(state.rows, regression=state.rows.regression.on(state.rows.design.blocks))
+    return Selection(rows, setup.design.witness, state.effects, state.unknown, state.table)
+
+
+def _grown(state: _State, limits: Limits, progress: Callable[[str], None]) -> _State:
+    """With effects until no effect leads that passes."""
+    while len(state.effects) < limits.max_effects:
+        progress(f"looking for effect {len(state.effects) + 1}")
+        step = _Step.of(state)
+        if step is None:
+            return state
+        if step.leader is None:
+            unknown = step.unknown if step.law is not None and step.law.passes else None
+            return replace(state, rows=step.rows, unknown=unknown, table=step.table)
+        doubts = state.doubts
+        if step.outdone:
+            assert step.law is not None
+            doubts = (*doubts, _Doubt(state, step.rows, step.unknown, step.law.passes, step.table))
+        state = replace(_with(state, step.accepted()), doubts=doubts)
+    return state
+
+
+def _with(state: _State, accepted: tuple[Rows, Selected]) -> _State:
+    """With one more effect."""
+    rows, selected = accepted
+    return _with_effects(replace(state, rows=rows), (*state.effects, selected))
+
+
+def _with_effects(state: _State, effects: tuple[Selected, ...]) -> _State:
+    """The base model with effects, and common laws that act on the power of these."""
+    base = replace(state.base, design=state.rows.design, regression=state.base.regression.on(state.rows.design.blocks))
+    design, common = with_loaded_laws(base.design, base.regression, effects)
+    columns = [column for each in effects for column in each.columns()]
+    regression = common.with_columns(design.blocks, columns)
+    return replace(state, rows=replace(state.rows, design=design, regression=regression), effects=effects)
+
+
+def _explained_by_law(doubt: _Doubt, limits: Limits) -> float:
+    """Evidence above the margins of a law and of the one effect that leads beside the law, if one passes."""
+    state, law = doubt.before, doubt.law
+    net = law.finding.evidence - law.margin
+    if len(state.effects) + 1 >= limits.max_effects:
+        return net
+    columns = [Column(int(place), law.gate.open, owner="law") for place in law.finding.candidate.places]
+    rows = replace(doubt.rows, regression=doubt.rows.regression.with_columns(doubt.rows.design.blocks, columns))
+    step = _Step.of(replace(state, rows=rows, law=law))
+    return net if step is None or step.leader is None else net + step.leader.finding.evidence - step.leader.margin
+
+
+def _settled(state: _State) -> _State:
+    """Without effects that later ones made superfluous."""
+    for each in state.effects:
+        others = tuple(other for other in state.effects if other.key != each.key)
+        if not others:
             break
-        tracing.effects.append(named)
-        regression = _with_effects(tracing, base)
-        base = without_large_level(base, regression, tracing.design)
-        regression = tracing.regression = _with_effects(tracing, base)
-        clear_doubts(tracing)
-    if without_doubted(tracing):
-        regression = _with_effects(tracing, base)
-    tracing.regression = regression.on(tracing.design.blocks)
-    before = len(tracing.effects)
-    _prune(tracing)
-    if len(tracing.effects) < before:
-        tracing.regression = _with_effects(tracing, base)
-    _prefer_likeliest(tracing, base, limits.seed)
-    accepted = {(named.id, named.finding.candidate.label) for named in tracing.effects}
-    tracing.hypotheses = [each for each in tracing.hypotheses if (each.id, each.where) not in accepted]
-    if tracing.effects:
-        tracing.verdict = "effects_found"
-    elif tracing.unknown is not None:
-        tracing.verdict = "unknown_structure"
-    return tracing
+        rows = without(state.rows, each)
+        again = ranked(rows, each.gate.open, [each.finding.candidate])
+        known = [other.finding for other in others if other.key != each.key]
+        if not again or again[0].evidence <= margin(rows, each.gate.open, again[0], known[:0], state.kinds):
+            state = _with_effects(state, others)
+    return state
 
 
-def _prefer_likeliest(tracing: Tracing, base: Regression, seed: int) -> None:
-    """Give every family the name of the member that most recordings prefer."""
-    for number, named in enumerate(list(tracing.effects)):
-        likeliest = likeliest_member(tracing, named, seed)
-        if likeliest is not named:
-            tracing.effects[number] = likeliest
-            tracing.regression = _with_effects(tracing, base)
+def without(rows: Rows, selected: Selected) -> Rows:
+    """Rows in which a selected effect competes again."""
+    design = replace(rows.design, witness=selected.witness)
+    return Rows(design, rows.regression.without(selected.key).on(design.blocks), rows.learning_rate)
 
 
-def _with_effects(tracing: Tracing, base: Regression) -> Regression:
-    """The base model with the selected effects, and common laws that act on the power of these."""
-    tracing.design, common = with_loaded_laws(tracing.design, base.on(tracing.design.blocks), tracing.effects)
-    columns = [column for each in tracing.effects for column in each.columns()]
-    return common.with_columns(tracing.design.blocks, columns)
+@dataclass(frozen=True, slots=True, eq=False)
+class _Step:
+    """One step: the table of hypotheses under the likeliest onset."""
+
+    state: _State
+    rows: Rows
+    """With the columns of detections and fitted shapes."""
+    gate: Gate
+    table: tuple[Hypothesis, ...]
+    fits: dict[str, ShapeFit]
+    """By id of the effect."""
+    detections: dict[str, Detection]
+    leader: Hypothesis | None
+    """The effect to select."""
+    law: Hypothesis | None
+    """The unnamed alternative that explains most, if that is more than chance."""
+    outdone: bool
+    """Whether the law explains more than the leader by the margin."""
+
+    @classmethod
+    def of(cls, state: _State) -> _Step | None:
+        """None where no candidate acts."""
+        rows, detections, detected = _with_detections(state)
+        pool = [c for c in rows.design.columns.candidates if not _taken(c, state.effects)]
+        gate, findings = _likeliest(rows, state, pool)
+        findings += ranked(rows, state.gates[0].open, detected)
+        if not findings:
+            return None
+        best = best_of_each(findings)
+        effects = [each for each in best if each.candidate.id][:_FITTED]
+        fits: dict[str, ShapeFit] = {}
+        for finding in effects:
+            for claim in (finding, *_at_fewer_places(finding, findings)):
+                own = state.gates[0] if claim.candidate.detected else gate
+                fit = fit_shape(rows, own.open, claim, detections.get(claim.candidate.key))
+                known = fits.get(claim.candidate.id)
+                if known is None or fit.finding.evidence > known.finding.evidence:
+                    fits[claim.candidate.id] = fit
+        scanned = {each.candidate.id: each for each in effects}
+        best = sorted(
+            (fits[each.candidate.id].finding if each.candidate.id in fits else each for each in best),
+            key=lambda finding: -finding.evidence,
+        )
+        return cls._judged(state, rows, gate, best, fits, scanned, detections)
+
+    @classmethod
+    def _judged(
+        cls, state: _State, rows: Rows, gate: Gate, best: list[Finding], fits: dict[str, ShapeFit],
+        scanned: dict[str, Finding], detections: dict[str, Detection],
+    ) -> _Step:  # fmt: skip
+        def judge(finding: Finding, more: list[Finding]) -> Hypothesis:
+            fit = fits.get(finding.candidate.id)
+            where = state.gates[0] if finding.candidate.detected else gate
+            detection = detections.get(finding.candidate.key)
+            seen = rows if fit is None else fit.rows
+            return judged(
+                seen,
+                where.open,
+                finding,
+                [*state.known, *more],
+                state.kinds,
+                scanned.get(finding.candidate.id),
+                detection,
+            )
+
+        shown = [each for each in best[:_TABLE] if each.evidence > 0]
+        first = next((each for each in best if each.candidate.id), None)
+        leader = None if first is None else judge(first, [])
+        law = next((judge(each, []) for each in best if not each.candidate.id), None)
+        law = None if law is None or law.finding.evidence <= law.margin else law
+        outdone = False
+        if law is not None and leader is not None and first is not None:
+            fit = fits[first.candidate.id]
+            least = margin(fit.rows, gate.open, law.finding, [*state.known, first], state.kinds)
+            outdone = law.finding.evidence > first.evidence + least
+        table = tuple(_row(each, judge(each, []), first, state.kinds) for each in shown)
+        if leader is not None and leader.missing:
+            leader = None
+        return cls(state, rows, gate, table, fits, detections, leader, law, outdone)
+
+    @property
+    def unknown(self) -> Unknown:
+        """The law in the place of a name."""
+        assert self.law is not None
+        return Unknown(self.law.finding, self.gate, self.law.margin)
+
+    def accepted(self) -> tuple[Rows, Selected]:
+        """Rows with columns that belong to the leader's parameters, and the effect."""
+        assert self.leader is not None
+        fit = self.fits[self.leader.id]
+        candidate = fit.finding.candidate
+        before = fit.rows.design.witness
+        rows = fit.rows
+        if before is not None and candidate.fitted is not None and before.sees(candidate.id):
+            rows = rows.on(replace(rows.design, witness=before.given(candidate.id, candidate.fitted)))
+        gate = self.state.gates[0] if library()[candidate.id].detected else self.gate
+        assert candidate.variant is not None
+        place = (candidate.fitted or candidate.variant).place
+        shape = fit.shape | library()[candidate.id].fixed_shape(rows.design.columns.scenes)
+        return rows, Selected(fit.finding, gate, place, shape, replace(self.leader, status="named"), before, self.table)
 
 
-def _prune(tracing: Tracing) -> None:
-    """Remove effects that later ones made superfluous."""
-    for named in list(tracing.effects):
-        if len(tracing.effects) < 2:
-            return
-        without = tracing.regression.without(named.key)
-        design = replace(tracing.design, witness=named.witness)
-        again = rank_pooled(design, without, named.gate.open, [named.finding.candidate])
-        if not again or again[0].evidence < THRESHOLDS.least_evidence:
-            tracing.effects = [other for other in tracing.effects if other.key != named.key]
-            tracing.regression = without
+def _row(finding: Finding, alone: Hypothesis, leader: Finding | None, kinds: int) -> Hypothesis:
+    """A row of the table, with what the hypothesis lacks against the leader."""
+    del kinds
+    if finding is leader:
+        return replace(alone, status="refused" if alone.missing else "named")
+    if leader is None or alone.missing:
+        return alone
+    short = leader.evidence - finding.evidence
+    lacks = f"{short:.0f} more evidence than {leader.candidate.id}" if short > 0 else f"a name: {leader.candidate.id}"
+    return replace(alone, missing=(lacks,))
+
+
+def _taken(candidate: Candidate, effects: tuple[Selected, ...]) -> bool:
+    """Whether a selected effect has some of the candidate's columns already."""
+    if not candidate.id or candidate.variant is None:
+        return False
+    mine = set(candidate.variant.place.columns)
+    return any(each.id == candidate.id and mine & set(each.place.columns) for each in effects)
+
+
+def _with_detections(state: _State) -> tuple[Rows, dict[str, Detection], list[Candidate]]:
+    """Rows with the columns of effects that the residual suggests, and their candidates."""
+    rows, detections, candidates = state.rows, {}, []
+    known = {each.id for each in state.effects}
+    for number, detection in enumerate(detect(rows.design, rows.regression, state.gates[0].open, known)):
+        design, places = rows.design.with_columns(detection.columns)
+        rows = rows.on(design)
+        candidate = detection.candidate(places, f"{detection.name} detected {len(known)}.{number}")
+        detections[candidate.key] = detection
+        candidates.append(candidate)
+    return rows, detections, candidates
+
+
+def _likeliest(rows: Rows, state: _State, pool: list[Candidate]) -> tuple[Gate, list[Finding]]:
+    """No onset, unless an onset explains more by the margin."""
+    gate, findings = state.gates[0], ranked(rows, state.gates[0].open, pool)
+    best, known = findings[0] if findings else None, list(state.known)
+    for other in state.gates[1:]:
+        found = ranked(rows, other.open, pool)
+        ahead = found and (best is None or found[0].evidence > best.evidence)
+        if ahead and findings and gate is state.gates[0]:
+            least = margin(rows, other.open, found[0], [*known, findings[0]], state.kinds * len(state.gates))
+            ahead = found[0].evidence > findings[0].evidence + least
+        if ahead:
+            gate, findings, best = other, found, found[0]
+    return gate, findings
+
+
+def _at_fewer_places(finding: Finding, ranking: list[Finding]) -> Iterator[Finding]:
+    """The best finding of the same effect with fewer parameters: others mop up the error of a scanned shape."""
+    candidate = finding.candidate
+    if library()[candidate.id].bounds:
+        fewer = [each for each in ranking if each.candidate.id == candidate.id and each.candidate.size < candidate.size]
+        yield from fewer[:1]

@@ -1,64 +1,31 @@
-"""Ranking of candidates: evidence, held-out gain, agreement of recordings, and how large a surprise is by chance."""
+"""Evidence of hypotheses: the marginal likelihood of a candidate's columns, with everything else projected out.
+
+A candidate has coefficients theta ~ N(0, D^2) within physical bounds. With the Schur complement S of its columns and
+their products h with the residual, twice the log Bayes factor against no candidate is
+
+    E = h' (S + D^-2)^-1 h - log det(I + D S D) + 2 log(P(bounds | posterior) / P(bounds | prior))
+
+(Kass and Raftery 1995). What the noise model gets wrong makes a likelihood overconfident: rows count with a learning
+rate, which the reference recordings show (`spread`; Gruenwald 2012). Effects are equally likely beforehand, and so are
+the places and shapes of an effect: the evidence of one of n pays 2 log n (ADR 26).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import log_ndtr
 
 from acqd.arrays import Floats
 from acqd.discrepancy.regression.design_columns import Candidate
 from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.gram import Competition, Places, Regression
-from acqd.discrepancy.regression.level import UnknownLevel
 from acqd.discrepancy.thresholds import THRESHOLDS
-from acqd.numerics import quadratic_form, solve_scaled_ridge
+from acqd.numerics import solve_scaled_ridge
 
 _RIDGE = 1e-8
-
-
-@dataclass(frozen=True, slots=True)
-class Gain:
-    """Reduction of a squared error on recordings that did not take part, W^2 rows."""
-
-    total: float
-    error: float
-    """Standard error of the total, from the spread over recordings."""
-
-    @classmethod
-    def of(cls, gains: Floats) -> Gain:
-        """From the gains of recordings [recordings]."""
-        return cls(float(gains.sum()), float(gains.std() * np.sqrt(len(gains))))
-
-    def sign(self) -> int:
-        """-1 or 1 if the total is clearly negative or positive, else 0."""
-        clear = abs(self.total) >= THRESHOLDS.plain_errors * self.error and self.total != 0
-        return int(np.sign(self.total)) if clear else 0
-
-
-@dataclass(frozen=True, slots=True)
-class Support:
-    """What single recordings say of a candidate."""
-
-    gains: Floats
-    """[recordings] reduction of the white squared error of a recording, by coefficients from the others."""
-    plain: Gain
-    """The same gains together, of the error in W."""
-    varying: Gain
-    """The same about the mean of every block: what a constant load of another cause cannot hide."""
-    acting: int
-    """Number of recordings in which the effect acts."""
-    consistency: float
-    """Share of those recordings that agree in sign with the pooled estimate."""
-    surprise: float
-    """-log of the probability of so much agreement by chance, for this candidate alone."""
-
-    @property
-    def held_out(self) -> float:
-        """Reduction of the white squared error on recordings that did not take part."""
-        return float(self.gains.sum())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,24 +34,26 @@ class Finding:
 
     candidate: Candidate
     coefficients: Floats
-    drop: float
-    """Reduction of the white squared error, less the squares of coefficients over their prior deviations."""
+    """Posterior mean, within the physical bounds."""
+    deviation: Floats
+    """Posterior standard deviations, without the error of the columns."""
     evidence: float
-    """The drop minus k log n, what k free coefficients explain by chance (BIC, Schwarz 1978).
-
-    Less 2 log s for the best of s shapes, which are equally likely beforehand: a cold gear that hardly warms up in the
-    recordings explains what a higher viscous friction explains, and always a little more.
-    """
+    """Twice the log Bayes factor against no effect, what was searched for paid."""
     at_joints: float = 0.0
-    """Part of the drop that logged torques contribute; negative where they contradict the power."""
-    support: Support | None = None
-    """None: not computed, the candidate was ranked on pooled recordings only."""
+    """Part of the evidence that logged torques contribute; negative where they contradict the power."""
 
-    def supported(self) -> Support:
-        """The support. Raises ValueError when it was not computed."""
-        if self.support is None:
-            raise ValueError(f"{self.candidate.key}: ranked on pooled recordings only")
-        return self.support
+
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """Rows that hypotheses are judged in: a design, what competes in it, and how far its rows can be trusted."""
+
+    design: Design
+    regression: Regression
+    learning_rate: float
+
+    def on(self, design: Design) -> Rows:
+        """The same on a design with more columns."""
+        return Rows(design, self.regression.on(design.blocks), self.learning_rate)
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,57 +70,35 @@ class _Contest:
         return cls(used, [np.searchsorted(used, candidate.places) for candidate in candidates])
 
 
-def rank(design: Design, regression: Regression, gate: Floats, candidates: list[Candidate]) -> list[Finding]:
-    """All possible candidates under a gate with their support, the largest evidence first."""
-    contest = _Contest.of(candidates)
-    competition = regression.compete(contest.used, gate)
-    scores = regression.scores(competition, contest.used, gate)
-    gains, plain, varying = _held_out(design, regression, gate, contest, candidates)
-    findings = []
-    for number, schur, finding in _pooled(design, contest, competition, candidates, gate):
-        candidate = finding.candidate
-        own = scores[:, contest.owns[number]]
-        own = own if candidate.mix is None else own @ candidate.mix
-        acting, consistency = _consistency(design, gate, candidate, own @ finding.coefficients)
-        support = Support(
-            gains=gains[number], plain=Gain.of(plain[number]), varying=Gain.of(varying[number]), acting=acting,
-            consistency=consistency, surprise=_surprise(own, schur),
-        )  # fmt: skip
-        findings.append(replace(finding, support=support))
-    return sorted(findings, key=lambda finding: -finding.evidence)
+def ranked(rows: Rows, gate: Floats, candidates: list[Candidate], weights: Floats | None = None) -> list[Finding]:
+    """Findings of all candidates that act under a gate [blocks], the largest evidence first.
 
-
-def rank_pooled(
-    design: Design, regression: Regression, gate: Floats, candidates: list[Candidate], weights: Floats | None = None
-) -> list[Finding]:
-    """The ranking without support; `weights` [blocks] as in `Regression.compete`."""
-    contest = _Contest.of(candidates)
-    competition = regression.compete(contest.used, gate, weights)
-    counted = gate if weights is None else gate * weights
-    findings = [finding for _, _, finding in _pooled(design, contest, competition, candidates, counted)]
-    return sorted(findings, key=lambda finding: -finding.evidence)
-
-
-def chance(regression: Regression, gate: Floats, candidates: list[Candidate], seed: int) -> Floats:
-    """[draws] the largest surprise of any candidate when the signs of whole blocks are random.
-
-    Wild bootstrap with Rademacher signs (Liu 1988), blocks as clusters.
+    `weights` [blocks]: how often a block counts, as in `Regression.compete`.
     """
+    if not candidates:
+        return []
     contest = _Contest.of(candidates)
+    competition = rows.regression.compete(contest.used, gate, weights)
+    counted = gate if weights is None else gate * weights
+    findings = [finding for _, finding in _judged(rows, contest, competition, candidates, counted)]
+    return sorted(findings, key=lambda finding: -finding.evidence)
+
+
+def gains(rows: Rows, gate: Floats, findings: list[Finding]) -> tuple[list[str], Floats]:
+    """Recordings under a gate, and [findings, recordings] the reduction of the white squared error in each of them."""
+    design, regression = rows.design, rows.regression
+    contest = _Contest.of([finding.candidate for finding in findings])
     competition = regression.compete(contest.used, gate)
-    scores = regression.scores(competition, contest.used, gate)
-    draws = THRESHOLDS.chance_draws
-    signs = np.random.default_rng(seed).choice([-1.0, 1.0], size=(draws, len(scores)))
-    largest = np.zeros(draws)
-    for candidate, own in zip(candidates, contest.owns, strict=True):
-        schur, _ = part_of(competition.schur, competition.products, own, candidate)
-        if not _acts(schur):
-            continue
-        E = scores[:, own] if candidate.mix is None else scores[:, own] @ candidate.mix
-        V = E.T @ E + THRESHOLDS.score_ridge * schur
-        statistic, rank = quadratic_form(V, signs @ E)
-        largest = np.maximum(largest, -chi2.logsf(statistic, rank))
-    return largest
+    names = sorted({part.recording for part, acts in zip(design.parts, gate, strict=True) if acts})
+    values = np.zeros((len(findings), len(names)))
+    for number, name in enumerate(names):
+        blocks = np.array([k for k, part in enumerate(design.parts) if gate[k] and part.recording == name])
+        Q, s = regression.held_out_products(competition, contest.used, gate, blocks, design.blocks.white)
+        for k, (finding, columns) in enumerate(zip(findings, contest.owns, strict=True)):
+            Qk, sk = part_of(Q, s, columns, finding.candidate)
+            theta = finding.coefficients
+            values[k, number] = rows.learning_rate * float(2 * theta @ sk - theta @ Qk @ theta)
+    return names, values
 
 
 def part_of(schur: Floats, products: Floats, own: Places, candidate: Candidate) -> tuple[Floats, Floats]:
@@ -167,102 +114,103 @@ def solve_part(schur: Floats, products: Floats) -> Floats:
     return solve_scaled_ridge(schur, products, _RIDGE)
 
 
-def _pooled(
-    design: Design, contest: _Contest, competition: Competition, candidates: list[Candidate], weights: Floats
-) -> Iterator[tuple[int, Floats, Finding]]:
-    """Index, Schur complement and finding of candidates that act and have physically possible coefficients.
-
-    `weights` [blocks]. The Schur complement is that of the power; coefficients and evidence are those of power and
-    logged torques together, two independent witnesses of the same parameters, and of the priors.
-    """
-    rows = float((design.blocks.rows * (weights > 0)).sum())
-    for number, (candidate, own) in enumerate(zip(candidates, contest.owns, strict=True)):
-        schur, products = part_of(competition.schur, competition.products, own, candidate)
-        if not _acts(schur):
-            continue
-        at_joints = design.at_joints(candidate, weights)
-        both = schur if at_joints is None else schur + at_joints.precision
-        projected = products if at_joints is None else products + at_joints.product
-        both = both + np.diag(_precision(candidate))
-        coefficients = solve_part(both, projected)
-        if not _possible(candidate, coefficients, both):
-            continue
-        drop = float(projected @ coefficients)
-        evidence = drop - (candidate.size + candidate.cost) * np.log(rows) - 2 * np.log(candidate.tried)
-        joints = 0.0 if at_joints is None else at_joints.gain(coefficients)
-        yield number, schur, Finding(candidate, coefficients, drop, float(evidence), joints)
-
-
-def _precision(candidate: Candidate) -> Floats:
-    """[k] of the normal priors: a far-fetched size costs what it gains (maximum a posteriori)."""
-    return np.zeros(candidate.size) if candidate.variant is None else candidate.variant.precision
-
-
-def _acts(schur: Floats) -> bool:
+def acts(schur: Floats) -> bool:
     """False for columns that never act under the gate, or that the regression explains already."""
     return bool(schur.size and np.diag(schur).min() >= THRESHOLDS.least_column_power)
 
 
-def _possible(candidate: Candidate, coefficients: Floats, schur: Floats) -> bool:
-    """Whether all parameters lie within their physical bounds, or at most two standard errors outside."""
-    if candidate.variant is None:
-        return True
-    parameters = candidate.variant.place.parameters
-    if all(np.isinf(parameter.low) and np.isinf(parameter.high) for parameter in parameters):
-        return True
-    slack = THRESHOLDS.bounds_slack * np.sqrt(np.maximum(np.diag(np.linalg.pinv(schur)), 0.0))
-    low, high = (np.array([getattr(parameter, side) for parameter in parameters]) for side in ("low", "high"))
-    return bool(np.all((coefficients >= low - slack) & (coefficients <= high + slack)))
+def _judged(
+    rows: Rows, contest: _Contest, competition: Competition, candidates: list[Candidate], weights: Floats
+) -> Iterator[tuple[int, Finding]]:
+    """Index and finding of every candidate that acts; `weights` [blocks]."""
+    design, rate = rows.design, rows.learning_rate
+    deviations = prior_deviations(design, contest.used)
+    searched = float(np.log(max(float(design.blocks.rows @ (weights > 0)), 2.0)))
+    for number, (candidate, own) in enumerate(zip(candidates, contest.owns, strict=True)):
+        schur, products = part_of(competition.schur, competition.products, own, candidate)
+        if not acts(schur):
+            continue
+        S, h = rate * schur, rate * products
+        at_joints = design.at_joints(candidate, weights)
+        if at_joints is not None:
+            S, h = S + at_joints.precision, h + at_joints.product
+        D = _deviations(candidate, deviations[own])
+        theta, deviation, evidence = posterior(S, h, D, *bounds_of(candidate))
+        paid = 2 * np.log(candidate.tried) + candidate.cost * searched
+        joints = 0.0 if at_joints is None else at_joints.gain(theta)
+        yield number, Finding(candidate, theta, deviation, evidence - float(paid), joints)
 
 
-def _consistency(design: Design, gate: Floats, candidate: Candidate, agreement: Floats) -> tuple[int, float]:
-    """Number of recordings in which the candidate acts, and the share of them that agree with the pooled estimate."""
-    names = np.array([part.recording for part in design.parts])
-    block_power = np.zeros(len(gate))
-    for block in np.flatnonzero(gate):
-        block_power[block] = design.blocks.plain.squares(int(block), candidate.places).sum()
-    recordings = [(names == name) & (gate > 0) for name in np.unique(names[gate > 0])]
-    power = np.array([block_power[blocks].sum() for blocks in recordings])
-    direction = np.array([agreement[blocks].sum() for blocks in recordings])
-    acting = power > THRESHOLDS.active_share * power.max()
-    if not acting.any():  # only in rows that are left out
-        return 0, 0.0
-    return int(acting.sum()), float((direction[acting] > 0).mean())
+def posterior(S: Floats, h: Floats, D: Floats, low: Floats, high: Floats) -> tuple[Floats, Floats, float]:
+    """Mean [k] and standard deviations [k] of coefficients, and twice the log Bayes factor against zero.
 
-
-def _surprise(E: Floats, schur: Floats) -> float:
-    """-log p of the score test with the blocks' own covariance; E [blocks, k] are their scores."""
-    V = E.T @ E + THRESHOLDS.score_ridge * schur
-    statistic, rank = quadratic_form(V, E.sum(axis=0))
-    return float(-chi2.logsf(float(statistic), rank))
-
-
-def _held_out(
-    design: Design, regression: Regression, gate: Floats, contest: _Contest, candidates: list[Candidate]
-) -> Floats:
-    """[3, candidates, recordings] gain of a recording by coefficients from the others.
-
-    White with random intercepts, in W, and in W about the mean of every block.
+    S [k, k] precision and h [k] product of the likelihood, D [k] deviations of the normal prior, which is truncated
+    to [low, high]. The probability of the bounds is that of independent coefficients; the mean lies within them.
     """
-    names = [part.recording for part in design.parts]
-    recordings = sorted({name for name, open_ in zip(names, gate, strict=True) if open_})
-    white, plain = design.blocks.white, design.blocks.plain
-    one = design.columns.model.layout.place("standby").start
-    intercepts = next((column.deviation for column in regression.columns if column.block_intercept), np.inf)
-    grams = (UnknownLevel(white, one, intercepts**-2.0), plain, UnknownLevel(plain, one))
-    gains = np.zeros((len(grams), len(candidates), len(recordings)))
-    for number, recording in enumerate(recordings):
-        out = np.array([part.in_question and part.recording == recording for part in design.parts])
-        competition = regression.compete(contest.used, gate, (~out).astype(float))
-        sides = [
-            regression.held_out_products(competition, contest.used, gate, np.flatnonzero(out), gram) for gram in grams
-        ]
-        for k, (candidate, own) in enumerate(zip(candidates, contest.owns, strict=True)):
-            schur, products = part_of(competition.schur, competition.products, own, candidate)
-            if not _acts(schur):
-                continue
-            coefficients = solve_part(schur, products)
-            for side, (Q, s) in enumerate(sides):
-                Qk, sk = part_of(Q, s, own, candidate)
-                gains[side, k, number] = 2 * coefficients @ sk - coefficients @ Qk @ coefficients
-    return gains
+    A = np.eye(len(D)) + D[:, None] * S * D
+    covariance = D[:, None] * np.linalg.inv(A) * D
+    theta = covariance @ h
+    evidence = float(h @ theta) - float(np.linalg.slogdet(A)[1])
+    deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    bounded = np.isfinite(low) | np.isfinite(high)
+    if bounded.any():
+        inside = _log_inside(theta, deviation, low, high) - _log_inside(np.zeros(len(D)), D, low, high)
+        evidence += 2 * float(inside[bounded].sum())
+        theta = _within(A / np.outer(D, D), h, theta, low, high)
+    return theta, deviation, evidence
+
+
+def _log_inside(mean: Floats, deviation: Floats, low: Floats, high: Floats) -> Floats:
+    """[k] log of a normal probability between two bounds, also far outside of them."""
+    deviation = np.maximum(deviation, 1e-12)
+    a, b = (low - mean) / deviation, (high - mean) / deviation
+    swap = a > 0  # by symmetry in the lower tail, where the logarithms are exact
+    a, b = np.where(swap, -b, a), np.where(swap, -a, b)
+    upper, lower = log_ndtr(b), log_ndtr(a)
+    return np.asarray(upper + np.log1p(-np.exp(np.minimum(lower - upper, -1e-12))))
+
+
+def _within(precision: Floats, h: Floats, theta: Floats, low: Floats, high: Floats) -> Floats:
+    """The likeliest coefficients within bounds: what lies outside moves to its bound, the others follow."""
+    fixed = np.zeros(len(theta), dtype=bool)
+    for _ in range(len(theta)):
+        outside = ~fixed & ((theta < low) | (theta > high))
+        if not outside.any():
+            break
+        fixed |= outside
+        theta = np.clip(theta, low, high)
+        free = ~fixed
+        if free.any():
+            rest = h[free] - precision[np.ix_(free, fixed)] @ theta[fixed]
+            theta[free] = np.linalg.solve(precision[np.ix_(free, free)], rest)
+    return np.clip(theta, low, high)
+
+
+def prior_deviations(design: Design, places: Places) -> Floats:
+    """[places] coefficient with which a column draws `largest_change` of the dynamic range (RMS) in question."""
+    squares = np.zeros(len(places))
+    rows = 0.0
+    for number, part in enumerate(design.parts):
+        if part.in_question:
+            squares += design.blocks.plain.squares(number, places)
+            rows += design.blocks.rows[number]
+    rms = np.sqrt(squares / max(rows, 1.0))
+    return np.asarray(THRESHOLDS.largest_change * design.columns.dynamic_range / np.maximum(rms, 1e-9))
+
+
+def _deviations(candidate: Candidate, of_columns: Floats) -> Floats:
+    """[k] prior deviations of a candidate's parameters: the described ones, or those by their power."""
+    if candidate.mix is not None:  # a parameter acts on several columns: their powers add
+        of_columns = 1 / np.sqrt((np.asarray(candidate.mix) ** 2).T @ of_columns**-2.0)
+    if candidate.variant is None:
+        return of_columns
+    described = np.array([parameter.deviation for parameter in candidate.variant.place.parameters])
+    return np.where(np.isfinite(described), described, of_columns)
+
+
+def bounds_of(candidate: Candidate) -> tuple[Floats, Floats]:
+    """[k] physical bounds of a candidate's parameters."""
+    if candidate.variant is None:
+        return np.full(candidate.size, -np.inf), np.full(candidate.size, np.inf)
+    parameters = candidate.variant.place.parameters
+    return np.array([p.low for p in parameters]), np.array([p.high for p in parameters])

@@ -11,9 +11,8 @@ from scipy.optimize import minimize_scalar
 from acqd.arrays import Floats
 from acqd.discrepancy.regression.design_columns import Candidate
 from acqd.discrepancy.regression.design_matrix import Design
-from acqd.discrepancy.regression.gram import Regression
 from acqd.discrepancy.selection.detectors.candidates import Detection
-from acqd.discrepancy.selection.ranking import Finding, rank_pooled
+from acqd.discrepancy.selection.ranking import Finding, Rows, ranked
 from acqd.models.effects import library
 from acqd.models.effects.effect import Effect, effect_rows, effect_rows_at
 from acqd.models.effects.places import Place, Shape, Variant
@@ -25,9 +24,9 @@ _SECANT_ITERATIONS = 3
 
 @dataclass(frozen=True, slots=True)
 class ShapeFit:
-    """A design that holds the fitted columns, the finding on them, and the shape."""
+    """Rows that hold the fitted columns, the finding on them, and the shape."""
 
-    design: Design
+    rows: Rows
     finding: Finding
     shape: dict[str, float]
 
@@ -59,52 +58,42 @@ class _Columns:
         return np.asarray(effect_rows_at(self.effect, scene, shape, self.place.columns, mix @ coefficients) @ mix)
 
 
-def fit_shape(
-    design: Design, regression: Regression, gate: Floats, finding: Finding, detection: Detection | None
-) -> ShapeFit:
+def fit_shape(rows: Rows, gate: Floats, finding: Finding, detection: Detection | None) -> ShapeFit:
     """The finding with columns that belong to its parameters, its shape fitted between scanned neighbours."""
     candidate = finding.candidate
     assert candidate.variant is not None
     shape = dict(candidate.variant.shape)
     if detection is not None and not detection.refinable:
-        return ShapeFit(design, finding, shape)
+        return ShapeFit(rows, finding, shape)
     effect, place = library()[candidate.id], candidate.variant.place
-    columns = columns_of(design, effect, place, gate)
-    design, places = design.with_columns(columns(shape))
+    columns = columns_of(rows.design, effect, place, gate)
+    design, places = rows.design.with_columns(columns(shape))
     own_place = Place(place.where, tuple(range(len(places))), place.parameters)
     own = replace(
-        candidate, places=places, variant=Variant(own_place, own_place.columns, shape), detected=False, cost=0.0,
+        candidate, places=places, variant=Variant(own_place, own_place.columns, shape), detected=False,
         fitted=Variant(place, place.columns, shape),
     )  # fmt: skip
+    rows = rows.on(design)
     if shape and effect.bounds:
-        design, shape = _searched(design, regression, gate, own, columns, finding.drop)
+        rows, shape = _searched(rows, gate, own, columns, finding.evidence)
         own = replace(own, fitted=Variant(place, place.columns, shape))
-    design, found = at_secant_slope(design, regression, gate, own, columns, shape)
-    fitted = found or finding
-    finding = replace(
-        finding,
-        candidate=own,
-        coefficients=fitted.coefficients,
-        drop=fitted.drop,
-        evidence=fitted.evidence,
-        at_joints=fitted.at_joints,
-    )
-    return ShapeFit(design, finding, shape)
+    rows, found = at_secant_slope(rows, gate, own, columns, shape)
+    return ShapeFit(rows, replace(found or finding, candidate=own), shape)
 
 
 def at_secant_slope(
-    design: Design, regression: Regression, gate: Floats, own: Candidate, columns: _Columns, shape: Shape
-) -> tuple[Design, Finding | None]:
-    """A candidate whose columns are those of a torque of the fitted size, and the design with them.
+    rows: Rows, gate: Floats, own: Candidate, columns: _Columns, shape: Shape
+) -> tuple[Rows, Finding | None]:
+    """A candidate whose columns are those of a torque of the fitted size, and rows with them.
 
-    None where the candidate does not act, or has no possible coefficients.
+    None where the candidate does not act.
     """
-    found = rank_pooled(design, regression.on(design.blocks), gate, [own])
+    found = ranked(rows, gate, [own])
     for _ in range(_SECANT_ITERATIONS if columns.effect.acts_on == "torque" else 0):
         if found:
-            design = design.with_replaced(own.places, columns(shape, found[0].coefficients))
-            found = rank_pooled(design, regression.on(design.blocks), gate, [own])
-    return design, found[0] if found else None
+            rows = rows.on(rows.design.with_replaced(own.places, columns(shape, found[0].coefficients)))
+            found = ranked(rows, gate, [own])
+    return rows, found[0] if found else None
 
 
 def columns_of(design: Design, effect: Effect, place: Place, gate: Floats) -> _Columns:
@@ -115,22 +104,22 @@ def columns_of(design: Design, effect: Effect, place: Place, gate: Floats) -> _C
 
 
 def _searched(
-    design: Design, regression: Regression, gate: Floats, own: Candidate, columns: _Columns, drop: float
-) -> tuple[Design, dict[str, float]]:
-    """The shape that explains most, by Brent's bounded search, and the design with its columns."""
+    rows: Rows, gate: Floats, own: Candidate, columns: _Columns, evidence: float
+) -> tuple[Rows, dict[str, float]]:
+    """The shape that explains most, by Brent's bounded search, and rows with its columns."""
     assert own.variant is not None
     name, value = next(iter(own.variant.shape.items()))
     low, high = _between(columns.effect.shapes, name, value, columns.effect.bounds[name])
 
-    def negative_drop(trial: float) -> float:
-        changed = design.with_replaced(own.places, columns({name: trial}))
+    def negative_evidence(trial: float) -> float:
+        changed = rows.on(rows.design.with_replaced(own.places, columns({name: trial})))
         at_trial = replace(own, fitted=Variant(columns.place, columns.place.columns, {name: trial}))
-        found = rank_pooled(changed, regression.on(changed.blocks), gate, [at_trial])
-        return -found[0].drop if found else 0.0
+        found = ranked(changed, gate, [at_trial])
+        return -found[0].evidence if found else 0.0
 
-    best = minimize_scalar(negative_drop, bounds=(low, high), method="bounded", options={"maxiter": _EVALUATIONS})
-    shape = {name: float(best.x) if -best.fun > drop else value}
-    return design.with_replaced(own.places, columns(shape)), shape
+    best = minimize_scalar(negative_evidence, bounds=(low, high), method="bounded", options={"maxiter": _EVALUATIONS})
+    shape = {name: float(best.x) if -best.fun > evidence else value}
+    return rows.on(rows.design.with_replaced(own.places, columns(shape))), shape
 
 
 def _between(

@@ -14,7 +14,7 @@ from acqd.arrays import Floats
 from acqd.discrepancy.regression.design_columns import Candidate
 from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.gram import Regression
-from acqd.discrepancy.selection.accepted import Named
+from acqd.discrepancy.selection.accepted import Selected
 from acqd.discrepancy.selection.ranking import solve_part
 from acqd.discrepancy.selection.shape_fit import columns_of
 from acqd.discrepancy.thresholds import THRESHOLDS
@@ -38,7 +38,7 @@ class Fit:
 class Neighbours:
     """The effect at its shape and on both sides of it: three designs that differ in the effect's columns only."""
 
-    named: Named
+    selected: Selected
     values: tuple[float, float, float]
     """Of the shape parameter, at equal distances."""
     designs: tuple[Design, Design, Design]
@@ -46,9 +46,9 @@ class Neighbours:
     candidates: tuple[Candidate, Candidate, Candidate]
 
     @classmethod
-    def of(cls, design: Design, regression: Regression, named: Named) -> Neighbours | None:
+    def of(cls, design: Design, regression: Regression, selected: Selected) -> Neighbours | None:
         """None for an effect whose shape was not fitted; `regression`: without the effect."""
-        effect, candidate = library()[named.id], named.finding.candidate
+        effect, candidate = library()[selected.id], selected.finding.candidate
         fitted = candidate.fitted
         if fitted is None or effect.detected or not effect.bounds or not fitted.shape:
             return None
@@ -56,15 +56,15 @@ class Neighbours:
         low, high = effect.bounds[name]
         step = max(THRESHOLDS.shape_step * abs(value), 0.2 * THRESHOLDS.shape_step * (high - low))
         middle = float(np.clip(value, low + step, high - step))
-        columns = columns_of(design, effect, fitted.place, named.gate.open)
+        columns = columns_of(design, effect, fitted.place, selected.gate.open)
         values = middle - step, middle, middle + step
-        coefficients = named.finding.coefficients if effect.acts_on == "torque" else None
+        coefficients = selected.finding.coefficients if effect.acts_on == "torque" else None
         designs = [design.with_replaced(candidate.places, columns({name: trial}, coefficients)) for trial in values]
         candidates = [
             replace(candidate, fitted=Variant(fitted.place, fitted.place.columns, {name: trial})) for trial in values
         ]
         regressions = [regression.on(changed.blocks) for changed in designs]
-        return cls(named, values, tuple(designs), tuple(regressions), tuple(candidates))  # type: ignore[arg-type]
+        return cls(selected, values, tuple(designs), tuple(regressions), tuple(candidates))  # type: ignore[arg-type]
 
     def fit(self, weights: Floats) -> Fit:
         """Size and shape for blocks that count `weights` [blocks] times."""
@@ -84,7 +84,7 @@ class Neighbours:
 
     def _at(self, number: int, weights: Floats) -> tuple[float, Fit]:
         return fit_at(
-            self.designs[number], self.regressions[number], self.candidates[number], self.named.gate.open, weights
+            self.designs[number], self.regressions[number], self.candidates[number], self.selected.gate.open, weights
         )
 
 

@@ -15,14 +15,14 @@ import numpy as np
 from acqd.arrays import Floats
 from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.gram import Regression
-from acqd.discrepancy.selection.accepted import Named
+from acqd.discrepancy.selection.accepted import Selected
 from acqd.models.effects import library
 from acqd.models.effects.effect import Effect, drive_power, effect_rows
 from acqd.models.effects.places import Shape
 from acqd.models.effects.scene import Scene
 
 
-def with_loaded_laws(design: Design, regression: Regression, effects: Sequence[Named]) -> tuple[Design, Regression]:
+def with_loaded_laws(design: Design, regression: Regression, effects: Sequence[Selected]) -> tuple[Design, Regression]:
     """The regression with common laws of the power that includes `effects`, and the design that has their columns.
 
     Only effects of torques with fitted columns count: the power of others does not pass through the drives.
@@ -55,7 +55,7 @@ def _common_laws(design: Design, regression: Regression) -> dict[int, tuple[Effe
     return laws
 
 
-def _loaded(design: Design, number: int, laws: list[tuple[Effect, Shape]], effects: list[Named]) -> Floats:
+def _loaded(design: Design, number: int, laws: list[tuple[Effect, Shape]], effects: list[Selected]) -> Floats:
     """[T, laws] W per unit of every law's parameter in a segment, with the effects that act there."""
     scene = design.columns.scenes[number]
     power = sum(
@@ -65,12 +65,12 @@ def _loaded(design: Design, number: int, laws: list[tuple[Effect, Shape]], effec
     return np.column_stack([effect_rows(law, loaded, shape)[:, 0] for law, shape in laws])
 
 
-def _acts(design: Design, number: int, named: Named) -> bool:
+def _acts(design: Design, number: int, named: Selected) -> bool:
     pairs = zip(design.parts, named.gate.open, strict=True)
     return any(own and part.segment == number for part, own in pairs)
 
 
-def _power(scene: Scene, named: Named) -> Floats:
+def _power(scene: Scene, named: Selected) -> Floats:
     """[N] W at the drives."""
     fitted = named.finding.candidate.fitted
     assert fitted is not None

@@ -12,30 +12,30 @@ import numpy as np
 from acqd.arrays import Floats
 from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.gram import Regression
-from acqd.discrepancy.selection.accepted import Named
+from acqd.discrepancy.selection.accepted import Selected
 from acqd.discrepancy.selection.detectors.candidates import residuals_of
 from acqd.discrepancy.thresholds import THRESHOLDS
 
 
-def switches(named: Named) -> bool:
+def switches(selected: Selected) -> bool:
     """Whether the residual showed when the effect is on."""
-    return named.finding.candidate.detected and "share_of_time" in named.shape
+    return selected.finding.candidate.detected and "share_of_time" in selected.shape
 
 
-def sizes_by_levels(design: Design, regression: Regression, named: Named) -> Floats:
+def sizes_by_levels(design: Design, regression: Regression, selected: Selected) -> Floats:
     """[1 + n] size from all recordings, and without every recording in turn (every block, if recordings are few).
 
     Ordinary least squares of the residual in W on the effect's column, both about their means in every block.
     `regression`: with all selected effects.
     """
-    residuals = residuals_of(design, regression, omit=named.key)
-    open_ = [part for part, own in zip(design.parts, named.gate.open, strict=True) if own]
+    residuals = residuals_of(design, regression, omit=selected.key)
+    open_ = [part for part, own in zip(design.parts, selected.gate.open, strict=True) if own]
     names = [part.recording for part in open_]
     if len(set(names)) < THRESHOLDS.jackknife_fewest:
         names = [str(number) for number in range(len(open_))]
     sums = {name: np.zeros(2) for name in names}
     for name, part in zip(names, open_, strict=True):
-        column = design.values(part.segment, named.finding.candidate.places, part.own)[:, 0]
+        column = design.values(part.segment, selected.finding.candidate.places, part.own)[:, 0]
         residual = residuals[part.segment][part.own]
         column = column - column.mean()
         sums[name] += column @ (residual - residual.mean()), column @ column

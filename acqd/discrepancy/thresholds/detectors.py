@@ -11,22 +11,6 @@ from acqd.discrepancy.thresholds.threshold import threshold
 class DetectorThresholds:
     """Detectors in the residual."""
 
-    detected_evidence: float = threshold(
-        250.0, "white squared error", "detectors", "study", "least evidence of an effect detected in the residual"
-    )
-    reference_factor: float = threshold(
-        3.0, "-", "detectors", "study", "a detected effect must exceed the reference's gain by this factor (2 x 1.5)"
-    )
-    detected_worth: float = threshold(
-        1.33, "-", "detectors", "study", "evidence of a detected effect is divided by this factor in the ranking"
-    )
-    predictive_share: float = threshold(
-        0.5,
-        "-",
-        "detectors",
-        "study",
-        "an unnamed alternative with more than this share of its evidence refutes a detected effect",
-    )
     ripple_cost: float = threshold(
         6.0, "parameters", "detectors", "study", "parameters charged for the search of a ripple"
     )

@@ -32,9 +32,6 @@ class JointThresholds:
     usual_dispersion: float = threshold(
         30.0, "-", "joints", "choice", "mean square of z in unchanged sessions (UR10e), before sessions were compared"
     )
-    few_sessions: float = threshold(
-        3.0, "sessions", "joints", "choice", "weight of usual values against the spread of the reference sessions"
-    )
     torque_least_Nm: float = threshold(
         0.3, "Nm", "joints", "physics", "least RMS difference of a logged torque that is called a change"
     )

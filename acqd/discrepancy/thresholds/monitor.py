@@ -31,4 +31,11 @@ class MonitorThresholds:
     screen_level_share: float = threshold(
         0.02, "of the dynamic range", "monitor", "study", "drift of the standby power that a fleet's screen ignores"
     )
+    screen_growth: float = threshold(
+        1.25,
+        "-",
+        "monitor",
+        "choice",
+        "by which noise of new recordings may exceed that of the baseline: they were not fitted",
+    )
     cusum_remembered: int = threshold(2000, "blocks", "monitor", "choice", "blocks kept since a chart left zero")

@@ -11,13 +11,6 @@ from acqd.discrepancy.thresholds.threshold import threshold
 class UncertaintyThresholds:
     """Confidence and intervals."""
 
-    resamples: int = threshold(40, "draws", "uncertainty", "choice", "bootstrap draws of recordings for the confidence")
-    contenders: int = threshold(
-        6, "effects", "uncertainty", "study", "alternative effects that take part in the bootstrap"
-    )
-    unnamed_contenders: int = threshold(
-        3, "alternatives", "uncertainty", "choice", "unnamed alternatives that take part in the bootstrap"
-    )
     shape_step: float = threshold(
         0.1, "-", "uncertainty", "choice", "step of a fitted shape for its interval, relative to the value"
     )

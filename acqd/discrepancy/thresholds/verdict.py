@@ -14,22 +14,9 @@ class VerdictThresholds:
     enough_s: float = threshold(
         120.0, "s", "verdict", "study", "with shorter recordings, silence does not prove absence"
     )
-    fair_share: float = threshold(
-        0.15, "-", "verdict", "choice", "least share of the excess over the reference that found effects explain"
-    )
-    grown_quantile: float = threshold(
-        0.95, "-", "verdict", "convention", "quantile of the errors of reference recordings: a larger error has grown"
-    )
-    grown_factor: float = threshold(
-        1.25,
-        "-",
-        "verdict",
-        "choice",
-        "by which the error of new recordings may exceed that quantile: they were not fitted",
-    )
-    family_correlation: float = threshold(
-        0.95, "-", "verdict", "convention", "effects whose powers correlate more are one family in these recordings"
-    )
     least_confidence: float = threshold(
         0.85, "-", "verdict", "study", "with less confidence, an effect is a hypothesis and no finding"
+    )
+    usual_growth: float = threshold(
+        0.2, "log of RMS", "verdict", "choice", "spread of the errors of unchanged recordings, before any was compared"
     )

@@ -37,6 +37,7 @@ def reference_arrays(segments: list[Segment]) -> Arrays:
         "names": np.frombuffer("\n".join(f"{s.recording}\t{s.source}\t{s.split}" for s in chosen).encode(), np.uint8),
         "q": np.concatenate([s.q for s in chosen]).astype(np.float32),
         "P": np.concatenate([s.P for s in chosen]).astype(np.float32),
+        "lag_within_s": np.array([s.lag_within_s for s in chosen]),
     }
     for name in _SIGNALS:
         if all(name in s.signals for s in chosen):
@@ -104,6 +105,7 @@ def _segments(arrays: Arrays) -> list[Segment]:
                 float(arrays["start_s"][k]),
                 {key.removeprefix("channel."): part(a) for key, a in arrays.items() if key.startswith("channel.")},
                 *_known_around(arrays, k),
+                lag_within_s=float(arrays["lag_within_s"][k]) if "lag_within_s" in arrays else 0.0,
             )
         )
     return segments

@@ -125,11 +125,11 @@ def test_the_loop_asks_power_and_torques(model):
     before = [logged(model, k, 1) for k in range(4)]
     only = {"payload", "gravity_bias", "coulomb_friction", "offset_shift", "copper_loss"}
     after = [logged(model, k, 2, payload=body, add=carried) for k in range(4)]
-    _, tracing = selected(model, ROBOT, after, before, only)
-    named = tracing.effects[0]
+    _, selection = selected(model, ROBOT, after, before, only)
+    named = selection.effects[0]
     assert (named.id, named.place.where) == ("payload", "flange, beside its axis")
-    assert named.finding.at_joints > 50 and tracing.witness is not None
+    assert named.finding.at_joints > 50 and selection.witness is not None
     # torques without power, or power without torques, are a contradiction and no payload
     contradicted = [logged(model, k, 2, payload=body) for k in range(4)]
-    _, tracing = selected(model, ROBOT, contradicted, before, only)
-    assert "payload" not in [effect.id for effect in tracing.effects]
+    _, selection = selected(model, ROBOT, contradicted, before, only)
+    assert "payload" not in [effect.id for effect in selection.effects]

@@ -1,35 +1,133 @@
-"""Which effects keep their names."""
+"""Which effects keep their names, and what the verdict is."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from acqd.discrepancy.repair.naming import without_unproven
+from acqd.discrepancy.repair.guard import Improved, helpful
+from acqd.discrepancy.repair.naming import named_or_not
+from acqd.discrepancy.repair.predictive import Predictive
+from acqd.discrepancy.repair.torque_scale import TorqueScale
 from acqd.discrepancy.repair.usual_error import UsualError
-from acqd.discrepancy.selection.accepted import Tracing
+from acqd.discrepancy.residual.whitening import Whitener
+from acqd.discrepancy.selection.accepted import Unknown
+from acqd.discrepancy.verdict import settled
 from tests.builders import grey, recording
 from tests.discrepancy.report.subjects import found
 
-
-def test_what_may_be_zero_is_no_finding_in_an_error_that_has_not_grown():
-    certain = found("coulomb_friction", {"torque": (0.9, 0.5)})
-    unproven = found("mechanical_power", {"share": (0.067, 0.07)}, where="joint 6", unit="-")
-    partly = found("payload", {"mass": (1.0, 0.4), "first moment x": (0.0, 0.02)}, where="flange", unit="kg")
-    tracing = Tracing(design=None, regression=None)
-    effects, notes = without_unproven([certain, unproven, partly], tracing)
-    assert effects == [certain, partly]
-    assert notes == ["mechanical_power (joint 6) may be zero, in an error that has not grown: no finding"]
-    assert [(each.id, each.missing) for each in tracing.hypotheses] == [
-        ("mechanical_power", ["an error that has grown, or a size whose 95 % interval excludes zero"])
-    ]
+CERTAIN = found("coulomb_friction", {"torque": (0.9, 0.5)})
 
 
-def test_the_usual_error_is_that_of_the_reference_or_the_noise_floor():
+@pytest.mark.parametrize(
+    ("effect", "missing"),
+    [
+        (CERTAIN, ""),
+        (found("payload", {"mass": (1.0, 0.4), "first moment x": (0.0, 0.02)}, where="flange", unit="kg"), ""),
+        (
+            found("mechanical_power", {"share": (0.067, 0.07)}, where="joint 6", unit="-"),
+            "a size whose 95 % interval excludes zero",
+        ),
+        (replace(CERTAIN, family_confidence=0.43), "a confidence of 85% (the effect has 43%)"),
+        (replace(CERTAIN, confidence=0.43), ""),  # the family is sure
+        (
+            replace(CERTAIN, doubt=Unknown(SimpleNamespace(candidate=SimpleNamespace(label="the speed")), None, 15.0)),
+            "more evidence than something that follows the speed",
+        ),
+    ],
+)
+def test_an_effect_has_a_name_or_a_reason(effect, missing):
+    judged = named_or_not(effect)
+    assert (judged.status, judged.missing) == (("hypothesis", missing) if missing else ("named", ""))
+    rows = Improved(None, (judged,), []).hypotheses
+    assert [row.missing for row in rows] == ([(missing,)] if missing else [])
+
+
+def recordings(model, count, size_W, seed):
+    random = np.random.default_rng(seed)
+    made = [recording(model, k, rows=60, seed=seed) for k in range(count)]
+    return made, [random.normal(0, size_W, 60) for _ in made]
+
+
+def usual_of(errors):
+    return UsualError(tuple(float(np.sqrt(np.mean(each**2))) for each in errors), 6.0)
+
+
+def test_an_error_beyond_the_spread_of_the_reference_has_grown():
     model = grey()
-    alone = SimpleNamespace(model=model, reference=[])
-    assert UsualError.of(alone, 0.4).lowest_W == 0.4 and UsualError.of(alone, 0.4).reference_rms is None
-    assert UsualError.of(alone, 0.4).exceeded_by([np.zeros(5)])  # nothing can be said
-    with_reference = SimpleNamespace(model=model, reference=[recording(model, 3, rows=200)])
-    usual = UsualError.of(with_reference, 0.4)
-    assert usual.lowest_W == usual.reference_rms > usual.varying_W
-    assert usual.exceeded_by([np.full(5, 1.01 * usual.lowest_W)]) and not usual.exceeded_by([np.zeros(5)])
+    _, before = recordings(model, 8, 6.1, 0)
+    new, same = recordings(model, 4, 6.1, 3)
+    assert usual_of(before).exceeded_by(new, recordings(model, 4, 11.6, 3)[1])
+    assert not usual_of(before).exceeded_by(new, same)
+    one_stop = [same[0] * 3, *same[1:]]
+    assert not usual_of(before).exceeded_by(new, one_stop)
+    various = [each * factor for each, factor in zip(before, (0.3, 3) * 4, strict=True)]
+    assert not usual_of(various).exceeded_by(new, recordings(model, 4, 11.6, 3)[1])  # so do unchanged recordings
+    assert UsualError((), 0.4).exceeded_by(new, same)  # nothing can be said
+    assert UsualError((), 0.4).reference_rms is None
+
+
+@pytest.mark.parametrize(
+    ("named", "refused", "unknown", "now_W", "fit_s", "verdict"),
+    [
+        (True, False, False, 16.0, 600, "effects_found"),
+        (True, False, True, 16.0, 600, "effects_found"),
+        (False, True, False, 6.0, 600, "not_identifiable"),
+        (False, True, True, 16.0, 600, "unknown_structure"),
+        (False, False, True, 16.0, 600, "unknown_structure"),
+        (False, False, True, 6.0, 600, "not_identifiable"),
+        (False, False, False, 16.0, 600, "not_identifiable"),
+        (False, False, False, 6.0, 600, "nothing_left"),
+        (False, False, False, 6.0, 60, "not_identifiable"),
+    ],
+)
+def test_the_verdict_follows_from_names_laws_and_the_growth_of_the_error(
+    named, refused, unknown, now_W, fit_s, verdict
+):
+    model = grey()
+    usual = usual_of(recordings(model, 8, 6.0, 0)[1])
+    new, errors = recordings(model, 6, now_W, 3)
+    effects = [replace(CERTAIN, status="added")] if named else []
+    effects += [CERTAIN.without_name("refused", "a better prediction")] if refused else []
+    subject = SimpleNamespace(held_out=new, fit_s=fit_s)
+    selection = SimpleNamespace(unknown=Unknown(None, None, 15.0) if unknown else None)
+    assert settled(subject, selection, Improved(model, tuple(effects), errors), errors, usual)[0] == verdict
+
+
+def test_two_effects_that_help_only_together_stay():
+    worth = {"": 0.0, "a": -1.0, "b": -1.0, "ab": 5.0, "abc": 4.0, "ac": -2.0, "bc": -2.0, "c": -3.0}
+    effects = [replace(CERTAIN, term=replace(CERTAIN.term, id=name)) for name in "abc"]
+    kept = helpful(effects, lambda chosen: worth["".join(each.term.id for each in chosen)])
+    assert [each.term.id for each in kept] == ["a", "b"]
+    assert helpful(effects[2:], lambda chosen: worth["".join(each.term.id for each in chosen)]) == []
+
+
+def test_a_load_that_the_reference_has_too_decides_nothing_on_held_out_recordings():
+    """A compressor shifts one held-out minute up, another down: the better model predicts them better nevertheless."""
+    random = np.random.default_rng(4)
+    left = [random.normal(0, 1, 1500) for _ in range(2)]
+    effect = [np.sin(np.arange(1500) / 40.0) for _ in range(2)]
+    shifted = [each + level for each, level in zip(left, (9.0, -7.0), strict=True)]
+    before = [each + power - 0.5 for each, power in zip(shifted, effect, strict=True)]
+    whitener = Whitener.of([random.normal(0, 1, 4000)])
+    assert Predictive(whitener, 8.0, 0.5).density(shifted) > Predictive(whitener, 8.0, 0.5).density(before)
+    stiff, soft = Predictive(whitener, 1e-3, 0.5), Predictive(whitener, 8.0, 0.5)
+    assert soft.density(left) - soft.density(shifted) < 0.1 * (stiff.density(left) - stiff.density(shifted))
+
+
+@given(st.floats(0.7, 1.4), st.floats(0.0, 0.1), st.floats(0.1, 20), st.just(0.0) | st.floats(1e-9, 2))
+def test_true_units(scale, deviation, value, half):
+    true, wide = TorqueScale(scale, deviation).corrected(value, half, "kg")
+    assert true == pytest.approx(value / scale)
+    assert wide >= half / scale * (1 - 1e-9)
+    assert wide >= 1.96 * deviation / scale * true * (1 - 1e-9)
+    assert TorqueScale(scale, deviation).corrected(value, half, "W") == (value, half)
+
+
+def test_a_torque_sensor_needs_no_correction():
+    sensor = TorqueScale(1.0, 0.02)
+    assert sensor.corrected(3.0, 0.3, "Nm")[0] == 3.0
+    assert replace(sensor, value=0.9).corrected(1.0, 0.0, "W/Nm^2")[0] == pytest.approx(0.81)

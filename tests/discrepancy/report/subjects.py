@@ -4,7 +4,10 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from acqd.discrepancy.repair.terms import Added
+from acqd.discrepancy.regression.design_columns import Candidate
+from acqd.discrepancy.repair.terms import Reported
+from acqd.discrepancy.selection.accepted import Hypothesis
+from acqd.discrepancy.selection.ranking import Finding
 from acqd.models.augmented import Term
 from tests.builders import ROBOT, recording
 
@@ -17,11 +20,16 @@ def subject_with(model, **more):
     )
 
 
-def found(identity, parameters, shape=None, where="each joint", unit="Nm"):
-    """An added effect with parameters as (value, half width)."""
+def found(identity, parameters, shape=None, where="each joint", unit="Nm", evidence=1e3):
+    """An effect with a name, with parameters as (value, half width)."""
     values = {
         name: {"value": value, "unit": unit, "ci95": [value - half, value + half]}
         for name, (value, half) in parameters.items()
     }
     term = Term(identity, where, shape or {}, (0,), np.zeros(1), values)
-    return Added(term, evidence=1e3, confidence=0.98, alternatives=[], start=None, consistency=1.0, recordings=6)
+    candidate = Candidate(identity, where, np.zeros(1, dtype=int))
+    leader = Hypothesis(Finding(candidate, np.ones(1), np.ones(1), evidence), 15.0, np.inf, 5.0, 1.0, "named")
+    return Reported(
+        term, leader, confidence=0.98, alternatives=(), start=None, consistency=1.0, recordings=6,
+        family_confidence=0.98,
+    )  # fmt: skip

@@ -32,7 +32,7 @@ def test_a_body_that_was_turned_round_between_two_logs_is_said(turned, model, ro
         for k in range(4):
             piece = recording(model, k, body(aside_m), seed=2 if log == "first" else 3, start_s=1e9 + 5000)
             question.append(replace(piece, recording=f"{log}_p{k:03d}"))
-    tracing = selected(model, robot, question, reference, COMMON)[1]
-    (named,) = [each for each in tracing.effects if each.id == "payload"]
-    logs = disagreeing_sessions(tracing, named)
+    selection = selected(model, robot, question, reference, COMMON)[1]
+    (named,) = [each for each in selection.effects if each.id == "payload"]
+    logs = disagreeing_sessions(selection, named)
     assert set(logs) == ({"first", "second"} if turned else set())

@@ -30,21 +30,24 @@ QUICK = {"copper_loss", "line_voltage"}
 def test_an_effect_that_was_made_otherwise_is_named_first(name, model, robot):
     amount = {"count": 14 if name in ("thermostat", "process_load", "mechanical_power") else 7, "rows": 700}
     only = COMMON | {name, *library()[name].neighbours}
-    _, tracing = traced(model, robot, INDEPENDENT[name], **({} if name in QUICK else amount), only=only)
-    assert [named.id for named in tracing.effects][:1] == [name], (tracing.verdict, tracing.last_ranking[:3])
+    _, selection = traced(model, robot, INDEPENDENT[name], **({} if name in QUICK else amount), only=only)
+    assert [named.id for named in selection.effects][:1] == [name], (
+        selection.verdict,
+        [row.as_text() for row in selection.table],
+    )
 
 
 @pytest.mark.slow
 def test_parameters_come_back(model, robot):
-    _, tracing = traced(model, robot, INDEPENDENT["coulomb_friction"], only=COMMON)
-    assert tracing.effects[0].finding.candidate.label == "joint 2"
-    assert tracing.effects[0].finding.coefficients[0] == pytest.approx(4.0, rel=0.1)
-    _, tracing = traced(model, robot, added_payload, only=COMMON)
-    assert tracing.effects[0].finding.coefficients[0] == pytest.approx(2.0, rel=0.1)
-    _, tracing = traced(model, robot, INDEPENDENT["gear_ripple"], only=COMMON | {"gear_ripple"})
-    assert tracing.effects[0].shape["periods_per_turn"] == pytest.approx(17.3, abs=0.1)
-    _, tracing = traced(model, robot, thermostat, count=14, rows=700, only=COMMON | {"thermostat", "process_load"})
-    assert tracing.effects[0].shape["period_s"] == pytest.approx(47, rel=0.1)
+    _, selection = traced(model, robot, INDEPENDENT["coulomb_friction"], only=COMMON)
+    assert selection.effects[0].finding.candidate.label == "joint 2"
+    assert selection.effects[0].finding.coefficients[0] == pytest.approx(4.0, rel=0.1)
+    _, selection = traced(model, robot, added_payload, only=COMMON)
+    assert selection.effects[0].finding.coefficients[0] == pytest.approx(2.0, rel=0.1)
+    _, selection = traced(model, robot, INDEPENDENT["gear_ripple"], only=COMMON | {"gear_ripple"})
+    assert selection.effects[0].shape["periods_per_turn"] == pytest.approx(17.3, abs=0.1)
+    _, selection = traced(model, robot, thermostat, count=14, rows=700, only=COMMON | {"thermostat", "process_load"})
+    assert selection.effects[0].shape["period_s"] == pytest.approx(47, rel=0.1)
 
 
 @pytest.mark.parametrize("standby_W", [pytest.param(-12.0, marks=pytest.mark.slow), -25.0])
@@ -55,8 +58,8 @@ def test_a_lower_standby_power_does_not_hide_a_friction(standby_W, model, robot)
         return INDEPENDENT["viscous_friction"](scene, random) + standby_W
 
     only = COMMON | {"viscous_friction", "thermal_friction"}
-    _, tracing = traced(model, robot, both, only=only)
-    assert {named.id for named in tracing.effects} == {"viscous_friction", "offset_shift"}
+    _, selection = traced(model, robot, both, only=only)
+    assert {named.id for named in selection.effects} == {"viscous_friction", "offset_shift"}
 
 
 def test_a_large_change_is_named_in_three_recordings(model, robot):
@@ -65,8 +68,8 @@ def test_a_large_change_is_named_in_three_recordings(model, robot):
     def heavy(scene, random):
         return extra_power(scene, payload_torque(scene, 6.0))
 
-    _, tracing = traced(model, robot, heavy, count=3, rows=1400, only=COMMON | {"gravity_bias"})
-    assert [named.id for named in tracing.effects] == ["payload"], tracing.hypotheses[:2]
+    _, selection = traced(model, robot, heavy, count=3, rows=1400, only=COMMON | {"gravity_bias"})
+    assert [named.id for named in selection.effects] == ["payload"], [row.as_text() for row in selection.table]
 
 
 def test_a_small_drift_of_the_clock_is_no_offset(model, robot):
@@ -77,9 +80,9 @@ def test_a_small_drift_of_the_clock_is_no_offset(model, robot):
         late_s = 0.018 * (t - (1e9 + 5000)) / 420
         return np.interp(t - late_s, t, scene.predicted) - scene.predicted
 
-    _, tracing = traced(model, robot, drifting, count=7, only=COMMON | {"clock_drift"})
-    assert [named.id for named in tracing.effects] == ["clock_drift"], tracing.hypotheses[:2]
-    assert tracing.effects[0].finding.coefficients[0] == pytest.approx(0.018 * 3600 / 420, rel=0.1)
+    _, selection = traced(model, robot, drifting, count=7, only=COMMON | {"clock_drift"})
+    assert [named.id for named in selection.effects] == ["clock_drift"], [row.as_text() for row in selection.table]
+    assert selection.effects[0].finding.coefficients[0] == pytest.approx(0.018 * 3600 / 420, rel=0.1)
 
 
 @pytest.mark.parametrize(("link", "where"), [(1, "link 2"), (2, "link 3")])
@@ -87,24 +90,24 @@ def test_a_mass_on_an_upper_link_has_inertia_and_is_no_payload(model, robot, lin
     def heavier(scene, random):
         return extra_power(scene, mass_torque_of_link(scene, link, 4.0))
 
-    _, tracing = traced(model, robot, heavier, only=COMMON | {"gravity_bias"})
-    named = tracing.effects[0]
+    _, selection = traced(model, robot, heavier, only=COMMON | {"gravity_bias"})
+    named = selection.effects[0]
     assert named.id == "gravity_bias" and named.place.where in (where, f"{where}, beside its centre")
-    assert len(tracing.effects) == 1 and named.finding.coefficients[0] == pytest.approx(4.0, rel=0.1)
+    assert len(selection.effects) == 1 and named.finding.coefficients[0] == pytest.approx(4.0, rel=0.1)
 
 
 def test_nothing_is_found_where_nothing_is(model, robot):
-    _, tracing = traced(model, robot, None)
-    assert tracing.verdict == "nothing_left", [named.id for named in tracing.effects]
+    _, selection = traced(model, robot, None)
+    assert selection.verdict == "nothing_left", [named.id for named in selection.effects]
 
 
 def test_what_the_library_does_not_know_is_called_unknown(model, robot):
     def band(scene, random):
         return lagged_mean(6.0 * np.exp(-(((np.abs(scene.qd[:, 1]) - 0.3) / 0.06) ** 2)))
 
-    _, tracing = traced(model, robot, band, count=7, rows=700)
-    assert tracing.verdict == "unknown_structure", [(n.id, n.finding.candidate.label) for n in tracing.effects]
-    assert tracing.unknown.finding.candidate.label == "the speed of joint 2"
+    _, selection = traced(model, robot, band, count=7, rows=700)
+    assert selection.verdict == "unknown_structure", [(n.id, n.finding.candidate.label) for n in selection.effects]
+    assert selection.unknown.finding.candidate.label == "the speed of joint 2"
 
 
 def test_friction_that_grows_with_the_third_power_of_speed_is_not_called_viscous(model, robot):
@@ -113,9 +116,9 @@ def test_friction_that_grows_with_the_third_power_of_speed_is_not_called_viscous
         torque[:, 1] = 12.0 * scene.qd[:, 1] ** 3
         return extra_power(scene, torque)
 
-    _, tracing = traced(model, robot, cubic, only=COMMON | {"viscous_friction", "coulomb_friction"})
-    assert tracing.verdict == "unknown_structure", [(n.id, n.finding.candidate.label) for n in tracing.effects]
-    assert tracing.unknown.finding.candidate.label == "a friction of joint 2 of another curve over its speed"
+    _, selection = traced(model, robot, cubic, only=COMMON | {"viscous_friction", "coulomb_friction"})
+    assert selection.verdict == "unknown_structure", [(n.id, n.finding.candidate.label) for n in selection.effects]
+    assert selection.unknown.finding.candidate.label == "a friction of joint 2 of another curve over its speed"
 
 
 @pytest.mark.slow
@@ -124,9 +127,9 @@ def test_a_regular_load_of_seconds_is_a_pulsation_and_no_thermostat(model, robot
         return 8.0 * ((averaged(scene.t) % 5.0) < 2.0)
 
     only = COMMON | {"thermostat", "process_load", "contact_force"}
-    _, tracing = traced(model, robot, pump, count=10, rows=700, only=only)
-    assert tracing.verdict == "unknown_structure", [(n.id, n.finding.candidate.label) for n in tracing.effects]
-    assert tracing.unknown.finding.candidate.label == "a pulsation with a period of about 5 s"
+    _, selection = traced(model, robot, pump, count=10, rows=700, only=only)
+    assert selection.verdict == "unknown_structure", [(n.id, n.finding.candidate.label) for n in selection.effects]
+    assert selection.unknown.finding.candidate.label == "a pulsation with a period of about 5 s"
 
 
 def test_two_effects_are_both_named(model, robot):
@@ -134,8 +137,8 @@ def test_two_effects_are_both_named(model, robot):
         return added_payload(scene, random) + INDEPENDENT["thermostat"](scene, random)
 
     only = COMMON | {"thermostat", *library()["thermostat"].neighbours, *library()["payload"].neighbours}
-    _, tracing = traced(model, robot, both, rows=800, only=only)
-    assert {named.id for named in tracing.effects} == {"payload", "thermostat"}
+    _, selection = traced(model, robot, both, rows=800, only=only)
+    assert {named.id for named in selection.effects} == {"payload", "thermostat"}
 
 
 def surge(scene, random):
@@ -150,12 +153,12 @@ def test_what_a_peak_leaves_over_hides_nothing_and_names_nothing(beside, model, 
     def both(scene, random):
         return surge(scene, random) + (0 if beside is None else 0.05 * added_payload(scene, random))
 
-    _, tracing = traced(model, robot, both, only=COMMON | {"brake_release", "gravity_bias"})
-    assert [named.id for named in tracing.effects] == ["brake_release", *([beside] if beside else [])]
+    _, selection = traced(model, robot, both, only=COMMON | {"brake_release", "gravity_bias"})
+    assert [named.id for named in selection.effects] == ["brake_release", *([beside] if beside else [])]
 
 
 def test_an_onset_within_the_dataset_is_found(model, robot):
     in_question = [recording(model, k, added_payload if k >= 5 else None, rows=500, seed=2) for k in range(10)]
-    _, tracing = selected(model, robot, in_question, [], COMMON)
-    assert tracing.effects[0].id == "payload"
-    assert tracing.effects[0].gate.start == "r_2_05"
+    _, selection = selected(model, robot, in_question, [], COMMON)
+    assert selection.effects[0].id == "payload"
+    assert selection.effects[0].gate.start == "r_2_05"

@@ -21,8 +21,8 @@ def test_a_chopper_before_and_after_is_no_second_change(model, robot):
 
     reference = [recording(model, k, before, seed=1) for k in range(7)]
     in_question = [recording(model, k, after, seed=2, start_s=1e9 + 5000) for k in range(7)]
-    _, tracing = selected(model, robot, in_question, reference, ONLY)
-    assert [named.id for named in tracing.effects] == ["payload"]
+    _, selection = selected(model, robot, in_question, reference, ONLY)
+    assert [named.id for named in selection.effects] == ["payload"]
 
 
 def test_a_chopper_that_is_new_is_named_beside_a_payload(model, robot):
@@ -32,5 +32,5 @@ def test_a_chopper_that_is_new_is_named_beside_a_payload(model, robot):
 
     reference = [recording(model, k, seed=1) for k in range(7)]
     in_question = [recording(model, k, after, seed=2, start_s=1e9 + 5000) for k in range(7)]
-    _, tracing = selected(model, robot, in_question, reference, ONLY)
-    assert {named.id for named in tracing.effects} == {"payload", "regeneration_clipping"}
+    _, selection = selected(model, robot, in_question, reference, ONLY)
+    assert {named.id for named in selection.effects} == {"payload", "regeneration_clipping"}

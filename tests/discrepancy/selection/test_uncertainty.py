@@ -1,22 +1,19 @@
 """Intervals of sizes and fitted shapes."""
 
-from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from acqd.discrepancy.regression.setup import Question, set_up
-from acqd.discrepancy.repair.naming import without_doubtful
-from acqd.discrepancy.repair.terms import added, doubt_about
+from acqd.discrepancy.repair.terms import reported
 from acqd.discrepancy.repair.torque_scale import TorqueScale
-from acqd.discrepancy.selection.forward_selection import Limits, trace
-from acqd.discrepancy.selection.hypotheses import unnamed
+from acqd.discrepancy.selection.forward_selection import Limits, select
 from acqd.discrepancy.selection.shape_interval import fit_at
-from acqd.discrepancy.selection.uncertainty import confidence, intervals
+from acqd.discrepancy.selection.uncertainty import intervals
 from acqd.models.greybox.model import direction
 from tests.builders import grey, recording
-from tests.discrepancy.independent import COMMON, INDEPENDENT, added_payload, column, extra_power, traced
+from tests.discrepancy.independent import COMMON, INDEPENDENT, column, extra_power, traced
 
 
 def test_size_and_shape_of_a_stribeck_curve_have_narrow_intervals_beside_the_truth(model, robot):
@@ -24,10 +21,10 @@ def test_size_and_shape_of_a_stribeck_curve_have_narrow_intervals_beside_the_tru
         near = np.exp(-((scene.qd[:, 1] / 0.15) ** 2)) * direction(scene.qd[:, 1])
         return extra_power(scene, column(scene, 1, 25.0 * near))
 
-    _, tracing = traced(model, robot, curve, only=COMMON | {"stribeck_friction"})
-    named = tracing.effects[0]
+    _, selection = traced(model, robot, curve, only=COMMON | {"stribeck_friction"})
+    named = selection.effects[0]
     assert (named.id, named.place.where) == ("stribeck_friction", "joint 2")
-    certain = intervals(tracing, named)
+    certain = intervals(selection, named)
     assert certain.shape == pytest.approx(0.15, abs=0.005) and 0 < certain.shape_half < 0.01
     assert certain.coefficients[0] == pytest.approx(25.0, abs=4 * certain.half[0])
     assert 0 < certain.half[0] < 0.1 * certain.coefficients[0]
@@ -45,59 +42,27 @@ def dry(model, robot):
 
 @pytest.mark.xdist_group("dry friction")
 def test_an_effect_without_a_fitted_shape_has_none(dry):
-    tracing = deepcopy(dry)
-    assert [(named.id, named.place.where) for named in tracing.effects] == [("coulomb_friction", "joint 2")]
-    certain = intervals(tracing, tracing.effects[0])
+    selection = dry
+    assert [(named.id, named.place.where) for named in selection.effects] == [("coulomb_friction", "joint 2")]
+    certain = intervals(selection, selection.effects[0])
     assert certain.shape is None and certain.shape_half is None
     assert certain.coefficients[0] == pytest.approx(8.0, rel=0.1)
 
 
-@pytest.mark.xdist_group("dry friction")
-def test_an_unnamed_alternative_that_more_recordings_prefer_is_the_finding(dry):
-    tracing = deepcopy(dry)
-    named = tracing.effects[0]
-    other = next(each for each in tracing.last_ranking if not each.candidate.id)
-    named = replace(named, alternatives=[other])
-    text = unnamed(other.candidate.label)
-    assert doubt_about(named, 0.2, [(text, 0.7)]).finding is other
-    assert doubt_about(named, 0.7, [(text, 0.2)]) is None
-    assert doubt_about(named, 0.2, [("viscous_friction", 0.7)]) is None
-    doubtful = replace(added(tracing, named, TorqueScale(1.0, 0.0), 1), doubt=doubt_about(named, 0.2, [(text, 0.7)]))
-    kept, notes = without_doubtful([doubtful], tracing)
-    assert not kept and len(notes) == 1 and tracing.unknown is not None
-    considered = tracing.hypotheses[0]
-    assert (considered.id, considered.where) == ("coulomb_friction", "joint 2")
-    assert considered.missing == [f"more evidence than {text}"]
-
-
-def test_effects_that_act_together_are_no_alternatives_of_each_other(model, robot):
-    """Both are part of the explanation: the confidence in one is given the other."""
-
-    def both(scene, random):
-        return INDEPENDENT["gear_ripple"](scene, random) + added_payload(scene, random)
-
-    _, tracing = traced(model, robot, both, only=COMMON | {"gear_ripple", "payload"})
-    strong, weak = sorted(tracing.effects, key=lambda named: -named.finding.evidence)
-    assert {strong.id, weak.id} == {"gear_ripple", "payload"}
-    beaten = replace(weak, alternatives=[strong.finding, *weak.alternatives])  # as if it had been named first
-    assert confidence(tracing, beaten, 1)[0] > 0.9
-
-
 def test_the_size_of_a_load_that_switches_is_not_attenuated_by_wrong_edges(model, robot):
-    _, tracing = traced(model, robot, INDEPENDENT["process_load"], only=COMMON | {"process_load"})
-    (named,) = tracing.effects
-    places, design = named.finding.candidate.places, tracing.design
+    _, selection = traced(model, robot, INDEPENDENT["process_load"], only=COMMON | {"process_load"})
+    (named,) = selection.effects
+    places, design = named.finding.candidate.places, selection.design
     wrong = []
     for segment in range(len(design.columns.segments)):
         on = design.values(segment, places)
         for edge in np.flatnonzero(np.diff(on[:, 0]))[::3]:
             on[edge - 10 : edge + 1] = on[edge + 1]
         wrong.append(on)
-    tracing.design = design.with_replaced(places, wrong)
-    tracing.regression = tracing.regression.on(tracing.design.blocks)
-    certain = intervals(tracing, named)
+    selection = replace(selection, rows=selection.rows.on(design.with_replaced(places, wrong)))
+    certain = intervals(selection, named)
     assert abs(certain.coefficients[0] - 7.0) < 0.15 * 7.0
-    column = fit_at(tracing.design, tracing.regression.without(named.key), named.finding.candidate, named.gate.open,
+    column = fit_at(selection.design, selection.regression.without(named.key), named.finding.candidate, named.gate.open,
                     np.ones(len(design.parts)))[1]  # fmt: skip
     assert column.coefficients[0] < 0.85 * 7.0
 
@@ -113,9 +78,9 @@ def test_a_cold_coefficient_is_that_of_the_start_of_the_session_also_where_its_f
     new = [recording(model, k, cold, seed=2, start_s=begins_s) for k in range(2, 8)]
     only = frozenset(COMMON | {"thermal_friction", "viscous_friction"})
     question = Question(model, robot, new, reference, only, frozenset(), begins_s)
-    tracing = trace(set_up(question, lambda _: None), Limits(), lambda _: None)
-    assert tracing.effects[0].id == "thermal_friction"
-    term = added(tracing, tracing.effects[0], TorqueScale(1.0, 0.0), 1).term
+    selection = select(set_up(question, lambda _: None), Limits(), lambda _: None)
+    assert selection.effects[0].id == "thermal_friction"
+    term = reported(selection, selection.effects[0], TorqueScale(1.0, 0.0)).term
     assert term.shape["origin_s"] == begins_s
     low, high = term.parameters["cold coefficient"]["ci95"]
     assert low < 60 < high and high < 80

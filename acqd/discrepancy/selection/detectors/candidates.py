@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 
@@ -54,9 +54,9 @@ class Detection:
         variant = Variant(place, place.columns, self.shape)
         return Candidate(self.effect.id, place.where, places, variant, detected=True, cost=self.cost, key=key)
 
-    def reference_evidence(self) -> float:
-        """Evidence that the same search must exceed, because it has that much in the reference."""
-        return THRESHOLDS.reference_factor * self.by_chance()
+    def in_reference(self) -> float:
+        """Twice the log-likelihood ratio that the same search gains in the reference."""
+        return 2 * self.by_chance()
 
 
 def detect(design: Design, regression: Regression, gate: Floats, known: set[str]) -> list[Detection]:
@@ -158,7 +158,7 @@ def _described(
     columns = search.columns(states)
     found = partial(
         Detection, shape=shape, columns=columns, cost=float(states.switchings),
-        by_chance=partial(search.by_chance, residuals),
+        by_chance=cache(partial(search.by_chance, residuals)),
     )  # fmt: skip
     if period_s is not None and period_s < THRESHOLDS.rhythm_shortest_s:  # no heater or fan switches so often
         return found(None, label=f"a pulsation with a period of about {period_s:.0f} s")

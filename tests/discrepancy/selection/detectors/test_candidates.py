@@ -10,7 +10,9 @@ from tests.models.effects.test_effects import DESIGN_IDS
 
 @pytest.mark.slow
 def test_derived_candidates_leave_the_residual_of_known_levels(model, robot):
-    _, tracing = traced(model, robot, thermostat, count=14, rows=700, only={"thermostat", "process_load"})
-    left = np.concatenate([each for k, each in enumerate(residuals_of(tracing.design, tracing.regression)) if k >= 14])
+    _, selection = traced(model, robot, thermostat, count=14, rows=700, only={"thermostat", "process_load"})
+    left = np.concatenate(
+        [each for k, each in enumerate(residuals_of(selection.design, selection.regression)) if k >= 14]
+    )
     assert left.std() < 1.2
-    assert detect(tracing.design, tracing.regression, tracing.design.columns.in_question, set(DESIGN_IDS)) == []
+    assert detect(selection.design, selection.regression, selection.design.columns.in_question, set(DESIGN_IDS)) == []

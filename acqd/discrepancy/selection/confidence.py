@@ -1,0 +1,129 @@
+"""How sure a name is: the probability that the effect explains more than each of its rivals, and its family.
+
+The evidence of two hypotheses differs by a sum over recordings; its error follows from their spread (the test of
+non-nested models of Vuong 1989). Columns that are wrong by a share kappa add what they could move from one to the
+other. Nothing is drawn at random. Rivals that the leader does not exceed by the margin are its family: the data cannot
+tell them apart (ADR 26).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t as student
+
+from acqd.arrays import Floats
+from acqd.discrepancy.selection.accepted import Selected, Selection, Unknown, unnamed
+from acqd.discrepancy.selection.forward_selection import without
+from acqd.discrepancy.selection.judging import best_of_each, kinds_of, left_by, margin
+from acqd.discrepancy.selection.ranking import Finding, Rows, gains, ranked
+from acqd.discrepancy.selection.shape_fit import fit_shape
+from acqd.discrepancy.thresholds import THRESHOLDS
+
+_EFFECTS, _LAWS = 6, 3
+"""Rivals that are compared."""
+_FITTED = 2
+"""Rivals whose shapes are fitted."""
+_SHOWN = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Confidence:
+    """Probabilities of a name and of its rivals."""
+
+    share: float
+    """That the effect explains more than every rival."""
+    rivals: tuple[tuple[str, float], ...]
+    """Ids of effects, or laws in words, with their probabilities; the likeliest first."""
+    family: tuple[tuple[str, str], ...]
+    """Ids and places of effects that cannot be told from this one."""
+    family_share: float
+    """Together with the family."""
+    doubt: Unknown | None
+    """A law that is likelier than the family."""
+    agreeing: float
+    """Share of recordings that the effect explains better than no effect."""
+
+
+def confidence(selection: Selection, selected: Selected) -> Confidence:
+    """Given all other selected effects, which are part of the explanation and no rivals."""
+    rows, gate = without(selection.rows, selected), selected.gate.open
+    rows, own, rivals = _contenders(selection, rows, selected)
+    _, gained = gains(rows, gate, [own, *rivals])
+    kinds = kinds_of(selection.design.columns.candidates)
+    odds = np.array([_odds(rows, selected, own, rival, gained[[0, k]], kinds) for k, rival in enumerate(rivals, 1)])
+    names = np.array([rival.candidate.id for rival in rivals])
+    share = _share(odds, names)
+    shares = odds * share
+    near = [
+        rival.candidate for rival in rivals
+        if rival.candidate.id and own.evidence - rival.evidence < margin(rows, gate, rival, [own], kinds)
+    ]  # fmt: skip
+    ids = {candidate.id for candidate in near}
+    strangers = ~np.isin(names, sorted(ids))
+    together = _share(odds[strangers], names[strangers])
+    laws = [(s, rival) for rival, s in zip(rivals, shares, strict=True) if not rival.candidate.id and s > together]
+    doubt = max(laws, key=lambda pair: pair[0], default=None)
+    listed = sorted(zip([_name(r) for r in rivals], shares.tolist(), strict=True), key=lambda pair: -pair[1])
+    return Confidence(
+        share=share, rivals=tuple(listed[:_SHOWN]), family=tuple((c.id, c.label) for c in near),
+        family_share=together,
+        doubt=None if doubt is None else Unknown(doubt[1], selected.gate, selected.hypothesis.margin),
+        agreeing=float((gained[0] > 0).mean()),
+    )  # fmt: skip
+
+
+def _share(odds: Floats, names: NDArray[np.str_]) -> float:
+    """Probability against rivals by their odds; `names`: ids of effects, "" for laws.
+
+    Rivals resemble each other: the best effect and the best law stand for all of their kind.
+    """
+    return float(
+        (1 - THRESHOLDS.chance) / (1 + odds[names != ""].max(initial=0.0) + odds[names == ""].max(initial=0.0))
+    )
+
+
+def _contenders(selection: Selection, rows: Rows, selected: Selected) -> tuple[Rows, Finding, list[Finding]]:
+    """The effect and its rivals on the same rows, with fitted shapes of the best ones."""
+    taken = {other.id for other in selection.effects}
+    detected = [each.finding.candidate for each in selected.table if each.finding.candidate.detected]
+    pool = [c for c in (*selection.design.columns.candidates, *detected) if c.id not in taken and c.id != selected.id]
+    best = best_of_each(ranked(rows, selected.gate.open, pool))
+    effects = [each for each in best if each.candidate.id][:_EFFECTS]
+    fitted = []
+    for rival in effects[:_FITTED]:
+        if not rival.candidate.detected:
+            fit = fit_shape(rows, selected.gate.open, rival, None)
+            rows = fit.rows
+            fitted.append(fit.finding)
+        else:
+            fitted.append(rival)
+    laws = [each for each in best if not each.candidate.id][:_LAWS]
+    own = ranked(rows, selected.gate.open, [selected.finding.candidate])
+    return rows, own[0] if own else selected.finding, [*fitted, *effects[_FITTED:], *laws]
+
+
+def _odds(rows: Rows, selected: Selected, own: Finding, rival: Finding, gained: Floats, kinds: int) -> float:
+    """Probability that the rival explains more than the effect, over that of the opposite.
+
+    A law has to explain more by the margin: names are preferred. Recordings that say more of the effect say more of
+    the difference too: its spread is that about the ratio of both (the ratio estimator of Cochran 1977).
+    """
+    gate = selected.gate.open
+    ahead = own.evidence - rival.evidence
+    if not rival.candidate.id:
+        ahead += margin(rows, gate, rival, [own], kinds)
+    differences = gained[0] - gained[1]
+    count = len(differences)
+    scatter = differences - gained[0] * differences.sum() / max(float(gained[0].sum()), 1e-9)
+    spread = float(scatter @ scatter) * count / max(count - 1, 1)
+    of_columns = THRESHOLDS.column_error**2 * left_by(rows.design, gate, rival, [own])
+    error = max(float(np.sqrt(spread + of_columns**2)), 1.0)
+    wins = float(student.cdf(ahead / error, count - 1 + THRESHOLDS.few_sessions))
+    return (1 - wins) / max(wins, 1e-9)
+
+
+def _name(finding: Finding) -> str:
+    return finding.candidate.id or unnamed(finding.candidate.label)

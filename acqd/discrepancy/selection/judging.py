@@ -1,0 +1,105 @@
+"""The table of hypotheses: who leads, by how much, and what the others lack (ADR 26).
+
+One margin decides everywhere. Evidence counts above chance, 2 log(kinds / pi) for so many kinds of hypotheses, and
+above what the columns of effects that are known already get wrong: where these are wrong by a share kappa, they leave
+up to kappa^2 of what they explain to a hypothesis whose power is proportional to theirs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from acqd.arrays import Floats
+from acqd.discrepancy.regression.design_columns import Candidate
+from acqd.discrepancy.regression.design_matrix import Design
+from acqd.discrepancy.regression.white_rows import white_rows
+from acqd.discrepancy.selection.accepted import Hypothesis, power_in_question
+from acqd.discrepancy.selection.detectors.candidates import Detection
+from acqd.discrepancy.selection.ranking import Finding, Rows, bounds_of
+from acqd.discrepancy.selection.spread import beyond_sessions, power_rms
+from acqd.discrepancy.thresholds import THRESHOLDS
+
+_SHOWN = 6
+
+
+def kinds_of(candidates: Sequence[Candidate]) -> int:
+    """Number of kinds of hypotheses: effects, and laws without a name."""
+    return len({candidate.kind for candidate in candidates})
+
+
+def margin(rows: Rows, gate: Floats, finding: Finding, known: Sequence[Finding], kinds: int) -> float:
+    """Evidence that a finding must exceed beside effects that are known."""
+    by_chance = 2 * float(np.log(kinds / THRESHOLDS.chance))
+    return by_chance + THRESHOLDS.column_error**2 * left_by(rows.design, gate, finding, known)
+
+
+def left_by(design: Design, gate: Floats, finding: Finding, known: Sequence[Finding]) -> float:
+    """Evidence of known effects that a finding could take over if their columns were wrong in the worst way.
+
+    A known effect that draws p explains E. Columns wrong by a share e(t) leave e p, of which a finding that draws c
+    explains at most (sum |e p c|)^2 / sum c^2: the share (sum |p c|)^2 / (sum p^2 sum c^2) of e^2 E.
+    """
+    if not known:
+        return 0.0
+    mine = _white_power(design, finding, gate)
+    total = 0.0
+    for other in known:
+        theirs = _white_power(design, other, gate)
+        scale = float(mine @ mine) * float(theirs @ theirs)
+        total += max(other.evidence, 0.0) * float(np.abs(mine) @ np.abs(theirs)) ** 2 / max(scale, 1e-12)
+    return total
+
+
+def _white_power(design: Design, finding: Finding, gate: Floats) -> Floats:
+    """[white rows] of the power of a finding."""
+    blocks = power_in_question(design, finding, gate)
+    parts = [part for part, open_ in zip(design.parts, gate, strict=True) if open_]
+    return np.concatenate([white_rows(design.whitener, part, own) for part, own in zip(parts, blocks, strict=True)])
+
+
+def judged(
+    rows: Rows,
+    gate: Floats,
+    finding: Finding,
+    known: Sequence[Finding],
+    kinds: int,
+    scanned: Finding | None = None,
+    detection: Detection | None = None,
+) -> Hypothesis:
+    """A finding by itself: whether something is there at all.
+
+    `scanned`: the same with columns over both sides, if those of the finding are fitted to one. What `detection`
+    searched for in the residual must exceed what the same search gains in the reference.
+    """
+    design = rows.design
+    least = margin(rows, gate, finding, known, kinds)
+    if detection is None or detection.refinable:
+        beyond = beyond_sessions(design, rows.regression, scanned or finding, gate)
+    else:
+        beyond = finding.evidence - rows.learning_rate * detection.in_reference()
+    rms_W, least_W = power_rms(design, finding), THRESHOLDS.least_share_of_range * design.columns.dynamic_range
+    missing = []
+    if finding.evidence <= least:
+        missing.append(f"evidence above {least:.0f}")
+    if beyond <= 2 * np.log(kinds / THRESHOLDS.chance):
+        missing.append("more than what unchanged sessions of the reference differ by")
+    if rms_W <= least_W:
+        missing.append(f"a size that matters ({least_W:.2g} W while acting)")
+    low, high = bounds_of(finding.candidate)
+    if np.any((finding.coefficients <= low) | (finding.coefficients >= high)):
+        # the data asks for more than physics permits: another cause, or a wrong description
+        missing.append("a size within its physical bounds")
+    status = "refused" if missing else "candidate"
+    return Hypothesis(finding, least, beyond, rms_W, least_W, status, tuple(missing))  # type: ignore[arg-type]
+
+
+def best_of_each(findings: Sequence[Finding]) -> list[Finding]:
+    """The best finding of every effect and of every unnamed alternative, the largest evidence first."""
+    best: dict[str, Finding] = {}
+    for finding in findings:
+        name = finding.candidate.id or finding.candidate.label
+        if name not in best or finding.evidence > best[name].evidence:
+            best[name] = finding
+    return sorted(best.values(), key=lambda finding: -finding.evidence)

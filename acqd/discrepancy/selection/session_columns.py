@@ -1,0 +1,37 @@
+"""Columns that every session may have: a level and a clock that differ a little from those of the reference.
+
+They are random effects with a prior, not free and not absent, so that an effect is judged beside them: a constant load
+of the size that standby power drifts by, or a shift of the size of two alignments' errors, explains nothing more.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from acqd.discrepancy.regression.design_columns import Candidate
+from acqd.discrepancy.regression.design_matrix import Design
+from acqd.discrepancy.regression.gram import Column, Regression
+from acqd.discrepancy.selection.ranking import Finding
+from acqd.discrepancy.selection.spread import clock_deviation_s, sessions_of, variance_of_sessions
+from acqd.models.effects import library
+
+LEVEL = "level of the session"
+"""Owner of the level's column."""
+CLOCK = "clock of the session"
+"""Owner of the clock's column."""
+
+
+def session_columns(design: Design, regression: Regression) -> list[Column]:
+    """Columns of the recordings in question; none without a reference to differ from."""
+    if not sessions_of(design.parts, in_question=False):
+        return []
+    gate = design.columns.in_question
+    level = Candidate("", LEVEL, np.array([design.columns.model.layout.place("standby").start]), key=LEVEL)
+    variance, _ = variance_of_sessions(design, regression, Finding(level, np.ones(1), np.zeros(1), 0.0), gate)
+    columns = [Column(int(level.places[0]), gate, float(np.sqrt(variance)), owner=LEVEL)]
+    effects = library()
+    clocks = [
+        candidate for candidate in design.columns.candidates
+        if candidate.id and effects[candidate.id].acts_on == "clock" and not effects[candidate.id].follows_clock
+    ]  # fmt: skip
+    return columns + [Column(int(each.places[0]), gate, clock_deviation_s(design), owner=CLOCK) for each in clocks]

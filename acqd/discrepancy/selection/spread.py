@@ -1,0 +1,147 @@
+"""What unchanged sessions of the reference differ by: how far rows can be trusted, and what is more than a difference.
+
+Rows and blocks of a session share its errors: standby power, temperatures and the meter's gain drift over many minutes,
+and the base model is wrong in another way in another motion. Then blocks agree without an effect. Two quantities are
+estimated, each with a prior that counts as a few sessions, so that few sessions are not none:
+
+- The learning rate of rows (Gruenwald 2012): the inverse of the mean square of z that any effect has in one session of
+  the reference, by a base model that knows the other sessions.
+- tau, the deviation of a finding's size between sessions: the random effects of a meta-analysis, every session a study
+  (DerSimonian and Laird 1986). A finding is twice the log Bayes factor above it, by Student's t (ADR 26).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acqd.arrays import Floats
+from acqd.dataset.split import log_of
+from acqd.discrepancy.regression.design_columns import Part
+from acqd.discrepancy.regression.design_matrix import Design
+from acqd.discrepancy.regression.gram import Regression
+from acqd.discrepancy.selection.ranking import Finding, acts, part_of
+from acqd.discrepancy.thresholds import THRESHOLDS
+from acqd.models.effects import library
+from acqd.models.effects.clocks import slope
+from acqd.models.segments import Segment
+
+
+def learning_rate(design: Design, regression: Regression) -> float:
+    """Share of a likelihood that can be believed, at most 1; the usual one without a reference."""
+    effects = library()
+    columns = [
+        candidate.places for candidate in design.columns.candidates
+        if candidate.id and candidate.size == 1 and effects[candidate.id].acts_on != "clock"
+    ]  # fmt: skip
+    surprises: list[float] = []
+    if columns:
+        used = np.unique(np.concatenate(columns))
+        for blocks in sessions_of(design.parts, in_question=False).values():
+            competition = regression.compete(used, _gate(design, blocks), 1 - design.columns.in_question)
+            information = np.diag(competition.schur)
+            known = information > THRESHOLDS.least_column_power
+            if known.any():
+                z_squared = competition.products[known] ** 2 / information[known]
+                surprises.append(max(float(z_squared.mean()), 1.0))
+    weight = THRESHOLDS.few_sessions
+    mean = (weight * THRESHOLDS.usual_surprise + sum(surprises)) / (weight + len(surprises))
+    return 1.0 / mean
+
+
+def beyond_sessions(design: Design, regression: Regression, finding: Finding, gate: Floats) -> float:
+    """Twice the log Bayes factor of a finding against a difference of unchanged sessions; infinite without a reference.
+
+    `regression`: without the finding.
+    """
+    if not sessions_of(design.parts, in_question=False):
+        return np.inf
+    variance, freedom = variance_of_sessions(design, regression, finding, gate)
+    return float((freedom + 1) * np.log1p(1 / variance / freedom))
+
+
+def variance_of_sessions(design: Design, regression: Regression, finding: Finding, gate: Floats) -> tuple[float, float]:
+    """Variance of a finding's size where nothing has changed, in squared units of the finding, and its freedom.
+
+    Of the mean of the sessions under `gate` [blocks] about that of the reference's sessions, and between days.
+    """
+    amplitudes, information = amplitudes_in_reference(design, regression, finding)
+    weight, usual = THRESHOLDS.few_sessions, _usual_amplitude(design, finding) ** 2
+    excess = max(float(information @ amplitudes**2) - len(amplitudes), 0.0)
+    measured = excess / information.sum() if len(amplitudes) else 0.0
+    variance = (weight * usual + len(amplitudes) * measured) / (weight + len(amplitudes))
+    before = len(sessions_of(design.parts, in_question=False))
+    now = len(sessions_of([part for part, open_ in zip(design.parts, gate, strict=True) if open_], in_question=True))
+    return variance * (1 / before + 1 / max(now, 1) + THRESHOLDS.days_differ), weight + len(amplitudes)
+
+
+def amplitudes_in_reference(design: Design, regression: Regression, finding: Finding) -> tuple[Floats, Floats]:
+    """[sessions] the finding's size in single sessions of the reference, in units of itself, and their information.
+
+    By generalised least squares in one session, with a base model that knows the reference only. The information is
+    the inverse variance of an amplitude in white noise.
+    """
+    candidate = finding.candidate
+    pairs = []
+    for blocks in sessions_of(design.parts, in_question=False).values():
+        competition = regression.compete(candidate.places, _gate(design, blocks), 1 - design.columns.in_question)
+        schur, products = part_of(competition.schur, competition.products, np.arange(len(candidate.places)), candidate)
+        known = float(finding.coefficients @ schur @ finding.coefficients)
+        if acts(schur) and known > THRESHOLDS.least_column_power:
+            pairs.append((float(finding.coefficients @ products) / known, known))
+    values = np.array(pairs).reshape(-1, 2)
+    return values[:, 0], values[:, 1]
+
+
+def _usual_amplitude(design: Design, finding: Finding) -> float:
+    """Deviation between sessions that is usual, in units of the finding: a share of the range, or of a second."""
+    if finding.candidate.id and library()[finding.candidate.id].acts_on == "clock":
+        slopes = [slope(design.columns.scenes[k]) for k, side in enumerate(design.columns.scenes.in_question) if side]
+        usual_W = clock_deviation_s(design) * float(np.sqrt(np.mean(np.concatenate(slopes) ** 2)))
+        return usual_W / max(power_rms(design, finding, acting_share=0.0), 1e-9)
+    usual_W = THRESHOLDS.usual_difference * design.columns.dynamic_range
+    return usual_W / max(power_rms(design, finding), 1e-9)
+
+
+def clock_deviation_s(design: Design) -> float:
+    """Standard deviation of the shift between motion and power that two alignments differ by, s.
+
+    What the datasets say of their lags on both sides, and what an alignment gets wrong besides.
+    """
+    sides = [
+        np.mean([(s.lag_within_s / THRESHOLDS.interval_width) ** 2 for s in _side(design, in_question=side)])
+        for side in (True, False)
+    ]
+    return float(np.sqrt(2 * THRESHOLDS.delay_floor_s**2 + sum(sides)))
+
+
+def _side(design: Design, *, in_question: bool) -> list[Segment]:
+    columns = design.columns
+    pairs = zip(columns.segments, columns.scenes.in_question, strict=True)
+    return [segment for segment, side in pairs if side == in_question]
+
+
+def power_rms(design: Design, finding: Finding, acting_share: float = THRESHOLDS.acting_share) -> float:
+    """W RMS of a finding while it acts, in the recordings in question."""
+    weights = finding.candidate.weights(finding.coefficients)
+    power = np.concatenate(
+        [design.values(p.segment, finding.candidate.places, p.own) @ weights for p in design.parts if p.in_question]
+    )
+    size = np.abs(power)
+    acting = power[size >= acting_share * size.max()]
+    return float(np.sqrt(np.mean(acting**2)))
+
+
+def sessions_of(parts: list[Part] | tuple[Part, ...], *, in_question: bool) -> dict[str, NDArray[np.int64]]:
+    """Blocks of one side by log."""
+    sessions: dict[str, list[int]] = {}
+    for number, part in enumerate(parts):
+        if part.in_question == in_question:
+            sessions.setdefault(log_of(part.recording), []).append(number)
+    return {name: np.array(blocks) for name, blocks in sessions.items()}
+
+
+def _gate(design: Design, blocks: NDArray[np.int64]) -> Floats:
+    gate = np.zeros(len(design.parts))
+    gate[blocks] = 1.0
+    return gate

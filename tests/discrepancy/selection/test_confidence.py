@@ -1,0 +1,98 @@
+"""How sure a name is: spread over recordings, columns that may be wrong, families, laws."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from acqd.discrepancy.regression.design_columns import Candidate
+from acqd.discrepancy.selection import confidence as sure
+from acqd.discrepancy.selection.confidence import Confidence, confidence
+from acqd.discrepancy.selection.ranking import Finding
+from acqd.discrepancy.thresholds import THRESHOLDS
+from tests.discrepancy.independent import COMMON, INDEPENDENT, added_payload, column, extra_power, traced
+
+
+@pytest.fixture(scope="module")
+def warm(model, robot):
+    """Viscous friction: recordings of a few minutes cannot tell it from a cold gear."""
+
+    def viscous(scene, random):
+        return extra_power(scene, column(scene, 1, 8.0 * scene.qd[:, 1]))
+
+    return traced(model, robot, viscous, count=5, only=COMMON | {"viscous_friction", "thermal_friction"})[1]
+
+
+def test_a_tie_is_said_as_a_family(warm):
+    (effect,) = warm.effects
+    found = confidence(warm, effect)
+    assert "thermal_friction" in [name for name, _ in found.family] or effect.id == "thermal_friction"
+    assert found.share < 0.85 < found.family_share <= 1 - THRESHOLDS.chance
+
+
+def test_nothing_is_drawn_at_random(warm):
+    assert confidence(warm, warm.effects[0]) == confidence(warm, warm.effects[0])
+
+
+def odds(own, rival, gained, monkeypatch, law=False, left=0.0):
+    monkeypatch.setattr(sure, "left_by", lambda *_: left)
+    monkeypatch.setattr(sure, "margin", lambda *_: 20.0)
+    candidate = Candidate("" if law else "copper_loss", "x", np.zeros(1, dtype=int))
+    findings = [Finding(candidate, np.ones(1), np.ones(1), evidence) for evidence in (own, rival)]
+
+    class Rows:
+        design = None
+
+    class Effect:
+        class gate:  # noqa: N801
+            open = np.ones(1)
+
+    return sure._odds(Rows(), Effect(), *findings, np.array(gained, dtype=float), 40)
+
+
+def test_recordings_that_disagree_make_a_name_less_sure(monkeypatch):
+    agree = odds(400, 300, [[100] * 4, [75] * 4], monkeypatch)
+    disagree = odds(400, 300, [[100] * 4, [150, 0, 150, 0]], monkeypatch)
+    assert agree < 0.001 < 0.1 < disagree
+
+
+def test_recordings_that_say_more_may_differ_by_more(monkeypatch):
+    """One long recording with nearly all of the evidence is no disagreement."""
+    assert odds(4060, 1015, [[4000, 30, 20, 10], [1000, 7, 5, 3]], monkeypatch) < 0.01
+
+
+def test_wrong_columns_make_a_small_lead_unsure(monkeypatch):
+    gained = [[100] * 4, [90] * 4]
+    assert odds(400, 360, gained, monkeypatch) < 0.001
+    assert odds(400, 360, gained, monkeypatch, left=4000.0) > 0.2
+
+
+def test_a_law_has_to_explain_more_by_the_margin(monkeypatch):
+    gained = [[100] * 4, [101] * 4]
+    assert odds(400, 404, gained, monkeypatch, law=True, left=100.0) < 0.01
+    assert odds(400, 404, gained, monkeypatch, law=False, left=100.0) > 1.0
+
+
+def test_effects_that_act_together_are_no_rivals_of_each_other(model, robot):
+    """Both are part of the explanation: the confidence in one is given the other."""
+
+    def both(scene, random):
+        return INDEPENDENT["gear_ripple"](scene, random) + added_payload(scene, random)
+
+    _, selection = traced(model, robot, both, only=COMMON | {"gear_ripple", "payload"})
+    assert {each.id for each in selection.effects} == {"gear_ripple", "payload"}
+    for effect in selection.effects:
+        found = confidence(selection, effect)
+        assert found.share > 0.9 and found.agreeing == 1.0
+        assert not {name for name, _ in found.rivals} & {"gear_ripple", "payload"}
+
+
+def test_a_law_that_is_likelier_than_the_family_is_a_doubt(warm, monkeypatch):
+    effect = warm.effects[0]
+    monkeypatch.setattr(
+        sure, "_odds", lambda rows, selected, own, rival, gained, kinds: 0.0 if rival.candidate.id else 4.0
+    )
+    found: Confidence = confidence(warm, effect)
+    assert found.doubt is not None and not found.doubt.finding.candidate.id
+    assert found.family_share < THRESHOLDS.least_confidence
+    assert replace(found, doubt=None) != found

@@ -1,0 +1,114 @@
+"""Every rule between evidence and a name, on made-up findings: each test fails without its rule."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from acqd.discrepancy.selection.forward_selection import without
+from acqd.discrepancy.selection.judging import judged, kinds_of, left_by, margin
+from acqd.discrepancy.selection.ranking import ranked
+from acqd.discrepancy.selection.spread import learning_rate
+from acqd.discrepancy.thresholds import THRESHOLDS
+from tests.builders import recording
+from tests.discrepancy.independent import COMMON, column, extra_power, selected, since_release
+
+KINDS = 40
+CHANCE = 2 * np.log(KINDS / 0.02)
+
+
+def dry(nm):
+    """Dry friction of joint 2."""
+    return lambda scene, random: extra_power(scene, column(scene, 1, nm * np.tanh(scene.qd[:, 1] / 0.004)))
+
+
+@pytest.fixture(scope="module")
+def friction(model, robot):
+    """Rows with a friction of 8 Nm that competes again, its gate, and the finding with columns over both sides."""
+    before = [recording(model, k, rows=400, seed=1) for k in range(5)]
+    after = [recording(model, k, dry(8.0), rows=400, seed=2, start_s=1e9 + 5000) for k in range(5)]
+    _, selection = selected(model, robot, after, before, COMMON)
+    (effect,) = selection.effects
+    rows, gate = without(selection.rows, effect), effect.gate.open
+    pool = [c for c in rows.design.columns.candidates if (c.id, c.label) == ("coulomb_friction", "joint 2")]
+    return rows, gate, ranked(rows, gate, pool)[0]
+
+
+def missing(friction, **changes):
+    rows, gate, finding = friction
+    return judged(rows, gate, replace(finding, **changes), [], KINDS).missing
+
+
+def test_a_clear_change_of_a_size_that_matters_lacks_nothing(friction):
+    assert missing(friction) == ()
+
+
+def test_evidence_counts_above_what_the_best_of_many_hypotheses_has_by_chance(friction):
+    assert missing(friction, evidence=CHANCE + 0.1) == ()
+    assert missing(friction, evidence=CHANCE - 0.1) == (f"evidence above {CHANCE:.0f}",)
+
+
+def test_a_size_that_nobody_would_act_on_is_no_finding(friction):
+    rows, gate, finding = friction
+    small = replace(finding, coefficients=0.01 * finding.coefficients)
+    assert any(each.startswith("a size that matters") for each in judged(rows, gate, small, [], KINDS).missing)
+
+
+def test_a_size_at_a_bound_of_physics_is_no_finding(friction):
+    _, _, finding = friction
+    (parameter,) = finding.candidate.variant.place.parameters
+    assert missing(friction, coefficients=np.array([parameter.low])) == ("a size within its physical bounds",)
+
+
+def test_what_unchanged_sessions_differ_by_is_no_change(model, robot):
+    """The friction of the reference's logs varies by as much as the change in question."""
+    before = [recording(model, k, dry(8.0 * (-1) ** k), rows=400, seed=1) for k in range(6)]
+    after = [recording(model, k, dry(8.0), rows=400, seed=2, start_s=1e9 + 5000) for k in range(5)]
+    _, selection = selected(model, robot, after, before, COMMON)
+    assert not selection.effects
+    row = next(each for each in selection.table if each.id == "coulomb_friction")
+    assert "more than what unchanged sessions of the reference differ by" in row.missing
+
+
+def test_columns_that_are_wrong_leave_a_share_of_what_a_known_effect_explains(friction):
+    rows, gate, finding = friction
+    large = replace(finding, evidence=1e5)
+    whole = margin(rows, gate, finding, [large], KINDS)
+    assert whole == pytest.approx(CHANCE + THRESHOLDS.column_error**2 * 1e5, rel=1e-6)
+    assert judged(rows, gate, replace(finding, evidence=whole - 1), [large], KINDS).missing
+    assert not judged(rows, gate, replace(finding, evidence=whole + 1), [large], KINDS).missing
+
+
+def test_an_effect_at_other_times_inherits_nothing_from_a_known_one(friction):
+    """Dry friction acts while the joint moves, the surge of the brakes while the arm rests."""
+    rows, gate, finding = friction
+    surge = [
+        (25.0 * (since_release(scene) >= 0) * np.exp(-np.maximum(since_release(scene), 0) / 0.15))[::10][: scene.rows]
+        for scene in rows.design.columns.scenes
+    ]
+    residuals = rows.design.columns.residual
+    surges = [np.resize(each, len(own))[:, None] for each, own in zip(surge, residuals, strict=True)]
+    design, places = rows.design.with_columns(surges)
+    large = replace(finding, evidence=1e5)
+    known = replace(large, candidate=replace(finding.candidate, places=places, variant=None))
+    assert left_by(design, gate, finding, [known]) < 0.3 * left_by(design, gate, finding, [large])
+
+
+def test_rows_of_a_reference_that_surprises_itself_count_less(model, robot):
+    rates = {}
+    for wobble in (0.0, 3.0):
+        before = [recording(model, k, dry(wobble * (-1) ** k), rows=400, seed=1) for k in range(6)]
+        after = [recording(model, k, rows=400, seed=2, start_s=1e9 + 5000) for k in range(4)]
+        _, selection = selected(model, robot, after, before, COMMON)
+        rates[wobble] = selection.rows.learning_rate
+    assert rates[3.0] < 0.7 * rates[0.0] <= 0.7
+    alone = learning_rate(selection.design, selection.regression)
+    assert alone == pytest.approx(rates[3.0])
+
+
+def test_kinds_are_effects_and_laws_and_not_their_places(friction):
+    rows, _, _ = friction
+    candidates = rows.design.columns.candidates
+    assert kinds_of(candidates) == len({each.kind for each in candidates}) < len(candidates) / 4
+    counts = {each.kind: each.tried for each in candidates}
+    assert counts["coulomb_friction"] == sum(1 for each in candidates if each.kind == "coulomb_friction")
