@@ -21,7 +21,7 @@ NAVIGATION: dict[str, list[str]] = {
     "Measure": ["sources.md", "waveforms.md", "rows.md", "quality.md", "events.md", "service.md", "web.md"],
     "Operate": ["operations.md", "security.md", "scaling.md", "peers.md", "sidecar.md", "integrations.md"],
     "Model": ["robots.md", "dataset.md", "models.md", "fmu.md"],
-    "Close the loop": ["closing-the-loop.md", "closing-the-loop-statistics.md", "fleet.md"],
+    "Close the loop": ["closing-the-loop.md", "fleet.md"],
     "Evidence": ["lab.md", "measured-robots.md", "thesis.md"],
     "Reference": [f"reference/{name}.md" for name in ("commands", "configuration", "report", "api")],
     "Inside": ["architecture.md"],

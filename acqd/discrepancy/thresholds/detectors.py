@@ -14,7 +14,9 @@ class DetectorThresholds:
     ripple_cost: float = threshold(
         6.0, "parameters", "detectors", "study", "parameters charged for the search of a ripple"
     )
-    ripple_fewest_periods: float = threshold(3.0, "per turn", "detectors", "physics", "slowest ripple that is searched")
+    ripple_fewest_periods: float = threshold(
+        2.0, "periods", "detectors", "physics", "over the recorded travel of a joint, of the slowest ripple"
+    )
     ripple_most_periods: float = threshold(130.0, "per turn", "detectors", "physics", "fastest ripple that is searched")
     switching_price: float = threshold(
         7.0, "log-likelihood", "detectors", "study", "price of a switching in the Viterbi path"

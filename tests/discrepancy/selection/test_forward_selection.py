@@ -82,7 +82,8 @@ def test_a_small_drift_of_the_clock_is_no_offset(model, robot):
 
     _, selection = traced(model, robot, drifting, count=7, only=COMMON | {"clock_drift"})
     assert [named.id for named in selection.effects] == ["clock_drift"], [row.as_text() for row in selection.table]
-    assert selection.effects[0].finding.coefficients[0] == pytest.approx(0.018 * 3600 / 420, rel=0.1)
+    error = 1.4e-3 * 3600 / 420  # two alignments differ by so much, over seven minutes
+    assert selection.effects[0].finding.coefficients[0] == pytest.approx(0.018 * 3600 / 420, abs=2 * error)
 
 
 @pytest.mark.parametrize(("link", "where"), [(1, "link 2"), (2, "link 3")])
@@ -151,7 +152,7 @@ def surge(scene, random):
 @pytest.mark.parametrize("beside", [None, "payload"])
 def test_what_a_peak_leaves_over_hides_nothing_and_names_nothing(beside, model, robot):
     def both(scene, random):
-        return surge(scene, random) + (0 if beside is None else 0.05 * added_payload(scene, random))
+        return surge(scene, random) + (0 if beside is None else 0.15 * added_payload(scene, random))
 
     _, selection = traced(model, robot, both, only=COMMON | {"brake_release", "gravity_bias"})
     assert [named.id for named in selection.effects] == ["brake_release", *([beside] if beside else [])]

@@ -52,7 +52,7 @@ def scan(scenes: list[Scene], residuals: list[Floats], whitener: Whitener) -> li
             energy[joint] += np.bincount(place, weight**2, _BINS)
     spectrum = np.abs(np.fft.rfft(sums, axis=1)) ** 2 / np.maximum(energy.sum(axis=1), 1e-12)[:, None]
     periods = np.fft.rfftfreq(_BINS, 2 * _SPAN / _BINS) * 2 * np.pi
-    spectrum[:, (periods < THRESHOLDS.ripple_fewest_periods) | (periods > THRESHOLDS.ripple_most_periods)] = 0.0
+    spectrum[(periods < slowest(scenes)[:, None]) | (periods > THRESHOLDS.ripple_most_periods)] = 0.0
     likeliest: list[Ripple] = []
     while len(likeliest) < _SHORTLIST:
         joint, at = (int(k) for k in np.unravel_index(int(spectrum.argmax()), spectrum.shape))
@@ -64,12 +64,23 @@ def scan(scenes: list[Scene], residuals: list[Floats], whitener: Whitener) -> li
     return likeliest
 
 
+def slowest(scenes: list[Scene]) -> Floats:
+    """[axes] periods per turn of the slowest ripple that can be told from a spring or an unbalance.
+
+    A fraction of a period over the recorded travel is a curve like any other.
+    """
+    low = np.min([scene.q.min(axis=0) for scene in scenes], axis=0)
+    high = np.max([scene.q.max(axis=0) for scene in scenes], axis=0)
+    return np.asarray(THRESHOLDS.ripple_fewest_periods * 2 * np.pi / np.maximum(high - low, 1e-6))
+
+
 def refined(effect: Effect, ripple: Ripple, scenes: list[Scene], residuals: list[Floats], whitener: Whitener) -> Ripple:
     """The frequency near `ripple` that explains most, by a search with halved steps."""
     best, step = ripple, 0.5
+    least = float(slowest(scenes)[ripple.joint])
     score = _explained(effect, best, scenes, residuals, whitener)
     while step > _RESOLUTION:
-        tried = [Ripple(ripple.joint, best.periods + sign * step) for sign in (-1, 1)]
+        tried = [Ripple(ripple.joint, max(best.periods + sign * step, least)) for sign in (-1, 1)]
         scores = [_explained(effect, each, scenes, residuals, whitener) for each in tried]
         if max(scores) > score:
             best, score = tried[int(np.argmax(scores))], max(scores)
