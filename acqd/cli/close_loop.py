@@ -33,7 +33,10 @@ def close_loop(
     max_effects: Annotated[int, typer.Option(min=1, max=24, help="Largest number of effects.")] = 5,
     only: Annotated[list[str] | None, typer.Option(help="Search only for this effect; may be repeated.")] = None,
     exclude: Annotated[list[str] | None, typer.Option(help="Do not search for this effect; may be repeated.")] = None,
-    seed: Annotated[int, typer.Option(help="Seed of the bootstrap; the same seed gives the same report.")] = 1,
+    explain: Annotated[
+        list[str] | None, typer.Option(help="Also print the way of this effect through the rules; may be repeated.")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Seed of a grey box that is fitted again; no verdict depends on it.")] = 1,
     robot: Annotated[str | None, typer.Option(help="Robot description (default: the bundle's).")] = None,
     since: Annotated[
         datetime | None, typer.Option(help="Leave out recordings that ended before (UTC).", formats=_TIMES)
@@ -63,8 +66,13 @@ def close_loop(
     from acqd.discrepancy.config import CloseConfig
     from acqd.discrepancy.loop import close_loop as run
     from acqd.discrepancy.report.summary import as_json
+    from acqd.discrepancy.report.way import way_of
     from acqd.discrepancy.report.write import require_writable, write_all
+    from acqd.models.effects import library
 
+    for name in explain or ():
+        if name not in library():
+            raise UserError(f"--explain {name}: no such effect; the effects are {', '.join(library())}")
     folder = out or default_folder(dataset, "watch" if watch else "loop")
     since_s = None if since is None else since.replace(tzinfo=UTC).timestamp()
     config = CloseConfig(
@@ -84,10 +92,15 @@ def close_loop(
     result = as_json(config, closed)
     for note in closed.notes:
         console.print(f"acqd: {note}")
+    ways = {name: way_of(closed, name) for name in explain or ()}
     if json:
-        print(orjson.dumps(result | {"out": str(folder)}, option=orjson.OPT_SERIALIZE_NUMPY).decode())
+        print(orjson.dumps(result | {"out": str(folder), "ways": ways}, option=orjson.OPT_SERIALIZE_NUMPY).decode())
         return
     _print(result, folder)
+    for name, lines in ways.items():
+        console.print(f"{name}:")
+        for line in lines:
+            console.print(f"  {line}")
 
 
 def _print(result: dict[str, Any], folder: Path) -> None:

@@ -231,8 +231,8 @@ def _chosen(config: CloseConfig) -> frozenset[str]:
 def _hold_out(segments: list[Segment], unseen: list[Segment], *, same: bool) -> tuple[list[Segment], list[Segment]]:
     """Recordings for the search, and whole held-out recordings.
 
-    In the model's own dataset, the model's test recordings are held out. In a new dataset, every fourth or fifth
-    recording is held out, and the first one of them is chosen such that signals switch among them: no chance decides.
+    In the model's own dataset, the model's test recordings are held out. In a new dataset, every fourth recording
+    is held out, and the first one of them is chosen such that signals switch among them: no chance decides.
     """
     if same:
         names = {segment.recording for segment in unseen}
@@ -241,8 +241,7 @@ def _hold_out(segments: list[Segment], unseen: list[Segment], *, same: bool) -> 
     for segment in unseen:
         starts[segment.recording] = min(segment.start_s, starts.get(segment.recording, np.inf))
     in_time = sorted(sorted(starts), key=lambda name: starts[name])
-    many = len(in_time) >= THRESHOLDS.fewest_for_one_in_five
-    every = round(1 / THRESHOLDS.held_out_share) if many else THRESHOLDS.few_every
+    every = THRESHOLDS.held_out_every
     first = max(range(every), key=lambda start: _switching(unseen, set(in_time[start::every])))
     names = set(in_time[first::every])
     return [s for s in unseen if s.recording not in names], [s for s in unseen if s.recording in names]

@@ -8,7 +8,8 @@ from typing import get_args
 import pytest
 
 import acqd.discrepancy
-from acqd.discrepancy.thresholds import THRESHOLDS, Stage, Thresholds, described
+from acqd.discrepancy.thresholds import THRESHOLDS, Stage, Thresholds, described, table
+from acqd.discrepancy.thresholds.__main__ import QUANTITIES
 
 ROOM = Path(acqd.discrepancy.__file__).parent
 
@@ -27,6 +28,11 @@ def test_the_report_lists_the_stages_that_ran():
     assert {"cusum_slack", "cusum_clip"} <= {each["name"] for each in monitor} < {each["name"] for each in every}
     with pytest.raises(FrozenInstanceError):
         THRESHOLDS.chance = 0.5
+
+
+def test_the_page_of_the_method_has_the_quantities_in_use():
+    page = (ROOM.parents[1] / "docs" / "closing-the-loop.md").read_text()
+    assert f"<!-- quantities -->\n{table(QUANTITIES)}\n<!-- /quantities -->" in page
 
 
 def test_every_threshold_is_used():

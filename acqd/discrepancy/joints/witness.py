@@ -18,6 +18,7 @@ from acqd.arrays import Floats
 from acqd.discrepancy.joints.columns import effect_columns
 from acqd.discrepancy.joints.observations import Observed
 from acqd.discrepancy.joints.sessions import Products, Session, random_deviations
+from acqd.discrepancy.regression.gram import LEAST_POWER
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.effects import library
 from acqd.models.effects.places import Variant
@@ -167,8 +168,6 @@ class Witness:
             if variant.size > 1 or variant.place.mix is not None:
                 continue
             S, h = self._schur([(session, products.taken(list(variant.columns)), 1.0)], others, 1)
-            if S[0, 0] > THRESHOLDS.least_column_power * max(
-                products.own[variant.columns[0], variant.columns[0]], 1e-9
-            ):
+            if S[0, 0] > LEAST_POWER * max(products.own[variant.columns[0], variant.columns[0]], 1e-9):
                 z.append(float(h[0] / np.sqrt(S[0, 0])))
         return z

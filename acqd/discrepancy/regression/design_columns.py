@@ -46,7 +46,7 @@ class Candidate:
     detected: bool = False
     """Whether the columns were detected in the residual."""
     cost: float = 0.0
-    """Parameters charged for the detection."""
+    """Moments in the residual that were searched for: each pays the logarithm of the rows."""
     tried: int = 1
     """Places and shapes of the same kind that compete: the best of them pays for the choice."""
     key: str = ""

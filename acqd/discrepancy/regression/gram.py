@@ -17,6 +17,8 @@ from acqd.arrays import Floats
 
 Places: TypeAlias = NDArray[np.int64]
 """Indices of columns."""
+LEAST_POWER = 1e-3
+"""White squared error: columns below never act, or the regression has them already."""
 _ROUNDING = 1e-12
 """Of sums over hundreds of blocks, with a margin."""
 

@@ -31,7 +31,7 @@ def onset_gates(parts: list[Part]) -> list[Gate]:
     order = sorted(times, key=lambda name: times[name])
     in_question = np.array([part.in_question for part in parts]) * 1.0
     gates = [Gate("all of it", in_question)]
-    fewest = THRESHOLDS.onset_fewest
+    fewest = THRESHOLDS.few_recordings
     for number in range(fewest, len(order) - fewest + 1):
         later = set(order[number:])
         gate = np.array([float(part.recording in later) for part in parts]) * in_question

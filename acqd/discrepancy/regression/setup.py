@@ -25,6 +25,10 @@ from acqd.robot.arm import Arm
 from acqd.robot.description import RobotDescription
 from acqd.robot.dynamics import inertial_parameters
 
+LEAST_LEVEL_W = 1e-3
+"""Standard deviation of the level of a minute, at least."""
+_HELD = 1e-9
+"""Prior deviation that holds a withheld parameter at zero."""
 _ENDLESS = 1e3
 """Prior deviation of a parameter without prior, relative to its value: wide enough to be free."""
 
@@ -66,7 +70,7 @@ def set_up(question: Question, progress: Callable[[float], None]) -> Setup:
     columns = columns.with_withheld(question.withheld)
     base = _base(columns, arm, question)
     everywhere = np.ones(len(columns.parts))
-    enough = len({each.recording for each in question.reference}) >= THRESHOLDS.fewest_for_noise
+    enough = len({each.recording for each in question.reference}) >= THRESHOLDS.fewest_recordings
     noise_weights = 1 - columns.in_question if enough else everywhere
     left = left_by_everything(columns, Whitener.of(list(columns.residual)), base, noise_weights)
     whitener = Whitener.of(left)
@@ -92,10 +96,10 @@ def _base(columns: DesignColumns, arm: Arm, question: Question) -> list[Column]:
     for group, least in (("coulomb", effort), ("viscous", effort), ("copper", 0.0), ("conduction", 1 / effort)):
         place = layout.place(group)
         change = THRESHOLDS.base_change * np.abs(question.model.values[place]) + THRESHOLDS.base_least_change * least
-        deviation[place] = np.minimum(deviation[place], np.maximum(change, THRESHOLDS.withheld_deviation))
+        deviation[place] = np.minimum(deviation[place], np.maximum(change, _HELD))
     deviation[layout.place("lag")] = THRESHOLDS.lag_deviation_s
     for group in question.withheld:
-        deviation[layout.place(group)] = THRESHOLDS.withheld_deviation
+        deviation[layout.place(group)] = _HELD
     everywhere = np.ones(len(columns.parts))
     return [Column(k, everywhere, float(deviation[k])) for k in range(columns.base)]
 
@@ -108,7 +112,7 @@ def block_intercepts(columns: DesignColumns, noise_weights: Floats) -> list[Colu
     """
     pairs = zip(columns.parts, noise_weights, strict=True)
     means = np.array([columns.residual[part.segment][part.rows].mean() for part, weight in pairs if weight])
-    deviation = max(mad_sigma(means), THRESHOLDS.intercept_least_W)
+    deviation = max(mad_sigma(means), LEAST_LEVEL_W)
     standby = columns.model.layout.place("standby").start
     gates = np.eye(len(columns.parts))
     return [Column(standby, gate, deviation, block_intercept=True) for gate in gates]

@@ -55,7 +55,7 @@ class LawFit:
         """With its size and the interval of that (delete-one-recording jackknife and the error of the columns)."""
         where = f"joint {self.part.joint}" if self.part.joint else "robot"
         size, sizes = self._size(self.coefficients), np.array([self._size(each) for each in self.left_out])
-        known = len(sizes) >= THRESHOLDS.jackknife_fewest
+        known = len(sizes) >= THRESHOLDS.few_recordings
         spread = float(student.ppf(0.975, len(sizes) - 1) * np.sqrt((len(sizes) - 1) * sizes.var())) if known else 0.0
         of_columns = THRESHOLDS.interval_width * THRESHOLDS.column_deviation * size
         value, half = scale.corrected(size, float(np.hypot(spread, of_columns)), self.unit)

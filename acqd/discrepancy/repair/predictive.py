@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from acqd.arrays import Floats
+from acqd.discrepancy.regression.setup import LEAST_LEVEL_W
 from acqd.discrepancy.residual.whitening import Whitener
 from acqd.discrepancy.selection.accepted import Selection
 from acqd.discrepancy.thresholds import THRESHOLDS
@@ -38,7 +39,7 @@ class Predictive:
     def _squared(self, error: Floats) -> float:
         """White squared error of a block whose level is random."""
         white, one = self.whitener.from_start(error), self.whitener.from_start(np.ones(len(error)))
-        precision = 1 / max(self.level_W, THRESHOLDS.intercept_least_W) ** 2
+        precision = 1 / max(self.level_W, LEAST_LEVEL_W) ** 2
         return float(white @ white - (white @ one) ** 2 / (one @ one + precision))
 
 

@@ -20,6 +20,8 @@ from acqd.robot.arm import Arm
 from acqd.robot.dynamics import inertial_parameters
 from acqd.robot.newton_euler import joint_torques
 
+_SEGMENTS = 60
+"""Most segments that a scale is taken from: more would take longer and change nothing."""
 _POWERS = {
     "kg": -1, "kg m": -1, "Nm": -1, "N": -1, "Nm s/rad": -1, "N s/m": -1, "W/Nm^2": 2, "W/N^2": 2, "W/Nm": 1, "W/N": 1,
 }  # fmt: skip
@@ -51,7 +53,7 @@ def torque_scale(subject: Subject) -> TorqueScale:
     links = np.kron(np.eye(subject.robot.axes), np.ones(10)) * described
     arms = np.vstack([model.group("inertial"), described, links])
     products = np.zeros(len(arms))
-    for segment in segments[:: math.ceil(len(segments) / THRESHOLDS.scale_segments)]:
+    for segment in segments[:: math.ceil(len(segments) / _SEGMENTS)]:
         torques = joint_torques(model.chain, arms, *segment.motion(subject.data.step_s))
         products += np.einsum("nta,ta->n", torques, torques[1])
     slope, _, *shares = (products / max(products[1], 1e-9)).tolist()

@@ -56,7 +56,7 @@ def find_delay(scenes: Iterable[Scene], segments: list[Segment]) -> Delay | None
         (float(scene.t.mean()), *_best(scene, segment.P)) for scene, segment in zip(scenes, segments, strict=True)
     ]
     usable = [(t, delay, gain) for t, delay, gain, moving in measured if moving > THRESHOLDS.delay_least_moving_W]
-    if len(usable) < THRESHOLDS.delay_fewest_recordings:
+    if len(usable) < THRESHOLDS.few_recordings:
         return None
     t, delays, gains = (np.array(each) for each in zip(*usable, strict=True))
     if np.median(gains) < THRESHOLDS.delay_least_gain:
@@ -70,7 +70,7 @@ def find_delay(scenes: Iterable[Scene], segments: list[Segment]) -> Delay | None
     single = list(zip(t.tolist(), delays.tolist(), strict=True))
     if (
         abs(rate) * span > THRESHOLDS.delay_smallest_s
-        and abs(rate) > THRESHOLDS.drift_significance * rate_error
+        and abs(rate) > THRESHOLDS.delay_significance * rate_error
         and left < THRESHOLDS.drift_least_gain * spread
     ):
         return Delay(offset, rate, origin, left / np.sqrt(len(t)), rate_error, single)
@@ -84,7 +84,7 @@ def beyond_reference(delay: Delay, scenes: Iterable[Scene], segments: list[Segme
     """The delay less the median delay of unchanged recordings: a model's lag is right to some milliseconds only."""
     measured = [_best(scene, segment.P) for scene, segment in zip(scenes, segments, strict=True)]
     delays = np.array([each for each, _, moving in measured if moving > THRESHOLDS.delay_least_moving_W])
-    if len(delays) < THRESHOLDS.delay_fewest_recordings:
+    if len(delays) < THRESHOLDS.few_recordings:
         return delay
     usual = float(np.median(delays))
     error = float(np.hypot(delay.offset_error_s, mad_sigma(delays, usual) / np.sqrt(len(delays))))
@@ -125,7 +125,7 @@ def delay_of(predicted: Floats, P: Floats, step_s: float) -> tuple[float, float,
     moving = float(predicted.std())
     t = step_s * np.arange(len(P))
     inside = slice(int(THRESHOLDS.delay_reach_s / step_s) + 1, -int(THRESHOLDS.delay_reach_s / step_s) - 1)
-    if len(t[inside]) < THRESHOLDS.delay_fewest_rows or moving <= THRESHOLDS.delay_least_moving_W:
+    if len(t[inside]) < THRESHOLDS.block_least_rows or moving <= THRESHOLDS.delay_least_moving_W:
         return 0.0, 0.0, moving
     curve = CubicSpline(t, predicted)
     tried = np.arange(

@@ -39,10 +39,10 @@ class Whitener:
         residuals = [
             part - part.mean()
             for each in residuals
-            for part in np.array_split(each, max(1, len(each) // THRESHOLDS.noise_piece_rows))
+            for part in np.array_split(each, max(1, len(each) // THRESHOLDS.block_rows))
         ]
         spread = mad_sigma(np.concatenate(residuals), 0.0) + 1e-9
-        clipped = [np.clip(each, -THRESHOLDS.noise_clip * spread, THRESHOLDS.noise_clip * spread) for each in residuals]
+        clipped = [np.clip(each, -THRESHOLDS.outlier * spread, THRESHOLDS.outlier * spread) for each in residuals]
         lags = np.zeros(order + 1)
         counts = np.zeros(order + 1)
         for each in clipped:

@@ -21,7 +21,7 @@ from scipy.special import log_ndtr
 from acqd.arrays import Floats
 from acqd.discrepancy.regression.design_columns import Candidate
 from acqd.discrepancy.regression.design_matrix import Design
-from acqd.discrepancy.regression.gram import Competition, Places, Regression
+from acqd.discrepancy.regression.gram import LEAST_POWER, Competition, Places, Regression
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.numerics import solve_scaled_ridge
 
@@ -116,7 +116,7 @@ def solve_part(schur: Floats, products: Floats) -> Floats:
 
 def acts(schur: Floats) -> bool:
     """False for columns that never act under the gate, or that the regression explains already."""
-    return bool(schur.size and np.diag(schur).min() >= THRESHOLDS.least_column_power)
+    return bool(schur.size and np.diag(schur).min() >= LEAST_POWER)
 
 
 def _judged(

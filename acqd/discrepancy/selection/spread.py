@@ -19,7 +19,7 @@ from acqd.arrays import Floats
 from acqd.dataset.split import log_of
 from acqd.discrepancy.regression.design_columns import Part
 from acqd.discrepancy.regression.design_matrix import Design
-from acqd.discrepancy.regression.gram import Regression
+from acqd.discrepancy.regression.gram import LEAST_POWER, Regression
 from acqd.discrepancy.selection.ranking import Finding, acts, part_of
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.effects import library
@@ -40,7 +40,7 @@ def learning_rate(design: Design, regression: Regression) -> float:
         for blocks in sessions_of(design.parts, in_question=False).values():
             competition = regression.compete(used, _gate(design, blocks), 1 - design.columns.in_question)
             information = np.diag(competition.schur)
-            known = information > THRESHOLDS.least_column_power
+            known = information > LEAST_POWER
             if known.any():
                 z_squared = competition.products[known] ** 2 / information[known]
                 surprises.append(max(float(z_squared.mean()), 1.0))
@@ -87,7 +87,7 @@ def amplitudes_in_reference(design: Design, regression: Regression, finding: Fin
         competition = regression.compete(candidate.places, _gate(design, blocks), 1 - design.columns.in_question)
         schur, products = part_of(competition.schur, competition.products, np.arange(len(candidate.places)), candidate)
         known = float(finding.coefficients @ schur @ finding.coefficients)
-        if acts(schur) and known > THRESHOLDS.least_column_power:
+        if acts(schur) and known > LEAST_POWER:
             pairs.append((float(finding.coefficients @ products) / known, known))
     values = np.array(pairs).reshape(-1, 2)
     return values[:, 0], values[:, 1]

@@ -31,7 +31,7 @@ def sizes_by_levels(design: Design, regression: Regression, selected: Selected) 
     residuals = residuals_of(design, regression, omit=selected.key)
     open_ = [part for part, own in zip(design.parts, selected.gate.open, strict=True) if own]
     names = [part.recording for part in open_]
-    if len(set(names)) < THRESHOLDS.jackknife_fewest:
+    if len(set(names)) < THRESHOLDS.few_recordings:
         names = [str(number) for number in range(len(open_))]
     sums = {name: np.zeros(2) for name in names}
     for name, part in zip(names, open_, strict=True):

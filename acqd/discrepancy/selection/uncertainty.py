@@ -54,7 +54,7 @@ def intervals(selection: Selection, selected: Selected) -> Intervals:
         for name in names
     ]
     noise = THRESHOLDS.interval_width * np.sqrt(whole.variance)
-    if len(left) < THRESHOLDS.jackknife_fewest:
+    if len(left) < THRESHOLDS.few_recordings:
         return Intervals(sizes.coefficients, noise, whole.shape)
     factor = float(student.ppf(0.975, len(left) - 1))
     half = np.hypot(factor * _jackknife([each.coefficients for each in left]), noise)

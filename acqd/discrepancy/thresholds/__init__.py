@@ -9,6 +9,7 @@ Sources: "convention" is common statistical practice; "choice" is a definition t
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -23,7 +24,7 @@ from acqd.discrepancy.thresholds.threshold import Stage
 from acqd.discrepancy.thresholds.uncertainty import UncertaintyThresholds
 from acqd.discrepancy.thresholds.verdict import VerdictThresholds
 
-__all__ = ["THRESHOLDS", "Stage", "Thresholds", "described"]
+__all__ = ["THRESHOLDS", "Stage", "Thresholds", "described", "table"]
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,19 @@ class Thresholds(
 
 THRESHOLDS = Thresholds()
 """The values in use."""
+
+
+def table(names: Collection[str]) -> str:
+    """A Markdown table of some thresholds; raises ValueError for a name that is none."""
+    known = {each.name: each for each in fields(Thresholds)}
+    if unknown := [name for name in names if name not in known]:
+        raise ValueError(f"no threshold {unknown[0]!r}")
+    rows = [
+        f"| `{name}` | {getattr(THRESHOLDS, name):g} | {known[name].metadata['unit']} "
+        f"| {known[name].metadata['meaning']} | {known[name].metadata['source']} |"
+        for name in names
+    ]
+    return "\n".join(["| name | value | unit | meaning | source |", "|---|---|---|---|---|", *rows])
 
 
 def described(stages: set[Stage]) -> list[dict[str, Any]]:

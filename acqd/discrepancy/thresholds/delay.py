@@ -25,13 +25,10 @@ class DelayThresholds:
     delay_least_moving_W: float = threshold(
         3.0, "W", "delay", "study", "least standard deviation of the predicted power for a delay to be measurable"
     )
-    delay_fewest_recordings: int = threshold(3, "recordings", "delay", "choice", "fewest recordings with a delay")
-    delay_fewest_rows: int = threshold(50, "rows", "delay", "study", "fewest rows inside the range of tried delays")
     delay_significance: float = threshold(4.0, "standard errors", "delay", "study", "significance of a constant delay")
     drift_deviation: float = threshold(
         30e-6, "s/s", "delay", "physics", "prior deviation of the drift between two clocks: quartz crystals"
     )
-    drift_significance: float = threshold(5.0, "standard errors", "delay", "study", "significance of a drifting delay")
     drift_least_gain: float = threshold(
         0.6, "-", "delay", "study", "scatter about the drift, relative to the scatter about a constant, at most"
     )

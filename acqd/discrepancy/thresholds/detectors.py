@@ -11,16 +11,10 @@ from acqd.discrepancy.thresholds.threshold import threshold
 class DetectorThresholds:
     """Detectors in the residual."""
 
-    ripple_cost: float = threshold(
-        6.0, "parameters", "detectors", "study", "parameters charged for the search of a ripple"
-    )
     ripple_fewest_periods: float = threshold(
         2.0, "periods", "detectors", "physics", "over the recorded travel of a joint, of the slowest ripple"
     )
     ripple_most_periods: float = threshold(130.0, "per turn", "detectors", "physics", "fastest ripple that is searched")
-    switching_price: float = threshold(
-        7.0, "log-likelihood", "detectors", "study", "price of a switching in the Viterbi path"
-    )
     switching_rarest: float = threshold(0.005, "-", "detectors", "study", "least share of time on, and of time off")
     walk_s: float = threshold(
         20.0, "s", "detectors", "choice", "a moving average over this time must explain less than a load that switches"
@@ -33,9 +27,6 @@ class DetectorThresholds:
     )
     rhythm_shortest_s: float = threshold(
         12.0, "s", "detectors", "physics", "no heater or fan switches with a shorter period"
-    )
-    rhythm_fewest_pairs: int = threshold(
-        100, "pairs", "detectors", "study", "fewest pairs of states for a correlation at a distance in time"
     )
     rhythm_near_best: float = threshold(
         0.85, "-", "detectors", "study", "the shortest period with this share of the best regularity is the period"

@@ -12,15 +12,6 @@ class NoiseThresholds:
     """Noise model and outliers."""
 
     noise_order: int = threshold(30, "rows", "noise", "study", "order of the autoregressive noise model")
-    noise_piece_rows: int = threshold(
-        1250, "rows", "noise", "choice", "pieces whose mean is removed before the noise model is fitted"
-    )
-    noise_clip: float = threshold(
-        5.0, "sigma", "noise", "convention", "residuals are clipped there for the noise model"
-    )
-    fewest_for_noise: int = threshold(
-        4, "recordings", "noise", "study", "with fewer reference recordings, the noise model uses all recordings"
-    )
     block_rows: int = threshold(1500, "rows", "noise", "study", "longest block: unit of cross-validation and bootstrap")
     block_least_rows: int = threshold(
         40, "rows", "noise", "choice", "shortest block; a segment of two seconds has more rows of known motion"
@@ -28,14 +19,8 @@ class NoiseThresholds:
     outlier: float = threshold(
         6.0, "sigma", "noise", "choice", "white residuals of a fit of everything beyond are left out"
     )
-    intercept_least_W: float = threshold(
-        1e-3, "W", "noise", "choice", "least standard deviation of the random intercepts of blocks"
-    )
     lag_deviation_s: float = threshold(
         0.003, "s", "noise", "study", "prior deviation of the supply's lag, which else trades against clock offsets"
-    )
-    withheld_deviation: float = threshold(
-        1e-9, "unit of the parameter", "noise", "choice", "prior deviation that holds a withheld parameter at zero"
     )
     base_change: float = threshold(
         1.0, "-", "noise", "study", "prior deviation of friction and losses of the base model, relative to their values"

@@ -21,12 +21,11 @@ class RecordingThresholds:
     shortest_total_s: float = threshold(
         20.0, "s", "recordings", "study", "shortest duration of all recordings together"
     )
-    fewest_for_one_in_five: int = threshold(
-        12,
+    few_recordings: int = threshold(
+        3,
         "recordings",
         "recordings",
-        "convention",
-        "with fewer recordings, every fourth is held out instead of every fifth",
+        "choice",
+        "fewest recordings for a spread, and beside an onset",
     )
-    held_out_share: float = threshold(0.2, "-", "recordings", "convention", "share of recordings that are held out")
-    few_every: int = threshold(4, "recordings", "recordings", "choice", "every which recording is held out of few")
+    held_out_every: int = threshold(4, "recordings", "recordings", "convention", "every which recording is held out")

@@ -39,10 +39,6 @@ class SelectionThresholds:
     largest_change: float = threshold(
         0.1, "of the dynamic range", "selection", "physics", "prior deviation of a size that nothing describes, RMS"
     )
-    least_column_power: float = threshold(
-        1e-3, "white squared error", "selection", "choice", "columns below never act, or the model has them already"
-    )
     acting_share: float = threshold(
         0.05, "-", "selection", "choice", "an effect acts where its power exceeds this share of its largest power"
     )
-    onset_fewest: int = threshold(3, "recordings", "selection", "study", "fewest recordings before and after an onset")

@@ -17,11 +17,9 @@ class UncertaintyThresholds:
     interval_width: float = threshold(
         1.96, "standard errors", "uncertainty", "convention", "half width of a 95 % interval"
     )
-    jackknife_fewest: int = threshold(3, "recordings", "uncertainty", "choice", "fewest recordings for a jackknife")
     sensor_scale_deviation: float = threshold(
         0.02, "-", "uncertainty", "physics", "relative standard deviation of a torque sensor's scale"
     )
-    scale_segments: int = threshold(60, "segments", "uncertainty", "choice", "most segments that a scale is taken from")
     column_deviation: float = threshold(
         0.04,
         "-",

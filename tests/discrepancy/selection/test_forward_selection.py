@@ -21,12 +21,9 @@ from tests.discrepancy.independent import (
 )
 
 QUICK = {"copper_loss", "line_voltage"}
-"""Payload, thermostat, brake_release, coulomb_friction and gear_ripple are named by other tests of this folder."""
 
 
-@pytest.mark.parametrize(
-    "name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in sorted(INDEPENDENT)]
-)
+@pytest.mark.parametrize("name", sorted(INDEPENDENT))
 def test_an_effect_that_was_made_otherwise_is_named_first(name, model, robot):
     amount = {"count": 14 if name in ("thermostat", "process_load", "mechanical_power") else 7, "rows": 700}
     only = COMMON | {name, *library()[name].neighbours}
@@ -37,7 +34,6 @@ def test_an_effect_that_was_made_otherwise_is_named_first(name, model, robot):
     )
 
 
-@pytest.mark.slow
 def test_parameters_come_back(model, robot):
     _, selection = traced(model, robot, INDEPENDENT["coulomb_friction"], only=COMMON)
     assert selection.effects[0].finding.candidate.label == "joint 2"
@@ -50,7 +46,7 @@ def test_parameters_come_back(model, robot):
     assert selection.effects[0].shape["period_s"] == pytest.approx(47, rel=0.1)
 
 
-@pytest.mark.parametrize("standby_W", [pytest.param(-12.0, marks=pytest.mark.slow), -25.0])
+@pytest.mark.parametrize("standby_W", [-12.0, -25.0])
 def test_a_lower_standby_power_does_not_hide_a_friction(standby_W, model, robot):
     """Until the standby has a name, added friction makes the error in W larger; about the mean of a block it falls."""
 
@@ -122,7 +118,6 @@ def test_friction_that_grows_with_the_third_power_of_speed_is_not_called_viscous
     assert selection.unknown.finding.candidate.label == "a friction of joint 2 of another curve over its speed"
 
 
-@pytest.mark.slow
 def test_a_regular_load_of_seconds_is_a_pulsation_and_no_thermostat(model, robot):
     def pump(scene, random):
         return 8.0 * ((averaged(scene.t) % 5.0) < 2.0)

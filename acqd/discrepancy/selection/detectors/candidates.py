@@ -32,8 +32,10 @@ class Detection:
     shape: Shape
     columns: list[Floats]
     """[T, k] W per unit parameter, per segment of the design."""
-    cost: float
-    """Parameters charged for the search."""
+    cost: float = 0.0
+    """Moments that were searched for: each may be any row."""
+    tried: int = 1
+    """Shapes that were searched."""
     refinable: bool = False
     """Whether columns follow from the shape, so that the columns of a large effect can be computed."""
     by_chance: Callable[[], float] = lambda: 0.0
@@ -49,10 +51,12 @@ class Detection:
     def candidate(self, places: Places, key: str) -> Candidate:
         """The hypothesis, once the design holds its columns at `places`."""
         if self.effect is None:
-            return Candidate("", self.label, places, detected=True, cost=self.cost, key=key)
+            return Candidate("", self.label, places, detected=True, cost=self.cost, tried=self.tried, key=key)
         place = self.effect.detected_place(self.shape)
         variant = Variant(place, place.columns, self.shape)
-        return Candidate(self.effect.id, place.where, places, variant, detected=True, cost=self.cost, key=key)
+        return Candidate(
+            self.effect.id, place.where, places, variant, detected=True, cost=self.cost, tried=self.tried, key=key
+        )
 
     def in_reference(self) -> float:
         """Twice the log-likelihood ratio that the same search gains in the reference."""
@@ -193,4 +197,4 @@ def _ripple(design: Design, effect: Effect, residuals: list[Floats], segments: l
     likeliest = ripple.scan(scenes, own, design.whitener)
     best = ripple.refined(effect, likeliest[0], scenes, own, design.whitener)
     columns = [effect_rows(effect, scene, best.shape) for scene in design.columns.scenes]
-    return Detection(effect, best.shape, columns, cost=THRESHOLDS.ripple_cost, refinable=True)
+    return Detection(effect, best.shape, columns, tried=ripple.tried(scenes), refinable=True)

@@ -22,6 +22,9 @@ _SCATTER = 0.3
 
 States = list[NDArray[np.bool_]]
 
+_FEWEST_PAIRS = 100
+"""Pairs of states for a correlation at a distance in time."""
+
 
 def rhythm(on: States, t: list[Floats]) -> float | None:
     """Period in s of states `on` [T] at the times `t` [T] in s per segment; None where they have no rhythm.
@@ -87,7 +90,7 @@ def _correlation(known: Floats, state: Floats) -> Floats:
     length = 2 ** int(np.ceil(np.log2(2 * len(known))))
     products = np.fft.irfft(np.abs(np.fft.rfft(state, length)) ** 2)[: len(known)]
     pairs = np.fft.irfft(np.abs(np.fft.rfft(known, length)) ** 2)[: len(known)]
-    return np.where(pairs > THRESHOLDS.rhythm_fewest_pairs, products / np.maximum(pairs, 1), 0.0)
+    return np.where(pairs > _FEWEST_PAIRS, products / np.maximum(pairs, 1), 0.0)
 
 
 def _mean_dwell_rows(on: States) -> tuple[float, float]:

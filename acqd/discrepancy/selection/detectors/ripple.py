@@ -74,6 +74,13 @@ def slowest(scenes: list[Scene]) -> Floats:
     return np.asarray(THRESHOLDS.ripple_fewest_periods * 2 * np.pi / np.maximum(high - low, 1e-6))
 
 
+def tried(scenes: list[Scene]) -> int:
+    """Number of ripples that can be told from each other: frequencies a period apart over the travel, of all joints."""
+    least = slowest(scenes)
+    apart = least / THRESHOLDS.ripple_fewest_periods
+    return max(1, round(float(np.maximum((THRESHOLDS.ripple_most_periods - least) / apart, 1.0).sum())))
+
+
 def refined(effect: Effect, ripple: Ripple, scenes: list[Scene], residuals: list[Floats], whitener: Whitener) -> Ripple:
     """The frequency near `ripple` that explains most, by a search with halved steps."""
     best, step = ripple, 0.5

@@ -7,6 +7,7 @@ power of 1 N for a contact.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +21,8 @@ from acqd.discrepancy.thresholds import THRESHOLDS
 
 _SIZES = (1.0, 2.0, 4.0, 8.0, 16.0)  # starting values of the size, in standard deviations of the innovation
 _ROUNDS = 4
+_PRICE = math.log(THRESHOLDS.block_rows)
+"""Log-likelihood that a switching pays: beforehand it may happen in any row of a minute."""
 _DWELLS = (10, 100)  # shortest state in rows: equipment in use, heaters and coolers
 
 
@@ -154,7 +157,7 @@ def _gain(white: _White, path: NDArray[np.bool_], size: float) -> float:
     rises, switched = change > 0, change != 0
     gain = size * (white.residual * white.level)[path].sum() - half * (white.level**2)[path].sum()
     gain += size * (white.step[rises].sum() - white.step[change < 0].sum()) - half * white.cost[switched].sum()
-    return float(gain - size * size * white.cross[rises].sum() - THRESHOLDS.switching_price * switched.sum())
+    return float(gain - size * size * white.cross[rises].sum() - _PRICE * switched.sum())
 
 
 def _lasting(path: NDArray[np.bool_], dwell: int) -> NDArray[np.bool_]:
@@ -177,8 +180,8 @@ def _viterbi(white: list[_White], sizes: Floats) -> list[list[NDArray[np.bool_]]
         rows = len(each.residual)
         size, half = sizes[:, None], sizes[:, None] ** 2 / 2
         stay[:rows, :, k] = (size * each.residual * each.level - half * each.level**2).T
-        rise[:rows, :, k] = (size * each.step - half * each.cost - 2 * half * each.cross - THRESHOLDS.switching_price).T
-        fall[:rows, :, k] = (-size * each.step - half * each.cost - THRESHOLDS.switching_price).T
+        rise[:rows, :, k] = (size * each.step - half * each.cost - 2 * half * each.cross - _PRICE).T
+        fall[:rows, :, k] = (-size * each.step - half * each.cost - _PRICE).T
         rise[rows:, :, k] = fall[rows:, :, k] = -np.inf  # after its end, a stretch stays as it is
     came_from_on, came_from_off = (np.zeros(stay.shape, dtype=bool) for _ in range(2))
     off, on = np.zeros(stay.shape[1:]), stay[0] - 1.0

@@ -19,6 +19,8 @@ _LEAST_LOSS = -0.05
 """A loss cannot be negative; less than the model's friction can be lost by some percent."""
 _SELF_LOCKING = 1.0
 """A gear that loses as much as it transmits locks itself (efficiency of one half): robots have no such gears."""
+_WHOLE = 1.2
+"""Net mechanical power that a model can lack, or have too much of: all of it, with the error of its torques."""
 
 
 class MechanicalPower(Effect):
@@ -47,5 +49,6 @@ class MechanicalPower(Effect):
         """Joints, for losses in the gear, net power, and losses outside the motor."""
         lost = Parameter("lost share", "-", _LEAST_LOSS, _SELF_LOCKING, deviation=_USUAL_LOSS)
         yield from per_joint(scene.axes, lost)
-        yield from per_joint(scene.axes, Parameter("share", "-", deviation=1.0), scene.axes)
+        net = Parameter("share", "-", -_WHOLE, _WHOLE, deviation=1.0)
+        yield from per_joint(scene.axes, net, scene.axes)
         yield from per_joint(scene.axes, replace(lost, name="share lost beside the motor"), 2 * scene.axes)
