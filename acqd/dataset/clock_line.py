@@ -15,7 +15,7 @@ from acqd.dataset.align import Lag
 from acqd.numerics import BIWEIGHT_END, biweight, biweight_loss, mad_sigma, theil_sen_slope
 
 _MIN_RECORDINGS = 4
-_MINBIWEIGHT_ENDS = 0.6  # share of the recordings
+_LEAST_INLIERS = 0.6  # share of the recordings
 _DRIFT_PPM = 30.0  # standard deviation of the drift before any log is seen
 _STEP_COST = 2 * np.log(100.0)  # -2 log of the chance that a clock is set between two recordings
 _LEAST_SCATTER_S = 0.0015
@@ -92,7 +92,7 @@ def fit_line(times_s: Floats, lags: list[Lag]) -> ClockLine | None:
     data = _data(times_s[chosen] - reference, [lags[k] for k in chosen])
     breaks, model = _with_steps(data)
     inliers = np.abs(model.residual) <= BIWEIGHT_END * data.errors
-    if inliers.mean() < _MINBIWEIGHT_ENDS:
+    if inliers.mean() < _LEAST_INLIERS:
         return None  # there are two clocks
     steps = tuple(
         ClockStep(float(times_s[chosen[at]]), float(model.values[k + 1] - model.values[k]),

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.recordings import Subject
-from acqd.discrepancy.regression.setup import Question, set_up
+from acqd.discrepancy.regression.setup import Comparison, set_up
 from acqd.discrepancy.residual.delay import Delay, beyond_reference, corrected, find_delay
 from acqd.discrepancy.residual.residuals import without_known_effects
 from acqd.discrepancy.selection.accepted import Selection
@@ -55,10 +55,10 @@ def _scenes(subject: Subject, segments: list[Segment]) -> Iterator[Scene]:
 def _select(config: CloseConfig, subject: Subject, progress: Progress) -> Selection:
     what = "computing the columns of all effects"
     progress(what, 0.0)
-    question = Question(
+    comparison = Comparison(
         model=subject.carrier, robot=subject.robot, in_question=subject.fit, reference=subject.reference,
         chosen=subject.chosen, withheld=subject.withheld,
         begins_s=min(segment.start_s for segment in [*subject.fit, *subject.held_out]),
     )  # fmt: skip
-    setup = set_up(question, lambda share: progress(what, share))
+    setup = set_up(comparison, lambda share: progress(what, share))
     return select(setup, Limits(config.max_effects), lambda text: progress(text, 0.0))

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.signal import lfilter
 
-from acqd.discrepancy.regression.setup import Question, set_up
+from acqd.discrepancy.regression.setup import Comparison, set_up
 from acqd.discrepancy.selection.forward_selection import Limits, select
 from acqd.models.effects import library
 from acqd.models.effects.substeps import SUBSTEPS, averaged
@@ -22,8 +22,8 @@ def traced(model, robot, add, *, count=6, rows=500, withheld=frozenset(), contra
 
 def selected(model, robot, in_question, reference, only, withheld=()):
     """The selection on recordings in question and reference recordings."""
-    question = Question(model, robot, in_question, reference, frozenset(only), frozenset(withheld))
-    setup = set_up(question, lambda _: None)
+    comparison = Comparison(model, robot, in_question, reference, frozenset(only), frozenset(withheld))
+    setup = set_up(comparison, lambda _: None)
     return setup.design, select(setup, Limits(), lambda _: None)
 
 

@@ -34,7 +34,7 @@ _ENDLESS = 1e3
 
 
 @dataclass(frozen=True, slots=True)
-class Question:
+class Comparison:
     """Recordings and models that a regression is set up for."""
 
     model: GreyBox
@@ -60,45 +60,45 @@ class Setup:
     """The first gate is the question, the others are possible onsets."""
 
 
-def set_up(question: Question, progress: Callable[[float], None]) -> Setup:
+def set_up(comparison: Comparison, progress: Callable[[float], None]) -> Setup:
     """With a reference, structural effects are free on both sides, and only a difference can be selected."""
-    arm = Arm(question.robot)
-    segments = [(each, False) for each in question.reference] + [(each, True) for each in question.in_question]
+    arm = Arm(comparison.robot)
+    segments = [(each, False) for each in comparison.reference] + [(each, True) for each in comparison.in_question]
     columns = design_columns(
-        question.model, arm, segments, question.chosen, question.withheld, progress, question.begins_s
+        comparison.model, arm, segments, comparison.chosen, comparison.withheld, progress, comparison.begins_s
     )
-    columns = columns.with_withheld(question.withheld)
-    base = _base(columns, arm, question)
+    columns = columns.with_withheld(comparison.withheld)
+    base = _base(columns, arm, comparison)
     everywhere = np.ones(len(columns.parts))
-    enough = len({each.recording for each in question.reference}) >= THRESHOLDS.fewest_recordings
+    enough = len({each.recording for each in comparison.reference}) >= THRESHOLDS.fewest_recordings
     noise_weights = 1 - columns.in_question if enough else everywhere
     left = left_by_everything(columns, Whitener.of(list(columns.residual)), base, noise_weights)
     whitener = Whitener.of(left)
     slow = Whitener.of(left, 3 * THRESHOLDS.noise_order)
     design = Design.of(columns, whitener, slow, inliers(columns, whitener, base))
-    design = replace(design, witness=Witness.of(question.model, arm, segments, columns.scenes))
-    common = _common(design) if question.reference else []
+    design = replace(design, witness=Witness.of(comparison.model, arm, segments, columns.scenes))
+    common = _common(design) if comparison.reference else []
     free = [*base, *(Column(k, everywhere) for k in common), *block_intercepts(columns, noise_weights)]
     return Setup(design, Regression(design.blocks, free), onset_gates(list(columns.parts)))
 
 
-def _base(columns: DesignColumns, arm: Arm, question: Question) -> list[Column]:
+def _base(columns: DesignColumns, arm: Arm, comparison: Comparison) -> list[Column]:
     """Columns of the base model, with the description as prior of how far its parameters may be wrong.
 
     Friction and losses are fitted already, so that they change by a share of their values. A wider prior would let
     the square of an absurd friction stand in for the mechanical power.
     """
-    layout = question.model.layout
-    belief = prior(layout, question.robot, inertial_parameters(arm), 0.0, question.model.step_s)
-    endless = _ENDLESS * np.maximum(np.abs(question.model.values), 1.0)
+    layout = comparison.model.layout
+    belief = prior(layout, comparison.robot, inertial_parameters(arm), 0.0, comparison.model.step_s)
+    endless = _ENDLESS * np.maximum(np.abs(comparison.model.values), 1.0)
     deviation = np.where(np.isfinite(belief.deviation), belief.deviation, endless)
-    effort = question.robot.effort
+    effort = comparison.robot.effort
     for group, least in (("coulomb", effort), ("viscous", effort), ("copper", 0.0), ("conduction", 1 / effort)):
         place = layout.place(group)
-        change = THRESHOLDS.base_change * np.abs(question.model.values[place]) + THRESHOLDS.base_least_change * least
+        change = THRESHOLDS.base_change * np.abs(comparison.model.values[place]) + THRESHOLDS.base_least_change * least
         deviation[place] = np.minimum(deviation[place], np.maximum(change, _HELD))
     deviation[layout.place("lag")] = THRESHOLDS.lag_deviation_s
-    for group in question.withheld:
+    for group in comparison.withheld:
         deviation[layout.place(group)] = _HELD
     everywhere = np.ones(len(columns.parts))
     return [Column(k, everywhere, float(deviation[k])) for k in range(columns.base)]

@@ -30,8 +30,6 @@ class SmoothGroup:
     name: str
     """The quantity."""
     columns: tuple[int, ...]
-    tried: int = 1
-    """Groups of which only the best was looked for: the best of them pays for the choice."""
     law_columns: LawColumns | None = None
     """What can correct a model; None: time or a long memory, which a prediction does not know."""
 
@@ -151,9 +149,9 @@ def alternatives(axes: int) -> Iterator[SmoothGroup]:
     for group in torque_groups(axes):
         first[group.law.id, group.joint] = place
         yield whole(group.law, group.joint)
-    for name, single, tried in single_laws(axes):
+    for name, single in single_laws(axes):
         start = first[single.law.id, single.joint]
-        yield SmoothGroup(name, tuple(start + column for column in single.columns), tried, single)
+        yield SmoothGroup(name, tuple(start + column for column in single.columns), single)
 
 
 def _left_before(side: list[Survey]) -> dict[tuple[float, float], float]:

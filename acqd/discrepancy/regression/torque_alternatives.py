@@ -42,8 +42,8 @@ def torque_groups(axes: int) -> list[LawColumns]:
     return [LawColumns.whole(law, joint, axes) for law in TORQUE_LAWS for joint in law.joints(axes)]
 
 
-def single_laws(axes: int) -> Iterator[tuple[str, LawColumns, int]]:
-    """Name, column and number of equally likely laws: single columns of the groups, which cost one coefficient.
+def single_laws(axes: int) -> Iterator[tuple[str, LawColumns]]:
+    """Names and columns of laws of one coefficient: single columns of the groups.
 
     A friction of a joint that grows with the speed of one other joint, or that begins above a speed. Beside them, a
     group with a coefficient for every other joint or every piece of the curve pays for what it does not need.
@@ -53,7 +53,7 @@ def single_laws(axes: int) -> Iterator[tuple[str, LawColumns, int]]:
         others = [other for other in range(1, axes + 1) if other != joint]
         for number, other in enumerate(others):
             name = f"a friction of joint {joint} that grows with the speed of joint {other}"
-            yield name, LawColumns(coupled, joint, (number,)), len(others)
+            yield name, LawColumns(coupled, joint, (number,))
         for knot in _BEGINNINGS:
             name = f"a friction of joint {joint} that begins above {KNOTS[knot]:.0%} of its highest speed"
-            yield name, LawColumns(curved, joint, (1 + knot,)), len(_BEGINNINGS)
+            yield name, LawColumns(curved, joint, (1 + knot,))

@@ -23,7 +23,7 @@ _LEAST_SHARE = 0.005
 _HOURS_PER_DAY, _W_PER_KW = 24.0, 1000.0
 
 
-def beside(subject: Subject, each: Reported) -> str:
+def compared_with_robot(subject: Subject, each: Reported) -> str:
     """The size beside what the robot has: "the model has 18 Nm; the change is 7 % of the limit"; "" if unknown."""
     return "; ".join(text for text in (_usual(subject, each), _load(subject, each)) if text)
 

@@ -10,7 +10,7 @@ from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.repair.correction import Correction
 from acqd.discrepancy.repair.terms import Reported
 from acqd.discrepancy.report.main_parameter import changed_place, main_parameter
-from acqd.discrepancy.report.relevance import beside, mean_power
+from acqd.discrepancy.report.relevance import compared_with_robot, mean_power
 from acqd.discrepancy.report.summary import next_steps
 from acqd.discrepancy.selection.accepted import unnamed
 from acqd.models.effects import library
@@ -92,7 +92,7 @@ def _size(subject: Subject, each: Reported) -> KeyFigure:
     """The main parameter of an effect with its interval, and beside what the robot has; signed if it can be either."""
     name, parameter = main_parameter(each)
     value, unit, bounds = float(parameter["value"]), parameter["unit"], parameter["ci95"]
-    label, usual = f"{each.term.id}: {name}", beside(subject, each)
+    label, usual = f"{each.term.id}: {name}", compared_with_robot(subject, each)
     if not bounds:
         return KeyFigure(label, f"{number(value)} {unit}", _joined(counted(each.recordings, "recording"), usual))
     note = _joined(confidence_interval((bounds[0], bounds[1]), each.recordings), usual)

@@ -63,7 +63,7 @@ class Effect(ABC):
     omitted_because: ClassVar[str] = ""
     """Why an FMU does not hold the effect."""
     c_body: ClassVar[str] = ""
-    """C statements for one row at LANES substeps at once; see `acqd/fmu/c/effects.c` for the variables in scope."""
+    """C statements for one row at LANES substeps at once; `acqd/fmu/c/lanes.h` has the variables in scope."""
 
     @abstractmethod
     def at(self, scene: Scene, shape: Shape) -> Floats:

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from acqd.discrepancy.regression.gram import Blocks, Column, Gram, Regression, upper_triangle
 from acqd.discrepancy.regression.level import UnknownLevel
-from acqd.discrepancy.regression.setup import Question, set_up
+from acqd.discrepancy.regression.setup import Comparison, set_up
 from tests.builders import recording
 
 BLOCKS, ROWS, FIXED = 3, 40, 4
@@ -113,7 +113,7 @@ def test_projected_candidates_explain_what_direct_least_squares_explains(seed):
 def test_a_design_with_more_columns_leaves_the_design_unchanged(model, robot):
     segments = [recording(model, k, rows=200) for k in range(2)]
     only = frozenset({"offset_shift"})
-    design = set_up(Question(model, robot, segments, [], only, frozenset()), lambda _: None).design
+    design = set_up(Comparison(model, robot, segments, [], only, frozenset()), lambda _: None).design
     before = design.blocks.white.take(slice(None), np.arange(5), np.arange(5)).copy()
     ramp = [np.linspace(0, 1, len(s.P))[:, None] for s in segments]
     more, places = design.with_columns(ramp)

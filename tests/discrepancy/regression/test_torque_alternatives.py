@@ -68,14 +68,13 @@ def test_a_law_of_one_coefficient_is_what_its_name_says():
     fastest = np.abs(scene.qd).max(axis=0)
     columns = torque_columns(scene, covered(scene.q.min(axis=0), scene.q.max(axis=0), fastest))
     laws = {}
-    for name, single, tried in single_laws(AXES):
+    for name, single in single_laws(AXES):
         first = names().index(single.law.label(single.joint))
-        laws[name] = columns[first + single.columns[0]], tried
+        laws[name] = columns[first + single.columns[0]]
     along = scene.power_per_torque[:, 1] * np.tanh(scene.qd[:, 1] / 0.01)
     above = np.maximum(np.abs(scene.qd[:, 1]) - 0.3 * fastest[1], 0.0)
-    for name, power, count in (
-        ("a friction of joint 2 that grows with the speed of joint 1", along * np.abs(scene.qd[:, 0]), AXES - 1),
-        ("a friction of joint 2 that begins above 30% of its highest speed", along * above, 3),
+    for name, power in (
+        ("a friction of joint 2 that grows with the speed of joint 1", along * np.abs(scene.qd[:, 0])),
+        ("a friction of joint 2 that begins above 30% of its highest speed", along * above),
     ):
-        law, tried = laws[name]
-        assert np.corrcoef(law, power)[0, 1] > 0.999 and tried == count
+        assert np.corrcoef(laws[name], power)[0, 1] > 0.999

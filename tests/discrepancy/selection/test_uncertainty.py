@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from acqd.discrepancy.regression.setup import Question, set_up
+from acqd.discrepancy.regression.setup import Comparison, set_up
 from acqd.discrepancy.repair.terms import reported
 from acqd.discrepancy.repair.torque_scale import TorqueScale
 from acqd.discrepancy.selection.forward_selection import Limits, select
@@ -77,8 +77,8 @@ def test_a_cold_coefficient_is_that_of_the_start_of_the_session_also_where_its_f
     reference = [recording(model, k, seed=1) for k in range(6)]
     new = [recording(model, k, cold, seed=2, start_s=begins_s) for k in range(2, 8)]
     only = frozenset(COMMON | {"thermal_friction", "viscous_friction"})
-    question = Question(model, robot, new, reference, only, frozenset(), begins_s)
-    selection = select(set_up(question, lambda _: None), Limits(), lambda _: None)
+    comparison = Comparison(model, robot, new, reference, only, frozenset(), begins_s)
+    selection = select(set_up(comparison, lambda _: None), Limits(), lambda _: None)
     assert selection.effects[0].id == "thermal_friction"
     term = reported(selection, selection.effects[0], TorqueScale(1.0, 0.0)).term
     assert term.shape["origin_s"] == begins_s
