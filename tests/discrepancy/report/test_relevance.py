@@ -5,7 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from acqd.discrepancy.report.relevance import compared_with_robot, mean_power
+from acqd.discrepancy.report.relevance import compared_with_robot as compared
+from acqd.discrepancy.report.relevance import mean_power
 from tests.discrepancy.report.subjects import found, subject_with
 
 
@@ -16,39 +17,34 @@ def subject(model):
 
 def test_friction_stands_beside_that_of_the_model_and_the_limit_of_the_joint(subject):
     friction = found("coulomb_friction", {"torque joint 1": (0.2, 0.4), "torque joint 2": (24.0, 1.0)})
-    assert (
-        compared_with_robot(subject, friction)
-        == "the model has 5.0 Nm; the change is 7.3 % of the joint's limit of 330 Nm"
-    )
+    assert compared(subject, friction) == "the model has 5.0 Nm; the change is 7.3 % of the joint's limit of 330 Nm"
     viscous = found("viscous_friction", {"coefficient": (8.0, 1.0)}, where="joint 3", unit="Nm s/rad")
-    assert compared_with_robot(subject, viscous) == "the model has 6.0 Nm s/rad"
+    assert compared(subject, viscous) == "the model has 6.0 Nm s/rad"
 
 
 def test_a_quantity_that_the_model_lacks_has_no_usual_value(model):
     friction = found("coulomb_friction", {"torque": (24.0, 1.0)}, where="joint 2")
     assert (
-        compared_with_robot(subject_with(model, withheld=frozenset({"coulomb"})), friction)
+        compared(subject_with(model, withheld=frozenset({"coulomb"})), friction)
         == "the change is 7.3 % of the joint's limit of 330 Nm"
     )
 
 
 def test_a_mass_stands_beside_the_torque_that_holds_it(subject):
     place = {"shape": {"centre_of_mass_m": 0.05}, "where": "flange", "unit": "kg"}
-    text = compared_with_robot(subject, found("payload", {"mass": (10.0, 0.1)}, **place))
+    text = compared(subject, found("payload", {"mass": (10.0, 0.1)}, **place))
     share = float(text.split(" up to ")[1].split(" %")[0]) / 100
     reach_m = 1.4  # of a UR10e: from the shoulder to the flange; its elbow has a limit of 150 Nm
     assert 0.05 < share < 10.0 * 9.81 * reach_m / 150
     assert "torque limit of joint " in text
     assert (
-        compared_with_robot(subject, found("payload", {"mass": (-2.0, 0.1)}, **place)) == ""
+        compared(subject, found("payload", {"mass": (-2.0, 0.1)}, **place)) == ""
     )  # a mass that has gone loads nothing
 
 
 def test_what_has_no_usual_value_says_nothing(subject):
-    assert (
-        compared_with_robot(subject, found("meter_gain", {"gain error": (0.03, 0.001)}, where="meter", unit="-")) == ""
-    )
-    standby = compared_with_robot(subject, found("offset_shift", {"power": (8.0, 1.0)}, where="cabinet", unit="W"))
+    assert compared(subject, found("meter_gain", {"gain error": (0.03, 0.001)}, where="meter", unit="-")) == ""
+    standby = compared(subject, found("offset_shift", {"power": (8.0, 1.0)}, where="cabinet", unit="W"))
     assert standby == "the standby power of the model is 120 W"
 
 
