@@ -20,6 +20,7 @@ _COMMON = ("-std=gnu11", *_SHARED, "-ffp-contract=fast", "-fno-math-errno", "-fn
 FMU_FLAGS = ("-std=c99", "-O3", *_SHARED, "-fvisibility=hidden", "-ffp-contract=off", "-g0")
 WINDOW_FALLBACK = "metering with numpy takes more than twenty times as long"
 TICKS_FALLBACK = "MAIN_FAST waits in Python, which costs more of the processor"
+SWITCHING_FALLBACK = "loads that switch are searched with numpy, which takes several times as long"
 LSTM_FALLBACK = "train with --compute torch"
 FMU_FALLBACK = "acqd[fmu] brings zig"
 
@@ -56,6 +57,12 @@ def ticks() -> CBuild:
     return CBuild("ticks", (source,), ("-O2", *_COMMON, "-Wall", "-Wextra"), TICKS_FALLBACK)
 
 
+def switching() -> CBuild:
+    """The search for loads that switch; equal to numpy to the last bit, so without contraction."""
+    source = _PACKAGE / "discrepancy" / "selection" / "detectors" / "switching.c"
+    return CBuild("switching", (source,), ("-O2", "-std=c99", *_SHARED, "-ffp-contract=off"), SWITCHING_FALLBACK)
+
+
 def lstm(instructions: InstructionSet) -> CBuild:
     """Loss and gradient of an LSTM."""
     flags = ("-O3", *_COMMON, *instructions.options, f"-DV={instructions.lanes}")
@@ -71,4 +78,8 @@ def fmu(platform: str, sources: Sequence[Path], include: Path) -> CBuild:
 def all_builds(machine: str) -> list[CBuild]:
     """Every library of a wheel for processors of the kind `machine`, as `platform.machine()` calls it."""
     sets = [each for each in INSTRUCTION_SETS if machine in ("x86_64", "AMD64") or not each.needs]
-    return [ticks(), *(build for each in sets for build in (*(window(n, each) for n in (2, 4, 6)), lstm(each)))]
+    return [
+        ticks(),
+        switching(),
+        *(build for each in sets for build in (*(window(n, each) for n in (2, 4, 6)), lstm(each))),
+    ]

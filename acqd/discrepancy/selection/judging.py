@@ -75,7 +75,9 @@ def judged(
     """
     design = rows.design
     least = margin(rows, gate, finding, known, kinds)
-    if detection is None or detection.refinable:
+    if finding.evidence <= least:  # nothing that would have to be compared with the reference
+        beyond = np.inf
+    elif detection is None or detection.refinable:
         beyond = beyond_sessions(design, rows.regression, scanned or finding, gate)
     else:
         beyond = finding.evidence - rows.learning_rate * detection.in_reference()

@@ -17,6 +17,7 @@ from scipy.ndimage import uniform_filter1d
 from acqd.arrays import Floats
 from acqd.discrepancy.residual.whitening import Whitener
 from acqd.discrepancy.selection.detectors.edges import shares_of_rows
+from acqd.discrepancy.selection.detectors.paths import lasting, likeliest
 from acqd.discrepancy.thresholds import THRESHOLDS
 
 _SIZES = (1.0, 2.0, 4.0, 8.0, 16.0)  # starting values of the size, in standard deviations of the innovation
@@ -123,13 +124,12 @@ def _settle(white: list[_White], starts: list[float], dwell: int) -> list[_Optim
     found: list[_Optimum | None] = [None] * len(starts)
     alive = np.arange(len(starts))
     for _ in range(_ROUNDS):
-        paths = _viterbi(white, sizes[alive])
         going = []
-        for k, own in zip(alive, paths, strict=True):
-            lasting = [_lasting(path, dwell) for path in own]
-            gain = sum(_gain(each, path, sizes[k]) for each, path in zip(white, lasting, strict=True))
-            found[k] = _Optimum(gain, float(sizes[k]), lasting)
-            again = _level(white, lasting)
+        for k in alive:
+            paths = [lasting(_path(each, float(sizes[k])), dwell) for each in white]
+            gain = sum(_gain(each, path, sizes[k]) for each, path in zip(white, paths, strict=True))
+            found[k] = _Optimum(gain, float(sizes[k]), paths)
+            again = _level(white, paths)
             if again * sizes[k] > 0 and abs(again - sizes[k]) > 1e-2 * abs(sizes[k]):
                 sizes[k] = again
                 going.append(k)
@@ -160,43 +160,14 @@ def _gain(white: _White, path: NDArray[np.bool_], size: float) -> float:
     return float(gain - size * size * white.cross[rises].sum() - _PRICE * switched.sum())
 
 
-def _lasting(path: NDArray[np.bool_], dwell: int) -> NDArray[np.bool_]:
-    """The path without states shorter than `dwell` rows, shortest first; states at the ends may be cut."""
-    path = path.copy()
-    while True:
-        edges = np.flatnonzero(np.diff(path.astype(int))) + 1
-        lengths = np.diff(edges)
-        if not len(lengths) or lengths.min() >= dwell:
-            return path
-        shortest = int(lengths.argmin())
-        path[edges[shortest] : edges[shortest + 1]] ^= True
-
-
-def _viterbi(white: list[_White], sizes: Floats) -> list[list[NDArray[np.bool_]]]:
-    """Viterbi paths of all segments for all sizes, computed together row by row."""
-    longest = max(len(each.residual) for each in white)
-    stay, rise, fall = (np.zeros((longest, len(sizes), len(white))) for _ in range(3))
-    for k, each in enumerate(white):
-        rows = len(each.residual)
-        size, half = sizes[:, None], sizes[:, None] ** 2 / 2
-        stay[:rows, :, k] = (size * each.residual * each.level - half * each.level**2).T
-        rise[:rows, :, k] = (size * each.step - half * each.cost - 2 * half * each.cross - _PRICE).T
-        fall[:rows, :, k] = (-size * each.step - half * each.cost - _PRICE).T
-        rise[rows:, :, k] = fall[rows:, :, k] = -np.inf  # after its end, a stretch stays as it is
-    came_from_on, came_from_off = (np.zeros(stay.shape, dtype=bool) for _ in range(2))
-    off, on = np.zeros(stay.shape[1:]), stay[0] - 1.0
-    for k in range(1, longest):
-        switched_off, switched_on = on + fall[k], off + rise[k]
-        np.greater(switched_off, off, out=came_from_on[k])
-        np.greater(switched_on, on, out=came_from_off[k])
-        off = np.maximum(off, switched_off)
-        on = np.maximum(on, switched_on) + stay[k]
-    path = np.zeros(stay.shape, dtype=bool)
-    state = on > off
-    for k in range(longest - 1, -1, -1):
-        path[k] = state
-        state = state ^ np.where(state, came_from_off[k], came_from_on[k])
-    return [[path[: len(each.residual), s, k] for k, each in enumerate(white)] for s in range(len(sizes))]
+def _path(white: _White, size: float) -> NDArray[np.bool_]:
+    """Viterbi path of a stretch for a size."""
+    half = size * size / 2
+    return likeliest(
+        size * white.residual * white.level - half * white.level**2,
+        size * white.step - half * white.cost - 2 * half * white.cross - _PRICE,
+        -size * white.step - half * white.cost - _PRICE,
+    )
 
 
 def walks(residuals: list[Floats], on: list[NDArray[np.bool_]], rows: int) -> bool:

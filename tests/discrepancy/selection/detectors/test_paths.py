@@ -1,0 +1,46 @@
+"""Paths of loads that switch: C equals numpy, and both find the best of all paths."""
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from acqd.discrepancy.selection.detectors.paths import (
+    lasting,
+    lasting_in_numpy,
+    library,
+    likeliest,
+    likeliest_in_numpy,
+)
+
+
+def drawn(seed, rows):
+    random = np.random.default_rng(seed)
+    return random.normal(0, 2, rows), random.normal(-2, 2, rows), random.normal(-2, 2, rows)
+
+
+@given(st.integers(0, 9999), st.integers(1, 400), st.integers(1, 60))
+def test_c_equals_numpy(seed, rows, dwell):
+    if library() is None:
+        pytest.skip("no C compiler")
+    path = likeliest(*drawn(seed, rows))
+    assert (path == likeliest_in_numpy(*drawn(seed, rows))).all()
+    noisy = np.random.default_rng(seed).random(rows) < 0.5
+    assert (lasting(noisy, dwell) == lasting_in_numpy(noisy.copy(), dwell)).all()
+
+
+@given(st.integers(0, 9999), st.integers(2, 9))
+def test_no_other_path_is_likelier(seed, rows):
+    stay, rise, fall = drawn(seed, rows)
+
+    def worth(path):
+        total = stay[0] - 1.0 if path[0] else 0.0
+        for k in range(1, rows):
+            total += (rise[k] if path[k] else fall[k]) if path[k] != path[k - 1] else 0.0
+            total += stay[k] if path[k] else 0.0
+        return total
+
+    best = max(worth(path) for path in itertools.product((False, True), repeat=rows))
+    assert worth(likeliest(stay, rise, fall).tolist()) == pytest.approx(best)
