@@ -18,7 +18,7 @@ def test_a_wheel_holds_what_any_processor_of_its_kind_looks_for():
         wanted = [lstm(instructions), *(window(channels, instructions) for channels in (2, 4, 6))]
         assert {compiling.file_name(build) for build in wanted} <= names
     others = {build.name for build in all_builds("aarch64")}
-    assert others == {"ticks", "lstm-portable", "window-portable-2", "window-portable-4", "window-portable-6"}
+    assert others == {"ticks", "switching", "lstm-portable", "window-portable-2", "window-portable-4", "window-portable-6"}
 
 
 def test_a_library_of_the_wheel_needs_neither_compiler_nor_cache(tmp_path, monkeypatch):
