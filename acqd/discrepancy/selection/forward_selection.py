@@ -7,9 +7,11 @@ end the whole list of names is compared with the law in their place, every hypot
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+from acqd.arrays import Floats
+from acqd.discrepancy.joints.witness import Witness
 from acqd.discrepancy.regression.design_columns import Candidate
 from acqd.discrepancy.regression.gram import Column
 from acqd.discrepancy.regression.onset import Gate
@@ -136,17 +138,60 @@ def _explained_by_law(doubt: _Doubt, limits: Limits) -> float:
 
 
 def _settled(state: _State) -> _State:
-    """Without effects that later ones made superfluous."""
+    """Beside all others: without effects that later ones made superfluous, the others at the fewest places (ADR 26).
+
+    Before a payload has its name, the friction of every joint explains a part of it.
+    """
     for each in state.effects:
         others = tuple(other for other in state.effects if other.key != each.key)
         if not others:
             break
-        rows = without(state.rows, each)
-        again = ranked(rows, each.gate.open, [each.finding.candidate])
-        known = [other.finding for other in others if other.key != each.key]
-        if not again or again[0].evidence <= margin(rows, each.gate.open, again[0], known[:0], state.kinds):
+        rows, gate = without(state.rows, each), each.gate.open
+        again = ranked(rows, gate, [each.finding.candidate])
+        if not again or again[0].evidence <= margin(rows, gate, again[0], [], state.kinds):
             state = _with_effects(state, others)
+            continue
+        same = ranked(rows, gate, [c for c in rows.design.columns.candidates if c.id == each.id])
+        fit = None if not same else _fitted(rows, gate, same[0], same, state.kinds, None)
+        if fit is not None and fit.finding.candidate.label != each.finding.candidate.label:
+            state = replace(state, rows=replace(state.rows, design=fit.rows.design))
+            moved = _selected(fit, each.gate, each.hypothesis, each.table, each.witness)
+            state = _with_effects(state, tuple(moved if other.key == each.key else other for other in state.effects))
     return state
+
+
+def _selected(
+    fit: ShapeFit, gate: Gate, row: Hypothesis, table: tuple[Hypothesis, ...], witness: Witness | None
+) -> Selected:
+    """An effect at the place and in the shape of its fit."""
+    candidate = fit.finding.candidate
+    assert candidate.variant is not None
+    shape = fit.shape | library()[candidate.id].fixed_shape(fit.rows.design.columns.scenes)
+    place = (candidate.fitted or candidate.variant).place
+    return Selected(fit.finding, gate, place, shape, replace(row, finding=fit.finding, status="named"), witness, table)
+
+
+def _fitted(
+    rows: Rows, gate: Floats, best: Finding, ranking: list[Finding], kinds: int, detection: Detection | None
+) -> ShapeFit:
+    """An effect at the fewest places that the data asks for, with a fitted shape.
+
+    More places have to explain more by the margin: they also mop up what the columns of few places get wrong.
+    """
+    claims: dict[int, Finding] = {}
+    for finding in ranking:
+        if finding.candidate.id == best.candidate.id and finding.candidate.size <= best.candidate.size:
+            claims.setdefault(finding.candidate.size, finding)
+    few, *more = (claims[size] for size in sorted(claims)) if claims else [best]
+    fit = fit_shape(rows, gate, few, detection)
+    for claim in more:
+        if claim.evidence <= few.evidence + margin(rows, gate, claim, [few], kinds):
+            continue
+        larger = fit_shape(rows, gate, claim, detection)
+        known = replace(few, evidence=fit.finding.evidence)
+        if larger.finding.evidence > fit.finding.evidence + margin(rows, gate, claim, [known], kinds):
+            few, fit = claim, larger
+    return fit
 
 
 def without(rows: Rows, selected: Selected) -> Rows:
@@ -184,20 +229,16 @@ class _Step:
         if not findings:
             return None
         best = best_of_each(findings)
-        effects = [each for each in best if each.candidate.id][:_FITTED]
         fits: dict[str, ShapeFit] = {}
-        for finding in effects:
-            for claim in (finding, *_at_fewer_places(finding, findings)):
-                own = state.gates[0] if claim.candidate.detected else gate
-                fit = fit_shape(rows, own.open, claim, detections.get(claim.candidate.key))
-                known = fits.get(claim.candidate.id)
-                if known is None or fit.finding.evidence > known.finding.evidence:
-                    fits[claim.candidate.id] = fit
-        scanned = {each.candidate.id: each for each in effects}
-        best = sorted(
-            (fits[each.candidate.id].finding if each.candidate.id in fits else each for each in best),
-            key=lambda finding: -finding.evidence,
-        )
+        scanned = {each.candidate.id: each for each in best if each.candidate.id}
+        count = min(_FITTED, len(scanned))
+        while len(fits) < count or ((leading := _first_name(best)) is not None and leading.candidate.id not in fits):
+            finding = next(each for each in best if each.candidate.id and each.candidate.id not in fits)
+            name = finding.candidate.id
+            own = state.gates[0] if finding.candidate.detected else gate
+            fits[name] = _fitted(rows, own.open, finding, findings, state.kinds, detections.get(finding.candidate.key))
+            best = [fits[name].finding if each.candidate.id == name else each for each in best]
+            best.sort(key=lambda each: -each.evidence)
         return cls._judged(state, rows, gate, best, fits, scanned, detections)
 
     @classmethod
@@ -221,7 +262,7 @@ class _Step:
             )
 
         shown = [each for each in best[:_TABLE] if each.evidence > 0]
-        first = next((each for each in best if each.candidate.id), None)
+        first = _first_name(best)
         leader = None if first is None else judge(first, [])
         law = next((judge(each, []) for each in best if not each.candidate.id), None)
         law = None if law is None or law.finding.evidence <= law.margin else law
@@ -230,7 +271,7 @@ class _Step:
             fit = fits[first.candidate.id]
             least = margin(fit.rows, gate.open, law.finding, [*state.known, first], state.kinds)
             outdone = law.finding.evidence > first.evidence + least
-        table = tuple(_row(each, judge(each, []), first, state.kinds) for each in shown)
+        table = tuple(_row(each, judge(each, []), first) for each in shown)
         if leader is not None and leader.missing:
             leader = None
         return cls(state, rows, gate, table, fits, detections, leader, law, outdone)
@@ -246,20 +287,20 @@ class _Step:
         assert self.leader is not None
         fit = self.fits[self.leader.id]
         candidate = fit.finding.candidate
-        before = fit.rows.design.witness
-        rows = fit.rows
+        before, rows = fit.rows.design.witness, fit.rows
         if before is not None and candidate.fitted is not None and before.sees(candidate.id):
             rows = rows.on(replace(rows.design, witness=before.given(candidate.id, candidate.fitted)))
         gate = self.state.gates[0] if library()[candidate.id].detected else self.gate
-        assert candidate.variant is not None
-        place = (candidate.fitted or candidate.variant).place
-        shape = fit.shape | library()[candidate.id].fixed_shape(rows.design.columns.scenes)
-        return rows, Selected(fit.finding, gate, place, shape, replace(self.leader, status="named"), before, self.table)
+        return rows, _selected(fit, gate, self.leader, self.table, before)
 
 
-def _row(finding: Finding, alone: Hypothesis, leader: Finding | None, kinds: int) -> Hypothesis:
+def _first_name(best: list[Finding]) -> Finding | None:
+    """The effect with the largest evidence."""
+    return next((each for each in best if each.candidate.id), None)
+
+
+def _row(finding: Finding, alone: Hypothesis, leader: Finding | None) -> Hypothesis:
     """A row of the table, with what the hypothesis lacks against the leader."""
-    del kinds
     if finding is leader:
         return replace(alone, status="refused" if alone.missing else "named")
     if leader is None or alone.missing:
@@ -303,11 +344,3 @@ def _likeliest(rows: Rows, state: _State, pool: list[Candidate]) -> tuple[Gate, 
         if ahead:
             gate, findings, best = other, found, found[0]
     return gate, findings
-
-
-def _at_fewer_places(finding: Finding, ranking: list[Finding]) -> Iterator[Finding]:
-    """The best finding of the same effect with fewer parameters: others mop up the error of a scanned shape."""
-    candidate = finding.candidate
-    if library()[candidate.id].bounds:
-        fewer = [each for each in ranking if each.candidate.id == candidate.id and each.candidate.size < candidate.size]
-        yield from fewer[:1]
