@@ -1,6 +1,6 @@
 """Generalised least squares as Gram matrices per block, so that a question about columns costs milliseconds.
 
-A block is a recording or a piece of a long one: the unit of cross-validation and of the bootstrap.
+A block is a recording or a piece of a long one.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ class NoiseThresholds:
     """Noise model and outliers."""
 
     noise_order: int = threshold(30, "rows", "noise", "study", "order of the autoregressive noise model")
-    block_rows: int = threshold(1500, "rows", "noise", "study", "longest block: unit of cross-validation and bootstrap")
+    block_rows: int = threshold(1500, "rows", "noise", "study", "longest block, which has a random level")
     block_least_rows: int = threshold(
         40, "rows", "noise", "choice", "shortest block; a segment of two seconds has more rows of known motion"
     )
