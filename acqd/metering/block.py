@@ -69,8 +69,8 @@ class StreamFormat:
     64: recorded physical values as double numbers, which have no end stops."""
 
     def __post_init__(self) -> None:
-        if not 2_000 <= self.rate <= 1_000_000:
-            raise ValueError(f"sampling rate {self.rate:g} Hz is outside 2 kHz .. 1 MHz")
+        if not 200 <= self.rate <= 1_000_000:
+            raise ValueError(f"sampling rate {self.rate:g} Hz is outside 200 Hz .. 1 MHz")
         if len(self.scale) not in (2, 4, 6):
             raise ValueError(f"{len(self.scale)} channels: expected U, I per phase for 1 to 3 phases")
         if not 45.0 <= self.f_nominal <= 65.0:

@@ -2,29 +2,32 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
+from typing import Literal
 
-import numpy as np
 import soundfile
 
 from acqd.errors import InputError
-from acqd.sources.waveform import MOST_BYTES, ChannelMap, Waveform, physical, stream_format
+from acqd.sources.recording.channel import Channel, Column, Recording
+from acqd.sources.waveform import MOST_BYTES, QUANTITIES, ChannelMap
 
 _FULL_SCALE = 32768
+_HEAD = 65_536  # bytes in which the chunk of the samples begins
 
 
-def load(path: Path, channels: ChannelMap) -> Waveform:
+def load(path: Path, given: ChannelMap) -> Recording:
     """`--u-scale` and `--i-scale` say how many V and A full scale is. Raises InputError."""
-    u_scale, i_scale = channels.u_scale, channels.i_scale
-    if u_scale is None or i_scale is None:
+    if given.u_scale is None or given.i_scale is None:
         raise InputError(path, "sound files have no units: give V and A at full scale with --u-scale and --i-scale")
+    notes: list[str] = []
+    content: Path | io.BytesIO = path
     if path.suffix.lower() == ".wav":
-        _check_whole(path)
+        content = _whole(path, notes)
     try:
-        with soundfile.SoundFile(path) as file:
+        with soundfile.SoundFile(content) as file:
             count, exact = file.channels, file.subtype == "PCM_16"
-            rate = channels.rate or float(file.samplerate)
-            announced = file.frames
+            rate, announced = float(file.samplerate), file.frames
             if announced * count * 8 > MOST_BYTES:
                 raise InputError(path, f"announces {announced} samples of {count} channels; is its header damaged?")
             values = file.read(dtype="int16" if exact else "float64", always_2d=True)
@@ -34,30 +37,61 @@ def load(path: Path, channels: ChannelMap) -> Waveform:
         raise InputError(path, "has no samples")
     if len(values) < announced:
         raise InputError(path, f"is truncated: {len(values)} of {announced} samples")
-    names = {name: str(k) for k, name in enumerate(("u1", "i1", "u2", "i2", "u3", "i3")[:count])}
-    if count > 6 and channels.columns is None:
+    if count > 6 and given.columns is None:
         raise InputError(path, f"has {count} channels; say which are which with --map u1=0,i1=1 ...")
-    pairs = channels.pairs(path, names)
-    order = [_number(path, name, count) for pair in pairs for name in pair]
-    f_nominal = channels.f_nominal or 50.0
-    scale = [u_scale, i_scale] * len(pairs)
-    if exact:
-        codes = np.ascontiguousarray(values[:, order])
-        form = stream_format(path, rate, [s / _FULL_SCALE for s in scale], f_nominal, codes)
-        return Waveform(path.name, codes, form, None)
-    return physical(path, np.ascontiguousarray(values[:, order]), scale, rate, f_nominal, None)
+    names = [*QUANTITIES[:count], *(f"channel {k}" for k in range(6, count))] if given.columns is None else [""] * count
+    channels = [Channel(name) for name in names]
+
+    def column(k: int) -> Column:
+        return Column(values[:, k], 1 / _FULL_SCALE if exact else 1.0)
+
+    kind = f"{path.suffix[1:].upper()}, {'16 bits' if exact else 'wider than 16 bits'}"
+    return Recording(path, kind, channels, len(values), column, rate, notes=notes, noun="channel")
 
 
-def _check_whole(path: Path) -> None:
-    """libsndfile reads a truncated WAV without an error; the length in its header shows it."""
+def _whole(path: Path, notes: list[str]) -> Path | io.BytesIO:
+    """The file, or its content with the lengths that a program on a pipe could not know.
+
+    libsndfile reads a truncated WAV without an error; the length in its header shows that. Programs that write through
+    a pipe (arecord, sox, ffmpeg) write 0 or nearly 2^31 or 2^32: those are no lengths. Raises InputError for a file
+    that is shorter than a real length.
+    """
+    size = path.stat().st_size
     with path.open("rb") as file:
-        head = file.read(8)
-    announced = int.from_bytes(head[4:8], "little") + 8
-    if head[:4] == b"RIFF" and announced < 2**32 - 8 and path.stat().st_size < announced:
-        raise InputError(path, f"is truncated: {path.stat().st_size} of {announced} bytes")
+        head = file.read(_HEAD)
+    if head[:4] not in (b"RIFF", b"RIFX") or head[8:12] != b"WAVE":
+        return path
+    order: Literal["little", "big"] = "little" if head[:4] == b"RIFF" else "big"
+    data = _data_chunk(head, order)
+    if data is None:
+        return path
+    begin, length = data
+    if not _unknown(length):
+        if size < begin + length:
+            raise InputError(path, f"is truncated: {size} of {begin + length} bytes")
+        return path
+    block = int.from_bytes(head[head.index(b"fmt ") + 20 :][:2], order) or 1
+    left = (size - begin) // block * block
+    if left > MOST_BYTES:
+        raise InputError(path, f"has {left} bytes; expected at most {MOST_BYTES}")
+    notes.append("its header has no length (written through a pipe): read to the end of the file")
+    mended = bytearray(path.read_bytes()[: begin + left])
+    mended[4:8] = (begin + left - 8).to_bytes(4, order)
+    mended[begin - 4 : begin] = left.to_bytes(4, order)
+    return io.BytesIO(bytes(mended))
 
 
-def _number(path: Path, name: str, count: int) -> int:
-    if not name.isdigit() or int(name) >= count:
-        raise InputError(path, f"has no channel {name!r}; channels are numbered 0 to {count - 1}")
-    return int(name)
+def _unknown(length: int) -> bool:
+    """Lengths that stand for none: 0, and what is within 64 KiB of 2^31 and 2^32."""
+    return length == 0 or length >= 2**32 - 65_536 or 2**31 - 65_536 <= length <= 2**31
+
+
+def _data_chunk(head: bytes, order: Literal["little", "big"]) -> tuple[int, int] | None:
+    """Position and announced length of the samples."""
+    at = 12
+    while at + 8 <= len(head):
+        length = int.from_bytes(head[at + 4 : at + 8], order)
+        if head[at : at + 4] == b"data":
+            return at + 8, length
+        at += 8 + length + length % 2
+    return None

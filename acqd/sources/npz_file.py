@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from acqd.errors import InputError
-from acqd.sources.waveform import LATEST_NS, MOST_BYTES, ChannelMap, Waveform, check_values, stream_format
+from acqd.sources.recording.channel import Channel, Column, Recording
+from acqd.sources.waveform import LATEST_NS, MOST_BYTES, QUANTITIES, ChannelMap
 
 _KEYS = ("u_code", "i_code", "u_V_per_digit", "i_A_per_digit", "fs")
 _EARLIEST_NS = 10**16
@@ -17,11 +18,12 @@ _EARLIEST_NS = 10**16
 _PHYSICAL = ("u_V", "i_A", "fs")
 
 
-def load(path: Path, channels: ChannelMap) -> Waveform:
+def load(path: Path, given: ChannelMap) -> Recording:
     """`u_code`, `i_code` int16 [phase, sample], `u_V_per_digit`, `i_A_per_digit`, `fs` [1/s].
 
     The scales are one number, or one per phase. Instead of codes and scales: `u_V`, `i_A` float [phase, sample].
-    Optional: `f_nominal` [Hz], `start_utc_ns`, `simulated` (not 0: flags every row). Raises InputError.
+    Optional: `f_nominal` [Hz], `start_utc_ns`, `simulated` (not 0: flags every row); `u_unit`, `i_unit` for other units
+    than V and A. Raises InputError.
     """
     data = _read(path)
     physical = "u_V" in data and "u_code" not in data
@@ -38,20 +40,34 @@ def load(path: Path, channels: ChannelMap) -> Waveform:
         raise InputError(path, f"{names[0]} has {phases} phases, expected 1 to 3 as [phase, sample]")
     if not samples:
         raise InputError(path, "has no samples")
-    codes = np.empty((samples, 2 * phases), dtype=u.dtype)
-    codes[:, 0::2], codes[:, 1::2] = u.T, i.T
-    if physical:
-        check_values(path, codes)
-    scale = _scales(path, channels, {} if physical else data, phases)
-    f_nominal = channels.f_nominal or (_number(path, data, "f_nominal") if "f_nominal" in data else 50.0)
-    rate = channels.rate or _number(path, data, "fs")
+    units = {key: _unit(data, key) for key in names}
+    scales = [1.0] * (2 * phases)
+    if not physical:
+        scales[0::2] = _per_phase(path, data, "u_V_per_digit", phases)
+        scales[1::2] = _per_phase(path, data, "i_A_per_digit", phases)
+    channels = [Channel(QUANTITIES[k], units[names[k % 2]]) for k in range(2 * phases)]
+
+    def column(k: int) -> Column:
+        return Column((i if k % 2 else u)[k // 2], scales[k])
+
+    f_nominal = _number(path, data, "f_nominal") if "f_nominal" in data else None
+    rate = _number(path, data, "fs")
     start = _integer(path, data, "start_utc_ns") if "start_utc_ns" in data else None
     if start is not None and not 0 <= start < LATEST_NS:
         raise InputError(path, f"start_utc_ns {start} is no time between 1970 and 2200")
     if start is not None and 0 < start < _EARLIEST_NS:
         raise InputError(path, f"start_utc_ns {start} is {start * 1e-9:g} s after 1970; expected nanoseconds")
     simulated = "simulated" in data and _number(path, data, "simulated") != 0
-    return Waveform(path.name, codes, stream_format(path, rate, scale, f_nominal, codes), start, simulated)
+    return Recording(
+        path, "NPZ of " + ("physical values" if physical else "codes"), channels, samples, column, rate, start, f_nominal,
+        simulated, noun="channel", full_scale=not physical,
+    )  # fmt: skip
+
+
+def _unit(data: dict[str, Any], key: str) -> str:
+    """V or A, unless an array such as `u_unit` says otherwise."""
+    said = data.get(f"{key[0]}_unit")
+    return "VA"[key[0] == "i"] if said is None or said.dtype.kind not in "US" or said.size != 1 else str(said.reshape(()))
 
 
 def _read(path: Path) -> dict[str, Any]:
@@ -91,13 +107,6 @@ def _values(path: Path, key: str, array: Any) -> np.ndarray:
     if array.dtype.kind not in "iuf" or array.ndim not in (1, 2):
         raise InputError(path, f"{key} is {array.dtype} {array.shape}, expected numbers [phase, sample]")
     return np.atleast_2d(array).astype(np.float64)
-
-
-def _scales(path: Path, channels: ChannelMap, data: dict[str, Any], phases: int) -> list[float]:
-    """V and A per code of every phase: as the user says, as the file says, else 1."""
-    u = [channels.u_scale] * phases if channels.u_scale else _per_phase(path, data, "u_V_per_digit", phases)
-    i = [channels.i_scale] * phases if channels.i_scale else _per_phase(path, data, "i_A_per_digit", phases)
-    return [scale for pair in zip(u, i, strict=True) for scale in pair]
 
 
 def _per_phase(path: Path, data: dict[str, Any], key: str, phases: int) -> list[float]:

@@ -8,6 +8,7 @@ from pathlib import Path
 from acqd.errors import InputError, UserError
 
 _HEAD = 64 * 1024  # bytes that show the encoding of a table
+_FOREIGN = 0.1  # share of bytes that letters beyond ASCII have in a table in Latin-1
 
 
 def check_encoding(name: str, option: str = "--encoding") -> str:
@@ -20,17 +21,19 @@ def check_encoding(name: str, option: str = "--encoding") -> str:
 
 
 def encoding_of(path: Path) -> str:
-    """The encoding of a table, from its first 64 KiB: Latin-1 if the names in its first row are.
+    """The encoding of a table, from its first 64 KiB: UTF-8, or Latin-1 where a few letters are.
 
     Raises InputError for binary data.
     """
     with path.open("rb") as file:
         head = file.read(_HEAD)
     _refuse_binary(path, head)
-    names, _, numbers = head.partition(b"\n")
-    if not _is_utf8(numbers):
+    if _is_utf8(head):
+        return "utf-8-sig"
+    foreign = sum(byte > 0x7F for byte in head)
+    if foreign > _FOREIGN * len(head) or any(byte < 0x20 and byte not in b"\t\r\n\f\x1a" for byte in head):
         raise InputError(path, "is not text; expected a header row and numbers, or give its encoding with --encoding")
-    return "utf-8-sig" if _is_utf8(names) else "latin-1"
+    return "latin-1"
 
 
 def _is_utf8(content: bytes) -> bool:

@@ -19,6 +19,8 @@ MOST_BYTES = 4 * 1024**3
 _LARGEST = 1e12  # V or A: beyond any instrument, and without overflow in powers
 QUANTITIES = ("u1", "i1", "u2", "i2", "u3", "i3")
 """Names of channels in a --map."""
+LINES = ("u12", "u23", "u31", "u21", "u32", "u13")
+"""Names of voltages between lines in a --map, from the first to the second."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +39,8 @@ class ChannelMap:
     """Declared mains frequency [Hz]; None: the file's, or 50 Hz."""
     encoding: str | None = None
     """Of text and headers; None: UTF-8, else Latin-1."""
+    layout: str | None = None
+    """Layout of a text export, or path of one; None: recognised from its first lines."""
 
     @staticmethod
     def parse(text: str, option: str = "--map") -> dict[str, str]:
@@ -45,8 +49,9 @@ class ChannelMap:
         for item in text.split(","):
             key, equals, column = item.partition("=")
             key = key.strip().lower()
-            if not equals or key not in QUANTITIES or not column.strip():
-                raise UserError(f"{option}: {item!r} is not like u1=COLUMN (keys {', '.join(QUANTITIES)})")
+            if not equals or key not in (*QUANTITIES, *LINES) or not column.strip():
+                keys = ", ".join((*QUANTITIES, *LINES[:3]))
+                raise UserError(f"{option}: {item!r} is not like u1=COLUMN (keys {keys})")
             if key in columns:
                 raise UserError(f"{option}: {key} stands twice ({columns[key]} and {column.strip()}); expected once")
             columns[key] = column.strip()
@@ -82,11 +87,15 @@ class Waveform:
     """Made by a simulation, and says so: every row of it is flagged."""
     notes: tuple[str, ...] = ()
     """What the user should know about how the file was read."""
+    flags: frozenset[str] = frozenset()
+    """Flags of every row."""
+    breaks: tuple[tuple[int, int], ...] = ()
+    """Sample before which samples are missing, and how many: a gap in the rows."""
 
     @property
     def duration(self) -> float:
-        """Seconds."""
-        return len(self.codes) / self.form.rate
+        """Seconds, with what is missing."""
+        return (len(self.codes) + sum(lost for _, lost in self.breaks)) / self.form.rate
 
 
 def positions(path: Path, names: list[str], pairs: list[tuple[str, str]], kind: str) -> list[int]:
@@ -116,14 +125,6 @@ def position(path: Path, names: list[str], name: str, kind: str) -> int:
             f"has {len(places)} {kind}s with the name {name!r}; use numbers with --map u1=0,... ({kind}s: {listed})",
         )
     raise InputError(path, f"has no {kind} {name!r}; {kind}s are {listed}")
-
-
-def physical(
-    path: Path, values: Floats, scale: list[float], rate: float, f_nominal: float, start_utc_ns: int | None
-) -> Waveform:
-    """A waveform of physical values [samples, 2 * phases], as they are; V and A per unit of a channel in `scale`."""
-    check_values(path, values)
-    return Waveform(path.name, values, stream_format(path, rate, scale, f_nominal, values), start_utc_ns)
 
 
 def check_values(path: Path, values: Floats) -> None:

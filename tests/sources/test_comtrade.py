@@ -12,7 +12,7 @@ import pytest
 
 from acqd.errors import InputError, UserError
 from acqd.metering import Meter, SampleBlock, StreamFormat
-from acqd.sources import ChannelMap, load_waveform
+from acqd.sources import ChannelMap, ReplaySource, load_waveform
 from acqd.sources.text_file import check_encoding
 from tests.mains import make_mains
 from tests.sources.comtrade import Recording
@@ -159,14 +159,28 @@ def test_segments_of_one_rate_are_one_recording(tmp_path, recording):
         load_waveform(path)
 
 
-def test_a_hole_between_segments_is_named(tmp_path, recording):
+def test_a_pause_between_segments_is_a_gap(tmp_path, recording):
     path = replace(recording, segments=((20_000.0, 4_000), (20_000.0, 10_000))).write(tmp_path)
     data = path.with_suffix(".dat")
     rows = np.frombuffer(data.read_bytes(), "<u4").copy().reshape(-1, 5)
-    rows[4_000:, 1] += 70_000
+    rows[4_000:, 1] += 80_000
     data.write_bytes(rows.tobytes())
-    with pytest.raises(InputError, match="sample 4001 comes 70050 us after"):
-        load_waveform(path)
+    waveform = load_waveform(path)
+    assert waveform.breaks == ((4_000, 1_600),) and waveform.duration == pytest.approx(0.58)
+    assert any("pauses (0.08 " in note and "before sample 4001" in note for note in waveform.notes)
+    source = ReplaySource(waveform)
+    source.open(0)
+    blocks = []
+    while (block := source.read(3_000)) is not None:
+        blocks.append(block)
+    assert [(block.index, len(block.codes), block.lost) for block in blocks] == [
+        (0, 3_000, 0), (3_000, 1_000, 0), (5_600, 3_000, 1_600), (8_600, 3_000, 0),
+    ]  # fmt: skip
+    meter = Meter(waveform.form)
+    batches = [batch for batch in map(meter.feed, blocks) if batch is not None]
+    flags = [flags for batch in batches for flags in batch.flags[0]]
+    # the pause ends exactly with window 6: the windows in the pause have no row, the next one is flagged
+    assert "gap" in flags[5] and [batch.seq[-1] for batch in batches][-1] == 13
 
 
 def test_rates_from_the_times_of_the_samples(tmp_path, recording):
@@ -174,12 +188,16 @@ def test_rates_from_the_times_of_the_samples(tmp_path, recording):
     assert load_waveform(path).form.rate == pytest.approx(20_000)
 
 
-def test_equal_channel_names_are_refused_and_numbers_select(tmp_path, recording):
+def test_equal_channel_names_are_told_apart_by_their_units_or_refused(tmp_path, recording):
     path = replace(recording, names=("A", "A", "B", "B", "C", "C")).write(tmp_path)
-    with pytest.raises(InputError, match=r"2 analog channels with the name 'A'.*0=A, 1=A, 2=B"):
-        load_waveform(path)
+    assert_exact(metered(load_waveform(path)), as_recorded(recording))
     chosen = ChannelMap({"u1": "0", "i1": "1", "u2": "2", "i2": "3", "u3": "4", "i3": "5"})
     assert_exact(metered(load_waveform(path, chosen)), as_recorded(recording))
+    path.write_text(path.read_text().replace("A,A,,A", "A,A,,V"))
+    with pytest.raises(InputError, match=r"two analog channels for u1, 'A' and 'A'.*0=A, 1=A, 2=B"):
+        load_waveform(path)
+    with pytest.raises(InputError, match=r"2 analog channels with the name 'A'"):
+        load_waveform(path, ChannelMap({"u1": "A", "i1": "1"}))
 
 
 def test_a_map_that_takes_a_current_for_a_voltage_is_refused(tmp_path, recording):

@@ -117,7 +117,7 @@ BROKEN_CSV = {
     "u1,i1\n1,2\n": "--rate",
     "time,u1,i1\n0,1,2\n0,1,2\n": "does not advance",
     "time,u1,i1\n0,1,2\n0.0001,1,2\n0.0005,1,2\n0.0006,1,1\n": "equidistant",
-    "time,u1,i1\n0,1,2\n0.01,1,2\n0.02,1,2\n": "2 kHz",
+    "time,u1,i1\n0,1,2\n0.01,1,2\n0.02,1,2\n": "200 Hz",
 }
 
 

@@ -23,7 +23,7 @@ BROKEN_NPZ = {
     "four phases": ({k: np.ones((4, 100), np.int16) for k in ("u_code", "i_code")}, "1 to 3"),
     "no samples": ({k: np.ones((1, 0), np.int16) for k in ("u_code", "i_code")}, "no samples"),
     "no int16": ({"u_code": np.full((1, 4_000), 40_000)}, "int16"),
-    "too slow": ({"fs": 1_000}, "2 kHz"),
+    "too slow": ({"fs": 100}, "200 Hz"),
     "no rate": ({"fs": float("nan")}, "fs is"),
     "absurd scale": ({"u_V_per_digit": 1e9}, "full scale"),
     "zero scale": ({"i_A_per_digit": 0.0}, "full scale"),

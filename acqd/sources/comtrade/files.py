@@ -10,7 +10,10 @@ from pathlib import Path
 from acqd.errors import InputError
 from acqd.sources.text_file import decode
 
-_PART = re.compile(rb"^---\s*file type:\s*([a-z]+)[^\n]*?(?::\s*(\d+)\s*)?---[^\n]*\n", re.IGNORECASE | re.MULTILINE)
+_PART = re.compile(
+    rb"^-{2,}\s*file\s*type\s*:?\s*([a-z]+)[^\n]*?(?::?\s*(?<![\w])(\d+)\s*)?-{2,}[^\n]*\n", re.IGNORECASE | re.MULTILINE
+)
+"""A line such as `--- file type: DAT BINARY: 1234 ---`; some recorders write it without the colons."""
 
 
 def parts(path: Path, encoding: str | None) -> tuple[str, bytes | memoryview]:

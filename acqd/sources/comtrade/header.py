@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from acqd.errors import InputError
-from acqd.sources.comtrade.stamp import has_nanoseconds, offset_s, utc_ns
+from acqd.sources.comtrade.stamp import has_nanoseconds, month_first, offset_s, utc_ns
 
 FileType = Literal["ASCII", "BINARY", "BINARY32", "FLOAT32"]
 SIMULATED = "simulated"
 """Name of the recorder in files that hold the samples of a simulation."""
-_EDITIONS = (1991, 1999, 2001, 2013)
+_KNOWN = (1991, 1999, 2001, 2013)
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,6 +22,7 @@ class AnalogChannel:
 
     name: str
     phase: str
+    circuit: str
     unit: str
     a: float
     b: float
@@ -62,6 +63,8 @@ class Header:
     """Unit of the samples' times [s]."""
     device: str = ""
     """Name of the recorder."""
+    notes: tuple[str, ...] = ()
+    """What was read otherwise than its edition says."""
 
     @property
     def samples(self) -> int:
@@ -73,30 +76,39 @@ def read_header(path: Path, text: str) -> Header:
     """The header in `text`. Raises InputError, which names the line that is wrong."""
     lines = _Lines(path, text)
     head = lines.fields(2)
-    edition = _edition(lines, head[2]) if len(head) > 2 and head[2] else 1991
+    station = head[1]
+    edition, notes = _edition(lines, head[2] if len(head) > 2 else "")
     counts = lines.fields(3)
     analog, digital = lines.count(counts, "A"), lines.count(counts, "D")
     channels = [_channel(lines) for _ in range(analog)]
     for _ in range(digital):
         lines.next()
-    frequency = lines.number(lines.next() or "0")
-    segments = [
-        Segment(lines.number(rate), int(lines.number(end)))
-        for rate, end, *_ in [lines.fields(2) for _ in range(max(1, int(lines.number(lines.next()))))]
-    ]
+    frequency = lines.first_number()
+    segments = _segments(lines)
     start, trigger = lines.next(), lines.next()
     kind = lines.next().upper()
     file_type = next((name for name in get_args(FileType) if name == kind), None)
     if file_type is None:
         raise lines.wrong(f"file type {kind!r} is unknown; expected {', '.join(get_args(FileType))}")
-    factor = lines.number(lines.optional() or "1") if edition >= 1999 else 1.0
+    factor = lines.number(lines.optional().rstrip(", ") or "1") if edition >= 1999 else 1.0
     code = lines.optional().partition(",")[0] if edition >= 2013 else ""
     try:
-        utc = utc_ns(start, edition == 1991, offset_s(code))
+        order = month_first(start, trigger, edition == 1991)
+        utc = utc_ns(start, order.month_first, offset_s(code))
     except ValueError as error:
         raise InputError(path, f"its header: {error}") from None
     tick = 1e-9 if has_nanoseconds(start) or has_nanoseconds(trigger) else 1e-6
-    return Header(edition, channels, digital, frequency, segments, utc, file_type, tick * factor, head[1])
+    said = (*notes, order.note) if order.note else notes
+    return Header(edition, channels, digital, frequency, segments, utc, file_type, tick * factor, station, said)
+
+
+def _segments(lines: _Lines) -> list[Segment]:
+    """Segments; with a number of 0 one line follows, whose rate may be 0: the samples have times."""
+    segments = []
+    for _ in range(max(1, int(lines.first_number()))):
+        rate, end, *_ = lines.fields(2)
+        segments.append(Segment(lines.number(rate or "0"), int(lines.number(end or "0"))))
+    return segments
 
 
 class _Lines:
@@ -122,6 +134,10 @@ class _Lines:
             raise self.wrong(f"has {len(fields)} fields, expected {least} or more")
         return fields
 
+    def first_number(self) -> float:
+        """The number that is alone in a line, which may end with a comma; 0 where the line is empty."""
+        return self.number(self.next().partition(",")[0].strip() or "0")
+
     def number(self, text: str) -> float:
         try:
             value = float(text)
@@ -143,11 +159,17 @@ class _Lines:
         return InputError(self._path, f"its header, line {self._number}: {problem}")
 
 
-def _edition(lines: _Lines, text: str) -> int:
-    edition = int(lines.number(text))
-    if edition not in _EDITIONS:
-        raise lines.wrong(f"edition {text!r} is unknown; expected {', '.join(map(str, _EDITIONS))}")
-    return edition
+def _edition(lines: _Lines, text: str) -> tuple[int, tuple[str, ...]]:
+    """The edition whose rules hold: recorders also write the year of their firmware or of a draft (1997, 2000, 0)."""
+    if not text:
+        return 1991, ()
+    number = lines.number(text)
+    if number in _KNOWN:
+        return int(number), ()
+    if number != int(number) or not (0 <= number <= 9 or 1980 <= number < 2100):
+        raise lines.wrong(f"edition {text!r} is unknown; expected {', '.join(map(str, _KNOWN))}")
+    edition = 2013 if number > 2012 else 1991 if 1980 <= number < 1997 else 1999
+    return edition, (f"its header names edition {text}; read as {edition}",)
 
 
 def _channel(lines: _Lines) -> AnalogChannel:
@@ -157,4 +179,4 @@ def _channel(lines: _Lines) -> AnalogChannel:
     primary, secondary = (lines.number(text or "0") for text in [*fields[10:12], "", ""][:2])
     ratio = primary / secondary if primary > 0 and secondary > 0 else 1.0
     kind = fields[12].upper() if len(fields) > 12 else ""
-    return AnalogChannel(fields[1], fields[2], fields[4], a, b, skew, maximum, ratio, kind == "S")
+    return AnalogChannel(fields[1], fields[2], fields[3], fields[4], a, b, skew, maximum, ratio, kind == "S")

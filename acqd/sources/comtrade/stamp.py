@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from datetime import UTC, datetime
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
-_DATE = re.compile(r"(\d{1,2})/(\d{1,2})/(\d{2,4})$")
+_DATE = re.compile(r"(\d{1,2})[/.-](\d{1,2})[/.-](\d{2,4})$")
 _TIME = re.compile(r"(\d{1,2}):(\d{1,2}):(\d{1,2})(?:\.(\d{1,12}))?$")
 _OFFSET = re.compile(r"([+-]?)(\d{1,2})(?:[hH](\d{1,2})?)?$")
 _PIVOT = 70  # two-digit years from here on are 19xx
@@ -34,6 +35,30 @@ def utc_ns(line: str, month_first: bool, offset_s: int = 0) -> int | None:
     delta = datetime(year, month, day, hour, minute, second, tzinfo=UTC) - _EPOCH
     fraction = int((clock.group(4) or "0").ljust(12, "0")) // 1000
     return (delta.days * 86_400 + delta.seconds + 60 * leap - offset_s) * 1_000_000_000 + fraction
+
+
+@dataclass(frozen=True, slots=True)
+class DateOrder:
+    """Whether dates of a header have the month first, and what to say about it."""
+
+    month_first: bool
+    note: str = ""
+
+
+def month_first(start: str, trigger: str, usual: bool) -> DateOrder:
+    """Order of day and month: `usual` of the edition, unless a date is possible in the other order only.
+
+    """
+    dates = [found for line in (start, trigger) if (found := _DATE.match(line.partition(",")[0].strip()))]
+    first = [int(found.group(1)) for found in dates]
+    second = [int(found.group(2)) for found in dates]
+    month, day = (first, second) if usual else (second, first)
+    if not any(one > 12 for one in month):
+        return DateOrder(usual)
+    if any(one > 12 for one in day):
+        raise ValueError(f"{start.strip()!r} is no date like 31/12/2025")
+    words = ("month", "day") if not usual else ("day", "month")
+    return DateOrder(not usual, f"its dates have the {words[0]} first: {start.partition(',')[0].strip()}")
 
 
 def has_nanoseconds(line: str) -> bool:

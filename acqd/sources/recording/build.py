@@ -1,0 +1,166 @@
+"""The waveform that a recording's channels make."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acqd.arrays import Floats
+from acqd.errors import InputError
+from acqd.metering import StreamFormat
+from acqd.metering.block import Codes
+from acqd.metering.delay import delayed
+from acqd.sources.recording.channel import Recording
+from acqd.sources.recording.line_voltages import star_voltages
+from acqd.sources.recording.roles import roles_of
+from acqd.sources.recording.selection import Selection, chosen, factor_of, mapped
+from acqd.sources.waveform import ChannelMap, Waveform, check_values, stream_format
+
+_RATE_TOLERANCE = 1e-3
+"""--rate may differ so much from the rate that the file itself says: more is a contradiction."""
+_LOW_RATE = 1_600.0
+"""Below this rate [1/s] harmonics beyond the 15th are unknown, and a row is 0.1 % less exact."""
+_DIRECT = 1.0
+"""A mean above the RMS of the alternating part: a direct voltage."""
+
+
+def select(recording: Recording, given: ChannelMap) -> Selection:
+    """The channels to meter. Raises InputError."""
+    if given.columns is not None:
+        return mapped(recording, given)
+    return chosen(recording, roles_of(recording.channels))
+
+
+def waveform_of(recording: Recording, given: ChannelMap) -> Waveform:
+    """Codes where the file has codes of 16 bits, else volts and amperes. Raises InputError."""
+    selection = select(recording, given)
+    rate, notes = _rate(recording, given)
+    if not recording.samples:
+        raise InputError(recording.path, "has no samples")
+    notes = (*notes, *selection.notes)
+    if selection.between_lines:
+        return _of_lines(recording, given, selection, rate, notes)
+    order = [channel for pair in zip(selection.voltages, selection.currents, strict=True) for _, channel in pair]
+    factors = [_factor(recording, given, selection, k, place) for place, k in enumerate(order)]
+    skews = [recording.channels[k].skew_s for k in order]
+    relative = [(skew - skews[0]) * rate for skew in skews]
+    start = recording.start_utc_ns
+    if start is not None:
+        start += round(skews[0] * 1e9)
+    f_nominal = given.f_nominal or recording.f_nominal or 50.0
+    if not any(relative) and (codes := _codes(recording, order)) is not None:
+        scale = [column_scale * factor for column_scale, factor in zip(codes[1], factors, strict=True)]
+        form = stream_format(recording.path, rate, scale, f_nominal, codes[0])
+        return _finished(recording, codes[0], form, start, notes)
+    first, last = _common(recording, relative)
+    values = np.empty((last - first, len(order)))
+    for place, (k, skew) in enumerate(zip(order, relative, strict=True)):
+        values[:, place] = delayed(recording.column(k).physical(), skew, first, last)
+    check_values(recording.path, values)
+    _refuse_direct(recording, selection, values)
+    if start is not None:
+        start += round(first * 1e9 / rate)
+    return _finished(recording, values, stream_format(recording.path, rate, factors, f_nominal, values), start, notes)
+
+
+def _factor(recording: Recording, given: ChannelMap, selection: Selection, channel: int, place: int) -> float:
+    """V or A per unit of the file of the channel in this place: u, i, u, i ..."""
+    key = f"{'ui'[place % 2]}{selection.currents[place // 2][0]}"
+    return factor_of(recording, channel, key, given.i_scale if place % 2 else given.u_scale)
+
+
+def _codes(recording: Recording, order: list[int]) -> tuple[NDArray[np.int16], list[float]] | None:
+    """Codes [samples, channels] and their scales; None where a channel has none."""
+    codes, scales = np.empty((recording.samples, len(order)), np.int16), []
+    for place, k in enumerate(order):
+        column = recording.column(k)
+        if column.values.dtype != np.int16 or column.offset or not (recording.full_scale or _plausible(column.scale)):
+            return None
+        codes[:, place] = column.values
+        scales.append(column.scale)
+    return codes, scales
+
+
+def _plausible(scale: float) -> bool:
+    """Whether a scale may be that of a converter, in the unit of the file."""
+    return 1e-7 < scale < 1e3
+
+
+def _finished(
+    recording: Recording,
+    codes: Codes,
+    form: StreamFormat,
+    start: int | None,
+    notes: tuple[str, ...],
+    flags: frozenset[str] = frozenset(),
+) -> Waveform:
+    name, said, breaks = recording.path.name, (*notes, *recording.notes), tuple(recording.breaks)
+    return Waveform(name, codes, form, start, recording.simulated, said, flags, breaks)
+
+
+def _of_lines(
+    recording: Recording, given: ChannelMap, selection: Selection, rate: float, notes: tuple[str, ...]
+) -> Waveform:
+    """Star voltages from voltages between lines; every row is flagged `derived`."""
+    if any(recording.channels[k].skew_s for _, k in selection.keys):
+        raise InputError(recording.path, "has voltages between lines and channels with a skew; expected one or other")
+    volts = np.column_stack([_values(recording, given, f"u{a}{b}", k) for (a, b), k in selection.voltages])
+    amperes = np.column_stack([_values(recording, given, f"i{phase}", k) for phase, k in selection.currents])
+    star = star_voltages(recording.path, [pair for pair, _ in selection.voltages], volts, amperes)
+    values = np.empty((recording.samples, 6))
+    values[:, 0::2], values[:, 1::2] = star, amperes
+    check_values(recording.path, values)
+    form = stream_format(recording.path, rate, [1.0] * 6, given.f_nominal or recording.f_nominal or 50.0, values)
+    names = ", ".join(recording.channels[k].name for _, k in selection.voltages)
+    said = f"{names} are voltages between lines: star voltages are derived from them, and rows are flagged derived"
+    return _finished(recording, values, form, recording.start_utc_ns, (said, *notes), frozenset({"derived"}))
+
+
+def _values(recording: Recording, given: ChannelMap, key: str, channel: int) -> Floats:
+    factor = factor_of(recording, channel, key, given.u_scale if key[0] == "u" else given.i_scale)
+    return recording.column(channel).physical() * factor
+
+
+def _rate(recording: Recording, given: ChannelMap) -> tuple[float, tuple[str, ...]]:
+    """Samples/s and remarks. Raises InputError where nobody says, and where --rate contradicts the file."""
+    known = recording.rate
+    if known is None and given.rate is None:
+        raise InputError(recording.path, "says neither its sampling rate nor the times of its samples; give the rate with --rate")
+    rate = given.rate or known
+    assert rate is not None
+    notes: tuple[str, ...] = ()
+    if known is not None and given.rate is not None and abs(given.rate / known - 1) > _RATE_TOLERANCE:
+        notes = (
+            f"--rate {given.rate:g} overrules the file, whose samples come at {known:.6g} per second "
+            f"({given.rate / known - 1:+.1%}): f and W follow --rate",
+        )
+    if rate < _LOW_RATE:
+        highest = int(0.48 * rate / 50)
+        notes += (f"{rate:g} samples/s show harmonics up to number {max(highest, 1)} at 50 Hz; what is above is lost",)
+    return rate, notes
+
+
+def _common(recording: Recording, skews: list[float]) -> tuple[int, int]:
+    """Samples at whose time every channel is known."""
+    first, last = math.ceil(max(0.0, *skews)), recording.samples + math.floor(min(0.0, *skews))
+    if first >= last:
+        raise InputError(recording.path, "the skews of its channels are longer than the recording")
+    if recording.breaks and first | (recording.samples - last):
+        raise InputError(recording.path, "has pauses and channels with a skew; expected one or other")
+    return first, last
+
+
+def _refuse_direct(recording: Recording, selection: Selection, values: Floats) -> None:
+    """A direct voltage among alternating ones is no phase, whatever its name says. Raises InputError."""
+    volts = values[:, 0::2]
+    mean = np.abs(volts.mean(axis=0))
+    direct = mean > np.maximum(_DIRECT * volts.std(axis=0), 1e-9)
+    if direct.any() and not direct.all():
+        phase, channel = selection.voltages[int(np.argmax(direct))]
+        raise InputError(
+            recording.path,
+            f"{recording.noun} {recording.channels[channel].name!r} for u{phase[0]} is a direct voltage, and the "
+            f"others alternate; say which is u{phase[0]} with --map, or meter the other phases only",
+        )

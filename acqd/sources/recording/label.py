@@ -1,0 +1,195 @@
+"""What the name of a channel may mean: quantity, phase, feeder; every reading that its letters allow.
+
+Phases are named A B C, 1 2 3 (L1 L2 L3), R S T, R Y B or U V W; two of one family are a voltage between phases. A letter
+means one thing beside its family and another one alone: S is the second of R S T, and the synchronising voltage beside
+A B C. So a name has several readings, and `roles` chooses among them.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Literal
+
+from acqd.sources.recording.channel import Kind
+
+FAMILIES = {"abc": "abc", "123": "123", "rst": "rst", "ryb": "ryb", "uvw": "uvw"}
+"""Letters of the phases L1, L2, L3."""
+_QUANTITY: dict[str, Literal["u", "i"]] = {
+    **dict.fromkeys(("u", "v", "voltage", "volt", "volts", "spannung", "tension", "tensione", "voltaje", "ugrid"), "u"),
+    **dict.fromkeys(("i", "current", "curr", "amp", "amps", "strom", "courant", "corriente", "corrente"), "i"),
+}
+_WORD_QUANTITY = sorted((word for word in _QUANTITY if len(word) > 2), key=len, reverse=True)
+_FILLER = frozenset(
+    "phase ph line ac inst instantaneous wave waveform raw primary pri secondary sec signal mains grid input analog "
+    "channel of the to value load supply leiter aussenleiter phasen netz".split()
+)
+_COMPUTED = frozenset(
+    "rms mag magnitude angle ang phasor freq frequency power thd avg mean average max min peak crest harmonic harmonics "
+    "ref reference setpoint set cos phi fundamental fund effektiv rocof demand eff".split()
+)
+_OTHER = frozenset("temp temperature speed torque energy trigger position pressure digital time".split())
+_DC = re.compile(r"^(?:[uvi]?dc\w*|\w*dc|batt?(?:ery)?\d*|[uv]bat\w*|dclink|zk|[uv]zk|zwischenkreis|station)$")
+_SYNC = re.compile(r"^[uv]?(?:sync\w*|syn|synch\w*)\d*$")
+_RESIDUAL = re.compile(
+    r"^(?:3[uvi][0o]?|[uvi](?:n|ne|ng|e|g|gnd|pe|o|0|res\w*|resid\w*|earth|sum|neut\w*|ef|sef)\d?"
+    r"|neut\w*|neutral\w*|res|resid\w*|earth|ground|gnd|erde|sef|n|pe|zero|sum|summe|nul\w*)$"
+)
+_NEUTRAL = ("n", "e", "g", "pe")
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """One meaning of a name."""
+
+    kind: Kind
+    quantity: Literal["u", "i", ""] = ""
+    family: str = ""
+    phases: tuple[int, ...] = ()
+    group: str = ""
+
+
+def readings(name: str) -> list[Reading]:
+    """All meanings of a channel's name; none where it says nothing."""
+    words = _words(name)
+    quantity = next((_QUANTITY[word] for word in words if word in _QUANTITY and len(word) > 1), "")
+    plain = [word for word in words if not (word in _QUANTITY and len(word) > 1)]
+    if special := _special(plain, quantity):
+        return [special]
+    core = [word for word in plain if word not in _FILLER]
+    found = _designated(core, quantity)
+    if found:
+        return found
+    if len(core) == 1 and core[0] in _QUANTITY or not core and quantity:
+        return [Reading("phase", _QUANTITY[core[0]] if core else quantity, "123", (1,))]
+    bare = next((_QUANTITY[word] for word in core if word in _QUANTITY), quantity)
+    return [Reading("unknown", bare)] if bare else []
+
+
+def phase_field(text: str) -> list[Reading]:
+    """Meanings of the field of the phase in COMTRADE: `A`, `L1-N`, `AB`, `N`, `3`; some recorders write `I1`."""
+    words = _words(text)
+    if not words:
+        return []
+    if all(word in _NEUTRAL or _RESIDUAL.match(word) for word in words):
+        return [Reading("residual")]
+    return [one for one in _designated(words, "") if not one.group]
+
+
+def _words(name: str) -> list[str]:
+    spaced = re.sub(r"(?<=[a-z])(?=[A-Z][a-z]|[A-Z]\d|[A-Z]$)", " ", name)  # CurrentL1, phaseA
+    words: list[str] = []
+    for word in re.split(r"[^a-z0-9]+", spaced.lower()):
+        whole = next((w for w in _WORD_QUANTITY if word.startswith(w)), "")
+        words += [whole, word[len(whole) :]]
+    split: list[str] = []
+    for word in words:
+        tail = re.fullmatch(r"(?:phase|ph)([a-crsty123]|l[123])", word)
+        split += ["phase", tail.group(1)] if tail else [word]
+    return [word for word in split if word]
+
+
+def _special(words: list[str], quantity: Literal["u", "i", ""]) -> Reading | None:
+    """What is never a phase: direct, computed, residual, synchronising quantities."""
+    letter = next((w[0] for w in words if w[0] in "uvi" and len(w) <= 5), "")
+    kind = quantity or (_QUANTITY[letter] if letter else "")
+    if any(_DC.match(word) and not re.fullmatch(r"[uvi]?[a-z]?\d?[a-c]dc", word) for word in words):
+        return Reading("dc", kind)
+    if any(word in _COMPUTED or re.fullmatch(r"[uvi][a-c1-3]?(rms|mag|ang|thd|eff)", word) for word in words):
+        return Reading("computed", kind)
+    if any(_SYNC.match(word) for word in words):
+        return Reading("sync", "u")
+    if any(word in _OTHER for word in words):
+        return Reading("other")
+    if any(re.fullmatch(r"3[uvi][0o]?", word) for word in words):
+        return Reading("residual", kind)
+    residual = [word for word in words if _RESIDUAL.match(word)]
+    phases = [word for word in words if word not in residual and word not in _FILLER and _single(word)]
+    if residual and not phases:
+        return Reading("residual", kind)
+    return None
+
+
+_LEAD = r"^(?P<before>\d*)(?P<quantity>[uvi])?(?:l|ph)?"
+_NUMBERED = r"^(?P<before>\d*)(?P<quantity>[uvi])(?P<middle>\d+)"
+"""`u1a`: the voltage of phase A of feeder 1."""
+
+
+def _designated(words: list[str], quantity: Literal["u", "i", ""]) -> list[Reading]:
+    """Readings of words such as `va`, `l1`, `u12`, `ia` + `g1`, `l1` + `l2`, `v` + `a` + `n`."""
+    found: list[Reading] = []
+    taken = 0  # words that are the second phase of a pair
+    for at, word in enumerate(words):
+        rest = words[at + 1 :]
+        if at < taken:
+            continue
+        for reading in _word(word, quantity, rest):
+            used = 1 + _partners(reading, rest)
+            taken = max(taken, at + used)
+            group = " ".join(w for w in (*words[:at], reading.group, *words[at + used :]) if w and w not in _NEUTRAL)
+            group = " ".join(w for w in group.split() if w not in ("u", "v", "i"))
+            letter: Literal["u", "i", ""] = reading.quantity or quantity or _before(words[:at])
+            found.append(Reading(reading.kind, letter, reading.family, reading.phases, group))
+    strong = [one for one in found if one.quantity]
+    return list(dict.fromkeys(strong or found))
+
+
+def _before(words: list[str]) -> Literal["u", "i", ""]:
+    return next((_QUANTITY[word] for word in words if word in _QUANTITY), "")
+
+
+def _word(word: str, quantity: str, rest: list[str]) -> list[Reading]:
+    """Readings of one word, with the next words where those complete a pair."""
+    found = []
+    for family, letters in FAMILIES.items():
+        d = f"[{letters}]"
+        pair = re.match(rf"{_LEAD}(?P<a>{d})(?:[uvi])?(?:l|ph)?(?P<b>{d})(?P<after>\w*)$", word)
+        single = re.match(rf"{_LEAD}(?P<a>{d})(?P<neutral>n|e|g)?(?P<after>\d*|[a-z]\d*)$", word)
+        numbered = re.match(rf"{_NUMBERED}(?P<a>{d})(?:n|e|g)?$", word) if family != "123" else None
+        if numbered:
+            phase = letters.index(numbered["a"]) + 1
+            found.append(Reading("phase", _letter(numbered["quantity"]), family, (phase,), numbered["middle"]))
+        if pair and pair["a"] != pair["b"] and (pair["quantity"] or quantity or len(word) <= 4):
+            phases = (letters.index(pair["a"]) + 1, letters.index(pair["b"]) + 1)
+            found.append(Reading("line", _letter(pair["quantity"]), family, phases, pair["before"] + pair["after"]))
+        if single is None or (family == "123" and single["before"]):
+            continue
+        named = single["quantity"] or re.match(r"^(l|ph)", word) or re.fullmatch(rf"{d}[neg]?", word)
+        if not named or (word in "uvi" and not quantity):
+            continue
+        phase = letters.index(single["a"]) + 1
+        partner = _partner(family, letters, rest)
+        if partner and partner != phase:
+            found.append(Reading("line", _letter(single["quantity"]), family, (phase, partner), single["before"]))
+        else:
+            group = single["before"] + single["after"]
+            found.append(Reading("phase", _letter(single["quantity"]), family, (phase,), group))
+            if family == "123" and single["after"] in ("1", "2", "3"):  # I12: of phase 1 or of feeder 1
+                swapped = (int(single["after"]),)
+                found.append(Reading("phase", _letter(single["quantity"]), family, swapped, str(phase)))
+    return found
+
+
+def _letter(letter: str | None) -> Literal["u", "i", ""]:
+    return _QUANTITY[letter] if letter else ""
+
+
+def _partner(family: str, letters: str, rest: list[str]) -> int:
+    """The second phase of a pair, if the next word is one: `l1` + `l2`, `va` + `vb`, `a` + `b`."""
+    if not rest:
+        return 0
+    match = re.fullmatch(rf"(?P<lead>[uvi]?l?|ph)(?P<d>[{letters}])", rest[0])
+    if match is None or (family == "123" and not match["lead"]):
+        return 0
+    return letters.index(match["d"]) + 1
+
+
+def _partners(reading: Reading, rest: list[str]) -> int:
+    """How many of the next words the reading has used."""
+    if reading.kind == "line" and rest and _partner(reading.family, FAMILIES[reading.family], rest):
+        return 1
+    return 1 if reading.kind == "phase" and rest and rest[0] in _NEUTRAL else 0
+
+
+def _single(word: str) -> bool:
+    return re.fullmatch(r"\d*[uvi]?(l|ph)?[a-crstyuw123](n|e|g)?\w?\d*", word) is not None and word not in ("n", "e")

@@ -1,0 +1,169 @@
+"""The role of every channel of a recording, with the evidence: unit, field of the phase, name, and the other channels.
+
+A letter has a meaning beside its family only: S is a phase where R and T are there, and the synchronising voltage where
+A, B and C are. So families are established first, by all channels together.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from dataclasses import replace
+from typing import Literal, TypeAlias
+
+from acqd.sources.recording.channel import Channel, Role
+from acqd.sources.recording.label import Reading, phase_field, readings
+from acqd.sources.recording.units import UnknownUnitError, unit_of
+
+_ALONE = ("abc", "123")
+"""Families whose letters mean phases also where one of the three is missing."""
+NO_PHASE = "its name says no phase"
+
+
+def roles_of(channels: list[Channel]) -> list[Role]:
+    """One role per channel."""
+    candidates = [_candidates(channel) for channel in channels]
+    if any(re.search(r"(?i)[uv]l?(11|22|33)$", channel.name.strip()) for channel in channels):
+        candidates = [[one for one in found if (one.kind, one.family) != ("line", "123")] for found in candidates]
+    whole = _whole(candidates)
+    roles = [_role(channel, found, whole) for channel, found in zip(channels, candidates, strict=True)]
+    roles = [_not_sequence(role, roles) for role in roles]
+    return _only_ones(channels, roles)
+
+
+def _candidates(channel: Channel) -> list[Reading]:
+    """Readings of the name and of the phase field that do not contradict each other."""
+    named, field = readings(channel.name), phase_field(channel.phase)
+    special = [one for one in named if one.kind not in ("phase", "line", "unknown")]
+    if special:
+        return special
+    if any(one.kind == "residual" for one in field):
+        return [Reading("residual", named[0].quantity if named else "")]
+    if not field:
+        return named
+    agreeing = [one for one in named if any(_same(one, other) for other in field)]
+    lines = [one for one in named if one.kind == "line"]
+    if agreeing:
+        return agreeing
+    field_lines = [one for one in field if one.kind == "line"]
+    quantity = next((one.quantity for one in named if one.quantity), "")
+    if field_lines:
+        return [replace(one, quantity=quantity) for one in field_lines]
+    if lines:  # most recorders have no name for two phases in the field
+        return lines
+    phases = [one for one in named if one.kind == "phase"]
+    if phases and not any(one.phases == other.phases for one in phases for other in field):
+        return [Reading("unknown", quantity)]
+    groups = [one.group for one in named] or [""]
+    return [replace(one, quantity=quantity, group=groups[0]) for one in field]
+
+
+def _same(one: Reading, other: Reading) -> bool:
+    return one.kind == other.kind and one.phases == other.phases
+
+
+_Key: TypeAlias = tuple[str, str, str, str]  # family, kind, quantity, group
+
+
+def _key(one: Reading) -> _Key:
+    return one.family, one.kind, one.quantity, one.group
+
+
+def _whole(candidates: list[list[Reading]]) -> set[_Key]:
+    """Families with all three members of a quantity and group."""
+    members: dict[_Key, set[tuple[int, ...]]] = defaultdict(set)
+    for found in candidates:
+        for one in found:
+            if one.kind in ("phase", "line"):
+                members[_key(one)].add(tuple(sorted(one.phases)))
+    return {key for key, phases in members.items() if len(phases) == 3}
+
+
+def _role(channel: Channel, found: list[Reading], whole: set[_Key]) -> Role:
+    quantity, problem = _quantity(channel, found)
+    evidence = (f"unit {channel.unit}",) if channel.unit.strip() else ()
+    if problem:
+        return Role("other" if problem.startswith("in ") else "unknown", quantity, evidence=(*evidence, problem))
+    if not found:
+        return Role("unknown" if quantity else "other", quantity, evidence=(*evidence, NO_PHASE))
+    if channel.phase.strip():
+        evidence = (*evidence, f"phase field {channel.phase}")
+    usual = [one for one in found if quantity != "i" or one.kind != "line"]
+    if not usual:
+        return Role("other", quantity, evidence=(*evidence, "a current between phases"))
+    ranks = [_rank(one, channel, whole) for one in usual]
+    if not max(ranks):
+        return _stranger(channel, quantity, evidence)
+    best = [one for one, rank in zip(usual, ranks, strict=True) if rank == max(ranks)]
+    best = [one for one in best if one.kind == "line"] or best
+    if len({one.phases for one in best}) > 1:
+        return Role("unknown", quantity, evidence=(*evidence, "its name may mean two phases"))
+    one = best[0]
+    return Role(one.kind, quantity, one.phases, one.group, (*evidence, f"name {channel.name}"))
+
+
+def _rank(one: Reading, channel: Channel, whole: set[_Key]) -> int:
+    """How much speaks for a reading; 0: nothing."""
+    if one.kind not in ("phase", "line"):
+        return 5 if one.kind != "unknown" else 1
+    if _key(one) in whole:
+        return 4
+    if any((family, kind) == (one.family, one.kind) for family, kind, _, _ in whole):
+        return 3
+    if re.fullmatch(r"(?i)[uvi]ac\d*", channel.name.strip()) and not channel.phase:
+        return 0  # an alternating voltage
+    if one.family in _ALONE:
+        return 2
+    return 1 if one.phases == (1,) and one.kind == "phase" else 0  # R and U are the first of their families
+
+
+def _stranger(channel: Channel, quantity: Literal["u", "i", ""], evidence: tuple[str, ...]) -> Role:
+    """A letter without its family: S of the synchronising voltage, X of another winding."""
+    if channel.name.lower().lstrip("uv_ -") in ("s", "x", "y", "sy") and quantity == "u":
+        return Role("sync", "u", evidence=(*evidence, f"name {channel.name}, without phases R and T"))
+    return Role("unknown", quantity, evidence=(*evidence, NO_PHASE))
+
+
+def _quantity(channel: Channel, found: list[Reading]) -> tuple[Literal["u", "i", ""], str]:
+    """Quantity, and why the channel cannot be used as such."""
+    named = next((one.quantity for one in found if one.quantity), "")
+    try:
+        unit = unit_of(channel.unit)
+    except UnknownUnitError as error:
+        return named, f"its {error}"
+    if unit is None:
+        return named, ""
+    if unit.quantity not in ("u", "i"):
+        return "", f"in {channel.unit.strip()}, neither V nor A"
+    if named and named != unit.quantity:
+        words = {"u": "voltage", "i": "current"}
+        return named, f"its name says {words[named]}, its unit {channel.unit.strip()}"
+    return unit.quantity, ""
+
+
+def _not_sequence(role: Role, roles: list[Role]) -> Role:
+    """V1 and V2 beside V0, without V3, are symmetrical components."""
+    if role.kind != "phase" or role.phases[0] == 3 or not role.evidence:
+        return role
+    alike = [one for one in roles if one.quantity == role.quantity and one.group == role.group]
+    numbers = {one.phases for one in alike if one.kind == "phase"}
+    name = role.evidence[-1].lower()
+    zero = any(one.kind == "residual" and one.evidence and one.evidence[-1].endswith("0") for one in alike)
+    if zero and numbers == {(1,), (2,)} and name[-1] in "12" and "l" not in name.rpartition(" ")[2]:
+        return replace(role, kind="sequence", phases=())
+    return role
+
+
+def _only_ones(channels: list[Channel], roles: list[Role]) -> list[Role]:
+    """One voltage and one current without a phase, and no others: they are those of L1."""
+    if any(role.kind in ("phase", "line") for role in roles):
+        return roles
+    for quantity in ("u", "i"):
+        alike = [k for k, role in enumerate(roles) if role.kind == "unknown" and role.quantity == quantity]
+        if len(alike) != 1 or roles[alike[0]].evidence[-1] != NO_PHASE:
+            return roles
+    for k, role in enumerate(roles):
+        if role.kind == "unknown" and role.quantity:
+            word = "voltage" if role.quantity == "u" else "current"
+            roles[k] = Role("phase", role.quantity, (1,), "", (*role.evidence[:1], f"the only {word}: {channels[k].name}"))
+    return roles

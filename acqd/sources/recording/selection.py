@@ -1,0 +1,233 @@
+"""Which channels are metered: by --map, else by their roles; what stays ambiguous is refused with what to type."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from acqd.errors import InputError
+from acqd.sources.recording.channel import Recording, Role
+from acqd.sources.recording.roles import NO_PHASE
+from acqd.sources.recording.units import UnknownUnitError, unit_of
+from acqd.sources.waveform import LINES, ChannelMap, position, positions
+
+_SHOWN = 6  # channels that are not metered
+_LISTED = 40  # channels in an error
+_PHASES = (1, 2, 3)
+
+
+@dataclass(frozen=True, slots=True)
+class Selection:
+    """Positions of the metered channels."""
+
+    voltages: list[tuple[tuple[int, ...], int]]
+    """(phase) or (from, to), and the channel."""
+    currents: list[tuple[int, int]]
+    """Phase and channel."""
+    notes: tuple[str, ...] = ()
+
+    @property
+    def between_lines(self) -> bool:
+        """Whether the voltages are those between lines."""
+        return len(self.voltages[0][0]) == 2
+
+    @property
+    def keys(self) -> list[tuple[str, int]]:
+        """(u1, channel), (i1, channel), ... as in a --map."""
+        voltages = [("u" + "".join(map(str, phases)), channel) for phases, channel in self.voltages]
+        return voltages + [(f"i{phase}", channel) for phase, channel in self.currents]
+
+
+def mapped(recording: Recording, given: ChannelMap) -> Selection:
+    """The channels that the user names. Raises InputError."""
+    columns = given.columns or {}
+    names = [channel.name for channel in recording.channels]
+    lines = [key for key in columns if key in LINES]
+    if lines:
+        return _mapped_lines(recording, columns, lines, names)
+    pairs = given.pairs(recording.path, columns)
+    phases = [phase for phase in _PHASES if f"u{phase}" in columns]
+    places = positions(recording.path, names, pairs, recording.noun)
+    voltages = [((phase,), place) for phase, place in zip(phases, places[0::2], strict=True)]
+    return Selection(voltages, list(zip(phases, places[1::2], strict=True)))
+
+
+def _mapped_lines(recording: Recording, columns: dict[str, str], lines: list[str], names: list[str]) -> Selection:
+    currents = [f"i{phase}" for phase in _PHASES]
+    stray = [key for key in columns if key not in lines and key not in currents]
+    if len(lines) < 2 or stray or any(key not in columns for key in currents):
+        raise InputError(
+            recording.path,
+            "voltages between lines need two or three of them and three currents: "
+            "--map u12=...,u23=...,u31=...,i1=...,i2=...,i3=...",
+        )
+    places = [position(recording.path, names, columns[key], recording.noun) for key in (*lines, *currents)]
+    if len(set(places)) < len(places):
+        raise InputError(recording.path, f"--map names a {recording.noun} twice; expected another one for each")
+    voltages = [((int(key[1]), int(key[2])), place) for key, place in zip(lines, places, strict=False)]
+    return Selection(voltages, list(zip(_PHASES, places[len(lines) :], strict=True)))
+
+
+def chosen(recording: Recording, roles: list[Role]) -> Selection:
+    """The channels that roles name. Raises InputError."""
+    for grouping in (_no_group, _by_name, _by_circuit, _by_both):
+        found = _in_groups(recording, roles, grouping)
+        if found is not None:
+            return found
+    raise InputError(recording.path, _ambiguity(recording, roles))
+
+
+_Grouping = Callable[[Recording, int, Role], str]
+
+
+def _no_group(_recording: Recording, _k: int, _role: Role) -> str:
+    return ""
+
+
+def _by_name(_recording: Recording, _k: int, role: Role) -> str:
+    return role.group
+
+
+def _by_circuit(recording: Recording, k: int, _role: Role) -> str:
+    return recording.channels[k].circuit.strip().lower()
+
+
+def _by_both(recording: Recording, k: int, role: Role) -> str:
+    return f"{_by_circuit(recording, k, role)}|{role.group}"
+
+
+def _in_groups(recording: Recording, roles: list[Role], grouping: _Grouping) -> Selection | None:
+    """The first group whose channels are one of each; None where groups mix feeders or leave a phase incomplete."""
+    groups: dict[str, dict[str, list[int]]] = {}
+    for k, role in enumerate(roles):
+        if role.key:
+            groups.setdefault(grouping(recording, k, role), {}).setdefault(role.key, []).append(k)
+    whole = {name: found for name, keys in groups.items() if (found := _whole(keys)) is not None}
+    if not whole:
+        return _across(recording, groups)
+    best = max(len(found.currents) for found in whole.values())
+    selection = next(found for found in whole.values() if len(found.currents) == best)
+    return Selection(selection.voltages, selection.currents, _left_out(recording, roles, selection))
+
+
+def _whole(keys: dict[str, list[int]]) -> Selection | None:
+    """Voltages and currents of the same phases, or line voltages with three currents."""
+    phases = [phase for phase in _PHASES if f"u{phase}" in keys]
+    currents = [phase for phase in _PHASES if f"i{phase}" in keys]
+    metered = [key for key in keys if key[0] == "i" or (len(key) == 2 and phases)]
+    if any(len(keys[key]) > 1 for key in metered):
+        return None
+    i = [(phase, keys[f"i{phase}"][0]) for phase in currents]
+    if phases and phases == currents:
+        return Selection([((phase,), keys[f"u{phase}"][0]) for phase in phases], i)
+    lines = [key for key in keys if len(key) == 3]
+    if phases or len(currents) < 3 or len({frozenset(key[1:]) for key in lines}) < 2:
+        return None
+    if any(len(keys[key]) > 1 for key in lines) or len(lines) > 3:
+        return None
+    return Selection([((int(key[1]), int(key[2])), keys[key][0]) for key in lines], i)
+
+
+def _across(recording: Recording, groups: dict[str, dict[str, list[int]]]) -> Selection | None:
+    """Voltages of a bus and currents of a feeder: where there is one group of each."""
+    voltages = [keys for keys in groups.values() if any(key[0] == "u" for key in keys)]
+    currents = [keys for keys in groups.values() if any(key[0] == "i" for key in keys)]
+    if len(groups) != 2 or len(voltages) != 1 or len(currents) != 1 or voltages[0] is currents[0]:
+        return None
+    found = _whole(voltages[0] | currents[0])
+    return None if found is None else Selection(found.voltages, found.currents, (_metered(recording, found),))
+
+
+def _left_out(recording: Recording, roles: list[Role], selection: Selection) -> tuple[str, ...]:
+    """Says which of several voltages and currents are metered."""
+    taken = {channel for _, channel in selection.keys}
+    others = [recording.channels[k].name for k, role in enumerate(roles) if role.quantity and k not in taken]
+    if not others:
+        return ()
+    more = f" and {len(others) - _SHOWN} more" if len(others) > _SHOWN else ""
+    return (f"{_metered(recording, selection)}; it also has {', '.join(others[:_SHOWN])}{more} (--map selects)",)
+
+
+def _metered(recording: Recording, selection: Selection) -> str:
+    order = sorted(selection.keys, key=lambda one: (one[0][1:], one[0][0] == "i"))
+    return "metered are " + ", ".join(f"{key}={recording.channels[channel].name}" for key, channel in order)
+
+
+def _ambiguity(recording: Recording, roles: list[Role]) -> str:
+    """What is missing or double, the channels as acqd understands them, and a line to type."""
+    counts = Counter(role.key for role in roles if role.key)
+    by_name = Counter((role.key, role.group) for role in roles if role.key)
+    double = next((key for (key, _), count in by_name.items() if count > 1), None) or next(
+        (key for key, count in counts.items() if count > 1), None
+    )
+    noun = recording.noun
+    listing = f"({noun}s: {', '.join(f'{k}={c.name}' for k, c in enumerate(recording.channels[:_LISTED]))})"
+    try_it = f"such as {suggestion(roles)}; acqd replay --inspect shows them {listing}"
+    if double is not None:
+        names = [recording.channels[k].name for k, role in enumerate(roles) if role.key == double]
+        listed = " and ".join(f"{name!r}" for name in names[:4])
+        count = {2: "two", 3: "three"}.get(len(names), str(len(names)))
+        return f"has {count} {noun}s for {double}, {listed}; say which with --map u1=...,i1=..., {try_it}"
+    wrong = [f"{c.name!r}: {r.evidence[-1]}" for c, r in zip(recording.channels, roles, strict=True) if _odd(r)]
+    if wrong:
+        more = f" and {len(wrong) - 3} more" if len(wrong) > 3 else ""
+        return (
+            f"{noun} {'; '.join(wrong[:3])}{more}; say what it is with --map, and V or A per unit of the file with "
+            f"--u-scale or --i-scale: {try_it}"
+        )
+    if lone := next((key for key in sorted(counts) if _partner(key) not in counts and len(key) == 2), None):
+        return f"has {lone} but no {_partner(lone)}; power needs both: --map u1=...,i1=..., {try_it}"
+    if any(len(key) == 3 for key in counts):
+        return (
+            "has voltages between lines; they need two or three of them and the currents of three lines: "
+            f"--map u12=...,u23=...,i1=...,i2=...,i3=... {listing}"
+        )
+    return f"has no voltage and current pair; say which {noun}s with --map u1=...,i1=..., {try_it}"
+
+
+def _odd(role: Role) -> bool:
+    """Whether something speaks against metering the channel, rather than nothing for it."""
+    return role.kind == "unknown" and bool(role.evidence) and role.evidence[-1] != NO_PHASE
+
+
+def _partner(key: str) -> str:
+    return ("i" if key[0] == "u" else "u") + key[1:]
+
+
+def suggestion(roles: list[Role]) -> str:
+    """A --map with the likeliest channels by their numbers, `?` where nothing is likely."""
+    keys: dict[str, int] = {}
+    for k, role in enumerate(roles):
+        if role.key and len(role.key) == 2:
+            keys.setdefault(role.key, k)
+    if not keys:
+        alike = [k for k, role in enumerate(roles) if role.quantity and role.kind == "unknown"]
+        volts = [k for k in alike if roles[k].quantity == "u"]
+        amperes = [k for k in alike if roles[k].quantity == "i"]
+        if len(volts) == 2 and not amperes:  # a current that is measured as a voltage
+            return f"--map u1={volts[0]},i1={volts[1]} --u-scale 1 --i-scale 1 (A per V of the probe)"
+        keys |= {f"u{n}": k for n, k in enumerate(volts[:3], start=1)}
+        keys |= {f"i{n}": k for n, k in enumerate(amperes[:3], start=1)}
+    phases = sorted({key[1] for key in keys}) or ["1"]
+    return "--map " + ",".join(f"{q}{phase}={keys.get(f'{q}{phase}', '?')}" for phase in phases for q in "ui")
+
+
+def factor_of(recording: Recording, channel: int, key: str, given: float | None) -> float:
+    """V or A (primary) per unit of the file. Raises InputError for another quantity and for an unknown unit."""
+    if given is not None:
+        return given
+    wanted, option = ("V", "--u-scale") if key[0] == "u" else ("A", "--i-scale")
+    one = recording.channels[channel]
+    title = f"{recording.noun} {one.name!r} for {key}"
+    try:
+        unit = unit_of(one.unit)
+    except UnknownUnitError as error:
+        raise InputError(recording.path, f"{title}: {error}, or say how many {wanted} one is with {option}") from None
+    if unit is not None and unit.quantity != key[0]:
+        raise InputError(
+            recording.path,
+            f"{title} is in {one.unit.strip()}; expected {wanted} (see --map), or say how many {wanted} its unit is "
+            f"with {option}",
+        )
+    return one.ratio if unit is None else unit.factor * one.ratio

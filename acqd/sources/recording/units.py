@@ -1,0 +1,148 @@
+"""Units of voltages, currents and times as files write them.
+
+A table and not a library of units: a header holds one of three dimensions with an SI prefix, in one of the spellings
+below, and what matters is to refuse all others (ADR 33).
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Literal
+
+Quantity = Literal["u", "i", "t", ""]
+"""Voltage, current, time; empty: another quantity, or none that is known."""
+WORDS = {"u": "V", "i": "A", "t": "s"}
+"""SI unit of a quantity."""
+_PREFIX = {"": 1.0, "k": 1e3, "K": 1e3, "M": 1e6, "m": 1e-3, "µ": 1e-6, "μ": 1e-6, "u": 1e-6, "n": 1e-9, "p": 1e-12}
+_NAMED_PREFIX = {"kilo": 1e3, "mega": 1e6, "milli": 1e-3, "micro": 1e-6, "nano": 1e-9, "pico": 1e-12}
+_SYMBOL: dict[str, Quantity] = {"V": "u", "v": "u", "A": "i", "a": "i", "s": "t", "S": "t"}
+_NAME: dict[str, Quantity] = {
+    **dict.fromkeys(("volt", "volts", "vac"), "u"),
+    **dict.fromkeys(("amp", "amps", "ampere", "amperes", "ampère", "ampères", "aac"), "i"),
+    **dict.fromkeys(("sec", "secs", "second", "seconds", "sek", "sekunde", "sekunden", "seconde", "secondes"), "t"),
+}
+_OTHER_TIMES = {"min": 60.0, "minute": 60.0, "minutes": 60.0, "h": 3600.0, "hour": 3600.0, "hours": 3600.0}
+_OTHER = frozenset(
+    "w kw mw gw var kvar mvar va kva mva hz khz mhz rpm nm n pa bar °c c degc k °f deg ° rad % pu p.u. ohm kohm Ω t mt "
+    "wh kwh mwh varh kvarh vah kvah j kj kg mm m cm db dbv dbm bit bool".split()
+)
+TIME_NAMES = ("time", "t", "zeit", "temps", "tiempo", "tempo", "x", "x-axis", "time axis", "timestamp", "seconds")
+"""Names of a time column."""
+_NONE = frozenset(("", "-", "--", "none", "n/a", "na", "1", "x", "?"))
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """What one number of a channel is worth."""
+
+    quantity: Quantity
+    factor: float
+    """SI units (V, A, s) per unit of the file."""
+
+
+class UnknownUnitError(ValueError):
+    """A text that is no unit of the table, or means more than one; the message says which."""
+
+
+def unit_of(text: str) -> Unit | None:
+    """The unit in `text`; None where there is none. Units of power, temperature ... have the quantity "".
+
+    Raises UnknownUnitError for anything else, and for `MA`, `MV`, `mv` ..., which may be milli and mega.
+    """
+    plain = text.strip().strip("[](){}<>").strip()
+    if plain.lower() in _NONE:
+        return None
+    if plain in ("MV", "MA", "mv", "ma"):
+        return _milli_or_mega(plain)
+    if plain.lower() in _OTHER_TIMES:
+        return Unit("t", _OTHER_TIMES[plain.lower()])
+    found = _symbol(plain) or _name(plain.lower())
+    if found is not None:
+        return found
+    if plain.lower() in _OTHER:
+        return Unit("", 1.0)
+    raise UnknownUnitError(f"unit {plain!r} is unknown; expected V, kV, mV, A, kA, mA, s, ms, us ...")
+
+
+def _milli_or_mega(plain: str) -> Unit:
+    """In lower case the prefix is milli, as in every file that writes so; capitals may be either."""
+    if plain.islower():
+        return Unit(_SYMBOL[plain[1]], 1e-3)
+    small = f"m{plain[1]}"
+    raise UnknownUnitError(f"unit {plain!r} is {small} or mega-{plain[1]}; write {small}, or say the scale")
+
+
+def _symbol(plain: str) -> Unit | None:
+    """`kV`, `mA`, `us`; with a power of ten as an instrument's scale: `10V`, `1e-3 V`."""
+    match = re.fullmatch(r"(\d+(?:\.\d+)?(?:[eE][+-]?\d+)?)?\s*([kKMmµμunp]?)([VvAasS])", plain)
+    if match is None:
+        return None
+    number, prefix, symbol = match.groups()
+    quantity = _SYMBOL[symbol]
+    if quantity == "t" and prefix in ("k", "K"):
+        return None
+    if quantity == "t" and prefix == "M":  # a header in capitals: nobody samples in megaseconds
+        prefix = "m"
+    if not prefix and symbol == "S" and number is None:
+        return Unit("t", 1.0)
+    return Unit(quantity, float(number or 1.0) * _PREFIX[prefix])
+
+
+def _name(lower: str) -> Unit | None:
+    if lower in ("us", "ms", "ns", "ps"):
+        return Unit("t", _PREFIX[lower[0]])
+    if lower in ("kv", "ka"):
+        return Unit(_SYMBOL[lower[1]], 1e3)
+    for prefix, factor in (("", 1.0), *_NAMED_PREFIX.items()):
+        rest = lower.removeprefix(prefix)
+        if lower.startswith(prefix) and rest in _NAME:
+            return Unit(_NAME[rest], factor)
+    for letter, factor in (("m", 1e-3), ("k", 1e3), ("µ", 1e-6), ("u", 1e-6)):
+        if lower.startswith(letter) and lower[1:] in _NAME:  # mVolt, kVolts, msec
+            return Unit(_NAME[lower[1:]], factor)
+    return None
+
+
+_BRACKETS = re.compile(r"^(.*?)\s*[\[\(\{<]\s*([^\[\]\(\)\{\}<>]*?)\s*[\]\)\}>]\s*$")
+_TAIL = re.compile(r"^(.+?)(?:\s+in\s+|\s*/\s*|\s*,\s*|_|\s+)([^\s_/,]+)$", re.IGNORECASE)
+
+
+def split_label(label: str) -> tuple[str, str]:
+    """Name and unit of a header such as `u1 [kV]`, `Time (s)`, `U1/V`, `i1 in mA`, `t_ms`; the unit may be "".
+
+    A tail without brackets is a unit only if the table has it: `I_A` is the current of phase A, `i1_A` a current in A,
+    `U_S` the voltage of phase S, `t_s` a time in s.
+    """
+    text = label.strip().strip('"').strip()
+    if (found := _BRACKETS.match(text)) and found.group(2):
+        inner = found.group(2)
+        if _is_unit(inner) or _looks_like_unit(inner):
+            return found.group(1).strip() or text, inner
+        return text, ""
+    tail = _TAIL.match(text)
+    if tail and _is_unit(tail.group(2)) and not _is_phase(tail.group(1), tail.group(2)):
+        return tail.group(1).strip(), tail.group(2)
+    return text, ""
+
+
+def _is_unit(text: str) -> bool:
+    try:
+        unit = unit_of(text)
+    except UnknownUnitError:
+        return text in ("MV", "MA")  # known to be doubtful: the reader refuses it
+    return unit is not None and (unit.quantity != "" or text.lower() in ("va", "var", "w", "kw", "hz"))
+
+
+def _looks_like_unit(text: str) -> bool:
+    """A text in brackets that stands for a unit, known or not: `[bar]`, `[pu]`, `[Gauss]`; `(L1)`, `(CT 2)` do not."""
+    if re.search(r"\s|\d$", text):
+        return False
+    return re.fullmatch(r"(?i)[lnabcrst]|[a-c][a-cn]|[cvpt][tc]|ph.*|ch.*|rms.*|ac|dc|raw", text) is None
+
+
+def _is_phase(stem: str, tail: str) -> bool:
+    """Whether a single letter after a quantity that has no phase yet names the phase: `I_A`, `Voltage A`, `U_S`."""
+    if tail in ("s", "S"):
+        return stem.lower() not in TIME_NAMES
+    return tail in ("A", "a") and not re.search(r"\d$|[\d_ -][a-cr-tA-CR-T]$|^[uviUVI][a-cr-tA-CR-T]$", stem)

@@ -1,0 +1,264 @@
+"""Text exports as recordings: the table, its channels, its clock."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+
+from acqd.arrays import Floats
+from acqd.errors import InputError
+from acqd.sources.recording.build import select
+from acqd.sources.recording.channel import Channel, Column, Recording
+from acqd.sources.recording.units import TIME_NAMES, UnknownUnitError, unit_of
+from acqd.sources.text import clock
+from acqd.sources.text.layout import Layout, find_layout, key_of, recognised
+from acqd.sources.text.table import HEAD_LINES, Table, find_table, is_number, split_row
+from acqd.sources.text_file import encoding_of
+from acqd.sources.waveform import ChannelMap
+
+_HEAD_BYTES = 1 << 20
+_INDEX = ("sequence", "index", "sample", "samples", "no", "nr", "n", "point", "points", "number", "xindex")
+_TIMES = tuple(key_of(name) for name in TIME_NAMES) + ("xvalue", "timesec", "timeaxis", "abstime", "reltime")
+
+
+def load(path: Path, given: ChannelMap) -> Recording:
+    """A table of numbers with names above it, by its layout. Raises InputError."""
+    text = _Text(path, given.encoding or encoding_of(path))
+    head = text.head()
+    layout = find_layout(given.layout) if given.layout else recognised(head[:60])
+    table = find_table(head, layout)
+    if table is None:
+        raise InputError(path, _no_table(head, layout))
+    export = _Export(text, layout, table, head)
+    if not any(table.names) and not (given.columns and all(name.isdigit() for name in given.columns.values())):
+        raise InputError(
+            path,
+            f"row {table.first or 1} has no names;  expected a header like time,u1,i1, or columns by "
+            "number: --map u1=1,i1=2",
+        )
+    recording = export.recording()
+    refusal: InputError | None = None
+    needed: list[int] = []
+    try:
+        needed = [channel for _, channel in select(recording, given).keys]
+    except InputError as error:
+        refusal = error  # raised again by whoever makes a waveform of the recording
+    try:
+        export.read(recording, needed, given)
+    except InputError as error:
+        raise (refusal or error) from None
+    return recording
+
+
+def _no_table(head: list[str], layout: Layout) -> str:
+    """Why there is nothing to meter."""
+    if len([line for line in head if line.strip()]) == 1:
+        return "has a header but no samples"
+    known = f" (looks like {layout.title})" if layout.recognise else ""
+    advice = f": {layout.advice}" if layout.advice else ""
+    for number, line in enumerate(head[1:], start=2):
+        fields = split_row(line, next((d for d in ";\t," if d in head[0]), ","))
+        bad = next((k for k, one in enumerate(fields) if one and not is_number(one, ".")), None)
+        if len(fields) == len(split_row(head[0], next((d for d in ";\t," if d in head[0]), ","))) and bad is not None:
+            return f"row {number}, column {bad + 1}: {fields[bad]!r} is not a number; no table of numbers{known}{advice}"
+    return f"has no table of numbers{known}; expected rows of numbers below a row of names{advice}"
+
+
+class _Text:
+    """The lines of a file, read again by every method: never all of them in memory."""
+
+    def __init__(self, path: Path, encoding: str) -> None:
+        self.path, self._encoding = path, encoding
+
+    def head(self) -> list[str]:
+        """The first lines."""
+        lines, size = [], 0
+        for line in islice(self.lines(), HEAD_LINES):
+            size += len(line)
+            if size > _HEAD_BYTES:
+                break
+            lines.append(line)
+        if not lines:
+            raise InputError(self.path, "is empty")
+        return lines
+
+    def lines(self) -> Iterator[str]:
+        """All lines. Raises InputError for bytes that are no text."""
+        try:
+            with self.path.open(encoding=self._encoding) as file:
+                yield from file
+        except UnicodeError:
+            raise InputError(
+                self.path, f"is not text in {self._encoding}; give its encoding with --encoding"
+            ) from None
+
+
+@dataclass(slots=True)
+class _Export:
+    """One file whose table has been found."""
+
+    text: _Text
+    layout: Layout
+    table: Table
+    head: list[str]
+    values: dict[int, Floats] = field(default_factory=dict)
+
+    def recording(self) -> Recording:
+        """Its channels; samples and clock come with `read`."""
+        channels = [
+            Channel(name, unit) for name, unit in zip(self.table.names, self.table.units, strict=True)
+        ]
+        title = self.layout.title
+        return Recording(self.text.path, title, channels, 0, self.column, None)
+
+    def read(self, recording: Recording, needed: list[int], given: ChannelMap) -> None:
+        """Read the columns that are metered, and the clock. Raises InputError, which names row and column."""
+        times, factor = self._time_columns()
+        numeric = len(times) == 1 and is_number(self._first_fields()[times[0]], self.table.decimal)
+        wanted = sorted({*needed, *(times if numeric else ())})
+        if not wanted:
+            wanted = [k for k, one in enumerate(self._first_fields()) if is_number(one, self.table.decimal)][:1]
+        self._load(wanted)
+        recording.samples = len(self.values[wanted[0]])
+        if not recording.samples:
+            raise InputError(self.text.path, "has a header but no samples")
+        found = clock.of_preamble(self.text.path, self.table, self.layout)
+        if numeric:
+            column = self.values.pop(times[0]) if times[0] not in needed else self.values[times[0]]
+            said = clock.of_times(
+                self.text.path, column * factor, self._quantum(times[0]) * factor, given, self.table.first + 1
+            )
+            start = said.start_utc_ns if said.start_utc_ns is not None else found.start_utc_ns
+            found = clock.Clock(said.rate, start, (*found.notes, *said.notes))
+        elif times:
+            found = self._of_stamps(times, given)
+        recording.rate, recording.start_utc_ns = found.rate, found.start_utc_ns
+        recording.notes += found.notes
+
+    def column(self, number: int) -> Column:
+        """Samples of one column."""
+        if number not in self.values:
+            self._load([number])
+        return Column(self.values[number])
+
+    def _first_fields(self) -> list[str]:
+        fields = split_row(self.head[self.table.first], self.table.separator)
+        if self.layout.columns:
+            fields = [fields[k] if k < len(fields) else "" for k in self.layout.columns]
+        return [*fields, *[""] * (self.table.width - len(fields))]
+
+    def _time_columns(self) -> tuple[list[int], float]:
+        """Columns that tell the time, and seconds per unit: one of numbers, or one or two of stamps."""
+        names, units, first = self.table.names, self.table.units, self._first_fields()
+        stamps = [k for k in range(self.table.width) if not is_number(first[k], self.table.decimal)
+                  and clock.read_stamp(first[k]) is not None]  # fmt: skip
+        if stamps:
+            return stamps[:2], 1.0
+        for k in range(self.table.width):
+            unit = self._time_unit(units[k])
+            key = key_of(names[k])
+            if key in _INDEX or key_of(units[k]) in _INDEX or not is_number(first[k], self.table.decimal):
+                continue
+            if unit is not None or key in _TIMES:
+                return [k], unit or 1.0
+        return [], 1.0
+
+    def _time_unit(self, text: str) -> float | None:
+        """Seconds per unit; None for units that are no time."""
+        try:
+            unit = unit_of(text)
+        except UnknownUnitError:
+            return None
+        return unit.factor if unit is not None and unit.quantity == "t" else None
+
+    def _quantum(self, column: int) -> float:
+        """Step in which a column of times is printed, from the first rows."""
+        digits = 0
+        for line in self.head[self.table.first : self.table.first + 100]:
+            fields = split_row(line, self.table.separator)
+            if column < len(fields):
+                mantissa, _, exponent = fields[column].lower().partition("e")
+                places = len(mantissa.replace(",", ".").partition(".")[2])
+                digits = max(digits, places - (int(exponent) if exponent.lstrip("+-").isdigit() else 0))
+        return 10.0**-digits
+
+    def _of_stamps(self, columns: list[int], given: ChannelMap) -> clock.Clock:
+        """Clock of stamps in one column, or of date and time in two."""
+        seconds = np.fromiter(self._stamped(columns), dtype=np.float64)
+        joined = " ".join(self._first_fields()[k] for k in columns)
+        first = clock.read_stamp(joined) or clock.read_stamp(self._first_fields()[columns[-1]])
+        assert first is not None
+        start, notes = clock.start_of(first)
+        places = len(self._first_fields()[columns[-1]].replace(",", ".").rpartition(".")[2].rstrip("Zz "))
+        has_fraction = "." in self._first_fields()[columns[-1]].replace(",", ".")[-12:]
+        quantum = 10.0 ** -(places if has_fraction and places <= 9 else 0)
+        said = clock.of_times(self.text.path, seconds, quantum, given, self.table.first + 1)
+        return clock.Clock(said.rate, start, notes)
+
+    def _stamped(self, columns: list[int]) -> Iterator[float]:
+        """Seconds since the first stamp."""
+        base: clock.Stamp | None = None
+        before = 0.0
+        for number, fields in self._fields():
+            text = " ".join(fields[k] for k in columns if k < len(fields))
+            stamp = clock.read_stamp(text) or clock.read_stamp(fields[columns[-1]] if columns[-1] < len(fields) else "")
+            if stamp is None:
+                raise InputError(self.text.path, f"row {number}: {text!r} is no time like the rows before")
+            base = base or stamp
+            days = (stamp.days or 0) - (base.days or 0)
+            value = days * 86_400.0 + stamp.seconds - base.seconds
+            if stamp.days is None and value < before - 43_200:  # over midnight
+                value += 86_400.0
+            before = value
+            yield value
+
+    def _fields(self) -> Iterator[tuple[int, list[str]]]:
+        for number, line in enumerate(self.text.lines(), start=1):
+            if number > self.table.first and line.strip():
+                fields = split_row(line, self.table.separator)
+                if self.layout.columns:
+                    fields = [fields[k] if k < len(fields) else "" for k in self.layout.columns]
+                yield number, fields
+
+    def _load(self, columns: list[int]) -> None:
+        """Numbers of some columns. Raises InputError, which names row and column of anything else."""
+        places = [self.layout.columns[k] for k in columns] if self.layout.columns else columns
+        delimiter = None if self.table.separator == " " else self.table.separator
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # that there are no rows
+                found = np.loadtxt(self._rows(), delimiter=delimiter, usecols=places, ndmin=2, comments=None)
+        except (ValueError, IndexError):
+            raise InputError(self.text.path, self._first_fault(columns)) from None
+        bad = np.argwhere(~np.isfinite(found))
+        if len(bad):
+            row, column = bad[0]
+            raise InputError(
+                self.text.path,
+                f"row {row + self.table.first + 1}, column {columns[column] + 1}: {found[row, column]} is not a number",
+            )
+        for k, column in enumerate(columns):
+            self.values[column] = found[:, k]
+
+    def _rows(self) -> Iterator[str]:
+        comma = self.table.decimal == ","
+        for line in islice(self.text.lines(), self.table.first, None):
+            if line.strip():
+                row = line.replace('"', "")
+                yield row.replace(",", ".") if comma else row
+
+    def _first_fault(self, columns: list[int]) -> str:
+        """Which row and column is not as the first rows promise."""
+        for number, fields in self._fields():
+            if len(fields) < max(columns) + 1 or (fields and not any(fields)):
+                return f"row {number} has {len(fields)} columns, expected {self.table.width} as in the header (cut off?)"
+            for k in columns:
+                if not is_number(fields[k], self.table.decimal):
+                    sign = " (decimal sign?)" if any(c in fields[k] for c in ".,") else ""
+                    return f"row {number}, column {k + 1}: {fields[k]!r} is not a number{sign}"
+        return "is not a table of numbers"

@@ -1,0 +1,222 @@
+"""Where the table of a text export is: preamble, names, units, first row of numbers, separator and decimal sign.
+
+The table is the first run of rows that have the same number of fields and, but for text columns, numbers in them, for
+one separator and one decimal sign. What stands above are names, units and a preamble.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from dataclasses import dataclass, field
+
+from acqd.sources.recording.units import UnknownUnitError, split_label, unit_of
+from acqd.sources.text.layout import Layout, key_of
+
+HEAD_LINES = 400
+"""Lines in which the table begins."""
+_RUN = 3  # consecutive rows that make a table, if the file has as many
+_COMMENT = re.compile(r'^\s*"?(?:#|%|//|;(?![\d\s.,;-]*$))+\s*')
+_DIALECTS = (("\t", "."), (";", "."), (",", "."), ("\t", ","), (";", ","), ("|", "."), (" ", "."), (" ", ","))
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?$|[+-]?(?:nan|inf|infinity|∞)$", re.IGNORECASE)
+_STAMP = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}[ T_]*(?:\d{1,2}:\d{2}(?::\d{2})?.*)?$|'?\d{1,2}:\d{2}:\d{2}(?:[.,:]\d+)?$")
+
+
+@dataclass(slots=True)
+class Table:
+    """A table found in the first lines of a file."""
+
+    separator: str
+    decimal: str
+    first: int
+    """Line of the first row of numbers, from 0."""
+    names: list[str] = field(default_factory=list)
+    units: list[str] = field(default_factory=list)
+    preamble: dict[str, list[str]] = field(default_factory=dict)
+    """Values of the lines above, by `key_of` their first field."""
+    stray: dict[str, str] = field(default_factory=dict)
+    """Names of the header row beside the channels, and what stands below them: Start and Increment of Rigol."""
+    width: int = 0
+    comma_in_number: bool = False
+
+
+def split_row(line: str, separator: str) -> list[str]:
+    """Fields of a line, without quotes and spaces."""
+    if separator == " ":
+        return line.replace('"', "").split()
+    fields = next(csv.reader([line.rstrip("\r\n")], delimiter=separator), []) if '"' in line else line.split(separator)
+    return [one.strip().strip("'\"").strip() for one in fields]
+
+
+def find_table(lines: list[str], layout: Layout) -> Table | None:
+    """The table in the first lines; None where there are no rows of numbers."""
+    best: Table | None = None
+    for separator, decimal in _DIALECTS:
+        begin = layout.first_row - 1 if layout.first_row else _first_run(lines, separator, decimal, layout)
+        if begin is None or begin >= len(lines):
+            continue
+        width = len(_picked(_filled(split_row(lines[begin], separator)), layout))
+        if width < 2 or (best is not None and (best.first, -best.width) <= (begin, -width)):
+            continue
+        best = Table(separator, decimal, begin, width=width)
+    if best is None:
+        return None
+    _read_header(best, lines, layout)
+    return best
+
+
+def _first_run(lines: list[str], separator: str, decimal: str, layout: Layout) -> int | None:
+    """The first line from which rows of numbers of equal width follow each other."""
+    rows = 0
+    width = 0
+    begin = None
+    for at, line in enumerate(lines):
+        if not line.strip():
+            continue
+        count = _numeric_width(_picked(split_row(line, separator), layout), decimal)
+        if count and (count == width or rows == 0):
+            begin = at if rows == 0 else begin
+            rows, width = rows + 1, count
+            if rows >= _RUN:
+                return begin
+        elif count > width:
+            begin, rows, width = at, 1, count
+        elif count:
+            return begin  # a row that is cut off
+        else:
+            begin, rows, width = None, 0, 0
+    return begin if rows else None
+
+
+def _numeric_width(fields: list[str], decimal: str) -> int:
+    """Number of fields of a row of the table, trailing empty ones left out; 0: it is none."""
+    fields = _filled(fields)
+    numbers = sum(is_number(text, decimal) for text in fields)
+    if not numbers or numbers + sum(_STAMP.match(text) is not None for text in fields) < 2:
+        return 0
+    texts = [text for text in fields if text and not is_number(text, decimal) and not _STAMP.match(text)]
+    if len(texts) > numbers or any(re.fullmatch(r"[\d.,;|+\-eE\s]+", text) for text in texts):
+        return 0
+    if fields and fields[0] and not is_number(fields[0], decimal) and not _STAMP.match(fields[0]):
+        return 0  # a line of the preamble: its first field is a key
+    return len(fields)
+
+
+def _filled(fields: list[str]) -> list[str]:
+    while fields and not fields[-1]:
+        fields = fields[:-1]
+    return fields
+
+
+def _picked(fields: list[str], layout: Layout) -> list[str]:
+    return [fields[k] for k in layout.columns if k < len(fields)] if layout.columns else fields
+
+
+def is_number(text: str, decimal: str) -> bool:
+    """Whether a field is a number with this decimal sign."""
+    if decimal == ",":
+        if "." in text:
+            return False
+        text = text.replace(",", ".")
+    return _NUMBER.match(text) is not None
+
+
+def _read_header(table: Table, lines: list[str], layout: Layout) -> None:
+    """Names, units and preamble from the lines above the table."""
+    above = [_COMMENT.sub("", line) for line in lines[: table.first]]
+    rows = [split_row(line, table.separator) for line in above]
+    for line, row in zip(above, rows, strict=True):
+        _note(table, line, row)
+    candidates = [k for k in range(len(rows) - 1, -1, -1) if any(rows[k])]
+    if layout.names_row:
+        candidates = [layout.names_row - 1]
+    names_at = _header_rows(table, rows, candidates, layout)
+    table.names = _padded(_named(table, layout.names) or names_at, table.width)
+    if named := _named(table, layout.units):
+        table.units = _padded(named, table.width)
+    table.units = table.units or [""] * table.width
+    for k, name in enumerate(table.names):
+        if not table.units[k]:
+            table.names[k], table.units[k] = split_label(name)
+
+
+def _header_rows(table: Table, rows: list[list[str]], candidates: list[int], layout: Layout) -> list[str]:
+    """The names above the table; a row of units below them is taken on the way."""
+    for number, k in enumerate(candidates[:3]):
+        row = _picked(rows[k], layout)
+        if not _fits(row, table.width):
+            return []
+        below_name = number + 1 < len(candidates) and _fits(_picked(rows[candidates[number + 1]], layout), table.width)
+        if not table.units and below_name and _are_units(row[: table.width]):
+            table.units = [_bare(text) for text in row[: table.width]]
+            names = _picked(rows[candidates[number + 1]], layout)
+            table.stray = {
+                key_of(name): row[at]
+                for at, name in enumerate(names)
+                if at < len(row) and key_of(name) in ("start", "increment") and is_number(row[at], ".")
+            }
+            continue
+        return row
+    return []
+
+
+def _fits(row: list[str], width: int) -> bool:
+    """Whether a row may hold the names or units of a table of this width."""
+    return len(row) >= width - 1 and len(row) > 1 and len([text for text in row if text]) >= min(width - 1, 2)
+
+
+def _are_units(row: list[str]) -> bool:
+    """Whether a row holds units (or nothing) only."""
+    seen = 0
+    for text in row:
+        bare = _bare(text)
+        if not bare or is_number(bare, "."):
+            continue
+        if key_of(bare) == "sequence":
+            seen += 1
+            continue
+        try:
+            unit = unit_of(bare)
+        except UnknownUnitError:
+            if not re.fullmatch(r"[\[\(].+[\]\)]", text.strip()):
+                return False
+            seen += 1
+            continue
+        if unit is None and bare not in ("-", "--"):
+            return False
+        if len(bare) == 1 and bare in "tx":
+            return False
+        seen += 1
+    return seen > 0 and any(_bare(text) not in ("A", "t", "x", "") for text in row)
+
+
+def _bare(text: str) -> str:
+    return text.strip().strip("[]()").strip()
+
+
+def _padded(row: list[str], width: int) -> list[str]:
+    return [*row[:width], *[""] * (width - len(row))]
+
+
+def _note(table: Table, line: str, row: list[str]) -> None:
+    """A line of the preamble: its first field is the key; `key: value` and `key = value` as well."""
+    values = [text for text in row[1:] if text]
+    if values and row[0] and ":" not in row[0]:
+        table.preamble.setdefault(key_of(row[0]), row[1:])
+        return
+    match = re.match(r"\s*\"?([^:=]+?)\"?\s*[:=]\s*(.+?)\s*$", line)
+    if match:
+        table.preamble.setdefault(key_of(match.group(1)), split_row(match.group(2).strip(), table.separator))
+
+
+def _named(table: Table, keys: tuple[str, ...]) -> list[str]:
+    """Values of the first of these lines of the preamble."""
+    for key in keys:
+        if values := table.preamble.get(key_of(key)):
+            return _aligned([_bare(value) if value else "" for value in _filled(values)], table.width)
+    return []
+
+
+def _aligned(values: list[str], width: int) -> list[str]:
+    """One value per channel stands for all columns but the time."""
+    return ["", *values] if len(values) == width - 1 else values
