@@ -14,6 +14,7 @@ import typer
 from rich.progress import Progress
 from rich.table import Table
 
+from acqd.cli.inspected import print_inspected
 from acqd.cli.options import ConfigFile, Host, Json, Port, broker_address
 from acqd.cli.table import energy
 from acqd.cli.terminal import terminal
@@ -22,6 +23,8 @@ from acqd.daemon.playback import Playback, play
 from acqd.daemon.playback_report import PlaybackReport
 from acqd.errors import UserError
 from acqd.sources import ChannelMap
+from acqd.sources.load import load_recording
+from acqd.sources.recording.inspect import inspect as inspected
 from acqd.sources.text_file import check_encoding
 from acqd.telemetry.topics import valid_device
 
@@ -48,7 +51,7 @@ class Lamp(StrEnum):
 
 
 def replay(
-    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="NPZ, CSV, WAV/FLAC or COMTRADE.")],
+    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="NPZ, CSV and other text, WAV/FLAC, COMTRADE, MATLAB, Parquet, HDF5, TDMS.")],
     out: Annotated[Path | None, typer.Option(help="Write the rows as JSON lines; - is stdout.")] = None,
     speed: Annotated[Speed, typer.Option(help="As fast as possible, or in real time.")] = Speed.MAX,
     mode: Annotated[ModeName, typer.Option(help="Whole mains cycles, or exactly each window.")] = ModeName.SYNCHRONOUS,
@@ -75,6 +78,8 @@ def replay(
     rate: Annotated[float | None, typer.Option(help="Samples/s, where the file does not say.")] = None,
     f_nominal: Annotated[float | None, typer.Option(help="Nominal mains frequency in Hz.")] = None,
     encoding: Annotated[str | None, typer.Option(help="Of CSV and COMTRADE text, such as latin-1.")] = None,
+    layout: Annotated[str | None, typer.Option(help="Of a text export: a name, or a .toml of your own.")] = None,
+    inspect: Annotated[bool, typer.Option("--inspect", help="Show channels and first readings; meter nothing.")] = False,
     config: ConfigFile = None,
     host: Host = None,
     port: Port = None,
@@ -82,7 +87,7 @@ def replay(
 ) -> None:
     """Meter recorded waveforms.
 
-    Example: acqd replay recording.npz --out rows.jsonl
+    Example: acqd replay recording.npz --out rows.jsonl; acqd replay --inspect relay.cfg
     """
     if not valid_device(device):
         raise UserError(f"--device {device!r}: expected 1 to 64 letters, digits, dots, dashes or underscores")
@@ -90,11 +95,16 @@ def replay(
     for name, value in (("--u-scale", u_scale), ("--i-scale", i_scale), ("--rate", rate)):
         if value is not None and not 0 < value < 1e12:
             raise UserError(f"{name} {value:g}: expected a positive number")
+    encoding = check_encoding(encoding) if encoding else None
+    channels = ChannelMap(columns, u_scale, i_scale, rate, f_nominal, encoding, layout)
+    if inspect:
+        print_inspected([inspected(load_recording(path, channels), channels)[0] for path in files], json=json)
+        return
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # an exception, so that the clean-up runs
     signal.signal(signal.SIGHUP, lambda *_: sys.exit(129))
     settings = Playback(
         files=files,
-        channels=ChannelMap(columns, u_scale, i_scale, rate, f_nominal, check_encoding(encoding) if encoding else None),
+        channels=channels,
         device=device,
         mode=mode.value,
         window=window,

@@ -75,6 +75,7 @@ class ReplaySection(WaveformKeys):
     rate: Positive | None = None
     f_nominal: Nominal | None = None
     encoding: str | None = None
+    layout: str | None = None
     period_ms: _Period = 10
 
     @property
@@ -86,7 +87,7 @@ class ReplaySection(WaveformKeys):
         """The source as JSON, for MAIN_FAST's process. Raises UserError for an impossible map or encoding."""
         columns = ChannelMap.parse(self.map, "source.map") if self.map else None
         encoding = check_encoding(self.encoding, "source.encoding") if self.encoding else None
-        channels = ChannelMap(columns, self.u_scale, self.i_scale, self.rate, self.f_nominal, encoding)
+        channels = ChannelMap(columns, self.u_scale, self.i_scale, self.rate, self.f_nominal, encoding, self.layout)
         return replay_spec(self.file, channels, self.loops) | {"period_ms": self.period_ms}
 
 

@@ -108,3 +108,5 @@ class Recording:
     """What a channel of this format is called."""
     full_scale: bool = False
     """The format says that integers are codes of a converter, whatever their scale."""
+    advice: str = ""
+    """What to export instead of a file of this format that lacks voltages or currents."""

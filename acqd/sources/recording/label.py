@@ -26,7 +26,7 @@ _FILLER = frozenset(
 )
 _COMPUTED = frozenset(
     "rms mag magnitude angle ang phasor freq frequency power thd avg mean average max min peak crest harmonic harmonics "
-    "ref reference setpoint set cos phi fundamental fund effektiv rocof demand eff".split()
+    "ref reference setpoint set cos phi fundamental fund effektiv rocof demand eff diff idiff bias ibias restraint".split()
 )
 _OTHER = frozenset("temp temperature speed torque energy trigger position pressure digital time".split())
 _DC = re.compile(r"^(?:[uvi]?dc\w*|\w*dc|batt?(?:ery)?\d*|[uv]bat\w*|dclink|zk|[uv]zk|zwischenkreis|station)$")
@@ -56,6 +56,8 @@ def readings(name: str) -> list[Reading]:
     plain = [word for word in words if not (word in _QUANTITY and len(word) > 1)]
     if special := _special(plain, quantity):
         return [special]
+    if name.strip().isdigit() or re.search(r"(?i)(^|[^a-z])(channel|ch|kanal|canal|canale|voie)[ _-]*([a-h]|\d+)($|[^a-z0-9])", name):
+        return [Reading("unknown", quantity)] if quantity else []  # an input of an instrument is no phase
     core = [word for word in plain if word not in _FILLER]
     found = _designated(core, quantity)
     if found:
@@ -155,7 +157,7 @@ def _word(word: str, quantity: str, rest: list[str]) -> list[Reading]:
         if single is None or (family == "123" and single["before"]):
             continue
         named = single["quantity"] or re.match(r"^(l|ph)", word) or re.fullmatch(rf"{d}[neg]?", word)
-        if not named or (word in "uvi" and not quantity):
+        if not named or (word in ("u", "v", "i") and not quantity):
             continue
         phase = letters.index(single["a"]) + 1
         partner = _partner(family, letters, rest)

@@ -43,8 +43,8 @@ def _candidates(channel: Channel) -> list[Reading]:
         return named
     agreeing = [one for one in named if any(_same(one, other) for other in field)]
     lines = [one for one in named if one.kind == "line"]
-    if agreeing:
-        return agreeing
+    if agreeing:  # recorders without a word for two phases write VAB of phase A
+        return agreeing + [one for one in lines if one not in agreeing]
     field_lines = [one for one in field if one.kind == "line"]
     quantity = next((one.quantity for one in named if one.quantity), "")
     if field_lines:
@@ -99,6 +99,9 @@ def _role(channel: Channel, found: list[Reading], whole: set[_Key]) -> Role:
     if len({one.phases for one in best}) > 1:
         return Role("unknown", quantity, evidence=(*evidence, "its name may mean two phases"))
     one = best[0]
+    if one.kind == "unknown":
+        why = f"its name and its phase field {channel.phase} disagree" if channel.phase.strip() else NO_PHASE
+        return Role("unknown", quantity, evidence=(*evidence, why))
     return Role(one.kind, quantity, one.phases, one.group, (*evidence, f"name {channel.name}"))
 
 
@@ -108,9 +111,9 @@ def _rank(one: Reading, channel: Channel, whole: set[_Key]) -> int:
         return 5 if one.kind != "unknown" else 1
     if _key(one) in whole:
         return 4
-    if any((family, kind) == (one.family, one.kind) for family, kind, _, _ in whole):
+    if not one.group and any((family, kind) == (one.family, one.kind) for family, kind, _, _ in whole):
         return 3
-    if re.fullmatch(r"(?i)[uvi]ac\d*", channel.name.strip()) and not channel.phase:
+    if re.fullmatch(r"(?i)[uvi]_?ac\d*", channel.name.strip()) and (one.kind == "line" or not channel.phase):
         return 0  # an alternating voltage
     if one.family in _ALONE:
         return 2

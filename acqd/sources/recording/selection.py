@@ -75,7 +75,9 @@ def chosen(recording: Recording, roles: list[Role]) -> Selection:
         found = _in_groups(recording, roles, grouping)
         if found is not None:
             return found
-    raise InputError(recording.path, _ambiguity(recording, roles))
+    lacking = recording.advice and {role.quantity for role in roles} < {"u", "i", ""}
+    advice = f"; {recording.advice}" if lacking else ""
+    raise InputError(recording.path, _ambiguity(recording, roles) + advice)
 
 
 _Grouping = Callable[[Recording, int, Role], str]

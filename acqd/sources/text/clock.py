@@ -25,7 +25,7 @@ _RATE_UNIT = re.compile(r"^\s*([+-]?[\d.,]+(?:[eE][+-]?\d+)?)\s*([kKmMgG]?)(?:hz
 _TIME_UNIT = re.compile(r"^\s*([+-]?[\d.,]+(?:[eE][+-]?\d+)?)\s*(s|sec|seconds?|ms|us|µs|μs|ns|)\s*$", re.IGNORECASE)
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9}
 _WHEN = re.compile(
-    r"^'?(?:(?P<a>\d{1,4})(?P<sign>[-/.])(?P<b>\d{1,2}|[A-Za-z]{3})[-/.](?P<c>\d{1,4})[ T_]*)?"
+    r"^(?P<quote>'?)(?:(?P<a>\d{1,4})(?P<sign>[-/.])(?P<b>\d{1,2}|[A-Za-z]{3})[-/.](?P<c>\d{1,4})[ T_]*)?"
     r"(?:(?P<h>\d{1,2}):(?P<m>\d{2})(?::(?P<s>\d{2})(?:[.,:](?P<f>\d+))?)?)?\s*(?P<half>[AaPp][Mm])?\s*"
     r"(?P<zone>Z|[+-]\d{2}:?\d{2})?$"
 )
@@ -156,10 +156,12 @@ def _days(match: re.Match[str]) -> tuple[int | None, bool]:
         return None, False
     elif len(a) == 4:
         year, month, day = int(a), int(b), int(c)
+    elif match["quote"]:  # HIOKI's '23-06-21
+        year, month, day = int(a), int(b), int(c)
+    elif match["sign"] == "-" and len(c) < 4:
+        return None, True
     elif match["sign"] == "." or int(a) > 12:
         year, month, day = int(c), int(b), int(a)
-    elif match["sign"] == "-" and len(c) < 4:
-        year, month, day = int(a), int(b), int(c)
     elif int(b) > 12:
         year, month, day = int(c), int(a), int(b)
     elif a != b:
@@ -176,7 +178,7 @@ def _days(match: re.Match[str]) -> tuple[int | None, bool]:
 def start_of(stamp: Stamp) -> tuple[int | None, tuple[str, ...]]:
     """UTC [ns] of a stamp, and what is uncertain about it."""
     if stamp.ambiguous:
-        return None, ("its dates may have the day or the month first: rows start now, or at --start",)
+        return None, ("the order of day, month and year of its dates is open: rows start now, or at --start",)
     if stamp.days is None:
         return None, ("its stamps have a time of day, but no date: rows start now, or at --start",)
     utc = round((stamp.days * _DAY_S - (stamp.zone_s or 0)) * 1e9) + round(stamp.seconds * 1e9)

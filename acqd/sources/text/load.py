@@ -38,7 +38,7 @@ def load(path: Path, given: ChannelMap) -> Recording:
     if not any(table.names) and not (given.columns and all(name.isdigit() for name in given.columns.values())):
         raise InputError(
             path,
-            f"row {table.first or 1} has no names;  expected a header like time,u1,i1, or columns by "
+            f"row {table.first or 1} has no names; expected a header like time,u1,i1, or columns by "
             "number: --map u1=1,i1=2",
         )
     recording = export.recording()
@@ -114,7 +114,7 @@ class _Export:
             Channel(name, unit) for name, unit in zip(self.table.names, self.table.units, strict=True)
         ]
         title = self.layout.title
-        return Recording(self.text.path, title, channels, 0, self.column, None)
+        return Recording(self.text.path, title, channels, 0, self.column, None, advice=self.layout.advice)
 
     def read(self, recording: Recording, needed: list[int], given: ChannelMap) -> None:
         """Read the columns that are metered, and the clock. Raises InputError, which names row and column."""

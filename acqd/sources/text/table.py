@@ -15,6 +15,7 @@ from acqd.sources.text.layout import Layout, key_of
 
 HEAD_LINES = 400
 """Lines in which the table begins."""
+_BESIDE = 60  # lines in which the preamble stands beside the table
 _RUN = 3  # consecutive rows that make a table, if the file has as many
 _COMMENT = re.compile(r'^\s*"?(?:#|%|//|;(?![\d\s.,;-]*$))+\s*')
 _DIALECTS = (("\t", "."), (";", "."), (",", "."), ("\t", ","), (";", ","), ("|", "."), (" ", "."), (" ", ","))
@@ -45,7 +46,7 @@ def split_row(line: str, separator: str) -> list[str]:
     if separator == " ":
         return line.replace('"', "").split()
     fields = next(csv.reader([line.rstrip("\r\n")], delimiter=separator), []) if '"' in line else line.split(separator)
-    return [one.strip().strip("'\"").strip() for one in fields]
+    return [one.strip().strip('"').strip() for one in fields]
 
 
 def find_table(lines: list[str], layout: Layout) -> Table | None:
@@ -123,11 +124,11 @@ def is_number(text: str, decimal: str) -> bool:
 
 def _read_header(table: Table, lines: list[str], layout: Layout) -> None:
     """Names, units and preamble from the lines above the table."""
-    above = [_COMMENT.sub("", line) for line in lines[: table.first]]
+    above = [_COMMENT.sub("", line) for line in lines[: table.first if not layout.columns else _BESIDE]]
     rows = [split_row(line, table.separator) for line in above]
     for line, row in zip(above, rows, strict=True):
-        _note(table, line, row)
-    candidates = [k for k in range(len(rows) - 1, -1, -1) if any(rows[k])]
+        _note(table, line, row[: min(layout.columns)] if layout.columns else row)
+    candidates = [k for k in range(table.first - 1, -1, -1) if any(rows[k])]
     if layout.names_row:
         candidates = [layout.names_row - 1]
     names_at = _header_rows(table, rows, candidates, layout)
@@ -218,5 +219,6 @@ def _named(table: Table, keys: tuple[str, ...]) -> list[str]:
 
 
 def _aligned(values: list[str], width: int) -> list[str]:
-    """One value per channel stands for all columns but the time."""
-    return ["", *values] if len(values) == width - 1 else values
+    """One value per channel stands for all columns but the time; empty fields between them do not count."""
+    named = [value for value in values if value]
+    return ["", *named] if len(named) == width - 1 else values

@@ -1,0 +1,97 @@
+"""Roles of channels from unit, phase field, name and each other."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from acqd.errors import InputError
+from acqd.sources.recording.channel import Channel, Recording
+from acqd.sources.recording.roles import roles_of
+from acqd.sources.recording.selection import chosen
+
+
+def channels(text: str) -> list[Channel]:
+    """`VA|kV|A` for name, unit and phase field; the unit follows from the first letter where there is none."""
+    found = []
+    for item in text.split():
+        name, unit, phase, *_ = [*item.split("|"), "", ""]
+        letter = name.lstrip("0123456789")[:1].upper()
+        found.append(Channel(name, unit or {"U": "V", "V": "kV", "I": "A"}.get(letter, ""), phase))
+    return found
+
+
+def metered(text: str) -> dict[str, str]:
+    listed = channels(text)
+    recording = Recording(Path("r.cfg"), "test", listed, 1, lambda k: None, 1.0)  # type: ignore[arg-type, return-value]
+    return {key: listed[k].name for key, k in chosen(recording, roles_of(listed)).keys}
+
+
+PHASES = {"VA VB VC", "UL1 UL2 UL3", "VR VY VB", "UR US UT", "UU UV UW", "UL1-N UL2-N UL3-N", "VAN VBN VCN", "U_A U_B U_C"}
+BESIDE = ["", "VDC", "VS", "VSYNC", "VN IN", "3I0 3U0", "IRES", "VBAT IDC", "UE IE", "UA_RMS IA_MAG", "VREF"]
+
+
+@pytest.mark.parametrize("beside", BESIDE)
+@pytest.mark.parametrize("names", sorted(PHASES))
+def test_three_phases_are_named_among_anything_else(names, beside):
+    if beside == "VS" and names == "UR US UT":
+        pytest.skip("there S is a phase twice, and refused")
+    currents = " ".join("I" + name[1:].split("-")[0].removesuffix("N") for name in names.split())
+    found = metered(f"{beside} {names} {beside.lower()} {currents}" if not beside else f"{beside} {names} {currents}")
+    assert [found[f"u{k}"] for k in (1, 2, 3)] == names.split()
+    assert [found[f"i{k}"] for k in (1, 2, 3)] == currents.split()
+
+
+@pytest.mark.parametrize("names", ["VAB VBC VCA", "UL12 UL23 UL31", "U12 U23 U31", "VAB|kV|A VBC|kV|B VCA|kV|C", "VRY VYB VBR",
+                                   "VA|kV|AB VB|kV|BC VC|kV|CA", "UL1-L2 UL2-L3 UL3-L1", "U12 U23", "VA-VB VB-VC VC-VA"])  # fmt: skip
+def test_voltages_between_lines_are_never_those_of_phases(names):
+    letters = "RYB" if "VRY" in names else "ABC"
+    found = metered(names + "".join(f" I{letter}" for letter in letters))
+    assert not {"u1", "u2", "u3"} & set(found)
+    assert [found[key] for key in ("u12", "u23")] == [item.split("|")[0] for item in names.split()[:2]]
+
+
+def test_phase_voltages_win_over_those_between_lines_in_any_order():
+    for names in ("VAB VBC VCA VA VB VC", "VA VB VC VAB VBC VCA", "VAB VA VBC VB VCA VC"):
+        assert metered(names + " IA IB IC")["u1"] == "VA"
+
+
+def test_the_phase_field_names_channels_whose_names_say_nothing():
+    text = "x|V|AN y|V|BN z|V|C-N p|A|A q|A|B k|A|3"
+    with pytest.raises(InputError):  # letters and a number are of two families, but mean phases all the same
+        metered("x|V|A y|V|A p|A|A q|A|A")
+    assert metered(text)["u2"] == "y" and metered(text)["i3"] == "k"
+
+
+def test_what_the_unit_says_wins_over_the_name_and_contradictions_are_refused():
+    assert metered("L1|V L2|V L3|V L1|A L2|A L3|A")["i2"] == "L2"
+    with pytest.raises(InputError, match=r"'IA': its name says current, its unit mV.*--i-scale"):
+        metered("VA IA|mV")
+    with pytest.raises(InputError, match=r"unit 'bananas' is unknown"):
+        metered("VA|bananas IA")
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [("V1 V2 V0 I1 I2 I0", "no voltage and current pair"), ("VDC IDC", "no voltage and current pair"),
+     ("IA IB IC VS", "has i1 but no u1"), ("VA VB VC IA IC", "u2 but no i2"),
+     ("VA VB VC IA1 IB1 IC1 IA2 IB2 IC2", "two columns for i1"), ("U12 U32 I1 I3", "has i1 but no u1"),
+     ("VA|kV|B IA", "its name and its phase field B disagree"), ("VA_MAG|kV VA|kV|N IA", "has i1 but no u1")],
+)  # fmt: skip
+def test_what_stays_ambiguous_is_refused_with_a_line_to_type(text, why):
+    with pytest.raises(InputError, match=rf"{why}.*--map .*=.*0="):
+        metered(text)
+
+
+def test_inputs_of_an_oscilloscope_are_no_phases():
+    assert metered("Channel_A|V Channel_B|A") == {"u1": "Channel_A", "i1": "Channel_B"}
+    with pytest.raises(InputError, match="--u-scale 1 --i-scale 1"):
+        metered("CH1|V CH2|V")
+
+
+def test_of_whole_feeders_the_first_is_metered_and_voltages_of_one_are_not_mixed_with_currents_of_another():
+    assert metered("VAW VBW VCW IAX IBX ICX IAW IBW ICW")["i1"] == "IAW"
+    assert metered("U1A U1B U1C I1A I1B I1C U2A U2B U2C I2A I2B I2C")["u2"] == "U1B"
+    assert metered("BUS_VA BUS_VB BUS_VC|kV F1_IA F1_IB F1_IC|A".replace("_VA", "_VA|kV").replace("_VB", "_VB|kV")
+                   .replace("_IA", "_IA|A").replace("_IB", "_IB|A"))["i3"] == "F1_IC"  # fmt: skip
