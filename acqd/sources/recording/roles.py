@@ -41,7 +41,7 @@ def _candidates(channel: Channel) -> list[Reading]:
         return [Reading("residual", named[0].quantity if named else "")]
     if not field:
         return named
-    agreeing = [one for one in named if any(_same(one, other) for other in field)]
+    agreeing = [replace(one, family=other.family) for one in named for other in field if _same(one, other)]
     lines = [one for one in named if one.kind == "line"]
     if agreeing:  # recorders without a word for two phases write VAB of phase A
         return agreeing + [one for one in lines if one not in agreeing]
