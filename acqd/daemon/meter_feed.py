@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
+import math
 import time
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
@@ -182,7 +183,7 @@ def _timed_rows(reading: Reading, boot: str, flags: list[str]) -> Iterator[Timed
             values["S"],
             values["PF"],
             reading.values.get("f") or None,  # 0 Hz: the meter does not measure it
-            _net(values["W"], values["W_export"]),
+            _net(reading, channel),
             flags,
         )
         yield TimedRow(row, reading.utc_ns, values["W"], values["W_export"])
@@ -199,9 +200,17 @@ def _channel(reading: Reading, channel: Channel) -> dict[str, float | None]:
             values[name] = effective(known) if len(known) == len(phases) else None
     if values["S"] is None:
         values["S"] = _apparent(reading, channel)
-    if values["PF"] is None and values["P"] is not None and values["S"]:
-        values["PF"] = values["P"] / values["S"]
+    values["PF"] = _power_factor(values["PF"], values["P"], values["S"])
     return values
+
+
+def _power_factor(register: float | None, P: float | None, S: float | None) -> float | None:
+    """Signed as P: the sign of a meter's register may say inductive or capacitive instead."""
+    if P is None:
+        return None
+    if register is None:
+        return P / S if S else None
+    return math.copysign(register, P) if P else abs(register)
 
 
 def _apparent(reading: Reading, channel: Channel) -> float | None:
@@ -213,5 +222,7 @@ def _apparent(reading: Reading, channel: Channel) -> float | None:
     return None if volts is None or amperes is None else volts * amperes
 
 
-def _net(imported: float | None, exported: float | None) -> float | None:
-    return None if imported is None else imported - (exported or 0.0)
+def _net(reading: Reading, channel: Channel) -> float | None:
+    """Imported minus exported energy; null while the meter cannot say one of them."""
+    imported, exported = reading.values.get(f"{channel}.W"), reading.values.get(f"{channel}.W_export", 0.0)
+    return None if imported is None or exported is None else imported - exported

@@ -27,9 +27,25 @@ def number(register: Register, data: bytes) -> float:
 
 
 def quantity(profile: Profile, register: Register, data: bytes) -> float | None:
-    """The quantity, None where the meter says "not available"."""
+    """The quantity, None where the meter says "not available" or shows an overflow."""
     raw = raw_value(register, data)
-    if raw in register.unavailable or (register.width > 1 and raw in profile.unavailable):
+    if raw in register.unavailable or (register.width > 1 and raw in profile.unavailable) or _is_mark(register, raw):
         return None
     value = number(register, data)
     return value if math.isfinite(value) else None
+
+
+def _is_mark(register: Register, raw: int) -> bool:
+    """Whether the bits are an end stop of their type: makers write these for "not available" and for an overflow.
+
+    Signed: the largest and the smallest number, and in 32 bits everything with 0x7FFF or 0x8000 in the high word (a
+    display that overflows counts on in the low word). Unsigned: all bits high, and in 32 bits 0x7FFFFFFF and
+    0x80000000. All bits high of a signed type is -1: `rounds` judges that by the other registers.
+    """
+    bits = 16 * register.width
+    top, sign = (1 << bits) - 1, 1 << bits - 1
+    if register.type.startswith("i"):
+        return raw in (sign, sign - 1) or (bits == 32 and raw >> 16 in (0x7FFF, 0x8000))
+    if register.type.startswith("u"):
+        return raw == top or (bits == 32 and raw in (sign, sign - 1))
+    return False

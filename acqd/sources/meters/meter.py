@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -12,6 +13,7 @@ from acqd.sources.meters.decode import raw_value
 from acqd.sources.meters.plausible import decode, explain, judge
 from acqd.sources.meters.profile import Profile, WordOrder
 from acqd.sources.meters.reading import Reading
+from acqd.sources.meters.rounds import INVALID, Judged, RoundJudge
 from acqd.sources.modbus.client import ModbusClient, ModbusError
 
 _ROUNDS = 3
@@ -49,6 +51,7 @@ class Meter:
         self.unit = profile.unit if settings.unit is None else settings.unit
         self._access = MeterAccess(self.unit, profile)
         self.period_ns = round((settings.poll_s or profile.update_s) * 1e9)
+        self._judge = RoundJudge(settings.nominal_voltage)
         self._trusted = False
         self._backoff = Backoff(SHARED_LINE)
         self._values: dict[str, float | None] = {}
@@ -114,12 +117,24 @@ class Meter:
         if fault:
             self._fail(fault, now_ns)
             return None
-        values = decode(self.profile, self._access.plan, answers)
+        judged = self._judged(client, answers, now_ns)
         self.trouble = ""
         self._backoff.reset()
-        flags = self._flags(values, now_ns, missed=seq != self._last_seq + 1 and self._last_seq >= 0)
+        flags = self._flags(judged.values, now_ns, missed=seq != self._last_seq + 1 and self._last_seq >= 0)
         self._last_seq = seq
-        return Reading(self.settings.name, self.profile.phases, seq, utc(), values, flags)
+        return Reading(self.settings.name, self.profile.phases, seq, utc(), judged.values, flags | judged.flags)
+
+    def _judged(self, client: ModbusClient, answers: list[bytes], now_ns: int) -> Judged:
+        """The round without what is no measurement; registers that contradict each other are read once more."""
+        if self._judge.blank(self.profile, self._access.plan, answers):
+            return Judged(dict.fromkeys(self.profile.quantities), frozenset({INVALID}))
+        values = decode(self.profile, self._access.plan, answers)
+        if self._judge.contradicts(values):  # a load that changed between two reads of the round
+            with contextlib.suppress(ModbusError):
+                again = self._access.read(client)
+                if not self._judge.blank(self.profile, self._access.plan, again):
+                    values = decode(self.profile, self._access.plan, again)
+        return self._judge.judge(values, now_ns)
 
     def _fail(self, trouble: str, now_ns: int) -> None:
         """Read again after a growing pause, but never sooner than the regular reading is due."""

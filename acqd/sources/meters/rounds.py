@@ -1,0 +1,169 @@
+"""Every round of a meter is judged, as long as it is read: what is no measurement becomes null, and the row says so.
+
+A meter that boots answers with zeros, one behind a broken gateway with all bits high, a display that overflows with its
+largest number. Such rounds come at any time, and one of them among good ones would be a fall of the energy by all that
+was counted. Values are never corrected; only the energy of a meter that has been exchanged or reset is continued.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from acqd.sources.meters.decode import raw_value
+from acqd.sources.meters.plan import Plan
+from acqd.sources.meters.profile import Profile
+
+INVALID = "invalid"
+"""Flag of a row with values that were no measurements."""
+RESET = "meter_reset"
+"""Flag of the row in which the energy of a reset or exchanged meter is continued."""
+_VOLTS = 2.0
+"""Of the nominal voltage: no supply holds more for a second (EN 50160: swells below 1.2 kV stay under 1.7)."""
+_HERTZ = (40.0, 70.0)
+_PF = 1.05
+_SLACK = 0.1  # share of V x I by which P and S may be larger: resolution, and times that differ
+_SMALL_VA = 25.0  # below this the meters' resolution says more than the load
+_LARGEST = 1e10  # A, W, VA or kWh: floats that mean nothing are larger
+_FEW = 6  # registers of a round that may all be zero by chance
+_CONFIRM_NS, _CONFIRM_ROUNDS = 10_000_000_000, 4
+"""So long, and in so many rounds, a counter must stay below (or far above) its last value to be another one."""
+_STEP = 2e-6  # relative; float32 counters step by 1.2e-7, and some meters round down for a moment
+_CHANNELS = ("L1", "L2", "L3", "total")
+_JUMP_kWh = 1.0
+_JUMP_POWER = 20.0  # times the largest apparent power seen, plus 10 kW: faster no counter rises
+
+
+@dataclass(slots=True)
+class _Counter:
+    """One energy register."""
+
+    last: float | None = None
+    """Last accepted reading of the register [kWh]."""
+    at_ns: int = 0
+    offset: float = 0.0
+    """What earlier meters or registers counted [kWh]."""
+    doubt: float | None = None
+    """First reading that does not follow `last`."""
+    since_ns: int = 0
+    rounds: int = 0
+
+
+@dataclass(slots=True)
+class Judged:
+    """A round after judgement."""
+
+    values: dict[str, float | None]
+    flags: frozenset[str]
+
+
+@dataclass(slots=True)
+class RoundJudge:
+    """Judges the rounds of one meter in turn."""
+
+    nominal_voltage: float
+    _counters: dict[str, _Counter] = field(default_factory=dict)
+    _most_VA: float = 0.0
+
+    def blank(self, profile: Profile, plan: Plan, answers: list[bytes]) -> bool:
+        """Whether the registers hold nothing: all of them zero (a meter that boots), or most with all bits high."""
+        raw = [(raw_value(one, plan.bytes_of(one, answers)), one.width) for one in profile.quantities.values()]
+        high = sum(value == (1 << 16 * width) - 1 for value, width in raw)
+        return (len(raw) >= _FEW and not any(value for value, _ in raw)) or 2 * high > len(raw)
+
+    def contradicts(self, values: dict[str, float | None]) -> bool:
+        """Whether powers, voltages and currents cannot be of the same moment: another read may agree."""
+        known = dict(values)
+        for channel in _CHANNELS:
+            _drop_contradicting(channel, known)
+        return known != values
+
+    def judge(self, values: dict[str, float | None], now_ns: int) -> Judged:
+        """The values that may be measurements. A contradiction makes the contradicting ones null."""
+        known = dict(values)
+        for name, value in values.items():
+            if value is not None and self._impossible(name, value):
+                known[name] = None
+        for channel in _CHANNELS:
+            _drop_contradicting(channel, known)
+        flags = {INVALID} if known != values else set()
+        self._most_VA = max(self._most_VA, *(known.get(f"L{k}.S") or _product(f"L{k}", known) or 0.0 for k in (1, 2, 3)))
+        for name in known:
+            if name.endswith((".W", ".W_export")):
+                known[name] = self._counted(name, known[name], now_ns, flags)
+        return Judged(known, frozenset(flags))
+
+    def _impossible(self, name: str, value: float) -> bool:
+        kind = name.rpartition(".")[2]
+        if kind == "Vrms":
+            return not -1e-9 <= value <= _VOLTS * self.nominal_voltage
+        if kind == "f":
+            return value != 0 and not _HERTZ[0] <= value <= _HERTZ[1]
+        if kind == "PF":
+            return abs(value) > _PF
+        return abs(value) > _LARGEST or (kind in ("W", "W_export", "Irms") and value < -1e-3)
+
+    def _counted(self, name: str, value: float | None, now_ns: int, flags: set[str]) -> float | None:
+        """The energy that a register stands for; null while it is in doubt."""
+        counter = self._counters.setdefault(name, _Counter())
+        if value is None:
+            return None
+        certain = value > 0 or name not in ("total.W", "L1.W") or self._confirmed(counter, now_ns)
+        fresh = counter.last is None and certain
+        if fresh or (counter.last is not None and self._follows(counter, value, now_ns)):
+            counter.last = value if counter.last is None else max(value, counter.last)
+            counter.at_ns, counter.doubt = now_ns, None
+            return counter.offset + counter.last
+        flags.add(INVALID)
+        # The first reading of a meter that boots may be 0, as well: then what follows would be a jump.
+        if counter.doubt is None or value < counter.doubt * (1 - _STEP) - 1e-3:
+            counter.doubt, counter.since_ns, counter.rounds = value, now_ns, 0
+        counter.rounds += 1
+        if counter.last is None or not self._confirmed(counter, now_ns):
+            return None
+        flags.discard(INVALID)
+        flags.add(RESET)
+        assert counter.doubt is not None  # else nothing is confirmed
+        counter.offset += counter.last - counter.doubt
+        counter.last, counter.at_ns, counter.doubt = value, now_ns, None
+        return counter.offset + value
+
+    @staticmethod
+    def _confirmed(counter: _Counter, now_ns: int) -> bool:
+        long = now_ns - counter.since_ns >= _CONFIRM_NS
+        return counter.doubt is not None and long and counter.rounds >= _CONFIRM_ROUNDS
+
+    def _follows(self, counter: _Counter, value: float, now_ns: int) -> bool:
+        """Whether a reading may come after the last accepted one."""
+        assert counter.last is not None
+        hours = max(now_ns - counter.at_ns, 0) / 3.6e12
+        most = _JUMP_kWh + hours * (10.0 + _JUMP_POWER * self._most_VA / 1000)
+        return -(1e-3 + _STEP * counter.last) <= value - counter.last <= most + _STEP * counter.last
+
+
+def _drop_contradicting(channel: str, known: dict[str, float | None]) -> None:
+    """|P| and S are at most V x I, and |P| at most S: the value that stands alone becomes null."""
+    product, S = _product(channel, known), known.get(f"{channel}.S")
+    P = known.get(f"{channel}.P")
+    S = None if S is None else abs(S)
+    if P is not None and product is not None and _above(abs(P), product):
+        if S is not None and not _above(abs(P), S) and channel != "total":
+            known[f"{channel}.Irms"] = None  # P and S agree: it is the current
+            return
+        known[f"{channel}.P"] = P = None
+    if S is not None and product is not None and _above(S, product):
+        known[f"{channel}.S"] = S = None
+    if P is not None and S is not None and channel != "total" and _above(abs(P), S):
+        known[f"{channel}.P"] = None
+
+
+def _above(value: float, limit: float) -> bool:
+    return value > (1 + _SLACK) * limit + _SMALL_VA
+
+
+def _product(channel: str, values: dict[str, float | None]) -> float | None:
+    """V x I [VA]; of the total, the sum of the phases; None where a factor is not known."""
+    if channel == "total":
+        parts = [_product(f"L{k}", values) for k in (1, 2, 3) if f"L{k}.Vrms" in values]
+        return None if not parts or None in parts else sum(part for part in parts if part is not None)
+    volts, amperes = values.get(f"{channel}.Vrms"), values.get(f"{channel}.Irms")
+    return None if volts is None or amperes is None else volts * amperes
