@@ -22,6 +22,7 @@ class _LinkKeys(Section):
     parity: Literal["N", "E", "O"] = "N"
     stopbits: Literal[1, 2] = 1
     timeout_s: Annotated[float, Field(ge=0.02, le=10)] = 0.3
+    echo: bool = False
 
     @model_validator(mode="after")
     def _one_link(self) -> _LinkKeys:

@@ -107,7 +107,7 @@ class RoundJudge:
         counter = self._counters.setdefault(name, _Counter())
         if value is None:
             return None
-        certain = value > 0 or name not in ("total.W", "L1.W") or self._confirmed(counter, now_ns)
+        certain = value > 0 or name != "total.W" or self._confirmed(counter, now_ns)
         fresh = counter.last is None and certain
         if fresh or (counter.last is not None and self._follows(counter, value, now_ns)):
             counter.last = value if counter.last is None else max(value, counter.last)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import socket
+import time
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -16,6 +17,7 @@ from pymodbus.pdu import ModbusPDU
 from pymodbus.pdu.register_message import ReadHoldingRegistersResponse, ReadInputRegistersResponse
 
 from acqd.errors import UserError
+from acqd.sources.modbus.framing import LenientSocket, Line, ResyncRtu
 from acqd.sources.modbus.settings import ModbusLink
 from acqd.sources.remote_ring import DeviceError
 
@@ -32,6 +34,7 @@ _EXCEPTIONS = {
 }
 ILLEGAL_ADDRESS = 2
 _LONGEST_ANSWER = 5 + 2 * 125  # bytes
+_LATE = 3.0  # times its time-out an answer may take and still be one: the unit is not asked before
 _BITS = 11  # of a character on a serial line
 Read: TypeAlias = tuple[int, int, int]
 """Function code, first register, number of registers."""
@@ -86,6 +89,8 @@ class ModbusClient:
         if link.serial_port is not None:
             _check_serial(link.serial_port)
         self.link = link
+        self._line = Line(str(link), link.echo)
+        self._late: dict[int, float] = {}  # until when the answer to a request that timed out may still come
         self._loop = asyncio.new_event_loop()
         self._clients: list[Any] = []
         self._connections = connections if link.host else 1
@@ -118,7 +123,7 @@ class ModbusClient:
             for number, (function, address, count) in queue:
                 if pause_s and not self.link.host:  # a gateway keeps the silence of its serial line itself
                     await asyncio.sleep(pause_s)
-                answers[number] = await _one(client, unit, function, address, count)
+                answers[number] = await self._ask(client, unit, (function, address, count))
 
         workers = [asyncio.ensure_future(work(client)) for client in self._clients[: len(reads)]]
         try:
@@ -128,12 +133,27 @@ class ModbusClient:
                 worker.cancel()
         return answers
 
+    async def _ask(self, client: Any, unit: int, read: Read) -> bytes:
+        """One read. On a serial line nothing names the request that an answer is for.
+
+        So after a time-out the unit is asked again only when its late answer has passed.
+        """
+        if not self.link.host:
+            await asyncio.sleep(max(0.0, self._late.pop(unit, 0.0) - time.monotonic()))
+        begun = time.monotonic()
+        try:
+            return await _one(client, unit, *read)
+        except ModbusError as error:
+            if error.code is None and not self.link.host:
+                self._late[unit] = begun + _LATE * max(time.monotonic() - begun, self.link.timeout_s)
+            raise
+
     async def _connect(self) -> None:
         if self._clients and all(client.connected for client in self._clients):
             return
         for client in self._clients:
             client.close()
-        self._clients = [_make(self.link) for _ in range(self._connections)]
+        self._clients = [_make(self.link, self._line) for _ in range(self._connections)]
         try:
             connected = all(await asyncio.gather(*(client.connect() for client in self._clients)))
         except (OSError, UnicodeError):
@@ -163,7 +183,7 @@ async def _one(client: Any, unit: int, function: int, address: int, count: int) 
     return payload
 
 
-def _make(link: ModbusLink) -> Any:
+def _make(link: ModbusLink, line: Line) -> Any:
     client: Any
     if link.host:
         client = AsyncModbusTcpClient(link.host, port=link.port, timeout=link.timeout_s, retries=0, reconnect_delay=0)
@@ -179,6 +199,8 @@ def _make(link: ModbusLink) -> Any:
             retries=0,
             reconnect_delay=0,
         )
+    framer = LenientSocket if link.host else ResyncRtu
+    client.ctx.framer = framer(client.ctx.framer.decoder, line)
     client.register(_RawHolding)
     client.register(_RawInput)
     return client

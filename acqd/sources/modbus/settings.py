@@ -20,6 +20,8 @@ class ModbusLink:
     stopbits: Literal[1, 2] = 1
     timeout_s: float = 0.3
     """How long an answer may take [s]."""
+    echo: bool = False
+    """RTU: the adapter returns every request before the answer. An echo is also recognised without this."""
 
     def __str__(self) -> str:
         return f"{self.host}:{self.port}" if self.host else f"{self.serial_port} at {self.baudrate} Bd"

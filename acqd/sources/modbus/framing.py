@@ -1,0 +1,157 @@
+"""Framers that find the answer to the last request among whatever else the line carries.
+
+pymodbus takes the first bytes for a frame: a stray byte, an echo of the request or the answer to an earlier request
+makes a meter silent, or gives one register the value of another. These look for what was asked: unit, function, number
+of bytes and, on a serial line, the CRC, at every position.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections import deque
+from dataclasses import dataclass, field
+from typing import Any
+
+from pymodbus.framer.rtu import FramerRTU
+from pymodbus.framer.socket import FramerSocket
+from pymodbus.pdu import ModbusPDU
+
+_log = logging.getLogger(__name__)
+_RECENT = 16  # requests whose late answers are recognised
+_EXCEPTION = 0x80
+
+
+@dataclass(slots=True)
+class Line:
+    """What is known of one link, whatever connection it has."""
+
+    title: str
+    echo: bool = False
+    """Every request comes back before its answer."""
+    exact: bool = False
+    """TCP: an answer has had the transaction id and unit of its request, so one that has not is not the answer."""
+    strays: int = 0
+    """Answers that came when nobody had asked, or to an earlier request."""
+    recent: deque[int] = field(default_factory=lambda: deque(maxlen=_RECENT))
+    """Transaction ids of the last requests."""
+    warned: set[str] = field(default_factory=set)
+
+    def warn(self, text: str) -> None:
+        """Say something once."""
+        if text not in self.warned:
+            self.warned.add(text)
+            _log.warning("%s: %s", self.title, text)
+
+
+@dataclass(slots=True)
+class _Question:
+    """The request that is under way."""
+
+    frame: bytes = b""
+    function: int = 0
+    size: int = 0
+    """Bytes of registers that the answer must have."""
+
+    def answered_by(self, pdu: bytes) -> bool:
+        """Whether this begins as an answer: function and number of bytes, or an exception."""
+        if len(pdu) < 2:
+            return False
+        return (pdu[0] == self.function and pdu[1] == self.size) or pdu[0] == self.function | _EXCEPTION
+
+    def length(self, pdu: bytes) -> int:
+        """Bytes of the answer that begins here, without unit and CRC."""
+        return 2 if pdu[0] & _EXCEPTION else 2 + self.size
+
+
+def _question(message: ModbusPDU, frame: bytes) -> _Question:
+    return _Question(frame, message.function_code, 2 * int(getattr(message, "count", 0)))
+
+
+class ResyncRtu(FramerRTU):
+    """RTU: the answer is where unit, function, number of bytes and CRC are right."""
+
+    def __init__(self, decoder: Any, line: Line) -> None:
+        super().__init__(decoder)
+        self._line = line
+        self._question = _Question()
+
+    def buildFrame(self, message: ModbusPDU) -> bytes:  # noqa: N802
+        """The request, which is remembered."""
+        frame = super().buildFrame(message)
+        self._question = _question(message, frame)
+        return frame
+
+    def handleFrame(self, data: bytes, exp_devid: int, exp_tid: int) -> tuple[int, ModbusPDU | None]:  # noqa: N802
+        """(bytes used, answer); bytes that cannot begin an answer are kept until the next request clears them."""
+        del exp_tid
+        question, begin = self._question, 0
+        if question.frame and question.frame in data:
+            begin = data.index(question.frame) + len(question.frame)
+            if not self._line.echo:
+                self._line.warn("its requests come back (echo of the adapter); they are passed over")
+        elif self._line.echo and len(data) >= len(question.frame):
+            begin = len(question.frame)
+        for at in range(begin, len(data) - 4):
+            unit, pdu = data[at], data[at + 1 :]
+            if (exp_devid and unit != exp_devid) or not question.answered_by(pdu):
+                continue
+            end = at + 1 + question.length(pdu)
+            if end + 2 > len(data) or not self.check_CRC(data[at:end], int.from_bytes(data[end : end + 2], "big")):
+                continue
+            if at > begin:
+                self._line.warn("stray bytes come before answers; check biasing and termination of the line")
+            answer = self.decoder.decode(data[at + 1 : end])
+            if answer is not None:
+                answer.dev_id, answer.transaction_id = unit, 0
+                return len(data), answer
+        return 0, None
+
+
+class LenientSocket(FramerSocket):
+    """TCP: gateways that answer with unit 0, or with a transaction id of their own, are understood."""
+
+    def __init__(self, decoder: Any, line: Line) -> None:
+        super().__init__(decoder)
+        self._line = line
+        self._question = _Question()
+
+    def buildFrame(self, message: ModbusPDU) -> bytes:  # noqa: N802
+        """The request, which is remembered."""
+        frame = super().buildFrame(message)
+        self._question = _question(message, frame)
+        self._line.recent.append(message.transaction_id)
+        return frame
+
+    def handleFrame(self, data: bytes, exp_devid: int, exp_tid: int) -> tuple[int, ModbusPDU | None]:  # noqa: N802
+        """(bytes used, answer)."""
+        used = 0
+        while len(data) - used >= self.MIN_SIZE:
+            length, unit, tid, pdu = self.decode(data[used:])
+            if not length:
+                if int.from_bytes(data[used + 2 : used + 4], "big"):
+                    used += 1  # no header of Modbus: look for one
+                    continue
+                break
+            used += length
+            if not self._question.answered_by(pdu) or not self._accepts(unit, tid, exp_devid, exp_tid):
+                self._line.strays += 1
+                continue
+            answer = self.decoder.decode(pdu)
+            if answer is not None:
+                answer.dev_id, answer.transaction_id = exp_devid, exp_tid
+                return used, answer
+        return used, None
+
+    def _accepts(self, unit: int, tid: int, wanted_unit: int, wanted_tid: int) -> bool:
+        """Whether a frame is the answer to the request under way; one request is under way on a connection."""
+        line = self._line
+        if (unit, tid) == (wanted_unit, wanted_tid):
+            line.exact = True
+            return True
+        if line.exact or (tid != wanted_tid and tid in line.recent):
+            return False
+        if unit != wanted_unit:
+            line.warn(f"the gateway answers with unit {unit} for unit {wanted_unit}; its answers are taken in turn")
+        if tid != wanted_tid:
+            line.warn("the gateway answers with transaction ids of its own; its answers are taken in turn")
+        return True

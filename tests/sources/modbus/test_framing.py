@@ -1,0 +1,205 @@
+"""Answers are found among stray bytes, echoes, late answers and headers of gateways."""
+
+from __future__ import annotations
+
+import logging
+import os
+import pty
+import select
+import socket
+import struct
+import threading
+import tty
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pymodbus.framer.rtu import FramerRTU
+from pymodbus.pdu import DecodePDU
+from pymodbus.pdu.register_message import ReadInputRegistersRequest
+
+from acqd.sources.modbus import ModbusLink
+from acqd.sources.modbus.client import ModbusClient, ModbusError
+from acqd.sources.modbus.framing import LenientSocket, Line, ResyncRtu
+
+
+def sealed(body: bytes) -> bytes:
+    crc = 0xFFFF
+    for byte in body:
+        crc ^= byte
+        for _ in range(8):
+            crc = (crc >> 1) ^ 0xA001 if crc & 1 else crc >> 1
+    return body + struct.pack("<H", crc)
+
+
+def answer(unit: int, values: list[int]) -> bytes:
+    return sealed(bytes([unit, 4, 2 * len(values)]) + b"".join(struct.pack(">H", value) for value in values))
+
+
+def rtu(unit: int = 1, count: int = 2, **line: bool) -> tuple[ResyncRtu, bytes]:
+    framer = ResyncRtu(DecodePDU(False), Line("line", **line))
+    return framer, framer.buildFrame(ReadInputRegistersRequest(address=7, count=count, dev_id=unit))
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.binary(max_size=40), st.binary(max_size=10), st.booleans())
+def test_a_frame_is_found_behind_any_bytes(before, after, echoed):
+    framer, request = rtu()
+    wire = (request if echoed else b"") + before + answer(1, [230, 50]) + after
+    used, found = framer.handleFrame(wire, 1, 0)
+    assert found is not None and used == len(wire) and found.registers == [230, 50]
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.binary(max_size=60))
+def test_noise_is_no_answer_and_no_crash(noise):
+    framer, _ = rtu()
+    _, found = framer.handleFrame(noise, 1, 0)
+    assert found is None or sealed(noise[:-2]) == noise
+    LenientSocket(DecodePDU(False), Line("x")).handleFrame(noise, 1, 1)
+
+
+def test_every_byte_of_an_answer_counts():
+    whole = answer(1, [230, 50])
+    for end in range(len(whole)):
+        framer, _ = rtu()
+        assert framer.handleFrame(whole[:end], 1, 0) == (0, None)
+    for at in range(len(whole)):
+        framer, _ = rtu()
+        broken = whole[:at] + bytes([whole[at] ^ 0x10]) + whole[at + 1 :]
+        assert framer.handleFrame(broken, 1, 0)[1] is None
+
+
+def test_answers_of_other_units_functions_and_lengths_are_passed_over():
+    framer, _ = rtu(unit=3)
+    others = answer(2, [1, 2]) + answer(3, [1]) + answer(3, [1, 2, 3]) + sealed(bytes([3, 3, 4, 0, 1, 0, 2]))
+    assert framer.handleFrame(others, 3, 0)[1] is None
+    assert framer.handleFrame(others + answer(3, [8, 9]), 3, 0)[1].registers == [8, 9]
+    assert framer.handleFrame(b"\0" + sealed(bytes([3, 0x84, 2])), 3, 0)[1].exception_code == 2
+
+
+def test_the_crc_is_that_of_pymodbus():
+    body = bytes(range(20))
+    assert sealed(body)[-2:] == FramerRTU.compute_CRC(body).to_bytes(2, "big")
+
+
+class Meter:
+    """One meter on a pseudo terminal; `reply(request, number)` gives (delay, bytes) pairs."""
+
+    def __init__(self, reply):
+        self.master, self._slave = pty.openpty()
+        tty.setraw(self.master)
+        tty.setraw(self._slave)
+        self.path, self._reply, self.asked = os.ttyname(self._slave), reply, 0
+        threading.Thread(target=self._run, daemon=True).start()
+
+    def _run(self):
+        while True:
+            try:
+                if not select.select([self.master], [], [], 30)[0]:
+                    return
+                request = os.read(self.master, 256)
+            except OSError:
+                return
+            number, self.asked = self.asked, self.asked + 1
+            for delay, frame in self._reply(request, number):
+                threading.Timer(delay, os.write, (self.master, frame)).start()
+
+    def close(self):
+        os.close(self.master)
+
+
+def registers(request: bytes) -> bytes:
+    first, count = struct.unpack(">HH", request[2:6])
+    return answer(request[0], list(range(first, first + count)))
+
+
+@pytest.mark.parametrize("shape", ["plain", "zero before", "echo", "echo cut", "two pieces"])
+def test_a_meter_on_a_bad_line_is_read(shape):
+    def reply(request, _number):
+        frame = registers(request)
+        return {
+            "plain": [(0, frame)], "zero before": [(0, b"\0\xff" + frame)], "echo": [(0, request + frame)],
+            "echo cut": [(0, request[:5]), (0.05, request[5:] + frame)], "two pieces": [(0, frame[:4]), (0.05, frame[4:])],
+        }[shape]  # fmt: skip
+
+    meter = Meter(reply)
+    client = ModbusClient(ModbusLink(serial_port=meter.path, baudrate=115_200, timeout_s=1.0, echo=shape == "echo cut"))
+    for first in (0, 10, 20):
+        [data] = client.read(1, [(4, first, 3)])
+        assert struct.unpack(">3H", data) == (first, first + 1, first + 2)
+    client.close()
+    meter.close()
+
+
+def test_an_answer_that_comes_late_is_not_the_answer_to_the_next_request():
+    def reply(request, number):
+        return [(0.45 if number == 0 else 0.0, registers(request))]  # the first after its time-out
+
+    meter = Meter(reply)
+    client = ModbusClient(ModbusLink(serial_port=meter.path, baudrate=115_200, timeout_s=0.2))
+    with pytest.raises(ModbusError, match="does not answer"):
+        client.read(1, [(4, 0, 3)])
+    for first in (100, 200, 300):
+        [data] = client.read(1, [(4, first, 3)])
+        assert struct.unpack(">3H", data)[0] == first
+    client.close()
+    meter.close()
+
+
+def gateway(change):
+    """A TCP server that changes transaction id and unit of its answers."""
+    server = socket.create_server(("127.0.0.1", 0))
+
+    def run():
+        peer, _ = server.accept()
+        number = 0
+        while data := peer.recv(260):
+            tid, _, _, unit = struct.unpack(">HHHB", data[:7])
+            first, count = struct.unpack(">HH", data[8:12])
+            body = bytes([data[7], 2 * count]) + b"".join(struct.pack(">H", first + k) for k in range(count))
+            for new_tid, new_unit, payload in change(number, tid, unit, body):
+                peer.sendall(struct.pack(">HHHB", new_tid & 0xFFFF, 0, len(payload) + 1, new_unit) + payload)
+            number += 1
+
+    threading.Thread(target=run, daemon=True).start()
+    return server
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [(lambda n, t, u, b: [(t, 0, b)], "answers with unit 0 for unit 5"),
+     (lambda n, t, u, b: [(0x7000 + n, u, b)], "transaction ids of its own"),
+     (lambda n, t, u, b: [(0, 255, b)], "transaction ids of its own")],
+)  # fmt: skip
+def test_a_gateway_with_ideas_of_its_own_is_understood_and_named_once(change, said, caplog):
+    server = gateway(change)
+    client = ModbusClient(ModbusLink("127.0.0.1", server.getsockname()[1], timeout_s=2.0))
+    with caplog.at_level(logging.WARNING):
+        for first in (0, 10, 20):
+            [data] = client.read(5, [(4, first, 2)])
+            assert struct.unpack(">2H", data) == (first, first + 1)
+    assert [said in record.message for record in caplog.records].count(True) == 1
+    client.close()
+    server.close()
+
+
+def test_an_answer_to_an_earlier_request_is_passed_over_by_its_transaction_id():
+    held = []
+
+    def late(number, tid, unit, body):
+        if number == 1:
+            held.append((tid, unit, body))
+            return []
+        return [*held, (tid, unit, body)] if number == 2 else [(tid, unit, body)]
+
+    server = gateway(late)
+    client = ModbusClient(ModbusLink("127.0.0.1", server.getsockname()[1], timeout_s=0.3))
+    client.read(5, [(4, 0, 2)])
+    with pytest.raises(ModbusError):
+        client.read(5, [(4, 10, 2)])
+    for first in (20, 30):
+        [data] = client.read(5, [(4, first, 2)])
+        assert struct.unpack(">2H", data)[0] == first
+    client.close()
+    server.close()
