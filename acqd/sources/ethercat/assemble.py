@@ -13,7 +13,6 @@ from acqd.sources.ethercat.layout import Block
 from acqd.sources.ethercat.settings import EthercatSettings
 
 _KEPT = 4  # blocks kept per terminal until the other terminals deliver theirs
-_COUNTS = 1 << 16
 _CHANNEL = ("U1", "I1", "U2", "I2", "U3", "I3")
 
 
@@ -33,11 +32,15 @@ class Assembled:
 class Assembler:
     """Takes process images in, gives each period once; repeated images of a period are passed over."""
 
-    def __init__(self, settings: EthercatSettings, block_ns: int) -> None:
+    def __init__(self, settings: EthercatSettings, block_ns: int, samples: int = 0, count_bytes: int = 2) -> None:
+        """`samples` of a block; `count_bytes` of SampleCount."""
         self._settings = settings
         self._places = settings.places()
         self._block_ns = block_ns
         self._waiting: list[dict[int, Block]] = [{} for _ in range(settings.terminals)]
+        self._samples = samples
+        self._counts = 1 << 8 * count_bytes
+        self._unit = 0  # what SampleCount rises by in a block: 1, or the samples of one; 0: not known yet
         self._last: tuple[int, list[int]] | None = None  # NextSync1Time and sample counts of the last period
 
     def add(self, blocks: list[Block]) -> list[Assembled]:
@@ -101,9 +104,21 @@ class Assembler:
         return flags, warnings
 
     def _miscounted(self, time: int, counts: list[int]) -> bool:
-        """Whether the terminals' own counts of periods contradict the distributed clock."""
+        """Whether the terminals' own counts contradict the distributed clock.
+
+        No document at hand says whether SampleCount counts blocks or samples: the first blocks that follow each other
+        show that.
+        """
         last, self._last = self._last, (time, counts)
         if last is None:
             return False
         periods = round((time - last[0]) / self._block_ns)
-        return any((now - before - periods) % _COUNTS for now, before in zip(counts, last[1], strict=True))
+        steps = [(now - before) % self._counts for now, before in zip(counts, last[1], strict=True)]
+        if not self._unit:
+            fitting = [unit for unit in (1, self._samples) if all(self._is(step, periods * unit) for step in steps)]
+            self._unit = fitting[0] if fitting else 0
+            return not fitting
+        return not all(self._is(step, periods * self._unit) for step in steps)
+
+    def _is(self, step: int, expected: int) -> bool:
+        return (step - expected) % self._counts == 0

@@ -58,7 +58,10 @@ def _prepare(terminal: Any, samples_pdo: int, settings: EthercatSettings) -> Blo
     assigned = read_list(terminal, objects.TXPDO_ASSIGN)
     if assigned != wanted:
         raise SegmentError(f"{terminal.name} did not keep its PDO assignment; power it off and on")
-    return build_layout(assigned, lambda pdo: read_list(terminal, pdo))
+    try:
+        return build_layout(assigned, lambda pdo: read_list(terminal, pdo))
+    except UserError as error:  # also what a lost SDO reply leaves of a mapping: worth another try
+        raise SegmentError(str(error)) from None
 
 
 def _set_range(terminal: Any, settings: EthercatSettings) -> None:

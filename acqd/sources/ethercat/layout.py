@@ -25,7 +25,7 @@ class Block:
     next_sync1_ns: int
     """DC time at which the next block begins; 0 while the terminal has no samples yet."""
     count: int
-    """SYNC1 periods, 16 bit."""
+    """SampleCount: of SYNC1 periods or of samples, modulo 2^(8 x its bytes)."""
     status: NDArray[np.uint16]
     """[6] status words."""
     fine_range: int
@@ -42,9 +42,10 @@ class BlockLayout:
     oversampling: int
     next_sync1: tuple[int, int]
     """Position and bytes (8, or 4 on terminals that send the low half only)."""
-    count: int
-    fine_range: int | None
-    """None where the terminal does not report its range."""
+    count: tuple[int, int]
+    """Position and bytes."""
+    fine_range: tuple[int, int] | None
+    """Position and bytes; None where the terminal does not report its range."""
 
     def stamp(self, image: bytes) -> bytes:
         """The bytes that differ from block to block whatever the samples are: NextSync1Time."""
@@ -57,9 +58,9 @@ class BlockLayout:
         return Block(
             np.array(samples, dtype=np.int16),
             self._next_sync1(image, dc_time_ns),
-            int.from_bytes(image[self.count : self.count + 2], "little"),
+            _number(image, self.count),
             np.array([int.from_bytes(image[p : p + 2], "little") for p in self.status], dtype=np.uint16),
-            0 if self.fine_range is None else int.from_bytes(image[self.fine_range : self.fine_range + 2], "little"),
+            0 if self.fine_range is None else _number(image, self.fine_range),
         )
 
     def _next_sync1(self, image: bytes, dc_time_ns: int) -> int:
@@ -82,6 +83,9 @@ def build_layout(assigned: list[int], read_mapping: ReadMapping) -> BlockLayout:
     if bits % 8:
         raise UserError(f"the EL3783 reports a process image of {bits} bits, which is no whole number of bytes")
 
+    def wide(pdo: int, allowed: tuple[int, ...]) -> tuple[int, int]:
+        return place(pdo, allowed), position[pdo][1] // 8
+
     def place(pdo: int, allowed: tuple[int, ...]) -> int:
         first, size, _ = position.get(pdo, (0, 0, 0))
         if size not in allowed or first % 8:
@@ -100,10 +104,15 @@ def build_layout(assigned: list[int], read_mapping: ReadMapping) -> BlockLayout:
         status=tuple(place(objects.STATUS_PDO + objects.CHANNEL_STEP * c, (16,)) for c in range(objects.CHANNELS)),
         samples=tuple(place(pdo, (16 * oversampling,)) for pdo in samples),
         oversampling=oversampling,
-        next_sync1=(place(objects.NEXT_SYNC1_PDO, (32, 64)), position[objects.NEXT_SYNC1_PDO][1] // 8),
-        count=place(objects.SAMPLE_COUNT_PDO, (16,)),
-        fine_range=place(objects.RANGE_PDO, (16,)) if objects.RANGE_PDO in position else None,
+        next_sync1=wide(objects.NEXT_SYNC1_PDO, (32, 64)),
+        count=wide(objects.SAMPLE_COUNT_PDO, (8, 16, 32)),
+        fine_range=wide(objects.RANGE_PDO, (8, 16, 24, 32)) if objects.RANGE_PDO in position else None,
     )
+
+
+def _number(image: bytes, place: tuple[int, int]) -> int:
+    at, width = place
+    return int.from_bytes(image[at : at + width], "little")
 
 
 def _is_samples(pdo: int) -> bool:

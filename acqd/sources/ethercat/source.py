@@ -17,7 +17,8 @@ _POLLS = 4  # of a block, unless the cycle is locked to it: more often is harmle
 _LOCKED_NS = 2_000_000  # a block this short is read once, with the wake-up locked to SYNC1
 _PATIENCE_NS = 30_000_000  # of wrong working counters: single lost frames are no outage
 _CHECK_NS = 500_000_000  # between looks at the slaves' states
-_START_TRIES = 3
+_START_TRIES = 5
+_START_PAUSE_S = 0.2  # before the second try; each further one waits so much longer
 _STANDSTILL_NS = 1_000_000_000  # without a new block, while frames come back: SYNC starts 0.1 s after OP
 _ACKNOWLEDGE_NS = 1_500_000_000  # for slaves to come back to OP before the segment is started again
 
@@ -96,12 +97,14 @@ class EthercatSource(DeviceSource):
             except SegmentError as error:
                 if attempt == _START_TRIES:
                     raise UserError(f"EtherCAT on {self._settings.interface}: {error}") from None
+                time.sleep(attempt * _START_PAUSE_S)
             else:
                 return
 
     def _adopt(self, segment: Segment) -> None:
         self._segment = segment
-        self._assembler = Assembler(self._settings, segment.block_ns)
+        layout = segment.layout
+        self._assembler = Assembler(self._settings, segment.block_ns, layout.oversampling, layout.count[1])
 
     def _take(self, images: list[bytes], now: int) -> None:
         assert self._segment is not None

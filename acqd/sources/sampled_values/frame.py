@@ -40,6 +40,7 @@ class FrameLayout:
     """A parsed frame: the next frames of the stream have their fields at the same places."""
 
     length: int
+    """Bytes from the addresses to the end of the APDU; padding and the trailer of a redundant network follow."""
     appid: int
     asdus: tuple[Asdu, ...]
 
@@ -80,7 +81,7 @@ def parse(frame: bytes) -> FrameLayout:
     ]
     if not asdus or announced != [len(asdus)]:
         raise FrameError(f"the savPdu holds {len(asdus)} ASDUs, noASDU says {announced}")
-    return FrameLayout(len(frame), appid, asdus)
+    return FrameLayout(end, appid, asdus)
 
 
 def _elements(frame: bytes, start: int, end: int) -> Iterator[tuple[int, int, int]]:

@@ -101,7 +101,7 @@ class SampledValuesSource(DeviceSource):
     def _ours(self, rows: NDArray[np.uint8], lengths: NDArray[np.int64]) -> NDArray[np.uint8]:
         """Frames of our stream; foreign and damaged ones are left out, a changed make-up is noticed."""
         length = self._decoder.layout.length
-        frames = rows[lengths == length, :length]
+        frames = rows[_whole(rows, lengths, length), :length]
         matching = self._decoder.matching(frames)
         if matching.all() and len(frames) == len(rows):
             return frames
@@ -153,3 +153,24 @@ class SampledValuesSource(DeviceSource):
             taken_ns = first_ns + round((numbers[start] - numbers[0]) * 1e9 / self.form.rate)
             named = names(int(flags[start])) | ({"sync_error"} if self._counter.was_set else set())
             self._place(codes[start:stop], int(numbers[start]), taken_ns, named)
+
+
+def _whole(rows: NDArray[np.uint8], lengths: NDArray[np.int64], length: int) -> NDArray[np.bool_]:
+    """Frames that end with the APDU, or with what Ethernet or a redundant network adds to it.
+
+    Ethernet pads to 60 bytes. PRP (IEC 62439-3) adds six bytes, the last two of which are 0x88FB.
+    """
+    exact = lengths == length
+    if exact.all():
+        return np.asarray(exact)
+    ends = np.arange(len(rows)), np.maximum(lengths, 2)
+    trailer = (rows[ends[0], ends[1] - 2] == _PRP[0]) & (rows[ends[0], ends[1] - 1] == _PRP[1])
+    longer = lengths > length
+    return np.asarray(exact | (longer & (lengths <= _SHORTEST)) | (longer & trailer & (lengths <= _longest(length))))
+
+
+def _longest(length: int) -> int:
+    return max(length, _SHORTEST) + _TRAILER
+
+
+_PRP, _TRAILER, _SHORTEST = (0x88, 0xFB), 6, 60
