@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+import threading
 from collections.abc import Iterator
 
 import numpy as np
@@ -172,3 +173,17 @@ def test_slots_are_whole_only_when_both_sequence_numbers_agree():
     table["seq_end"][2] = 0
     assert read_slots(ring, table.tobytes(), 5).seq.tolist() == [5, 6, 8]
     assert not len(read_slots(ring, table.tobytes(), 6).seq)
+
+
+@pytest.mark.parametrize("octets", [3, 40, 50])
+def test_an_answer_that_is_cut_off_with_the_connection_costs_seconds_and_no_more(rig: Rig, octets):
+    rig.start()
+    rig.step(5)
+    rig.double.command(cut=octets)
+    threading.Timer(0.2, rig.double.command, kwargs={"reset": True}).start()
+    rig.step()  # without a limit of ours, AdsLib would never return
+    assert not rig.source.health().connected and "PLC" in rig.source.health().reason
+    for _ in range(5):
+        rig.clock.now += 2_000_000_000
+        rig.step()
+    assert rig.source.health().connected and rig.source.health().reconnects == 1

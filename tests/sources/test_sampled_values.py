@@ -87,6 +87,17 @@ def test_a_vlan_tag_does_not_matter(rig: Rig):
 
 
 @on_wire
+@pytest.mark.parametrize("rig", [{"rate": 4800, "asdus": 2, "prp": True}], indirect=True)
+def test_the_trailer_of_a_redundant_network_does_not_matter(rig: Rig):
+    rig.start(svid="MU0101", rate=4800.0)
+    rig.step(20)
+    rig.unit.command(duplicate=5)  # from LAN B
+    rig.step(20)
+    assert rig.tape.lost == 0
+    rig.tape.offset(codes_of(4800), 48_000)
+
+
+@on_wire
 def test_copies_and_overtaking_frames_are_put_right(rig: Rig):
     rig.start(svid="MU0101", rate=4800.0)
     rig.step(10)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import socket
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import pyads
 
 from acqd.errors import UserError
+from acqd.sources.ads.limited import HangingError, LimitedCalls
 from acqd.sources.ads.ring import HEAD_BYTES, Head, RingError, parse_head
 from acqd.sources.ads.settings import AdsSettings
 from acqd.sources.remote_ring import DeviceError
@@ -17,6 +19,7 @@ PORT = 48_898
 """TCP port of AMS; fixed."""
 _PROBE_S = 1.5
 _TIMEOUT_MS = 1_000
+_LIMIT_S = 2.0  # of a call: AdsLib has given up by then, or never will
 _ADVICE = {
     6: "no PLC runtime answers on source.ams_port; is the PLC in RUN?",
     7: "the AMS net id is not known there; check source.ams_net_id",
@@ -33,17 +36,18 @@ class PlcClient:
         """Connect and find the ring. Raises DeviceError, or UserError for a ring that is not ours."""
         self._settings = settings
         self._connection: Any = None
+        self._call = LimitedCalls(_LIMIT_S)
         _probe(settings.host)
         try:
             if settings.local_net_id:
                 pyads.open_port()
                 pyads.set_local_address(settings.local_net_id)
             self._connection = pyads.Connection(settings.ams_net_id, settings.ams_port, settings.host)
-            self._connection.open()
-            self._connection.set_timeout(_TIMEOUT_MS)
-            self._head = self._connection.get_symbol(f"{settings.namespace}.stHead")
-            self._slots = self._connection.get_symbol(f"{settings.namespace}.aSlots")
-        except (pyads.ADSError, RuntimeError, ValueError) as error:
+            self._call(self._connection.open)
+            self._call(self._connection.set_timeout, _TIMEOUT_MS)
+            self._head = self._call(self._connection.get_symbol, f"{settings.namespace}.stHead")
+            self._slots = self._call(self._connection.get_symbol, f"{settings.namespace}.aSlots")
+        except (pyads.ADSError, RuntimeError, ValueError, HangingError) as error:
             self.close()
             raise _explained(error) from None
 
@@ -66,8 +70,8 @@ class PlcClient:
     def plc_state(self) -> str:
         """RUN, STOP ... of the runtime. Raises DeviceError."""
         try:
-            state = self._connection.read_state()[0]
-        except pyads.ADSError as error:
+            state = self._call(self._connection.read_state)[0]
+        except (pyads.ADSError, HangingError) as error:
             raise _explained(error) from None
         return {pyads.ADSSTATE_RUN: "RUN", pyads.ADSSTATE_STOP: "STOP", pyads.ADSSTATE_CONFIG: "CONFIG"}.get(
             state, f"ADS state {state}"
@@ -75,11 +79,11 @@ class PlcClient:
 
     def close(self) -> None:
         """Drop the connection."""
-        if self._connection is not None:
-            try:
-                self._connection.close()
-            except (pyads.ADSError, RuntimeError):
-                return  # it is gone already
+        if self._connection is None or self._call.lost:
+            return
+        with contextlib.suppress(pyads.ADSError, RuntimeError, HangingError):  # it is gone already
+            self._call(self._connection.close)
+        self._call.end()
 
     def _slot_bytes(self, head: Head, index: int, count: int) -> bytes:
         offset = self._slots.index_offset + index * head.slot_bytes
@@ -87,8 +91,9 @@ class PlcClient:
 
     def _read(self, group: int, offset: int, size: int) -> bytes:
         try:
-            return bytes(self._connection.read(group, offset, ctypes.c_ubyte * size, return_ctypes=True))
-        except (pyads.ADSError, RuntimeError) as error:
+            wanted = ctypes.c_ubyte * size
+            return bytes(self._call(self._connection.read, group, offset, wanted, True))
+        except (pyads.ADSError, RuntimeError, HangingError) as error:
             raise _explained(error) from None
 
 
@@ -104,6 +109,8 @@ def _probe(host: str) -> None:
 
 
 def _explained(error: Exception) -> DeviceError:
+    if isinstance(error, HangingError):
+        return DeviceError("its connection ended in the middle of an answer")
     code = getattr(error, "err_code", None)
     advice = _ADVICE.get(code) if isinstance(code, int) else None
     return DeviceError(f"ADS error {code}: {advice}" if advice else f"ADS: {error}")

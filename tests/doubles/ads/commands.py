@@ -29,7 +29,7 @@ class Commands:
             "latency_s": self._latency, "reset": self._reset, "refuse_s": self._refuse, "freeze": self._freeze,
             "state": self._state, "restart": self._restart, "skip_slots": self._skip, "tear": self._tear,
             "silent": self._silent, "status": self._status, "range": self._range, "remove_ring": self._remove_ring,
-            "close_new": self._close_new, "advance": self._advance,
+            "close_new": self._close_new, "advance": self._advance, "cut": self._cut,
         }  # fmt: skip
 
     def run(self, command: JsonObject) -> JsonObject:
@@ -77,6 +77,10 @@ class Commands:
 
     def _close_new(self, wanted: Any, _: JsonObject) -> None:
         self._router.close_new = bool(wanted)
+
+    def _cut(self, octets: Any, _: JsonObject) -> None:
+        """The next answer ends after so many octets, and that connection stays open without another one."""
+        self._router.cut = int(octets)
 
     def _freeze(self, wanted: Any, _: JsonObject) -> None:
         ring = self._plc.memory.ring

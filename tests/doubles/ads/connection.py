@@ -30,6 +30,8 @@ class Router:
     latency: float = 0.0
     silent: bool = False
     close_new: bool = False
+    cut: int = 0
+    """Octets of the next answer that are sent; 0: all. Its connection is stuck from then on."""
     connections: set[Connection] = field(default_factory=set)
     accepted: int = 0
     requests: Counter[str] = field(default_factory=Counter)
@@ -44,6 +46,7 @@ class Connection(asyncio.Protocol):
         self.router = router
         self.notifications: dict[int, Notification] = {}
         self._buffer = bytearray()
+        self._stuck = False
         self._transport: asyncio.Transport | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
@@ -129,8 +132,11 @@ class Connection(asyncio.Protocol):
             self._write(frame.encode())
 
     def _write(self, data: bytes) -> None:
-        if self._transport is not None and not self._transport.is_closing():
-            self._transport.write(data)
+        if self._stuck or self._transport is None or self._transport.is_closing():
+            return
+        if self.router.cut:
+            data, self.router.cut, self._stuck = data[: self.router.cut], 0, True
+        self._transport.write(data)
 
 
 def _command_name(command: int) -> str:

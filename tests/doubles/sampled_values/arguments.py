@@ -42,6 +42,7 @@ def _add_waveform(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_frame(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--prp", action="store_true", help="frames end with the trailer of a redundant network")
     parser.add_argument("--vlan", type=int, help="VLAN identifier; without it the frames have no tag")
     parser.add_argument("--layout", default="I4U4", help="currents and voltages of a sample")
     parser.add_argument("--dat-set", help="send datSet")
@@ -67,6 +68,7 @@ def _stream(options: argparse.Namespace, number: int) -> SvStream:
         svid=_svid(options.svid or ["MU0101"], number),
         appid=options.appid + number,
         vlan=options.vlan,
+        prp=options.prp,
         wave=_wave(options, number),
         layout=options.layout,
         dat_set=options.dat_set,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import struct
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -37,6 +38,8 @@ class SvStream:
     svid: str = "MU0101"
     appid: int = 0x4000
     vlan: int | None = None
+    prp: bool = False
+    """Frames end with a redundancy control trailer (IEC 62439-3), of LAN A."""
     phases: int = 3
     wave: Wave | None = None
     layout: str = "I4U4"
@@ -96,7 +99,11 @@ class SvStream:
         first = k * self.asdus
         samples = self._samples(first)
         asdus = [self._asdu(first + n, sample).encode(self.long_lengths) for n, sample in enumerate(samples)]
-        return sv_frame(self._link, self.appid, sav_pdu(asdus, self.long_lengths), self.simulate)
+        frame = sv_frame(self._link, self.appid, sav_pdu(asdus, self.long_lengths), self.simulate)
+        if not self.prp:
+            return frame
+        size = len(frame) - len(self._link.header()) + 6  # from the EtherType on, with the trailer
+        return frame + struct.pack(">HHH", k & 0xFFFF, 0xA000 | size, 0x88FB)
 
     def set_quality(self, bits: int, channel: int | None = None) -> None:
         """Sets the quality word of channel 0..7, or of all channels."""
