@@ -85,6 +85,11 @@ class PlcClient:
             self._call(self._connection.close)
         self._call.end()
 
+    @property
+    def hangs(self) -> bool:
+        """Whether a call of AdsLib never returns: then its dead connection stays in this process, for every client."""
+        return self._call.lost
+
     def _slot_bytes(self, head: Head, index: int, count: int) -> bytes:
         offset = self._slots.index_offset + index * head.slot_bytes
         return self._read(self._slots.index_group, offset, count * head.slot_bytes)

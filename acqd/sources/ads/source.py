@@ -29,10 +29,18 @@ class AdsSource(RemoteRing[PlcClient]):
         super().__init__(settings.poll_ms, clock)
         self._settings = settings
         self.title = f"PLC {settings.ams_net_id}"
+        self._made: PlcClient | None = None  # the last one
         self._range = 0  # bits of the phases in the 1 A range
 
+    def exchange(self) -> None:
+        """As of every ring. Raises UserError when AdsLib hangs: only another process reaches the PLC again."""
+        super().exchange()
+        if self._made is not None and self._made.hangs:
+            raise UserError(f"{self.title}: its connection ended in the middle of an answer; MAIN_FAST starts again")
+
     def _make_client(self) -> PlcClient:
-        return PlcClient(self._settings)
+        self._made = PlcClient(self._settings)
+        return self._made
 
     def _learn(self, client: PlcClient) -> None:
         head, settings = client.head(), self._settings
