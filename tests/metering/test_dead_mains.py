@@ -1,0 +1,58 @@
+"""Windows without mains: the same rows as with a search for f, without its cost."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+
+from acqd.metering import Meter, SampleBlock, StreamFormat
+from tests.mains import make_mains
+
+SCALE = (737.2575 / 32768, 9.207527 / 32768) * 3
+
+
+def noisy(windows: int) -> np.ndarray:
+    """3 LSB of noise on all channels, with mains for 20 windows in the middle."""
+    codes = np.random.default_rng(1).normal(0, 3, (800 * windows, 6))
+    mains = make_mains(50.0, seconds=0.8).codes
+    begin = 400 * windows
+    codes[begin : begin + len(mains)] += mains
+    return np.rint(codes).astype(np.int16)
+
+
+def feed(meter, codes, count=800):
+    blocks = (SampleBlock(codes[k : k + count], k, k * 50_000) for k in range(0, len(codes), count))
+    return [batch for batch in map(meter.feed, blocks) if batch is not None]
+
+
+@pytest.mark.parametrize("mode", ["synchronous", "fixed"])
+def test_rows_without_mains_are_those_of_the_long_way(monkeypatch, mode):
+    codes = noisy(120)
+    quick = feed(Meter(StreamFormat(20_000.0, SCALE), mode=mode), codes)
+    monkeypatch.setattr(Meter, "_without_mains", lambda self, piece: None)
+    for count in (800, 16_000):
+        long = feed(Meter(StreamFormat(20_000.0, SCALE), mode=mode), codes, count)
+        for name in ("Vrms", "Irms", "P", "f", "imported", "exported"):
+            a, b = (np.concatenate([getattr(one, name) for one in made], axis=-1) for made in (quick, long))
+            np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-12, err_msg=name)
+        assert [f for one in quick for f in one.flags[1]] == [f for one in long for f in one.flags[1]]
+
+
+def test_dead_mains_cost_little_more_than_live_ones():
+    """The search for f cost a hundred times as much; the limit leaves room for a busy machine."""
+    live = make_mains(50.0, seconds=8.0).codes
+    dead = np.rint(np.random.default_rng(1).normal(0, 3, live.shape)).astype(np.int16)
+    took = []
+    for codes in (live, dead):
+        meter = Meter(StreamFormat(20_000.0, SCALE))
+        feed(meter, codes[:16_000])
+        blocks = [SampleBlock(codes[k : k + 800], k, k * 50_000) for k in range(16_000, len(codes), 800)]
+        each = []
+        for block in blocks:
+            begun = time.perf_counter()
+            meter.feed(block)
+            each.append(time.perf_counter() - begun)
+        took.append(float(np.median(each)))
+    assert took[1] < 20 * took[0]
