@@ -1,0 +1,220 @@
+"""Is a three-phase meter wired as it should be? Phasors of the fundamentals, and what they say.
+
+A load draws power in every phase, and a nearly balanced one lags by the same angle everywhere. Of all permutations and
+reversals of the current transformers the one that makes the angles alike, and no power negative, is named. What another
+wiring explains no better is no finding: a load that feeds back, single-phase loads, a rotating field to the left.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import permutations, product
+
+import numpy as np
+
+from acqd.arrays import Floats
+
+_FLOATING = 0.5
+"""Of the median of the voltages: below it a phase is missing or picks up its neighbours."""
+_SMALL = 0.03
+"""Of the largest current: below it the angle means nothing."""
+_SAME_deg = 20.0
+"""Voltages closer than this are one."""
+_RATIO = 0.15
+"""How far a voltage may be from the median of the three; supplies keep within 10 % (EN 50160)."""
+_ALIKE_deg = 30.0
+"""Spread of the angles of a nearly balanced load."""
+_LAGS_deg = (0.0, 80.0)
+"""Angles of ordinary loads: motors and drives lag (power factor 1 to 0.17)."""
+_BELOW_deg, _ABOVE_deg = 12.0, 6.0
+"""How fast angles outside of that become unlikely."""
+_LEADING_deg = -35.0
+"""A balanced load that leads by more is a rotated set of transformers rather than a capacitor."""
+_FEEDING_deg = 12.0
+"""All phases within this of 180 degrees: a source that feeds back, which is no mistake."""
+_EQUAL, _SAME_LOAD_deg = 0.6, 8.0
+"""Currents so alike [share of the largest] with angles so alike in another order are one load, and not three."""
+_REVERSED, _MOVED = 3.0, 0.9
+"""Cost of a reversed transformer, and of one in the place of another: fewer mistakes are likelier."""
+_POWER = 0.15
+"""How near the power must be to the expected one [share of S] to decide."""
+
+
+@dataclass(frozen=True, slots=True)
+class Phasors:
+    """Fundamentals, complex [phases]: V and A, RMS; the first voltage has the angle 0."""
+
+    U: np.ndarray
+    I: np.ndarray  # noqa: E741
+
+    def angles_deg(self) -> Floats:
+        """[phases] by which each current lags its voltage."""
+        return np.asarray(np.degrees(np.angle(self.U * self.I.conj())))
+
+
+@dataclass(frozen=True, slots=True)
+class WiringFinding:
+    """One thing that is wired otherwise than it should be."""
+
+    text: str
+    order: tuple[int, ...] = ()
+    """Currents of L1, L2, L3 by their present numbers, for a correction; empty: not a matter of currents."""
+    sign: tuple[int, ...] = ()
+
+
+def phasors(values: Floats, rate: float, f: float) -> Phasors:
+    """Of physical samples [samples, 2 * phases] at `rate` [1/s], mains of `f` [Hz]: means over tens of cycles.
+
+    Each piece of ten cycles is turned so that U1 has the angle 0: f need not be exact.
+    """
+    length = round(10 * rate / f)
+    pieces = max(1, len(values) // length)
+    total = np.zeros(values.shape[1], dtype=complex)
+    for k in range(pieces):
+        x = values[k * length : (k + 1) * length]
+        turn = np.exp(-2j * np.pi * f / rate * np.arange(len(x)))
+        lines = np.sqrt(2) * (turn @ (x - x.mean(axis=0))) / len(x)
+        total += lines * np.exp(-1j * np.angle(lines[0]))
+    return Phasors(total[0::2] / pieces, total[1::2] / pieces)
+
+
+def examine(found: Phasors, expected_W: float | None = None) -> list[WiringFinding]:
+    """What is wrong with the wiring of three phases; empty: nothing that the phasors show.
+
+    `expected_W`: power that a model of the load predicts for the same time; it decides between wirings that differ in
+    the power.
+    """
+    if len(found.U) != 3:
+        return []
+    voltages = _voltages(found.U)
+    return voltages or _currents(found, expected_W)
+
+
+def _voltages(U: np.ndarray) -> list[WiringFinding]:
+    size = np.abs(U)
+    median = float(np.median(size))
+    if not median:
+        return []
+    low = [f"u{k + 1}" for k in range(3) if size[k] < _FLOATING * median]
+    if low:
+        return [WiringFinding(f"{' and '.join(low)} missing or floating ({_volts(size)}): check fuse and terminal")]
+    pairs = [(a, b) for a, b in ((0, 1), (0, 2), (1, 2)) if abs(_between(U[a], U[b])) < _SAME_deg]
+    if pairs:
+        a, b = pairs[0]
+        return [WiringFinding(f"u{a + 1} and u{b + 1} are the same voltage: one of them is wired to the other's phase")]
+    reversed_ = _reversed_voltage(U)
+    if reversed_ is not None:
+        return [WiringFinding(f"u{reversed_ + 1} is reversed (180 degrees): exchange its two wires")]
+    odd = [k for k in range(3) if abs(size[k] / median - 1) > _RATIO]
+    if odd:
+        ratio = size[odd[0]] / median
+        hint = "; is it a voltage between lines?" if abs(ratio / np.sqrt(3) - 1) < 0.05 else ""
+        return [WiringFinding(f"u{odd[0] + 1} is {ratio:.3g} times the others ({_volts(size)}): check its ratio{hint}")]
+    return []
+
+
+def _volts(size: Floats) -> str:
+    return ", ".join(f"{value:.4g} V" for value in size)
+
+
+def _between(a: complex, b: complex) -> float:
+    """Angle from a to b [degrees]."""
+    return float(np.degrees(np.angle(b * np.conj(a))))
+
+
+def _reversed_voltage(U: np.ndarray) -> int | None:
+    """The voltage whose reversal makes three of 120 degrees; None where they are, or where none does."""
+    if _symmetric(U):
+        return None
+    return next((k for k in range(3) if _symmetric(np.where(np.arange(3) == k, -U, U))), None)
+
+
+def _symmetric(U: np.ndarray) -> bool:
+    return all(abs(abs(_between(U[a], U[b])) - 120) < 30 for a, b in ((0, 1), (1, 2), (2, 0)))
+
+
+def _currents(found: Phasors, expected_W: float | None) -> list[WiringFinding]:
+    size = np.abs(found.I)
+    if size.min() < _SMALL * size.max() or not size.max():
+        return []
+    healthy, candidates = _Wiring((0, 1, 2), (1, 1, 1), found), _all(found)
+    if expected_W is not None:
+        near = _POWER * float((np.abs(found.U) * np.abs(found.I)).sum())
+        candidates = [one for one in candidates if abs(one.power - expected_W) < near]
+        if not candidates:
+            return []  # a load that the model does not know
+    best = min(candidates, key=lambda one: one.cost)
+    if expected_W is None or abs(healthy.power - expected_W) < near:
+        leading = healthy.spread < _ALIKE_deg / 2 and healthy.common < _LEADING_deg and expected_W is None
+        balanced = size.min() > _EQUAL * size.max() and healthy.spread > _ALIKE_deg and best.spread < _SAME_LOAD_deg
+        if healthy.draws and not leading and not balanced:
+            return []
+        if healthy.returns:
+            return []  # a load that feeds back, or all transformers reversed: nothing here tells which
+    if best.spread > _ALIKE_deg or not (best.draws or expected_W is not None):
+        return _lone_reversal(healthy)
+    return [best.finding()] if best.changed else []
+
+
+def _lone_reversal(healthy: _Wiring) -> list[WiringFinding]:
+    """One phase that returns what the two others draw, although their angles differ: single-phase loads."""
+    back = [k for k in range(3) if abs(healthy.lag[k]) > 115]
+    return [_reversal(back)] if len(back) == 1 and all(abs(a) < 90 for k, a in enumerate(healthy.lag) if k not in back) else []
+
+
+def _reversal(phases: Sequence[int]) -> WiringFinding:
+    sign = tuple(-1 if k in phases else 1 for k in range(3))
+    return WiringFinding(_Wiring.words((0, 1, 2), sign), (1, 2, 3), sign)
+
+
+def _all(found: Phasors) -> list[_Wiring]:
+    return [_Wiring(order, sign, found) for order in permutations(range(3)) for sign in product((1, -1), repeat=3)]
+
+
+class _Wiring:
+    """Currents in another order and direction."""
+
+    def __init__(self, order: tuple[int, ...], sign: tuple[int, ...], found: Phasors) -> None:
+        self.order, self.sign = order, sign
+        currents = found.I[list(order)] * np.array(sign)
+        self.lag = np.degrees(np.angle(found.U * currents.conj()))
+        self.power = float((found.U * currents.conj()).real.sum())
+        mean = np.exp(1j * np.radians(self.lag)).mean()
+        self.common = float(np.degrees(np.angle(mean)))
+        around = (self.lag - self.common + 180) % 360 - 180
+        self.spread = float(np.abs(around).max())
+        moved = sum(a != k for k, a in enumerate(order))
+        mistakes = sum(one < 0 for one in sign) * _REVERSED + moved * _MOVED
+        low, high = _LAGS_deg
+        unusual = max(0.0, (low - self.common) / _BELOW_deg, (self.common - high) / _ABOVE_deg)
+        self.cost = mistakes + (self.spread / 8) ** 2 + min(unusual, 20.0) ** 2
+        self.changed = order != (0, 1, 2) or min(sign) < 0
+
+    @property
+    def draws(self) -> bool:
+        """Whether every phase draws power."""
+        return bool((np.abs(self.lag) < 90).all())
+
+    @property
+    def returns(self) -> bool:
+        """Whether every phase returns nothing but active power."""
+        return self.spread < _FEEDING_deg and abs(abs(self.common) - 180) < _FEEDING_deg
+
+    def finding(self) -> WiringFinding:
+        """In words, with the correction."""
+        return WiringFinding(self.words(self.order, self.sign), tuple(k + 1 for k in self.order), self.sign)
+
+    @staticmethod
+    def words(order: tuple[int, ...], sign: tuple[int, ...]) -> str:
+        """What is wrong, and what to change."""
+        parts = []
+        moved = [k for k in range(3) if order[k] != k]
+        if len(moved) == 2:
+            parts.append(f"the currents of L{moved[0] + 1} and L{moved[1] + 1} are exchanged")
+        elif moved:
+            parts.append("the currents are rotated: " + ", ".join(f"i{order[k] + 1} is that of L{k + 1}" for k in range(3)))
+        back = [f"i{order[k] + 1}" for k in range(3) if sign[k] < 0]
+        if back:
+            parts.append(f"{' and '.join(back)} {'is' if len(back) == 1 else 'are'} reversed")
+        return " and ".join(parts)

@@ -1,0 +1,71 @@
+"""Clipped, rolled-over and shifted samples; no alarm on loads and recordings."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from acqd.metering.integrity import flags_of
+from acqd.sources import load_waveform
+from tests.mains import EN50160, make_mains
+
+T = np.arange(800) / 20_000
+A = 2 * np.pi * 50 * T + 0.7
+SINE = np.cos(A)
+CYCLE = 400
+
+
+def flags(u, i=None):
+    return flags_of(np.column_stack([u, SINE if i is None else i]).astype(float), CYCLE)
+
+
+@pytest.mark.parametrize("quantum", [0.0, 1 / 32768, 1 / 500])
+@pytest.mark.parametrize("limit", [0.6, 0.9, 0.97])
+def test_flat_tops_are_clipped_whatever_the_numbers_are(quantum, limit):
+    x = np.clip(SINE, -limit, limit)
+    x = np.rint(x / quantum) * quantum if quantum else x
+    assert "clipped" in flags(x * 325) and "clipped" in flags(SINE, x * 7)
+    assert "clipped" in flags(np.clip(SINE, -2, limit) * 325)  # one side
+
+
+def test_a_wrap_is_a_roll_over_in_codes_and_in_volts():
+    codes = np.rint(SINE * 40_000).astype(np.int64).astype(np.int16)  # wraps modulo 2^16
+    assert flags(codes.astype(float)) == {"rollover"}
+    assert flags(codes * 0.0225) == {"rollover"}
+
+
+def test_a_mean_of_a_voltage_is_an_offset_and_of_a_current_a_load():
+    assert "offset" in flags(SINE * 230 + 737)  # offset-binary codes
+    assert flags(SINE * 325 + 3.0) == frozenset()  # 1 % is a converter's
+    assert flags(SINE, SINE + 2) == frozenset()
+
+
+LOADS = {
+    "phase-fired": SINE * (np.mod(A, np.pi) > 1.2), "half-wave": np.maximum(SINE, 0), "direct": np.full(800, 4.2),
+    "rectifier": np.where(np.abs(SINE) > 0.85, np.sign(SINE) * (np.abs(SINE) - 0.85), 0.0),
+    "six pulses": np.where(np.abs(np.sin(A)) > 0.5, np.sign(np.sin(A)), 0.0), "off": np.zeros(800),
+    "smoothed": 0.2 * np.sin(A) + 3.0, "small": np.rint(SINE * 6), "tiny": np.rint(SINE * 2), "one": np.rint(SINE * 0.6),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("load", LOADS)
+@pytest.mark.parametrize("noise", [0.0, 0.003])
+def test_loads_raise_no_alarm(load, noise):
+    x = LOADS[load] + noise * np.random.default_rng(0).standard_normal(800)
+    assert flags(SINE * 325, x) == frozenset()
+    assert flags(SINE * 325, np.rint(x * 1000)) == frozenset()
+
+
+def test_distorted_mains_raise_no_alarm():
+    for seed in range(5):
+        codes = make_mains(50.1, seconds=1.0, harmonics=EN50160, noise=0.001, seed=seed).codes.astype(float)
+        assert not any(flags_of(codes[k : k + 800], 400) for k in range(0, len(codes) - 800, 800))
+
+
+def test_no_recording_raises_an_alarm(waveforms):
+    for path in waveforms.glob("*/*.npz"):
+        waveform = load_waveform(path)
+        codes = waveform.codes.astype(float)
+        size = round(2 * waveform.form.rate / waveform.form.f_nominal)
+        for k in range(0, len(codes) - size, size):
+            assert not flags_of(codes[k : k + size], size // 2), (path, k)
