@@ -29,7 +29,11 @@ def print_inspected(files: list[Inspected], *, json: bool) -> None:
             )  # fmt: skip
         console.print(table)
         rate = f"{one.rate:.6g} samples/s" if one.rate else "sampling rate unknown: --rate"
-        start = "no date" if one.start_utc_ns is None else f"{datetime.fromtimestamp(one.start_utc_ns * 1e-9, UTC):%Y-%m-%d %H:%M:%S} UTC"
+        start = (
+            "no date"
+            if one.start_utc_ns is None
+            else f"{datetime.fromtimestamp(one.start_utc_ns * 1e-9, UTC):%Y-%m-%d %H:%M:%S} UTC"
+        )
         length = f", {one.samples / one.rate:.3g} s" if one.rate else ""
         console.print(f"{one.samples} samples, {rate}{length}, {start}")
         for note in one.notes:

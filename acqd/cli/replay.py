@@ -51,7 +51,9 @@ class Lamp(StrEnum):
 
 
 def replay(
-    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="NPZ, CSV and other text, WAV/FLAC, COMTRADE, MATLAB, Parquet, HDF5, TDMS.")],
+    files: Annotated[
+        list[Path], typer.Argument(metavar="FILE...", help="NPZ, text of instruments, WAV/FLAC, COMTRADE.")
+    ],
     out: Annotated[Path | None, typer.Option(help="Write the rows as JSON lines; - is stdout.")] = None,
     speed: Annotated[Speed, typer.Option(help="As fast as possible, or in real time.")] = Speed.MAX,
     mode: Annotated[ModeName, typer.Option(help="Whole mains cycles, or exactly each window.")] = ModeName.SYNCHRONOUS,
@@ -79,7 +81,9 @@ def replay(
     f_nominal: Annotated[float | None, typer.Option(help="Nominal mains frequency in Hz.")] = None,
     encoding: Annotated[str | None, typer.Option(help="Of CSV and COMTRADE text, such as latin-1.")] = None,
     layout: Annotated[str | None, typer.Option(help="Of a text export: a name, or a .toml of your own.")] = None,
-    inspect: Annotated[bool, typer.Option("--inspect", help="Show channels and first readings; meter nothing.")] = False,
+    inspect: Annotated[
+        bool, typer.Option("--inspect", help="Show channels and first readings; meter nothing.")
+    ] = False,
     config: ConfigFile = None,
     host: Host = None,
     port: Port = None,

@@ -4,16 +4,23 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
-from acqd.daemon.section import Positive
 from acqd.errors import SettingError
 from acqd.metering import StreamFormat
 from acqd.metering.correction import ChannelErrors, Correction
 from acqd.section import Section
 
+
+def _not_zero(gain: float) -> float:
+    if not gain:
+        raise ValueError("a gain of 0 leaves nothing; expected a factor, negative for a reversed transformer")
+    return gain
+
+
 _Delay = Annotated[float, Field(ge=-1000, le=1000)]
-_Gains = Annotated[list[Positive], Field(min_length=1, max_length=3)]
+_Gain = Annotated[float, AfterValidator(_not_zero), Field(gt=-1e6, lt=1e6)]
+_Gains = Annotated[list[_Gain], Field(min_length=1, max_length=3)]
 _Offsets = Annotated[list[float], Field(min_length=1, max_length=3)]
 _Delays = Annotated[list[_Delay], Field(min_length=1, max_length=3)]
 

@@ -25,7 +25,7 @@ class ChannelErrors:
     """What is wrong with the channels, in the order U1, I1, U2, I2 ..."""
 
     gain: Sequence[float]
-    """True value per measured value."""
+    """True value per measured value; negative for a reversed transformer."""
     offset: Sequence[float]
     """Measured value where the true one is zero [V or A]."""
     delay_s: Sequence[float]
@@ -42,10 +42,11 @@ class Correction:
         if max(map(abs, errors.delay_s)) > 1e-3:
             raise ValueError("correction: delays of more than 1000 us are no errors of a transformer")
         self._input = form
-        scale = tuple(s * gain for s, gain in zip(form.scale, errors.gain, strict=True))
+        scale = tuple(s * abs(gain) for s, gain in zip(form.scale, errors.gain, strict=True))
+        self._sign = np.sign(errors.gain)
         self._shifts = np.array(errors.delay_s) * form.rate
         self._offset = np.array(errors.offset) / np.array(form.scale)
-        self._only_gain = not (self._shifts.any() or self._offset.any())
+        self._only_gain = not (self._shifts.any() or self._offset.any() or (self._sign < 0).any())
         self.form = replace(form, scale=scale, bits=form.bits if self._only_gain else 64)
         """What the corrected codes mean."""
         whole = np.floor(self._shifts).astype(int)
@@ -66,7 +67,7 @@ class Correction:
         if self._only_gain:
             return block
         flags = self._pending | block.flags | ({"overrange"} if block.overrange(self._input) else frozenset())
-        codes = block.codes - self._offset
+        codes = (block.codes - self._offset) * self._sign
         if block.index != self._next:  # a gap, or the beginning
             self._kept = codes[:0]
         self._next = block.index + len(codes)

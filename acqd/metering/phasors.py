@@ -160,7 +160,11 @@ def _currents(found: Phasors, expected_W: float | None) -> list[WiringFinding]:
 def _lone_reversal(healthy: _Wiring) -> list[WiringFinding]:
     """One phase that returns what the two others draw, although their angles differ: single-phase loads."""
     back = [k for k in range(3) if abs(healthy.lag[k]) > 115]
-    return [_reversal(back)] if len(back) == 1 and all(abs(a) < 90 for k, a in enumerate(healthy.lag) if k not in back) else []
+    return (
+        [_reversal(back)]
+        if len(back) == 1 and all(abs(a) < 90 for k, a in enumerate(healthy.lag) if k not in back)
+        else []
+    )
 
 
 def _reversal(phases: Sequence[int]) -> WiringFinding:
@@ -213,7 +217,9 @@ class _Wiring:
         if len(moved) == 2:
             parts.append(f"the currents of L{moved[0] + 1} and L{moved[1] + 1} are exchanged")
         elif moved:
-            parts.append("the currents are rotated: " + ", ".join(f"i{order[k] + 1} is that of L{k + 1}" for k in range(3)))
+            parts.append(
+                "the currents are rotated: " + ", ".join(f"i{order[k] + 1} is that of L{k + 1}" for k in range(3))
+            )
         back = [f"i{order[k] + 1}" for k in range(3) if sign[k] < 0]
         if back:
             parts.append(f"{' and '.join(back)} {'is' if len(back) == 1 else 'are'} reversed")

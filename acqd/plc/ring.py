@@ -30,7 +30,8 @@ RUNNING, ENDED, STOPPED = 1, 2, 3
 GAP, STEP, LATE, FLAGS = 1, 2, 3, 4
 """Kinds of event: samples lost; clock step; samples caught up late; the source's own flags change."""
 _KIND_FLAGS = {STEP: "clock_step", LATE: "late"}
-SOURCE_FLAGS = ("simulated", "overrange", "sync_error", "invalid", "clock_unlocked", "test", "derived")
+SOURCE_FLAGS = ("simulated", "overrange", "sync_error", "invalid", "clock_unlocked", "test", "derived",
+                "clipped", "rollover", "offset")  # fmt: skip
 """Row flags that a source may set and clear while it runs; their bits are the value of a FLAGS event."""
 _HEALTH_ROOM = 128  # int64 words for the health of the source, as JSON
 

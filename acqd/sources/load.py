@@ -25,6 +25,11 @@ _LOADERS = {
 }
 
 _ELSEWHERE = {
+    ".mat": "MATLAB files are not read; write CSV with writematrix, or NPZ with numpy.savez(path, u_V=..., i_A=..., fs=...)",
+    ".tdms": "TDMS is not read; export .lvm or CSV in LabVIEW",
+    ".h5": "HDF5 is not read; write NPZ with numpy.savez(path, u_V=..., i_A=..., fs=...)",
+    ".hdf5": "HDF5 is not read; write NPZ with numpy.savez(path, u_V=..., i_A=..., fs=...)",
+    ".parquet": "Parquet is not read; write CSV with time, u1, i1 ...",
     ".pqd": "PQDIF is not read; export COMTRADE or CSV in the analyser's software",
     ".isf": "Tektronix .isf is not read; save as .csv in the oscilloscope (Save > Waveform > .csv)",
     ".wfm": "oscilloscope .wfm is not read; save as .csv in the oscilloscope",

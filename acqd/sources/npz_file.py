@@ -67,7 +67,9 @@ def load(path: Path, given: ChannelMap) -> Recording:
 def _unit(data: dict[str, Any], key: str) -> str:
     """V or A, unless an array such as `u_unit` says otherwise."""
     said = data.get(f"{key[0]}_unit")
-    return "VA"[key[0] == "i"] if said is None or said.dtype.kind not in "US" or said.size != 1 else str(said.reshape(()))
+    return (
+        "VA"[key[0] == "i"] if said is None or said.dtype.kind not in "US" or said.size != 1 else str(said.reshape(()))
+    )
 
 
 def _read(path: Path) -> dict[str, Any]:

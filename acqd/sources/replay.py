@@ -31,7 +31,10 @@ class ReplaySource(Source):
         self._utc = 0
         self._base = 0
         self._position = 0
-        self._cuts = [at for at, _ in waveform.breaks]
+        self._gaps = [at for at, _ in waveform.breaks]
+        edges = {at for begin, end, _ in waveform.marks for at in (begin, end)} - {0, self._samples}
+        self._cuts = sorted({*self._gaps, *edges})
+        self._marked = [begin for begin, _, _ in waveform.marks]
         self._lost = [0, *accumulate(lost for _, lost in waveform.breaks)]
 
     def open(self, utc_ns: int, index: int = 0) -> None:
@@ -44,7 +47,7 @@ class ReplaySource(Source):
         """The next samples, None after the last loop. A block ends where samples are missing."""
         if self._end is not None and self._position >= self._end:
             return None
-        count = self._until_gap(limit)
+        count = self._until_cut(limit)
         parts, left = [], count
         loop, where = divmod(self._position, self._samples)
         while left:
@@ -53,11 +56,12 @@ class ReplaySource(Source):
             left -= len(part)
             where = 0
         codes = parts[0] if len(parts) == 1 else np.concatenate(parts) if parts else self._waveform.codes[:0]
-        passed = bisect_right(self._cuts, self._position % self._samples)
+        here = self._position % self._samples
+        passed = bisect_right(self._gaps, here)
         position = self._position + loop * self._lost[-1] + self._lost[passed]
-        lost = self._lost[passed] - self._lost[passed - 1] if self._position % self._samples in self._cuts else 0
+        lost = self._lost[passed] - self._lost[passed - 1] if here in self._gaps else 0
         utc = self._utc + round(position * 1e9 / self.form.rate)
-        block = SampleBlock(codes, self._base + position, utc, lost, self.flags)
+        block = SampleBlock(codes, self._base + position, utc, lost, self.flags | self._flags_at(here))
         self._position += count
         return block
 
@@ -66,14 +70,21 @@ class ReplaySource(Source):
         where = self._position % self._samples
         if where in self._cuts:  # only `read` can jump
             return self._waveform.codes[:0]
-        return self._waveform.codes[where : where + self._until_gap(limit)]
+        return self._waveform.codes[where : where + self._until_cut(limit)]
 
     def skip(self, count: int) -> None:
         """Nothing to do for samples that nobody wants."""
         self._position += count if self._end is None else min(count, self._end - self._position)
 
-    def _until_gap(self, limit: int) -> int:
-        """Samples that follow each other, `limit` at most."""
+    def _flags_at(self, where: int) -> frozenset[str]:
+        """Flags of the stretch that this sample is in."""
+        place = bisect_right(self._marked, where) - 1
+        if place < 0 or where >= self._waveform.marks[place][1]:
+            return frozenset()
+        return self._waveform.marks[place][2]
+
+    def _until_cut(self, limit: int) -> int:
+        """Samples that follow each other and have the same flags, `limit` at most."""
         count = limit if self._end is None else min(limit, self._end - self._position)
         if not self._cuts:
             return count

@@ -91,6 +91,8 @@ class Waveform:
     """Flags of every row."""
     breaks: tuple[tuple[int, int], ...] = ()
     """Sample before which samples are missing, and how many: a gap in the rows."""
+    marks: tuple[tuple[int, int, frozenset[str]], ...] = ()
+    """First sample, sample after the last, and flags of stretches that are no measurements."""
 
     @property
     def duration(self) -> float:

@@ -46,9 +46,7 @@ class DateOrder:
 
 
 def month_first(start: str, trigger: str, usual: bool) -> DateOrder:
-    """Order of day and month: `usual` of the edition, unless a date is possible in the other order only.
-
-    """
+    """Order of day and month: `usual` of the edition, unless a date is possible in the other order only."""
     dates = [found for line in (start, trigger) if (found := _DATE.match(line.partition(",")[0].strip()))]
     first = [int(found.group(1)) for found in dates]
     second = [int(found.group(2)) for found in dates]

@@ -86,7 +86,9 @@ class RoundJudge:
         for channel in _CHANNELS:
             _drop_contradicting(channel, known)
         flags = {INVALID} if known != values else set()
-        self._most_VA = max(self._most_VA, *(known.get(f"L{k}.S") or _product(f"L{k}", known) or 0.0 for k in (1, 2, 3)))
+        self._most_VA = max(
+            self._most_VA, *(known.get(f"L{k}.S") or _product(f"L{k}", known) or 0.0 for k in (1, 2, 3))
+        )
         for name in known:
             if name.endswith((".W", ".W_export")):
                 known[name] = self._counted(name, known[name], now_ns, flags)

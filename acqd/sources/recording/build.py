@@ -14,6 +14,7 @@ from acqd.metering.block import Codes
 from acqd.metering.delay import delayed
 from acqd.sources.recording.channel import Recording
 from acqd.sources.recording.line_voltages import star_voltages
+from acqd.sources.recording.marks import Marks, marks_of
 from acqd.sources.recording.roles import roles_of
 from acqd.sources.recording.selection import Selection, chosen, factor_of, mapped
 from acqd.sources.waveform import ChannelMap, Waveform, check_values, stream_format
@@ -96,8 +97,23 @@ def _finished(
     notes: tuple[str, ...],
     flags: frozenset[str] = frozenset(),
 ) -> Waveform:
-    name, said, breaks = recording.path.name, (*notes, *recording.notes), tuple(recording.breaks)
-    return Waveform(name, codes, form, start, recording.simulated, said, flags, breaks)
+    marks = marks_of(codes, form.rate, form.f_nominal)
+    said = (*notes, *recording.notes, *_remarks(marks))
+    breaks = tuple(recording.breaks)
+    return Waveform(recording.path.name, codes, form, start, recording.simulated, said, flags, breaks, marks)
+
+
+_MEANINGS = {
+    "clipped": "samples are cut at the end of the measuring range: values are too small",
+    "rollover": "codes go beyond 16 bits and come back at the other end: values are wrong",
+    "offset": "a voltage has a mean (offset-binary codes?): values are too large",
+}
+
+
+def _remarks(marks: Marks) -> tuple[str, ...]:
+    """What the flags mean, once each."""
+    named = sorted({flag for _, _, flags in marks for flag in flags})
+    return tuple(f"flagged {flag}: {_MEANINGS[flag]}" for flag in named)
 
 
 def _of_lines(
@@ -127,7 +143,9 @@ def _rate(recording: Recording, given: ChannelMap) -> tuple[float, tuple[str, ..
     """Samples/s and remarks. Raises InputError where nobody says, and where --rate contradicts the file."""
     known = recording.rate
     if known is None and given.rate is None:
-        raise InputError(recording.path, "says neither its sampling rate nor the times of its samples; give the rate with --rate")
+        raise InputError(
+            recording.path, "says neither its sampling rate nor the times of its samples; give the rate with --rate"
+        )
     rate = given.rate or known
     assert rate is not None
     notes: tuple[str, ...] = ()

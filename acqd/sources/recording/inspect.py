@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from acqd.errors import InputError
+from acqd.metering.phasors import WiringFinding, examine, phasors
 from acqd.sources.recording.build import waveform_of
 from acqd.sources.recording.channel import Recording, Role
 from acqd.sources.recording.roles import roles_of
@@ -15,6 +16,7 @@ from acqd.sources.recording.units import UnknownUnitError, unit_of
 from acqd.sources.waveform import ChannelMap, Waveform
 
 _FIRST = 3  # readings that are shown
+_MINUTE_S = 60.0
 _LOOK = 200_000  # samples of which mean and RMS are
 
 
@@ -67,18 +69,38 @@ def inspect(recording: Recording, given: ChannelMap) -> tuple[Inspected, Wavefor
         result.map = "--map " + ",".join(f"{key}={channel}" for key, channel in order)
     except InputError as error:
         result.map, result.refusal = suggestion(roles), str(error)
-    result.channels = [
-        _channel(recording, k, role, keys.get(k, "")) for k, role in enumerate(roles)
-    ]
+    result.channels = [_channel(recording, k, role, keys.get(k, "")) for k, role in enumerate(roles)]
     waveform = None
     if not result.refusal:
         try:
             waveform = waveform_of(recording, given)
         except InputError as error:
             result.refusal = str(error)
+    if waveform is not None and waveform.form.phases == 3:
+        result.wiring = wiring_of(waveform)
     result.start_utc_ns = waveform.start_utc_ns if waveform else recording.start_utc_ns
     result.notes = list(waveform.notes if waveform else recording.notes)
     return result, waveform
+
+
+def wiring_of(waveform: Waveform) -> list[str]:
+    """What the phasors of the first minute say, with the correction to type."""
+    form = waveform.form
+    values = waveform.codes[: round(_MINUTE_S * form.rate)] * np.array(form.scale)
+    found = phasors(values, form.rate, form.f_nominal)
+    return [f"{one.text}{_correction(one)}" for one in examine(found)]
+
+
+def _correction(one: WiringFinding) -> str:
+    """What to paste; empty where only a screwdriver helps."""
+    parts = []
+    if one.order and one.order != (1, 2, 3):
+        parts.append(
+            "take " + ", ".join(f"i{k + 1} from the channel of i{source}" for k, source in enumerate(one.order))
+        )
+    if one.sign and min(one.sign) < 0:
+        parts.append(f"[source] correction = {{ i_gain = [{', '.join(f'{sign}.0' for sign in one.sign)}] }}")
+    return f"; correction: {' and '.join(parts)}" if parts else ""
 
 
 def _channel(recording: Recording, k: int, role: Role, key: str) -> InspectedChannel:

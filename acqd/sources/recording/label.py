@@ -56,7 +56,9 @@ def readings(name: str) -> list[Reading]:
     plain = [word for word in words if not (word in _QUANTITY and len(word) > 1)]
     if special := _special(plain, quantity):
         return [special]
-    if name.strip().isdigit() or re.search(r"(?i)(^|[^a-z])(channel|ch|kanal|canal|canale|voie)[ _-]*([a-h]|\d+)($|[^a-z0-9])", name):
+    if name.strip().isdigit() or re.search(
+        r"(?i)(^|[^a-z])(channel|ch|kanal|canal|canale|voie)[ _-]*([a-h]|\d+)($|[^a-z0-9])", name
+    ):
         return [Reading("unknown", quantity)] if quantity else []  # an input of an instrument is no phase
     core = [word for word in plain if word not in _FILLER]
     found = _designated(core, quantity)

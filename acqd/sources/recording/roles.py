@@ -168,5 +168,7 @@ def _only_ones(channels: list[Channel], roles: list[Role]) -> list[Role]:
     for k, role in enumerate(roles):
         if role.kind == "unknown" and role.quantity:
             word = "voltage" if role.quantity == "u" else "current"
-            roles[k] = Role("phase", role.quantity, (1,), "", (*role.evidence[:1], f"the only {word}: {channels[k].name}"))
+            roles[k] = Role(
+                "phase", role.quantity, (1,), "", (*role.evidence[:1], f"the only {word}: {channels[k].name}")
+            )
     return roles

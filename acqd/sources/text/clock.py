@@ -21,7 +21,9 @@ _COARSE = 1e-4  # resolution of the times over their span: beyond it they do not
 _EARLIEST_S = 946_684_800.0  # 2000-01-01: a time column before it counts from something else than 1970
 _DAY_S = 86_400.0
 _MULTIPLES = {"": 1.0, "k": 1e3, "m": 1e6, "g": 1e9}
-_RATE_UNIT = re.compile(r"^\s*([+-]?[\d.,]+(?:[eE][+-]?\d+)?)\s*([kKmMgG]?)(?:hz|s/s|sa/s|sps|samples?/s\w*|)\s*$", re.IGNORECASE)
+_RATE_UNIT = re.compile(
+    r"^\s*([+-]?[\d.,]+(?:[eE][+-]?\d+)?)\s*([kKmMgG]?)(?:hz|s/s|sa/s|sps|samples?/s\w*|)\s*$", re.IGNORECASE
+)
 _TIME_UNIT = re.compile(r"^\s*([+-]?[\d.,]+(?:[eE][+-]?\d+)?)\s*(s|sec|seconds?|ms|us|µs|μs|ns|)\s*$", re.IGNORECASE)
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9}
 _WHEN = re.compile(
@@ -220,5 +222,3 @@ def _hertz(path: Path, text: str) -> float:
     if match is None or value <= 0:
         raise InputError(path, f"its sampling rate is {text!r}; expected one like 20000 or 20 kHz")
     return value * _MULTIPLES[match.group(2).lower()]
-
-

@@ -65,7 +65,9 @@ def _no_table(head: list[str], layout: Layout) -> str:
         fields = split_row(line, next((d for d in ";\t," if d in head[0]), ","))
         bad = next((k for k, one in enumerate(fields) if one and not is_number(one, ".")), None)
         if len(fields) == len(split_row(head[0], next((d for d in ";\t," if d in head[0]), ","))) and bad is not None:
-            return f"row {number}, column {bad + 1}: {fields[bad]!r} is not a number; no table of numbers{known}{advice}"
+            return (
+                f"row {number}, column {bad + 1}: {fields[bad]!r} is not a number; no table of numbers{known}{advice}"
+            )
     return f"has no table of numbers{known}; expected rows of numbers below a row of names{advice}"
 
 
@@ -93,9 +95,7 @@ class _Text:
             with self.path.open(encoding=self._encoding) as file:
                 yield from file
         except UnicodeError:
-            raise InputError(
-                self.path, f"is not text in {self._encoding}; give its encoding with --encoding"
-            ) from None
+            raise InputError(self.path, f"is not text in {self._encoding}; give its encoding with --encoding") from None
 
 
 @dataclass(slots=True)
@@ -110,9 +110,7 @@ class _Export:
 
     def recording(self) -> Recording:
         """Its channels; samples and clock come with `read`."""
-        channels = [
-            Channel(name, unit) for name, unit in zip(self.table.names, self.table.units, strict=True)
-        ]
+        channels = [Channel(name, unit) for name, unit in zip(self.table.names, self.table.units, strict=True)]
         title = self.layout.title
         return Recording(self.text.path, title, channels, 0, self.column, None, advice=self.layout.advice)
 
@@ -256,7 +254,9 @@ class _Export:
         """Which row and column is not as the first rows promise."""
         for number, fields in self._fields():
             if len(fields) < max(columns) + 1 or (fields and not any(fields)):
-                return f"row {number} has {len(fields)} columns, expected {self.table.width} as in the header (cut off?)"
+                return (
+                    f"row {number} has {len(fields)} columns, expected {self.table.width} as in the header (cut off?)"
+                )
             for k in columns:
                 if not is_number(fields[k], self.table.decimal):
                     sign = " (decimal sign?)" if any(c in fields[k] for c in ".,") else ""

@@ -20,7 +20,9 @@ _RUN = 3  # consecutive rows that make a table, if the file has as many
 _COMMENT = re.compile(r'^\s*"?(?:#|%|//|;(?![\d\s.,;-]*$))+\s*')
 _DIALECTS = (("\t", "."), (";", "."), (",", "."), ("\t", ","), (";", ","), ("|", "."), (" ", "."), (" ", ","))
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?$|[+-]?(?:nan|inf|infinity|∞)$", re.IGNORECASE)
-_STAMP = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}[ T_]*(?:\d{1,2}:\d{2}(?::\d{2})?.*)?$|'?\d{1,2}:\d{2}:\d{2}(?:[.,:]\d+)?$")
+_STAMP = re.compile(
+    r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}[ T_]*(?:\d{1,2}:\d{2}(?::\d{2})?.*)?$|'?\d{1,2}:\d{2}:\d{2}(?:[.,:]\d+)?$"
+)
 
 
 @dataclass(slots=True)

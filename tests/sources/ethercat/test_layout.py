@@ -60,7 +60,9 @@ def blocks(count, step, width=2, samples=20):
     made = []
     for k in range(count):
         codes = np.zeros((6, samples), np.int16)
-        made.append(Block(codes, (k + 1) * 1_000_000, (65_530 + k * step) % (1 << 8 * width), np.zeros(6, np.uint16), 0))
+        made.append(
+            Block(codes, (k + 1) * 1_000_000, (65_530 + k * step) % (1 << 8 * width), np.zeros(6, np.uint16), 0)
+        )
     return made
 
 

@@ -55,7 +55,9 @@ def test_a_register_that_reads_something_else_for_a_moment_is_null_and_flagged(b
     before, after = [1000.0, 1000.1], [1000.4, 1000.5, 1000.6]
     W, flags = energies([*before, *[bad] * rounds, *after])
     assert W == [*before, *[None] * rounds, *after]
-    assert all(("invalid" in named) == (value is None and bad is not None) for value, named in zip(W, flags, strict=True))
+    assert all(
+        ("invalid" in named) == (value is None and bad is not None) for value, named in zip(W, flags, strict=True)
+    )
 
 
 def test_a_meter_that_is_exchanged_is_another_one_and_the_energy_goes_on():
@@ -105,7 +107,11 @@ def test_regeneration_distortion_and_idle_meters_are_not_contradicted():
     judge = RoundJudge(230.0)
     regenerating = good() | {f"L{k}.P": -414.0 for k in (1, 2, 3)} | {"total.P": -1242.0}
     rectifier = good() | {f"L{k}.{n}": v for k in (1, 2, 3) for n, v in (("P", 150.0), ("S", 180.0), ("PF", 0.83))}
-    idle = good() | {f"L{k}.{n}": 0.0 for k in (1, 2, 3) for n in ("Irms", "P", "S", "PF")} | {"total.P": 0.0, "total.S": 0.0}
+    idle = (
+        good()
+        | {f"L{k}.{n}": 0.0 for k in (1, 2, 3) for n in ("Irms", "P", "S", "PF")}
+        | {"total.P": 0.0, "total.S": 0.0}
+    )
     lone = good() | {f"L{k}.Vrms": 0.0 for k in (2, 3)} | {f"L{k}.{n}": 0.0 for k in (2, 3) for n in ("Irms", "P", "S")}
     lone |= {"total.P": 414.0, "total.S": 460.0}
     for values in (regenerating, rectifier, idle, lone):
@@ -116,7 +122,9 @@ def test_rows_have_the_sign_of_p_and_no_sum_without_its_parts():
     from acqd.daemon.meter_feed import _timed_rows
 
     def rows(**changes):
-        reading = Reading("m", 3, 0, SECOND, good() | {k.replace("_", ".", 1): v for k, v in changes.items()}, frozenset())
+        reading = Reading(
+            "m", 3, 0, SECOND, good() | {k.replace("_", ".", 1): v for k, v in changes.items()}, frozenset()
+        )
         return {timed.row.channel: timed.row for timed in _timed_rows(reading, "b", [])}
 
     assert rows(L1_P=-414.0, total_P=-1242.0)["L1"].PF == -0.9

@@ -23,7 +23,9 @@ POWER = float((U * I).sum(axis=1).mean())
 def write(path, names, currents=I):
     table = np.column_stack([T, *(LINES[name] for name in names), currents])
     lines = [",".join(f"{value:.9g}" for value in row) for row in table]
-    path.write_text("\n".join([",".join(["time [s]", *(f"{n} [V]" for n in names), "IA [A]", "IB [A]", "IC [A]"]), *lines]))
+    path.write_text(
+        "\n".join([",".join(["time [s]", *(f"{n} [V]" for n in names), "IA [A]", "IB [A]", "IC [A]"]), *lines])
+    )
     return path
 
 

@@ -28,7 +28,16 @@ def metered(text: str) -> dict[str, str]:
     return {key: listed[k].name for key, k in chosen(recording, roles_of(listed)).keys}
 
 
-PHASES = {"VA VB VC", "UL1 UL2 UL3", "VR VY VB", "UR US UT", "UU UV UW", "UL1-N UL2-N UL3-N", "VAN VBN VCN", "U_A U_B U_C"}
+PHASES = {
+    "VA VB VC",
+    "UL1 UL2 UL3",
+    "VR VY VB",
+    "UR US UT",
+    "UU UV UW",
+    "UL1-N UL2-N UL3-N",
+    "VAN VBN VCN",
+    "U_A U_B U_C",
+}
 BESIDE = ["", "VDC", "VS", "VSYNC", "VN IN", "3I0 3U0", "IRES", "VBAT IDC", "UE IE", "UA_RMS IA_MAG", "VREF"]
 
 

@@ -23,9 +23,7 @@ class Locale:
         return f"{value:.{digits}g}".replace(".", self.decimal)
 
     def row(self, *fields: object) -> str:
-        return self.separator.join(
-            self.number(field) if isinstance(field, float) else str(field) for field in fields
-        )
+        return self.separator.join(self.number(field) if isinstance(field, float) else str(field) for field in fields)
 
 
 ENGLISH, GERMAN, TABBED = Locale(",", "."), Locale(";", ","), Locale("\t", ",")

@@ -64,7 +64,11 @@ def test_two_voltages_of_an_oscilloscope_need_scales_and_the_error_says_so(tmp_p
 
 def test_one_channel_a_file_is_refused_with_what_to_do(tmp_path):
     rows = ["Record Length,2.000000e+03,,-0.100,1.5", "Sample Interval,1.0e-04,,-0.0999,2.5", "Source,CH1,,-0.0998,3.5"]
-    rows += ["Vertical Units,V,,-0.0997,1", "Yzero,0,,-0.0996,2", *[f",,,{-0.0995 + k * 1e-4:.4f},{k}" for k in range(50)]]
+    rows += [
+        "Vertical Units,V,,-0.0997,1",
+        "Yzero,0,,-0.0996,2",
+        *[f",,,{-0.0995 + k * 1e-4:.4f},{k}" for k in range(50)],
+    ]
     (tmp_path / "F0000CH1.CSV").write_text("\n".join(rows))
     with pytest.raises(InputError, match=r"power needs"):
         load_waveform(tmp_path / "F0000CH1.CSV")
@@ -105,7 +109,9 @@ def test_units_of_a_header_count(tmp_path, header, u, i, t):
     assert_metered(load_waveform(path))
 
 
-@pytest.mark.parametrize("header", ["time,u1 [bar],i1", "time,u1 [Gauss],i1 [A]", "time,u1 [MV],i1", "time,u1 [A],i1 [A]"])
+@pytest.mark.parametrize(
+    "header", ["time,u1 [bar],i1", "time,u1 [Gauss],i1 [A]", "time,u1 [MV],i1", "time,u1 [A],i1 [A]"]
+)
 def test_a_unit_that_is_none_is_refused_until_the_user_says_the_scale(tmp_path, header):
     path = tmp_path / "a.csv"
     rows = [f"{a:.9g},{b:.9g},{c:.9g}" for a, b, c in zip(T, U, I, strict=True)]

@@ -1,0 +1,69 @@
+"""Where the samples of a recording are no measurements: flags of stretches of two cycles.
+
+A recording is searched only where its extremes, its mean or its steps allow a fault at all: that costs a few passes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from acqd.arrays import Floats
+from acqd.metering.block import Codes
+from acqd.metering.integrity import clipped, rolled_over, shifted
+
+Marks = tuple[tuple[int, int, frozenset[str]], ...]
+"""First sample, sample after the last, flags."""
+_EQUAL = 4  # samples at the extreme of a channel, from which on it may be clipped
+_END = 30_000  # codes of 16 bits that roll over come near both ends
+_LONGEST = 100_000  # samples that show the mean
+
+
+def marks_of(codes: Codes, rate: float, f_nominal: float) -> Marks:
+    """Stretches with a fault, in order; stretches with the same flags are joined."""
+    size = max(8, round(2 * rate / f_nominal))
+    flags: dict[int, set[str]] = {}
+    everywhere: set[str] = set()
+    for k in range(codes.shape[1]):
+        x = np.ascontiguousarray(codes[:, k])
+        most, least = float(x.max()), float(x.min())
+        for at in _suspects(x, most, least, size):
+            part = x[at * size : (at + 1) * size + 8].astype(np.float64)
+            if rolled_over(part):
+                flags.setdefault(at, set()).add("rollover")
+            elif clipped(part):
+                flags.setdefault(at, set()).add("clipped")
+        whole = x[: min(len(x), _LONGEST) // (size // 2) * (size // 2)].astype(np.float64)
+        if k % 2 == 0 and len(whole) and shifted(whole):
+            everywhere.add("offset")
+    return _joined(flags, everywhere, size, len(codes))
+
+
+def _suspects(x: np.ndarray | Floats, most: float, least: float, size: int) -> list[int]:
+    """Stretches in which a channel may be clipped or have rolled over."""
+    found: set[int] = set()
+    for extreme in (most, least):
+        at = np.flatnonzero(x == extreme)
+        if len(at) >= _EQUAL:
+            found |= set((at // size).tolist())
+    if x.dtype != np.int16 or (most > _END and least < -_END):
+        steps = np.abs(np.diff(x.astype(np.float64)))
+        found |= set((np.flatnonzero(steps > 0.8 * (most - least)) // size).tolist())
+    return sorted(found)
+
+
+def _joined(flags: dict[int, set[str]], everywhere: set[str], size: int, samples: int) -> Marks:
+    marks: list[tuple[int, int, frozenset[str]]] = []
+    at = 0
+    for place in sorted(flags):
+        begin, end = place * size, min((place + 1) * size, samples)
+        if everywhere and begin > at:
+            marks.append((at, begin, frozenset(everywhere)))
+        named = frozenset(flags[place] | everywhere)
+        if marks and marks[-1][1:] == (begin, named):
+            marks[-1] = (marks[-1][0], end, named)
+        else:
+            marks.append((begin, end, named))
+        at = end
+    if everywhere and at < samples:
+        marks.append((at, samples, frozenset(everywhere)))
+    return tuple(marks)
