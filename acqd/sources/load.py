@@ -25,7 +25,7 @@ _LOADERS = {
 }
 
 _ELSEWHERE = {
-    ".mat": "MATLAB files are not read; write CSV with writematrix, or NPZ with numpy.savez(path, u_V=..., i_A=..., fs=...)",
+    ".mat": "MATLAB files are not read; write CSV, or NPZ with numpy.savez(path, u_V=..., i_A=..., fs=...)",
     ".tdms": "TDMS is not read; export .lvm or CSV in LabVIEW",
     ".h5": "HDF5 is not read; write NPZ with numpy.savez(path, u_V=..., i_A=..., fs=...)",
     ".hdf5": "HDF5 is not read; write NPZ with numpy.savez(path, u_V=..., i_A=..., fs=...)",

@@ -25,6 +25,7 @@ def load(path: Path, given: ChannelMap) -> Recording:
     Optional: `f_nominal` [Hz], `start_utc_ns`, `simulated` (not 0: flags every row); `u_unit`, `i_unit` for other units
     than V and A. Raises InputError.
     """
+    del given  # an NPZ says everything itself
     data = _read(path)
     physical = "u_V" in data and "u_code" not in data
     missing = [key for key in (_PHYSICAL if physical else _KEYS) if key not in data]
@@ -59,7 +60,7 @@ def load(path: Path, given: ChannelMap) -> Recording:
         raise InputError(path, f"start_utc_ns {start} is {start * 1e-9:g} s after 1970; expected nanoseconds")
     simulated = "simulated" in data and _number(path, data, "simulated") != 0
     return Recording(
-        path, "NPZ of " + ("physical values" if physical else "codes"), channels, samples, column, rate, start, f_nominal,
+        path, "NPZ of " + ("values" if physical else "codes"), channels, samples, column, rate, start, f_nominal,
         simulated, noun="channel", full_scale=not physical,
     )  # fmt: skip
 

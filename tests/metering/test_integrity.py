@@ -44,7 +44,7 @@ LOADS = {
     "phase-fired": SINE * (np.mod(A, np.pi) > 1.2), "half-wave": np.maximum(SINE, 0), "direct": np.full(800, 4.2),
     "rectifier": np.where(np.abs(SINE) > 0.85, np.sign(SINE) * (np.abs(SINE) - 0.85), 0.0),
     "six pulses": np.where(np.abs(np.sin(A)) > 0.5, np.sign(np.sin(A)), 0.0), "off": np.zeros(800),
-    "smoothed": 0.2 * np.sin(A) + 3.0, "small": np.rint(SINE * 6), "tiny": np.rint(SINE * 2), "one": np.rint(SINE * 0.6),
+    "smoothed": 0.2 * np.sin(A) + 3.0, "small": np.rint(SINE * 6), "tiny": np.rint(SINE * 2), "one": np.rint(SINE * 0.6),  # noqa: E501
 }  # fmt: skip
 
 

@@ -60,7 +60,7 @@ def test_healthy_sites_are_never_warned_of():
 
 @pytest.mark.parametrize(
     ("change", "text"),
-    [(lambda U: U * [1, 0.04, 1], "u2 missing or floating"), (lambda U: np.array([U[0], U[0], U[2]]), "u1 and u2 are the same"),
+    [(lambda U: U * [1, 0.04, 1], "u2 missing or floating"), (lambda U: np.array([U[0], U[0], U[2]]), "u1 and u2 are the same"),  # noqa: E501
      (lambda U: U * [1, -1, 1], "u2 is reversed"), (lambda U: U * [-1, 1, 1], "u1 is reversed"),
      (lambda U: U * [1, 1, 10], "times the others (230"), (lambda U: U * [1, 1.732, 1], "voltage between lines")],
 )  # fmt: skip

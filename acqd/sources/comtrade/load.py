@@ -61,8 +61,8 @@ def _clock(
     """The one sampling rate [1/s], and where samples are missing."""
     rates = {segment.rate for segment in header.segments}
     if len(rates) > 1:
-        steps = ", ".join(f"{segment.rate:g} Hz" for segment in header.segments)
-        raise InputError(path, f"changes its sampling rate ({steps}); one constant rate is needed")
+        listed = ", ".join(f"{segment.rate:g} Hz" for segment in header.segments)
+        raise InputError(path, f"changes its sampling rate ({listed}); one constant rate is needed")
     rate = rates.pop()
     times = samples.times()
     if times is None or len(times) < 2 or times[-1] <= 0:

@@ -1,8 +1,8 @@
 """What the name of a channel may mean: quantity, phase, feeder; every reading that its letters allow.
 
-Phases are named A B C, 1 2 3 (L1 L2 L3), R S T, R Y B or U V W; two of one family are a voltage between phases. A letter
-means one thing beside its family and another one alone: S is the second of R S T, and the synchronising voltage beside
-A B C. So a name has several readings, and `roles` chooses among them.
+Phases are named A B C, 1 2 3 (L1 L2 L3), R S T, R Y B or U V W; two of one family are a voltage between phases. A
+letter means one thing beside its family and another one alone: S is the second of R S T, and the synchronising voltage
+beside A B C. So a name has several readings, and `roles` chooses among them.
 """
 
 from __future__ import annotations
@@ -15,20 +15,27 @@ from acqd.sources.recording.channel import Kind
 
 FAMILIES = {"abc": "abc", "123": "123", "rst": "rst", "ryb": "ryb", "uvw": "uvw"}
 """Letters of the phases L1, L2, L3."""
+
+
+def _set(words: str) -> frozenset[str]:
+    return frozenset(words.split())
+
+
 _QUANTITY: dict[str, Literal["u", "i"]] = {
     **dict.fromkeys(("u", "v", "voltage", "volt", "volts", "spannung", "tension", "tensione", "voltaje", "ugrid"), "u"),
     **dict.fromkeys(("i", "current", "curr", "amp", "amps", "strom", "courant", "corriente", "corrente"), "i"),
 }
 _WORD_QUANTITY = sorted((word for word in _QUANTITY if len(word) > 2), key=len, reverse=True)
-_FILLER = frozenset(
+_FILLER = _set(
     "phase ph line ac inst instantaneous wave waveform raw primary pri secondary sec signal mains grid input analog "
-    "channel of the to value load supply leiter aussenleiter phasen netz".split()
+    "channel of the to value load supply leiter aussenleiter phasen netz"
 )
-_COMPUTED = frozenset(
-    "rms mag magnitude angle ang phasor freq frequency power thd avg mean average max min peak crest harmonic harmonics "
-    "ref reference setpoint set cos phi fundamental fund effektiv rocof demand eff diff idiff bias ibias restraint".split()
+_COMPUTED = _set(
+    "rms mag magnitude angle ang phasor freq frequency power thd avg mean average max min peak crest harmonic "
+    "harmonics ref reference setpoint set cos phi fundamental fund effektiv rocof demand eff diff idiff bias ibias "
+    "restraint"
 )
-_OTHER = frozenset("temp temperature speed torque energy trigger position pressure digital time".split())
+_OTHER = _set("temp temperature speed torque energy trigger position pressure digital time")
 _DC = re.compile(r"^(?:[uvi]?dc\w*|\w*dc|batt?(?:ery)?\d*|[uv]bat\w*|dclink|zk|[uv]zk|zwischenkreis|station)$")
 _SYNC = re.compile(r"^[uv]?(?:sync\w*|syn|synch\w*)\d*$")
 _RESIDUAL = re.compile(
@@ -64,7 +71,7 @@ def readings(name: str) -> list[Reading]:
     found = _designated(core, quantity)
     if found:
         return found
-    if len(core) == 1 and core[0] in _QUANTITY or not core and quantity:
+    if (len(core) == 1 and core[0] in _QUANTITY) or (not core and quantity):
         return [Reading("phase", _QUANTITY[core[0]] if core else quantity, "123", (1,))]
     bare = next((_QUANTITY[word] for word in core if word in _QUANTITY), quantity)
     return [Reading("unknown", bare)] if bare else []

@@ -23,10 +23,11 @@ _NAME: dict[str, Quantity] = {
     **dict.fromkeys(("sec", "secs", "second", "seconds", "sek", "sekunde", "sekunden", "seconde", "secondes"), "t"),
 }
 _OTHER_TIMES = {"min": 60.0, "minute": 60.0, "minutes": 60.0, "h": 3600.0, "hour": 3600.0, "hours": 3600.0}
-_OTHER = frozenset(
-    "w kw mw gw var kvar mvar va kva mva hz khz mhz rpm nm n pa bar °c c degc k °f deg ° rad % pu p.u. ohm kohm Ω t mt "
-    "wh kwh mwh varh kvarh vah kvah j kj kg mm m cm db dbv dbm bit bool".split()
-)
+_OTHER_WORDS = """
+    w kw mw gw var kvar mvar va kva mva hz khz mhz rpm nm n pa bar °c c degc k °f deg ° rad % pu p.u. ohm kohm Ω t mt
+    wh kwh mwh varh kvarh vah kvah j kj kg mm m cm db dbv dbm bit bool
+"""
+_OTHER = frozenset(_OTHER_WORDS.split())
 TIME_NAMES = ("time", "t", "zeit", "temps", "tiempo", "tempo", "x", "x-axis", "time axis", "timestamp", "seconds")
 """Names of a time column."""
 _NONE = frozenset(("", "-", "--", "none", "n/a", "na", "1", "x", "?"))

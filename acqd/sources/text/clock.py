@@ -31,7 +31,12 @@ _WHEN = re.compile(
     r"(?:(?P<h>\d{1,2}):(?P<m>\d{2})(?::(?P<s>\d{2})(?:[.,:](?P<f>\d+))?)?)?\s*(?P<half>[AaPp][Mm])?\s*"
     r"(?P<zone>Z|[+-]\d{2}:?\d{2})?$"
 )
-_MONTHS = {name: k for k, name in enumerate("jan feb mar apr may jun jul aug sep oct nov dec".split(), start=1)}
+_MONTHS = {
+    name: k
+    for k, name in enumerate(
+        ["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"], start=1
+    )
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,9 +161,7 @@ def _days(match: re.Match[str]) -> tuple[int | None, bool]:
         year, month, day = (int(c), _MONTHS[b.lower()], int(a)) if len(a) < 3 else (int(a), _MONTHS[b.lower()], int(c))
     elif not b.isdigit():
         return None, False
-    elif len(a) == 4:
-        year, month, day = int(a), int(b), int(c)
-    elif match["quote"]:  # HIOKI's '23-06-21
+    elif len(a) == 4 or match["quote"]:
         year, month, day = int(a), int(b), int(c)
     elif match["sign"] == "-" and len(c) < 4:
         return None, True

@@ -23,7 +23,7 @@ from acqd.sources.waveform import ChannelMap
 
 _HEAD_BYTES = 1 << 20
 _INDEX = ("sequence", "index", "sample", "samples", "no", "nr", "n", "point", "points", "number", "xindex")
-_TIMES = tuple(key_of(name) for name in TIME_NAMES) + ("xvalue", "timesec", "timeaxis", "abstime", "reltime")
+_TIMES = (*(key_of(name) for name in TIME_NAMES), "xvalue", "timesec", "timeaxis", "abstime", "reltime")
 
 
 def load(path: Path, given: ChannelMap) -> Recording:

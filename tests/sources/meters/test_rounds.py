@@ -54,7 +54,7 @@ def test_an_overflow_of_the_display_is_no_power():
 def test_a_register_that_reads_something_else_for_a_moment_is_null_and_flagged(bad, rounds):
     before, after = [1000.0, 1000.1], [1000.4, 1000.5, 1000.6]
     W, flags = energies([*before, *[bad] * rounds, *after])
-    assert W == [*before, *[None] * rounds, *after]
+    assert [*before, *[None] * rounds, *after] == W
     assert all(
         ("invalid" in named) == (value is None and bad is not None) for value, named in zip(W, flags, strict=True)
     )
@@ -87,7 +87,7 @@ def test_an_outage_of_hours_is_no_jump():
 @given(st.lists(st.one_of(st.none(), st.floats(-1e9, 1e9), st.just(0.0)), max_size=60), st.floats(0.1, 20.0))
 def test_whatever_the_register_says_the_energy_only_rises(readings, step_s):
     known = [value for value in energies([1000.0, *readings], step_s)[0] if value is not None]
-    assert all(after >= before for before, after in zip(known, known[1:], strict=False))
+    assert known == sorted(known)
 
 
 @pytest.mark.parametrize(

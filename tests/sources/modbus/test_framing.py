@@ -120,7 +120,7 @@ def test_a_meter_on_a_bad_line_is_read(shape):
         frame = registers(request)
         return {
             "plain": [(0, frame)], "zero before": [(0, b"\0\xff" + frame)], "echo": [(0, request + frame)],
-            "echo cut": [(0, request[:5]), (0.05, request[5:] + frame)], "two pieces": [(0, frame[:4]), (0.05, frame[4:])],
+            "echo cut": [(0, request[:5]), (0.05, request[5:] + frame)], "two pieces": [(0, frame[:4]), (0.05, frame[4:])],  # noqa: E501
         }[shape]  # fmt: skip
 
     meter = Meter(reply)

@@ -52,8 +52,8 @@ def test_three_phases_are_named_among_anything_else(names, beside):
     assert [found[f"i{k}"] for k in (1, 2, 3)] == currents.split()
 
 
-@pytest.mark.parametrize("names", ["VAB VBC VCA", "UL12 UL23 UL31", "U12 U23 U31", "VAB|kV|A VBC|kV|B VCA|kV|C", "VRY VYB VBR",
-                                   "VA|kV|AB VB|kV|BC VC|kV|CA", "UL1-L2 UL2-L3 UL3-L1", "U12 U23", "VA-VB VB-VC VC-VA"])  # fmt: skip
+@pytest.mark.parametrize("names", ["VAB VBC VCA", "UL12 UL23 UL31", "U12 U23 U31", "VAB|kV|A VBC|kV|B VCA|kV|C", "VRY VYB VBR",  # noqa: E501
+                                   "VA|kV|AB VB|kV|BC VC|kV|CA", "UL1-L2 UL2-L3 UL3-L1", "U12 U23", "VA-VB VB-VC VC-VA"])  # fmt: skip  # noqa: E501
 def test_voltages_between_lines_are_never_those_of_phases(names):
     letters = "RYB" if "VRY" in names else "ABC"
     found = metered(names + "".join(f" I{letter}" for letter in letters))

@@ -27,7 +27,6 @@ class Locale:
 
 
 ENGLISH, GERMAN, TABBED = Locale(",", "."), Locale(";", ","), Locale("\t", ",")
-T, U, I = np.ndarray, np.ndarray, np.ndarray
 Writer = Callable[[Locale, np.ndarray, np.ndarray, np.ndarray], str]
 
 
@@ -104,7 +103,7 @@ def labview(at, t, u, i):
 def dewesoft(at, t, u, i):
     """DewesoftX text export: about the file, then names with units."""
     head = ["File name: press.dxd", "Start time: 21.06.2023 10:15:00.250", "Number of channels: 2",
-            f"Sample rate: {RATE:g} Hz", "Store type: always fast", "", at.row("Time (s)", "U1 (V)", "I1 (A)")]  # fmt: skip
+            f"Sample rate: {RATE:g} Hz", "Store type: always fast", "", at.row("Time (s)", "U1 (V)", "I1 (A)")]  # fmt: skip  # noqa: E501
     return "\n".join([*head, *_table(at, t, u, i)])
 
 
@@ -116,7 +115,7 @@ def yokogawa(at, t, u, i):
             at.row('"BlockSize"', f'"{len(t)}"', f'"{len(t)}"'), at.row('"VUnit"', '"V"', '"A"'),
             at.row('"SampleRate"', f'"{RATE:g}"', f'"{RATE:g}"'), at.row('"HResolution"', '"1e-04"', '"1e-04"'),
             at.row('"HOffset"', '"-0.05"', '"-0.05"'), at.row('"HUnit"', '"s"', '"s"'),
-            at.row('"Date"', '"2023/06/21"', '"2023/06/21"'), at.row('"Time"', '"10:15:00.25"', '"10:15:00.25"'), ""]  # fmt: skip
+            at.row('"Date"', '"2023/06/21"', '"2023/06/21"'), at.row('"Time"', '"10:15:00.25"', '"10:15:00.25"'), ""]  # fmt: skip  # noqa: E501
     return "\n".join([*head, *(at.separator + row for row in _table(at, u, i))])
 
 

@@ -99,7 +99,7 @@ def test_every_layout_can_be_read_and_names_its_source():
 
 @pytest.mark.parametrize(
     ("header", "u", "i", "t"),
-    [("time,u1 [V],i1 [mA]", 1, 1e3, 1), ("time [ms],u1 (mV),i1", 1e3, 1, 1e3), ("Time(us),u1 [kV],i1 [kA]", 1e-3, 1e-3, 1e6),
+    [("time,u1 [V],i1 [mA]", 1, 1e3, 1), ("time [ms],u1 (mV),i1", 1e3, 1, 1e3), ("Time(us),u1 [kV],i1 [kA]", 1e-3, 1e-3, 1e6),  # noqa: E501
      ("Time (s),u1/V,i1/A", 1, 1, 1), ("t_ms,u1_V,i1_mA", 1, 1e3, 1e3), ('"t / s",U in kV,I in mA', 1e-3, 1e3, 1)],
 )  # fmt: skip
 def test_units_of_a_header_count(tmp_path, header, u, i, t):
