@@ -193,8 +193,8 @@ class Meter:
 
     def _reference(self, piece: Piece) -> WindowBatch:
         """Meter consecutive windows with numpy."""
-        if (dark := self._without_mains(piece)) is not None:
-            return dark
+        if (noise := self._without_mains(piece)) is not None:
+            return noise
         u, i = channels(piece.codes[: piece.bounds[-1]])
         products = products_of(u, i)
         starts, ends = piece.bounds[:-1], piece.bounds[1:]

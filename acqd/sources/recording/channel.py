@@ -8,14 +8,15 @@ from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from acqd.arrays import Floats
 
 Kind = Literal["phase", "line", "residual", "dc", "sync", "sequence", "computed", "other", "unknown"]
 """What a channel is: the voltage or current of a phase, a voltage between phases, neutral or residual, direct, the
 synchronising voltage of another bus, a symmetrical component, a value computed from samples, another quantity."""
-Values: TypeAlias = NDArray[np.int16] | Floats
+Letter: TypeAlias = Literal["u", "i", ""]
+"""Voltage, current; empty: not known."""
+UNKNOWN: Letter = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +55,7 @@ class Role:
     """What a channel is, and why."""
 
     kind: Kind
-    quantity: Literal["u", "i", ""] = ""
+    quantity: Letter = UNKNOWN
     phases: tuple[int, ...] = ()
     """1 to 3: of a phase; two: from the first to the second."""
     group: str = ""

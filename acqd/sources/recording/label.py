@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import Literal
 
-from acqd.sources.recording.channel import Kind
+from acqd.sources.recording.channel import UNKNOWN, Kind, Letter
 
 FAMILIES = {"abc": "abc", "123": "123", "rst": "rst", "ryb": "ryb", "uvw": "uvw"}
 """Letters of the phases L1, L2, L3."""
@@ -21,7 +20,7 @@ def _set(words: str) -> frozenset[str]:
     return frozenset(words.split())
 
 
-_QUANTITY: dict[str, Literal["u", "i"]] = {
+_QUANTITY: dict[str, Letter] = {
     **dict.fromkeys(("u", "v", "voltage", "volt", "volts", "spannung", "tension", "tensione", "voltaje", "ugrid"), "u"),
     **dict.fromkeys(("i", "current", "curr", "amp", "amps", "strom", "courant", "corriente", "corrente"), "i"),
 }
@@ -50,7 +49,7 @@ class Reading:
     """One meaning of a name."""
 
     kind: Kind
-    quantity: Literal["u", "i", ""] = ""
+    quantity: Letter = UNKNOWN
     family: str = ""
     phases: tuple[int, ...] = ()
     group: str = ""
@@ -59,7 +58,7 @@ class Reading:
 def readings(name: str) -> list[Reading]:
     """All meanings of a channel's name; none where it says nothing."""
     words = _words(name)
-    quantity = next((_QUANTITY[word] for word in words if word in _QUANTITY and len(word) > 1), "")
+    quantity = next((_QUANTITY[word] for word in words if word in _QUANTITY and len(word) > 1), UNKNOWN)
     plain = [word for word in words if not (word in _QUANTITY and len(word) > 1)]
     if special := _special(plain, quantity):
         return [special]
@@ -100,10 +99,10 @@ def _words(name: str) -> list[str]:
     return [word for word in split if word]
 
 
-def _special(words: list[str], quantity: Literal["u", "i", ""]) -> Reading | None:
+def _special(words: list[str], quantity: Letter) -> Reading | None:
     """What is never a phase: direct, computed, residual, synchronising quantities."""
     letter = next((w[0] for w in words if w[0] in "uvi" and len(w) <= 5), "")
-    kind = quantity or (_QUANTITY[letter] if letter else "")
+    kind = quantity or (_QUANTITY[letter] if letter else UNKNOWN)
     if any(_DC.match(word) and not re.fullmatch(r"[uvi]?[a-z]?\d?[a-c]dc", word) for word in words):
         return Reading("dc", kind)
     if any(word in _COMPUTED or re.fullmatch(r"[uvi][a-c1-3]?(rms|mag|ang|thd|eff)", word) for word in words):
@@ -126,7 +125,7 @@ _NUMBERED = r"^(?P<before>\d*)(?P<quantity>[uvi])(?P<middle>\d+)"
 """`u1a`: the voltage of phase A of feeder 1."""
 
 
-def _designated(words: list[str], quantity: Literal["u", "i", ""]) -> list[Reading]:
+def _designated(words: list[str], quantity: Letter) -> list[Reading]:
     """Readings of words such as `va`, `l1`, `u12`, `ia` + `g1`, `l1` + `l2`, `v` + `a` + `n`."""
     found: list[Reading] = []
     taken = 0  # words that are the second phase of a pair
@@ -139,14 +138,14 @@ def _designated(words: list[str], quantity: Literal["u", "i", ""]) -> list[Readi
             taken = max(taken, at + used)
             group = " ".join(w for w in (*words[:at], reading.group, *words[at + used :]) if w and w not in _NEUTRAL)
             group = " ".join(w for w in group.split() if w not in ("u", "v", "i"))
-            letter: Literal["u", "i", ""] = reading.quantity or quantity or _before(words[:at])
+            letter: Letter = reading.quantity or quantity or _before(words[:at])
             found.append(Reading(reading.kind, letter, reading.family, reading.phases, group))
     strong = [one for one in found if one.quantity]
     return list(dict.fromkeys(strong or found))
 
 
-def _before(words: list[str]) -> Literal["u", "i", ""]:
-    return next((_QUANTITY[word] for word in words if word in _QUANTITY), "")
+def _before(words: list[str]) -> Letter:
+    return next((_QUANTITY[word] for word in words if word in _QUANTITY), UNKNOWN)
 
 
 def _word(word: str, quantity: str, rest: list[str]) -> list[Reading]:
@@ -181,8 +180,8 @@ def _word(word: str, quantity: str, rest: list[str]) -> list[Reading]:
     return found
 
 
-def _letter(letter: str | None) -> Literal["u", "i", ""]:
-    return _QUANTITY[letter] if letter else ""
+def _letter(letter: str | None) -> Letter:
+    return _QUANTITY[letter] if letter else UNKNOWN
 
 
 def _partner(family: str, letters: str, rest: list[str]) -> int:

@@ -9,9 +9,9 @@ from __future__ import annotations
 import re
 from collections import defaultdict
 from dataclasses import replace
-from typing import Literal, TypeAlias
+from typing import TypeAlias
 
-from acqd.sources.recording.channel import Channel, Role
+from acqd.sources.recording.channel import UNKNOWN, Channel, Letter, Role
 from acqd.sources.recording.label import Reading, phase_field, readings
 from acqd.sources.recording.units import UnknownUnitError, unit_of
 
@@ -46,7 +46,7 @@ def _candidates(channel: Channel) -> list[Reading]:
     if agreeing:  # recorders without a word for two phases write VAB of phase A
         return agreeing + [one for one in lines if one not in agreeing]
     field_lines = [one for one in field if one.kind == "line"]
-    quantity = next((one.quantity for one in named if one.quantity), "")
+    quantity = next((one.quantity for one in named if one.quantity), UNKNOWN)
     if field_lines:
         return [replace(one, quantity=quantity) for one in field_lines]
     if lines:  # most recorders have no name for two phases in the field
@@ -120,16 +120,16 @@ def _rank(one: Reading, channel: Channel, whole: set[_Key]) -> int:
     return 1 if one.phases == (1,) and one.kind == "phase" else 0  # R and U are the first of their families
 
 
-def _stranger(channel: Channel, quantity: Literal["u", "i", ""], evidence: tuple[str, ...]) -> Role:
+def _stranger(channel: Channel, quantity: Letter, evidence: tuple[str, ...]) -> Role:
     """A letter without its family: S of the synchronising voltage, X of another winding."""
     if channel.name.lower().lstrip("uv_ -") in ("s", "x", "y", "sy") and quantity == "u":
         return Role("sync", "u", evidence=(*evidence, f"name {channel.name}, without phases R and T"))
     return Role("unknown", quantity, evidence=(*evidence, NO_PHASE))
 
 
-def _quantity(channel: Channel, found: list[Reading]) -> tuple[Literal["u", "i", ""], str]:
+def _quantity(channel: Channel, found: list[Reading]) -> tuple[Letter, str]:
     """Quantity, and why the channel cannot be used as such."""
-    named = next((one.quantity for one in found if one.quantity), "")
+    named = next((one.quantity for one in found if one.quantity), UNKNOWN)
     try:
         unit = unit_of(channel.unit)
     except UnknownUnitError as error:

@@ -49,7 +49,9 @@ def mapped(recording: Recording, given: ChannelMap) -> Selection:
     pairs = given.pairs(recording.path, columns)
     phases = [phase for phase in _PHASES if f"u{phase}" in columns]
     places = positions(recording.path, names, pairs, recording.noun)
-    voltages = [((phase,), place) for phase, place in zip(phases, places[0::2], strict=True)]
+    voltages: list[tuple[tuple[int, ...], int]] = [
+        ((phase,), place) for phase, place in zip(phases, places[0::2], strict=True)
+    ]
     return Selection(voltages, list(zip(phases, places[1::2], strict=True)))
 
 
@@ -65,7 +67,9 @@ def _mapped_lines(recording: Recording, columns: dict[str, str], lines: list[str
     places = [position(recording.path, names, columns[key], recording.noun) for key in (*lines, *currents)]
     if len(set(places)) < len(places):
         raise InputError(recording.path, f"--map names a {recording.noun} twice; expected another one for each")
-    voltages = [((int(key[1]), int(key[2])), place) for key, place in zip(lines, places, strict=False)]
+    voltages: list[tuple[tuple[int, ...], int]] = [
+        ((int(key[1]), int(key[2])), place) for key, place in zip(lines, places, strict=False)
+    ]
     return Selection(voltages, list(zip(_PHASES, places[len(lines) :], strict=True)))
 
 
