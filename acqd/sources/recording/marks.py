@@ -13,7 +13,7 @@ from acqd.metering.integrity import clipped, rolled_over, shifted
 
 Marks = tuple[tuple[int, int, frozenset[str]], ...]
 """First sample, sample after the last, flags."""
-_EQUAL = 4  # samples at the extreme of a channel, from which on it may be clipped
+_EQUAL = 4  # samples in a row at the extreme of a channel, from which on it may be clipped
 _END = 30_000  # codes of 16 bits that roll over come near both ends
 _LONGEST = 100_000  # samples that show the mean
 
@@ -43,8 +43,8 @@ def _suspects(x: np.ndarray | Floats, most: float, least: float, size: int) -> l
     found: set[int] = set()
     for extreme in (most, least):
         at = np.flatnonzero(x == extreme)
-        if len(at) >= _EQUAL:
-            found |= set((at // size).tolist())
+        begins = at[: 1 - _EQUAL][at[_EQUAL - 1 :] - at[: 1 - _EQUAL] == _EQUAL - 1]  # of runs
+        found |= set((begins // size).tolist())
     if x.dtype != np.int16 or (most > _END and least < -_END):
         steps = np.abs(np.diff(x.astype(np.float64)))
         found |= set((np.flatnonzero(steps > 0.8 * (most - least)) // size).tolist())

@@ -1,0 +1,79 @@
+"""Recordings of relays: low rates, headers of any edition, and dates in any order; flags of samples through the command."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import soundfile
+
+from acqd.metering import Meter, SampleBlock
+from acqd.sources import load_waveform
+from tests.commands import acqd_here
+from tests.mains import make_mains
+from tests.sources.comtrade import Recording
+
+
+def power(waveform):
+    batch = Meter(waveform.form).feed(SampleBlock(waveform.codes, 0, 0))
+    return batch.Vrms[:, 2:], batch.P[:, 2:]
+
+
+@pytest.mark.parametrize("f", [49.9, 50.0, 50.2])
+@pytest.mark.parametrize(("rate", "share"), [(400.0, 2e-3), (600.0, 1e-3), (960.0, 1.5e-3), (1_200.0, 1e-3)])
+def test_a_few_samples_a_cycle_are_enough(tmp_path, rate, share, f):
+    t = np.arange(int(2 * rate)) / rate
+    mains = make_mains(f, seconds=2.0, rate=rate)
+    for phase in range(3):  # without the third harmonic, which the lowest rate cannot hold
+        angle = 2 * np.pi * f * t - 2 * np.pi * phase / 3
+        mains.codes[:, 2 * phase] = np.rint(230 * np.sqrt(2) * np.cos(angle) / mains.scale[0])
+        mains.codes[:, 2 * phase + 1] = np.rint(3 * np.sqrt(2) * np.cos(angle - 0.5) / mains.scale[1])
+    waveform = load_waveform(Recording(mains).write(tmp_path))
+    V, P = power(waveform)
+    np.testing.assert_allclose(V, 230, rtol=share)
+    np.testing.assert_allclose(P, 230 * 3 * np.cos(0.5), rtol=share)
+    assert "harmonics up to number" in " ".join(waveform.notes)
+
+
+@pytest.mark.parametrize("edition", [0, 1991, 1997, 1999, 2000, 2001, 2013, 2017])
+@pytest.mark.parametrize("stamp", ["25/05/2017,08:13:16.587", "05/25/2017,08:13:16.587"])
+def test_editions_and_dates(tmp_path, edition, stamp):
+    tail = ("1", "0,0", "0,0") if edition >= 2013 else ("1",)
+    waveform = load_waveform(Recording(make_mains(50.0, seconds=0.2), edition=edition, stamp=stamp, tail=tail).write(tmp_path))
+    assert waveform.start_utc_ns == 1_495_699_996_587_000_000
+    assert (f"edition {edition}" in " ".join(waveform.notes)) == (edition in (0, 1997, 2000, 2017))
+
+
+def test_no_rates_a_comma_and_markers_without_colons(tmp_path):
+    recording = Recording(make_mains(50.0, seconds=0.2))
+    recording = replace(recording, segments=((0.0, len(recording.codes)),))
+    header = recording.header().replace(b"\r\n50\r\n1\r\n", b"\r\n50,\r\n0\r\n")
+    assert b"50,\r\n0\r\n" in header
+    data = recording.data()
+    cff = b"--- file type CFG ---\r\n" + header + b"--- file type DAT BINARY %d ---\r\n" % len(data) + data
+    (tmp_path / "a.cff").write_bytes(cff)
+    assert load_waveform(tmp_path / "a.cff").form.rate == pytest.approx(20_000)
+
+
+@pytest.mark.parametrize("subtype", ["PCM_16", "PCM_24"])
+def test_clipped_windows_are_flagged_in_rows_and_named(tmp_path, subtype):
+    t = np.arange(20_000) / 20_000
+    u = 0.8 * np.cos(2 * np.pi * 50 * t)
+    i = np.clip(1.2 * np.cos(2 * np.pi * 50 * t - 0.4) * (1 + (t > 0.5)) / 1.7, -1, 0.9999)
+    soundfile.write(tmp_path / "a.wav", np.column_stack([u, i]), 20_000, subtype=subtype)
+    words = ["replay", "a.wav", "--u-scale", "400", "--i-scale", "10", "--out", "r.jsonl"]
+    done = acqd_here(*words, cwd=tmp_path)
+    assert done.returncode == 0 and "flagged clipped" in done.stderr
+    rows = [json.loads(line) for line in (tmp_path / "r.jsonl").read_text().splitlines()]
+    flagged = ["clipped" in row["flags"] for row in rows]
+    assert flagged[:12] == [False] * 12 and all(flagged[14:-1])
+
+
+def test_inspect_names_a_reversed_transformer_with_the_correction(tmp_path):
+    mains = make_mains(50.0, seconds=1.0)
+    mains.codes[:, 3] *= -1
+    done = acqd_here("replay", "--inspect", Recording(mains).write(tmp_path), "--json")
+    [wiring] = json.loads(done.stdout)["wiring"]
+    assert wiring == "i2 is reversed; correction: [source] correction = { i_gain = [1.0, -1.0, 1.0] }"
