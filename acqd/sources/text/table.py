@@ -151,7 +151,7 @@ def _header_rows(table: Table, rows: list[list[str]], candidates: list[int], lay
             return []
         below_name = number + 1 < len(candidates) and _fits(_picked(rows[candidates[number + 1]], layout), table.width)
         if not table.units and below_name and _are_units(row[: table.width]):
-            table.units = [_bare(text) for text in row[: table.width]]
+            table.units = _padded([_bare(text) for text in row], table.width)
             names = _picked(rows[candidates[number + 1]], layout)
             table.stray = {
                 key_of(name): row[at]

@@ -140,3 +140,10 @@ def test_coarse_stamps_need_a_rate(tmp_path):
     with pytest.raises(InputError, match="too coarsely"):
         load_waveform(path)
     assert_metered(load_waveform(path, ChannelMap(rate=RATE)))
+
+
+def test_a_row_of_units_that_is_one_short_is_no_traceback(tmp_path):
+    path = tmp_path / "a.csv"
+    rows = [f"{a:.5f},{b:.4f},{c:.4f},{k}" for k, (a, b, c) in enumerate(zip(T, U, I, strict=True))]
+    path.write_text("\n".join(["time,u1,i1,n", "s,kV,mA", *rows]))
+    assert load_waveform(path).form.scale == (1e3, 1e-3)
