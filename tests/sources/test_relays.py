@@ -41,7 +41,9 @@ def test_a_few_samples_a_cycle_are_enough(tmp_path, rate, share, f):
 @pytest.mark.parametrize("stamp", ["25/05/2017,08:13:16.587", "05/25/2017,08:13:16.587"])
 def test_editions_and_dates(tmp_path, edition, stamp):
     tail = ("1", "0,0", "0,0") if edition >= 2013 else ("1",)
-    waveform = load_waveform(Recording(make_mains(50.0, seconds=0.2), edition=edition, stamp=stamp, tail=tail).write(tmp_path))
+    waveform = load_waveform(
+        Recording(make_mains(50.0, seconds=0.2), edition=edition, stamp=stamp, tail=tail).write(tmp_path)
+    )
     assert waveform.start_utc_ns == 1_495_699_996_587_000_000
     assert (f"edition {edition}" in " ".join(waveform.notes)) == (edition in (0, 1997, 2000, 2017))
 

@@ -22,9 +22,12 @@ _EARLIEST_S = 946_684_800.0  # 2000-01-01: a time column before it counts from s
 _DAY_S = 86_400.0
 _MULTIPLES = {"": 1.0, "k": 1e3, "m": 1e6, "g": 1e9}
 _RATE_UNIT = re.compile(
-    r"^\s*([+-]?[\d.,]+(?:[eE][+-]?\d+)?)\s*([kKmMgG]?)(?:hz|s/s|sa/s|sps|samples?/s\w*|)\s*$", re.IGNORECASE
+    r"^\s*([+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?)\s*([kKmMgG]?)(?:hz|s/s|sa/s|sps|samples?/s\w*|)\s*$",
+    re.IGNORECASE,
 )
-_TIME_UNIT = re.compile(r"^\s*([+-]?[\d.,]+(?:[eE][+-]?\d+)?)\s*(s|sec|seconds?|ms|us|µs|μs|ns|)\s*$", re.IGNORECASE)
+_TIME_UNIT = re.compile(
+    r"^\s*([+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?)\s*(s|sec|seconds?|ms|us|µs|μs|ns|)\s*$", re.IGNORECASE
+)
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9}
 _WHEN = re.compile(
     r"^(?P<quote>'?)(?:(?P<a>\d{1,4})(?P<sign>[-/.])(?P<b>\d{1,2}|[A-Za-z]{3})[-/.](?P<c>\d{1,4})[ T_]*)?"

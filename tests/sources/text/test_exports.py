@@ -147,3 +147,11 @@ def test_a_row_of_units_that_is_one_short_is_no_traceback(tmp_path):
     rows = [f"{a:.5f},{b:.4f},{c:.4f},{k}" for k, (a, b, c) in enumerate(zip(T, U, I, strict=True))]
     path.write_text("\n".join(["time,u1,i1,n", "s,kV,mA", *rows]))
     assert load_waveform(path).form.scale == (1e3, 1e-3)
+
+
+@pytest.mark.parametrize("increment", ["0..0", "-1", "1e-", "fast", "0"])
+def test_an_increment_that_is_none_is_named(tmp_path, increment):
+    path = tmp_path / "a.csv"
+    path.write_text(WRITERS["yokogawa"][0](ENGLISH, T, U, I).replace("1e-04", increment))
+    with pytest.raises(InputError, match="its increment is"):
+        load_waveform(path)
