@@ -63,8 +63,8 @@ def _whole(path: Path, notes: list[str]) -> Path | io.BytesIO:
         return path
     order: Literal["little", "big"] = "little" if head[:4] == b"RIFF" else "big"
     data = _data_chunk(head, order)
-    if data is None:
-        return path
+    if data is None or b"fmt " not in head:
+        return path  # libsndfile says what is wrong with it
     begin, length = data
     if not _unknown(length):
         if size < begin + length:

@@ -27,3 +27,20 @@ def test_a_truncated_sound_file_is_noticed(tmp_path):
     path.write_bytes(path.read_bytes()[:30_000])
     with pytest.raises(InputError, match="truncated"):
         load_waveform(path, ChannelMap(u_scale=400.0, i_scale=10.0))
+
+
+@pytest.mark.parametrize("length", [0, 0x7FFF_FFFF, 0xFFFF_FFFF, 0x7FFF_F000])
+def test_a_stream_without_a_length_is_read_to_its_end(tmp_path, length):
+    path = tmp_path / "a.wav"
+    mains = make_mains(50.0, seconds=0.5, phases=1)
+    soundfile.write(path, mains.codes, 20_000, subtype="PCM_16")
+    content = bytearray(path.read_bytes())
+    at = content.index(b"data") + 4
+    content[at : at + 4] = length.to_bytes(4, "little")
+    path.write_bytes(bytes(content) + b"x")  # the pipe has ended within a sample
+    waveform = load_waveform(path, ChannelMap(u_scale=400.0, i_scale=10.0))
+    np.testing.assert_array_equal(waveform.codes, mains.codes)
+    assert "written through a pipe" in waveform.notes[0]
+    path.write_bytes(bytes(content).replace(b"fmt ", b"fmx "))
+    with pytest.raises(InputError, match="no readable WAV"):
+        load_waveform(path, ChannelMap(u_scale=400.0, i_scale=10.0))

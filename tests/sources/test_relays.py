@@ -1,4 +1,4 @@
-"""Recordings of relays: low rates, headers of any edition, and dates in any order; flags of samples through the command."""
+"""Recordings of relays: low rates, headers of any edition, dates in any order; flags through the command."""
 
 from __future__ import annotations
 
