@@ -30,8 +30,6 @@ class Line:
     """Every request comes back before its answer."""
     exact: bool = False
     """TCP: an answer has had the transaction id and unit of its request, so one that has not is not the answer."""
-    strays: int = 0
-    """Answers that came when nobody had asked, or to an earlier request."""
     recent: deque[int] = field(default_factory=lambda: deque(maxlen=_RECENT))
     """Transaction ids of the last requests."""
     warned: set[str] = field(default_factory=set)
@@ -134,7 +132,6 @@ class LenientSocket(FramerSocket):
                 break
             used += length
             if not self._question.answered_by(pdu) or not self._accepts(unit, tid, exp_devid, exp_tid):
-                self._line.strays += 1
                 continue
             answer = self.decoder.decode(pdu)
             if answer is not None:

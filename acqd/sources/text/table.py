@@ -40,7 +40,6 @@ class Table:
     stray: dict[str, str] = field(default_factory=dict)
     """Names of the header row beside the channels, and what stands below them: Start and Increment of Rigol."""
     width: int = 0
-    comma_in_number: bool = False
 
 
 def split_row(line: str, separator: str) -> list[str]:

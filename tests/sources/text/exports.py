@@ -109,8 +109,6 @@ def dewesoft(at, t, u, i):
 
 def yokogawa(at, t, u, i):
     """DL850 ASCII: no time column; every row begins with a separator."""
-    quoted = (f'"{name}"' for name in ())
-    del quoted
     head = [at.row('"Model Name"', '"DL850"'), at.row('"BlockNumber"', '"1"'), at.row('"TraceName"', '"CH1"', '"CH2"'),
             at.row('"BlockSize"', f'"{len(t)}"', f'"{len(t)}"'), at.row('"VUnit"', '"V"', '"A"'),
             at.row('"SampleRate"', f'"{RATE:g}"', f'"{RATE:g}"'), at.row('"HResolution"', '"1e-04"', '"1e-04"'),
