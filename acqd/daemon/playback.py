@@ -30,6 +30,7 @@ from acqd.telemetry.quality_row import quality_lines
 from acqd.telemetry.row import json_lines, rows_of
 
 _Taker: TypeAlias = Callable[[SampleBlock], None]
+_MINUTE_S, _OFF = 60.0, 0.006  # EN 50160: 50 Hz within 1 % for 99.5 % of a year, in practice within 0.4 %
 _CHUNK_S = 10.0  # of waveform per step at full speed
 
 
@@ -85,7 +86,21 @@ def play(settings: Playback, progress: Callable[[float], None]) -> PlaybackRepor
         for path, waveform in zip(settings.files, waveforms, strict=True):
             run.play(path, waveform)
     report.elapsed_s = time.perf_counter() - begun
+    for path, waveform in zip(settings.files, waveforms, strict=True):
+        known = [line.f for line in report.channels if line.file == str(path) and line.f is not None]
+        report.notes += _doubt_of_rate(path, waveform, known)
     return report
+
+
+def _doubt_of_rate(path: Path, waveform: Waveform, f: list[float]) -> list[str]:
+    """A hint where the mains of minutes are not those of any grid: then the sampling rate may be wrong."""
+    nominal = waveform.form.f_nominal
+    if not f or waveform.duration < _MINUTE_S or abs(f[0] / nominal - 1) < _OFF:
+        return []
+    return [
+        f"{path}: its mains have {f[0]:.3f} Hz over {waveform.duration:.0f} s, and grids keep within "
+        f"{100 * _OFF:.1f} % of {nominal:g} Hz: is the sampling rate right ({waveform.form.rate:g} samples/s)?"
+    ]
 
 
 class _Run:

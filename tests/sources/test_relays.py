@@ -79,3 +79,12 @@ def test_inspect_names_a_reversed_transformer_with_the_correction(tmp_path):
     done = acqd_here("replay", "--inspect", Recording(mains).write(tmp_path), "--json")
     [wiring] = json.loads(done.stdout)["wiring"]
     assert wiring == "i2 is reversed; correction: [source] correction = { i_gain = [1.0, -1.0, 1.0] }"
+
+
+@pytest.mark.parametrize(("rate", "hint"), [(2_000.0, False), (2_020.0, True)])
+def test_a_rate_that_the_mains_of_a_minute_contradict_is_a_hint(tmp_path, rate, hint):
+    mains = make_mains(50.02, seconds=61.0, rate=2_000.0, phases=1)
+    codes = {"u_code": mains.codes[:, 0], "i_code": mains.codes[:, 1], "fs": rate}
+    np.savez(tmp_path / "a.npz", **codes, u_V_per_digit=mains.scale[0], i_A_per_digit=mains.scale[1])
+    done = acqd_here("replay", tmp_path / "a.npz")
+    assert done.returncode == 0 and ("is the sampling rate right" in done.stderr) == hint
