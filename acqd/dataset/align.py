@@ -113,6 +113,9 @@ def overlap(regressors: Regressors, power: PowerStream, supply_lag_s: float, coa
         return None
     at, P, known = on_grid
     inside = known & (at + coarse.seconds > t[0] + _EDGE_S) & (at + coarse.seconds < t[-1] - _EDGE_S)
+    if regressors.known is not None:
+        row = np.rint((at + coarse.seconds - t[0]) / STEP_S).astype(np.int64)
+        inside &= regressors.known[np.clip(row, 0, len(t) - 1)]
     if inside.sum() < 2 * regressors.columns.shape[1]:
         return None
     columns = band_limited(regressors.as_metered(supply_lag_s, window_s), STEP_S)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from acqd.dataset.log_check import check_log
+from acqd.dataset.motion_notes import motion_notes
 from acqd.errors import InputError, UserError
 from acqd.robot.bag import SUFFIXES as BAGS
 from acqd.robot.bag import is_bag
@@ -84,6 +85,7 @@ def read_logs(
         raise UserError(f"{folder}: nothing new, {logs.known} of its logs are in the dataset by content{others}")
     logs.require_any()
     logs.notes += [f"{log.path}: {log.note}" for log in logs.kept if log.note]
+    logs.notes += motion_notes(logs.kept)
     return logs
 
 

@@ -36,6 +36,10 @@ _PULSE_EDGES_S = (0.0, 0.12, 0.3, 0.6)
 _WHOLE_MS = 0.01  # a Unix time in a float resolves 0.0002 ms
 _MIN_ROWS = 50
 _MIN_S = 2.0
+_GAP_S = 0.25
+"""Rows farther apart leave the motion between them unknown."""
+_SPREAD_S = 0.2
+"""Time over which the filters spread what is unknown."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +56,10 @@ class Regressors:
     """How many of the first columns explain most; a search over hours with all columns would fit noise."""
     events: int = 0
     """How many of the last columns follow the brakes; no motion explains the power peak when they open."""
+    known: NDArray[np.bool_] | None = None
+    """[T] where the log tells the motion; None: everywhere."""
+    age_error_s: float = 0.0
+    """By how much all poses may be older than their stamps."""
 
     @property
     def searched(self) -> NDArray[np.int64]:
@@ -114,7 +122,21 @@ def regressors_of(log: RobotLog, robot: RobotDescription, torque: TorqueSource |
     if "brake" in log.signals and np.isfinite(log.signals["brake"]).all():  # last: not every log has it
         columns.append(_brake_columns(np.interp(grid, time, log.signals["brake"][rows])))
         events = columns[-1].shape[1]
-    return Regressors(float(time[0]), np.column_stack(columns), power, essential, events)
+    known = _known(grid, time)
+    return Regressors(
+        float(time[0]), np.column_stack(columns), power, essential, events, known, log.quality.age_error_s
+    )
+
+
+def _known(grid: Floats, time: Floats) -> NDArray[np.bool_] | None:
+    """[len(grid)] False in and near gaps of the log; None without a gap."""
+    gaps = np.flatnonzero(np.diff(time) > _GAP_S)
+    if not len(gaps):
+        return None
+    known = np.ones(len(grid), bool)
+    for before in gaps:
+        known[(grid > time[before] - _SPREAD_S) & (grid < time[before + 1] + _SPREAD_S)] = False
+    return known
 
 
 def _brake_columns(opened: Floats) -> Floats:

@@ -29,6 +29,8 @@ _MAX_RECORDINGS = 16
 _MIN_RECORDINGS = 3
 _FIRST_STEPS, _STEPS = 8, 3
 _LATER = 0.8  # of a longer supply lag reappears in the lags
+_END_S, _STEEP = 0.008, 4.0
+"""A posterior mean so near to the longest lag, with -2 log likelihoods that still fall by so much towards that lag."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +48,8 @@ class SupplyLag:
     """Indices of the recordings in `fit`."""
     fit: CommonFit | None
     """None with fewer than three recordings."""
+    at_end: bool = False
+    """Whether the recordings ask for more than the prior allows: then they, not the supply, are at fault."""
 
 
 def supply_lag(
@@ -62,13 +66,13 @@ def supply_lag(
     fits = _fits(overlaps, np.array([lags[k].seconds for k in chosen]), progress)
     scale_W = min(fit.scale_W for fit in fits)
     inflation = float(np.median([fit.inflation for fit in fits]))
-    mean, error = _posterior(np.array([biweight_loss(fit.residual, scale_W) / inflation for fit in fits]))
-    error = float(np.hypot(error, _MODEL_ERROR_S))
+    mean, error, at_end = _posterior(np.array([biweight_loss(fit.residual, scale_W) / inflation for fit in fits]))
+    error = float(np.hypot(error, _LONGEST_S / 3 if at_end else _MODEL_ERROR_S))
     middles = np.array([float(np.median(fit.lags_s)) for fit in fits])
     at, usual, low, high = np.interp([mean, USUAL_LAG_S, mean - error, mean + error], _CANDIDATES_S, middles)
     nearest = fits[int(np.abs(_CANDIDATES_S - mean).argmin())]
     final = fit_common([o.behind_supply(mean) for o in overlaps], nearest.lags_s, nearest.weights, _STEPS)
-    return SupplyLag(mean, error, float(at - usual), abs(float(high - low)) / 2, chosen, final)
+    return SupplyLag(mean, error, float(at - usual), abs(float(high - low)) / 2, chosen, final, at_end)
 
 
 def _overlaps(regressors: list[Regressors], power: PowerStream, lags: list[Lag]) -> list[tuple[int, Overlap]]:
@@ -91,11 +95,16 @@ def _fits(overlaps: list[Overlap], lags_s: Floats, progress: Callable[[float], N
     return fits
 
 
-def _posterior(loss: Floats) -> tuple[float, float]:
-    """Mean and standard deviation of the supply's lag for -2 log likelihoods at the candidates."""
+def _posterior(loss: Floats) -> tuple[float, float, bool]:
+    """Mean and standard deviation of the supply's lag for -2 log likelihoods at the candidates.
+
+    And whether the likelihood still rises steeply at the longest lag. (At 0 this is usual: many supplies have no lag.)
+    """
     grid = np.linspace(0.0, _LONGEST_S, 121)
     values = CubicSpline(_CANDIDATES_S, loss)(grid)
     weight = np.exp(-(values - values.min()) / 2)
     weight /= weight.sum()
     mean = float(weight @ grid)
-    return mean, float(np.sqrt(weight @ (grid - mean) ** 2))
+    rising = float(values[np.abs(grid - 2 * _LONGEST_S / 3).argmin()] - values[-1]) > _STEEP
+    at_end = mean > _LONGEST_S - _END_S and rising
+    return mean, float(np.sqrt(weight @ (grid - mean) ** 2)), at_end

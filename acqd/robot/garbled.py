@@ -61,7 +61,7 @@ def impossible_jump(time: Floats, q: Floats, robot: RobotDescription) -> tuple[i
     step = np.diff(time)
     if not len(step):
         return None
-    fast = np.abs(np.diff(q, axis=0)) > _farthest(np.maximum(step, np.median(step)), robot)
+    fast = np.abs(np.diff(q, axis=0)) > reach(np.maximum(step, np.median(step)), robot)
     if not fast.any():
         return None
     row, axis = (int(index) for index in np.argwhere(fast)[0])
@@ -88,8 +88,8 @@ def clock_restart(time: Floats, q: Floats) -> int | None:
     return None
 
 
-def _farthest(step_s: Floats, robot: RobotDescription) -> Floats:
-    """[T, axes] rad that joints can move within steps [T] s, with an allowance."""
+def reach(step_s: Floats, robot: RobotDescription) -> Floats:
+    """[T, axes] rad or m that joints can move within steps [T] s, with an allowance."""
     return np.asarray(_TOO_FAST * step_s[:, None] * robot.speed + _RESOLUTION)
 
 
@@ -133,7 +133,7 @@ def _spikes(time: Floats, q: Floats, robot: RobotDescription) -> NDArray[np.bool
     """[T, axes] True where an angle is farther from the median of five rows than the joint can move meanwhile."""
     if len(time) < 5:
         return np.zeros(q.shape, bool)
-    farthest = _farthest(np.full(1, 2 * max(float(np.median(np.diff(time))), 1e-9)), robot)
+    farthest = reach(np.full(1, 2 * max(float(np.median(np.diff(time))), 1e-9)), robot)
     if (2 * np.abs(np.diff(q, axis=0)) <= farthest).all():  # two rows away at most, and so from the median, too
         return np.zeros(q.shape, bool)
     median = _running_median(np.pad(q, ((2, 2), (0, 0)), mode="edge"), 5)

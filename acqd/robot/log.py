@@ -13,8 +13,9 @@ from acqd.arrays import Floats
 from acqd.errors import InputError
 from acqd.robot.bag import is_bag, read_bag
 from acqd.robot.description import LogColumns, RobotDescription
-from acqd.robot.garbled import BEYOND, FEW, beyond_limit, clock_restart, garbled_rows, impossible_jump, limits
+from acqd.robot.garbled import BEYOND, FEW, beyond_limit, clock_restart, garbled_rows, impossible_jump, limits, reach
 from acqd.robot.log_layout import PER_AXIS, Columns, layout_of, twice, why_not
+from acqd.robot.motion import MotionQuality, doubtful_rows, unwrapped
 from acqd.robot.table import Table, read_table
 from acqd.robot.tool_point import check_tool_point
 
@@ -22,6 +23,11 @@ LATEST_S = 7_258_118_400.0
 """2200-01-01 in Unix seconds."""
 _DAY_S = 86_400.0
 _NAMED_ROWS = 5
+_MOVED = 0.05
+"""rad or m that a joint covers at least in a log in which its speed, torque and current cannot stay zero."""
+_MANY_ROWS = 200
+"""Rows over which no measured torque or current of a moving joint has one value only."""
+_TITLES = {"qd": "speed", "tau": "torque", "current": "current", "temperature": "temperature"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +56,9 @@ class RobotLog:
     core: tuple[float, float] | None = None
     """Of a piece of a log: the span [s] that is the piece; rows outside it tell how the arm came and went."""
     note: str = ""
-    """Which rows were left out, and why; empty if none."""
+    """Which garbled rows were left out, and why; empty if none."""
+    quality: MotionQuality = field(default=MotionQuality())
+    """What was found in the motion, and left out or mended."""
 
     def part(self, rows: NDArray[np.bool_] | NDArray[np.int64], path: Path) -> RobotLog:
         """Some rows as a log of the name `path`."""
@@ -84,13 +92,14 @@ def log_of(path: Path, table: Table, robot: RobotDescription) -> RobotLog:
     if usual > LATEST_S:
         raise InputError(path, f"its times are about {usual:.4g} s; expected seconds before 2200; in ms or ns?")
     point = table.values[:, found[1]["tool_point"]] if "tool_point" in found[1] else None
+    recorded, log = log.q, _unwrapped(log, robot)
     faults = garbled_rows(log.time, log.q, robot) | table.broken
     if len(faults) > FEW * len(log.time):
         raise InputError(path, _refusal(table, log.q, faults, robot))
     if faults:
         kept = np.ones(len(log.time), bool)
         kept[list(faults)] = False
-        log = replace(log.part(kept, path), note=_note(table, faults))
+        recorded, log = recorded[kept], replace(log.part(kept, path), note=_note(table, faults))
         table = replace(table, lines=table.lines[kept])
         point = None if point is None else point[kept]
     restart = clock_restart(log.time, log.q)
@@ -104,7 +113,54 @@ def log_of(path: Path, table: Table, robot: RobotDescription) -> RobotLog:
         raise InputError(path, f"{where}: {jump[1]}; is the log damaged, in degrees, or another robot's?")
     if point is not None:
         check_tool_point(path, robot, log.q, point)
-    return log
+    wrapped = tuple(robot.joint[axis].name for axis in np.flatnonzero((recorded != log.q).any(axis=0)))
+    return _trusted(log, robot, wrapped)
+
+
+def _unwrapped(log: RobotLog, robot: RobotDescription) -> RobotLog:
+    """The log without jumps of its angles by whole turns."""
+    good = np.flatnonzero(np.isfinite(log.time) & np.isfinite(log.q).all(axis=1))
+    rows = good[np.argsort(log.time[good], kind="stable")]
+    if len(rows) < 2:
+        return log
+    step = np.diff(log.time[rows])
+    farthest = reach(np.maximum(step, np.median(step)), robot)
+    q = unwrapped(log.q[rows], farthest, np.array([not joint.slides for joint in robot.joint]))
+    angles = log.q.copy()
+    angles[rows] = q
+    return replace(log, q=angles)
+
+
+def _trusted(log: RobotLog, robot: RobotDescription, wrapped: tuple[str, ...]) -> RobotLog:
+    """The log without rows whose pose is not that of their time, and without quantities that are not measured."""
+    stamps, rows = in_time(log)
+    doubts = doubtful_rows(stamps, log.q[rows], robot.speed)
+    moves = np.ptp(log.q, axis=0) > _MOVED
+    known = {name: values for name in _TITLES if (values := getattr(log, name)) is not None and len(values)}
+    stuck = {name: axes for name, values in known.items() if (axes := _stuck(name, values, moves)).any()}
+    unmeasured = tuple(
+        f"the {_TITLES[name]} of {'every joint' if axes.all() else robot.joint[int(axes.argmax())].name}"
+        for name, axes in stuck.items()
+    )
+    quality = doubts.quality(unwrapped=wrapped, unmeasured=unmeasured)
+    gone: dict[str, Any] = dict.fromkeys(stuck)
+    log = replace(log, quality=quality, **gone)
+    if not quality.bad:
+        return log
+    kept = np.ones(len(log.time), bool)
+    kept[np.isin(log.time, stamps[doubts.any])] = False
+    return log.part(kept, log.path)
+
+
+def _stuck(name: str, values: Floats, moves: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """[axes] whether the column of a joint that moves, of columns [T, axes], holds zeros only, or one number too often.
+
+    A speed and a temperature may be constant, and a joint may be at 0 degC, but not all joints.
+    """
+    if name == "temperature":
+        return np.full(len(moves), not values.any())
+    often = name != "qd" and len(values) >= _MANY_ROWS
+    return np.asarray(moves & (np.ptp(values, axis=0) == 0.0) & (often | (values[0] == 0.0)))
 
 
 def _assemble(path: Path, table: Table, layout: LogColumns, columns: Columns) -> RobotLog:

@@ -12,6 +12,8 @@ from acqd.robot.description import LogColumns
 from acqd.robot.log import read_log, require_rising
 from tests.places import ROBOT_LOGS, needs_robot_logs
 
+WITH_TORQUES = ("opti_traj_testing1", "opti_traj_testing2")
+
 
 @needs_robot_logs
 @pytest.mark.parametrize(
@@ -19,7 +21,7 @@ from tests.places import ROBOT_LOGS, needs_robot_logs
     [
         ("ur3e", "ur3e_rtde/*.csv", 1, {"qd", "current", "temperature"}),
         ("ur10e", "ur10e/*.csv", 21, {"qd", "current"}),
-        ("kinova_gen3", "kinova_gen3/*.csv", 11, {"qd", "tau", "current", "temperature"}),
+        ("kinova_gen3", "kinova_gen3/*.csv", 11, {"qd", "current", "temperature"}),
     ],
 )
 def test_real_logs_are_read(robot, pattern, files, channels):
@@ -29,7 +31,9 @@ def test_real_logs_are_read(robot, pattern, files, channels):
     for path in paths:
         log = read_log(path, description)
         assert log.q.shape == (len(log.time), description.axes)
-        assert {name for name in ("qd", "tau", "current", "temperature") if getattr(log, name) is not None} == channels
+        # the torque sensors of the Kinova were on in two recordings; elsewhere some or all columns hold zeros
+        known = {name for name in ("qd", "tau", "current", "temperature") if getattr(log, name) is not None}
+        assert known == channels | ({"tau"} if path.stem in WITH_TORQUES else set())
         require_rising(log)
         # the logged speed is the derivative of the logged angle: columns and units are the right ones
         slope = np.gradient(log.q, log.time, axis=0)

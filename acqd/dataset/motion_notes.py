@@ -1,0 +1,34 @@
+"""What the user should know about the rows of many logs: one line for each log, or one for all of a kind."""
+
+from __future__ import annotations
+
+from acqd.robot.log import RobotLog
+
+_EACH = 3
+"""Up to so many logs have a line each."""
+
+
+def motion_notes(logs: list[RobotLog]) -> list[str]:
+    """Lines on rows that were left out, unwrapped angles and quantities that are not measured."""
+    faulty = [log for log in logs if log.quality.sentences()]
+    if len(faulty) <= _EACH:
+        return [f"{log.path}: {'; '.join(log.quality.sentences())}" for log in faulty]
+    worst = max(faulty, key=lambda log: log.quality.bad_share)
+    notes = []
+    if worst.quality.bad:
+        left_out = sum(log.quality.bad for log in faulty)
+        share = left_out / max(sum(log.quality.moving for log in logs), 1)
+        notes.append(
+            f"{left_out} rows ({share:.1%} of those in motion) of {sum(log.quality.bad > 0 for log in faulty)} logs do "
+            f"not hold the pose of their time; the worst, {worst.path}: {'; '.join(worst.quality.left_out())}"
+        )
+    for what, names in (
+        ("jumps by whole turns were unwrapped", {log.path: log.quality.unwrapped for log in faulty}),
+        ("never changes while the arm moves, and counts as not measured",
+         {log.path: log.quality.unmeasured for log in faulty}),
+    ):  # fmt: skip
+        concerned = {path: named for path, named in names.items() if named}
+        if concerned:
+            listed = ", ".join(sorted({name for named in concerned.values() for name in named}))
+            notes.append(f"{listed}: {what} ({len(concerned)} logs, the first: {next(iter(concerned))})")
+    return notes

@@ -1,0 +1,306 @@
+"""Which rows of a motion can be trusted: repeated poses, poses older or newer than their stamps, wrapped angles.
+
+Velocities and accelerations are differences of neighbours. A pose that is one row old changes both by their own size,
+so that a few per cent of such rows shift the lag and spoil the model. A recorder leaves traces by which they are known:
+
+- A recorder that is faster than the controller, or that misses a message, writes the last pose again. The arm then
+  seems to stop for some rows and to catch up in one. An arm that really rests leaves and arrives slowly.
+- A pose that was old (or new) when it was stamped lies on the path, but not where its neighbours expect it. The
+  distance along the path, divided by the speed, is the pose's age.
+- A counter that wraps at half a turn, or is reset, jumps by whole turns where the arm cannot move that far.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acqd.arrays import Floats
+from acqd.numerics import mad_sigma, runs_of_true
+
+Flags = NDArray[np.bool_]
+
+_MOVING = 0.005
+"""Share of the speed limits from which on an arm moves: slower rows tell nothing, and do no harm."""
+_CAUGHT_UP = 0.5
+"""Speed across equal poses, over the speed around them, from which on the arm has moved meanwhile. An arm that starts
+or stops there, within one row, reaches a third."""
+_RESOLUTIONS = 2.5
+"""Steps of the encoder: a slow joint crosses one now and then, and the rows between are equal by right."""
+_OLD = 0.3
+"""Of the time between rows: an age that is a fault, not a jitter."""
+_LEAST_AGE_S = 0.002
+"""Younger faults, of logs at 1 kHz, are below what rows of 40 ms show."""
+_CLEARLY = 6.0
+"""Standard deviations of the poses' distances from the path."""
+_ALONG = 0.5
+"""Distance across the path, over that along the path, at which a pose is off the path and not late on it."""
+_FAR_ROWS = 8.0
+"""Usual rows between the outer ones of four neighbours, beyond which they say nothing of the pose between them."""
+_PASSES = 12
+_NEIGHBOURS = (-2, -1, 1, 2)
+_LEAST_ROWS = 8
+_NOTEWORTHY = 0.002
+"""Share of the rows in motion from which on a user hears of rows that were left out."""
+_HELD_SHARE = 0.3
+"""Share of equal poses from which on the recorder is faster than the controller."""
+
+
+@dataclass(frozen=True, slots=True)
+class MotionQuality:
+    """What was found in the rows of one log; counts are of rows while the arm moves."""
+
+    rows: int = 0
+    moving: int = 0
+    """Rows while the arm moves, in which a fault can be seen."""
+    repeated: int = 0
+    """Rows that repeat the pose of the row before."""
+    old: int = 0
+    """Rows whose pose is older than their stamp."""
+    early: int = 0
+    """Rows whose pose is newer than their stamp."""
+    age_s: float = 0.0
+    """Median age of the old poses."""
+    row_s: float = 0.0
+    """Usual time between rows with different poses."""
+    unwrapped: tuple[str, ...] = ()
+    """Joints whose angle jumped by whole turns."""
+    unmeasured: tuple[str, ...] = ()
+    """Quantities that do not change while the arm moves: "the torque of every joint"."""
+
+    @property
+    def bad(self) -> int:
+        """Rows that were left out."""
+        return self.repeated + self.old + self.early
+
+    @property
+    def bad_share(self) -> float:
+        """Of the rows while the arm moves."""
+        return self.bad / max(self.moving, 1)
+
+    @property
+    def age_error_s(self) -> float:
+        """By how much the poses that were kept may be older than their stamps, all alike.
+
+        A recorder that is faster than the controller stamps a new pose up to one of its rows late.
+        """
+        share = self.repeated / max(self.moving, 1)
+        return self.row_s * (1 - share) if share > _HELD_SHARE else 0.0
+
+    def as_json(self) -> dict[str, object]:
+        """For manifests and reports."""
+        return {
+            "rows": self.rows,
+            "moving_rows": self.moving,
+            "repeated": self.repeated,
+            "old": self.old,
+            "early": self.early,
+            "age_ms": round(1000 * self.age_s, 2),
+            "unwrapped": list(self.unwrapped),
+            "unmeasured": list(self.unmeasured),
+        }
+
+    def sentences(self) -> list[str]:
+        """What a user should know; empty for a clean log."""
+        found = self.left_out()
+        if self.unwrapped:
+            found.append(f"unwrapped where they jump by whole turns: {', '.join(self.unwrapped)}")
+        found += [f"{each} never changes while the arm moves, and counts as not measured" for each in self.unmeasured]
+        return found
+
+    def left_out(self) -> list[str]:
+        """Which rows were left out; empty if hardly any."""
+        found: list[str] = []
+        if self.bad_share < _NOTEWORTHY:
+            return found
+        if self.repeated:
+            text = f"{self._rows(self.repeated)} the pose of the row before repeated"
+            if self.age_error_s:
+                text += f": the controller's poses come every {1000 * self.row_s:.0f} ms, record them at that rate"
+            found.append(text)
+        if self.old:
+            found.append(f"{self._rows(self.old)} a pose about {1000 * self.age_s:.0f} ms older than their time stamp")
+        if self.early:
+            found.append(f"{self._rows(self.early)} a pose newer than their time stamp")
+        if found:
+            found[-1] += "; these rows are left out"
+        return found
+
+    def _rows(self, count: int) -> str:
+        return f"{count} of {self.moving} rows in motion ({count / max(self.moving, 1):.1%}) hold"
+
+
+@dataclass(frozen=True, slots=True)
+class Doubts:
+    """Rows [T] of a motion whose derivatives cannot be trusted."""
+
+    repeated: Flags
+    old: Flags
+    early: Flags
+    moving: int
+    age_s: float
+    row_s: float
+
+    @property
+    def any(self) -> Flags:
+        """[T] rows to leave out."""
+        return self.repeated | self.old | self.early
+
+    def quality(self, *, unwrapped: tuple[str, ...] = (), unmeasured: tuple[str, ...] = ()) -> MotionQuality:
+        """Counts of the rows."""
+        repeated, old, early = (int(flags.sum()) for flags in (self.repeated, self.old, self.early))
+        return MotionQuality(
+            len(self.old), self.moving, repeated, old, early, self.age_s, self.row_s, unwrapped, unmeasured
+        )
+
+
+def doubtful_rows(time: Floats, q: Floats, speed: Floats) -> Doubts:
+    """Rows of angles [T, axes] at rising times [T] s that cannot be trusted; `speed` [axes]: the speed limits."""
+    x = q / speed
+    rows = len(time)
+    repeated, old, early = _repeated(time, x), np.zeros(rows, bool), np.zeros(rows, bool)
+    kept = np.flatnonzero(~repeated)
+    moves = _speeds(time, x) > _MOVING
+    row_s = _usual_step(time[kept], moves[kept])
+    ages: list[Floats] = []
+    if len(kept) >= _LEAST_ROWS:
+        for newer, flags in ((False, old), (True, early)):
+            for _ in range(_PASSES):
+                wrong, age = _not_at_their_time(time[kept], x[kept], row_s, newer=newer)
+                if not wrong.any():
+                    break
+                flags[kept[wrong]] = True
+                ages += [] if newer else [age[wrong]]
+                kept = kept[~wrong]
+    moving = int((moves | repeated | old | early).sum())
+    age_s = float(np.median(np.concatenate(ages))) if ages else 0.0
+    return Doubts(repeated, old, early, moving, age_s, row_s)
+
+
+def _usual_step(time: Floats, moves: Flags) -> float:
+    """Median time [s] between rows in motion; between all rows where the arm rests."""
+    steps = np.diff(time)
+    if not len(steps):
+        return 0.0
+    return float(np.median(steps[moves[1:]] if moves[1:].any() else steps))
+
+
+def _speeds(time: Floats, x: Floats) -> Floats:
+    """[T] share of the speed limits, by the neighbours of each row; equal poses in motion count as moving."""
+    if len(time) < 3:
+        return np.zeros(len(time))
+    wide = min(4, (len(time) - 1) // 2)  # across some equal poses
+    index = np.arange(len(time))
+    before, after = np.maximum(index - wide, 0), np.minimum(index + wide, len(time) - 1)
+    return np.asarray(np.linalg.norm(x[after] - x[before], axis=1) / (time[after] - time[before]))
+
+
+def _repeated(time: Floats, x: Floats) -> Flags:
+    """[T] rows that repeat the row before although the arm moved meanwhile."""
+    equal = np.concatenate([[False], (x[1:] == x[:-1]).all(axis=1)])
+    repeated = np.zeros(len(time), bool)
+    first = np.flatnonzero(~equal)  # of each run of equal poses
+    if len(first) == len(time) or len(first) < 3:
+        return repeated
+    moved = np.diff(x[first], axis=0)
+    speed = moved / np.diff(time[first])[:, None]
+    before, after = np.vstack([speed[1:2], speed[:-1]]), np.vstack([speed[1:], speed[-2:-1]])
+    around = np.linalg.norm(before + after, axis=1) / 2
+    across = np.linalg.norm(speed, axis=1)
+    steps = np.abs(moved)
+    resolution = np.where(steps > 0, steps, np.inf).min(axis=0)
+    finite = np.where(np.isfinite(resolution), resolution, 0.0)
+    caught_up = (across > _MOVING) & (across >= _CAUGHT_UP * around) & (steps > _RESOLUTIONS * finite).any(axis=1)
+    held = np.flatnonzero(caught_up & (np.diff(first) > 1))
+    for start, end in zip(first[held] + 1, first[held + 1], strict=True):
+        repeated[start:end] = True
+    return repeated
+
+
+def _not_at_their_time(time: Floats, x: Floats, row_s: float, *, newer: bool) -> tuple[Flags, Floats]:
+    """[T] rows whose pose is older (or newer) than their stamp, the worst of any five, and the age of all [T] s.
+
+    The pose is compared with the cubic through two neighbours on either side.
+    """
+    wrong, ages = np.zeros(len(time), bool), np.zeros(len(time))
+    if len(time) < _LEAST_ROWS:
+        return wrong, ages
+    middle = np.arange(2, len(time) - 2)
+    stamps = [time[middle + k] - time[middle] for k in _NEIGHBOURS]
+    poses = [x[middle + k] for k in _NEIGHBOURS]
+    expected = np.zeros_like(poses[0])
+    for one, pose in enumerate(poses):
+        others = [stamps[k] for k in range(4) if k != one]
+        weight = np.prod([other / (other - stamps[one]) for other in others], axis=0)
+        expected += weight[:, None] * pose
+    steps = np.diff(x, axis=0) / np.diff(time)[:, None]
+    nearby = np.array([steps[np.clip(middle + k, 0, len(steps) - 1)] for k in range(-3, 3)])
+    slope = np.median(nearby, axis=0)  # one wrong pose must not turn the direction of the motion
+    speed = np.linalg.norm(slope, axis=1)
+    direction = slope / np.maximum(speed, 1e-12)[:, None]
+    fast = np.partition(np.linalg.norm(nearby, axis=2), -2, axis=0)[-2]  # one wrong pose makes one step too fast
+    off = x[middle] - expected
+    along = (off * direction).sum(axis=1)
+    across = np.linalg.norm(off - along[:, None] * direction, axis=1)
+    judged = (speed > _MOVING) & (stamps[3] - stamps[0] < _FAR_ROWS * row_s)
+    if not judged.any():
+        return wrong, ages
+    age = -along / np.maximum(speed, _MOVING)
+    noise = mad_sigma(along[judged], 0.0)
+    jitter = _CLEARLY * mad_sigma(age[judged], 0.0)
+    limit = np.maximum(max(_OLD * row_s, _LEAST_AGE_S, jitter), _CLEARLY * noise / np.maximum(speed, _MOVING))
+    late = -age if newer else age
+    bad = judged & (late > limit) & (np.abs(along) > _OLD * row_s * fast) & (across < _ALONG * np.abs(along))
+    height = np.where(bad, late, 0.0)
+    padded = np.pad(height, 2)
+    worst = np.max([padded[k : k + len(height)] for k in range(5)], axis=0)
+    wrong[middle], ages[middle] = bad & (height == worst), age
+    return wrong, ages
+
+
+def unwrapped(q: Floats, reach: Floats, turning: Flags) -> Floats:
+    """Angles [T, axes] rad without jumps by whole turns.
+
+    `reach` [T - 1, axes] rad: how far a joint can move between two rows; `turning` [axes]: revolute joints.
+    A jump counts as turns only where what remains of it, and the two steps before and after, are possible motions:
+    garbled angles jump as well.
+    """
+    jumps = np.diff(q, axis=0)
+    turns = np.where(np.isfinite(jumps), np.rint(jumps / (2 * np.pi)), 0.0)
+    rest = np.abs(jumps - 2 * np.pi * turns)
+    possible = (rest <= reach) & (reach < np.pi)
+    around = np.pad(possible, ((2, 2), (0, 0)), constant_values=True)
+    calm = np.all([around[k : k + len(jumps)] for k in range(5)], axis=0)
+    wraps = (turns != 0) & (np.abs(jumps) > reach) & calm & turning
+    if not wraps.any():
+        return q
+    counted = np.concatenate([np.zeros((1, q.shape[1])), np.cumsum(np.where(wraps, turns, 0.0), axis=0)])
+    return np.asarray(q - 2 * np.pi * counted)
+
+
+def bridged(time: Floats, values: Floats, doubts: Flags, longest_s: float) -> tuple[Floats, Flags]:
+    """Values [T, k] with doubtful rows [T] replaced by the cubic through their neighbours, and rows [T] left unknown.
+
+    A run of doubtful rows between known ones that are more than `longest_s` apart stays unknown.
+    """
+    known = np.flatnonzero(~doubts)
+    filled, unknown = values.copy(), np.zeros(len(time), bool)
+    if len(known) < 4:
+        return filled, doubts.copy()
+    for start, end in runs_of_true(doubts):
+        if start == 0 or end == len(time) or time[end] - time[start - 1] > longest_s:
+            unknown[start:end] = True
+            continue
+        at = int(np.searchsorted(known, start))
+        around = known[max(0, min(at - 2, len(known) - 4)) :][:4]
+        for row in range(start, end):
+            filled[row] = _lagrange(time[around] - time[row]) @ values[around]
+    return filled, unknown
+
+
+def _lagrange(at: Floats) -> Floats:
+    """[n] weights of values at places [n], whose sum is the value at 0 of the polynomial through them."""
+    return np.array([np.prod([other / (other - own) for j, other in enumerate(at) if j != k])
+                     for k, own in enumerate(at)])  # fmt: skip
