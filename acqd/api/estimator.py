@@ -91,7 +91,7 @@ class PowerRegressor(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         signals = X[:, model.axes :][:, [list(self.signals).index(name) for name in model.signals]]
         power = np.empty(len(X))
         for rows in _recordings(groups, len(X)):
-            power[rows] = model.sequence(X[rows, : model.axes], signals[rows])
+            power[rows] = model.recording(X[rows, : model.axes], signals[rows])
         return power
 
     def score(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> float:

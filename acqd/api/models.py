@@ -59,7 +59,7 @@ class Model:
                 f"signals have the shape {np.shape(signals)}, expected {(len(angles), len(self.predictor.signals))}: "
                 f"{', '.join(self.predictor.signals) or 'this model has none'}"
             )
-        return self.predictor.sequence(angles, None if signals is None else np.asarray(signals, dtype=np.float64))
+        return self.predictor.recording(angles, None if signals is None else np.asarray(signals, dtype=np.float64))
 
     def __repr__(self) -> str:
         return f"Model({str(self.path)!r})"

@@ -16,7 +16,7 @@ from acqd.models.effects.scene import Scene, make_scene
 from acqd.models.effects.substeps import RADIUS
 from acqd.models.features import padded
 from acqd.models.greybox.model import GreyBox
-from acqd.models.predictor import Predictor
+from acqd.models.predictor import Beyond, Predictor
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,10 +115,12 @@ class Augmented(Predictor):
         usual.setdefault("Vrms", nominal[0] if nominal else _USUAL_V)
         return np.array([usual.get(name, 0.0) for name in self.signals])
 
-    def sequence(self, q: Floats, signals: Floats | None = None, start_s: float | None = None) -> Floats:
+    def sequence(
+        self, q: Floats, signals: Floats | None = None, start_s: float | None = None, beyond: Beyond = padded
+    ) -> Floats:
         """[T] W of a recording; effects that follow the clock need `start_s` (Unix s) and are 0 without."""
         known = self.known(signals, len(q))
-        return self._base_rows(padded(q, self.base.radius), known) + self.effects(padded(q, RADIUS), known, start_s)
+        return self._base_rows(beyond(q, self.base.radius), known) + self.effects(beyond(q, RADIUS), known, start_s)
 
     def run(self, q: Floats, signals: Floats) -> Floats:
         """[T] W for angles [T + 2 radius, axes] and signals [T, k]."""

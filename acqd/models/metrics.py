@@ -56,7 +56,7 @@ def _prediction(model: Predictor, segment: Segment) -> Floats:
     signals = signals_of(model, segment)
     if signals is not None:
         signals = np.pad(signals, ((before, after), (0, 0)), mode="edge")
-    power = model.sequence(q, signals, segment.start_s - before * model.step_s)
+    power = model.recording(q, signals, segment.start_s - before * model.step_s)
     return power[before : before + len(segment.P)]
 
 

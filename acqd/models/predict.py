@@ -83,7 +83,7 @@ def predict(bundle: Bundle, model: Predictor, log: RobotLog) -> Prediction:
     signals = _signals(model, log, grid, time, rows)
     P = np.full(len(grid), np.nan)
     for first, end in _without_gaps(grid, time):
-        P[first:end] = model.sequence(q[first:end], None if signals is None else signals[first:end])
+        P[first:end] = model.recording(q[first:end], None if signals is None else signals[first:end])
     if not np.isfinite(P).any():
         raise InputError(log.path, f"has fewer than {_MIN_ROWS} rows between gaps of {_GAP_S} s: nothing to predict")
     outside = Envelope.from_json(bundle.metadata["envelope"]).outside(q, step)

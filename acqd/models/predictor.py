@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections import deque
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.models.features import padded
+from acqd.models.features import continued, lead_in, padded
+
+Beyond: TypeAlias = Callable[[Floats, int], Floats]
+"""Angles [T, axes] and a number of rows to the angles with so many rows before and after."""
 
 
 class Predictor(ABC):
@@ -22,9 +26,26 @@ class Predictor(ABC):
     signals: tuple[str, ...] = ()
     """Logged signals that are used in addition to the angles, in this order."""
 
-    def sequence(self, q: Floats, signals: Floats | None = None, start_s: float | None = None) -> Floats:  # noqa: ARG002
-        """Power [T] W of angles [T, axes] rad and signals [T, k], None: the usual; `start_s`: Unix time of row 0."""
-        return self.run(padded(q, self.radius), self.known(signals, len(q)))
+    def sequence(
+        self,
+        q: Floats,
+        signals: Floats | None = None,
+        start_s: float | None = None,  # noqa: ARG002
+        beyond: Beyond = padded,
+    ) -> Floats:
+        """Power [T] W of angles [T, axes] rad and signals [T, k], None: the usual; `start_s`: Unix time of row 0.
+
+        `beyond` adds the rows before and after. By default the arm rests there, as for a stream and an exported model.
+        """
+        return self.run(beyond(q, self.radius), self.known(signals, len(q)))
+
+    def recording(self, q: Floats, signals: Floats | None = None, start_s: float | None = None) -> Floats:
+        """As `sequence`, of a recording that may begin and end in motion."""
+        before = lead_in(q)
+        if signals is not None:
+            signals = np.pad(signals, ((len(before), 0), (0, 0)), mode="edge")
+        start_s = None if start_s is None else start_s - len(before) * self.step_s
+        return self.sequence(np.concatenate([before, q]), signals, start_s, continued)[len(before) :]
 
     def known(self, signals: Floats | None, rows: int) -> Floats:
         """Signals [rows, k]; None is replaced by the usual values."""

@@ -13,7 +13,7 @@ from acqd.dataset.manifest import load_manifest
 from acqd.dataset.schema import read_columns
 from acqd.dataset.split import Part
 from acqd.errors import UserError
-from acqd.models.features import derivatives, padded
+from acqd.models.features import continued, derivatives
 from acqd.numerics import runs_of_true
 
 _MIN_S = 2.0
@@ -53,10 +53,10 @@ class Segment:
     """Half the width of the 95 % interval of the lag between power and motion, s; 0 for a lag that was given."""
 
     def around(self, radius: int) -> Floats:
-        """Angles [T + 2 radius, axes] rad: the known ones before and after; beyond these the arm rests."""
+        """Angles [T + 2 radius, axes] rad: the known ones before and after; beyond these the motion fades."""
         before, after = self._context()
         before, after = before[max(0, len(before) - radius) :], after[:radius]
-        whole = padded(np.concatenate([before, self.q, after]), radius)
+        whole = continued(np.concatenate([before, self.q, after]), radius)
         return whole[len(before) : len(whole) - len(after)]
 
     def motion(self, step_s: float) -> tuple[Floats, Floats, Floats]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from acqd.models.bundle.reference import _segments, reference_arrays
-from acqd.models.features import motion, padded
+from acqd.models.features import continued, motion
 from acqd.models.metrics import predictions
 from acqd.models.segments import segments_of
 
@@ -36,12 +36,12 @@ def test_a_piece_has_the_derivatives_of_the_whole():
     np.testing.assert_array_equal(piece(60, 130).around(5), whole.q[55:135])
 
 
-def test_beyond_the_known_rows_the_arm_rests():
+def test_beyond_the_known_rows_the_motion_fades():
     whole = segments_of(columns(), ENTRY, STEP_S)[0]
-    np.testing.assert_array_equal(whole.around(4), padded(whole.q, 4))
+    np.testing.assert_array_equal(whole.around(4), continued(whole.q, 4))
     for values, same in zip(whole.motion(STEP_S), motion(whole.q, STEP_S), strict=True):
         np.testing.assert_array_equal(values, same)
-    np.testing.assert_array_equal(piece(2, 80).around(6), padded(whole.q, 4)[: 80 + 4 + 6])
+    np.testing.assert_array_equal(piece(2, 80).around(6), continued(whole.q, 4)[: 80 + 4 + 6])
     np.testing.assert_array_equal(piece(60, 130).around(0), whole.q[60:130])
 
 
