@@ -62,6 +62,7 @@ def build(
     append: Annotated[
         bool, typer.Option("--append", help="Put the recordings into the dataset, which exists.")
     ] = False,
+    zone: Annotated[str | None, typer.Option(help="Zone of power times that name none, such as Europe/Berlin.")] = None,
     json: Json = False,
 ) -> None:
     """Find each log's time shift, merge it with its power, and write Parquet with provenance.
@@ -80,7 +81,7 @@ def build(
     description, step_s = str(robot or usual["description"]), float(step or usual["step_s"])
     length = cut_length(cut)
     build_config = BuildConfig(
-        power, logs, out, description, device, channel, source, search, step_s, seed, lag, length, append
+        power, logs, out, description, device, channel, source, search, step_s, seed, lag, length, append, zone
     )
     console = terminal(stderr=True)
     with progress(console) as show_step:

@@ -42,7 +42,7 @@ def build(config: BuildConfig, progress: _Progress) -> BuildReport:
     robot = load_description(config.robot)
     before = existing(config, robot)
     progress("reading power", 0.0)
-    stream = None if config.power == LOG else open_power(config.power, config.device, config.channel)
+    stream = None if config.power == LOG else open_power(config.power, config.device, config.channel, zone=config.zone)
     if stream is not None:
         require_drawn(stream)
     logs = read_logs(config.logs, robot, before.logs, before.names, lambda share: progress("reading logs", share))
@@ -58,6 +58,7 @@ def build(config: BuildConfig, progress: _Progress) -> BuildReport:
     else:
         regressors, alignment = _align(logs, config, robot, stream, progress)
         powers = [stream]
+    logs.notes += [note for power in powers for note in power.notes]
     logs.notes += small_power(powers)
     _require_placements(alignment)
     merged = _merge_all(config, logs.kept, powers, alignment)

@@ -32,6 +32,8 @@ class BuildConfig:
     that needs no alignment is cut, 0: no log is cut."""
     append: bool = False
     """Put the logs into the dataset `out`, which exists."""
+    zone: str | None = None
+    """IANA name of the zone of power times that name none."""
 
 
 @dataclass(slots=True)

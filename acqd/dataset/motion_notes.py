@@ -14,7 +14,7 @@ def motion_notes(logs: list[RobotLog]) -> list[str]:
     if len(faulty) <= _EACH:
         return [f"{log.path}: {'; '.join(log.quality.sentences())}" for log in faulty]
     worst = max(faulty, key=lambda log: log.quality.bad_share)
-    notes = []
+    notes = [f"{log.path}: {log.quality.rebuilt.sentence()}" for log in faulty if log.quality.rebuilt][:1]
     if worst.quality.bad:
         left_out = sum(log.quality.bad for log in faulty)
         share = left_out / max(sum(log.quality.moving for log in logs), 1)

@@ -75,7 +75,7 @@ def place(
     supply = supply_lag(regressors, power, lags, lambda share: progress(0.4 + 0.4 * share))
     lags = [replace(lag, seconds=lag.seconds + supply.shift_s) if lag.credible else lag for lag in lags]
     middles = np.array([single.start_s + len(single.columns) * STEP_S / 2 for single in regressors])
-    placer = _Placer(middles, supply, names, [single.age_error_s for single in regressors])
+    placer = _Placer(middles, supply, names, [single.age_error_s + power.stamp_error_s for single in regressors])
     if supply.fit is None:
         return placer.placed(lags, None, [None] * len(lags))
     sources = sources_of(names)
@@ -126,8 +126,8 @@ class _Placer:
     middles: Floats
     supply: SupplyLag
     names: list[str]
-    ages_s: list[float]
-    """By how much the poses of each log may be older than their stamps: uniformly distributed."""
+    stamps_s: list[float]
+    """By how much the stamps of each log or of the power may be wrong, all alike."""
 
     def placed(self, lags: list[Lag], judge: Judge | None, judgements: list[Judgement | None]) -> Alignment:
         """The placements by clock line or own lags."""
@@ -152,7 +152,7 @@ class _Placer:
         on_line = line is not None and placement.method == "clock line"
         own_s = line.error_s(float(self.middles[k])) if line is not None and on_line else placement.own.error_s
         alone_s = NORMAL_95 * float(np.hypot(own_s, _MODEL_ERROR_S))
-        within_s = float(np.hypot(alone_s, NORMAL_95 * self.supply.shared_error_s)) + self.ages_s[k]
+        within_s = float(np.hypot(alone_s, NORMAL_95 * self.supply.shared_error_s)) + self.stamps_s[k]
         note = placement.note
         if alone_s > ANNOUNCED_S:
             uncertain = f"its lag is uncertain by {1000 * within_s:.0f} ms (95 %)"

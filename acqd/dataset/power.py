@@ -14,9 +14,11 @@ from numpy.typing import NDArray
 
 from acqd.arrays import Floats
 from acqd.dataset import power_files
+from acqd.dataset.local_clock import LocalClock
 from acqd.dataset.power_source import PowerRows
 from acqd.dataset.power_sql import read_database
-from acqd.errors import UserError
+from acqd.errors import InputError, UserError
+from acqd.rounded_times import rebuilt_times, shared_stamps
 from acqd.storage.url import shown
 from acqd.timestamps import Nanoseconds
 
@@ -50,6 +52,10 @@ class PowerStream:
     measured: Measured
     origin: str
     """URL or file of the rows."""
+    notes: tuple[str, ...] = ()
+    """What the user should know about the times of the rows."""
+    stamp_error_s: float = 0.0
+    """By how much all times may be wrong together, because their digits were cut off or rounded."""
 
     def part(self, begin_ns: int, end_ns: int) -> slice:
         """Rows whose windows start from `begin_ns` up to, not including, `end_ns`."""
@@ -63,12 +69,15 @@ def open_power(
     channel: str | None,
     between_ns: tuple[int, int] | None = None,
     engine: sa.Engine | None = None,
+    zone: str | None = None,
 ) -> PowerStream:
     """Rows of `device` and `channel` (None: the only device; total, else L1) from a URL or file. Raises UserError.
 
     They go into a temporary file that is mapped, so that a stream may be larger than memory. `between_ns` (UTC) asks
-    a database for a part only; `engine` is that database if it is open already.
+    a database for a part only; `engine` is that database if it is open already. `zone` (IANA, such as Europe/Berlin) is
+    that of times in a file that name none.
     """
+    clock = LocalClock(origin, zone)
     path = Path(origin)
     shown_origin = origin
     if "://" in origin or path.suffix in (".sqlite", ".db", ".sqlite3"):
@@ -80,21 +89,26 @@ def open_power(
         raise UserError("power: the URL cannot be understood; expected postgresql://user@host/name")
     else:
         raise UserError(f"power {origin}: expected an SQL URL, or a .sqlite, .csv, .jsonl or .parquet file")
-    return _spool(shown_origin, blocks)
+    return _spool(shown_origin, blocks, clock)
 
 
-def _spool(origin: str, blocks: Iterator[PowerRows]) -> PowerStream:
+def _spool(origin: str, blocks: Iterator[PowerRows], clock: LocalClock) -> PowerStream:
     flags: set[str] = set()
     with tempfile.TemporaryFile(prefix="acqd-power-") as file:
         for block in blocks:
             rows = np.empty(len(block.time_ns), dtype=_ROW)
-            rows["time"], rows["P"], rows["Vrms"] = block.time_ns, block.P, block.Vrms
+            utc_ns = clock.utc(block.time_ns) if block.without_zone else block.time_ns
+            rows["time"], rows["P"], rows["Vrms"] = utc_ns, block.P, block.Vrms
             file.write(rows.tobytes())
             flags |= block.flags
         file.flush()
         if file.tell() < 3 * _ROW.itemsize:
             raise UserError(f"power {origin}: fewer than three rows of that device and channel")
-        mapped: NDArray[np.void] = np.memmap(file, dtype=_ROW, mode="r")
+        mapped: NDArray[np.void] = np.memmap(
+            file, dtype=_ROW, mode="c"
+        )  # times may be rebuilt: in memory, page by page
+    notes = clock.notes()
+    stamp_error_s = _rebuild_shared_times(origin, mapped, notes)
     time_ns = mapped["time"]
     dropped = 0
     if (np.diff(time_ns) <= 0).any():
@@ -110,4 +124,30 @@ def _spool(origin: str, blocks: Iterator[PowerRows]) -> PowerStream:
     if len(known) < 3 or np.ptp(known) == 0.0:
         raise UserError(f"power {origin}: P is constant or missing; is this the robot's channel?")
     measured: Measured = next((label for label in _LABELS if label in flags), "mains")
-    return PowerStream(time_ns, mapped["P"], mapped["Vrms"], window_ns, dropped, measured, origin)
+    return PowerStream(
+        time_ns, mapped["P"], mapped["Vrms"], window_ns, dropped, measured, origin, tuple(notes), stamp_error_s
+    )
+
+
+def _rebuild_shared_times(origin: str, rows: NDArray[np.void], notes: list[str]) -> float:
+    """Puts rows that share a stamp at their times, in place; how wrong all of them may be [s].
+
+    Raises InputError where their rate is not regular.
+    """
+    since_ns = rows["time"] - rows["time"][0]
+    P = rows["P"]
+    different = (P[1:] != P[:-1]) & (np.isfinite(P[1:]) | np.isfinite(P[:-1]))
+    shared = shared_stamps(since_ns, different)
+    if not shared:
+        return 0.0
+    rebuilt = rebuilt_times(since_ns * 1e-9, shared)
+    if rebuilt is None:
+        raise InputError(
+            origin,
+            f"{shared} of {len(rows)} rows have the time of the row before with another power, and their rate is not "
+            "regular: are the times written with too few digits, or are these rows of several meters? Expected times "
+            "with three decimals, and one row for each",
+        )
+    notes.append(f"power {origin}: {rebuilt.sentence()}")
+    rows["time"] = rows["time"][0] + np.rint(rebuilt.time * 1e9).astype(np.int64)
+    return rebuilt.error_s

@@ -17,6 +17,8 @@ from acqd.dataset.schema import UTC_NS
 from acqd.errors import InputError, UserError
 from acqd.timestamps import Nanoseconds, parse_times
 
+_ZONE = re.compile(r"(?:Z|[+-]\d\d:?(?:\d\d)?)$", re.IGNORECASE)
+"""At the end of a time of RFC 3339 with a zone."""
 Reader = Callable[[Path], Iterator[pa.RecordBatch]]
 
 
@@ -115,9 +117,11 @@ def _power_rows(path: Path, table: pa.RecordBatch, clock: str, rows: list[int]) 
     data = table.to_pydict()
     volts = data.get("Vrms", [None] * len(table))
     flags = [_flag_names(data["flags"][k]) for k in rows] if "flags" in data else [()] * len(rows)
-    stamps = _stamps(path, table.column(clock).take(pa.array(rows)), clock)
+    column = table.column(clock).take(pa.array(rows))
+    stamps, local = _stamps(path, column, clock), _without_zone(column)
+    P, Vrms = [_number(data["P"][k]) for k in rows], [_number(volts[k]) for k in rows]
     try:
-        return PowerRows.of(stamps, [_number(data["P"][k]) for k in rows], [_number(volts[k]) for k in rows], flags)
+        return PowerRows.of(stamps, P, Vrms, flags, without_zone=local)
     except ValueError as error:
         raise InputError(path, f"column P or Vrms: {error}") from None
 
@@ -127,6 +131,14 @@ def _stamps(path: Path, column: pa.Array, name: str) -> Nanoseconds:
     if pa.types.is_timestamp(column.type) and column.type.tz is not None and not column.null_count:
         return np.asarray(column.cast(UTC_NS).cast(pa.int64()).to_numpy())
     return parse_times(path, name, [_timestamp(cell) for cell in column.to_pylist()])
+
+
+def _without_zone(column: pa.Array) -> bool:
+    """Whether times are written as on a wall clock, without a zone."""
+    if pa.types.is_timestamp(column.type):
+        return column.type.tz is None
+    first = column[0].as_py()
+    return isinstance(first, str) and ":" in first and not _ZONE.search(first.strip())
 
 
 def _timestamp(cell: object) -> object:

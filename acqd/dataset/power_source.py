@@ -25,16 +25,26 @@ class PowerRows:
     Vrms: Floats
     flags: frozenset[str]
     """Flags that occur in the block."""
+    without_zone: bool = False
+    """Whether the times are those of a clock on a wall, written without a zone."""
 
     @classmethod
-    def of(cls, time_ns: Nanoseconds, P: object, Vrms: object, flags: Sequence[tuple[str, ...]]) -> PowerRows:
+    def of(
+        cls,
+        time_ns: Nanoseconds,
+        P: object,
+        Vrms: object,
+        flags: Sequence[tuple[str, ...]],
+        *,
+        without_zone: bool = False,
+    ) -> PowerRows:
         """From sequences of one value, or the names of the flags, per row; P of unusable rows becomes NaN."""
         values, volts = np.array(P, dtype=np.float64), np.array(Vrms, dtype=np.float64)
         different = set(flags)  # a handful in a day of rows
         unusable = {names for names in different if _UNUSABLE.intersection(names)}
         if unusable:
             values[[names in unusable for names in flags]] = np.nan
-        return cls(time_ns, values, volts, frozenset().union(*different))
+        return cls(time_ns, values, volts, frozenset().union(*different), without_zone)
 
 
 def choose(origin: str, present: set[tuple[str, str]], device: str | None, channel: str | None) -> tuple[str, str]:

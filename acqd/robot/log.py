@@ -18,6 +18,7 @@ from acqd.robot.log_layout import PER_AXIS, Columns, layout_of, twice, why_not
 from acqd.robot.motion import MotionQuality, doubtful_rows, unwrapped
 from acqd.robot.table import Table, read_table
 from acqd.robot.tool_point import check_tool_point
+from acqd.rounded_times import Rebuilt, rebuilt_times, shared_stamps
 
 LATEST_S = 7_258_118_400.0
 """2200-01-01 in Unix seconds."""
@@ -91,6 +92,7 @@ def log_of(path: Path, table: Table, robot: RobotDescription) -> RobotLog:
     usual = float(np.median(log.time))  # single stamps may be garbled
     if usual > LATEST_S:
         raise InputError(path, f"its times are about {usual:.4g} s; expected seconds before 2200; in ms or ns?")
+    log, stamps = _with_distinct_times(log)
     point = table.values[:, found[1]["tool_point"]] if "tool_point" in found[1] else None
     recorded, log = log.q, _unwrapped(log, robot)
     faults = garbled_rows(log.time, log.q, robot) | table.broken
@@ -114,7 +116,29 @@ def log_of(path: Path, table: Table, robot: RobotDescription) -> RobotLog:
     if point is not None:
         check_tool_point(path, robot, log.q, point)
     wrapped = tuple(robot.joint[axis].name for axis in np.flatnonzero((recorded != log.q).any(axis=0)))
-    return _trusted(log, robot, wrapped)
+    return _trusted(log, robot, wrapped, stamps)
+
+
+def _with_distinct_times(log: RobotLog) -> tuple[RobotLog, Rebuilt | None]:
+    """The log with the times of rows that share a stamp put at their distances, and how.
+
+    Raises InputError where the rate of such rows is not regular.
+    """
+    if not np.isfinite(log.time).all():
+        return log, None
+    origin = float(np.median(log.time))  # the first time may be garbled
+    since = log.time - origin
+    shared = shared_stamps(since, (log.q[1:] != log.q[:-1]).any(axis=1))
+    if not shared:
+        return log, None
+    rebuilt = rebuilt_times(since, shared)
+    if rebuilt is None:
+        raise InputError(
+            log.path,
+            f"{shared} of {len(since)} rows have the time of the row before with other angles, and their rate is not "
+            "regular: are times written with too few digits? Expected times with three decimals or more",
+        )
+    return replace(log, time=origin + rebuilt.time), rebuilt
 
 
 def _unwrapped(log: RobotLog, robot: RobotDescription) -> RobotLog:
@@ -131,7 +155,7 @@ def _unwrapped(log: RobotLog, robot: RobotDescription) -> RobotLog:
     return replace(log, q=angles)
 
 
-def _trusted(log: RobotLog, robot: RobotDescription, wrapped: tuple[str, ...]) -> RobotLog:
+def _trusted(log: RobotLog, robot: RobotDescription, wrapped: tuple[str, ...], rebuilt: Rebuilt | None) -> RobotLog:
     """The log without rows whose pose is not that of their time, and without quantities that are not measured."""
     stamps, rows = in_time(log)
     doubts = doubtful_rows(stamps, log.q[rows], robot.speed)
@@ -142,7 +166,7 @@ def _trusted(log: RobotLog, robot: RobotDescription, wrapped: tuple[str, ...]) -
         f"the {_TITLES[name]} of {'every joint' if axes.all() else robot.joint[int(axes.argmax())].name}"
         for name, axes in stuck.items()
     )
-    quality = doubts.quality(unwrapped=wrapped, unmeasured=unmeasured)
+    quality = doubts.quality(unwrapped=wrapped, unmeasured=unmeasured, rebuilt=rebuilt)
     gone: dict[str, Any] = dict.fromkeys(stuck)
     log = replace(log, quality=quality, **gone)
     if not quality.bad:

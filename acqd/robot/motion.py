@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from acqd.arrays import Floats
 from acqd.numerics import mad_sigma, runs_of_true
+from acqd.rounded_times import Rebuilt
 
 Flags = NDArray[np.bool_]
 
@@ -69,6 +70,8 @@ class MotionQuality:
     """Joints whose angle jumped by whole turns."""
     unmeasured: tuple[str, ...] = ()
     """Quantities that do not change while the arm moves: "the torque of every joint"."""
+    rebuilt: Rebuilt | None = None
+    """How the times of rows that share a stamp were put right."""
 
     @property
     def bad(self) -> int:
@@ -84,10 +87,12 @@ class MotionQuality:
     def age_error_s(self) -> float:
         """By how much the poses that were kept may be older than their stamps, all alike.
 
-        A recorder that is faster than the controller stamps a new pose up to one of its rows late.
+        A recorder that is faster than the controller stamps a new pose up to one of its rows late; stamps with few
+        digits may be cut off or rounded.
         """
+        stamp_s = self.rebuilt.error_s if self.rebuilt else 0.0
         share = self.repeated / max(self.moving, 1)
-        return self.row_s * (1 - share) if share > _HELD_SHARE else 0.0
+        return stamp_s + (self.row_s * (1 - share) if share > _HELD_SHARE else 0.0)
 
     def as_json(self) -> dict[str, object]:
         """For manifests and reports."""
@@ -100,11 +105,12 @@ class MotionQuality:
             "age_ms": round(1000 * self.age_s, 2),
             "unwrapped": list(self.unwrapped),
             "unmeasured": list(self.unmeasured),
+            "shared_stamps": self.rebuilt.shared if self.rebuilt else 0,
         }
 
     def sentences(self) -> list[str]:
         """What a user should know; empty for a clean log."""
-        found = self.left_out()
+        found = [*([self.rebuilt.sentence()] if self.rebuilt else []), *self.left_out()]
         if self.unwrapped:
             found.append(f"unwrapped where they jump by whole turns: {', '.join(self.unwrapped)}")
         found += [f"{each} never changes while the arm moves, and counts as not measured" for each in self.unmeasured]
@@ -117,7 +123,7 @@ class MotionQuality:
             return found
         if self.repeated:
             text = f"{self._rows(self.repeated)} the pose of the row before repeated"
-            if self.age_error_s:
+            if self.repeated > _HELD_SHARE * self.moving:
                 text += f": the controller's poses come every {1000 * self.row_s:.0f} ms, record them at that rate"
             found.append(text)
         if self.old:
@@ -148,11 +154,13 @@ class Doubts:
         """[T] rows to leave out."""
         return self.repeated | self.old | self.early
 
-    def quality(self, *, unwrapped: tuple[str, ...] = (), unmeasured: tuple[str, ...] = ()) -> MotionQuality:
+    def quality(
+        self, *, unwrapped: tuple[str, ...] = (), unmeasured: tuple[str, ...] = (), rebuilt: Rebuilt | None = None
+    ) -> MotionQuality:
         """Counts of the rows."""
         repeated, old, early = (int(flags.sum()) for flags in (self.repeated, self.old, self.early))
         return MotionQuality(
-            len(self.old), self.moving, repeated, old, early, self.age_s, self.row_s, unwrapped, unmeasured
+            len(self.old), self.moving, repeated, old, early, self.age_s, self.row_s, unwrapped, unmeasured, rebuilt
         )
 
 

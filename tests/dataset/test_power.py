@@ -140,3 +140,42 @@ def test_power_that_flows_out_of_the_robot_is_refused_and_kilowatts_are_noted(tm
     require_drawn(written(1.0))
     assert not small_power([written(1.0)])
     assert "is it in kW?" in small_power([written(0.001)])[0]
+
+
+@pytest.mark.parametrize("digits", [0, 1])
+def test_rows_that_share_a_stamp_are_put_at_their_times_and_the_digits_are_named(tmp_path, digits):
+    t = 1_626_163_200 + 0.01 * np.arange(20_000)
+    P = 150 + 20 * np.sin(t) + np.random.default_rng(0).normal(0, 0.1, len(t))
+    lines = [f"{time:.{digits}f},{power:.4f}" for time, power in zip(t, P, strict=True)]
+    (tmp_path / "p.csv").write_text("\n".join(["time,P", *lines, ""]))
+    stream = open_power(str(tmp_path / "p.csv"), None, None)
+    assert len(stream.time_ns) == len(t) and stream.dropped == 0 and stream.window_ns == 10_000_000
+    assert np.abs(stream.time_ns * 1e-9 - t).max() < stream.stamp_error_s + 0.03
+    assert "write times with three decimals" in stream.notes[0]
+
+
+def test_irregular_rows_that_share_a_stamp_are_refused(tmp_path):
+    t = 1_626_163_200 + np.cumsum(np.random.default_rng(0).exponential(0.01, 5000))
+    lines = [f"{time:.1f},{power:.4f}" for time, power in zip(t, np.sin(t), strict=True)]
+    (tmp_path / "p.csv").write_text("\n".join(["time,P", *lines, ""]))
+    with pytest.raises(UserError, match="too few digits"):
+        open_power(str(tmp_path / "p.csv"), None, None)
+
+
+@pytest.mark.parametrize("zone", [None, "Europe/Berlin"])
+def test_a_wall_clock_at_the_end_of_summer_time_loses_no_row(tmp_path, zone):
+    utc = np.arange(np.datetime64("2026-10-25T00:00:00"), np.datetime64("2026-10-25T02:00:00"), np.timedelta64(2, "s"))
+    wall = utc + np.where(utc < np.datetime64("2026-10-25T01:00:00"), 2, 1) * np.timedelta64(1, "h")
+    lines = [f"{str(time).replace('T', ' ')},{50 + k % 7}" for k, time in enumerate(wall)]
+    (tmp_path / "p.csv").write_text("\n".join(["time,P", *lines, ""]))
+    stream = open_power(str(tmp_path / "p.csv"), None, None, zone=zone)
+    assert len(stream.time_ns) == 3600 and (np.diff(stream.time_ns) == 2_000_000_000).all()
+    assert bool(stream.notes) == (zone is None)
+    unknown_s = 2 * 3600 if zone is None else 0
+    assert stream.time_ns[0] // 1_000_000_000 == utc[0].astype("int64") + unknown_s
+
+
+def test_an_unknown_zone_is_named(tmp_path):
+    (tmp_path / "p.csv").write_text("time,P\n2026-10-25 02:00:00,1\n")
+    with pytest.raises(UserError, match="zone 'Mars' is unknown"):
+        open_power(str(tmp_path / "p.csv"), None, None, zone="Mars")

@@ -1,0 +1,45 @@
+"""Times with too few digits."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from acqd.rounded_times import rebuilt_times, shared_stamps
+
+
+def stamps(t, width, cut):
+    return np.round((np.floor(t / width + 1e-9) if cut else np.round(t / width)) * width, 6)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.sampled_from([0.1, 1.0]), st.booleans(), st.floats(0.005, 0.02), st.floats(0, 3))
+def test_rows_of_a_regular_rate_are_within_the_stated_error(width, cut, row_s, start):
+    true = 1000 + start + row_s * np.arange(4000)
+    true[2000:] += 37.0  # the logger paused
+    written = stamps(true, width, cut)
+    shared = shared_stamps(written, np.ones(len(true) - 1, bool))
+    rebuilt = rebuilt_times(written, shared)
+    assert rebuilt is not None and rebuilt.row_s == pytest.approx(row_s, rel=0.01)
+    assert np.abs(rebuilt.time - true).max() < rebuilt.error_s + 3.5 * row_s
+    assert (np.diff(rebuilt.time) > 0).all()
+    assert "write times with three decimals" in rebuilt.sentence()
+
+
+def test_five_significant_digits_get_coarser_as_the_recording_goes_on():
+    true = 0.01 + 0.01 * np.arange(60_000)
+    written = np.array([float(f"{t:.4g}") for t in true])
+    rebuilt = rebuilt_times(written, shared_stamps(written, np.ones(len(true) - 1, bool)))
+    assert rebuilt is not None
+    assert np.abs(rebuilt.time - true).max() < rebuilt.error_s + 0.02
+
+
+def test_rows_of_an_irregular_rate_are_not_invented():
+    true = np.cumsum(np.random.default_rng(0).exponential(0.01, 5000))
+    written = stamps(true, 0.1, cut=True)
+    assert rebuilt_times(written, shared_stamps(written, np.ones(len(true) - 1, bool))) is None
+
+
+def test_rows_that_were_written_twice_share_no_stamp():
+    written = np.repeat(np.arange(1000) * 0.01, 2)
+    assert shared_stamps(written, np.tile([False, True], 1000)[:-1]) == 0
