@@ -69,7 +69,7 @@ def joint_torque(chain: Chain, parameters: Floats, q: Floats, qd: Floats, qdd: F
 
 def joint_torques(chain: Chain, arms: Floats, q: Floats, qd: Floats, qdd: Floats) -> Floats:
     """As `joint_torque`, of several sets of inertial parameters [n, 10 axes]: [n, T, axes]."""
-    links = arms.reshape(len(arms), -1, 10)
+    links = arms.reshape(len(arms), len(chain.axis), 10)
     tau = np.empty((len(arms), *q.shape))
     for first in range(0, len(q), _TOGETHER):
         rows = slice(first, first + _TOGETHER)

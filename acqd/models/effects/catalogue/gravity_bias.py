@@ -69,7 +69,9 @@ class GravityBias(Effect):
         """
         centres = link_centres(scene)
         weights = weight_power(scene, "weights of links", [(k, centres[k]) for k in range(1, scene.axes)])
-        return np.column_stack([*weights, *link_power(scene, "masses on links", _bodies(scene.model.chain, centres))])
+        masses = link_power(scene, "masses on links", _bodies(scene.model.chain, centres))
+        none = np.zeros((len(scene.q), 0))  # a machine of one axis has no such link: its only one carries the payload
+        return np.column_stack([none, *weights, *masses])
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """Links from the second on: a weight; below the wrist also a mass, at the centre or beside the centre."""
