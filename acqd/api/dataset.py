@@ -89,11 +89,16 @@ class Dataset:
         require("Dataset.from_pandas", ("pandas", "pyarrow", "scipy"), "data,pandas")
         import pyarrow as pa
 
+        from acqd.errors import UserError
+
+        twice = frame.columns[frame.columns.duplicated()]
+        if len(twice):
+            raise UserError(
+                f"the data frame has several columns {twice[0]!r}; expected one: rename the others"
+            )
         try:
             table = pa.Table.from_pandas(frame, preserve_index=frame.index.name in ("recording", "time"))
-        except (pa.ArrowInvalid, pa.ArrowTypeError) as error:
-            from acqd.errors import UserError
-
+        except (pa.ArrowException, ValueError) as error:
             raise UserError(f"the data frame cannot be read: {str(error).splitlines()[0]}") from None
         return cls.from_arrow(table, out, robot=robot, measured=measured)
 

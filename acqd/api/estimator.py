@@ -21,6 +21,7 @@ except ModuleNotFoundError:
     raise UserError("PowerRegressor needs scikit-learn: pip install 'acqd[sklearn]'") from None
 
 from acqd.dataset.split import Part
+from acqd.dataset.table_motion import trusted_motion
 from acqd.models.config import TrainConfig
 from acqd.models.networks.settings import TrainingSettings
 from acqd.models.segments import Dataset, Segment
@@ -74,6 +75,7 @@ class PowerRegressor(RegressorMixin, BaseEstimator):  # type: ignore[misc]
             raise ValueError(f"no network {self.network!r}; the networks are {', '.join(NAMES)}")
         axes = X.shape[1] - len(self.signals)
         robot = self._robot_of(axes)
+        _require_motion(robot, self.step_s, X[:, :axes], groups)
         segments = _with_validation(list(self._segments(X, np.asarray(y, dtype=np.float64), groups, axes)))
         data = Dataset(Path("memory"), "0" * 64, robot, robot, self.step_s, "mains", segments)
         settings = TrainingSettings(epochs=self.epochs)
@@ -88,6 +90,7 @@ class PowerRegressor(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         check_is_fitted(self, "predictor_")
         X = validate_data(self, X, dtype=np.float64, reset=False)
         model = self.predictor_
+        _require_motion(self._robot_of(model.axes), self.step_s, X[:, : model.axes], groups)
         signals = X[:, model.axes :][:, [list(self.signals).index(name) for name in model.signals]]
         power = np.empty(len(X))
         for rows in _recordings(groups, len(X)):
@@ -129,8 +132,31 @@ def _recordings(groups: Any, rows: int) -> list[slice]:
         return [slice(0, rows)]
     names = np.asarray(groups)
     check_consistent_length(names, np.empty(rows))
+    changes = np.flatnonzero(names[1:] != names[:-1]) + 1
+    seen = names[np.concatenate([[0], changes])] if rows else names
+    kinds, counts = np.unique(seen, return_counts=True)
+    if len(kinds) < len(seen):
+        raise ValueError(
+            f"rows of the group {kinds[counts.argmax()]!r} are not consecutive: sort the rows by recording, then time"
+        )
     edges = [0, *(np.flatnonzero(names[1:] != names[:-1]) + 1).tolist(), rows]
     return [slice(first, last) for first, last in pairwise(edges)]
+
+
+def _require_motion(robot: str, step_s: float, q: Floats, groups: Any) -> None:
+    """Raises ValueError where angles [T, axes] are no motion of the robot: shuffled, mixed, or in degrees."""
+    if not robot:
+        return
+    description = load_description(robot)
+    for rows in _recordings(groups, len(q)):
+        time = step_s * np.arange(rows.stop - rows.start)
+        try:
+            trusted_motion(time, q[rows], np.ones(len(time), bool), description)
+        except ValueError as error:
+            first = f"rows from {rows.start} on: " if groups is not None else ""
+            raise ValueError(
+                f"{first}{error} Rows must be in the order of time; groups= names the recording of each"
+            ) from None
 
 
 def _with_validation(segments: list[Segment]) -> list[Segment]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
+import warnings
 from pathlib import Path
 from typing import Any, get_args
 
@@ -11,6 +12,7 @@ import numpy as np
 import orjson
 import pyarrow as pa
 import pyarrow.parquet
+from numpy.typing import NDArray
 
 from acqd import __version__
 from acqd.dataset.growing import write_new
@@ -19,8 +21,10 @@ from acqd.dataset.merge import Recording
 from acqd.dataset.power import Measured
 from acqd.dataset.schema import TIME, UTC_NS, read_columns, recording_table
 from acqd.dataset.split import with_split
+from acqd.dataset.table_motion import require_power, trusted_motion
 from acqd.errors import UserError
 from acqd.robot.description import RobotDescription, load_description
+from acqd.robot.motion import MotionQuality
 
 RECORDING = "recording"
 _IGNORED = (RECORDING, TIME, "split", "valid", "context")
@@ -57,18 +61,26 @@ def write_table(table: pa.Table, out: Path, robot: str, measured: Measured, seed
     if out.exists():
         raise UserError(f"{out} exists; choose another folder, or remove it")
     _require_columns(table, description)
-    recordings, steps, parts = [], [], []
+    recordings, steps, parts, qualities = [], [], [], []
     for name in dict.fromkeys(table[RECORDING].to_pylist()):
         rows = table.filter(pa.compute.equal(table[RECORDING], name))
-        recording, step_ns = _recording(str(name), rows, description)
+        recording, step_ns, quality = _recording(str(name), rows, description)
         recordings.append(recording)
         steps.append(step_ns)
-        parts.append(rows["split"][0].as_py() if "split" in table.column_names else None)
+        qualities.append(quality)
+        parts.append(_part(str(name), rows))
     step_s = float(np.median(steps)) * 1e-9
     wrong = [r.name for r, step in zip(recordings, steps, strict=True) if abs(step * 1e-9 - step_s) > 1e-6]
     if wrong:
         raise UserError(f"recording {wrong[0]}: another step than {step_s:.6g} s; resample all recordings to one step")
-    entries = [_entry(recording, part, step_s) for recording, part in zip(recordings, parts, strict=True)]
+    P, valid = (np.concatenate(each) for each in zip(*((r.columns["P"], r.valid) for r in recordings), strict=True))
+    if not valid.any():
+        raise UserError("the table has no valid rows")
+    require_power(P, valid, step_s * 1e9)
+    entries = [
+        _entry(recording, part, step_s) | {"motion": quality.as_json()}
+        for recording, part, quality in zip(recordings, parts, qualities, strict=True)
+    ]
     manifest = {
         "acqd": __version__,
         "robot": description.name,
@@ -88,10 +100,27 @@ def write_table(table: pa.Table, out: Path, robot: str, measured: Measured, seed
             pyarrow.parquet.write_table(recording.table(description.sliding), path)
 
     write_new(out, orjson.dumps(manifest, option=orjson.OPT_INDENT_2), fill)
+    for recording, quality in zip(recordings, qualities, strict=True):
+        for sentence in quality.sentences():
+            warnings.warn(f"recording {recording.name}: {sentence}", UserWarning, stacklevel=3)
+
+
+def _part(name: str, rows: pa.Table) -> str | None:
+    """The part of the split that all rows of a recording name; None without a column. Raises UserError."""
+    if "split" not in rows.column_names:
+        return None
+    parts = list(dict.fromkeys(rows["split"].to_pylist()))
+    if len(parts) > 1:
+        named = ", ".join(str(part) for part in parts)
+        raise UserError(f"recording {name}: its rows are in several parts of the split ({named}); expected one")
+    return None if parts[0] is None else str(parts[0])
 
 
 def _require_columns(table: pa.Table, robot: RobotDescription) -> None:
     needed = [RECORDING, TIME, "P", *(f"q{k + 1}" for k in range(robot.axes))]
+    twice = [name for name in table.column_names if table.column_names.count(name) > 1]
+    if twice:
+        raise UserError(f"the table has several columns {twice[0]!r}; expected one: rename or remove the others")
     missing = [name for name in needed if name not in table.column_names]
     if missing:
         raise UserError(f"the table lacks {', '.join(missing)}: {robot.name} needs {', '.join(needed)}")
@@ -99,10 +128,14 @@ def _require_columns(table: pa.Table, robot: RobotDescription) -> None:
         raise UserError("the table has no rows")
     if not pa.types.is_timestamp(table.schema.field(TIME).type) or table.schema.field(TIME).type.tz is None:
         raise UserError("column time: expected timestamps with a time zone, such as UTC")
+    for name in (TIME, RECORDING):
+        if table[name].null_count:
+            row = table[name].is_null().to_pylist().index(True) + 1
+            raise UserError(f"column {name}: row {row} has none; {table[name].null_count} rows lack it: remove them")
 
 
-def _recording(name: str, rows: pa.Table, robot: RobotDescription) -> tuple[Recording, float]:
-    """One recording and its step [ns]. Raises UserError."""
+def _recording(name: str, rows: pa.Table, robot: RobotDescription) -> tuple[Recording, float, MotionQuality]:
+    """One recording, its step [ns], and what was found in its motion. Raises UserError."""
     if not _NAME.fullmatch(name):
         raise UserError(f"recording {name!r}: expected a name of letters, digits and . _ + -")
     time_ns = rows[TIME].cast(UTC_NS).cast(pa.int64()).to_numpy()
@@ -120,8 +153,26 @@ def _recording(name: str, rows: pa.Table, robot: RobotDescription) -> tuple[Reco
     essential = [columns["P"], *(columns[f"q{k + 1}"] for k in range(robot.axes))]
     valid = np.asarray(np.isfinite(np.array(essential)).all(axis=0))
     if "valid" in rows.column_names:
-        valid &= rows["valid"].to_numpy().astype(bool)
-    return Recording(name, time_ns, columns, valid), step_ns
+        valid &= _flags(rows)
+    angles = [f"q{k + 1}" for k in range(robot.axes)]
+    q = np.column_stack([columns[angle] for angle in angles])
+    try:
+        q, valid, quality = trusted_motion((time_ns - time_ns[0]) * 1e-9, q, valid, robot)
+    except ValueError as error:
+        raise UserError(f"recording {name}: {error}") from None
+    columns |= dict(zip(angles, q.T, strict=True))
+    return Recording(name, time_ns, columns, valid), step_ns, quality
+
+
+def _flags(rows: pa.Table) -> NDArray[np.bool_]:
+    """The column `valid` [T]: booleans, 0 and 1, or the words. Raises UserError for anything else."""
+    cells = rows["valid"].to_pylist()
+    known = {True: True, False: False, "true": True, "false": False, "1": True, "0": False, None: False}
+    words = [cell.strip().lower() if isinstance(cell, str) else cell for cell in cells]
+    wrong = next((cell for cell, word in zip(cells, words, strict=True) if word not in known), None)
+    if wrong is not None:
+        raise UserError(f"column valid: holds {wrong!r:.40}; expected booleans, or 0 and 1")
+    return np.array([known[word] for word in words])
 
 
 def _numbers(name: str, rows: pa.Table) -> np.ndarray:

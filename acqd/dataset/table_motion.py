@@ -1,0 +1,57 @@
+"""The checks of the command line for rows that were merged elsewhere: limits, jumps, doubtful rows, power."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acqd.arrays import Floats
+from acqd.dataset.log_power import require_drawn, small_power
+from acqd.dataset.power import PowerStream
+from acqd.errors import UserError
+from acqd.robot.description import RobotDescription
+from acqd.robot.garbled import FEW, beyond_limit, impossible_jump, limits, reach
+from acqd.robot.motion import MotionQuality, bridged, doubtful_rows, unwrapped
+
+_LONGEST_S = 0.25
+"""Angles are not interpolated between known rows that are farther apart."""
+
+
+def trusted_motion(
+    time: Floats, q: Floats, valid: NDArray[np.bool_], robot: RobotDescription
+) -> tuple[Floats, NDArray[np.bool_], MotionQuality]:
+    """Angles [T, axes] whose doubtful rows are bridged, which rows [T] are valid, and what was found.
+
+    `time` [T] s is even. Raises ValueError that says what no motion of this robot can be.
+    """
+    known = np.flatnonzero(np.isfinite(q).all(axis=1))
+    if len(known) < 2:
+        return q, valid, MotionQuality()
+    stamps = time[known]
+    farthest = reach(np.diff(stamps), robot)
+    angles = unwrapped(q[known], farthest, np.array([not joint.slides for joint in robot.joint]))
+    beyond = np.abs(angles) > limits(robot)
+    if beyond.any(axis=1).mean() > FEW:
+        axis = int(beyond.any(axis=0).argmax())
+        raise ValueError(beyond_limit(robot, axis, float(np.abs(angles[:, axis]).max())) + "; are these degrees?")
+    jump = impossible_jump(stamps, angles, robot)
+    if jump is not None:
+        raise ValueError(f"row {int(known[jump[0] + 1]) + 1}: {jump[1]}; are rows of several recordings mixed?")
+    doubts = doubtful_rows(stamps, angles, robot.speed)
+    names = [robot.joint[axis].name for axis in np.flatnonzero((angles != q[known]).any(axis=0))]
+    mended, unknown = bridged(stamps, angles, doubts.any, _LONGEST_S)
+    filled, usable = q.copy(), valid.copy()
+    filled[known] = mended
+    usable[known[unknown]] = False
+    return filled, usable, doubts.quality(unwrapped=tuple(names))
+
+
+def require_power(P: Floats, valid: NDArray[np.bool_], step_ns: float) -> None:
+    """Raises UserError for power [T] W that flows out of the robot, or is too small for one."""
+    known = P[valid & np.isfinite(P)]
+    stream = PowerStream(
+        np.arange(len(known)) * round(step_ns), known, np.full(len(known), np.nan), round(step_ns), 0, "mains", "table"
+    )
+    require_drawn(stream)
+    for note in small_power([stream]):
+        raise UserError(f"table: {note}")
