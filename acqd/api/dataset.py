@@ -93,9 +93,7 @@ class Dataset:
 
         twice = frame.columns[frame.columns.duplicated()]
         if len(twice):
-            raise UserError(
-                f"the data frame has several columns {twice[0]!r}; expected one: rename the others"
-            )
+            raise UserError(f"the data frame has several columns {twice[0]!r}; expected one: rename the others")
         try:
             table = pa.Table.from_pandas(frame, preserve_index=frame.index.name in ("recording", "time"))
         except (pa.ArrowException, ValueError) as error:

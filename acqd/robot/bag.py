@@ -15,6 +15,8 @@ from acqd.robot.table import Table
 
 SUFFIXES = (".mcap", ".db3", ".bag")
 _TYPE = "sensor_msgs/msg/JointState"
+_STAMPED = 0.5
+"""Share of headers with a stamp from which on the stamps count."""
 _FIELDS = ("position", "velocity", "effort")
 
 
@@ -30,15 +32,25 @@ def read_bag(path: Path, robot: RobotDescription) -> Table:
     and effort (a torque or a current, as the description's layout `ros` says) become q, qd and tau or current.
     Raises InputError when no topic or more than one has all joints, UserError without the library.
     """
-    layout = next((layout for layout in robot.log if layout.format == "ros"), LogColumns(format="ros"))
-    names = layout.joints or [joint.name for joint in robot.joint]
     topics = _topics(path)
     if not topics:
         raise InputError(path, f"has no messages of the type {_TYPE}")
-    complete = {topic: states for topic, states in topics.items() if any(set(names) <= set(s.name) for _, s in states)}
+    layouts = [layout for layout in robot.log if layout.format == "ros"] or [LogColumns(format="ros")]
+    layout, names, complete = _named(robot, layouts, topics)
     if not complete:
         found = sorted({name for states in topics.values() for _, state in states for name in state.name})
-        raise InputError(path, f"has the joints {', '.join(found)}; expected in one message {', '.join(names)}")
+        if set(names) <= set(found):
+            raise InputError(
+                path,
+                f"the joints of one arm come in several messages ({', '.join(sorted(topics))}); expected all of "
+                f"{', '.join(names)} in each: record the topic of joint_state_broadcaster",
+            )
+        advice = f'"{", ".join(found[: robot.axes])}"' if len(found) >= robot.axes else "their names"
+        raise InputError(
+            path,
+            f"has the joints {', '.join(found)}; expected in one message {', '.join(names)}. If they are this robot's, "
+            f'add to its description: [[log]] format = "ros", joints = [{advice}] in the order of the axes',
+        )
     if len(complete) > 1:
         raise InputError(path, f"has states of the same joints in {', '.join(sorted(complete))}: record one of them")
     states = [(ns, state) for ns, state in complete.popitem()[1] if set(names) <= set(state.name)]
@@ -50,6 +62,19 @@ def read_bag(path: Path, robot: RobotDescription) -> Table:
             columns.append(values)
             header += [f"{quantity}{axis + 1}" for axis in range(len(names))]
     return Table(header, np.hstack(columns), np.arange(1, len(states) + 1))
+
+
+def _named(
+    robot: RobotDescription, layouts: list[LogColumns], topics: dict[str, list[tuple[int, Any]]]
+) -> tuple[LogColumns, list[str], dict[str, list[tuple[int, Any]]]]:
+    """The first layout whose joints come in one message, their names, and the topics that have them."""
+    tried = [(layout, layout.joints or [joint.name for joint in robot.joint]) for layout in layouts]
+    for layout, names in tried:
+        wanted = set(names)
+        complete = {topic: states for topic, states in topics.items() if any(wanted <= set(s.name) for _, s in states)}
+        if complete:
+            return layout, names, complete
+    return (*tried[0], {})
 
 
 def _topics(path: Path) -> dict[str, list[tuple[int, Any]]]:
@@ -66,8 +91,18 @@ def _topics(path: Path) -> dict[str, list[tuple[int, Any]]]:
                 topics.setdefault(connection.topic, []).append((ns, state))
     except Exception as error:  # whatever a damaged bag makes the library raise: struct.error, KeyError, apsw.Error ...
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError(path, f"is not a readable bag ({reason:.120})") from None
+        raise InputError(path, f"is not a readable bag ({reason:.120}){_remedy(path)}") from None
     return topics
+
+
+def _remedy(path: Path) -> str:
+    """What mends a bag whose recorder was stopped before it could close the file."""
+    suffixes = {path.suffix, *(part.suffix for part in (path.iterdir() if path.is_dir() else ()))}
+    if ".mcap" in suffixes:
+        return "; if the recorder was stopped hard: mcap recover BROKEN.mcap -o WHOLE.mcap"
+    if ".bag" in suffixes:
+        return "; if the recorder was stopped hard: rosbag reindex BROKEN.bag"
+    return "; if metadata.yaml is missing: ros2 bag reindex FOLDER" if ".db3" in suffixes else ""
 
 
 def _states(reader: Any) -> Iterator[tuple[Any, int, Any]]:
@@ -78,9 +113,18 @@ def _states(reader: Any) -> Iterator[tuple[Any, int, Any]]:
 
 
 def _stamps(states: list[tuple[int, Any]]) -> Floats:
-    """[T] s of the headers, or of the recording where a header has none."""
-    stamps = [state.header.stamp.sec + state.header.stamp.nanosec * 1e-9 for _, state in states]
-    return np.array(stamps if all(stamps) else [ns * 1e-9 for ns, _ in states])
+    """[T] s of the headers, or of the recording where hardly a header has any.
+
+    A few headers without a stamp are those of a driver that starts: their rows take the time of recording, as much
+    earlier as the other rows are stamped earlier.
+    """
+    stamps = np.array([state.header.stamp.sec + state.header.stamp.nanosec * 1e-9 for _, state in states])
+    recorded = np.array([ns * 1e-9 for ns, _ in states])
+    stamped = stamps > 0.0
+    if stamped.mean() < _STAMPED:
+        return recorded
+    earlier_s = float(np.median((recorded - stamps)[stamped]))
+    return np.asarray(np.where(stamped, stamps, recorded - earlier_s))
 
 
 def _values(states: list[tuple[int, Any]], field: str, names: list[str]) -> Floats | None:

@@ -32,6 +32,8 @@ _RESOLUTIONS = 2.5
 """Steps of the encoder: a slow joint crosses one now and then, and the rows between are equal by right."""
 _OLD = 0.3
 """Of the time between rows: an age that is a fault, not a jitter."""
+_OLD_COARSE, _COARSE_S = 0.8, 0.02
+"""The same for rows so far apart that a cubic through their neighbours misses a hard start."""
 _LEAST_AGE_S = 0.002
 """Younger faults, of logs at 1 kHz, are below what rows of 40 ms show."""
 _CLEARLY = 6.0
@@ -257,10 +259,11 @@ def _not_at_their_time(time: Floats, x: Floats, row_s: float, *, newer: bool) ->
         return wrong, ages
     age = -along / np.maximum(speed, _MOVING)
     noise = mad_sigma(along[judged], 0.0)
+    old = _OLD if row_s < _COARSE_S else _OLD_COARSE
     jitter = _CLEARLY * mad_sigma(age[judged], 0.0)
-    limit = np.maximum(max(_OLD * row_s, _LEAST_AGE_S, jitter), _CLEARLY * noise / np.maximum(speed, _MOVING))
+    limit = np.maximum(max(old * row_s, _LEAST_AGE_S, jitter), _CLEARLY * noise / np.maximum(speed, _MOVING))
     late = -age if newer else age
-    bad = judged & (late > limit) & (np.abs(along) > _OLD * row_s * fast) & (across < _ALONG * np.abs(along))
+    bad = judged & (late > limit) & (np.abs(along) > old * row_s * fast) & (across < _ALONG * np.abs(along))
     height = np.where(bad, late, 0.0)
     padded = np.pad(height, 2)
     worst = np.max([padded[k : k + len(height)] for k in range(5)], axis=0)

@@ -25,6 +25,8 @@ _COM_REACH_SHARE, _COM_LEAST_M = 0.25, 0.25
 _HEAVIEST_KG = 5000.0
 _LARGE_MARGIN = 30.0
 """Effort over holding effort of the most loaded joint; catalogue arms have 1.5 to 10."""
+_MOST_TURNS = 10.0
+"""Turns either way beyond which a limit is doubtful; positioners without a stop have limits of some turns."""
 _FASTEST_DEG_S, _FASTEST_M_S = 1000.0, 10.0
 
 
@@ -43,7 +45,7 @@ def implausible(robot: RobotDescription) -> list[Finding]:
     """All remarks, what is wrong first."""
     arm = Arm(robot)
     reach = _reach(arm)
-    found = [*_bodies(arm, reach), *_masses(robot), *_efforts(arm), *_drives(robot)]
+    found = [*_bodies(arm, reach), *_limits(robot), *_masses(robot), *_efforts(arm), *_drives(robot)]
     return sorted(found, key=lambda each: each.state != "wrong")
 
 
@@ -73,6 +75,14 @@ def _bodies(arm: Arm, reach: float) -> Iterator[Finding]:
         if away > max(_COM_LEAST_M, _COM_REACH_SHARE * reach):
             text = f"{away:.3g} m from the line to the next joint, in an arm of {reach:.3g} m"
             yield Finding("doubtful", f"{joint.name}.link.com", text, "is it in m and in the link's own frame?")
+
+
+def _limits(robot: RobotDescription) -> Iterator[Finding]:
+    for joint in robot.joint:
+        widest = max(abs(limit) for limit in joint.limits)
+        if not joint.slides and widest > _MOST_TURNS * 360.0:
+            text = f"turns up to {widest:.5g} deg, {widest / 360:.0f} turns"
+            yield Finding("doubtful", f"{joint.name}.limits_deg", text, "were degrees in a URDF taken for rad?")
 
 
 def _masses(robot: RobotDescription) -> Iterator[Finding]:

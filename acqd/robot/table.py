@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from acqd.arrays import Floats
 from acqd.errors import InputError, UserError
-from acqd.robot.table_text import Table, joined, text_tables
+from acqd.robot.table_text import Table, joined, number_in, text_tables
 
 __all__ = ["Table", "read_table"]
+
+_POSES = ("q", "position", "positions", "actual_q", "joint_positions")
+"""Names of columns that hold all angles of a row as a list."""
 
 
 def read_table(path: Path, broken_share: float = 0.0) -> Table:
@@ -47,15 +52,27 @@ def _read_parquet(path: Path) -> Table:
         raise InputError(path, f"is not a Parquet file ({str(error).splitlines()[0]})") from None
     if not len(table) or not table.num_columns:
         raise InputError(path, "has no rows of numbers")
-    columns = []
-    for column in table.columns:
-        if pyarrow.types.is_timestamp(column.type):
-            ns = column.cast(pyarrow.timestamp("ns", column.type.tz), safe=False).cast(pyarrow.int64())
-            columns.append(ns.to_numpy().astype(np.float64) / 1e9)
-        elif any(is_kind(column.type) for is_kind in (pyarrow.types.is_integer, pyarrow.types.is_floating)):
-            columns.append(column.cast(pyarrow.float64(), safe=False).to_numpy())
-        elif pyarrow.types.is_boolean(column.type):
-            columns.append(column.cast(pyarrow.uint8()).cast(pyarrow.float64()).to_numpy())
-        else:
-            columns.append(np.full(len(table), np.nan))
+    columns = [_numbers(path, name, column) for name, column in zip(table.schema.names, table.columns, strict=True)]
     return Table(list(table.schema.names), np.column_stack(columns), np.arange(1, len(table) + 1))
+
+
+def _numbers(path: Path, name: str, column: Any) -> Floats:
+    """[rows] of a column of Parquet; NaN where a cell is no number. Raises InputError for a list of angles."""
+    import pyarrow
+    from pyarrow import types
+
+    kind = column.type
+    if types.is_timestamp(kind):
+        ns = column.cast(pyarrow.timestamp("ns", kind.tz), safe=False).cast(pyarrow.int64())
+        return np.asarray(ns.to_numpy().astype(np.float64) / 1e9)
+    if types.is_integer(kind) or types.is_floating(kind) or types.is_decimal(kind):
+        return np.asarray(column.cast(pyarrow.float64(), safe=False).to_numpy())
+    if types.is_boolean(kind):
+        return np.asarray(column.cast(pyarrow.uint8()).cast(pyarrow.float64()).to_numpy())
+    if types.is_string(kind) or types.is_large_string(kind):
+        return np.array([np.nan if cell is None else number_in(cell.strip()) for cell in column.to_pylist()])
+    if types.is_nested(kind) and name in _POSES:
+        raise InputError(
+            path, f"column {name} holds lists; expected one number in each cell: write a column for each joint"
+        )
+    return np.full(len(column), np.nan)

@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import BinaryIO
 
@@ -19,6 +20,10 @@ _BLOCK_BYTES = 1 << 20
 _LONGEST_LINE = 1 << 16
 """Bytes. A longer line is no row of a robot's log; without this limit, a file without line ends fills the memory."""
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
+
+_DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:")
+_LIST = re.compile(r"[\[(]\s*[-+.\d]")
+"""The beginning of a list of numbers in a cell."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,10 +65,17 @@ def text_tables(path: Path, file: BinaryIO) -> Iterator[Table]:
     try:
         for numbered in _blocks(path, file):
             if layout is None:
+                numbered = _without_comments(numbered)
                 layout = _Layout.of(numbered[0][1])
                 if not layout.width:
                     raise InputError(path, "has no columns in its first line")
                 numbered = numbered[layout.header is not None :]
+                if numbered and _LIST.search(numbered[0][1]):
+                    raise InputError(
+                        path,
+                        f"row {numbered[0][0]}: a cell holds a list; expected one number in each cell: write a "
+                        "column for each joint, such as q1, q2 ...",
+                    )
             if numbered:
                 rows = True
                 yield layout.table(numbered)
@@ -74,6 +86,16 @@ def text_tables(path: Path, file: BinaryIO) -> Iterator[Table]:
         raise InputError(path, "is empty")
     if not rows:
         raise InputError(path, "has no rows of numbers")
+
+
+def _without_comments(numbered: list[tuple[int, str]]) -> list[tuple[int, str]]:
+    """Lines without the comments (#) at the beginning, but with a header among them (numpy.savetxt writes one)."""
+    first = next((k for k, (_, line) in enumerate(numbered) if not line.lstrip().startswith("#")), len(numbered))
+    if first in (0, len(numbered)):
+        return numbered
+    data, last = _Layout.of(numbered[first][1]), _Layout.of(numbered[first - 1][1])
+    heads = data.header is None and last.header is not None and last.width == data.width
+    return numbered[first - heads :]
 
 
 def _blocks(path: Path, file: BinaryIO) -> Iterator[list[tuple[int, str]]]:
@@ -104,7 +126,7 @@ class _Layout:
 
     @classmethod
     def of(cls, line: str) -> _Layout:
-        first = line.strip().lstrip("%").strip()
+        first = line.strip().lstrip("%#").strip()
         separator = next((mark for mark in ";\t," if mark in first), None)
         cells = _split(first, separator)
         named = not all(_is_number(cell, separator) for cell in cells)
@@ -135,7 +157,7 @@ class _Layout:
                 rows[number] = ["nan"] * self.width
         if self.separator != "," and any("," in cell for row in rows for cell in row):
             rows = [[_with_point(cell) for cell in row] for row in rows]
-        return np.array([[_number(cell) for cell in row] for row in rows]).reshape(-1, self.width), broken
+        return np.array([[number_in(cell) for cell in row] for row in rows]).reshape(-1, self.width), broken
 
     def _why_width(self, count: int) -> str:
         if self.separator == "," and count in (2 * self.width, 2 * self.width - 1):
@@ -153,11 +175,19 @@ def _split(line: str, separator: str | None) -> list[str]:
 
 def _is_number(cell: str, separator: str | None) -> bool:
     cell = cell if separator == "," else _with_point(cell)
-    return not math.isnan(_number(cell)) or cell.lower() in ("nan", "")
+    return not math.isnan(number_in(cell)) or cell.lower() in ("nan", "")
 
 
-def _number(cell: str) -> float:
+def number_in(cell: str) -> float:
+    """The number in a cell, Unix seconds of a date with a time (UTC where it names no zone), or NaN."""
     try:
         return float(cell)
     except ValueError:
+        pass
+    if not _DATE.match(cell):
         return float("nan")
+    try:
+        moment = datetime.fromisoformat(cell)
+    except ValueError:
+        return float("nan")
+    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()

@@ -8,11 +8,16 @@ from acqd.api.estimator import PowerRegressor
 from acqd.robot.toml_text import description_text
 from tests.robot.sliding import link, turn
 
+TOY = {"speed_deg_s": 1e6, "limits_deg": [-360, 360]}
+"""The rows of the checks are drawn at random, which no robot could follow."""
+
 
 @cache
 def arm(axes):
     """The description of a robot with so many joints."""
-    joints = [turn(f"j{k}", [0, k % 2, 1 - k % 2], link(2.0, (0, 0.1, 0.1)), xyz=[0, 0, 0.2]) for k in range(axes)]
+    joints = [
+        turn(f"j{k}", [0, k % 2, 1 - k % 2], link(2.0, (0, 0.1, 0.1)), xyz=[0, 0, 0.2]) | TOY for k in range(axes)
+    ]
     table = {"name": f"arm{axes}", "title": "arm", "sources": ["made"], "base": {"mass": 1}, "joint": joints}
     path = Path(tempfile.mkdtemp(prefix="acqd-test-")) / f"arm{axes}.toml"
     path.write_text(description_text(table | {"flange": {"xyz": [0, 0, 0.1]}}))

@@ -89,3 +89,39 @@ def test_a_loop_that_cannot_be_closed_is_named(folder):
     with pytest.raises(acqd.UserError, match="not an earlier report"):
         acqd.close_loop("now", "model", "logs")
     assert not (folder / "loop").exists()
+
+
+def test_a_table_passes_the_checks_of_the_command_line(folder):
+    pandas = pytest.importorskip("pandas")
+    good = acqd.Dataset("ds").to_pandas().drop(columns=["split", "valid"])
+    angles = [f"q{k}" for k in range(1, 7)]
+    half = ["train" if k % 2 else "test" for k in range(len(good))]
+    cases = {
+        "the table has no valid rows": good.assign(valid="False"),
+        "column valid: holds 'maybe'": good.assign(valid="maybe"),
+        "its rows are in several parts of the split": good.assign(split=half),
+        "are these degrees": good.assign(**{name: 600 * good[name] for name in angles}),
+        "is the sign inverted": good.assign(P=-good["P"]),
+        "is it in kW": good.assign(P=good["P"] / 1000),
+        "column time: row 4 has none": good.assign(time=good["time"].mask(good.index == 3)),
+        "several columns 'P'": pandas.concat([good, good[["P"]]], axis=1),
+        "are rows of several recordings mixed": good.assign(recording="one", time=pandas.date_range(
+            "2026-01-27", periods=len(good), freq="40ms", tz="UTC"), q1=good["q1"].sample(frac=1, random_state=1).values),
+    }  # fmt: skip
+    for complaint, wrong in cases.items():
+        with pytest.raises(acqd.UserError, match=complaint):
+            acqd.Dataset.from_pandas(wrong, "copy", robot="ur10e", measured="simulated")
+
+
+def test_repeated_rows_of_a_table_are_bridged_and_counted(folder):
+    good = acqd.Dataset("ds").to_arrow().to_pandas().drop(columns=["split", "valid"])
+    angles = [f"q{k}" for k in range(1, 7)]
+    wrong = np.random.default_rng(0).random(len(good)) < 0.03
+    wrong &= good["recording"].eq(good["recording"].shift()).to_numpy()
+    repeated = good.copy()
+    repeated.loc[wrong, angles] = good[angles].shift().to_numpy()[wrong]
+    with pytest.warns(UserWarning, match="hold the pose of the row before repeated"):
+        data = acqd.Dataset.from_pandas(repeated, "copy", robot="ur10e", measured="simulated")
+    off = np.abs(data.to_pandas()[angles].to_numpy() - good[angles].to_numpy()).max(axis=1)
+    before = np.abs(repeated[angles].to_numpy() - good[angles].to_numpy()).max(axis=1)
+    assert np.sqrt((off**2).mean()) < 0.3 * np.sqrt((before**2).mean())

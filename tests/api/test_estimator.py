@@ -90,3 +90,26 @@ def test_a_wrong_number_of_joints_is_named():
         regressor().fit(np.zeros((50, 3)), np.arange(50.0))
     with pytest.raises(ValueError, match="no network 'forest'"):
         regressor("forest").fit(np.zeros((50, 3)), np.arange(50.0))
+
+
+def test_rows_that_are_no_motion_of_the_robot_are_named(folder):
+    X, y, groups = rows_of("ds")
+    order = np.random.default_rng(0).permutation(len(X))
+    model = regressor("grey-box", robot="ur10e")
+    with pytest.raises(ValueError, match="Rows must be in the order of time"):
+        model.fit(X.iloc[order], y.iloc[order])
+    with pytest.raises(ValueError, match="are not consecutive"):
+        model.fit(X, y, groups=np.arange(len(X)) % 2)
+    model.fit(X, y, groups=groups)
+    mixed = np.concatenate([np.flatnonzero(groups == name)[100:200] for name in groups.unique()])
+    with pytest.raises(ValueError, match="groups= names the recording of each"):
+        model.score(X.iloc[mixed], y.iloc[mixed])
+
+
+def test_a_recording_cut_in_motion_has_the_power_of_the_whole(folder):
+    X, y, groups = rows_of("ds")
+    model = regressor("grey-box", robot="ur10e").fit(X, y, groups=groups)
+    first = X[groups == groups.iloc[0]]
+    whole = model.predict(first)
+    off = [model.predict(first[cut : cut + 150])[[0, -1]] - whole[[cut, cut + 149]] for cut in range(20, 500, 7)]
+    assert np.median(np.abs(off)) < 2 and np.percentile(np.abs(off), 90) < 10  # W; hundreds if the arm rested outside

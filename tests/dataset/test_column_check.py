@@ -1,10 +1,16 @@
 """Columns in the wrong order."""
 
+from dataclasses import replace
+
 import pytest
 
 from acqd.dataset.build import BuildConfig, build
-from acqd.errors import UserError
+from acqd.dataset.column_check import check_columns
+from acqd.errors import InputError, UserError
+from acqd.robot.description import load_description
+from acqd.robot.log import read_log
 from tests.campaigns import quiet
+from tests.places import ROBOT_LOGS, needs_robot_logs
 
 
 def test_mixed_up_columns_are_named(cell, tmp_path):
@@ -26,3 +32,14 @@ def test_mixed_up_columns_are_named(cell, tmp_path):
     with pytest.raises(UserError, match=r"none of 3 logs can be used; the first: .*columns in the order"):
         build(BuildConfig(f"{made.out}/power.sqlite", folder, tmp_path / "ds", "iiwa7_r800"), quiet)
     assert not (tmp_path / "ds").exists()
+
+
+@needs_robot_logs
+def test_two_joints_exchanged_in_all_columns_are_named():
+    robot = load_description("ur10e")
+    swap = [2, 1, 0, 3, 4, 5]
+    for name in ("ur-20_02_05-20sec_12harm", "ur-20_02_12-40sec_12harm"):
+        log = read_log(ROBOT_LOGS / "ur10e" / f"{name}.csv", robot)
+        check_columns(log, robot)
+        with pytest.raises(InputError, match="with shoulder_pan and elbow exchanged"):
+            check_columns(replace(log, q=log.q[:, swap], current=log.current[:, swap]), robot)

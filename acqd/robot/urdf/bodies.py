@@ -14,9 +14,12 @@ import pinocchio as pin
 
 from acqd.arrays import Floats
 from acqd.errors import InputError
-from acqd.robot.joint import Capsule
+from acqd.robot.joint import Capsule, has_negative_moment
 from acqd.robot.urdf.branch import Branch
 from acqd.robot.urdf.tree import Origin, Shape, Urdf, UrdfJoint, UrdfLink
+
+_TINY_KG = 1e-3
+"""An antenna or a frame of reference with a mass so that a simulator accepts it: its tensor changes nothing."""
 
 
 @dataclass(slots=True)
@@ -57,7 +60,7 @@ def merge_bodies(urdf: Urdf, branch: Branch) -> Bodies:
 
     def visit(link: str, body: int, at: Any) -> None:
         where[link] = at
-        _add(bodies[body], urdf.links[link], at)
+        _add(urdf, bodies[body], urdf.links[link], at, moved=body > 0)
         for joint in urdf.children.get(link, []):
             frame = at * _se3(joint.origin)
             if joint.name in number:
@@ -76,7 +79,8 @@ def merge_bodies(urdf: Urdf, branch: Branch) -> Bodies:
     return Bodies(bodies, where[branch.flange], locked)
 
 
-def _add(body: Body, link: UrdfLink, at: Any) -> None:
+def _add(urdf: Urdf, body: Body, link: UrdfLink, at: Any, *, moved: bool) -> None:
+    """Raises InputError for a tensor that no body has, where it matters: of a link that moves and is not tiny."""
     body.links.append(link.name)
     if link.inertial is None:
         body.without_mass.append(link.name)
@@ -84,6 +88,11 @@ def _add(body: Body, link: UrdfLink, at: Any) -> None:
         frame = at * _se3(link.inertial.origin)
         xx, yy, zz, xy, xz, yz = link.inertial.tensor
         tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        if has_negative_moment((xx, yy, zz, xy, xz, yz)):
+            if moved and link.inertial.mass > _TINY_KG:
+                text = f"{link.name!r}: <inertia> has a negative principal moment, which no body has"
+                raise InputError(urdf.path, text)
+            tensor = np.zeros((3, 3))
         turned = frame.rotation @ tensor @ frame.rotation.T
         np.fill_diagonal(turned, np.maximum(np.diag(turned), 0.0))  # a rounded zero may be negative
         body.inertia += pin.Inertia(link.inertial.mass, frame.translation, turned)

@@ -79,10 +79,17 @@ def _notes(branch: Branch, merged: Bodies) -> list[str]:
     unlimited = [joint.name for joint in branch.joints if joint.kind == "continuous"]
     if unlimited:
         notes.append(f"continuous, described with limits of one turn either way: {listed(unlimited)}")
+    turned = [joint.name for joint in branch.joints if joint.kind == "revolute" and _many_turns(joint)]
+    if turned:
+        notes.append(f"limits of more than ten turns: {listed(turned)}; are these degrees? A URDF holds rad")
     meshes = sorted({link for body in merged.bodies for link in body.meshes})
     if meshes:
         notes.append(f"no capsules for collision meshes of {listed(meshes)}; acqd lab needs capsules")
     return notes
+
+
+def _many_turns(joint: UrdfJoint) -> bool:
+    return max(abs(joint.lower or 0.0), abs(joint.upper or 0.0)) > 20 * math.pi
 
 
 def _guesses(joints: list[dict[str, Any]]) -> list[str]:

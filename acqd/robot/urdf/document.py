@@ -8,6 +8,7 @@ reader is the oracle of the tests.
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import get_args
@@ -15,9 +16,9 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 from acqd.errors import InputError
-from acqd.robot.joint import has_negative_moment
 from acqd.robot.urdf.tree import ZERO, Inertial, Kind, Origin, Shape, Triple, Urdf, UrdfJoint, UrdfLink, below
 
+_UNIT = 0.01  # by which the length of a rounded quaternion may differ from 1
 _SMALLEST, _LARGEST = 1e-12, 1e12  # in m, kg, Nm, rad/s; beyond, products of values overflow
 
 
@@ -27,7 +28,7 @@ def read_urdf(path: Path) -> Urdf:
         content = path.read_bytes()
         if b"<!DOCTYPE" in content:  # entities could multiply to gigabytes; no URDF has any
             raise InputError(path, "has a document type; a URDF needs none: delete it")
-        robot = ElementTree.fromstring(content)  # nosec B314
+        robot = ElementTree.fromstring(_decoded(path, content))  # nosec B314
     except OSError as error:
         raise InputError(path, f"cannot be read ({error.strerror})") from None
     except ElementTree.ParseError as error:
@@ -47,6 +48,21 @@ def read_urdf(path: Path) -> Urdf:
     urdf = Urdf(path, robot.get("name") or path.stem, links, joints)
     _connect(urdf)
     return urdf
+
+
+def _decoded(path: Path, content: bytes) -> str | bytes:
+    """The text of an XML file whose declaration names an encoding that the parser does not know. Raises InputError."""
+    declared = re.match(rb"<\?xml[^>]*?encoding=[\"']([A-Za-z0-9._-]+)[\"'][^>]*?\?>", content.lstrip())
+    if declared is None or declared[1].lower() in (b"utf-8", b"us-ascii", b"utf-16", b"iso-8859-1"):
+        return content
+    name = declared[1].decode("ascii")
+    try:
+        text = content.lstrip().decode(name)
+    except LookupError:
+        raise InputError(path, f"is written in {name!r}, an unknown encoding; save the file as UTF-8") from None
+    except UnicodeDecodeError:
+        raise InputError(path, f"is not written in {name!r}, as its first line says; save the file as UTF-8") from None
+    return text[text.index("?>") + 2 :]
 
 
 def _connect(urdf: Urdf) -> None:
@@ -124,8 +140,6 @@ class _Reader:
         xx, yy, zz, xy, xz, yz = (
             self._number(tensor, key, name) or 0.0 for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
         )
-        if has_negative_moment((xx, yy, zz, xy, xz, yz)):
-            raise InputError(self.path, f"{name!r}: <inertia> has a negative principal moment, which no body has")
         return Inertial(self._origin(element, name), mass, (xx, yy, zz, xy, xz, yz))
 
     def _shape(self, element: Element, name: str) -> Shape | None:
@@ -158,7 +172,26 @@ class _Reader:
         origin = element.find("origin")
         if origin is None:
             return Origin()
-        return Origin(self._triple(origin, "xyz", name, ZERO), self._triple(origin, "rpy", name, ZERO))
+        rpy = self._triple(origin, "rpy", name, ZERO)
+        if origin.get("quat_xyzw") is not None:  # URDF 1.1
+            if origin.get("rpy") is not None:
+                raise InputError(self.path, f"{name!r}: <origin> has both rpy and quat_xyzw; expected one of them")
+            rpy = self._rpy(origin, name)
+        return Origin(self._triple(origin, "xyz", name, ZERO), rpy)
+
+    def _rpy(self, origin: Element, name: str) -> Triple:
+        """Roll, pitch and yaw of the quaternion x y z w."""
+        text = origin.get("quat_xyzw", "")
+        values = [self._value(part, "quat_xyzw", name) for part in text.split()]
+        length = math.sqrt(sum(value * value for value in values))
+        if len(values) != 4 or abs(length - 1.0) > _UNIT:
+            raise InputError(self.path, f"{name!r}: quat_xyzw={text!r}; expected four numbers of a unit quaternion")
+        x, y, z, w = (value / length for value in values)
+        sine = max(-1.0, min(1.0, 2 * (w * y - z * x)))
+        if abs(sine) > 1.0 - 1e-9:  # pitch of 90 degrees: roll and yaw turn about one axis
+            return 0.0, math.copysign(math.pi / 2, sine), -2 * math.copysign(math.atan2(x, w), sine)
+        roll = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+        return roll, math.asin(sine), math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
     def _triple(self, element: Element, key: str, name: str, default: Triple) -> Triple:
         text = element.get(key)

@@ -107,6 +107,12 @@ def test_the_base_may_lie_beyond_other_joints(tmp_path):
     np.testing.assert_allclose(inverse_dynamics(Arm(from_cart), q, still, still), whole[:, 1:], atol=1e-7)
 
 
+def test_a_tensor_that_no_body_has_does_not_matter_on_the_still_base(tmp_path):
+    path = tmp_path / "arm.urdf"
+    path.write_text(arm().replace('izz="0.01"', 'izz="-0.1"', 1))
+    assert describe_urdf(path).robot.axes
+
+
 @pytest.mark.parametrize(
     ("text", "options", "complaint"),
     [
@@ -134,7 +140,7 @@ def test_the_base_may_lie_beyond_other_joints(tmp_path):
         (arm().replace('child link="upper"', 'child link="uper"'), {}, "joint 'shoulder' names link 'uper'"),
         (arm().replace('mass value="5"', 'mass value="five"'), {}, "'upper': value='five' is no number"),
         (arm().replace('mass value="5"', 'mass value="-5"'), {}, "'upper': mass -5 kg is negative"),
-        (arm().replace('izz="0.01"', 'izz="-0.1"', 1), {}, "'base': <inertia> has a negative principal moment"),
+        (arm().replace('izz="0.01"', 'izz="-0.1"', 2), {}, "'cart': <inertia> has a negative principal moment"),
         (arm().replace('"revolute"', '"hinge"'), {}, "joint 'shoulder' has type 'hinge'; expected one of"),
         (arm(link("alone", 1)), {}, "has 2 links without a parent"),
         (arm(joint("again", "fixed", "base", "tool0")), {}, "link 'tool0' hangs on two joints"),
