@@ -89,7 +89,8 @@ def predict(bundle: Bundle, model: Predictor, log: RobotLog) -> Prediction:
     outside = Envelope.from_json(bundle.metadata["envelope"]).outside(q, step)
     if outside.mean() > 0.5 and np.abs(q).max() > 2 * np.pi:
         raise UserError(f"{log.path}: angles reach {np.abs(q).max():.0f}: are they degrees? Expected radians")
-    return Prediction(stamps[0] + grid, P, outside, step, log.note)
+    notes = [note for note in (log.note, *log.quality.sentences()) if note]
+    return Prediction(stamps[0] + grid, P, outside, step, "; ".join(notes))
 
 
 def _signals(model: Predictor, log: RobotLog, grid: Floats, time: Floats, rows: NDArray[np.int64]) -> Floats | None:

@@ -29,7 +29,8 @@ def portions(path: Path, file: BinaryIO, robot: RobotDescription) -> Iterator[Ro
 
     A log with garbled rows is refused: a result would say nothing about rows left out.
     """
-    latest_s = -np.inf
+    latest_s, last = -np.inf, None
+    turning = np.array([not joint.slides for joint in robot.joint])
     for table in _tables(path, file):
         if table.broken:
             row = min(table.broken)
@@ -42,6 +43,10 @@ def portions(path: Path, file: BinaryIO, robot: RobotDescription) -> Iterator[Ro
             back = f"time goes back from {latest_s:.3f} to {begin_s:.3f} s"
             raise InputError(path, f"after row {table.line(0)}: {back}: write one file per recording")
         latest_s = max(latest_s, end_s)
+        if last is not None:  # a portion is unwrapped alone: whole turns may lie between two of them
+            turns = np.where(turning, np.rint((log.q[0] - last) / (2 * np.pi)), 0.0)
+            log = replace(log, q=log.q - 2 * np.pi * turns)
+        last = log.q[-1]
         yield log
 
 
