@@ -18,7 +18,6 @@ from acqd.arrays import Floats
 from acqd.discrepancy.joints.columns import effect_columns
 from acqd.discrepancy.joints.observations import Observed
 from acqd.discrepancy.joints.sessions import Products, Session, random_deviations
-from acqd.discrepancy.regression.gram import LEAST_POWER
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.effects import library
 from acqd.models.effects.places import Variant
@@ -28,6 +27,8 @@ from acqd.models.segments import Segment
 from acqd.numerics import quadratic_form
 from acqd.robot.arm import Arm
 
+_LEAST_SHARE = 1e-3
+"""Of a column's power that the base model must leave, to say anything about it."""
 _Key: TypeAlias = tuple[str, tuple[tuple[str, float], ...] | None]
 """Effect and shape; None: all scanned shapes side by side."""
 
@@ -168,6 +169,6 @@ class Witness:
             if variant.size > 1 or variant.place.mix is not None:
                 continue
             S, h = self._schur([(session, products.taken(list(variant.columns)), 1.0)], others, 1)
-            if S[0, 0] > LEAST_POWER * max(products.own[variant.columns[0], variant.columns[0]], 1e-9):
+            if S[0, 0] > _LEAST_SHARE * max(products.own[variant.columns[0], variant.columns[0]], 1e-9):
                 z.append(float(h[0] / np.sqrt(S[0, 0])))
         return z
