@@ -6,14 +6,19 @@ import contextlib
 import json
 import logging
 import os
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from acqd.atomic import private
 from acqd.metering.registers import Registers
+from acqd.retry import Backoff
 
 _log = logging.getLogger(__name__)
+_BLOCK = 4096
+"""Bytes of a block of the disk."""
+_PATIENCE_S = 5.0
+"""How long a start waits for a disk that does not give the register out."""
 
 
 class RegisterFile:
@@ -28,7 +33,7 @@ class RegisterFile:
     def load(self, phases: int) -> list[tuple[float, float]] | None:
         """Each phase's (imported, exported) [kWh]; None: start from zero."""
         try:
-            data = json.loads(self._path.read_text(encoding="utf-8"))
+            data = json.loads(self._read())
             pairs = [(float(pair["import_kWh"]), float(pair["export_kWh"])) for pair in data["phases"]]
             others = data.get("registers")
         except FileNotFoundError:
@@ -45,6 +50,20 @@ class RegisterFile:
         self.others = others
         return pairs
 
+    def _read(self) -> bytes:
+        """The content of the file; a disk that does not give it out at once is asked again. Raises OSError."""
+        backoff, ends = Backoff(), time.monotonic() + _PATIENCE_S
+        while True:
+            try:
+                return self._path.read_bytes()
+            except FileNotFoundError:
+                raise
+            except OSError:
+                pause = backoff.pause_s()
+                if time.monotonic() + pause > ends:
+                    raise
+                time.sleep(pause)
+
     def _refuse(self, reason: str) -> None:
         """Rename the unusable file instead of deleting it: its readings may be wanted back."""
         kept = self._path.with_suffix(".old")
@@ -58,19 +77,36 @@ class RegisterFile:
             "registers": others,
             "phases": [{"import_kWh": imported, "export_kWh": exported} for imported, exported in readings],
         }
-        temporary = self._path.with_suffix(".new")
         try:
-            with open(temporary, "w", encoding="utf-8", opener=private) as file:
-                file.write(json.dumps(data))
-                file.flush()
-                os.fsync(file.fileno())
-            os.replace(temporary, self._path)
+            self._write(json.dumps(data).encode())
         except OSError as error:
             if not self._failed:
                 _log.error("%s cannot be written: %s", self._path, error.strerror)
             self._failed = True
         else:
             self._failed = False
+
+    def _write(self, content: bytes) -> None:
+        """Write into the blocks of the file before last, which then changes its name with the last one.
+
+        A full disk takes that too: from the second time on, nothing new is allocated. A power cut between the names
+        leaves one of the two complete. Raises OSError.
+        """
+        spare, last = self._path.with_suffix(".new"), self._path.with_suffix(".last")
+        file = os.open(spare, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o640)
+        try:
+            padded = content.ljust(-(-len(content) // _BLOCK) * _BLOCK)
+            os.pwrite(file, padded, 0)
+            os.ftruncate(file, len(padded))
+            os.fsync(file)
+        finally:
+            os.close(file)
+        last.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # the first time, or a file system without links: allocated anew then
+            os.link(self._path, last)
+        os.replace(spare, self._path)
+        with contextlib.suppress(FileNotFoundError):
+            os.replace(last, spare)
 
 
 def greater(

@@ -18,7 +18,10 @@ class SpoolSection(Section):
     max_mb: Annotated[float, Field(ge=1, le=10_000_000)] = 1_000.0
     max_age_days: Annotated[float, Field(gt=0, le=3_650)] = 30.0
     when_full: WhenFull = "drop-oldest"
+    keep_minutes: Annotated[float, Field(ge=0, le=10_000)] = 10.0
 
     def limits(self) -> Limits:
         """The limits of the spool."""
-        return Limits(int(self.max_mb * 1e6), self.max_age_days * 86_400.0, self.when_full)
+        return Limits(
+            int(self.max_mb * 1e6), self.max_age_days * 86_400.0, self.when_full, keep_s=self.keep_minutes * 60.0
+        )

@@ -107,13 +107,16 @@ class Uplink:
         """Leave what waits on disk for the next start."""
         waiting = len(self._spool)
         try:
-            self._spool.close()
+            unwritten = self._spool.close()
         except OSError as error:
             _log.error("spool: not closed properly: %s", error.strerror)
-        if waiting and self._folder is not None:
-            _log.info("%d rows wait in the spool for the next start", waiting)
-        elif waiting:
-            _log.warning("%d rows were not delivered and are lost: a state_dir would have kept them", waiting)
+            unwritten = 0
+        if waiting - unwritten:
+            _log.info("%d rows wait in the spool for the next start", waiting - unwritten)
+        if unwritten and self._folder is not None:
+            _log.error("%d rows were not delivered and are lost: the disk of the spool takes nothing", unwritten)
+        elif unwritten:
+            _log.warning("%d rows were not delivered and are lost: a state_dir would have kept them", unwritten)
 
     def counters(self) -> TelemetryCounters:
         """Counts and the state of the spool now; in the event loop only."""

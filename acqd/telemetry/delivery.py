@@ -148,6 +148,8 @@ class Delivery:
         """New rows, states, and as much of the backlog as there is room for."""
         self._changed.clear()
         self._settle_acknowledged()
+        if self.spool.readable_again():
+            self._position = self.spool.start
         rows = [self._live.popleft() for _ in range(min(len(self._live), room.messages * self._together))]
         messages = self._messages(rows)
         while self._states and len(messages) < room.messages:

@@ -2,6 +2,12 @@
 
 from __future__ import annotations
 
+import errno
+import os
+from pathlib import Path
+from unittest import mock
+
+from acqd.daemon import register as module
 from acqd.daemon.register import RegisterFile, greater, registers_of
 
 
@@ -31,3 +37,34 @@ def test_a_full_disk_is_said_once(tmp_path, caplog):
     (tmp_path / "none").mkdir()
     register.save([(1.0, 0.0)])
     assert register.load(1) == [(1.0, 0.0)] and caplog.text.count("cannot be written") == 1
+
+
+def test_a_disk_that_is_full_takes_the_register_all_the_same(tmp_path):
+    """From the second time on, saving writes only into blocks that the two files have."""
+    register, inodes = RegisterFile(tmp_path, "cell1"), set()
+    for k in range(6):
+        register.save([(float(k), 0.0)], {"k": "x" * (6_000 if k < 2 else 30)})
+        assert RegisterFile(tmp_path, "cell1").load(1) == [(float(k), 0.0)]
+        if k >= 1:
+            inodes |= {(path.stat().st_ino, path.stat().st_blocks > 0) for path in tmp_path.glob("energy-cell1.*")}
+    assert len(inodes) == 2 and sorted(path.name for path in tmp_path.iterdir()) == [
+        "energy-cell1.json",
+        "energy-cell1.new",
+    ]
+
+
+def test_a_register_that_the_disk_does_not_give_out_at_once_is_asked_for_again(tmp_path):
+    RegisterFile(tmp_path, "cell1").save([(7.0, 0.0)])
+    real, failures = Path.read_bytes, [errno.EIO, errno.ESTALE]
+
+    def read(path):
+        if failures:
+            raise OSError(failures[0], os.strerror(failures.pop()))
+        return real(path)
+
+    with mock.patch.object(Path, "read_bytes", read):
+        assert RegisterFile(tmp_path, "cell1").load(1) == [(7.0, 0.0)]
+    failures += [errno.EIO] * 99
+    with mock.patch.object(Path, "read_bytes", read), mock.patch.object(module, "_PATIENCE_S", 0.0):
+        assert RegisterFile(tmp_path, "cell1").load(1) is None
+    assert (tmp_path / "energy-cell1.old").exists(), "kept for a person"

@@ -6,14 +6,22 @@ import fcntl
 import logging
 import os
 import time
+from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 from acqd.errors import UserError
-from acqd.telemetry.spool.segment import Segment
+from acqd.retry import Backoff
+from acqd.telemetry.spool.segment import DAMAGED, KEPT, SUFFIX, Segment, number_of
+from acqd.uptime import Moment
 
 _log = logging.getLogger(__name__)
 _DISK_RETRY_S = 1.0
+_OPENING_S = 2.0
+"""How long a start waits for segments that cannot be read yet; metering begins without them then."""
+_DAMAGED_SHARE = 16
+"""Files that cannot be read any more take this fraction of the spool at most."""
 
 
 def confirm(paths: set[Path]) -> None:
@@ -30,29 +38,53 @@ def confirm(paths: set[Path]) -> None:
 
 
 class SegmentLog:
-    """Appends to the newest segment; older ones are only read and deleted. For one thread."""
+    """Appends to the newest segment; older ones are only read and deleted. For one thread.
 
-    def __init__(self, folder: Path | None, segment_bytes: int, now_ns: Callable[[], int]) -> None:
-        """Without `folder`, everything is in memory. Raises UserError when the folder cannot be used."""
-        self._folder, self._segment_bytes, self._now_ns = folder, segment_bytes, now_ns
+    A file is deleted when no row of it waits, or when the limit in bytes says so (ADR 29). What cannot be read stays:
+    it is tried again, or put aside where its bytes are damaged.
+    """
+
+    def __init__(
+        self,
+        folder: Path | None,
+        segment_bytes: int,
+        now: Callable[[], Moment],
+        *,
+        most_bytes: int,
+        reserve_bytes: int = 0,
+        keep_s: float = 0.0,
+    ) -> None:
+        """Without `folder`, everything is in memory. Raises UserError when the folder cannot be used.
+
+        `reserve_bytes` are set aside on the disk for what is in memory when the daemon stops while the disk is full.
+        Delivered segments are kept for `keep_s`, as far as `most_bytes` leave room.
+        """
+        self._folder, self._segment_bytes, self._now = folder, segment_bytes, now
+        self._most, self._reserve_bytes, self._keep_s = most_bytes, reserve_bytes, keep_s
         self.segments: list[Segment] = []
         self.newest: Segment | None = None
         """Where rows are appended; None before the first."""
         self.bytes = 0
         self.trouble = ""
         """Why the disk takes no rows, else empty."""
+        self.unopened: list[Path] = []
+        """Segments that could not be read at the start."""
+        self._kept: deque[tuple[float, Segment]] = deque()
+        self._kept_bytes = 0
         self._retry_at = 0.0
         self._dirty: set[Path] = set()
         self._lock: int | None = None
+        self.next_number = 1
         if folder is not None:
             self._open(folder)
-        self.next_number = self.segments[-1].number + 1 if self.segments else 1
 
     def append(self, data: bytes) -> Segment:
         """Write whole records; the segment that holds them. Never fails: memory holds what the disk refuses."""
         if self.trouble and time.monotonic() >= self._retry_at:
             self.to_disk()
         newest = self.newest
+        if newest is not None and newest.unlinked:
+            self._rescue(newest)
         if newest is None or newest.size + len(data) > self._segment_bytes or (newest.path is None and self._on_disk):
             newest = self._rotate()
         try:
@@ -68,19 +100,46 @@ class SegmentLog:
 
     def delete(self, segment: Segment) -> None:
         """Remove a segment."""
-        if segment is self.newest:
-            self.newest = None
-        self.segments.remove(segment)
-        self.bytes -= segment.size
-        try:
-            segment.delete()
-        except OSError as error:
-            _log.error("spool: %s cannot be deleted: %s", segment.path, error.strerror)
+        self._forget(segment)
+        _unlink(segment)
 
     def delete_if_done(self, segment: Segment) -> None:
         """Remove a segment of which no row waits; the newest one stays, for it holds the energy registers."""
-        if not segment.pending and segment is not self.newest:
+        if segment.pending or segment is self.newest:
+            return
+        if segment.damaged:
+            self._put_aside(segment)
+        elif self._keep_s and segment.path is not None and not self.trouble:
+            self._keep(segment)
+        else:
             self.delete(segment)
+
+    def expire(self, room: int = 0) -> None:
+        """Delete kept segments that are past their time, or stand in the way of `room` bytes."""
+        now = time.monotonic()
+        while self._kept and (
+            now - self._kept[0][0] >= self._keep_s or self.bytes + self._kept_bytes + room > self._most
+        ):
+            self._delete_kept()
+
+    def recall(self) -> None:
+        """All rows of segments that are still there wait again, delivered ones too."""
+        for _, segment in self._kept:
+            try:
+                segment.rename(SUFFIX)
+            except OSError as error:
+                _log.error("spool: %s cannot be taken back: %s", segment.path, error.strerror)
+                continue
+            self.segments.append(segment)
+            self.bytes += segment.size
+        self._kept.clear()
+        self._kept_bytes = 0
+        self.segments.sort(key=lambda segment: segment.number)
+        for segment in self.segments:
+            try:
+                segment.recall()
+            except OSError as error:
+                _log.error("spool: %s cannot be read: %s", segment.path, error.strerror)
 
     def in_memory(self) -> int:
         """Bytes that are not on disk."""
@@ -93,16 +152,26 @@ class SegmentLog:
             if segment.path is not None:
                 continue
             try:
-                segment.to_file(self._folder)
+                self._to_file(segment)
             except OSError as error:
                 self._note_trouble(error)
                 return
-            assert segment.path is not None
-            self._dirty |= {segment.path, self._folder}
             if segment is not self.newest:
                 segment.close()
         self.trouble = ""
         _log.warning("spool: the disk takes rows again")
+
+    def open_more(self) -> list[Segment]:
+        """Segments that could not be read at the start and can be now."""
+        paths, self.unopened, opened = self.unopened, [], []
+        for path in paths:
+            try:
+                opened.append(Segment.open(path))
+            except OSError:
+                self.unopened.append(path)
+        self.segments = sorted([*self.segments, *opened], key=lambda segment: segment.number)
+        self.bytes += sum(segment.size for segment in opened)
+        return opened
 
     def unconfirmed(self) -> set[Path]:
         """Files and folders that have changed since the last call."""
@@ -111,8 +180,12 @@ class SegmentLog:
 
     def close(self) -> None:
         """Write the index of the newest segment and release the folder. Raises OSError."""
-        if self.trouble:
+        if self.newest is not None and self.newest.unlinked:
+            self._rescue(self.newest)
+        if self._folder is not None and self.in_memory():
             self.to_disk()
+        if self.trouble:
+            self._to_reserve()
         if self.newest is not None:
             self.newest.close()
         confirm(self.unconfirmed())
@@ -122,33 +195,111 @@ class SegmentLog:
 
     def _open(self, folder: Path) -> None:
         try:
-            folder.mkdir(parents=True, exist_ok=True, mode=0o750)
-            self._lock = os.open(folder / "lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o640)
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            for path in sorted(folder.glob("[0-9]*.seg")):
-                segment = Segment.open(path)
-                self.segments.append(segment)
-                self.bytes += segment.size
+            self._take_folder(folder)
+            paths = {}
+            for path in sorted(folder.iterdir()):
+                number = number_of(path)
+                if number is not None and not path.is_dir():
+                    paths[path] = number
+                elif path.suffix == SUFFIX:
+                    _log.warning("spool: %s is no file of this spool, and is left alone", path)
         except BlockingIOError:
             raise UserError(f"spool {folder} is in use by another acqd; give this one another state_dir") from None
         except OSError as error:
             raise UserError(f"spool {folder}: {error.strerror}; check state_dir and its owner") from None
+        self.next_number = max(paths.values(), default=0) + 1
+        self.unopened = [path for path in paths if path.suffix == SUFFIX]
+        for path in [path for path in paths if path.suffix == KEPT]:
+            self._adopt_kept(path, paths[path])
+        backoff, ends = Backoff(), time.monotonic() + _OPENING_S
+        self.open_more()
+        while self.unopened and (pause := backoff.pause_s()) < ends - time.monotonic():
+            time.sleep(pause)
+            self.open_more()
+        for path in self.unopened:
+            _log.error("spool: %s cannot be read; its rows wait until it can", path)
+        self._make_reserve(folder)
+
+    def _take_folder(self, folder: Path) -> None:
+        """Make the folder where it is missing, and lock it. Raises OSError; BlockingIOError: another acqd has it."""
+        folder.mkdir(parents=True, exist_ok=True, mode=0o750)
+        lock = os.open(folder / "lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o640)
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            os.close(lock)
+            raise
+        if self._lock is not None:
+            os.close(self._lock)
+        self._lock = lock
+
+    @property
+    def _reserve(self) -> Path | None:
+        return self._folder / "reserve" if self._folder is not None and self._reserve_bytes else None
+
+    def _make_reserve(self, folder: Path) -> None:
+        """Have the disk set blocks aside; nothing is written to them until the disk is full."""
+        if self._reserve is None:
+            return
+        try:
+            file = os.open(folder / "reserve", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o640)
+            try:
+                os.posix_fallocate(file, 0, self._reserve_bytes)
+            finally:
+                os.close(file)
+        except OSError as error:
+            _log.warning("spool: the disk sets nothing aside for a stop while it is full (%s)", error.strerror)
+
+    def _to_reserve(self) -> None:
+        """Write what is in memory into the blocks that were set aside."""
+        memory = [segment for segment in self.segments if segment.path is None]
+        if self._reserve is None or not memory:
+            return
+        first, *others = memory
+        try:
+            first.to_reserve(self._reserve, others)
+        except OSError as error:
+            _log.error("spool: %s cannot be used either: %s", self._reserve, error.strerror)
+            return
+        self.segments = [segment for segment in self.segments if segment not in others]
+        self.newest, self.trouble = first, ""
+        _log.warning("spool: the disk is full; the rows in memory are in the blocks that were set aside for that")
 
     @property
     def _on_disk(self) -> bool:
         return self._folder is not None and not self.trouble
 
+    def _to_file(self, segment: Segment) -> None:
+        """Move a segment to its file; a folder that somebody has deleted is made again. Raises OSError."""
+        assert self._folder is not None
+        try:
+            segment.to_file(self._folder)
+        except FileNotFoundError:
+            self._take_folder(self._folder)
+            _log.error("spool: the folder %s had been deleted and is made again", self._folder)
+            segment.to_file(self._folder)
+        assert segment.path is not None
+        self._dirty |= {segment.path, self._folder}
+
+    def _rescue(self, newest: Segment) -> None:
+        """Write the rows of a file that somebody has deleted into a new one of the same name."""
+        path = newest.path
+        try:
+            newest.rescue()
+            self._to_file(newest)
+        except OSError as error:
+            self._note_trouble(error)
+        _log.error("spool: somebody has deleted %s; its %d bytes are written again", path, newest.size)
+
     def _rotate(self) -> Segment:
         """Begin another segment and close the one before."""
         before, number = self.newest, self.next_number
-        folder = self._folder if self._on_disk else None
-        try:
-            segment = Segment.create(folder, number, self._now_ns())
-        except OSError as error:
-            self._note_trouble(error)
-            segment = Segment.create(None, number, self._now_ns())
-        if segment.path is not None and self._folder is not None:
-            self._dirty.add(self._folder)
+        segment = Segment.create(None, number, self._now())
+        if self._on_disk:
+            try:
+                self._to_file(segment)
+            except OSError as error:
+                self._note_trouble(error)
         self.next_number += 1
         self.newest = segment
         self.segments.append(segment)
@@ -162,3 +313,58 @@ class SegmentLog:
             _log.error("spool: the disk takes no rows (%s); they wait in memory, metering goes on", error.strerror)
         self.trouble = error.strerror or str(error)
         self._retry_at = time.monotonic() + _DISK_RETRY_S
+        while self._kept:
+            self._delete_kept()
+
+    def _forget(self, segment: Segment) -> None:
+        if segment is self.newest:
+            self.newest = None
+        self.segments.remove(segment)
+        self.bytes -= segment.size
+
+    def _keep(self, segment: Segment) -> None:
+        """Its rows are stored; a sink whose database is put back to an earlier state may want them again."""
+        self._forget(segment)
+        try:
+            segment.rename(KEPT)
+        except OSError:
+            _unlink(segment)
+            return
+        self._kept.append((time.monotonic(), segment))
+        self._kept_bytes += segment.size
+        self.expire()
+
+    def _adopt_kept(self, path: Path, number: int) -> None:
+        """Kept by an earlier start: its time begins again."""
+        segment = Segment(number, path)
+        with suppress(OSError):
+            segment = Segment.open(path)
+        self._kept.append((time.monotonic(), segment))
+        self._kept_bytes += segment.size
+
+    def _delete_kept(self) -> None:
+        _, segment = self._kept.popleft()
+        self._kept_bytes -= segment.size
+        _unlink(segment)
+
+    def _put_aside(self, segment: Segment) -> None:
+        """Keep a damaged file for a person, apart from the rows that wait; the oldest ones go when they are many."""
+        self._forget(segment)
+        try:
+            segment.rename(DAMAGED)
+            if segment.path is None:
+                return
+            files = sorted(segment.path.parent.glob(f"*{DAMAGED}"))
+            while len(files) > 1 and sum(file.stat().st_size for file in files) > self._most // _DAMAGED_SHARE:
+                files.pop(0).unlink()
+        except OSError as error:
+            _log.error("spool: %s cannot be put aside: %s", segment.path, error.strerror)
+            return
+        _log.warning("spool: the damaged file is kept as %s", segment.path)
+
+
+def _unlink(segment: Segment) -> None:
+    try:
+        segment.delete()
+    except OSError as error:
+        _log.error("spool: %s cannot be deleted: %s", segment.path, error.strerror)

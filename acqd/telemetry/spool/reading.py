@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
 
 from acqd.telemetry.spool.record import ROW, Record, Stream, needed_at, record_at, records
 from acqd.telemetry.spool.segment import START, Segment
@@ -13,32 +14,54 @@ _MOST_BYTES = 1 << 18
 _Row = tuple[Stream, int, bytes]
 
 
+class Found(NamedTuple):
+    """What one call has read."""
+
+    rows: list[_Row]
+    number: int
+    """Of the segment where reading goes on."""
+    offset: int
+    damaged: list[Segment]
+    """Segments with bytes that are no records."""
+    failed: list[tuple[Segment, OSError]]
+    """Segments that the disk does not give out now; reading went on behind them."""
+
+
 def read_rows(
-    segments: Sequence[Segment], number: int, offset: int, most: int, wanted: Callable[[Stream, int], bool]
-) -> tuple[list[_Row], int, int, list[Segment]]:
-    """Rows that wait and are wanted from a position on, the position after them, and segments found damaged."""
-    rows: list[_Row] = []
-    damaged: list[Segment] = []
+    segments: Sequence[Segment],
+    number: int,
+    offset: int,
+    most: int,
+    wanted: Callable[[Stream, int], bool],
+    readable: Callable[[Segment], bool] = lambda _: True,
+) -> Found:
+    """Rows that wait and are wanted from a position on, of `readable` segments."""
+    found = Found([], number, offset, [], [])
     left = _MOST_BYTES
     for segment in list(segments):
         if segment.number < number:
             continue
         if segment.number > number:
             number, offset = segment.number, START
-        while segment.pending and offset < segment.size:
+        while segment.pending and offset < segment.size and readable(segment):
             if left <= 0:
-                return rows, number, offset, damaged
+                return found._replace(number=number, offset=offset)
             before = offset
-            for record, offset in _some(segment, before):
-                if record is None:
-                    damaged += [segment] if segment not in damaged else []
-                elif record.kind == ROW and _waits(segment, record, wanted):
-                    rows.append((record.stream, record.seq, record.payload))
-                    if len(rows) >= most:
-                        return rows, number, offset, damaged
+            try:
+                for record, offset in _some(segment, before):
+                    segment.trouble = ""
+                    if record is None:
+                        found.damaged.extend([segment] if segment not in found.damaged else [])
+                    elif record.kind == ROW and _waits(segment, record, wanted):
+                        found.rows.append((record.stream, record.seq, record.payload))
+                        if len(found.rows) >= most:
+                            return found._replace(number=number, offset=offset)
+            except OSError as error:
+                found.failed.append((segment, error))
+                break
             left -= offset - before
         offset = segment.size
-    return rows, number, offset, damaged
+    return found._replace(number=number, offset=offset)
 
 
 def _waits(segment: Segment, record: Record, wanted: Callable[[Stream, int], bool]) -> bool:
@@ -48,21 +71,20 @@ def _waits(segment: Segment, record: Record, wanted: Callable[[Stream, int], boo
 
 
 def _some(segment: Segment, offset: int) -> Iterator[tuple[Record | None, int]]:
-    """Records of the next chunk with the offsets after them; None for damage, which is stepped over."""
-    try:
-        data = segment.read(offset, _CHUNK)
-        if (needed := needed_at(data, 0)) > len(data):
-            data = segment.read(offset, needed)
-        at = 0
-        while (record := record_at(data, at)) is not None:
-            at = record.end
-            yield record, offset + at
-        if offset + at >= segment.size or (at and offset + at + needed_at(data, at) <= segment.size):
-            return  # the next chunk begins here
-        yield None, offset + at
-        for record in records(segment.read(offset + at, segment.size), 1):
-            yield record, offset + at + record.end
-    except OSError:
-        yield None, segment.size
-        return
+    """Records of the next chunk with the offsets after them; None for damage, which is stepped over.
+
+    Raises OSError: what the disk does not give out is no damage.
+    """
+    data = segment.read(offset, _CHUNK)
+    if (needed := needed_at(data, 0)) > len(data):
+        data = segment.read(offset, needed)
+    at = 0
+    while (record := record_at(data, at)) is not None:
+        at = record.end
+        yield record, offset + at
+    if offset + at >= segment.size or (at and offset + at + needed_at(data, at) <= segment.size):
+        return  # the next chunk begins here
+    yield None, offset + at
+    for record in records(segment.read(offset + at, segment.size), 1):
+        yield record, offset + at + record.end
     yield None, segment.size

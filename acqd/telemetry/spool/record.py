@@ -12,13 +12,16 @@ from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 from zlib import crc32
 
+from acqd.uptime import Moment
+
 Energy: TypeAlias = list[tuple[float, float]]
 """Imported and exported energy of each phase [kWh]."""
-ROW, ENERGY, INDEX, REGISTERS = 1, 2, 3, 4
+ROW, ENERGY, INDEX, REGISTERS, BEGUN = 1, 2, 3, 4, 5
 _MARK = b"\xac\xd1"
 _HEAD = struct.Struct("<2sBHI")  # mark, kind, bytes of the stream's name, bytes of the body
 _CRC = struct.Struct("<I")
 _SEQ = struct.Struct("<Q")
+_MOMENT = struct.Struct("<16sQ")
 OVERHEAD = _HEAD.size + _CRC.size
 """Bytes of a record besides the name of the stream and the body."""
 LONGEST = 1 << 20
@@ -82,6 +85,11 @@ class Record:
         return list(zip(values[::2], values[1::2], strict=True))
 
     @property
+    def begun(self) -> Moment:
+        """When the segment was begun, of a record of that kind."""
+        return Moment(*_MOMENT.unpack(self.body))
+
+    @property
     def numbers(self) -> tuple[float, ...]:
         """Of a record of registers."""
         return struct.unpack(f"<{len(self.body) // 8}d", self.body)
@@ -102,6 +110,11 @@ def energy_record(device: str, energy: Energy) -> bytes:
 def registers_record(device: str, numbers: Sequence[float]) -> bytes:
     """State of a device's registers besides energy."""
     return _record(REGISTERS, device.encode(), struct.pack(f"<{len(numbers)}d", *numbers))
+
+
+def begun_record(begun: Moment) -> bytes:
+    """When a segment was begun."""
+    return _record(BEGUN, b"", _MOMENT.pack(*begun))
 
 
 def index_record(content: bytes) -> bytes:

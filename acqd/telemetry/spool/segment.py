@@ -6,9 +6,12 @@ not (power loss, kill) is read as a whole. The same bytes can be held in memory 
 
 from __future__ import annotations
 
+import errno
 import json
 import os
+import re
 import struct
+import time
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -16,6 +19,7 @@ from typing import Any
 
 from acqd.telemetry.ranges import Ranges
 from acqd.telemetry.spool.record import (
+    BEGUN,
     ENERGY,
     INDEX,
     OVERHEAD,
@@ -23,10 +27,12 @@ from acqd.telemetry.spool.record import (
     ROW,
     Energy,
     Stream,
+    begun_record,
     index_record,
     record_at,
     records,
 )
+from acqd.uptime import Moment
 
 _MAGIC, _END = b"ACQDSPL1", b"ACQDEND1"
 _HEAD = struct.Struct("<8sQ")  # magic, UTC of creation [ns]
@@ -34,13 +40,24 @@ _TAIL = struct.Struct("<8sI")  # magic, offset of the index
 START = _HEAD.size
 """Offset of the first record."""
 _MODE = 0o640
+_FIRST_RECORD = 256
+"""Bytes that hold the first record, when the segment was begun."""
+SUFFIX, KEPT, DAMAGED = ".seg", ".kept", ".damaged"
+"""Rows that wait; rows that are stored, kept for a sink whose database was restored; what cannot be read."""
+_NAME = re.compile(r"(\d{16})\.(?:seg|kept|damaged)")
+
+
+def number_of(path: Path) -> int | None:
+    """Number of the segment in a file; None for a file that no spool has written."""
+    named = _NAME.fullmatch(path.name)
+    return int(named[1]) if named else None
 
 
 class Segment:
     """Rows in one file (or in memory), and which of them still wait."""
 
-    def __init__(self, number: int, path: Path | None, created_ns: int) -> None:
-        self.number, self.path, self.created_ns = number, path, created_ns
+    def __init__(self, number: int, path: Path | None) -> None:
+        self.number, self.path = number, path
         self.size = START
         """Bytes up to the end of the last record."""
         self.pending: dict[Stream, Ranges] = {}
@@ -48,37 +65,48 @@ class Segment:
         """Readings of each device's registers after its last row; "" as device in files of the time of one device."""
         self.registers: dict[str, Sequence[float]] = {}
         """State of each device's other registers then."""
+        self.begun: Moment | None = None
+        """None in files that do not say it."""
         self.damaged = 0
         """Bytes that could not be read."""
+        self.trouble = ""
+        """Why the file cannot be read at present, else empty."""
+        self.paused_until = 0.0
+        """No attempt to read before this monotonic time [s]."""
         self._memory = bytearray()
         self._file: int | None = None
 
     @classmethod
-    def create(cls, folder: Path | None, number: int, created_ns: int) -> Segment:
+    def create(cls, folder: Path | None, number: int, begun: Moment) -> Segment:
         """An empty segment; without `folder`, in memory. Raises OSError."""
-        segment = cls(number, None, created_ns)
-        segment._memory += _HEAD.pack(_MAGIC, created_ns)
+        segment = cls(number, None)
+        record = begun_record(begun)
+        segment._memory += _HEAD.pack(_MAGIC, time.time_ns()) + record
+        segment.begun, segment.size = begun, START + len(record)
         if folder is not None:
             segment.to_file(folder)
         return segment
 
     @classmethod
     def open(cls, path: Path) -> Segment:
-        """The segment in a file, damage skipped and a torn end cut off. Raises OSError."""
+        """The segment in a file, damage and a torn end skipped. Raises OSError."""
+        number = number_of(path)
+        assert number is not None
+        segment = cls(number, path)
         with path.open("rb", buffering=0) as file:
-            head, size = file.read(START), os.fstat(file.fileno()).st_size
-            magic, created_ns = _HEAD.unpack(head) if len(head) == START else (b"", 0)
-            if magic != _MAGIC:
-                created_ns = path.stat().st_mtime_ns
-            segment = cls(int(path.stem), path, created_ns)
-            if not segment._read_index(file.fileno(), size):
-                segment._scan(path.read_bytes())
+            size = os.fstat(file.fileno()).st_size
+            if segment._read_index(file.fileno(), size):
+                first = record_at(_read(file.fileno(), min(_FIRST_RECORD, size - START), START), 0)
+                segment.begun = first.begun if first is not None and first.kind == BEGUN else None
+            else:
+                data = _read(file.fileno(), size, 0)
+                segment.damaged = max(0, size - START - segment._index(data))
         return segment
 
     def to_file(self, folder: Path) -> None:
         """Move what is in memory to a new file. Raises OSError and changes nothing."""
-        path = folder / f"{self.number:016d}.seg"
-        file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC | os.O_APPEND, _MODE)
+        path = folder / f"{self.number:016d}{SUFFIX}"
+        file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC | os.O_APPEND, _MODE)
         try:
             _write(file, self._memory)
         except OSError:
@@ -86,6 +114,38 @@ class Segment:
             path.unlink(missing_ok=True)
             raise
         self.path, self._file, self._memory = path, file, bytearray()
+
+    def to_reserve(self, reserve: Path, memory: Sequence[Segment]) -> None:
+        """Move what is in memory here and in the segments `memory` into blocks that the disk has set aside.
+
+        The reserve becomes the file of this segment. Raises OSError and changes nothing.
+        """
+        content = self._memory + b"".join(bytes(other._memory[START:]) for other in memory)
+        path = reserve.with_name(f"{self.number:016d}{SUFFIX}")
+        file = os.open(reserve, os.O_RDWR | os.O_CLOEXEC)
+        try:
+            if len(content) > os.fstat(file).st_size:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            _write(file, content)
+            os.ftruncate(file, len(content))
+            os.fsync(file)
+            os.rename(reserve, path)
+        finally:
+            os.close(file)
+        self.path, self._memory = path, bytearray()
+        self._index(bytes(content))
+
+    @property
+    def unlinked(self) -> bool:
+        """Whether somebody has deleted the file to which rows are appended."""
+        return self._file is not None and os.fstat(self._file).st_nlink == 0
+
+    def rescue(self) -> None:
+        """Take the content of a deleted file that is still open back into memory. Raises OSError."""
+        assert self._file is not None
+        self._memory = bytearray(_read(self._file, self.size, 0))
+        os.close(self._file)
+        self._file = self.path = None
 
     def append(self, data: bytes) -> None:
         """Write whole records with one call. Raises OSError; nothing of `data` is kept then."""
@@ -118,11 +178,15 @@ class Segment:
 
     def delete(self) -> None:
         """Remove the file. Raises OSError."""
-        if self._file is not None:
-            os.close(self._file)
-            self._file = None
+        self._release()
         if self.path is not None:
             self.path.unlink(missing_ok=True)
+
+    def rename(self, suffix: str) -> None:
+        """Give the file another role. Raises OSError."""
+        self._release()
+        if self.path is not None:
+            self.path = self.path.rename(self.path.with_suffix(suffix))
 
     def read(self, offset: int, size: int) -> bytes:
         """At most `size` bytes of records. Raises OSError."""
@@ -130,16 +194,12 @@ class Segment:
         if self.path is None:
             return bytes(self._memory[offset : offset + size])
         with self.path.open("rb", buffering=0) as file:
-            return os.pread(file.fileno(), size, offset)
+            return _read(file.fileno(), size, offset)
 
     def lose_unreadable(self) -> int:
-        """Give up rows that cannot be read any more; how many."""
-        try:
-            data = self.read(0, self.size)
-        except OSError:
-            data = b""
-        kept = Segment(self.number, None, 0)
-        kept._index(data)
+        """Give up rows that damage has destroyed; how many. Raises OSError where the file cannot be read now."""
+        kept = Segment(self.number, None)
+        kept._index(self.read(0, self.size))
         lost = 0
         for stream, rows in list(self.pending.items()):
             there = kept.pending.get(stream, Ranges())
@@ -152,12 +212,16 @@ class Segment:
                 del self.pending[stream]
         return lost
 
-    def _scan(self, data: bytes) -> None:
-        """Find the rows of a segment that was not closed."""
-        read = self._index(data)
-        self.damaged = max(0, len(data) - START - read)
-        if self.path is not None and self.size < len(data):
-            os.truncate(self.path, self.size)
+    def recall(self) -> None:
+        """Every row of the segment waits again. Raises OSError."""
+        whole = Segment(self.number, None)
+        whole._index(self.read(0, self.size))
+        self.pending = whole.pending
+
+    def _release(self) -> None:
+        if self._file is not None:
+            os.close(self._file)
+            self._file = None
 
     def _index(self, data: bytes) -> int:
         """Note every intact record; their bytes together."""
@@ -170,6 +234,8 @@ class Segment:
                 self.energy[record.device] = record.energy
             elif record.kind == REGISTERS:
                 self.registers[record.device] = record.numbers
+            elif record.kind == BEGUN:
+                self.begun = record.begun
             intact += length + OVERHEAD
             before = record.end
         self.size = before
@@ -179,8 +245,8 @@ class Segment:
         """Take the rows from the index at the end; False if it is missing or damaged."""
         if size < START + _TAIL.size:
             return False
-        magic, offset = _TAIL.unpack(os.pread(file, _TAIL.size, size - _TAIL.size))
-        record = record_at(os.pread(file, size, offset), 0) if magic == _END and offset < size else None
+        magic, offset = _TAIL.unpack(_read(file, _TAIL.size, size - _TAIL.size))
+        record = record_at(_read(file, size - offset, offset), 0) if magic == _END and offset < size else None
         if record is None or record.kind != INDEX:
             return False
         content = json.loads(record.body)
@@ -195,6 +261,14 @@ def _energy(content: Any) -> dict[str, Energy]:
     """Registers by device in an index; registers of one device were a list."""
     devices = content if isinstance(content, dict) else {"": content or []}
     return {name: [(pair[0], pair[1]) for pair in pairs] for name, pairs in devices.items() if pairs}
+
+
+def _read(file: int, size: int, offset: int) -> bytes:
+    """`size` bytes from `offset` on, fewer only at the end of the file. Raises OSError."""
+    data = os.pread(file, size, offset)
+    while len(data) < size and (more := os.pread(file, size - len(data), offset + len(data))):
+        data += more
+    return data
 
 
 def _write(file: int, data: bytes | bytearray) -> None:

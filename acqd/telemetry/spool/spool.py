@@ -1,4 +1,4 @@
-"""The spool: rows in order, kept until they are delivered, dropped only by the policy when it is full.
+"""The spool: rows in order, kept until they are delivered, dropped only by the policy when it is full (ADR 29).
 
 `append` writes a window with one call, so that a killed process loses no row that it has appended. To `confirm` what is
 `unconfirmed`, once a second in another thread, makes the rows safe from power loss. Memory grows with the number of
@@ -14,18 +14,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, NamedTuple
 
+from acqd.retry import Backoff
 from acqd.telemetry.ranges import Ranges
 from acqd.telemetry.spool.log import SegmentLog
 from acqd.telemetry.spool.reading import read_rows
 from acqd.telemetry.spool.record import Readings, Stream, energy_record, registers_record, row_record
 from acqd.telemetry.spool.segment import START, Segment
+from acqd.uptime import Moment, moment
 
 _log = logging.getLogger(__name__)
 _SEGMENT = 1 << 20
 _PARTS = 16  # a spool has at least so many segments, so that dropping one costs little
 _MEMORY = 32 << 20  # bytes of a spool without a folder at most
 _ALERT, _CALM = 0.9, 0.8
-_PLAUSIBLE_NS = 1_577_836_800 * 10**9  # 2020: a clock that says less has not been set, and tells no age
 WhenFull = Literal["drop-oldest", "drop-newest"]
 
 
@@ -50,29 +51,41 @@ class Limits:
 
     max_bytes: int = 1_000_000_000
     max_age_s: float = 30 * 86_400.0
+    """From which age on rows that wait are a problem that somebody has to know of; no row goes for its age."""
     when_full: WhenFull = "drop-oldest"
     memory_bytes: int = 4 << 20
     """What waits in memory while the disk takes nothing."""
+    keep_s: float = 0.0
+    """How long delivered rows are kept for a sink whose database is put back to an earlier state."""
 
 
 class Spool:
     """Rows that wait; for one thread."""
 
     def __init__(
-        self, folder: Path | None, limits: Limits | None = None, now_ns: Callable[[], int] = time.time_ns
+        self, folder: Path | None, limits: Limits | None = None, now: Callable[[], Moment] = moment
     ) -> None:
         """Without `folder`, rows wait in memory. Raises UserError when the folder cannot be used."""
         self.limits = limits or Limits()
         self.max_bytes = self.limits.max_bytes if folder else min(self.limits.max_bytes, _MEMORY)
-        self._now_ns = now_ns
+        self._folder, self._now = folder, now
         segment_bytes = max(4096, min(_SEGMENT, self.max_bytes // _PARTS))
         self._most = self.max_bytes - segment_bytes  # the newest segment will grow
-        self._log = SegmentLog(folder, segment_bytes, now_ns)
-        self.unconfirmed, self.close = self._log.unconfirmed, self._log.close
+        self._log = SegmentLog(
+            folder,
+            segment_bytes,
+            now,
+            most_bytes=self._most,
+            reserve_bytes=min(self.limits.memory_bytes, self.max_bytes) + 2 * segment_bytes,
+            keep_s=self.limits.keep_s,
+        )
+        self.unconfirmed = self._log.unconfirmed
         self.accepted = self.dropped = self.damaged_bytes = 0
         self._readings: dict[str, Readings] = {}
-        self._alerted = self._dropping = False
+        self._alerted = self._old = self._dropping = self._unreadable = False
         self._names: dict[Stream, bytes] = {}
+        self._backoff, self._look_again = Backoff(), False
+        self._open_at = 0.0
         for segment in self._log.segments:
             self._adopt(segment)
         if waiting := len(self):
@@ -136,14 +149,50 @@ class Spool:
         self, position: Position, most: int, wanted: Callable[[Stream, int], bool]
     ) -> tuple[list[SpooledRow], Position]:
         """The next rows that wait and are `wanted`, and the position after them; fewer while there is much to skip."""
-        rows, segment, offset, damaged = read_rows(self._log.segments, *position, most, wanted)
+        now = time.monotonic()
+        rows, segment, offset, damaged, failed = read_rows(
+            self._log.segments, *position, most, wanted, lambda segment: segment.paused_until <= now
+        )
         for bad in damaged:
-            lost = bad.lose_unreadable()
-            self.dropped += lost
-            if lost:
-                _log.error("spool: %s is damaged: %d rows cannot be read any more", bad.path, lost)
-            self._log.delete_if_done(bad)
+            self._lose(bad)
+        for away, error in failed:
+            self._pause(away, error)
+        if self._unreadable and not self.reading_trouble:
+            self._unreadable = False
+            self._backoff.reset()
+            _log.warning("spool: all rows can be read again")
         return [SpooledRow(*row) for row in rows], Position(segment, offset)
+
+    def readable_again(self) -> bool:
+        """Whether rows that the disk did not give out are to be tried again: read from the start then."""
+        now = time.monotonic()
+        if self._log.unopened and now >= self._open_at:
+            self._open_at = now + self._backoff.pause_s()
+            for segment in self._log.open_more():
+                _log.warning("spool: %s can be read; its rows are sent", segment.path)
+                self._adopt(segment, behind=True)
+                self._look_again = True
+        if self._look_again and all(segment.paused_until <= now for segment in self._log.segments):
+            self._look_again = False
+            return True
+        return False
+
+    def recall(self) -> int:
+        """Rows that are delivered and still kept wait again, for a sink that has lost them; how many."""
+        before = len(self)
+        self._log.recall()
+        return len(self) - before
+
+    def close(self) -> int:
+        """Write everything to the disk and release the folder; how many rows could not be written.
+
+        Raises OSError.
+        """
+        try:
+            self._log.close()
+        finally:
+            in_memory = [segment for segment in self._log.segments if segment.path is None]
+        return sum(len(rows) for segment in in_memory for rows in segment.pending.values())
 
     @property
     def start(self) -> Position:
@@ -177,31 +226,40 @@ class Spool:
         return self._log.trouble
 
     @property
+    def reading_trouble(self) -> str:
+        """Why rows that wait cannot be read now, else empty."""
+        if self._log.unopened:
+            return f"{len(self._log.unopened)} files of an earlier start cannot be opened"
+        return next((segment.trouble for segment in self._log.segments if segment.trouble and segment.pending), "")
+
+    @property
     def age_s(self) -> float:
-        """Age of the oldest segment with a row that waits [s]."""
-        now = self._now_ns()
-        return next((_age(segment, now) for segment in self._log.segments if segment.pending), 0.0)
+        """Age of the oldest segment with a row that waits [s]; since the computer's start at least."""
+        oldest = next((segment for segment in self._log.segments if segment.pending), None)
+        if oldest is None or oldest.begun is None:
+            return 0.0
+        return oldest.begun.age_s(self._now())
 
     @property
     def devices(self) -> set[str]:
         """Devices of the rows that wait."""
         return {stream.device for segment in self._log.segments for stream in segment.pending}
 
-    def _adopt(self, segment: Segment) -> None:
-        """Take over a segment of an earlier start."""
+    def _adopt(self, segment: Segment, *, behind: bool = False) -> None:
+        """Take over a segment of an earlier start; `behind`: rows of this start have newer readings."""
         if segment.damaged:
             self.damaged_bytes += segment.damaged
             _log.warning("spool: %s was torn: %d bytes left out", segment.path, segment.damaged)
+        if behind:
+            return
         for device, energy in segment.energy.items():
             self._readings[device] = Readings(energy, segment.registers.get(device))
 
     def _limit(self) -> None:
-        """Drop the oldest segments while there is too much, or too old, or too much in memory."""
-        now, log = self._now_ns(), self._log
+        """Drop the oldest segments while there is too much, or too much in memory."""
+        log = self._log
         oldest, drops = log.segments[0], self.limits.when_full == "drop-oldest"
-        while oldest is not log.newest and (
-            (drops and self.size > self._most) or _age(oldest, now) > self.limits.max_age_s
-        ):
+        while oldest is not log.newest and drops and self.size > self._most:
             self._drop(oldest)
             oldest = log.segments[0]
         if log.trouble and log.in_memory() > self.limits.memory_bytes and oldest is not log.newest:
@@ -210,13 +268,44 @@ class Spool:
             in_memory = [segment for segment in log.segments if segment.path is None]
             if log.trouble and len(in_memory) > 1 and log.in_memory() > self.limits.memory_bytes:
                 self._drop(in_memory[0])
-        share = max(self.size / self._most, self.age_s / self.limits.max_age_s)
+        log.expire()
+        self._warn()
+
+    def _warn(self) -> None:
+        """Say when the spool fills, and when its rows become old."""
+        share, old = self.size / self._most, self.age_s > self.limits.max_age_s
         if share >= _ALERT and not self._alerted:
             self._alerted = True
             _log.warning("spool: %d %% full; when it is full: %s", 100 * share, self.limits.when_full)
         elif share < _CALM and self._alerted:
             self._alerted = self._dropping = False
             _log.info("spool: below %d %% again; %d rows were dropped in all", 100 * _CALM, self.dropped)
+        if old and not self._old:
+            _log.warning("spool: the oldest rows have waited for %.1f days", self.age_s / 86_400)
+        self._old = old
+
+    def _lose(self, damaged: Segment) -> None:
+        """Give up what damage has destroyed; where the disk does not give the file out again, nothing."""
+        try:
+            lost = damaged.lose_unreadable()
+        except OSError as error:
+            self._pause(damaged, error)
+            return
+        if not lost:
+            return
+        self.dropped += lost
+        damaged.damaged = max(1, damaged.damaged)
+        _log.error("spool: %s is damaged: %d rows cannot be read any more", damaged.path, lost)
+        self._log.delete_if_done(damaged)
+
+    def _pause(self, segment: Segment, error: OSError) -> None:
+        """The disk does not give a segment out: its rows wait, and are tried again after a pause."""
+        if not self._unreadable:
+            self._unreadable = True
+            _log.error("spool: %s cannot be read (%s); its rows wait, trying again", segment.path, error.strerror)
+        segment.trouble = f"{segment.path} cannot be read: {error.strerror or error}"
+        segment.paused_until = time.monotonic() + self._backoff.pause_s()
+        self._look_again = True
 
     def _drop(self, segment: Segment) -> None:
         self._lost(sum(len(rows) for rows in segment.pending.values()), "dropping the oldest rows")
@@ -234,7 +323,3 @@ class Spool:
             name = self._names[stream] = stream.encoded()
         return name
 
-
-def _age(segment: Segment, now_ns: int) -> float:
-    """Age [s]; 0 where the clock had not been set."""
-    return max(0, now_ns - segment.created_ns) / 1e9 if segment.created_ns > _PLAUSIBLE_NS else 0.0

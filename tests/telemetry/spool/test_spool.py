@@ -23,6 +23,7 @@ from acqd.errors import UserError
 from acqd.telemetry.spool import Limits, Readings, Spool, SpooledRow, Stream, confirm, segment
 from acqd.telemetry.spool.record import energy_record, index_record, row_record
 from acqd.telemetry.spool.segment import Segment
+from acqd.uptime import Moment
 
 STREAMS = [Stream("cell1", channel, "boot1") for channel in ("L1", "total")]
 
@@ -188,20 +189,173 @@ def test_a_full_spool_may_refuse_the_newest(tmp_path):
     assert [row.seq for row in everything(spool)][-1] == kept - 1
 
 
-def test_old_rows_are_dropped_but_a_clock_that_was_not_set_drops_nothing(tmp_path):
-    now = 1_700_000_000 * 10**9
-    spool = Spool(tmp_path, Limits(max_bytes=64 * 4096, max_age_s=100), lambda: now)
+def test_no_row_goes_for_its_age_and_ages_count_by_a_clock_that_nobody_sets(tmp_path, caplog):
+    now = [Moment(b"a" * 16, 10**9)]
+    limits = Limits(max_bytes=64 * 4096, max_age_s=100)
+    spool = Spool(tmp_path, limits, lambda: now[0])
     for k in range(40):
         spool.append(window(k, 200))
-    now += 200 * 10**9
-    for k in range(40, 80):
-        spool.append(window(k, 200))
-    assert spool.dropped and spool.age_s < 100 and everything(spool)[-1].seq == 79
+    now[0] = Moment(b"a" * 16, 301 * 10**9)
+    with mock.patch("time.time_ns", lambda: 10**9), mock.patch("time.time", lambda: 1.0):
+        for k in range(40, 80):
+            spool.append(window(k, 200))
+        assert spool.age_s == 300 and not spool.dropped and caplog.text.count("have waited") == 1
     spool.close()
-    unset = Spool(tmp_path / "unset", Limits(max_bytes=64 * 4096, max_age_s=100), lambda: 10**9)
-    for k in range(40):
-        unset.append(window(k, 200))
-    assert not unset.dropped and unset.age_s == 0
+    now[0] = Moment(b"a" * 16, 401 * 10**9)
+    again = Spool(tmp_path, limits, lambda: now[0])
+    assert again.age_s == 400 and len(again) == 160
+    again.close()
+    now[0] = Moment(b"b" * 16, 50 * 10**9)
+    after_a_restart_of_the_computer = Spool(tmp_path, limits, lambda: now[0])
+    assert after_a_restart_of_the_computer.age_s == 50 and len(after_a_restart_of_the_computer) == 160
+
+
+class Unreadable:
+    """os.pread that fails while `error` is set, for the files whose offsets and sizes a spool asks for."""
+
+    def __init__(self, error):
+        self.error = error
+        self._pread = os.pread
+
+    def __call__(self, file, size, offset):
+        if self.error:
+            raise OSError(self.error, os.strerror(self.error))
+        return self._pread(file, size, offset)
+
+
+@pytest.mark.parametrize("error", [errno.EIO, errno.ESTALE, errno.ENOMEM])
+def test_a_disk_that_does_not_give_rows_out_is_waited_for_and_costs_no_row(tmp_path, caplog, error):
+    spool, sent = Spool(tmp_path, Limits(max_bytes=200_000)), [row for k in range(500) for row in window(k)]
+    for k in range(500):
+        spool.append(window(k))
+    disk, files = Unreadable(error), sorted(tmp_path.glob("*.seg"))
+    with mock.patch.object(segment.os, "pread", disk), mock.patch.object(spool._backoff, "pause_s", lambda: 0.0):
+        assert everything(spool) == [] and len(spool) == 1000 and sorted(tmp_path.glob("*.seg")) == files
+        assert os.strerror(error) in spool.reading_trouble and not spool.dropped
+        assert spool.readable_again() and everything(spool) == []
+        disk.error = 0
+        assert spool.readable_again() and everything(spool) == sent and not spool.reading_trouble
+    assert caplog.text.count("cannot be read") == 1 and caplog.text.count("can be read again") == 1
+
+
+def test_no_descriptor_left_is_no_damage(tmp_path):
+    spool = Spool(tmp_path)
+    spool.append(window(0))
+    with mock.patch.object(Path, "open", side_effect=OSError(errno.EMFILE, os.strerror(errno.EMFILE))):
+        assert everything(spool) == [] and len(spool) == 2
+    assert "Too many open files" in spool.reading_trouble
+
+
+def test_a_start_waits_for_files_that_cannot_be_read_and_meters_without_them_if_need_be(tmp_path):
+    spool = Spool(tmp_path)
+    spool.append(window(0))
+    spool.close()
+    disk = Unreadable(errno.EIO)
+    with mock.patch.object(segment.os, "pread", disk), mock.patch("acqd.telemetry.spool.log._OPENING_S", 0.0):
+        again = Spool(tmp_path)
+        again._backoff.pause_s = lambda: 0.0
+        again.append(window(1))
+        assert everything(again) == [] and "cannot be opened" in again.reading_trouble
+        disk.error = 0
+        again._open_at = 0.0
+        assert again.readable_again() and everything(again) == window(0) + window(1)
+    assert not again.reading_trouble
+
+
+@pytest.mark.parametrize("name", ["0000000000000001 (copy).seg", "x.seg", "1.seg", "00000000000000001.seg", "dir"])
+def test_foreign_files_in_the_folder_stop_nothing_and_stay(tmp_path, name):
+    spool = Spool(tmp_path)
+    spool.append(window(0))
+    spool.close()
+    (path,) = tmp_path.glob("*.seg")
+    foreign = tmp_path / (name if name != "dir" else "0000000000000007.seg")
+    foreign.mkdir() if name == "dir" else shutil.copy(path, foreign)
+    again = Spool(tmp_path)
+    assert everything(again) == window(0)
+    for k in range(1, 9):
+        again.append(window(k, 5000))
+    again.close()
+    assert foreign.exists()
+
+
+def test_a_damaged_file_is_put_aside_and_not_deleted(tmp_path):
+    spool = Spool(tmp_path, Limits(max_bytes=200_000))
+    for k in range(200):
+        spool.append(window(k))
+    first = sorted(tmp_path.glob("*.seg"))[0]
+    first.write_bytes(first.read_bytes()[:16] + b"\0" * 200 + b"x" * (first.stat().st_size - 216))
+    rows = everything(spool)
+    assert rows and len(rows) == len(spool) == 400 - spool.dropped and spool.dropped
+    assert not first.exists() and first.with_suffix(".damaged").exists()
+    spool.close()
+    assert everything(Spool(tmp_path)) == rows
+
+
+def test_the_folder_is_made_again_and_the_rows_of_the_open_file_survive(tmp_path, caplog):
+    folder = tmp_path / "spool"
+    spool = Spool(folder)
+    for k in range(20):
+        spool.append(window(k))
+    shutil.rmtree(folder)
+    for k in range(20, 30):
+        spool.append(window(k))
+    spool.close()
+    assert everything(Spool(folder)) == [row for k in range(30) for row in window(k)]
+    assert "is made again" in caplog.text
+
+
+@pytest.mark.parametrize("rows", [1, 300, 2_500])
+def test_a_stop_on_a_full_disk_leaves_the_rows_in_memory_in_blocks_that_were_set_aside(tmp_path, rows):
+    disk = FullDisk(50_000)
+    with mock.patch("acqd.telemetry.spool.log._DISK_RETRY_S", 0.0):
+        spool = Spool(tmp_path, Limits(max_bytes=10_000_000))
+        reserve = tmp_path / "reserve"
+        assert reserve.stat().st_blocks * 512 >= 4 << 20
+        set_aside = os.stat(reserve).st_ino
+        real = os.write
+        with mock.patch.object(
+            segment.os, "write", lambda f, d: real(f, d) if os.fstat(f).st_ino == set_aside else disk(f, d)
+        ):
+            for k in range(rows):
+                spool.append(window(k, 700), Readings([(float(k), 0.0)]))
+            assert spool.close() == 0
+    again = Spool(tmp_path)
+    assert everything(again) == [row for k in range(rows) for row in window(k, 700)]
+    assert again.readings("cell1").energy == [(rows - 1.0, 0.0)] and reserve.exists()
+
+
+def test_a_stop_says_how_many_rows_no_disk_has_taken(tmp_path):
+    spool = Spool(tmp_path)
+    (tmp_path / "reserve").unlink()
+    with mock.patch.object(segment.os, "write", FullDisk(0)):
+        spool.append(window(0))
+        assert spool.close() == 2
+
+
+def test_delivered_rows_are_kept_for_a_while_and_wait_again_when_they_are_recalled(tmp_path):
+    limits = Limits(max_bytes=400_000, keep_s=1000.0)
+    spool = Spool(tmp_path, limits)
+    for k in range(500):
+        spool.append(window(k))
+    for stream in STREAMS:
+        spool.remove(stream, 0, 450)
+    assert len(spool) == 98 and list(tmp_path.glob("*.kept")) and everything(spool) == [
+        row for k in range(451, 500) for row in window(k)
+    ]
+    assert spool.recall() == 902 and everything(spool) == [row for k in range(500) for row in window(k)]
+    for stream in STREAMS:
+        spool.remove(stream, 0, 499)
+    for k in range(500, 4_000):
+        spool.append(window(k))
+        for stream in STREAMS:
+            spool.remove(stream, k, k)
+        assert sum(path.stat().st_size for path in tmp_path.glob("0*")) <= 430_000
+    spool.close()
+    again = Spool(tmp_path, Limits(max_bytes=400_000, keep_s=0.0))
+    assert len(again) <= 200, "what was kept does not wait after a restart"
+    again.append(window(4_000, 25_000))
+    again.append(window(4_001, 25_000))
+    assert not list(tmp_path.glob("*.kept"))
 
 
 class FullDisk:
