@@ -51,3 +51,24 @@ class StateLog:
         """Name of the trouble that the subject is in; empty when it works."""
         known = self._states.get(subject)
         return known.name if known else ""
+
+
+class Repeats:
+    """Writes what happens again and again as a sum: at once the first time, then at most once a minute."""
+
+    def __init__(
+        self, logger: logging.Logger, pause_s: float = 60.0, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        """`pause_s` between two lines of one text."""
+        self._logger, self._pause_s, self._clock = logger, pause_s, clock
+        self._waiting: dict[str, int] = {}
+        self._due: dict[str, float] = {}
+
+    def count(self, number: int, text: str, level: int = logging.WARNING) -> None:
+        """`text` has a %d for the sum."""
+        waiting = self._waiting.get(text, 0) + number
+        now = self._clock()
+        if waiting and now >= self._due.get(text, now):
+            self._logger.log(level, text, waiting)
+            waiting, self._due[text] = 0, now + self._pause_s
+        self._waiting[text] = waiting

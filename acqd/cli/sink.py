@@ -14,6 +14,7 @@ import orjson
 import typer
 from rich.progress import Progress
 
+from acqd.cli import quarantine
 from acqd.cli.completeness_table import show_completeness
 from acqd.cli.options import ConfigFile, Host, Json, Port, configured
 from acqd.cli.terminal import terminal
@@ -21,12 +22,14 @@ from acqd.daemon.config import Config
 from acqd.daemon.health.sink import SinkHealth
 from acqd.daemon.notify import notify
 from acqd.errors import UserError
+from acqd.plc.kernel_clock import kernel_synchronised
 from acqd.plc.realtime import die_with_parent
 
 if TYPE_CHECKING:
     from acqd.storage.sink import Sink
 
 app = typer.Typer(invoke_without_command=True)
+app.add_typer(quarantine.app, name="quarantine", help="What is no row, or cannot be true: list, restore or drop it.")
 Database = Annotated[str | None, typer.Option(help="SQLite file or URL (default acqd.sqlite, or the config's).")]
 
 
@@ -51,6 +54,7 @@ def sink(
             raise UserError(f"put the options after the subcommand: acqd sink {context.invoked_subcommand} ...")
         return
     # Here and below: SQLAlchemy is slow to import, and `acqd run` imports this module too.
+    from acqd.storage.clock_witness import ClockWitness
     from acqd.storage.database import DatabaseAwayError, engine_for, prepare
     from acqd.storage.sink import Sink
 
@@ -68,7 +72,9 @@ def sink(
     options = replace(settings.sink.settings(), mqtt5=mqtt5)
     if group is not None:
         options = replace(options, group=group)
-    worker = Sink(settings.mqtt.address(), engine, options, prepared=prepared)
+    worker = Sink(
+        settings.mqtt.address(), engine, options, prepared=prepared, witness=ClockWitness(kernel_synchronised)
+    )
     stopping = False
 
     def stop(*_: object) -> None:

@@ -30,6 +30,8 @@ class Batch:
     messages: Sequence[Received]
     numbers: list[int]
     connection: int
+    begun: float
+    """Monotonic time at which its first message came [s]."""
 
 
 class Committer:

@@ -99,7 +99,7 @@ def transaction(engine: sa.Engine) -> Iterator[sa.Connection]:
 def migrate(engine: sa.Engine) -> None:
     """Bring the schema to the newest version; safe while several sinks start at once."""
     config = Config()
-    config.set_main_option("script_location", str(MIGRATIONS))
+    config.set_main_option("script_location", str(MIGRATIONS).replace("%", "%%"))
     with engine.begin() as connection:
         if engine.dialect.name == "postgresql":
             connection.execute(sa.text("SELECT pg_advisory_xact_lock(4607182418800017408)"))
@@ -138,14 +138,24 @@ def _check_folder(path: str | None) -> None:
         raise UserError(f"database {path}: folder {Path(path).absolute().parent} does not exist; create it")
 
 
-def _sqlite_settings(connection: Any, _: Any) -> None:
-    # WAL: readers never wait for the sink. NORMAL: a power cut may cost the last commits, which the
-    # broker then still holds or the reader asks for again; it cannot corrupt the file.
+def file_of(engine: sa.Engine) -> Path | None:
+    """The file of an SQLite database; None for a server or memory."""
+    path = engine.url.database
+    return Path(path) if engine.dialect.name == "sqlite" and path and path != ":memory:" else None
+
+
+def _sqlite_settings(connection: Any, record: Any) -> None:
+    # WAL: readers never wait for the sink. FULL: a commit is on the disk before it returns, because a receipt follows
+    # it, and then the daemon forgets the rows (ADR 31).
     connection.isolation_level = None  # transactions are begun by us, not guessed by sqlite3
     connection.create_function("sqrt", 1, lambda x: None if x is None else math.sqrt(x), deterministic=True)
     cursor = connection.cursor()
     _to_wal(cursor)
-    cursor.execute("PRAGMA synchronous=NORMAL")
+    cursor.execute("PRAGMA synchronous=FULL")
+    _, _, path = cursor.execute("PRAGMA database_list").fetchone()
+    with contextlib.suppress(OSError):
+        there = os.stat(path) if path else None
+        record.info["file"] = (there.st_dev, there.st_ino) if there is not None else None
     cursor.close()
 
 

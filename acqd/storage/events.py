@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import asdict, dataclass, field, replace
 from datetime import datetime
 from typing import Any, Protocol
 
 import sqlalchemy as sa
 from sqlalchemy.dialects import postgresql, sqlite
 
-from acqd.storage.database import transaction
+from acqd.storage.clock_witness import FLAG, ClockWitness, same_but_for_the_flag
 from acqd.storage.schema import power_event
 from acqd.telemetry import topics
 from acqd.telemetry.event import PowerEvent, parse_event
-from acqd.timestamps import filetime
 
-_AHEAD_NS = 86_400 * 10**9
 _KEY = ("device", "boot", "number")
 CONFLICT = "another event with this key is stored"
 
@@ -44,18 +42,23 @@ class StoredEvents:
     """Positions of the others, with the reasons."""
 
 
-def store(engine: sa.Engine, messages: Sequence[Message]) -> StoredEvents:
-    """Commit the events in `messages`. Raises sqlalchemy.exc.DBAPIError while the database cannot."""
+def store(
+    begin: Callable[[], AbstractContextManager[sa.Connection]], messages: Sequence[Message], witness: ClockWitness
+) -> StoredEvents:
+    """Commit the events in `messages` in the transaction that `begin` begins.
+
+    Raises sqlalchemy.exc.DBAPIError while the database cannot.
+    """
     found: list[tuple[int, PowerEvent]] = []
     stored = StoredEvents()
     for k, message in enumerate(messages):
         try:
-            found.append((k, _checked(message)))
+            found.append((k, _checked(message, witness)))
         except ValueError as error:
             stored.refused.append((k, str(error)))
     if found:
-        with transaction(engine) as connection:
-            differing = _insert(connection, [event for _, event in found])
+        with begin() as connection:
+            differing = insert(connection, [event for _, event in found])
         for k, event in found:
             if event in differing:
                 stored.refused.append((k, CONFLICT))
@@ -64,7 +67,7 @@ def store(engine: sa.Engine, messages: Sequence[Message]) -> StoredEvents:
     return stored
 
 
-def _insert(connection: sa.Connection, events: Sequence[PowerEvent]) -> list[PowerEvent]:
+def insert(connection: sa.Connection, events: Sequence[PowerEvent]) -> list[PowerEvent]:
     """An event that is stored with its end stays as it is; those that end otherwise."""
     postgres = connection.dialect.name == "postgresql"
     statement: Any = (postgresql.insert if postgres else sqlite.insert)(power_event)
@@ -79,7 +82,7 @@ def _insert(connection: sa.Connection, events: Sequence[PowerEvent]) -> list[Pow
 def _is_stored(connection: sa.Connection, event: PowerEvent, postgres: bool) -> bool:
     key = [power_event.c[name] == getattr(event, name) for name in _KEY]
     stored = connection.execute(sa.select(power_event).where(*key)).mappings().one()
-    return dict(stored) == _values(event, postgres)
+    return same_but_for_the_flag(dict(stored), _values(event, postgres))
 
 
 def _values(event: PowerEvent, postgres: bool) -> dict[str, Any]:
@@ -87,11 +90,17 @@ def _values(event: PowerEvent, postgres: bool) -> dict[str, Any]:
     return values | {"time": datetime.fromisoformat(event.time)} if postgres else values
 
 
-def _checked(message: Message) -> PowerEvent:
+def parsed_event(message: Message) -> PowerEvent:
+    """The event in a message. Raises ValueError."""
     event = parse_event(message.payload)
     expected = topics.event(event.device)
     if message.topic != expected:
         raise ValueError(f"payload is of {expected}, but came by another topic")
-    if not filetime(0) <= event.filetime <= filetime(time.time_ns() + _AHEAD_NS):
-        raise ValueError(f"time {event.time} is before 1970, or more than a day ahead of this computer's clock")
+    return event
+
+
+def _checked(message: Message, witness: ClockWitness) -> PowerEvent:
+    event = parsed_event(message)
+    if witness.judge(event.device, event.filetime, event.time, event.flags) == "doubtful":
+        event = replace(event, flags=sorted({*event.flags, FLAG}))
     return event

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
+from datetime import datetime
 from typing import Any
 
 import orjson
 import sqlalchemy as sa
 
+from acqd.storage.clock_witness import FLAG, same_but_for_the_flag
 from acqd.storage.schema import power
 from acqd.telemetry.row import PowerRow
 
@@ -25,7 +28,20 @@ def insert(connection: sa.Connection, rows: list[PowerRow]) -> list[int]:
 
     Raises the errors of SQLAlchemy and, from COPY, of the driver.
     """
-    return (_postgres if connection.dialect.name == "postgresql" else _sqlite)(connection, rows)
+    differing = (_postgres if connection.dialect.name == "postgresql" else _sqlite)(connection, rows)
+    return [k for k in differing if not _same(connection, rows[k])]
+
+
+def _same(connection: sa.Connection, row: PowerRow) -> bool:
+    """Whether the stored row differs by nothing but the flag of a time at which the sink's clock was wrong."""
+    key = [power.c[name] == getattr(row, name) for name in _KEY]
+    stored = connection.execute(sa.select(power).where(*key)).mappings().one()
+    if FLAG not in row.flags and FLAG not in stored["flags"]:
+        return False
+    values = asdict(row)
+    if connection.dialect.name == "postgresql":
+        values["time"] = datetime.fromisoformat(row.time)
+    return same_but_for_the_flag(dict(stored), values)
 
 
 def _sqlite(connection: sa.Connection, rows: list[PowerRow]) -> list[int]:

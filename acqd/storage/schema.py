@@ -156,5 +156,13 @@ sidecar_state = sa.Table(
 )
 """What the sidecar remembers from log to log: clock lags, the sequential test."""
 
+database_state = sa.Table(
+    "database_state",
+    metadata,
+    sa.Column("key", sa.Text, primary_key=True),
+    sa.Column("value", sa.Text, nullable=False),
+)
+"""What the sink remembers about the database: its identity, its last commits and maintenance (storage.state)."""
+
 ROLLUPS = {60: power_1min, 900: power_15min}
 """Table by bucket length [s]. `start` is Unix seconds, W the reading at the end, `flagged` the rows with a flag."""

@@ -16,7 +16,9 @@ from collections.abc import Callable
 import orjson
 import sqlalchemy as sa
 
+from acqd.changes import Repeats
 from acqd.retry import LOCAL_NETWORK, Backoff
+from acqd.storage.clock_witness import ClockWitness
 from acqd.storage.committer import Batch, Committer
 from acqd.storage.sink_hello import hello
 from acqd.storage.sink_settings import SinkCounters, SinkSettings
@@ -39,19 +41,27 @@ class Sink:
     """Receives, has batches written, acknowledges."""
 
     def __init__(
-        self, address: BrokerAddress, engine: sa.Engine, settings: SinkSettings | None = None, *, prepared: bool = True
+        self,
+        address: BrokerAddress,
+        engine: sa.Engine,
+        settings: SinkSettings | None = None,
+        *,
+        prepared: bool = True,
+        witness: ClockWitness | None = None,
     ) -> None:
         """Without `prepared`, the database is away, and opened when it comes."""
         self._address, self._engine, self._prepared = address, engine, prepared
         self._settings = settings or SinkSettings()
         self._tls = address.tls_context()
+        self._writer = Writer(engine, self._settings.malformed_bytes_per_day, self._settings.client_id, witness)
+        self._quarantining = Repeats(_log)
         self._version = V5 if self._settings.mqtt5 else V311
         self._unanswered = 0
         self._subscriber: Subscriber | None = None
         self._arrived: list[Publish] = []
         self._held = self._under_way = 0
         self._since = self._fed = 0.0
-        self._announced = False
+        self._announced = self._clock_said = False
         self.counters = SinkCounters()
 
     @property
@@ -65,8 +75,7 @@ class Sink:
         Raises UserError when a database that was away comes back and cannot be used.
         """
         self._progress = progress
-        writer = Writer(self._engine, self._settings.malformed_bytes_per_day)
-        committer = Committer(self._engine, writer, prepared=self._prepared)
+        committer = Committer(self._engine, self._writer, prepared=self._prepared)
         backoff, said = Backoff(), ""
         try:
             while not stop():
@@ -166,7 +175,7 @@ class Sink:
             count += 1
         batch, self._arrived = self._arrived[:count], self._arrived[count:]
         received = [Received(message.topic, message.payload, message.oversized) for message in batch]
-        committer.submit(Batch(received, [message.number for message in batch], self.counters.reconnects))
+        committer.submit(Batch(received, [message.number for message in batch], self.counters.reconnects, self._since))
 
     def _answer(self, subscriber: Subscriber, committer: Committer) -> None:
         """Receipts first: an acknowledged row does not come again."""
@@ -177,16 +186,29 @@ class Sink:
                 subscriber.acknowledge([number for number in batch.numbers if number])
                 self._under_way -= len(batch.numbers)
                 self._held -= sum(len(message.payload) for message in batch.messages)
+        if self._announced and self.counters.recalls < self._writer.guard.recall:
+            self.counters.recalls = self._writer.guard.recall
+            subscriber.publish(topics.sink_status(self._settings.client_id), self._announcement(recall=True))
+
+    def _announcement(self, **more: bool) -> bytes:
+        return orjson.dumps({"state": "online", "sink": self._settings.client_id, "schema": 1, **more})
 
     def _count(self, committer: Committer) -> list[tuple[Batch, Written]]:
         """What was committed since the last call."""
         counters, done = self.counters, committer.done()
         counters.database_trouble, counters.database_returns = committer.trouble, committer.returns
-        for _, written in done:
-            if written.quarantined > written.conflicts:
-                _log.warning("%d malformed messages put into quarantine", written.quarantined - written.conflicts)
-            if written.conflicts:
-                _log.error("%d rows put into quarantine: other rows with their keys are stored", written.conflicts)
+        counters.clock_trouble = self._writer.witness.trouble
+        if counters.clock_trouble and not self._clock_said:
+            _log.error("%s", counters.clock_trouble)
+        self._clock_said = bool(counters.clock_trouble)
+        for batch, written in done:
+            malformed = written.quarantined - written.conflicts - written.impossible
+            count = self._quarantining.count
+            count(malformed, "%d malformed messages put into quarantine")
+            count(written.impossible, "%d rows with impossible times put into quarantine")
+            count(written.conflicts, "%d rows put into quarantine: other rows with their keys are stored", logging.ERROR)
+            counters.impossible += written.impossible
+            counters.lag_s = time.monotonic() - batch.begun
             counters.rows += written.rows
             counters.quarantined += written.quarantined
             counters.conflicts += written.conflicts
@@ -203,8 +225,7 @@ class Sink:
         self._announced = True
         for topic in subscriber.refused_topics:
             _log.warning("the broker refuses %s: rows that come there are not stored; check its access rules", topic)
-        payload = orjson.dumps({"state": "online", "sink": self._settings.client_id, "schema": 1})
-        subscriber.publish(topics.sink_status(self._settings.client_id), payload, retain=True)
+        subscriber.publish(topics.sink_status(self._settings.client_id), self._announcement(), retain=True)
         version = "5" if self._version == V5 else "3.1.1"
         group = self._settings.group
         sharing = f", sharing in group {group}" if group and self._version == V5 else ""

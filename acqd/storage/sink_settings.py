@@ -32,6 +32,8 @@ class SinkCounters:
     quarantined: int = 0
     conflicts: int = 0
     """Of the quarantined: rows whose key was stored with other values."""
+    impossible: int = 0
+    """Of the quarantined: rows whose time cannot be true; `acqd sink quarantine` shows and restores them."""
     batches: int = 0
     reconnects: int = -1
     last_commit: float | None = None
@@ -40,3 +42,9 @@ class SinkCounters:
     """Why the database takes no rows; empty while it does."""
     database_returns: int = 0
     """Times the database came back."""
+    clock_trouble: str = ""
+    """What is wrong with this computer's clock; empty while nothing is."""
+    recalls: int = 0
+    """Times the database was found in an earlier state, and the daemons were asked to send again."""
+    lag_s: float = 0.0
+    """How long the newest committed batch has waited for its commit [s]."""

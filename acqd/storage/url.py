@@ -21,7 +21,7 @@ def parse_url(url: str) -> URL:
     if "://" not in url:
         if "@" in url:
             raise UserError(f"the database cannot be understood; {_EXPECTED}")
-        url = f"sqlite:///{url}"
+        return URL.create("sqlite", database=url)
     try:
         parsed = make_url(url)
     except (sa.exc.ArgumentError, ValueError):
@@ -29,6 +29,8 @@ def parse_url(url: str) -> URL:
     if parsed.drivername in ("postgresql", "postgres"):
         parsed = parsed.set(drivername="postgresql+psycopg")
     sqlite = parsed.drivername == "sqlite"
+    if sqlite and "?" in url:
+        raise UserError("the database URL of a file holds a ?, which begins options there; give the path alone")
     odd = (parsed.host or parsed.username or parsed.password) if sqlite else "@" in f"{parsed.host}{parsed.database}"
     if parsed.drivername not in _DRIVERS or odd:
         raise UserError(f"the database URL is of an unknown kind or a special character is not escaped; {_EXPECTED}")

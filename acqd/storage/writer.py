@@ -7,30 +7,27 @@ the other one goes into quarantine.
 from __future__ import annotations
 
 import logging
-import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import orjson
 import sqlalchemy as sa
 
 from acqd.storage import events, keyed_rows, quarantining, rows
 from acqd.storage.allowance import MALFORMED_BYTES_PER_DAY, Allowance
-from acqd.storage.database import transaction
+from acqd.storage.clock_witness import FLAG, IMPOSSIBLE, ClockWitness
+from acqd.storage.guard import Guard
 from acqd.telemetry import topics
-from acqd.telemetry.event import message_number
+from acqd.telemetry.event import PowerEvent, message_number
 from acqd.telemetry.quality_row import QualityRow, parse_quality
 from acqd.telemetry.ranges import Ranges
 from acqd.telemetry.register_row import RegisterRow, parse_registers
 from acqd.telemetry.row import PowerRow, parse_row
 from acqd.telemetry.row_message import payloads_of
 from acqd.telemetry.spool import Stream
-from acqd.timestamps import filetime
 
 _log = logging.getLogger(__name__)
-_AHEAD_NS = 86_400 * 10**9
-"""A row from further ahead would make what is asked for "until the newest row" wrong for as long."""
 _Row: TypeAlias = PowerRow | QualityRow | RegisterRow
 CONFLICT = "another row with this key is stored"
 
@@ -55,8 +52,18 @@ class Written:
     """Messages that are no new rows, kept or not."""
     conflicts: int = 0
     """Of these, rows whose key is stored with other values."""
+    impossible: int = 0
+    """Of these, rows whose time cannot be true; they can be restored."""
     receipts: dict[Stream, Ranges] = field(default_factory=dict)
     """Every row of the batch that need not be sent again."""
+
+
+class _Parsed(NamedTuple):
+    """A message of one row; the reason where it is none."""
+
+    message: Received
+    row: _Row | None
+    reason: str
 
 
 class _PoisonError(Exception):
@@ -66,47 +73,73 @@ class _PoisonError(Exception):
 class Writer:
     """Writes to one database; not for several threads at once."""
 
-    def __init__(self, engine: sa.Engine, malformed_bytes_per_day: float = MALFORMED_BYTES_PER_DAY) -> None:
-        """Malformed messages beyond this size are counted, and not kept; conflicts are always kept."""
+    def __init__(
+        self,
+        engine: sa.Engine,
+        malformed_bytes_per_day: float = MALFORMED_BYTES_PER_DAY,
+        client_id: str = "acqd-sink",
+        witness: ClockWitness | None = None,
+    ) -> None:
+        """Malformed messages beyond this size are not kept, and not receipted; rows are always kept."""
         self._engine = engine
         self._allowance = Allowance(malformed_bytes_per_day)
+        self.witness = witness or ClockWitness()
+        self.guard = Guard(engine, client_id, self.witness)
         self._full = False
 
     def write(self, messages: Sequence[Received]) -> Written:
-        """Commit all rows of `messages`, or none. Raises sqlalchemy.exc.DBAPIError while the database cannot.
+        """Commit all rows of `messages`, or none.
 
-        Voltage events have a separate transaction; storing one twice changes nothing.
+        Raises sqlalchemy.exc.DBAPIError while the database cannot, DatabaseAwayError when it is not the one of the
+        start. Voltage events have a separate transaction; storing one twice changes nothing.
         """
+        self.guard.open()
+        self.witness.look()
         occurred = [message for message in messages if topics.is_event(message.topic)]
-        stored = events.store(self._engine, occurred)
+        stored = events.store(self.guard.transaction, occurred, self.witness)
         malformed = [(occurred[k], reason) for k, reason in stored.refused]
         rows_only = [message for message in messages if not topics.is_event(message.topic)]
-        written = self._write(list(_rows_apart(rows_only, malformed)), malformed)
+        parsed = [_parse(message) for message in _rows_apart(rows_only, malformed)]
+        for one in parsed:
+            if one.row is not None:
+                self.witness.hear(one.row.device, one.row.filetime)
+        written = self._write(parsed, malformed)
         for event in stored.events:
             _note(written.receipts, event.device, topics.EVENTS, event.boot, event.seq)
         return written
 
-    def _write(self, messages: Sequence[Received], malformed: Sequence[tuple[Received, str]]) -> Written:
+    def _write(self, messages: Sequence[_Parsed], malformed: Sequence[tuple[Received, str]]) -> Written:
         """`messages` of one row each; `malformed` are kept for their reasons."""
         good: list[tuple[Received, _Row]] = []
-        refused = list(malformed)
-        for message in messages:
+        refused, impossible = list(malformed), []
+        for message, row, reason in messages:
+            if row is None:
+                refused.append((message, reason))
+                continue
             try:
-                good.append((message, _checked(message)))
+                judged = self.witness.judge(row.device, row.filetime, row.time, getattr(row, "flags", ()))
             except ValueError as error:
-                refused.append((message, str(error)))
+                impossible.append((message, str(error)))
+                continue
+            if judged == "doubtful" and not isinstance(row, RegisterRow):
+                row.flags = sorted({*row.flags, FLAG})
+            good.append((message, row))
+        rows_refused = [one for one in refused if one[1].startswith(IMPOSSIBLE)]
+        refused = [one for one in refused if not one[1].startswith(IMPOSSIBLE)]
+        impossible += rows_refused
         kept = refused[: self._allowance.fitting([_size(message) for message, _ in refused])]
         try:
-            conflicts = self._store(good, kept)
+            conflicts = self._store(good, [*kept, *impossible])
         except self._engine.dialect.loaded_dbapi.Error as error:  # from COPY, which SQLAlchemy does not see
             raise sa.exc.DBAPIError("COPY", None, error) from error
         except _PoisonError as error:
             return self._apart(messages, malformed, str(error))
         self._spend(kept, len(refused))
-        written = Written(len(good) - conflicts, len(refused) + conflicts, conflicts)
+        quarantined = len(refused) + len(impossible) + conflicts
+        written = Written(len(good) - conflicts, quarantined, conflicts, len(impossible))
         for _, row in good:
             _note(written.receipts, row.device, _stream_channel(row), row.boot, row.seq)
-        for message, _ in refused:
+        for message, _ in [*kept, *impossible]:
             _note_refused(written.receipts, message)
         return written
 
@@ -119,12 +152,12 @@ class Writer:
         if refused:
             self._full = full
 
-    def _apart(self, messages: Sequence[Received], malformed: Sequence[tuple[Received, str]], reason: str) -> Written:
+    def _apart(self, messages: Sequence[_Parsed], malformed: Sequence[tuple[Received, str]], reason: str) -> Written:
         """The database refuses some row of this batch for what it holds: find it, keep the others."""
         if len(messages) == 1:
-            self._store([], [(messages[0], reason), *malformed])
+            self._store([], [(messages[0].message, reason), *malformed])
             written = Written(0, 1 + len(malformed))
-            _note_refused(written.receipts, messages[0])
+            _note_refused(written.receipts, messages[0].message)
             return written
         half = len(messages) // 2
         first, second = self._write(messages[:half], malformed), self._write(messages[half:], [])
@@ -135,13 +168,14 @@ class Writer:
             first.rows + second.rows,
             first.quarantined + second.quarantined,
             first.conflicts + second.conflicts,
+            first.impossible + second.impossible,
             first.receipts,
         )
 
     def _store(self, good: list[tuple[Received, _Row]], refused: list[tuple[Received, str]]) -> int:
         """One transaction; the number of conflicts."""
         dbapi = self._engine.dialect.loaded_dbapi
-        with transaction(self._engine) as connection:
+        with self.guard.transaction() as connection:
             differing: list[int] = []
             try:
                 power = [(k, row) for k, (_, row) in enumerate(good) if isinstance(row, PowerRow)]
@@ -186,22 +220,31 @@ def _stream_channel(row: _Row) -> str:
     return topics.register_stream(row.channel) if isinstance(row, RegisterRow) else row.channel
 
 
-def _parsed(message: Received) -> _Row:
-    if topics.is_quality(message.topic):
-        return parse_quality(message.payload)
-    return parse_registers(message.payload) if topics.is_registers(message.topic) else parse_row(message.payload)
+def message_row(message: Received) -> _Row | PowerEvent:
+    """The row or event in a message of one, whatever its time. Raises ValueError."""
+    return events.parsed_event(message) if topics.is_event(message.topic) else _row(message)
 
 
-def _checked(message: Received) -> _Row:
+def _row(message: Received) -> _Row:
     if message.oversized:
         raise ValueError(f"message of {message.oversized} bytes is too large for a row")
-    row = _parsed(message)
+    if topics.is_quality(message.topic):
+        row: _Row = parse_quality(message.payload)
+    elif topics.is_registers(message.topic):
+        row = parse_registers(message.payload)
+    else:
+        row = parse_row(message.payload)
     expected = topics.row(row.device, _stream_channel(row))
     if message.topic not in (expected, topics.window(row.device)):
         raise ValueError(f"payload is of {expected}, but came by another topic")
-    if not filetime(0) <= row.filetime <= filetime(time.time_ns() + _AHEAD_NS):
-        raise ValueError(f"time {row.time} is before 1970, or more than a day ahead of this computer's clock")
     return row
+
+
+def _parse(message: Received) -> _Parsed:
+    try:
+        return _Parsed(message, _row(message), "")
+    except ValueError as error:
+        return _Parsed(message, None, str(error))
 
 
 def _note(receipts: dict[Stream, Ranges], device: str, channel: str, boot: str, seq: int) -> None:

@@ -19,7 +19,7 @@ from acqd.telemetry import topics
 from acqd.telemetry.in_flight import InFlight
 from acqd.telemetry.message import Line, Message, Room
 from acqd.telemetry.ranges import Ranges
-from acqd.telemetry.receipts import parse_receipt
+from acqd.telemetry.receipts import parse_receipt, recalls
 from acqd.telemetry.row_message import joined
 from acqd.telemetry.spool import Readings, Spool, SpooledRow, Stream
 from acqd.telemetry.unsent import Unsent
@@ -204,6 +204,8 @@ class Delivery:
             self._sinks.add(topic)
             self.sink_seen = True
             self._patience = _PATIENCE_S[0]
+            if not retained and recalls(payload):
+                _log.warning("%s has a database in an earlier state: %d stored rows are sent again", topic, self.spool.recall())
             if not retained:  # what was sent before the sink had subscribed may never reach it
                 self._from_the_start()
         self._changed.set()

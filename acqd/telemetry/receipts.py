@@ -67,6 +67,24 @@ def parse_receipt(device: str, payload: bytes) -> list[tuple[Stream, int, int]]:
     ]
 
 
+class Announcement(msgspec.Struct):
+    """What a sink says on its status topic."""
+
+    recall: bool = False
+    """Its database is in an earlier state: rows that had a receipt are missing."""
+
+
+_announcements = msgspec.json.Decoder(Announcement)
+
+
+def recalls(payload: bytes) -> bool:
+    """Whether a sink asks for rows that it had receipted."""
+    try:
+        return _announcements.decode(payload).recall
+    except (msgspec.DecodeError, RecursionError):
+        return False
+
+
 def _groups(entries: Iterable[StoredRows]) -> Iterator[list[StoredRows]]:
     """Entries in groups that fit into one message each."""
     group: list[StoredRows] = []

@@ -31,7 +31,7 @@ def collect(committer, batches):
 def test_batches_are_committed_in_order_and_returned_with_receipts(engine):
     committer = Committer(engine)
     for k in range(3):
-        committer.submit(Batch([message(row(k))], [k + 1], 0))
+        committer.submit(Batch([message(row(k))], [k + 1], 0, 0.0))
     done = collect(committer, 3)
     assert [batch.numbers for batch, _ in done] == [[1], [2], [3]] and committer.room
     assert [list(*written.receipts.values()) for _, written in done] == [[(0, 0)], [(1, 1)], [(2, 2)]]
@@ -50,7 +50,7 @@ def test_a_database_that_is_away_is_said_once_and_tried_again(engine, caplog, mo
         return write(messages)
 
     committer._writer.write = refusing
-    committer.submit(Batch([message(row(0))], [1], 0))
+    committer.submit(Batch([message(row(0))], [1], 0, 0.0))
     collect(committer, 1)
     assert count(engine) == 1 and not committer.trouble
     assert caplog.text.count("database is locked") == 1 and caplog.text.count("takes rows again") == 1
@@ -60,7 +60,7 @@ def test_a_database_that_is_away_is_said_once_and_tried_again(engine, caplog, mo
 def test_a_bug_is_not_hidden(engine):
     committer = Committer(engine)
     committer._writer.write = lambda messages: 1 / 0
-    committer.submit(Batch([message(row(0))], [1], 0))
+    committer.submit(Batch([message(row(0))], [1], 0, 0.0))
     with pytest.raises(ZeroDivisionError):
         collect(committer, 1)
     committer.close(5)
@@ -73,7 +73,7 @@ def test_closing_does_not_wait_for_a_database_that_is_away(engine):
         raise sa.exc.OperationalError("INSERT", None, sqlite3.OperationalError("away"))
 
     committer._writer.write = away
-    committer.submit(Batch([message(row(0))], [1], 0))
+    committer.submit(Batch([message(row(0))], [1], 0, 0.0))
     wait_for(lambda: committer.trouble, "the trouble is noticed")
     committer.close(30)
     assert not committer._thread.is_alive()

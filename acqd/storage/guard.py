@@ -1,0 +1,99 @@
+"""Is this still the database that rows were written to? Asked before every commit, so that no receipt lies (ADR 31).
+
+A file that was moved away takes rows for ever, through the descriptor that is open. A server may be another one, or an
+earlier state of the same. Each is a named trouble: rows wait with the broker and the daemons meanwhile.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import sqlalchemy as sa
+
+from acqd.storage import state
+from acqd.storage.clock_witness import ClockWitness
+from acqd.storage.database import DatabaseAwayError, file_of, transaction
+from acqd.storage.url import shown
+
+_log = logging.getLogger(__name__)
+
+
+class Guard:
+    """Of the transactions of one sink; for one thread."""
+
+    def __init__(self, engine: sa.Engine, client_id: str, witness: ClockWitness) -> None:
+        self._engine, self._key, self._witness = engine, state.commits(client_id), witness
+        self._identity: str | None = None
+        self._number = 0
+        self._path = file_of(engine)
+        self.recall = 0
+        """Times the database was found in an earlier state: what it lacks is to be sent again."""
+
+    def open(self) -> None:
+        """Read at the start what the database remembers, before the first row is judged. Raises as `transaction`."""
+        if self._identity is None:
+            with self.transaction():
+                pass
+
+    @contextmanager
+    def transaction(self) -> Iterator[sa.Connection]:
+        """All statements or none, in the database that was opened at the start.
+
+        Raises DatabaseAwayError when it is another one, or not there; the errors of SQLAlchemy.
+        """
+        self._check_file()
+        with transaction(self._engine) as connection:
+            self._check_connection(connection)
+            number = self._check_state(connection) + 1
+            state.write_mark(connection, self._key, self._witness.mark(number))
+            yield connection
+        self._number = number
+
+    def _check_file(self) -> None:
+        """Before anything connects: SQLite would make a file where none is."""
+        if self._path is not None and self._identity is not None and not self._path.exists():
+            self._engine.dispose()
+            raise self._away("the file was moved away or deleted while the sink ran; put it back, or restart the sink")
+
+    def _check_connection(self, connection: sa.Connection) -> None:
+        if self._path is None:
+            return
+        opened = connection.connection.info.get("file")
+        now = os.stat(self._path)
+        if opened is not None and opened != (now.st_dev, now.st_ino):
+            connection.invalidate()
+            raise self._away("the file was replaced while the sink ran; opening the new one")
+
+    def _check_state(self, connection: sa.Connection) -> int:
+        """Number of the last commit of this sink in the database."""
+        try:
+            identity = state.read(connection, state.IDENTITY)
+            mark = state.read_mark(connection, self._key)
+        except (sa.exc.OperationalError, sa.exc.ProgrammingError) as error:
+            if "no such table" not in str(error.orig) and getattr(error.orig, "sqlstate", "") != "42P01":
+                raise
+            raise self._away("its tables are gone: empty, or another one; restart the sink to have them made") from None
+        if self._identity is None:
+            self._identity = identity
+            self._number = mark.number if mark is not None else 0
+            self._witness.remember(mark)
+            self._witness.look()
+        elif identity != self._identity:
+            raise self._away("it is another database than before; restart the sink to use it")
+        number = mark.number if mark is not None else 0
+        if number < self._number:
+            self.recall += 1
+            _log.error(
+                "database %s is in an earlier state (commit %d, was %d): restored? Daemons send again what they have",
+                shown(self._engine.url), number, self._number,
+            )  # fmt: skip
+            self._number = number
+        return number
+
+    def _away(self, reason: str) -> DatabaseAwayError:
+        text = f"{shown(self._engine.url)}: {reason}"
+        return DatabaseAwayError(f"database {text}", text)
+

@@ -1,0 +1,62 @@
+"""What a sink writes down in its database about the database: identity, number of the last commit, clocks then."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import orjson
+import sqlalchemy as sa
+from sqlalchemy.dialects import postgresql, sqlite
+
+from acqd.storage.schema import database_state
+from acqd.uptime import Moment
+
+IDENTITY, MAINTAINED = "identity", "maintained"
+
+
+def commits(client_id: str) -> str:
+    """Key of the commits of one sink: several sinks of a group do not wait for one another."""
+    return f"commits/{client_id}"
+
+
+class Mark(NamedTuple):
+    """A commit, or a run of the maintenance, and the clocks then."""
+
+    number: int
+    wall_ns: int
+    """UTC by the clock of the sink's computer, or later, where that clock has been set back."""
+    moment: Moment
+
+    def estimate_ns(self, now: Moment) -> int:
+        """UTC at `now`, if the clock was right then; the least of it, where the computer has been off since [ns]."""
+        return self.wall_ns + round(self.moment.age_s(now) * 1e9)
+
+
+def read(connection: sa.Connection, key: str) -> str | None:
+    """A value. Raises the errors of SQLAlchemy, where the table is missing too."""
+    value = connection.execute(sa.select(database_state.c.value).where(database_state.c.key == key)).scalar()
+    return None if value is None else str(value)
+
+
+def write(connection: sa.Connection, key: str, value: str) -> None:
+    """Set a value."""
+    insert: Any = (postgresql.insert if connection.dialect.name == "postgresql" else sqlite.insert)(database_state)
+    connection.execute(
+        insert.values(key=key, value=value).on_conflict_do_update(index_elements=["key"], set_={"value": value})
+    )
+
+
+def read_mark(connection: sa.Connection, key: str) -> Mark | None:
+    """A mark; None where there is none, or none that can be understood."""
+    text = read(connection, key)
+    try:
+        number, wall_ns, start, ns = orjson.loads(text or "null")
+        return Mark(int(number), int(wall_ns), Moment(bytes.fromhex(start), int(ns)))
+    except (TypeError, ValueError):
+        return None
+
+
+def write_mark(connection: sa.Connection, key: str, mark: Mark) -> None:
+    """Set a mark."""
+    content = [mark.number, mark.wall_ns, mark.moment.start.hex(), mark.moment.ns]
+    write(connection, key, orjson.dumps(content).decode())
