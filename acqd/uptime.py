@@ -1,7 +1,8 @@
 """Time that no clock setting changes: since the start of the computer, suspended time included, with the start's id.
 
 Two moments of one start have an exact distance. Of a moment of an earlier start, only the order is known: it is
-at least as old as this start (Linux: CLOCK_BOOTTIME of clock_gettime(2), /proc/sys/kernel/random/boot_id).
+at least as old as this start (Linux: CLOCK_BOOTTIME of clock_gettime(2), /proc/sys/kernel/random/boot_id). Where the
+id is hidden (ProcSubset=pid of systemd), a distance is a lower bound.
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ class Moment(NamedTuple):
 
     def age_s(self, now: Moment) -> float:
         """Time from here to `now` [s]; of an earlier start, the least that it can be."""
-        return max(0, now.ns - self.ns if self.start == now.start else now.ns) / 1e9
+        same = self.start == now.start and self.ns <= now.ns
+        return (now.ns - self.ns if same else now.ns) / 1e9
 
 
 def moment() -> Moment:
@@ -35,8 +37,8 @@ def moment() -> Moment:
 
 @lru_cache(maxsize=1)
 def start_id() -> bytes:
-    """Id of this start of the computer; one of this process where the kernel does not say it."""
+    """Id of this start of the computer; zeros where it is hidden."""
     try:
         return uuid.UUID(_BOOT_ID.read_text(encoding="ascii").strip()).bytes
     except (OSError, ValueError):
-        return uuid.uuid4().bytes
+        return bytes(16)

@@ -57,6 +57,7 @@ def sink(
     from acqd.storage.clock_witness import ClockWitness
     from acqd.storage.database import DatabaseAwayError, engine_for, prepare
     from acqd.storage.sink import Sink
+    from acqd.storage.upkeep import Upkeep
 
     if embedded:
         die_with_parent()
@@ -86,11 +87,14 @@ def sink(
     end = time.monotonic() + duration if duration else None
     if embedded:
         print("ready", flush=True)
-    health = SinkHealth(settings.health, worker, options.client_id)
+    upkeep = Upkeep(engine, settings.sink.retention())
+    health = SinkHealth(settings.health, worker, options.client_id, upkeep)
     health.start()
+    upkeep.start()
     notify("READY=1")
     worker.run(lambda: stopping or (end is not None and time.monotonic() > end), health.turned)
     notify("STOPPING=1")
+    upkeep.stop()
     health.stop()
     if json or not embedded:
         _report(worker, json)
@@ -107,16 +111,31 @@ def _report(worker: Sink, json: bool) -> None:
 
 
 @app.command("maintain")
-def maintain_command(config: ConfigFile = None, database: Database = None, json: Json = False) -> None:
+def maintain_command(
+    config: ConfigFile = None,
+    database: Database = None,
+    yes: Annotated[
+        bool, typer.Option("--yes", help="This computer's clock is right: delete what is old by it.")
+    ] = False,
+    json: Json = False,
+) -> None:
     """Make the 1 min and 15 min roll-ups, then delete what is past its retention (keep_days in the configuration).
+
+    Deletes nothing where this computer's clock may be wrong, unless you say --yes.
 
     Example: acqd sink maintain --config /etc/acqd/acqd.toml
     """
     from acqd.storage.database import open_database
     from acqd.storage.maintain import maintain
+    from acqd.storage.retention_doubt import doubt, note_run
 
     settings = configured(config)
-    done = maintain(open_database(database or settings.sink.database, create=False), settings.sink.retention())
+    engine, now = open_database(database or settings.sink.database, create=False), time.time()
+    retention = settings.sink.retention()
+    if not yes and (why := doubt(engine, retention, now)):
+        raise UserError(f"maintain: {why}; nothing was deleted: set the clock, or say --yes if it is right")
+    done = maintain(engine, retention, now)
+    note_run(engine, now)
     if json:
         print(orjson.dumps(asdict(done)).decode())
     else:

@@ -29,6 +29,9 @@ class Only(StrEnum):
 def status(
     config: ConfigFile = None,
     only: Annotated[Only | None, typer.Option(help="Ask this service only.")] = None,
+    acknowledge: Annotated[
+        bool, typer.Option(help="You have seen what was dropped or quarantined: notes from now on.")
+    ] = False,
     json: Json = False,
 ) -> None:
     """Ask the daemon and the sink on this computer how they are; exit 0 when rows arrive, 1 when not.
@@ -37,7 +40,11 @@ def status(
     """
     section = configured(config).health
     wanted = [service for service in SERVICES if only is None or service == only.value]
-    answers = [answer for answer in (ask(section, service) for service in wanted) if answer is not None]
+    answers = [
+        answer
+        for answer in (ask(section, service, acknowledge=acknowledge) for service in wanted)
+        if answer is not None
+    ]
     if not answers:
         raise UserError("health.port and health.sink_port are 0: the services have no endpoints to ask")
     healthy = all(answer.ready for answer in answers)

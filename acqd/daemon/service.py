@@ -179,6 +179,9 @@ class Service:
                 spool_limit_bytes=counters.spool_limit_bytes,
                 spool_age_s=counters.spool_age_s,
                 disk_trouble=counters.disk_trouble,
+                reading_trouble=counters.reading_trouble,
+                unreceipted_s=counters.unreceipted_s,
+                old_after_s=self.config.spool.max_age_days * 86_400.0,
             ),
             Link(counters.connected, counters.reconnects),
         )
@@ -215,7 +218,7 @@ class Service:
 
 def _make_folder(folder: Path) -> None:
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(parents=True, exist_ok=True, mode=0o750)
     except OSError as error:
         raise UserError(f"state_dir {folder} cannot be made ({error.strerror}); choose another") from None
     if not os.access(folder, os.W_OK):

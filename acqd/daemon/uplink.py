@@ -133,6 +133,8 @@ class Uplink:
             spool_age_s=round(spool.age_s, 3),
             damaged_bytes=spool.damaged_bytes,
             disk_trouble=spool.trouble,
+            reading_trouble=spool.reading_trouble,
+            unreceipted_s=round(delivery.unreceipted_s, 3),
             connected=connector.state == "connected",
             reconnects=max(connector.reconnects, 0),
             sink_seen=delivery.sink_seen,

@@ -96,4 +96,3 @@ class Guard:
     def _away(self, reason: str) -> DatabaseAwayError:
         text = f"{shown(self._engine.url)}: {reason}"
         return DatabaseAwayError(f"database {text}", text)
-

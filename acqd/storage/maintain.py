@@ -1,21 +1,24 @@
-"""Roll-ups and retention, as one idempotent command."""
+"""Roll-ups and retention, as one idempotent command, in many short transactions: rows are stored in between."""
 
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import sqlalchemy as sa
 from sqlalchemy.dialects import postgresql, sqlite
 
+from acqd.storage.clock_witness import IMPOSSIBLE
 from acqd.storage.database import transaction
 from acqd.storage.schema import ROLLUPS, power, power_1min, power_quality, power_register, quarantine
-from acqd.timestamps import filetime, rfc3339
+from acqd.timestamps import filetime, rfc3339, unix_s
 
 _TICKS = 10_000_000  # FILETIME ticks per second
 _DAY = 86_400
 _LATE_ROWS_S = _DAY  # how far back late rows still change a roll-up
+_SPAN_S = 900  # of one transaction: whole buckets
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,30 +44,35 @@ class Maintained:
 def maintain(engine: sa.Engine, retention: Retention, now: float | None = None) -> Maintained:
     """Roll up every completed bucket not yet rolled up, then delete what is past its retention.
 
-    Buckets of the last day are computed again, for rows that arrived late. `now` is Unix seconds.
-    Everything happens in one transaction: no row is deleted before its roll-up is made.
+    Buckets of the last day are computed again, for rows that arrived late. `now` is Unix seconds, and believed: see
+    `retention_doubt`. No row is deleted before its roll-up is made; a run that is interrupted is continued by the next.
     """
     now = time.time() if now is None else now
-    with transaction(engine) as connection:
-        # Whole quarter hours only: a half-deleted bucket would be rolled up again, wrongly.
-        cut = _cut(now, retention.power_days) // 900 * 900
-        minutes, quarters = (_roll_up(connection, seconds, now, int(cut)) for seconds in ROLLUPS)
-        power_deleted = _delete(connection, power, power.c.filetime < _ticks(cut)) if cut else 0
-        power_deleted += _delete_quality(connection, cut, ("10/12", "150/180", "10s"))
-        cut = _cut(now, retention.rollup_1min_days)
-        rollup_deleted = _delete(connection, power_1min, power_1min.c.start < cut) if cut else 0
-        rollup_deleted += _delete_quality(connection, cut, ("10min", "2h"))
-        rollup_deleted += _delete(connection, power_register, power_register.c.filetime < _ticks(cut)) if cut else 0
-        cut = _cut(now, retention.quarantine_days)
-        quarantine_deleted = _delete(connection, quarantine, _received_before(engine, cut)) if cut else 0
+    # Whole quarter hours only: a half-deleted bucket would be rolled up again, wrongly.
+    cut = power_cut(retention, now)
+    minutes, quarters = (_roll_up(engine, seconds, now, int(cut)) for seconds in ROLLUPS)
+    power_deleted = _delete(engine, power, power.c.filetime, cut)
+    power_deleted += _delete_quality(engine, cut, ("10/12", "150/180", "10s"))
+    cut = _cut(now, retention.rollup_1min_days)
+    rollup_deleted = _delete_where(engine, power_1min, power_1min.c.start < cut) if cut else 0
+    rollup_deleted += _delete_quality(engine, cut, ("10min", "2h"))
+    rollup_deleted += _delete(engine, power_register, power_register.c.filetime, cut)
+    cut = _cut(now, retention.quarantine_days)
+    malformed = ~quarantine.c.reason.startswith(IMPOSSIBLE)  # rows that can be restored stay until a person decides
+    old = sa.and_(_received_before(engine, cut), malformed)
+    quarantine_deleted = _delete_where(engine, quarantine, old) if cut else 0
     return Maintained(minutes, quarters, power_deleted, rollup_deleted, quarantine_deleted)
 
 
-def _delete_quality(connection: sa.Connection, cut: float, aggregations: tuple[str, ...]) -> int:
+def power_cut(retention: Retention, now: float) -> float:
+    """Rows from before this time go [Unix s]; 0: none."""
+    return _cut(now, retention.power_days) // 900 * 900
+
+
+def _delete_quality(engine: sa.Engine, cut: float, aggregations: tuple[str, ...]) -> int:
     """Rows of power quality: short aggregations are kept as rows are, long ones as one-minute roll-ups are."""
     c = power_quality.c
-    old = sa.and_(c.filetime < _ticks(cut), c.aggregation.in_(aggregations))
-    return _delete(connection, power_quality, old) if cut else 0
+    return _delete(engine, power_quality, c.filetime, cut, c.aggregation.in_(aggregations))
 
 
 def _cut(now: float, days: float) -> float:
@@ -82,27 +90,69 @@ def _received_before(engine: sa.Engine, unix: float) -> sa.ColumnElement[bool]:
     return quarantine.c.received < text
 
 
-def _delete(connection: sa.Connection, table: sa.Table, condition: sa.ColumnElement[bool]) -> int:
-    return connection.execute(sa.delete(table).where(condition)).rowcount
+def _delete(
+    engine: sa.Engine, table: sa.Table, time: sa.Column[Any], cut: float, also: sa.ColumnElement[bool] | None = None
+) -> int:
+    """Rows from before `cut`, oldest first, a span of time in each transaction."""
+    condition = sa.true() if also is None else also
+    deleted = 0
+    for begin, end in _spans(engine, time, condition, 0, int(cut)):
+        deleted += _delete_where(engine, table, sa.and_(time >= _ticks(begin), time < _ticks(end), condition))
+    return deleted
 
 
-def _roll_up(connection: sa.Connection, seconds: int, now: float, cut: int) -> int:
+def _delete_where(engine: sa.Engine, table: sa.Table, condition: sa.ColumnElement[bool]) -> int:
+    with transaction(engine) as connection:
+        return connection.execute(sa.delete(table).where(condition)).rowcount
+
+
+def _spans(
+    engine: sa.Engine, time: sa.Column[Any], condition: sa.ColumnElement[bool], begin: int, end: int
+) -> Iterator[tuple[int, int]]:
+    """Spans of time [Unix s] between `begin` and `end` in which there are rows."""
+    while begin < end:
+        query = sa.select(sa.func.min(time)).where(condition, time >= _ticks(begin))
+        with engine.connect() as connection:
+            first = connection.execute(query).scalar()
+        if first is None or int(first) >= _ticks(end):
+            return
+        start = max(begin, int(unix_s(int(first))) // _SPAN_S * _SPAN_S)
+        begin = min(start + _SPAN_S, end)
+        yield start, begin
+
+
+def _roll_up(engine: sa.Engine, seconds: int, now: float, cut: int) -> int:
     """Roll up the buckets of `seconds` that are complete at `now`; `cut`: older rows are about to go.
 
     Recent buckets are computed again, for rows that came late. Rows that came even later (a backlog of
     days) are rolled up just before they are deleted, unless their bucket exists.
     """
     table = ROLLUPS[seconds]
-    newest = connection.execute(sa.select(sa.func.max(table.c.start))).scalar()
+    with engine.connect() as connection:
+        newest = connection.execute(sa.select(sa.func.max(table.c.start))).scalar()
     begin = 0 if newest is None else int(newest) // seconds * seconds - _LATE_ROWS_S
     end = int(now) // seconds * seconds
-    made = _write_buckets(connection, seconds, begin, end, replace=True)
-    return made + (_write_buckets(connection, seconds, 0, min(cut, begin), replace=False) if cut else 0)
+    return _write_spans(engine, seconds, begin, end, replace=True) + (
+        _write_spans(engine, seconds, 0, min(cut, begin), replace=False) if cut else 0
+    )
+
+
+def _write_spans(engine: sa.Engine, seconds: int, begin: int, end: int, *, replace: bool) -> int:
+    made = 0
+    for first, last in _spans(engine, power.c.filetime, sa.true(), max(begin, 0), end):
+        with transaction(engine) as connection:
+            made += _write_buckets(connection, seconds, first, last, replace=replace)
+    return made
 
 
 def _square(column: sa.ColumnElement[Any]) -> sa.ColumnElement[Any]:
     """x * x; 0 for what is too small to be squared (PostgreSQL calls that an error)."""
     return sa.case((sa.func.abs(column) < 1e-100, 0.0), else_=column * column)
+
+
+def _no_index(connection: sa.Connection, column: sa.Column[Any]) -> sa.ColumnElement[Any]:
+    """SQLite would read all rows of a channel for each bucket by the primary key; the index on time holds a few."""
+    return column.op("||")("") if connection.dialect.name == "sqlite" else column
 
 
 def _write_buckets(connection: sa.Connection, seconds: int, begin: int, end: int, *, replace: bool) -> int:
@@ -115,7 +165,8 @@ def _write_buckets(connection: sa.Connection, seconds: int, begin: int, end: int
     at_end = power.alias("at_end")
     reading = (
         sa.select(sa.func.max(at_end.c.W))
-        .where(at_end.c.device == c.device, at_end.c.channel == c.channel, at_end.c.filetime == last)
+        .where(_no_index(connection, at_end.c.device) == c.device, at_end.c.channel == c.channel)
+        .where(at_end.c.filetime == last)
         .scalar_subquery()
     )
     columns: dict[str, Any] = {

@@ -69,6 +69,12 @@ class Sink:
         """Whether the broker has taken our subscription (a backlog of rows may come before the acknowledgement)."""
         return self._subscriber is not None and self._subscriber.subscribed
 
+    @property
+    def lag_s(self) -> float:
+        """How long the oldest rows that are not committed have waited, or the newest committed ones did [s]."""
+        arrived = self._arrived
+        return max(self.counters.lag_s, time.monotonic() - self._since if arrived else 0.0)
+
     def run(self, stop: Callable[[], bool], progress: Callable[[], None] = lambda: None) -> None:
         """Until `stop()`; `progress` is called at least every second. A broker that refuses is tried again.
 
@@ -206,7 +212,9 @@ class Sink:
             count = self._quarantining.count
             count(malformed, "%d malformed messages put into quarantine")
             count(written.impossible, "%d rows with impossible times put into quarantine")
-            count(written.conflicts, "%d rows put into quarantine: other rows with their keys are stored", logging.ERROR)
+            count(
+                written.conflicts, "%d rows put into quarantine: other rows with their keys are stored", logging.ERROR
+            )
             counters.impossible += written.impossible
             counters.lag_s = time.monotonic() - batch.begun
             counters.rows += written.rows

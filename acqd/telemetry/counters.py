@@ -29,6 +29,10 @@ class TelemetryCounters:
     """Bytes of the spool that were torn or unreadable at the start."""
     disk_trouble: str
     """Why the disk takes no rows, else empty."""
+    reading_trouble: str
+    """Why rows that wait cannot be read back, else empty."""
+    unreceipted_s: float
+    """How long no receipt has come while a sink is online [s]."""
     connected: bool
     reconnects: int
     sink_seen: bool

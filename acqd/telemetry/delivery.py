@@ -71,7 +71,7 @@ class Delivery:
         self._acknowledged: dict[Stream, Ranges] = {}
         self._devices = spool.devices | set(devices)
         self._sinks: set[str] = set()
-        self._heard = -1e9
+        self._heard = self._unreceipted_since = -1e9
         self._quiet_until = -1e9
         self._patience = _PATIENCE_S[0]
         self._more = False
@@ -205,7 +205,8 @@ class Delivery:
             self.sink_seen = True
             self._patience = _PATIENCE_S[0]
             if not retained and recalls(payload):
-                _log.warning("%s has a database in an earlier state: %d stored rows are sent again", topic, self.spool.recall())
+                again = self.spool.recall()
+                _log.warning("%s has a database in an earlier state: %d stored rows are sent again", topic, again)
             if not retained:  # what was sent before the sink had subscribed may never reach it
                 self._from_the_start()
         self._changed.set()
@@ -214,6 +215,13 @@ class Delivery:
     def outstanding(self) -> int:
         """Rows that were sent and have no receipt yet."""
         return len(self._flying)
+
+    @property
+    def unreceipted_s(self) -> float:
+        """How long no receipt has come for rows that were sent, while a sink says that it is there [s]."""
+        if self._until == "acknowledged" or not self._online or not self._sinks or not len(self._flying):
+            return 0.0
+        return max(0.0, self._now() - self._unreceipted_since)
 
     def __len__(self) -> int:
         """Messages that wait: rows that are not delivered, states that are not sent."""
@@ -233,6 +241,7 @@ class Delivery:
         now = self._now()
         self._heard, self.sink_seen = now, True
         if expected:
+            self._unreceipted_since = now
             self._patience = _PATIENCE_S[0]
         if removed > expected:
             self._quiet_until = now + _QUIET_S
@@ -253,6 +262,8 @@ class Delivery:
 
     def _messages(self, rows: Sequence[SpooledRow]) -> list[Message]:
         now = self._now()
+        if not len(self._flying):
+            self._unreceipted_since = now
         for stream, seq, _ in rows:
             self._flying.add(stream, seq, now)
             self._unsent.publish(stream, seq)

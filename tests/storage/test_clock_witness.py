@@ -88,7 +88,9 @@ def test_one_device_from_the_future_waits_in_quarantine_and_is_restored_exactly_
     assert [entry.device for entry in entries(engine, which, 3)] == ["cell1"] * 3
     assert restore(engine, which) == Restored(700) and restore(engine, which) == Restored()
     with engine.connect() as connection:
-        stored = connection.execute(sa.select(power.c.filetime, power.c.flags).where(power.c.device == "cell1").order_by("seq")).all()
+        stored = connection.execute(
+            sa.select(power.c.filetime, power.c.flags).where(power.c.device == "cell1").order_by("seq")
+        ).all()
     assert [tuple(one) for one in stored] == [(one.filetime, ["gap"]) for one in odd]
     assert writer.write([message(row(0, t=T0 + 3 * DAY))]).impossible == 1, "restored rows are no witness"
 

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import json
+import time
+
 import pytest
 import sqlalchemy as sa
 
-from acqd.storage.database import open_database
+from acqd.storage.clock_witness import ClockWitness
+from acqd.storage.database import open_database, transaction
 from acqd.storage.maintain import Retention, maintain
-from acqd.storage.schema import power_1min, power_15min
+from acqd.storage.retention_doubt import doubt, note_run
+from acqd.storage.schema import database_state, power_1min, power_15min, quarantine
 from acqd.storage.writer import Received, Writer
+from acqd.uptime import Moment
+from tests.commands import acqd_here
 from tests.storage.rows import T0, count, message, row
 
 
@@ -60,3 +67,55 @@ def test_a_backlog_of_days_is_rolled_up_before_it_is_deleted(database):
     with engine.connect() as connection:
         stored = connection.execute(sa.select(power_1min.c.rows).where(power_1min.c.device == "cell2")).scalars().all()
     assert stored == [60, 60]
+
+
+def lots(engine, days=40, per_day=2):
+    """Rows of many days until `T0` + `days`; the time of the newest [Unix s]."""
+    at = [T0 + k * 86_400.0 / per_day for k in range(days * per_day)]
+    Writer(engine, witness=ClockWitness(now_ns=lambda: int(at[-1] * 1e9))).write(
+        [message(row(k, t=t)) for k, t in enumerate(at)]
+    )
+    return at[-1]
+
+
+def test_a_clock_far_from_the_newest_row_deletes_nothing(database):
+    engine = open_database(database)
+    now = lots(engine)
+    assert not doubt(engine, Retention(), now)
+    for ahead in (40, 400, 1.5):
+        assert "rows would be deleted" in doubt(engine, Retention(), now + ahead * 86_400)
+    assert not doubt(engine, Retention(power_days=0), now + 40 * 86_400), "nothing would be deleted"
+
+
+def test_a_clock_that_has_gone_further_than_the_computer_has_been_running_deletes_nothing(database):
+    """The rows may be of the same computer, and as wrong as its clock."""
+    engine = open_database(database)
+    now = lots(engine)
+    with transaction(engine) as connection:
+        connection.execute(sa.delete(database_state).where(database_state.c.key.startswith("commits")))
+    note_run(engine, now, Moment(b"start", 10**9))
+    later = now + 20 * 86_400
+    Writer(engine, witness=ClockWitness(now_ns=lambda: int(later * 1e9))).write([message(row(9_999, t=later))])
+    with transaction(engine) as connection:
+        connection.execute(sa.delete(database_state).where(database_state.c.key.startswith("commits")))
+    assert "since the last maintenance" in doubt(engine, Retention(), later, Moment(b"start", 3_600 * 10**9))
+    assert not doubt(engine, Retention(), later, Moment(b"start", 20 * 86_400 * 10**9))
+    assert "since the last maintenance" in doubt(engine, Retention(), later, Moment(b"other", 10**9))
+
+
+def test_the_command_refuses_and_does_what_a_person_insists_on(tmp_path):
+    path = str(tmp_path / "a.sqlite")
+    engine = open_database(path)
+    lots(engine)
+    before = count(engine)
+    refused = acqd_here("sink", "maintain", "--database", path)
+    assert refused.returncode == 2 and "--yes" in refused.stderr and count(engine) == before
+    done = acqd_here("sink", "maintain", "--database", path, "--yes", "--json")
+    assert done.returncode == 0 and json.loads(done.stdout)["power_deleted"] == before and count(engine) == 0
+
+
+def test_rows_that_can_be_restored_outlive_the_retention_of_the_quarantine(database):
+    engine = open_database(database)
+    Writer(engine).write([message(row(0, t=time.time() + 9 * 86_400)), Received("acqd/a/L1/power", b"{")])
+    done = maintain(engine, Retention(), time.time() + 100 * 86_400)
+    assert done.quarantine_deleted == 1 and count(engine, quarantine) == 1

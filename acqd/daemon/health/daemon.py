@@ -63,4 +63,5 @@ class DaemonHealth(ServiceHealth):
             synchronised=feed.synchronised,
             windows=feed.windows,
             boxes=feed.boxes,
+            acknowledged=self.acknowledged,
         )

@@ -25,14 +25,18 @@ class Answer:
     status: dict[str, Any] = field(default_factory=dict)
 
 
-def ask(section: HealthSection, service: Service) -> Answer | None:
-    """The status of a service; None when the configuration gives it no port."""
+def ask(section: HealthSection, service: Service, *, acknowledge: bool = False) -> Answer | None:
+    """The status of a service; None when the configuration gives it no port.
+
+    `acknowledge`: a person has seen the problems that were counted until now.
+    """
     port = section.port if service == "daemon" else section.sink_port
     if not port:
         return None
-    where = f"http://{section.host}:{port}/status"
+    host = f"[{section.host}]" if ":" in section.host else section.host
+    where = f"http://{host}:{port}/status"
     try:
-        status = _get(section.host, port)
+        status = _get(section.host, port, acknowledge=acknowledge)
         answered = status["service"]
         if answered != service:
             return Answer(
@@ -46,10 +50,10 @@ def ask(section: HealthSection, service: Service) -> Answer | None:
         return Answer(service, False, [f"what answers at {where} is no {service} of acqd"], [])
 
 
-def _get(host: str, port: int) -> dict[str, Any]:
+def _get(host: str, port: int, *, acknowledge: bool) -> dict[str, Any]:
     connection = HTTPConnection(host, port, timeout=_TIMEOUT_S)
     try:
-        connection.request("GET", "/status")
+        connection.request(*(("POST", "/acknowledge") if acknowledge else ("GET", "/status")))
         answer = connection.getresponse()
         body: dict[str, Any] = json.loads(answer.read(1 << 20))
         return body

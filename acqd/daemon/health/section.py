@@ -28,7 +28,7 @@ class HealthSection(Section):
             loopback = ipaddress.ip_address(host).is_loopback
         except ValueError:
             loopback = False
-        if not loopback or ":" in host:
+        if not loopback:
             raise ValueError(
                 "expected a loopback address like 127.0.0.1; a proxy with a password makes the endpoints public"
             )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import socket
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
@@ -15,6 +16,7 @@ import orjson
 from acqd.daemon.health.runbook import links_for
 from acqd.daemon.health.snapshot import Snapshot
 from acqd.daemon.health.verdict import verdict
+from acqd.telemetry.mqtt import is_loopback
 
 Page = Callable[[str], tuple[int, str, bytes]]
 """Status code, content type and body of an endpoint, for a query string; called in a thread."""
@@ -28,16 +30,23 @@ class HealthServer:
     """Serves snapshots of one service; a port that cannot be used is logged and does not stop the service."""
 
     def __init__(
-        self, host: str, port: int, snapshot: Callable[[], Snapshot], pages: Mapping[str, Page] | None = None
+        self,
+        host: str,
+        port: int,
+        snapshot: Callable[[], Snapshot],
+        pages: Mapping[str, Page] | None = None,
+        acknowledge: Callable[[], None] = lambda: None,
     ) -> None:
-        """`pages`: further endpoints by their path."""
+        """`pages`: further endpoints by their path; `acknowledge`: a person has seen the problems that were counted."""
+        self._acknowledge = acknowledge
         self._host, self._port, self._snapshot, self._pages = host, port, snapshot, pages or {}
         self._server: _Server | None = None
 
     def start(self) -> None:
         """Listen."""
         try:
-            self._server = _Server((self._host, self._port), _handler(self._snapshot, self._pages))
+            handler = _handler(self._host, self._snapshot, self._pages, self._acknowledge)
+            self._server = (_Server6 if ":" in self._host else _Server)((self._host, self._port), handler)
         except OSError as error:
             _log.info(
                 "health: port %s:%d cannot be used (%s); this service has no endpoints, see [health]",
@@ -86,14 +95,45 @@ class _Server(ThreadingMixIn, HTTPServer):
         _log.debug("health: request of %s failed", client_address, exc_info=True)
 
 
-def _handler(snapshot: Callable[[], Snapshot], pages: Mapping[str, Page]) -> type[BaseHTTPRequestHandler]:
+class _Server6(_Server):
+    address_family = socket.AF_INET6
+
+
+def _is_ours(name: str, host: str) -> bool:
+    """Whether a request's Host names this computer: a page of a stranger reaches us by a name of its own (rebinding)."""
+    bare = name.rsplit("]", 1)[0].lstrip("[") if name.startswith("[") else name.rsplit(":", 1)[0]
+    return bare == host or is_loopback(bare)
+
+
+def _handler(
+    host: str, snapshot: Callable[[], Snapshot], pages: Mapping[str, Page], acknowledge: Callable[[], None]
+) -> type[BaseHTTPRequestHandler]:
     class Handler(BaseHTTPRequestHandler):
         timeout = _REQUEST_S
         server_version, sys_version = "acqd", ""
 
         def do_GET(self) -> None:
             path, _, query = self.path.partition("?")
-            code, kind, body = pages[path](query) if path in pages else _page(path, snapshot)
+            if self._foreign():
+                return
+            self._answer(*(pages[path](query) if path in pages else _page(path, snapshot)))
+
+        def do_POST(self) -> None:
+            if self._foreign():
+                return
+            if self.path != "/acknowledge" or self.headers.get("Origin") is not None:
+                self._answer(404, _JSON, orjson.dumps({"error": "expected /acknowledge"}))
+                return
+            acknowledge()
+            self._answer(*_page("/status", snapshot))
+
+        def _foreign(self) -> bool:
+            if _is_ours(self.headers.get("Host", host), host):
+                return False
+            self._answer(421, _JSON, orjson.dumps({"error": "this host name is not of this computer"}))
+            return True
+
+        def _answer(self, code: int, kind: str, body: bytes) -> None:
             self.send_response(code)
             self.send_header("Content-Type", kind)
             self.send_header("Content-Length", str(len(body)))

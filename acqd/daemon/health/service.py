@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 
 from acqd.daemon.health.server import HealthServer, Page
-from acqd.daemon.health.snapshot import Snapshot
+from acqd.daemon.health.snapshot import Acknowledged, Snapshot
 from acqd.daemon.health.watchdog import Watchdog
 
 
@@ -17,7 +17,8 @@ class ServiceHealth(ABC):
     def __init__(self, host: str, port: int, pages: Mapping[str, Page] | None = None) -> None:
         """Port 0: no endpoints. `pages`: those that only this service has."""
         self._begun = self._turned = time.monotonic()
-        self._server = HealthServer(host, port, self.snapshot, pages) if port else None
+        self.acknowledged = Acknowledged()
+        self._server = HealthServer(host, port, self.snapshot, pages, self._acknowledge) if port else None
         self._watchdog = Watchdog(self.alive)
 
     @abstractmethod
@@ -34,6 +35,12 @@ class ServiceHealth(ABC):
         self._watchdog.start()
         if self._server is not None:
             self._server.start()
+
+    def _acknowledge(self) -> None:
+        """A person has seen what was counted until now."""
+        now = self.snapshot()
+        dropped = now.delivery.dropped if now.delivery is not None else 0
+        self.acknowledged = Acknowledged(dropped, now.quarantined or 0, now.recalls)
 
     def turned(self) -> None:
         """The loop of the service turns; called by it."""

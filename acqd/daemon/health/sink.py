@@ -12,6 +12,7 @@ from acqd.daemon.health.snapshot import Link, Snapshot
 
 if TYPE_CHECKING:
     from acqd.storage.sink import Sink
+    from acqd.storage.upkeep import Upkeep
 
 _TURN_S = 120.0  # without a turn of its loop: longer than any lock or statement may take
 
@@ -19,8 +20,8 @@ _TURN_S = 120.0  # without a turn of its loop: longer than any lock or statement
 class SinkHealth(ServiceHealth):
     """Of a sink whose loop has to turn: rows need not come."""
 
-    def __init__(self, section: HealthSection, sink: Sink, name: str) -> None:
-        self._sink, self._name = sink, name
+    def __init__(self, section: HealthSection, sink: Sink, name: str, upkeep: Upkeep | None = None) -> None:
+        self._sink, self._name, self._upkeep = sink, name, upkeep
         super().__init__(section.host, section.sink_port)
 
     def alive(self) -> bool:
@@ -42,6 +43,13 @@ class SinkHealth(ServiceHealth):
             rows=counters.rows,
             last_row_age_s=None if last is None else time.monotonic() - last,
             quarantined=counters.quarantined,
+            impossible=counters.impossible,
+            lag_s=sink.lag_s,
+            clock_trouble=counters.clock_trouble,
+            upkeep_trouble=self._upkeep.trouble if self._upkeep is not None else "",
+            disk_days=self._upkeep.disk_days if self._upkeep is not None else None,
+            recalls=counters.recalls,
+            acknowledged=self.acknowledged,
             broker=Link(sink.connected, max(counters.reconnects, 0)),
             database=Link(not trouble, counters.database_returns, trouble),
         )

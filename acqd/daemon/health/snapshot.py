@@ -47,6 +47,12 @@ class Delivery:
     """Age of the oldest row that waits [s]."""
     disk_trouble: str = ""
     """Why the disk takes no rows."""
+    reading_trouble: str = ""
+    """Why rows that wait cannot be read back."""
+    unreceipted_s: float = 0.0
+    """How long no receipt has come while a sink is online [s]."""
+    old_after_s: float | None = None
+    """Age from which on rows that wait are a problem [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,6 +126,15 @@ class FeedHealth:
 
 
 @dataclass(frozen=True, slots=True)
+class Acknowledged:
+    """What a person has seen: counts up to these are no problem any more, but a note."""
+
+    dropped: int = 0
+    quarantined: int = 0
+    recalls: int = 0
+
+
+@dataclass(frozen=True, slots=True)
 class Snapshot:
     """One service."""
 
@@ -136,6 +151,19 @@ class Snapshot:
     """Seconds since the last of them; None before the first."""
     boot: str | None = None
     quarantined: int | None = None
+    """Messages that are no new rows."""
+    impossible: int = 0
+    """Of these, rows whose time cannot be true."""
+    lag_s: float = 0.0
+    """How long the newest batch has waited for its commit [s]."""
+    clock_trouble: str = ""
+    """What is wrong with this computer's clock."""
+    upkeep_trouble: str = ""
+    """Why roll-ups and retention do not run."""
+    disk_days: float | None = None
+    """Days until the disk of the database is full, at the present rate; None: unknown."""
+    recalls: int = 0
+    """Times the database was found in an earlier state."""
     source: SourceLink | None = None
     broker: Link | None = None
     database: Link | None = None
@@ -144,5 +172,6 @@ class Snapshot:
     synchronised: bool | None = None
     """Whether the clock is disciplined; None: nobody can tell."""
     windows: Windows | None = None
+    acknowledged: Acknowledged = Acknowledged()
     boxes: tuple[BoxHealth, ...] = ()
     """Of a daemon with several sources: each of them."""

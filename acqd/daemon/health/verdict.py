@@ -9,6 +9,12 @@ from acqd.daemon.health.snapshot import Cycles, Delivery, Link, Snapshot, Source
 
 SPOOL_ALERT = 0.9
 """Share of the spool's limit from which on its filling is a problem."""
+UNRECEIPTED_S = 10.0
+"""A receipt comes within a second; a sink that is online and silent for longer does not get the rows."""
+LAG_S = 2.0
+"""Rows are stored within half a second of their message."""
+DISK_DAYS = 14.0
+"""Time to buy a disk."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +36,7 @@ class Verdict:
 
 def verdict(snapshot: Snapshot) -> Verdict:
     """Judge a snapshot; of several sources, every sentence names the one that is meant."""
+    seen = snapshot.acknowledged
     problems, notes = [] if snapshot.alive else _dead(snapshot), []
     for of, link, cycles in _sources(snapshot):
         problems += _away(f"source{of}", link)
@@ -40,12 +47,12 @@ def verdict(snapshot: Snapshot) -> Verdict:
     problems += _away("broker", snapshot.broker) + _away("database", snapshot.database)
     if snapshot.delivery is not None:
         problems += _delivery_problems(snapshot.delivery)
-        if snapshot.delivery.dropped:
-            notes.append(f"{snapshot.delivery.dropped} messages were dropped since the start")
+        _counted(snapshot.delivery.dropped, seen.dropped, "messages were dropped since the start", problems, notes)
     if snapshot.synchronised is False:
         notes.append("the clock is not synchronised: rows are flagged; enable chrony or systemd-timesyncd")
-    if snapshot.quarantined:
-        notes.append(f"{snapshot.quarantined} messages are in quarantine")
+    problems += _sink_problems(snapshot)
+    _counted(snapshot.quarantined or 0, seen.quarantined, "messages are in quarantine", problems, notes)
+    _counted(snapshot.recalls, seen.recalls, "times the database was found in an earlier state", problems, notes)
     return Verdict(snapshot.alive, problems, notes)
 
 
@@ -78,6 +85,21 @@ def _times(count: int) -> str:
     return "once" if count == 1 else f"{count} times"
 
 
+def _counted(count: int, seen: int, what: str, problems: list[str], notes: list[str]) -> None:
+    """A problem until a person has acknowledged it (`acqd status --acknowledge`), a note from then on."""
+    if count:
+        (problems if count > seen else notes).append(f"{count} {what}")
+
+
+def _sink_problems(snapshot: Snapshot) -> list[str]:
+    problems = [text for text in (snapshot.clock_trouble, snapshot.upkeep_trouble) if text]
+    if snapshot.lag_s > LAG_S:
+        problems.append(f"database slow: rows wait {snapshot.lag_s:.1f} s for their commit")
+    if snapshot.disk_days is not None and snapshot.disk_days < DISK_DAYS:
+        problems.append(f"disk of the database full in {snapshot.disk_days:.1f} days at this rate")
+    return problems
+
+
 def _delivery_problems(delivery: Delivery) -> list[str]:
     problems = []
     size, limit = delivery.spool_bytes, delivery.spool_limit_bytes
@@ -85,4 +107,12 @@ def _delivery_problems(delivery: Delivery) -> list[str]:
         problems.append(f"spool {100 * size / limit:.0f} % full; rows will be dropped")
     if delivery.disk_trouble:
         problems.append(f"spool: {delivery.disk_trouble}")
+    if delivery.reading_trouble:
+        problems.append(f"spool: {delivery.reading_trouble}")
+    if delivery.unreceipted_s > UNRECEIPTED_S:
+        problems.append(
+            f"no receipt for {delivery.unreceipted_s:.0f} s although a sink is online: does the broker let rows through?"
+        )
+    if delivery.old_after_s and delivery.spool_age_s and delivery.spool_age_s > delivery.old_after_s:
+        problems.append(f"spool: rows have waited for {delivery.spool_age_s / 86_400:.1f} days")
     return problems

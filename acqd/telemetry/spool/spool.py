@@ -62,9 +62,7 @@ class Limits:
 class Spool:
     """Rows that wait; for one thread."""
 
-    def __init__(
-        self, folder: Path | None, limits: Limits | None = None, now: Callable[[], Moment] = moment
-    ) -> None:
+    def __init__(self, folder: Path | None, limits: Limits | None = None, now: Callable[[], Moment] = moment) -> None:
         """Without `folder`, rows wait in memory. Raises UserError when the folder cannot be used."""
         self.limits = limits or Limits()
         self.max_bytes = self.limits.max_bytes if folder else min(self.limits.max_bytes, _MEMORY)
@@ -322,4 +320,3 @@ class Spool:
         if name is None:
             name = self._names[stream] = stream.encoded()
         return name
-

@@ -339,9 +339,11 @@ def test_delivered_rows_are_kept_for_a_while_and_wait_again_when_they_are_recall
         spool.append(window(k))
     for stream in STREAMS:
         spool.remove(stream, 0, 450)
-    assert len(spool) == 98 and list(tmp_path.glob("*.kept")) and everything(spool) == [
-        row for k in range(451, 500) for row in window(k)
-    ]
+    assert (
+        len(spool) == 98
+        and list(tmp_path.glob("*.kept"))
+        and everything(spool) == [row for k in range(451, 500) for row in window(k)]
+    )
     assert spool.recall() == 902 and everything(spool) == [row for k in range(500) for row in window(k)]
     for stream in STREAMS:
         spool.remove(stream, 0, 499)

@@ -1,0 +1,105 @@
+"""Roll-ups and retention once a day by the sink itself, where no timer runs them; and how long the disk lasts."""
+
+from __future__ import annotations
+
+import logging
+import shutil
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+
+import sqlalchemy as sa
+
+from acqd.errors import UserError
+from acqd.storage.database import file_of, first_line
+from acqd.storage.maintain import Retention, maintain
+from acqd.storage.retention_doubt import doubt, last_run, note_run, rows_past
+from acqd.uptime import moment
+
+_log = logging.getLogger(__name__)
+_LOOK_S = 60.0
+_DAY_S = 86_400.0
+_OVERDUE_S = 26 * 3_600.0
+"""A timer that runs daily has had its turn and two hours more."""
+_FIRST_S = 600.0
+"""A sink that has just started has a backlog to store first."""
+_LOOKS = 61
+"""The rate at which the disk fills is of the last hour."""
+
+
+class Upkeep:
+    """A thread; other threads read its attributes."""
+
+    def __init__(self, engine: sa.Engine, retention: Retention) -> None:
+        self._engine, self._retention = engine, retention
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="upkeep", daemon=True)
+        self._free: deque[tuple[float, int]] = deque(maxlen=_LOOKS)
+        self.trouble = ""
+        """Why roll-ups and retention did not run, else empty."""
+        self.disk_days: float | None = None
+        """Until the disk of an SQLite database is full, at the rate of the last hour; None: not known, or not filling."""
+
+    def start(self) -> None:
+        """Look once a minute."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End after the transaction in progress at the latest a second from now; the rest is done another time."""
+        self._stopping.set()
+        self._thread.join(1.0)
+
+    def _run(self) -> None:
+        begun = time.monotonic()
+        while not self._stopping.wait(_LOOK_S):
+            self._look_at_disk()
+            if time.monotonic() - begun >= _FIRST_S:
+                try:
+                    self.run_if_due()
+                except sa.exc.DBAPIError as error:
+                    self._say(f"maintenance: {first_line(error)}; trying again")
+                except UserError as error:
+                    self._say(f"maintenance: {error}")
+
+    def run_if_due(self, now: Callable[[], float] = time.time) -> bool:
+        """Make roll-ups and delete what is old, if the last run is more than a day ago; whether that was done.
+
+        Raises sqlalchemy.exc.DBAPIError.
+        """
+        wall, last = now(), last_run(self._engine)
+        if last is not None and min(last.moment.age_s(moment()), abs(wall - last.wall_ns / 1e9)) < _OVERDUE_S:
+            return False
+        why = doubt(self._engine, self._retention, wall)
+        if not why and last is None and (old := rows_past(self._engine, self._retention, wall)):
+            why = f"no maintenance has run yet, and {old} rows are older than {self._retention.power_days:g} days"
+        if why:
+            maintain(self._engine, Retention(0, 0, 0), wall)
+            self._say(f"maintenance: {why}; nothing was deleted: `acqd sink maintain --yes` if the clock is right")
+            return False
+        done = maintain(self._engine, self._retention, wall)
+        note_run(self._engine, wall)
+        _log.info(
+            "maintenance: %d roll-ups made, %d rows deleted as older than %g days",
+            done.rollup_1min + done.rollup_15min, done.power_deleted, self._retention.power_days,
+        )  # fmt: skip
+        self.trouble = ""
+        return True
+
+    def _say(self, trouble: str) -> None:
+        if trouble != self.trouble:
+            _log.error("%s", trouble)
+        self.trouble = trouble
+
+    def _look_at_disk(self) -> None:
+        path = file_of(self._engine)
+        try:
+            free = shutil.disk_usage(path.absolute().parent).free if path is not None else None
+        except OSError:
+            free = None
+        if free is None:
+            return
+        self._free.append((time.monotonic(), free))
+        (begun, most), (now, least) = self._free[0], self._free[-1]
+        used = most - least
+        self.disk_days = free / (used / (now - begun)) / _DAY_S if used > 0 and len(self._free) > 10 else None

@@ -1,0 +1,89 @@
+"""Rows go into the database that was opened at the start, and nowhere else; a commit is on disk."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+
+import pytest
+import sqlalchemy as sa
+
+from acqd.storage.database import DatabaseAwayError, engine_for, open_database, prepare, transaction
+from acqd.storage.schema import database_state
+from acqd.storage.writer import Writer
+from tests.storage.rows import count, message, row
+
+
+def test_a_file_that_was_moved_away_takes_no_row_and_is_used_again_when_it_is_back(tmp_path):
+    path, away = tmp_path / "a.sqlite", tmp_path / "rotated.sqlite"
+    writer = Writer(open_database(str(path)))
+    writer.write([message(row(0))])
+    path.rename(away)
+    for k in range(3):
+        with pytest.raises(DatabaseAwayError, match="moved away or deleted"):
+            writer.write([message(row(1 + k))])
+    assert not path.exists(), "no empty file takes its place"
+    away.rename(path)
+    writer.write([message(row(1))])
+    assert count(open_database(str(path))) == 2 and not writer.guard.recall
+
+
+def test_a_backup_that_was_put_back_gets_the_rows_that_it_lacks(tmp_path):
+    path, backup = tmp_path / "a.sqlite", tmp_path / "backup.sqlite"
+    engine = open_database(str(path))
+    writer = Writer(engine)
+    writer.write([message(row(0))])
+    with sa.create_engine(f"sqlite:///{path}").connect() as connection:
+        connection.exec_driver_sql(f"VACUUM INTO '{backup}'")
+    for k in range(1, 4):
+        writer.write([message(row(k))])
+    for file in tmp_path.glob("a.sqlite*"):
+        file.unlink()
+    shutil.copy(backup, path)
+    for attempt in range(3):
+        try:
+            writer.write([message(row(9))])
+            break
+        except DatabaseAwayError as error:
+            assert "replaced" in error.reason and attempt < 2
+    assert writer.guard.recall == 1 and count(open_database(str(path))) == 2
+    writer.write([message(row(10))])
+    assert writer.guard.recall == 1
+
+
+def test_another_database_and_an_empty_one_are_named_and_take_no_row(database):
+    engine = open_database(database)
+    writer = Writer(engine)
+    writer.write([message(row(0))])
+    with transaction(engine) as connection:
+        connection.execute(sa.update(database_state).where(database_state.c.key == "identity").values(value="x"))
+    with pytest.raises(DatabaseAwayError, match="another database"):
+        writer.write([message(row(1))])
+    with transaction(engine) as connection:
+        connection.exec_driver_sql("DROP TABLE database_state")
+    with pytest.raises(DatabaseAwayError, match="its tables are gone"):
+        writer.write([message(row(1))])
+    assert count(engine) == 1
+
+
+def test_a_commit_of_the_sink_is_on_the_disk_before_it_returns(tmp_path):
+    """The log is synchronised at every commit: strace is not everywhere, so the setting of the connection is asked."""
+    engine = engine_for(str(tmp_path / "a.sqlite"), impatient=True)
+    prepare(engine)
+    with engine.connect() as connection:
+        assert connection.exec_driver_sql("PRAGMA synchronous").scalar() == 2
+        assert connection.exec_driver_sql("PRAGMA journal_mode").scalar() == "wal"
+
+
+def test_a_killed_writer_leaves_what_it_committed(tmp_path):
+    path = tmp_path / "a.sqlite"
+    program = (
+        "import os, sys\nfrom acqd.storage.database import open_database\nfrom acqd.storage.writer import Writer\n"
+        "from tests.storage.rows import message, row\n"
+        f"writer = Writer(open_database({str(path)!r}))\nwriter.write([message(row(k)) for k in range(50)])\n"
+        "os.kill(os.getpid(), 9)\n"
+    )
+    subprocess.run([sys.executable, "-c", program], check=False, env=dict(os.environ))
+    assert count(open_database(str(path))) == 50
