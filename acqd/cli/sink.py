@@ -21,7 +21,7 @@ from acqd.cli.terminal import terminal
 from acqd.daemon.config import Config
 from acqd.daemon.health.sink import SinkHealth
 from acqd.daemon.notify import notify
-from acqd.errors import UserError
+from acqd.errors import OperationError, UserError
 from acqd.plc.kernel_clock import kernel_synchronised
 from acqd.plc.realtime import die_with_parent
 
@@ -170,6 +170,8 @@ def completeness_command(
         report = completeness(engine, wanted, now, device, lambda done: shown.update(bar, completed=done))
     if device is not None and not report:
         raise UserError(f"--device {device!r}: the database has no rows of this device on {wanted} or before")
+    if not report:
+        raise OperationError(f"the database has no rows and no roll-ups until {wanted}: is it the right one?")
     if json:
         print(orjson.dumps([asdict(one) | {"missing": one.missing} for one in report]).decode())
     else:

@@ -18,7 +18,10 @@ from acqd.daemon.source_checks import source_checks
 from acqd.daemon.spool_checks import spool_checks
 from acqd.errors import UserError
 
-_FREE_BYTES = 2 * 10**9  # a week of three-phase rows
+_ROW_BYTES = 229
+"""Of a row in SQLite with its indices; `python -m tools.bench --only load` measures it."""
+_CHANNELS = 4
+_WEEK_S = 7 * 86_400
 _CPU_GOVERNOR = Path("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor")
 _CLOCKSOURCE = Path("/sys/devices/system/clocksource/clocksource0/current_clocksource")
 
@@ -103,12 +106,14 @@ def _disk(config: Config) -> Finding:
     if not folder.exists():
         return Finding("disk", "fail", f"{folder} does not exist", "create it")
     free = shutil.disk_usage(folder).free
-    text = f"{free / 1e9:.1f} GB free at {folder}"
-    return (
-        Finding("disk", "ok", text)
-        if free > _FREE_BYTES
-        else Finding("disk", "warn", text, "a week of rows needs 2 GB")
+    week = _ROW_BYTES * _CHANNELS * len(config.devices) * _WEEK_S / config.window
+    kept = f"keep_days = {config.sink.keep_days:g}" if config.sink.keep_days else "no keep_days"
+    text = f"{free / 1e9:.1f} GB free at {folder}: rows of {7 * free / week:.1f} days; {kept}"
+    lasts = free > week and (elsewhere or free > week / 7 * (config.sink.keep_days or 0))
+    advice = (
+        f"a week of rows needs {week / 1e9:.0f} GB, {week / 7e9:.1f} GB a day: lower [sink] keep_days, or more disk"
     )
+    return Finding("disk", "ok", text) if lasts else Finding("disk", "warn", text, advice)
 
 
 if sys.platform != "linux":  # pragma: no cover - one clear line instead of a failure deep inside

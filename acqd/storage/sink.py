@@ -35,6 +35,8 @@ _STOP_S = 1.0
 _BATCH_BYTES, _HELD_BYTES = 4 << 20, 16 << 20
 """Payloads of one transaction, and of all messages that are not acknowledged."""
 _PROGRESS_S = 0.5
+_LAG_KNOWN_S = 5.0
+"""How long the lag of the last batch says something."""
 
 
 class Sink:
@@ -68,12 +70,6 @@ class Sink:
     def connected(self) -> bool:
         """Whether the broker has taken our subscription (a backlog of rows may come before the acknowledgement)."""
         return self._subscriber is not None and self._subscriber.subscribed
-
-    @property
-    def lag_s(self) -> float:
-        """How long the oldest rows that are not committed have waited, or the newest committed ones did [s]."""
-        arrived = self._arrived
-        return max(self.counters.lag_s, time.monotonic() - self._since if arrived else 0.0)
 
     def run(self, stop: Callable[[], bool], progress: Callable[[], None] = lambda: None) -> None:
         """Until `stop()`; `progress` is called at least every second. A broker that refuses is tried again.
@@ -171,6 +167,8 @@ class Sink:
         due = len(self._arrived) >= settings.batch or self._held >= _BATCH_BYTES
         if self._arrived and committer.room and (due or time.monotonic() >= self._since + settings.interval):
             self._submit(committer)
+        if not self._arrived and not committer.busy and time.monotonic() - self._since > _LAG_KNOWN_S:
+            self.counters.lag_s = 0.0
         self._announce(subscriber)
         self._feed_watchdog()
 

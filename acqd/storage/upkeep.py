@@ -39,7 +39,7 @@ class Upkeep:
         self.trouble = ""
         """Why roll-ups and retention did not run, else empty."""
         self.disk_days: float | None = None
-        """Until the disk of an SQLite database is full, at the rate of the last hour; None: not known, or not filling."""
+        """Until the disk of an SQLite database is full, at the rate of the last hour; None: unknown, or not filling."""
 
     def start(self) -> None:
         """Look once a minute."""

@@ -83,9 +83,51 @@ RUNBOOK = (
         r"broker away",
     ),
     _entry(
+        "upkeep",
+        "`maintenance: ...` (sink)",
+        "is the clock of this computer right (`timedatectl`)? Then `acqd sink maintain --yes`; else set it",
+        r"^maintenance",
+    ),
+    _entry(
+        "sink-clock",
+        "`this computer's clock ...` (sink), rows flagged `sink_clock`",
+        "`timedatectl`, `chronyc tracking`: set the clock of the sink's computer; no row is lost",
+        r"^this computer's clock",
+    ),
+    _entry(
+        "earlier-state",
+        "`N times the database was found in an earlier state`",
+        "who restored it? Daemons sent the rows of `keep_minutes` again; `acqd sink completeness` shows gaps",
+        r"earlier state",
+    ),
+    _entry(
+        "slow",
+        "`database slow: ...`",
+        "the disk or the server of the database: `iostat -x 1`; other programs that hold locks",
+        r"^database slow",
+    ),
+    _entry(
+        "filling",
+        "`disk of the database full in ... days`",
+        "lower `keep_days` in `[sink]`, or a larger disk",
+        r"^disk of the database",
+    ),
+    _entry(
+        "receipts",
+        "`no receipt for ... s although a sink is online`",
+        "the broker's access rules: may the daemon write `acqd/DEVICE/#`, and the sink read it and write receipts?",
+        r"^no receipt",
+    ),
+    _entry(
+        "unreadable",
+        "`spool: ... cannot be read: ...`",
+        "the disk, share or mount of `state_dir`; no row is deleted, they are tried again",
+        r"^spool: .*(cannot be (read|opened))",
+    ),
+    _entry(
         "spool",
         "`N messages were dropped`",
-        "the spool is full: `max_mb`, `max_age_days` in `[spool]`; or its disk is",
+        "the spool is full: `max_mb` in `[spool]`; or its disk is; `acqd status --acknowledge` when you have seen it",
         r"spool|messages were dropped",
     ),
     _entry(
@@ -97,7 +139,7 @@ RUNBOOK = (
     _entry(
         "quarantine",
         "log: `other rows with their keys are stored`",
-        "another client publishes as this device; the table `quarantine`",
+        "`acqd sink quarantine list`: another client publishes as this device, or a clock is wrong; restore or drop",
         r"quarantine",
     ),
     _entry(
@@ -139,7 +181,7 @@ RUNBOOK = (
     _entry(
         "disk",
         "doctor: `disk`",
-        "free the disk, or `keep_days` in `[sink]` and `acqd sink maintain`; a week of rows needs 2 GB",
+        "free the disk, or `keep_days` in `[sink]` and `acqd sink maintain`; a week of four channels needs 14 GB",
         r"^doctor: disk",
     ),
 )

@@ -100,7 +100,7 @@ class _Server6(_Server):
 
 
 def _is_ours(name: str, host: str) -> bool:
-    """Whether a request's Host names this computer: a page of a stranger reaches us by a name of its own (rebinding)."""
+    """Whether a request's Host names this computer: a stranger's page comes by a name of its own (DNS rebinding)."""
     bare = name.rsplit("]", 1)[0].lstrip("[") if name.startswith("[") else name.rsplit(":", 1)[0]
     return bare == host or is_loopback(bare)
 
@@ -121,8 +121,8 @@ def _handler(
         def do_POST(self) -> None:
             if self._foreign():
                 return
-            if self.path != "/acknowledge" or self.headers.get("Origin") is not None:
-                self._answer(404, _JSON, orjson.dumps({"error": "expected /acknowledge"}))
+            if self.path != "/acknowledge" or self.headers.get("Origin") is not None:  # no page may do this
+                self.send_error(501)
                 return
             acknowledge()
             self._answer(*_page("/status", snapshot))

@@ -44,7 +44,7 @@ class SinkHealth(ServiceHealth):
             last_row_age_s=None if last is None else time.monotonic() - last,
             quarantined=counters.quarantined,
             impossible=counters.impossible,
-            lag_s=sink.lag_s,
+            lag_s=counters.lag_s,
             clock_trouble=counters.clock_trouble,
             upkeep_trouble=self._upkeep.trouble if self._upkeep is not None else "",
             disk_days=self._upkeep.disk_days if self._upkeep is not None else None,

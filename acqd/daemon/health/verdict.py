@@ -111,7 +111,7 @@ def _delivery_problems(delivery: Delivery) -> list[str]:
         problems.append(f"spool: {delivery.reading_trouble}")
     if delivery.unreceipted_s > UNRECEIPTED_S:
         problems.append(
-            f"no receipt for {delivery.unreceipted_s:.0f} s although a sink is online: does the broker let rows through?"
+            f"no receipt for {delivery.unreceipted_s:.0f} s although a sink is online: does the broker refuse the rows?"
         )
     if delivery.old_after_s and delivery.spool_age_s and delivery.spool_age_s > delivery.old_after_s:
         problems.append(f"spool: rows have waited for {delivery.spool_age_s / 86_400:.1f} days")

@@ -21,7 +21,7 @@ class Found(NamedTuple):
     number: int
     """Of the segment where reading goes on."""
     offset: int
-    damaged: list[Segment]
+    damaged: set[Segment]
     """Segments with bytes that are no records."""
     failed: list[tuple[Segment, OSError]]
     """Segments that the disk does not give out now; reading went on behind them."""
@@ -36,11 +36,9 @@ def read_rows(
     readable: Callable[[Segment], bool] = lambda _: True,
 ) -> Found:
     """Rows that wait and are wanted from a position on, of `readable` segments."""
-    found = Found([], number, offset, [], [])
+    found = Found([], number, offset, set(), [])
     left = _MOST_BYTES
-    for segment in list(segments):
-        if segment.number < number:
-            continue
+    for segment in [segment for segment in segments if segment.number >= number]:
         if segment.number > number:
             number, offset = segment.number, START
         while segment.pending and offset < segment.size and readable(segment):
@@ -51,7 +49,7 @@ def read_rows(
                 for record, offset in _some(segment, before):
                     segment.trouble = ""
                     if record is None:
-                        found.damaged.extend([segment] if segment not in found.damaged else [])
+                        found.damaged.add(segment)
                     elif record.kind == ROW and _waits(segment, record, wanted):
                         found.rows.append((record.stream, record.seq, record.payload))
                         if len(found.rows) >= most:

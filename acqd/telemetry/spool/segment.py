@@ -129,7 +129,7 @@ class Segment:
             _write(file, content)
             os.ftruncate(file, len(content))
             os.fsync(file)
-            os.rename(reserve, path)
+            reserve.rename(path)
         finally:
             os.close(file)
         self.path, self._memory = path, bytearray()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from acqd.daemon.health.snapshot import Cycles, Delivery, Link, SourceLink
+from acqd.daemon.health.snapshot import Acknowledged, Cycles, Delivery, Link, SourceLink
 from acqd.daemon.health.verdict import verdict
 from tests.daemon.health.snapshots import daemon, sink
 
@@ -24,6 +24,17 @@ def test_a_service_that_works_is_ready_without_a_word(snapshot):
         (daemon(broker=Link(False)), True, "broker away"),
         (daemon(delivery=Delivery(spool_bytes=91, spool_limit_bytes=100)), True, "91 % full"),
         (daemon(delivery=Delivery(disk_trouble="no space left")), True, "no space left"),
+        (daemon(delivery=Delivery(reading_trouble="a.seg cannot be read: Input/output error")), True, "cannot be read"),
+        (daemon(delivery=Delivery(unreceipted_s=56.0)), True, "no receipt for 56 s"),
+        (daemon(delivery=Delivery(spool_age_s=3e6, old_after_s=2.6e6)), True, "34.7 days"),
+        (daemon(delivery=Delivery(dropped=7)), True, "7 messages were dropped"),
+        (daemon(delivery=Delivery(dropped=8), acknowledged=Acknowledged(dropped=7)), True, "8 messages were dropped"),
+        (sink(quarantined=3), True, "3 messages are in quarantine"),
+        (sink(recalls=1), True, "earlier state"),
+        (sink(clock_trouble="this computer's clock was set back"), True, "clock"),
+        (sink(upkeep_trouble="maintenance: the newest row is 40 days before this clock"), True, "40 days"),
+        (sink(lag_s=21.0), True, "21.0 s"),
+        (sink(disk_days=3.2), True, "3.2 days"),
         (sink(database=Link(False, trouble="connection refused")), True, "connection refused"),
         (sink(alive=False), False, "hangs"),
     ],
@@ -37,11 +48,11 @@ def test_what_keeps_rows_from_arriving_is_a_problem(snapshot, alive, word):
 @pytest.mark.parametrize(
     "snapshot",
     [
-        daemon(delivery=Delivery(dropped=7)),
+        daemon(delivery=Delivery(dropped=7), acknowledged=Acknowledged(dropped=7)),
         daemon(cycles=Cycles(restarts=1)),
         daemon(synchronised=False),
         daemon(source=SourceLink(True, trouble="the range has changed")),
-        sink(quarantined=3),
+        sink(quarantined=3, acknowledged=Acknowledged(quarantined=3)),
     ],
 )
 def test_what_does_not_is_a_note(snapshot):
