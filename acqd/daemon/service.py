@@ -183,7 +183,7 @@ class Service:
                 unreceipted_s=counters.unreceipted_s,
                 old_after_s=self.config.spool.max_age_days * 86_400.0,
             ),
-            Link(counters.connected, counters.reconnects),
+            Link(counters.connected, counters.reconnects, counters.broker_trouble),
         )
 
     def _status(self) -> bytes:

@@ -136,6 +136,7 @@ class Uplink:
             reading_trouble=spool.reading_trouble,
             unreceipted_s=round(delivery.unreceipted_s, 3),
             connected=connector.state == "connected",
+            broker_trouble=connector.trouble,
             reconnects=max(connector.reconnects, 0),
             sink_seen=delivery.sink_seen,
         )

@@ -23,6 +23,8 @@ from acqd.telemetry.topics import OFFLINE
 
 _log = logging.getLogger(__name__)
 _FAREWELL_S = 0.5
+_SHORT, _SHORT_S = 3, 10.0
+"""So many connections in a row that the broker ends within this time: another client takes our name."""
 State = Literal["connecting", "connected", "stopped"]
 
 
@@ -55,6 +57,14 @@ class Connector:
         self.delivered = 0
         """Messages that the broker has acknowledged."""
         self.reconnects = -1
+        self._short = 0
+
+    @property
+    def trouble(self) -> str:
+        """What is wrong with connections that are made and lost again and again, else empty."""
+        if self._short < _SHORT:
+            return ""
+        return f"connections end within seconds: does another daemon use the device name of {self._client_id}?"
 
     async def run(self) -> None:
         """Connect, deliver, reconnect. Raises UserError at first contact, with `must_connect` only."""
@@ -68,10 +78,17 @@ class Connector:
                 if self._must_connect and self.reconnects < 0:
                     raise self._first_failure(reason) from None
                 if self.state == "connected":
-                    backoff.ended(time.monotonic() - begun)
+                    lasted_s = time.monotonic() - begun
+                    backoff.ended(lasted_s)
+                    self._count_short(lasted_s)
                 self._say(reason)
                 self.state = "connecting"
             await asyncio.sleep(backoff.pause_s())
+
+    def _count_short(self, lasted_s: float) -> None:
+        self._short = self._short + 1 if lasted_s < _SHORT_S else 0
+        if self._short == _SHORT:
+            _log.error("broker %s: %s", self._address, self.trouble)
 
     async def flush(self, timeout: float) -> None:
         """Wait until the outbox is empty, at most `timeout` seconds and only while connected."""

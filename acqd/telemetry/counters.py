@@ -34,6 +34,8 @@ class TelemetryCounters:
     unreceipted_s: float
     """How long no receipt has come while a sink is online [s]."""
     connected: bool
+    broker_trouble: str
+    """Why connections end again and again, else empty."""
     reconnects: int
     sink_seen: bool
     """Whether a sink has announced itself or sent a receipt."""

@@ -23,6 +23,8 @@ _BEAT_S = 5.0
 _POSTURE_S = 0.2
 _KEPT = ("broker", "status", "alarm", "posture")
 """Events whose newest one a new viewer gets at once."""
+_MOST_KEPT = 4_000
+"""Of a thousand devices; strangers may publish under any name."""
 _TOPICS = (
     topics.ALL_POWER, topics.ALL_WINDOWS, topics.ALL_STATUS, topics.ALL_PREDICTIONS, topics.ALL_ALARMS,
     topics.ALL_JOINTS,
@@ -129,6 +131,8 @@ class Hub:
         if event in _KEPT:
             device = data.get("device", "") if isinstance(data, dict) else ""
             self._state[f"{event} {device}"] = text
+            while len(self._state) > _MOST_KEPT:
+                del self._state[next(iter(self._state))]
         for queue in self._viewers:
             while queue.full():
                 queue.get_nowait()
@@ -152,11 +156,12 @@ class Hub:
     async def events(self) -> AsyncIterator[bytes]:
         """What one viewer gets, from now on."""
         queue: asyncio.Queue[bytes] = asyncio.Queue(_BEHIND)
-        for text in self._state.values():
-            queue.put_nowait(text)
+        kept = list(self._state.values())  # there may be more than the queue holds
         self._viewers.add(queue)
         try:
             yield b"retry: 1000\n\n"
+            for text in kept:
+                yield text
             while not self._ended:
                 yield await queue.get()
         finally:

@@ -138,3 +138,16 @@ def test_a_token_is_made_where_others_can_reach_the_page():
     assert token_for("127.0.0.1", None) is None and token_for("localhost", None) is None
     assert token_for("127.0.0.1", "mine") == "mine"
     assert len(token_for("0.0.0.0", None)) >= 24 and token_for("plant", None) != token_for("plant", None)
+
+
+def test_a_new_viewer_gets_the_states_of_more_devices_than_may_wait_for_one():
+    async def scenario():
+        ours = hub()
+        for k in range(170):
+            ours.take(f"acqd/cell{k}/status", b'{"state": "online"}')
+            ours.take(f"acqd/cell{k}/prediction/alarm", b'{"chart": "cusum"}')
+        return await taken(ours.events(), 341)
+
+    texts = asyncio.run(scenario())
+    assert len({text for text in texts if text.startswith(b"event: status")}) == 170
+    assert len({text for text in texts if text.startswith(b"event: alarm")}) == 170

@@ -77,6 +77,12 @@ RUNBOOK = (
         r"clock is not synchronised|^doctor: time synchronisation",
     ),
     _entry(
+        "name-taken",
+        "`name taken: ...`, or `broker away: connections end within seconds`",
+        "two daemons of one name: give each a `device` of its own; `client_id` in the broker's log shows both hosts",
+        r"name taken|connections end within seconds",
+    ),
+    _entry(
         "broker-away",
         "`broker away`",
         "`systemctl status mosquitto`; rows wait",

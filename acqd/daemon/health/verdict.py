@@ -44,6 +44,8 @@ def verdict(snapshot: Snapshot) -> Verdict:
         notes += [f"MAIN_FAST{of} was relaunched {_times(cycles.restarts)}"] if cycles and cycles.restarts else []
     again = [box for box in snapshot.boxes if box.restarts]
     notes += [f"source of {box.name} was started again {_times(box.restarts)} after failures" for box in again]
+    if snapshot.broker is not None and snapshot.broker.trouble and snapshot.broker.connected:
+        problems.append(f"name taken: {snapshot.broker.trouble}")
     problems += _away("broker", snapshot.broker) + _away("database", snapshot.database)
     if snapshot.delivery is not None:
         problems += _delivery_problems(snapshot.delivery)

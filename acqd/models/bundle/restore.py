@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -48,8 +49,21 @@ def _check(model: Predictor) -> None:
 def restore(bundle: Bundle) -> Predictor:
     """The predictor of a bundle, with its added effects. Raises UserError, KeyError, ValueError."""
     base = _base(bundle)
-    terms = [Term.from_json(effect) for effect in bundle.metadata.get("effects", [])]
+    terms = [_term(effect) for effect in bundle.metadata.get("effects", [])]
     return Augmented(base, carrier_of(bundle, base), terms) if terms else base
+
+
+def _term(content: dict[str, Any]) -> Term:
+    """An added effect. Raises KeyError, ValueError.
+
+    Numpy counts a negative column from the end, and C writes before the array.
+    """
+    columns = content["columns"]
+    if not all(type(column) is int and column >= 0 for column in columns):
+        raise ValueError(f"effect {content['id']}: columns {columns!r:.60} are not all numbers from 0 on")
+    if len(columns) != len(content["coefficients"]):
+        raise ValueError(f"effect {content['id']}: {len(columns)} columns and other numbers of coefficients")
+    return Term.from_json(content)
 
 
 def carrier_of(bundle: Bundle, base: Predictor) -> GreyBox:

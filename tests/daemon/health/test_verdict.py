@@ -30,6 +30,7 @@ def test_a_service_that_works_is_ready_without_a_word(snapshot):
         (daemon(delivery=Delivery(dropped=7)), True, "7 messages were dropped"),
         (daemon(delivery=Delivery(dropped=8), acknowledged=Acknowledged(dropped=7)), True, "8 messages were dropped"),
         (sink(quarantined=3), True, "3 messages are in quarantine"),
+        (daemon(broker=Link(True, 9, "connections end within seconds: ...")), True, "name taken"),
         (sink(recalls=1), True, "earlier state"),
         (sink(clock_trouble="this computer's clock was set back"), True, "clock"),
         (sink(upkeep_trouble="maintenance: the newest row is 40 days before this clock"), True, "40 days"),

@@ -47,3 +47,20 @@ def test_a_network_with_other_learnables_is_refused():
         restore(Bundle(about, {"theta": np.zeros(1462, np.float32)}))
     with pytest.raises(UserError, match="22x1dim"):
         restore(Bundle(about | {"architecture": {"name": "22x1dim"}}, {"theta": np.zeros(1463, np.float32)}))
+
+
+@pytest.mark.parametrize("columns", [[-1], [0.5], [True], ["0"], [0, -7], [0, 1]])
+def test_columns_that_c_would_write_outside_of_an_array_are_refused(tmp_path, columns):
+    bundle = grey_bundle()
+    effect = {
+        "id": "payload",
+        "where": "flange",
+        "shape": {},
+        "columns": columns,
+        "coefficients": [0.1],
+        "parameters": {},
+    }
+    bundle.metadata["effects"] = [effect]
+    save_bundle(tmp_path / "b", bundle)
+    with pytest.raises(InputError, match="columns"):
+        open_model(tmp_path / "b")

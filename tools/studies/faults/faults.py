@@ -9,7 +9,14 @@ from tools.studies.faults.by_strangers import FAULTS
 from tools.studies.faults.fault import Fault, Pick
 from tools.studies.faults.on_network import cut, latency, reset
 from tools.studies.faults.on_processes import all_killed, clock, fast, fast_stalls, freeze, kill, restart, stalls
-from tools.studies.faults.on_storage import database_crash, database_disk_full, lock, spool_disk_full
+from tools.studies.faults.on_storage import (
+    database_crash,
+    database_disk_full,
+    database_moved,
+    foreign_file,
+    lock,
+    spool_disk_full,
+)
 
 _PROCESSES: dict[str, Pick] = {
     "daemon": lambda bed: bed.daemon,
@@ -25,6 +32,8 @@ ALL: dict[str, Fault] = {
     "database locked": lock,
     "database crashed": database_crash,
     "database disk full": database_disk_full,
+    "database moved away": database_moved,
+    "foreign file in the spool": foreign_file,
     "spool disk full": spool_disk_full,
     "all killed": all_killed,
     "clock set": clock,
@@ -46,5 +55,6 @@ def possible(kind: Kind, extras: Extras) -> list[str]:
     """The faults that a bed can have."""
     without = {name for need, names in _NEEDS.items() if not getattr(extras, need) for name in names}
     without |= set() if kind.database == "postgres" else {"database crashed"}
+    without |= set() if kind.database == "sqlite" else {"database moved away"}
     without |= set() if extras.sidecar else {name for name in ALL if name.startswith("sidecar")}
     return [name for name in ALL if name not in without]

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import random
+import shutil
 import signal
 from contextlib import suppress
+from pathlib import Path
 
 import sqlalchemy as sa
 
 from tools.studies.faults.bed import Bed
 from tools.studies.faults.fault import RESTART_S, pause
+from tools.studies.faults.on_processes import kill
 
 
 def lock(bed: Bed, chance: random.Random) -> None:
@@ -52,3 +55,20 @@ def database_disk_full(bed: Bed, chance: random.Random) -> None:
     bed.disks["database"].fill()
     pause(chance, 1.0, 5.0)
     bed.disks["database"].free()
+
+
+def database_moved(bed: Bed, chance: random.Random) -> None:
+    """Somebody moves the file of the database away (a rotation of logs, a backup), and puts it back."""
+    path = Path(str(bed.engine.url.database))
+    away = path.with_name(f"{path.name}.moved")
+    path.rename(away)
+    pause(chance, 1.0, 5.0)
+    away.rename(path)
+
+
+def foreign_file(bed: Bed, chance: random.Random) -> None:
+    """A file manager leaves a copy of a segment in the spool, and the daemon is started again."""
+    for folder in bed.folder.rglob("spool-*"):
+        for path in sorted(folder.glob("*.seg"))[:1]:
+            shutil.copy(path, path.with_name(f"{path.stem} (copy).seg"))
+    kill(lambda bed: bed.daemon)(bed, chance)
