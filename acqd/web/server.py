@@ -7,6 +7,7 @@ from types import FrameType
 import uvicorn
 
 from acqd.web.app import Site
+from acqd.web.limited import LimitedProtocol
 from acqd.web.settings import WebSettings
 
 
@@ -19,7 +20,7 @@ class Server(uvicorn.Server):
         super().__init__(
             uvicorn.Config(
                 self._site.app(), host=settings.host, port=settings.port, log_level="warning", access_log=False,
-                timeout_graceful_shutdown=5,
+                timeout_graceful_shutdown=5, http=LimitedProtocol,
             )
         )  # fmt: skip
 

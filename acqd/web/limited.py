@@ -1,0 +1,45 @@
+"""HTTP connections, so few that strangers cannot use up the descriptors: the oldest that only wait make room."""
+
+from __future__ import annotations
+
+import asyncio
+from itertools import count
+from typing import Any
+
+from uvicorn.protocols.http.h11_impl import H11Protocol
+
+MOST_CONNECTIONS = 400
+"""Far more than viewers, and far fewer than the 1024 descriptors of a process."""
+REQUEST_S = 10.0
+"""For a client to say what it wants."""
+_numbers = count()
+
+
+class LimitedProtocol(H11Protocol):
+    """uvicorn's protocol; a new connection beyond the limit ends the oldest one that does not read, or the oldest."""
+
+    most: int = MOST_CONNECTIONS
+    request_s: float = REQUEST_S
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Called by asyncio."""
+        super().connection_made(transport)
+        self.number = next(_numbers)
+        self._asked = asyncio.get_running_loop().call_later(self.request_s, self._end_unless_asked)
+        if len(self.connections) > self.most:
+            worst: Any = min(self.connections - {self}, key=_worth)
+            worst.transport.abort()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Called by asyncio."""
+        self._asked.cancel()
+        super().connection_lost(exc)
+
+    def _end_unless_asked(self) -> None:
+        if self.cycle is None:
+            self.transport.abort()
+
+
+def _worth(connection: Any) -> tuple[bool, bool, int]:
+    """Half a request is worth least, then an answer that nobody reads, then an old connection."""
+    return connection.cycle is not None, not connection.flow.write_paused, connection.number

@@ -1,0 +1,59 @@
+"""Connections that ask for nothing do not keep others out."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import socket
+import threading
+
+import pytest
+
+uvicorn = pytest.importorskip("uvicorn")
+
+
+@pytest.fixture
+def port():
+    from acqd.web.limited import LimitedProtocol
+
+    class Small(LimitedProtocol):
+        most = 20
+
+    async def app(scope, receive, send):
+        await send({"type": "http.response.start", "status": 200, "headers": []})
+        if scope["path"] == "/stream":
+            while True:
+                await send({"type": "http.response.body", "body": b"x" * 65_536, "more_body": True})
+        await send({"type": "http.response.body", "body": b"page"})
+
+    config = uvicorn.Config(app, port=0, http=Small, lifespan="off", log_level="warning", timeout_graceful_shutdown=1)
+    server = uvicorn.Server(config)
+    listening = socket.create_server(("127.0.0.1", 0))
+    thread = threading.Thread(target=lambda: asyncio.run(server.serve([listening])), daemon=True)
+    thread.start()
+    yield listening.getsockname()[1]
+    server.should_exit = server.force_exit = True
+    thread.join(30)
+
+
+def get(port):
+    with socket.create_connection(("127.0.0.1", port), timeout=60) as connection:
+        connection.sendall(b"GET / HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n")
+        answer = b""
+        while part := connection.recv(65_536):
+            answer += part
+        return answer
+
+
+@pytest.mark.parametrize("sent", [b"", b"GET / HT", b"GET /stream HTTP/1.1\r\nHost: localhost\r\n\r\n"])
+def test_many_clients_that_wait_do_not_keep_one_out_that_asks(port, sent, caplog):
+    waiting = []
+    for _ in range(100):
+        connection = socket.create_connection(("127.0.0.1", port), timeout=60)
+        with contextlib.suppress(OSError):
+            connection.sendall(sent)
+        waiting.append(connection)
+    assert b"page" in get(port) and b"page" in get(port)
+    for connection in waiting:
+        connection.close()
+    assert len(caplog.records) <= 10
