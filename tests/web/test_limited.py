@@ -22,8 +22,12 @@ def port():
     async def app(scope, receive, send):
         await send({"type": "http.response.start", "status": 200, "headers": []})
         if scope["path"] == "/stream":
-            while True:
+            await receive()
+            gone = asyncio.ensure_future(receive())
+            while not gone.done():
                 await send({"type": "http.response.body", "body": b"x" * 65_536, "more_body": True})
+                await asyncio.sleep(0)
+            return
         await send({"type": "http.response.body", "body": b"page"})
 
     config = uvicorn.Config(app, port=0, http=Small, lifespan="off", log_level="warning", timeout_graceful_shutdown=1)
