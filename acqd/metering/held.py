@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 
 import numpy as np
@@ -12,6 +13,9 @@ from acqd.metering.sideband import Sideband
 
 _REMEMBERED = 15  # windows
 _OFTEN = 5  # unsteady ones among them: an interharmonic rather than jumps
+_SWING = 0.15
+"""Hz, second difference of the f of windows. The fit is wrong by T^2 / 42 times the second derivative of f (T: two
+cycles), which is 10 mHz for a second difference of 0.26 Hz at 10 Hz, where f swings too fast for three windows."""
 
 
 class HeldFrequency:
@@ -27,11 +31,21 @@ class HeldFrequency:
         """Hz."""
         self._sideband = Sideband(window_s)
         self._recent: deque[tuple[float, bool]] = deque(maxlen=_REMEMBERED)
+        self._before: tuple[float, float] = (math.nan, math.nan)  # Hz: f of the last two windows
+        self._swings = False
 
     @property
     def unsettled(self) -> bool:
-        """Whether the f of the last window may be moved by an interharmonic, and too few windows are known to tell."""
-        return self._sideband.unsettled
+        """Whether the f of the last window is in doubt.
+
+        It may be moved by an interharmonic, and too few windows are known to tell; or it swings within two cycles.
+        """
+        return self._swings or self._sideband.unsettled
+
+    def _follow(self, f: float) -> None:
+        first, second = self._before
+        self._swings = abs(f - 2 * second + first) > _SWING
+        self._before = second, f
 
     @property
     def calm(self) -> bool:
@@ -44,10 +58,12 @@ class HeldFrequency:
         while (done := len(unsettled)) < len(f):
             quiet = self._sideband.note_quiet(f[done:], magnitude[done:])
             if quiet:
+                for value in f[max(done, done + quiet - 3) : done + quiet]:
+                    self._follow(value)
                 self._recent.extend((value, False) for value in f[done : done + quiet][-_REMEMBERED:])
                 unsettled += [False] * quiet
             elif self.note(f[done], magnitude[done]):
-                unsettled.append(self._sideband.unsettled)
+                unsettled.append(self.unsettled)
             else:
                 break
         return unsettled
@@ -58,11 +74,13 @@ class HeldFrequency:
             self._sideband.forget_last()
             return False
         self._recent.append((f, False))
+        self._follow(f)
         return True
 
     def reset(self) -> None:
         """The next window does not follow the last one."""
         self._sideband.reset()
+        self._before = (math.nan, math.nan)
 
     def usable(self, estimate: Estimate) -> tuple[Floats, Floats, np.ndarray]:
         """f of consecutive windows, NaN where it is not known or not to be trusted; what f is about there; `unsettled`.
@@ -83,7 +101,8 @@ class HeldFrequency:
                 substitute[k] = np.median([value for value, _ in self._recent])
             if unsteady or disturbed or without is not None:
                 f[k] = np.nan
-            unsettled[k] = self._sideband.unsettled and f[k] == f[k]
+            self._follow(float(f[k]))
+            unsettled[k] = self.unsettled and f[k] == f[k]
         return f, substitute, unsettled
 
     def fill(self, f: Floats, substitute: Floats) -> Floats:

@@ -22,7 +22,6 @@ from acqd.metering.kernel import Kernel, why_not
 from acqd.metering.kernel.kernel import Metered
 from acqd.metering.kernel.layout import ENERGY, IRMS, POWER, REACTIVE, VRMS
 from acqd.metering.marks import flag_window, mark_phases
-from acqd.metering.middle import MiddleFrequency
 from acqd.metering.piece import LiveWindow, Piece
 from acqd.metering.stream import WindowStream
 from acqd.metering.whole_cycles import CYCLES, channels, products_of, synchronous
@@ -32,7 +31,7 @@ Mode = Literal["synchronous", "fixed"]
 
 INTERRUPTION = 0.05
 """Share of the nominal voltage below which there is no mains (EN 50160: supply interruption)."""
-_FREQUENCY_SPAN = 0.06  # s per frequency value, tapered; 50 ms has 1.4 times the noise
+_FREQUENCY_SPAN = 0.055  # s per frequency value: more lag than they have less noise
 _QUANTISATION = 4.0  # digits: a voltage this small is the converter's noise whatever the nominal is
 _BATCH_SAMPLES = 20_000  # per pass of numpy, so that the working set of one phase stays in the L2 cache
 _STREAMED = 200_000  # per pass of the kernel, which reads them once: so that a pass costs more than its preparation
@@ -67,10 +66,9 @@ class Meter:
         self._grid = WindowGrid(form.rate, window)
         shortest = int(window * form.rate)
         fit = max(shortest, int(_FREQUENCY_SPAN * form.rate))
-        self._frequency = FrequencyEstimator(form.rate, fit)
-        self._start_frequency = FrequencyEstimator(form.rate, shortest, tapered=False)
+        self._frequency = FrequencyEstimator(form.rate, fit, shortest)
+        self._start_frequency = FrequencyEstimator(form.rate, shortest)
         self._held = HeldFrequency(form.f_nominal, window)
-        self._middle = MiddleFrequency(window * form.rate)
         history = max(fit, int(np.ceil(CYCLES * form.rate / (F_MIN - 1))) + 2) - shortest
         kernel = compiled and why_not(len(form.scale)) is None
         batch = _STREAMED if kernel else _BATCH_SAMPLES
@@ -93,7 +91,7 @@ class Meter:
 
     def _make_kernel(self) -> Kernel:
         fixed = self.mode == "fixed"
-        return Kernel(self.form, fixed, CYCLES, self._dead, self._frequency, self._held, self._middle)
+        return Kernel(self.form, fixed, CYCLES, self._dead, self._frequency, self._held)
 
     def feed(self, block: SampleBlock) -> WindowBatch | None:
         """Meter every window that `block` completes; None when it completes none."""
@@ -124,7 +122,7 @@ class Meter:
 
     def _live(self, kernel: Kernel, window: LiveWindow) -> WindowBatch:
         """Meter the one window that a block of a running stream completes."""
-        metered = kernel.meter_live(window.buffer, window.begin, window.end, window.origin, self.energy)
+        metered = kernel.meter_live(window.buffer, window.begin, window.end, self.energy)
         if metered is None:
             kernel.give_back()
             return self._reference(window.piece())
@@ -198,17 +196,15 @@ class Meter:
         u, i = channels(piece.codes[: piece.bounds[-1]])
         products = products_of(u, i)
         starts, ends = piece.bounds[:-1], piece.bounds[1:]
-        estimate, centres = self._estimate_f(u, i, ends)
-        usable, about, unsettled = self._held.usable(estimate)
+        estimate = self._estimate_f(u, i, ends)
+        f, about, unsettled = self._held.usable(estimate)
         count = (ends - starts).astype(np.float64)
         energy_counts = np.add.reduceat(products[2], starts, axis=1)
         flags = piece.row_flags(self.form.phases)
         if self.mode == "fixed":
             means = np.add.reduceat(products, starts, axis=-1) / count
             live = np.sqrt(means[0]) * self._u_scale > self._dead
-            f = self._middle.shift(usable, centres + piece.begin, (starts + ends) / 2 + piece.begin)
         else:
-            f = self._middle.shift(usable, centres + piece.begin, self._interval_middle(piece, usable) + piece.begin)
             held = self._held.fill(f, about)
             start, stop, short = synchronous(starts, ends, CYCLES * self.form.rate / held)
             means = interval_sums(products, start, stop) / (stop - start)
@@ -227,7 +223,6 @@ class Meter:
             f[dark] = np.nan
             if dark[-1] == len(f) - 1:
                 self._frequency.reset()
-                self._middle.reset()
                 self._held.reset()
         for k in np.flatnonzero(np.isnan(f) & live.any(axis=0)).tolist():
             flag_window(flags, k, "transient")
@@ -266,26 +261,20 @@ class Meter:
         unknown = np.array([np.nan]), np.full((self.form.phases, 1), np.nan)
         return self._columns(piece, np.asarray(means), unknown, energy_counts, flags)
 
-    def _estimate_f(self, u: Floats, i: Floats, ends: np.ndarray) -> tuple[Estimate, Floats]:
-        """f of each window, and the middles of the stretches it is from; a run's first window may have its own only."""
+    def _estimate_f(self, u: Floats, i: Floats, ends: np.ndarray) -> Estimate:
+        """f of each window; a run's first window may have its own samples only."""
         full, own = self._frequency, self._start_frequency
         short = int(np.searchsorted(ends, full.samples))
-        centres = ends - np.where(np.arange(len(ends)) < short, own.samples, full.samples) / 2
         if not short:
-            return full.examine(u, ends, i), centres
+            return full.examine(u, ends, i)
         own.reset()
+        own.fits = full.fits
         first = own.examine(u, ends[:short], i)
+        full.fits.interrupt()  # the two fits of fewer samples differ less
         full.trial = own.trial
         if short == len(ends):
-            return first, centres
-        rest = full.examine(u, ends[short:], i)
-        return first.followed_by(rest), centres
-
-    def _interval_middle(self, piece: Piece, f: Floats) -> Floats:
-        """Middle of the interval of each window [samples], as far as `f` is known."""
-        starts, ends = piece.bounds[:-1], piece.bounds[1:]
-        length = CYCLES * self.form.rate / np.where(np.isnan(f), self._held.last, f)
-        return np.asarray(np.where(ends - starts >= length, (starts + ends) / 2, ends - length / 2))
+            return first
+        return first.followed_by(full.examine(u, ends[short:], i))
 
     def _flag_phases(self, flags: list[list[set[str]]], live: np.ndarray, codes: Codes, bounds: np.ndarray) -> None:
         """Mark over-range samples and dead voltages, phase by phase."""

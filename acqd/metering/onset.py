@@ -7,6 +7,7 @@ noisy mains always varies a little: only more than that is an onset.
 from __future__ import annotations
 
 import math
+import statistics
 from collections.abc import Collection
 
 _MORE = 1.25
@@ -15,6 +16,11 @@ _REMEMBERED = 0.9992
 """Share of that largest spread after a note: half is forgotten within minutes."""
 _MARGIN = 4.0
 """Of the limit for how much f varies with the magnitude, which holds for pure lines."""
+_ALIKE = 0.4
+"""Share of the variance of f that a straight line through the magnitude explains beside an interharmonic. Noise and
+swings of f leave that share near 0."""
+_CHANCE = 0.01
+"""Probability of at least that share in noise; the fewer values, the larger the share."""
 
 
 class Onset:
@@ -49,9 +55,20 @@ class Onset:
                 self._limit_Hz = _MORE * spread_Hz
 
     def _movable(self, f: Collection[float], magnitude: Collection[float]) -> bool:
-        """Whether an interharmonic may be why these f [Hz] differ, by how much their magnitudes do.
+        """Whether an interharmonic may be why these f [Hz] differ, by how much their magnitudes do, and when.
 
         ln(magnitude) varies by a cos(2 pi b t), and f by b times that: by at most the fastest beat times what
-        ln(magnitude) does.
+        ln(magnitude) does, and with it.
         """
-        return max(f) - min(f) < _MARGIN * self._fastest_Hz * math.log(max(magnitude) / min(magnitude))
+        if max(f) - min(f) >= _MARGIN * self._fastest_Hz * math.log(max(magnitude) / min(magnitude)):
+            return False
+        begun = len(f) - self._varied
+        pairs = [
+            (one, math.log(other))
+            for k, (one, other) in enumerate(zip(f, magnitude, strict=True))
+            if not begun <= k < begun + self._edge  # of both sides of the onset: they need not be alike
+        ]
+        if len(pairs) < 4:
+            return True
+        needed = max(_ALIKE, 1 - _CHANCE ** (2 / (len(pairs) - 2)))
+        return statistics.correlation(*zip(*pairs, strict=True)) ** 2 >= needed

@@ -23,8 +23,6 @@ class Piece:
     """Window bounds as positions in the only run; empty for a broken window."""
     flags: list[frozenset[str]]
     """[windows] flags of the blocks each window touches."""
-    begin: int = 0
-    """Sample of the stream at position 0 of the only run."""
     broken: bool = False
     first: bool = False
     """This piece begins the stream."""
@@ -62,8 +60,6 @@ class LiveWindow(NamedTuple):
     begin: int
     """Position of the window in the buffer."""
     end: int
-    origin: int
-    """Sample of the stream at position 0 of the buffer."""
     flags: frozenset[str]
     oldest: int
     """Position of the oldest sample of the history."""
@@ -77,5 +73,4 @@ class LiveWindow(NamedTuple):
             runs=[self.buffer[self.oldest : self.end]],
             bounds=bounds,
             flags=[self.flags],
-            begin=self.origin + self.oldest,
         )

@@ -59,7 +59,7 @@ class WindowStream:
         self._edges = stop, following, self._grid.start(seq + 3)
         samples.forget(stop - self._history)
         utc_ns += round((start - anchor) * 1e9 / self._grid.rate)
-        return LiveWindow(seq, utc_ns, samples.codes, start - base, stop - base, base, block.flags, oldest)
+        return LiveWindow(seq, utc_ns, samples.codes, start - base, stop - base, block.flags, oldest)
 
     @property
     def pending(self) -> int:
@@ -139,7 +139,6 @@ class WindowStream:
                 runs=[samples.run[begin - origin : int(starts[-1]) - origin]],
                 bounds=starts - begin,
                 flags=self._flags(starts),
-                begin=begin,
                 first=self._begin(),
             )
             self._next += count

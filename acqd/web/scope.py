@@ -75,7 +75,7 @@ def analysed(window: dict[str, Any]) -> dict[str, Any]:
     scale = np.asarray(window["scale"], dtype=float)
     samples = np.asarray(window["codes"], dtype=float) * scale[:, None]
     rate, count = float(window["rate"]), samples.shape[1]
-    estimate = FrequencyEstimator(rate, count, tapered=False).estimate(samples[0::2], np.array([count]))
+    estimate = FrequencyEstimator(rate, count).estimate(samples[0::2], np.array([count]))
     f = float(estimate[0]) if np.isfinite(estimate[0]) else None
     stride = -(-count // _POINTS)
     names = list(window["channels"])

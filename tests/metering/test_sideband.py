@@ -73,9 +73,9 @@ def test_a_swing_of_f_itself_is_measured(beat):
     assert flagged(batch, "unsettled").sum() <= 2, "the voltage does not vary with f"
 
 
-def test_a_swing_of_f_while_the_voltage_falls_is_doubted_for_two_seconds():
+def test_a_swing_of_f_is_doubted_for_two_seconds_where_the_voltage_swings_with_it():
     codes = codes_of(50.02 * T - 0.05 / (2 * np.pi * 0.7) * np.cos(2 * np.pi * 0.7 * T), 1).astype(float)
-    codes[:, 0] *= 1 - 0.02 * T
+    codes[:, 0] *= 1 + 0.02 * np.sin(2 * np.pi * 0.7 * T)
     (batch,) = metered(np.rint(codes).astype(np.int16))
     doubted = flagged(batch, "unsettled")
     assert doubted[10:45].all() and not doubted[52:].any() and not np.isnan(batch.f[doubted]).any()

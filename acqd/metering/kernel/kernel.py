@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.metering import frequency
+from acqd.metering import frequency, two_fits
 from acqd.metering.block import Codes, StreamFormat
 from acqd.metering.energy import EnergyRegister
 from acqd.metering.frequency import FrequencyEstimator
@@ -24,16 +24,14 @@ from acqd.metering.kernel.layout import (
     MAGNITUDE,
     NO_TRIAL,
     QUANTITIES,
-    RAW_F,
     UNSETTLED,
     F,
     Form,
     Live,
     State,
 )
-from acqd.metering.middle import SPAN, MiddleFrequency
 from acqd.metering.piece import Piece
-from acqd.metering.trial import Trial, make_trial
+from acqd.metering.trial import Trial
 
 __all__ = ["Kernel", "Metered", "why_not"]
 _MOST_TRIALS = 256  # 5 Hz of wander; 16 MB at 1200 samples
@@ -85,7 +83,6 @@ class Kernel:
         dead: Floats,
         estimator: FrequencyEstimator,
         held: HeldFrequency,
-        middle: MiddleFrequency,
         library: ctypes.CDLL | None = None,
     ) -> None:
         """`dead` [phases] V; the others are the meter's. Raises RuntimeError where there is no library."""
@@ -94,12 +91,12 @@ class Kernel:
             raise RuntimeError("no library")
         self._windows, self._window = found.acqd_windows, found.acqd_window
         self._dtype, self._phases = form.dtype, form.phases
-        self._estimator, self._held, self._middle = estimator, held, middle
+        self._estimator, self._held = estimator, held
         self._trials: dict[int, Floats] = {}
         self._first = int(frequency.to_grid(frequency.F_MIN - frequency.MARGIN)) - 1
         last = int(frequency.to_grid(frequency.F_MAX + frequency.MARGIN)) + 1
         self._table = np.zeros(last - self._first + 1, dtype=np.uintp)
-        self._form = _form(form, fixed, cycles, dead, estimator, middle.oldest, self._first)
+        self._form = _form(form, fixed, cycles, dead, estimator, self._first)
         self._state = State()
         self._pointers = ctypes.addressof(self._form), ctypes.addressof(self._state), self._table.ctypes.data
         self._rows = FIRST + QUANTITIES * form.phases
@@ -127,24 +124,24 @@ class Kernel:
         rows = np.empty((self._rows, count))
         codes, bounds, out = samples.ctypes.data, piece.bounds.ctypes.data + 8 * first, rows.ctypes.data
         before = bytes(self._state)
-        done = self._windows(*self._pointers, codes, bounds, count, piece.begin, out)
+        done = self._windows(*self._pointers, codes, bounds, count, out)
         while not done and self._state.reason == NO_TRIAL:
             self._add(self._state.point)
-            done = self._windows(*self._pointers, codes, bounds, count, piece.begin, out)
+            done = self._windows(*self._pointers, codes, bounds, count, out)
         if not done:
             return None
         rows = rows[:, :done]
-        unsettled = self._held.note_steady(rows[RAW_F].tolist(), rows[MAGNITUDE].tolist())
+        unsettled = self._held.note_steady(rows[F].tolist(), rows[MAGNITUDE].tolist())
         usable = len(unsettled)
         if usable < done:  # as if the first of the others had not been metered
             ctypes.memmove(self._pointers[1], before, len(before))
             rows = np.empty((self._rows, usable))
-            self._windows(*self._pointers, codes, bounds, usable, piece.begin, rows.ctypes.data)
+            self._windows(*self._pointers, codes, bounds, usable, rows.ctypes.data)
         rows[FLAGS, :usable] += UNSETTLED * np.array(unsettled)
         return Metered(rows[:, :usable], self._phases) if usable else None
 
-    def meter_live(self, buffer: Codes, begin: int, end: int, at: int, energy: EnergyRegister) -> LiveMetered | None:
-        """The window of samples begin .. end of a contiguous buffer, whose first sample is number `at`; as `meter`.
+    def meter_live(self, buffer: Codes, begin: int, end: int, energy: EnergyRegister) -> LiveMetered | None:
+        """The window of samples begin .. end of a contiguous buffer; as `meter`.
 
         Adds to `energy`. Without the price of arrays: several times as fast.
         """
@@ -153,12 +150,12 @@ class Kernel:
         if not self._fits or (not self._mine and not self._take_state()):
             return None
         before = bytes(self._state)
-        while not self._window(self._live_at, begin, end, at):
+        while not self._window(self._live_at, begin, end):
             if self._state.reason != NO_TRIAL:
                 return None
             self._add(self._state.point)
-        raw, f, mark, magnitude = self._head.tolist()
-        if not self._held.note(raw, magnitude):
+        f, mark, magnitude = self._head.tolist()
+        if not self._held.note(f, magnitude):
             ctypes.memmove(self._pointers[1], before, len(before))
             return None
         self._registers[:] = energy.add_window(self._energies.tolist())
@@ -168,19 +165,20 @@ class Kernel:
     def give_back(self) -> None:
         """Put the state into the objects of the numpy path, which meters the next window."""
         if self._mine:
-            state, known = self._state, self._state.known
+            state, fits = self._state, self._estimator.fits
             self._estimator.trial = state.trial
             self._held.last = state.last
-            self._middle.f, self._middle.at = np.array(state.f[:known]), np.array(state.at[:known])
+            fits.change, fits.known = state.change, state.known
+            fits.last, fits.follows = state.apart, bool(state.follows)
             self._mine = False
 
     def _take_state(self) -> bool:
-        state, middle = self._state, self._middle
+        state, fits = self._state, self._estimator.fits
         if self._estimator.trial is None or not self._held.calm:
             return False
-        state.trial, state.last, state.known = self._estimator.trial, self._held.last, len(middle.f)
-        for k in range(min(len(middle.f), SPAN)):
-            state.f[k], state.at[k] = middle.f[k], middle.at[k]
+        state.trial, state.last = self._estimator.trial, self._held.last
+        state.change, state.known = fits.change, fits.known
+        state.apart, state.follows = fits.last, fits.follows
         self._mine = True
         return True
 
@@ -188,7 +186,7 @@ class Kernel:
         if len(self._trials) >= _MOST_TRIALS:
             self._trials.clear()
             self._table[:] = 0
-        packed = _packed(make_trial(point * frequency.GRID, self._form.rate, self._form.fit), self._phases)
+        packed = _packed(self._estimator.at(point), self._phases)
         self._trials[point] = packed
         self._table[point - self._first] = packed.ctypes.data
 
@@ -202,7 +200,7 @@ def _packed(trial: Trial, phases: int) -> Floats:
 
 
 def _form(
-    form: StreamFormat, fixed: bool, cycles: int, dead: Floats, estimator: FrequencyEstimator, oldest: float, first: int
+    form: StreamFormat, fixed: bool, cycles: int, dead: Floats, estimator: FrequencyEstimator, first: int
 ) -> Form:
     result = Form(
         bits=form.bits,
@@ -219,9 +217,12 @@ def _form(
         trial_high=frequency.F_MAX + frequency.MARGIN,
         purity=frequency.MIN_PURITY,
         steady=estimator.steady,
-        oldest=oldest,
         code_max=form.code_max,
         code_min=form.code_min,
+        least_spread=two_fits.LEAST,
+        most_spread=two_fits.MOST,
+        spreads=two_fits.SPREADS,
+        few=two_fits.FEW,
     )
     result.scale[: len(form.scale)] = form.scale
     result.dead[: form.phases] = dead.ravel().tolist()

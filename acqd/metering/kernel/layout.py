@@ -7,12 +7,10 @@ import ctypes
 from acqd.metering.trial import CYCLES
 
 LANES = 8
-REMEMBERED = 3
 DONE, NO_HISTORY, NO_TRIAL, UNUSUAL = range(4)
 """Why a call ended."""
-RAW_F, F, FLAGS, MAGNITUDE, FIRST = range(5)
-"""Rows of the result, before those of the phases: Hz where f was fitted and where the interval is, marks, and the
-fundamental of all phases together [digits]."""
+F, FLAGS, MAGNITUDE, FIRST = range(4)
+"""Rows of the result, before those of the phases: Hz, marks, and the fundamental of all phases together [digits]."""
 UNSETTLED = 256
 """Mark of a window that is `unsettled`; bits 0 to 3 mark phases without mains, 4 to 7 phases over range."""
 VRMS, IRMS, POWER, REACTIVE, IMPORTED, EXPORTED, ENERGY = range(7)
@@ -26,12 +24,13 @@ class Form(ctypes.Structure):
     """What does not change in a stream."""
 
     _fields_ = (
-        *((name, ctypes.c_int64) for name in ("bits", "fit", "fixed", "first_point")),
+        *((name, ctypes.c_int64) for name in ("bits", "fit", "fixed", "first_point", "few")),
         *(
             (name, ctypes.c_double)
             for name in (
                 *("rate", "cycles", "grid", "slack", "f_low", "f_high", "trial_low", "trial_high"),
-                *("purity", "steady", "oldest", "code_max", "code_min"),
+                *("purity", "steady", "code_max", "code_min"),
+                *("least_spread", "most_spread", "spreads"),
             )
         ),
         ("scale", ctypes.c_double * LANES),
@@ -46,9 +45,9 @@ class State(ctypes.Structure):
     _fields_ = (
         ("trial", ctypes.c_double),
         ("last", ctypes.c_double),
-        ("f", ctypes.c_double * REMEMBERED),
-        ("at", ctypes.c_double * REMEMBERED),
-        *((name, ctypes.c_int64) for name in ("known", "reason", "point")),
+        ("change", ctypes.c_double),
+        ("apart", ctypes.c_double),
+        *((name, ctypes.c_int64) for name in ("known", "follows", "reason", "point")),
     )
 
 

@@ -15,21 +15,21 @@
 
 #define PHASORS 7
 #define EDGES (2 * PHASORS)
-#define COLUMNS 6 /* projection on Re c, -Im c, Re d, -Im d; cos, sin */
-#define REMEMBERED 3
+#define COLUMNS 8 /* projection on Re c, -Im c, Re d, -Im d, Re d and -Im d of the stretch; cos, sin */
 
 enum { DONE, NO_HISTORY, NO_TRIAL, UNUSUAL };
 
 struct form {
-    int64_t bits, fit, fixed, first_point;
-    double rate, cycles, grid, slack, f_low, f_high, trial_low, trial_high, purity, steady, oldest, code_max, code_min;
+    int64_t bits, fit, fixed, first_point, few;
+    double rate, cycles, grid, slack, f_low, f_high, trial_low, trial_high, purity, steady, code_max, code_min;
+    double least_spread, most_spread, spreads; /* of the two fits, as `few`: Hz, Hz, 1 */
     double scale[LANES], dead[LANES / 2], bend[PHASORS * PHASORS];
 };
 
 struct state {
     double trial, last; /* Hz */
-    double f[REMEMBERED], at[REMEMBERED]; /* Hz, samples of the stream */
-    int64_t known, reason, point;
+    double change, apart; /* Hz: of the two fits, as in acqd/metering/two_fits.py */
+    int64_t known, follows, reason, point;
 };
 
 /* Vectors of a trial: COLUMNS x fit doubles, EDGES positions in rising order, EDGES numbers of phasors (begin: j, end:
@@ -46,7 +46,7 @@ struct sums {
 };
 
 struct fit {
-    vec re_c, im_c, re_d, im_d, cos, sin;
+    vec re_c, im_c, re_d, im_d, re_e, im_e, cos, sin; /* d of the cycles, e of the stretch */
 };
 
 enum part { NO_SUMS, BEFORE, INSIDE }; /* samples whose sums are known; before the window; of the window */
@@ -57,8 +57,10 @@ INLINE struct fit with_sample(struct fit f, vec x, const double *trial, int64_t 
     f.im_c += x * spread(trial + WEIGHT(1, n), channels);
     f.re_d += x * spread(trial + WEIGHT(2, n), channels);
     f.im_d += x * spread(trial + WEIGHT(3, n), channels);
-    f.cos += x * spread(trial + WEIGHT(4, n), channels);
-    f.sin += x * spread(trial + WEIGHT(5, n), channels);
+    f.re_e += x * spread(trial + WEIGHT(4, n), channels);
+    f.im_e += x * spread(trial + WEIGHT(5, n), channels);
+    f.cos += x * spread(trial + WEIGHT(6, n), channels);
+    f.sin += x * spread(trial + WEIGHT(7, n), channels);
     return f;
 }
 
@@ -85,7 +87,8 @@ INLINE void take_many(struct fit *f, struct sums *s, enum part part, const void 
 #pragma GCC unroll 3
     for (int p = 0; NATIVE * p < channels; p++) {
         native re_c = lanes(&f->re_c, p), im_c = lanes(&f->im_c, p), re_d = lanes(&f->re_d, p);
-        native im_d = lanes(&f->im_d, p), cos = lanes(&f->cos, p), sin = lanes(&f->sin, p);
+        native im_d = lanes(&f->im_d, p), re_e = lanes(&f->re_e, p), im_e = lanes(&f->im_e, p);
+        native cos = lanes(&f->cos, p), sin = lanes(&f->sin, p);
         native square = lanes(&s->square, p), cross = lanes(&s->cross, p), plain = lanes(&s->plain, p);
         native most = lanes(&s->most, p), least = lanes(&s->least, p);
         for (ptrdiff_t n = from; n < to; n += each) {
@@ -94,8 +97,10 @@ INLINE void take_many(struct fit *f, struct sums *s, enum part part, const void 
             im_c += x * native_spread(trial + WEIGHT(1, n), each);
             re_d += x * native_spread(trial + WEIGHT(2, n), each);
             im_d += x * native_spread(trial + WEIGHT(3, n), each);
-            cos += x * native_spread(trial + WEIGHT(4, n), each);
-            sin += x * native_spread(trial + WEIGHT(5, n), each);
+            re_e += x * native_spread(trial + WEIGHT(4, n), each);
+            im_e += x * native_spread(trial + WEIGHT(5, n), each);
+            cos += x * native_spread(trial + WEIGHT(6, n), each);
+            sin += x * native_spread(trial + WEIGHT(7, n), each);
             if (part == NO_SUMS)
                 continue;
             square += x * x;
@@ -110,6 +115,8 @@ INLINE void take_many(struct fit *f, struct sums *s, enum part part, const void 
         set_lanes(&f->im_c, p, im_c);
         set_lanes(&f->re_d, p, re_d);
         set_lanes(&f->im_d, p, im_d);
+        set_lanes(&f->re_e, p, re_e);
+        set_lanes(&f->im_e, p, im_e);
         set_lanes(&f->cos, p, cos);
         set_lanes(&f->sin, p, sin);
         set_lanes(&s->square, p, square);
@@ -161,8 +168,8 @@ INLINE struct fit project(vec edges[EDGES][2], struct sums *before, struct sums 
         vec cosine = fold(f.cos, channels), sine = fold(f.sin, channels);
         if (stop < samples) {
             const vec x = load(codes, bits, stop * channels, channels) * share;
-            cosine += x * trial[WEIGHT(4, stop)];
-            sine += x * trial[WEIGHT(5, stop)];
+            cosine += x * trial[WEIGHT(6, stop)];
+            sine += x * trial[WEIGHT(7, stop)];
         }
         edges[place][0] = cosine;
         edges[place][1] = sine;
@@ -171,6 +178,8 @@ INLINE struct fit project(vec edges[EDGES][2], struct sums *before, struct sums 
     f.im_c = fold(f.im_c, channels);
     f.re_d = fold(f.re_d, channels);
     f.im_d = fold(f.im_d, channels);
+    f.re_e = fold(f.re_e, channels);
+    f.im_e = fold(f.im_e, channels);
     return f;
 }
 
@@ -202,8 +211,25 @@ static double unsteadiness(vec edges[EDGES][2], int channels, const double *bend
     return largest;
 }
 
-/* The f of the stretch [Hz], its projection and the sums of the window, which begins with its sample `inside`; 0 with
-   the reason in `state` where f is not usable. */
+/* f from that of the cycles and that of the stretch, and what the next window needs (acqd/metering/two_fits.py). */
+static double joint(const struct form *form, struct state *s, double cycles, double stretch)
+{
+    const double x = cycles - stretch;
+    double spread = form->most_spread;
+    if (s->known)
+        spread = fmin(fmax(form->spreads * s->change, form->least_spread), form->most_spread);
+    const double fourth = (x * x) * (x * x), noise = (spread * spread) * (spread * spread);
+    if (s->follows) {
+        s->known = s->known < form->few ? s->known + 1 : form->few;
+        s->change += (fmin(fabs(x - s->apart), form->most_spread) - s->change) / (double)s->known;
+    }
+    s->apart = x;
+    s->follows = 1;
+    return stretch + x * (fourth / (fourth + noise));
+}
+
+/* f [Hz], the projection of the stretch and the sums of the window, which begins with its sample `inside`; 0 with the
+   reason in `state` where f is not usable. */
 INLINE double frequency(const struct form *form, struct state *state, struct fit *fit, struct sums *window,
                         const void *codes, int bits, int channels, int64_t inside, const double *const *table)
 {
@@ -227,41 +253,25 @@ INLINE double frequency(const struct form *form, struct state *state, struct fit
             *fit = project(edges, &before, window, 1, codes, bits, channels, form->fit, inside, trial);
         }
         const vec re = fit->re_c, im = fit->im_c, turn = im * fit->re_d - re * fit->im_d;
-        const vec weight = re * re + im * im;
-        double turns = 0, weights = 0, power = 0;
+        const vec slow = im * fit->re_e - re * fit->im_e, weight = re * re + im * im;
+        double turns = 0, slow_turns = 0, weights = 0, power = 0;
         for (int c = 0; c < channels; c += 2) {
             turns += turn[c];
+            slow_turns += slow[c];
             weights += weight[c];
             power += ac[c];
         }
-        f = (double)point * form->grid + turns / fmax(weights, 1e-30) / (2 * M_PI);
+        const double turned = 2 * M_PI * fmax(weights, 1e-30);
+        f = (double)point * form->grid + turns / turned;
         if (fabs(f - (double)point * form->grid) > form->slack * form->grid)
             continue;
         const int credible = f >= form->f_low && f <= form->f_high && weights / 2 >= form->purity * fmax(power, 1e-30);
         if (!credible || unsteadiness(edges, channels, form->bend) > form->steady)
             break;
-        return f;
+        return joint(form, state, f, (double)point * form->grid + slow_turns / turned);
     }
     state->reason = UNUSUAL;
     return 0;
-}
-
-/* f at `to`, from its value at `at` and the slope over the last estimates; remembers it. */
-static double middle(const struct form *form, struct state *s, double f, double at, double to)
-{
-    int64_t before = s->known < REMEMBERED ? 0 : s->known - REMEMBERED;
-    while (before < s->known && at - s->at[before] > form->oldest)
-        before++;
-    const int told = before < s->known && at > s->at[before];
-    const double slope = told ? (f - s->f[before]) / (at - s->at[before]) : 0;
-    if (s->known == REMEMBERED) {
-        memmove(s->f, s->f + 1, sizeof s->f - sizeof *s->f);
-        memmove(s->at, s->at + 1, sizeof s->at - sizeof *s->at);
-        s->known--;
-    }
-    s->f[s->known] = f;
-    s->at[s->known++] = at;
-    return f + slope * (to - at);
 }
 
 /* Squares and products of samples from .. to, added to `out` or, with the sign -1, taken away. */
@@ -340,12 +350,12 @@ INLINE struct sums interval(struct sums window, const void *codes, int bits, int
 
 /* Rows of the result, each with one value per window; from VRMS on, each stands for one row per phase. Python writes
    IMPORTED and EXPORTED. */
-enum { RAW_F, F, FLAGS, MAGNITUDE, VRMS };
+enum { F, FLAGS, MAGNITUDE, VRMS };
 enum { IRMS = 1, POWER, REACTIVE, IMPORTED, EXPORTED, ENERGY, U_DC, I_DC, U_PEAK, I_PEAK, U_RE, U_IM, I_RE, I_IM };
 #define ROW(quantity, phase) (VRMS + (quantity) * (channels / 2) + (phase))
 
 INLINE int one_window(const struct form *form, struct state *state, const double *const *table, const void *codes,
-                      int bits, int channels, int64_t begin, int64_t end, double stream, double *out, int64_t stride)
+                      int bits, int channels, int64_t begin, int64_t end, double *out, int64_t stride)
 {
     struct fit fit;
     struct sums inner, outer = {0};
@@ -355,14 +365,11 @@ INLINE int one_window(const struct form *form, struct state *state, const double
     const size_t width = bits == 16 ? 2 : bits == 32 ? 4 : 8;
     const char *stretch = (const char *)codes + (size_t)(end - form->fit) * (size_t)channels * width;
     const int64_t inside = begin - (end - form->fit);
-    const double raw = frequency(form, &next, &fit, &outer, stretch, bits, channels, inside, table);
+    const double f = frequency(form, &next, &fit, &outer, stretch, bits, channels, inside, table);
     state->point = next.point;
-    if (!raw)
+    if (!f)
         return (int)(state->reason = next.reason);
-    const double size = (double)(end - begin), at = stream + (double)end - (double)form->fit / 2;
-    const double about = form->cycles * form->rate / raw;
-    double to = form->fixed || size >= about ? ((double)begin + (double)end) / 2 : (double)end - about / 2;
-    const double f = middle(form, &next, raw, at, stream + to);
+    const double size = (double)(end - begin);
     double length = form->fixed ? size : form->cycles * form->rate / f, start = (double)begin;
     if (!form->fixed)
         start = size >= length ? (double)begin + (size - length) / 2 : (double)end - length;
@@ -404,27 +411,26 @@ INLINE int one_window(const struct form *form, struct state *state, const double
     }
     if (!live)
         return (int)(state->reason = UNUSUAL);
-    out[RAW_F * stride] = raw;
     out[F * stride] = f;
     out[FLAGS * stride] = (double)flags;
     out[MAGNITUDE * stride] = sqrt(magnitude);
-    next.trial = raw;
+    next.trial = f;
     next.last = f;
     next.reason = DONE;
     *state = next;
     return DONE;
 }
 
-/* Meters windows bounds[k] .. bounds[k + 1] of the samples at `codes`, of which the first is number `stream`; returns
-   how many. Fewer than `windows`: state->reason. Compiled once per number of channels (-DCHANNELS=6). */
+/* Meters windows bounds[k] .. bounds[k + 1] of the samples at `codes`; returns how many. Fewer than `windows`:
+   state->reason. Compiled once per number of channels (-DCHANNELS=6). */
 #define METER(BITS)                                                                                                    \
     while (done < windows                                                                                              \
-           && one_window(form, state, table, codes, BITS, CHANNELS, bounds[done], bounds[done + 1], stream,            \
-                         out + done, windows) == DONE)                                                                 \
+           && one_window(form, state, table, codes, BITS, CHANNELS, bounds[done], bounds[done + 1], out + done,        \
+                         windows) == DONE)                                                                             \
         done++;
 
 int64_t acqd_windows(const struct form *form, struct state *state, const double *const *table, const void *codes,
-                     const int64_t *bounds, int64_t windows, double stream, double *out)
+                     const int64_t *bounds, int64_t windows, double *out)
 {
     int64_t done = 0;
     state->reason = DONE;
@@ -447,11 +453,11 @@ struct live {
     double *out;
 };
 
-/* One window: samples begin .. end of the buffer, of which the first is number `stream`; whether it was metered. */
-int64_t acqd_window(const struct live *live, int64_t begin, int64_t end, double stream)
+/* One window: samples begin .. end of the buffer; whether it was metered. */
+int64_t acqd_window(const struct live *live, int64_t begin, int64_t end)
 {
     const int64_t bounds[2] = {begin, end};
-    return acqd_windows(live->form, live->state, live->table, live->codes, bounds, 1, stream, live->out);
+    return acqd_windows(live->form, live->state, live->table, live->codes, bounds, 1, live->out);
 }
 
 int64_t acqd_form_bytes(void) { return sizeof(struct form); }

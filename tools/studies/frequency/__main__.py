@@ -1,0 +1,122 @@
+"""f, voltage and power of two cycles of acqd and pqopen-lib beside each other: simulated mains and real recordings.
+
+    python -m tools.studies.frequency [--disturbances 200] [--json FILE]
+
+The truth of a simulation is the mean f over the two cycles of each value; of a recording, zero crossings after a
+band pass without a phase shift (`recorded`). pqopen-lib gives a value some 10 ms after its cycles have ended, acqd with
+the last sample.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import orjson
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+from acqd.arrays import Floats
+from acqd.sources import load_waveform
+from tools.bench.waves import RECORDINGS
+from tools.studies.frequency.meters import Values, acqd, pqopen
+from tools.studies.frequency.recorded import true_f
+from tools.studies.frequency.waves import AMPERES, VOLTS, cases, random_disturbance
+
+_NAMES = ("microwave_1ph_20k", "fridge_1ph_20k", "generator_3ph", "merging_unit_3ph")
+_WRONG_HZ = 0.010
+Line = dict[str, str | float]
+
+
+def main() -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--disturbances", type=int, default=200)
+    parser.add_argument("--json", type=Path)
+    arguments = parser.parse_args()
+    lines = [*_simulated(), *_recordings()]
+    _print("values of two cycles; errors of f in mHz, of V in %, of P in % of S", lines)
+    found = _disturbances(arguments.disturbances)
+    _print("random disturbances (simulated): windows of acqd", [found])
+    if arguments.json:
+        arguments.json.write_bytes(orjson.dumps([*lines, found], option=orjson.OPT_INDENT_2))
+
+
+def _simulated() -> Iterator[Line]:
+    for wave in cases():
+        codes, power = wave.codes(), None
+        for name, meter in (("acqd", acqd), ("pqopen-lib", pqopen)):
+            values = meter(codes, wave.form)
+            level = np.abs(values.V / wave.V - 1) * 100
+            power = np.median(values.P) if power is None else power
+            yield _line(wave.name, name, values, wave.true_f, level, np.abs(values.P - power) / (VOLTS * AMPERES) * 100)
+
+
+def _recordings() -> Iterator[Line]:
+    for name in _NAMES if RECORDINGS.is_dir() else ():
+        waveform = load_waveform(RECORDINGS / name / "replay_20k_el3783.npz")
+        u = np.asarray(waveform.codes[:, 0::2].T, dtype=np.float64)
+        truth = true_f(u, waveform.form.rate)
+        table = np.genfromtxt(RECORDINGS / name / "ref_40ms.csv", delimiter=",", names=True)
+        table = table[table["phase"] == 1]
+        middle = (table["t_start_s"] + 0.02) * waveform.form.rate
+        for meter_name, meter in (("acqd", acqd), ("pqopen-lib", pqopen)):
+            values = meter(waveform.codes, waveform.form)
+            centre = (values.begin + values.end) / 2
+            V, P, S = (np.interp(centre, middle, table[column]) for column in ("U_sync", "P_sync", "S_sync"))
+            yield _line(
+                name, meter_name, values, truth, np.abs(values.V / V - 1) * 100, np.abs(values.P - P) / S * 100
+            )
+
+
+def _line(
+    case: str, meter: str, values: Values, truth: Callable[[Floats, Floats], Floats], V: Floats, P: Floats
+) -> Line:
+    error = np.abs(values.error(truth)) * 1000
+    silent = error[~values.doubted]
+    return {
+        "case": case,
+        "meter": meter,
+        "f median": round(float(np.nanmedian(error)), 2),
+        "f p95": round(float(np.nanpercentile(error, 95)), 2),
+        "f largest silent": round(float(np.nanmax(silent, initial=0.0)), 2),
+        "V median": round(float(np.nanmedian(V)), 5),
+        "V largest silent": round(float(np.nanmax(V[~values.doubted], initial=0.0)), 4),
+        "P median": round(float(np.nanmedian(P)), 5),
+        "flagged %": round(float(values.doubted.mean() * 100), 1),
+    }
+
+
+def _disturbances(count: int) -> Line:
+    wrong, flagged_right, right, cases_wrong = 0, 0, 0, {}
+    for number in track(range(count), "disturbances", console=Console(stderr=True)):
+        wave = random_disturbance(number)
+        values = acqd(wave.codes(), wave.form)
+        with np.errstate(invalid="ignore"):
+            bad = ~(np.abs(values.error(wave.true_f)) <= _WRONG_HZ)
+        silent = int((bad & ~values.doubted).sum())
+        wrong += silent
+        if silent:
+            cases_wrong[wave.name] = cases_wrong.get(wave.name, 0) + silent
+        right += int((~bad).sum())
+        flagged_right += int((~bad & values.doubted).sum())
+    return {
+        "disturbances": count,
+        "silent and off by 10 mHz": wrong,
+        "of these": ", ".join(f"{name} {number}" for name, number in cases_wrong.items()) or "-",
+        "right and flagged, %": round(100 * flagged_right / max(right, 1), 2),
+    }
+
+
+def _print(title: str, lines: list[Line]) -> None:
+    table = Table(*lines[0], title=title, title_justify="left")
+    for line in lines:
+        table.add_row(*(str(value) for value in line.values()))
+    Console(width=150).print(table)
+
+
+if __name__ == "__main__":
+    main()
