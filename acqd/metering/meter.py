@@ -31,7 +31,7 @@ Mode = Literal["synchronous", "fixed"]
 
 INTERRUPTION = 0.05
 """Share of the nominal voltage below which there is no mains (EN 50160: supply interruption)."""
-_FREQUENCY_SPAN = 0.055  # s per frequency value: more lag than they have less noise
+_FREQUENCY_SPAN = 0.06  # s per frequency value: more lag than they have less noise
 _QUANTISATION = 4.0  # digits: a voltage this small is the converter's noise whatever the nominal is
 _BATCH_SAMPLES = 20_000  # per pass of numpy, so that the working set of one phase stays in the L2 cache
 _STREAMED = 200_000  # per pass of the kernel, which reads them once: so that a pass costs more than its preparation

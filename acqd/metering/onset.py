@@ -71,4 +71,4 @@ class Onset:
         if len(pairs) < 4:
             return True
         needed = max(_ALIKE, 1 - _CHANCE ** (2 / (len(pairs) - 2)))
-        return statistics.correlation(*zip(*pairs, strict=True)) ** 2 >= needed
+        return bool(statistics.correlation(*zip(*pairs, strict=True)) ** 2 >= needed)

@@ -39,7 +39,7 @@ class Trial:
     """[samples, 2, CYCLES]: voltage times this is the real part and the negative imaginary part of the phasors."""
 
 
-@lru_cache(maxsize=128)  # 2.5 Hz of wander; 24 MB at 1100 samples
+@lru_cache(maxsize=128)  # 2.5 Hz of wander; 30 MB at 1200 samples
 def make_trial(f: float, rate: float, samples: int, window: int) -> Trial:
     """Vectors of the trial frequency `f` [Hz] for `samples` samples at `rate` [1/s], kept for all meters.
 

@@ -1,7 +1,7 @@
 """f of the two cycles of a window, from a fit over them and one over a longer stretch that ends with the window.
 
 The fit over the two cycles follows every change of f; the one over the stretch has two thirds of its noise, and
-belongs to some 7 ms earlier. Where the two differ by no more than they usually do, the difference is noise, and the
+belongs to some 10 ms earlier. Where the two differ by no more than they usually do, the difference is noise, and the
 longer fit is the better one. Where they differ by more, f changes, and the fit over the cycles is:
 
     f = long + x x^4 / (x^4 + s^4)      x = short - long
@@ -16,10 +16,10 @@ from dataclasses import dataclass
 
 LEAST = 0.0005
 """Hz: s at least."""
-MOST = 0.008
+MOST = 0.01
 """Hz: s at most, also of a stream that has just begun."""
-SPREADS = 2.0
-"""s in mean changes of x: 2.3 standard deviations of white noise."""
+SPREADS = 3.0
+"""s in mean changes of x: 3.4 standard deviations of white noise."""
 FEW = 25
 """Changes of which the mean is plain; later each one counts as much as it would among so many: those of a second."""
 

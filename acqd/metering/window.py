@@ -62,7 +62,7 @@ class WindowBatch:
     exported: Floats
     """[phases, windows] exported energy register [kWh]."""
     Q1: Floats
-    """[phases, windows] reactive power of the fundamentals [var], positive where the current lags; over 60 ms."""
+    """[phases, windows] reactive power of the fundamentals [var], positive where the current lags; over two cycles."""
     flags: list[list[set[str]]]
     """[phases][windows] row flags."""
 

@@ -38,6 +38,24 @@ def test_synchronous_mode_agrees_with_the_reference(waveforms, name):
     assert np.nanmedian(np.abs(batch.f - reference["f_sync"])) < 0.002
 
 
+@pytest.mark.parametrize(
+    ("name", "largest_f", "largest_V"),
+    [
+        ("microwave_1ph_20k", 0.0016, 1.0e-5),
+        ("fridge_1ph_20k", 0.0011, 0.8e-5),
+        ("generator_3ph", 0.0006, 0.8e-5),
+        ("merging_unit_3ph", 0.0003, 0.4e-5),
+    ],
+)
+def test_f_and_voltage_of_two_cycles_on_real_mains(waveforms, name, largest_f, largest_V):
+    """The reference has samples before and after its cycles, and f wanders by some mHz from window to window."""
+    batch, reference = metered(waveforms, name, "synchronous")
+    assert np.nanmedian(np.abs(batch.f - reference["f_sync"])) < largest_f
+    assert np.nanmedian(np.abs(batch.Vrms / reference["U_sync"] - 1)) < largest_V
+    doubted = np.mean(["unsettled" in flags for flags in batch.flags[0]])
+    assert doubted < 0.1, "f wanders, but not with the voltage"
+
+
 def test_60_hz_recording_of_67_ms(waveforms):
     batch, reference = metered(waveforms, "ion7650_3ph_60hz", "synchronous")
     assert np.abs(batch.f - reference["f_sync"]).max() < 0.005

@@ -62,6 +62,34 @@ def test_f_is_that_of_the_middle_of_the_interval(slope, phases):
     assert np.abs(batch.f - (50 - slope / 2 + slope * middle))[5:].max() < 0.003
 
 
+def swung(amplitude, beat, phases=1, seconds=2.0):
+    """Rows of mains whose f is 50.03 + amplitude sin(2 pi beat t), and the mean f over the two cycles of each."""
+    t = (np.arange(int(seconds * RATE)) + 0.5) / RATE
+
+    def turns(t):
+        return 50.03 * t - amplitude / (2 * np.pi * beat) * np.cos(2 * np.pi * beat * t)
+
+    (batch,) = metered(codes_of(turns(t), phases))
+    length = 2 / np.where(np.isnan(batch.f), 50.0, batch.f)
+    end = (np.arange(len(batch)) + 1) * 0.04 - np.maximum(0, 0.02 - length / 2)
+    return batch, (turns(end) - turns(end - length)) / length
+
+
+@pytest.mark.parametrize(("amplitude", "beat"), [(0.1, 1.0), (0.1, 5.0), (0.03, 5.0), (0.5, 1.0), (0.05, 10.0)])
+def test_a_swing_of_f_is_followed_within_the_two_cycles(amplitude, beat):
+    batch, f = swung(amplitude, beat)
+    assert np.abs(batch.f - f)[5:].max() < 0.012
+    assert np.abs(batch.Vrms / np.median(batch.Vrms) - 1)[:, 5:].max() < 0.0002  # of which 0.0001 is noise
+
+
+@pytest.mark.parametrize(("amplitude", "beat"), [(0.1, 10.0), (0.5, 5.0), (0.5, 10.0)])
+def test_a_swing_within_two_cycles_is_flagged(amplitude, beat):
+    batch, f = swung(amplitude, beat)
+    silent = np.array([not flags & {"transient", "unsettled", "start"} for flags in batch.flags[0]])
+    wrong = ~(np.abs(batch.f - f) < 0.010)
+    assert (silent & wrong)[5:].mean() < 0.1 and wrong[5:].mean() > 0.2
+
+
 @pytest.mark.parametrize("f", [60.0, 72.0, 105.0])
 def test_interharmonics_are_flagged_where_they_mislead(f):
     t = np.arange(40_000) / RATE

@@ -67,9 +67,7 @@ def _recordings() -> Iterator[Line]:
             values = meter(waveform.codes, waveform.form)
             centre = (values.begin + values.end) / 2
             V, P, S = (np.interp(centre, middle, table[column]) for column in ("U_sync", "P_sync", "S_sync"))
-            yield _line(
-                name, meter_name, values, truth, np.abs(values.V / V - 1) * 100, np.abs(values.P - P) / S * 100
-            )
+            yield _line(name, meter_name, values, truth, np.abs(values.V / V - 1) * 100, np.abs(values.P - P) / S * 100)
 
 
 def _line(
@@ -91,7 +89,8 @@ def _line(
 
 
 def _disturbances(count: int) -> Line:
-    wrong, flagged_right, right, cases_wrong = 0, 0, 0, {}
+    wrong, flagged_right, right = 0, 0, 0
+    cases_wrong: dict[str, int] = {}
     for number in track(range(count), "disturbances", console=Console(stderr=True)):
         wave = random_disturbance(number)
         values = acqd(wave.codes(), wave.form)

@@ -46,7 +46,7 @@ class Wave:
         """Of 16 bits."""
         random = np.random.default_rng(self.seed)
         t = (np.arange(round(self.seconds * RATE)) + 0.5) / RATE
-        turns, (share, f) = self.turns(t), self.between
+        turns, (share, f) = self.turns(np.asarray(t)), self.between
         columns: list[Floats] = []
         for phase in range(self.phases):
             angle = 2 * np.pi * (turns - phase / 3)
@@ -95,11 +95,12 @@ def cases() -> list[Wave]:
     """Of the table."""
     waves = [Wave(f"noise {100 * noise:g} %", lambda t: 50.03 * t, noise=noise) for noise in (0.0001, 0.001, 0.005)]
     waves += [Wave(f"ramp {slope:g} Hz/s", ramp(slope)) for slope in (0.1, 0.3, 1.0, 1.6)]
-    waves.append(Wave("ramp 10 Hz/s", ramp(10.0, 1.0), seconds=1.0))
+    waves.append(Wave("ramp 10 Hz/s, three phases", ramp(10.0, 1.0), seconds=1.0, phases=3))
     waves += [
         Wave(f"swing {amplitude:g} Hz at {f:g} Hz", swing(amplitude, f))
         for amplitude, f in (
-            (0.01, 1.0), (0.1, 0.1), (0.1, 1.0), (0.1, 5.0), (0.1, 10.0), (0.5, 0.1), (0.5, 1.0), (0.5, 5.0), (0.5, 10.0)
+            (0.01, 1.0), (0.1, 0.1), (0.1, 1.0), (0.1, 5.0), (0.1, 10.0),
+            (0.5, 0.1), (0.5, 1.0), (0.5, 5.0), (0.5, 10.0),
         )
     ]  # fmt: skip
     waves += [Wave(f"wander {1000 * step:g} mHz/40 ms", wandering(step, 3)) for step in (0.0005, 0.002)]
