@@ -11,10 +11,11 @@ from collections.abc import Iterator
 
 from acqd.metering.block import SampleBlock, StreamFormat
 from acqd.metering.quality.event import Event, Thresholds
-from acqd.metering.quality.excursion import Excursion, Open
+from acqd.metering.quality.excursion import Change, Excursion, Open
 from acqd.metering.quality.half_cycle import HalfCycles, HalfCycleStream
 from acqd.metering.quality.rapid_change import RapidChange
 from acqd.metering.quality.reference import Reference
+from acqd.metering.quality.stamp import HalfCycleLevels
 
 
 class EventDetector:
@@ -36,6 +37,7 @@ class EventDetector:
         self._change = (
             RapidChange(phases, form.f_nominal, limits.rvc, limits.rvc_hysteresis) if limits.rvc > 0 else None
         )
+        self._levels = [HalfCycleLevels() for _ in range(phases)]
         self._number = first
         self._anchor = (0, 0)
         self._flags: frozenset[str] = frozenset()
@@ -62,7 +64,9 @@ class EventDetector:
 
     def _take(self, values: HalfCycles) -> Iterator[Event]:
         fresh = dict.fromkeys(range(self._form.phases), bool(self._unknown))
-        for end, phase, begin, U in heapq.merge(*(_listed(values, phase) for phase in range(self._form.phases))):
+        for one in heapq.merge(*(_listed(values, phase) for phase in range(self._form.phases))):
+            end, phase, begin, U, late = one
+            self._levels[phase].take(late)
             reference = self._reference.of(phase)
             if reference is not None:
                 before = self._unknown if fresh[phase] else frozenset()
@@ -75,13 +79,16 @@ class EventDetector:
         self, phase: int, begin: float, end: float, U: float, reference: float, before: frozenset[str]
     ) -> Iterator[Event]:
         busy = self._busy
+        # What is there at the first value has been there since its cycle began.
+        levels, half = self._levels[phase], (end - begin) / 2
+        change = Change(begin, begin) if before else Change(end - levels.fell() * half, end - levels.rose() * half)
         for excursion in self._excursions:
             was = excursion.open
-            over = excursion.take(phase, begin, U, reference)
+            over = excursion.take(phase, change, U, reference)
             if excursion.open is not None and was is None:
                 yield self._begun(excursion.open, before)
             if over:
-                yield self._event(excursion.close(), end)
+                yield self._event(excursion.close(), excursion.end)
         if self._change is not None:
             yield from self._rapid(self._change, phase, begin, U, reference, busy or self._busy)
 
@@ -108,6 +115,8 @@ class EventDetector:
                 excursion.open.flags.add(why)
                 yield self._event(excursion.close(), self._last)
             excursion.restart()
+        for levels in self._levels:
+            levels.clear()
         if self._change is not None:
             self._change.restart()
 
@@ -135,7 +144,8 @@ class EventDetector:
         )
 
 
-def _listed(values: HalfCycles, phase: int) -> list[tuple[float, int, float, float]]:
-    """End, phase, begin and Urms(1/2) of the values of a phase."""
-    ends, begins, Urms = values.end[phase].tolist(), values.begin[phase].tolist(), values.Urms[phase].tolist()
-    return [(end, phase, begin, U) for end, begin, U in zip(ends, begins, Urms, strict=True)]
+def _listed(values: HalfCycles, phase: int) -> list[tuple[float, int, float, float, float]]:
+    """End, phase, begin, Urms(1/2) and mean square of the second half of the values of a phase."""
+    columns = (values.end, values.begin, values.Urms, values.late)
+    ends, begins, Urms, lates = (column[phase].tolist() for column in columns)
+    return [(end, phase, *rest) for end, *rest in zip(ends, begins, Urms, lates, strict=True)]

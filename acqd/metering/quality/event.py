@@ -41,7 +41,7 @@ class Event:
     """Of the stream, from 0; both reports have it."""
     kind: Kind
     begin: float
-    """Sample number (with fraction) at which the cycle starts that crossed the threshold first."""
+    """Sample number (with fraction) at which the voltage changed that crossed the threshold first."""
     utc_ns: int
     """The same as UTC [ns]."""
     phases: tuple[int, ...]

@@ -3,8 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from acqd.metering.quality.event import Kind
+
+
+class Change(NamedTuple):
+    """Sample numbers at which the voltage of a phase fell and rose, if it did."""
+
+    fell: float
+    rose: float
 
 
 @dataclass(slots=True)
@@ -35,9 +43,12 @@ class Excursion:
         self._sign = 1.0 if kind == "swell" else -1.0
         self._out: dict[int, tuple[float, float]] = {}  # extreme and reference of the phases beyond the threshold
         self.open: Open | None = None
+        self.end = 0.0
+        """Sample number at which the event that is over has ended."""
 
-    def take(self, phase: int, begin: float, U: float, reference: float) -> bool:
-        """The next value [V] of a phase, of a cycle that begins at `begin`: True when the event is over."""
+    def take(self, phase: int, change: Change, U: float, reference: float) -> bool:
+        """The next value [V] of a phase, and when that phase changed, if it did: True when the event is over."""
+        into, back = (change.rose, change.fell) if self._sign > 0 else (change.fell, change.rose)
         if phase in self._out:
             if self._sign * (U - self._leave * reference) <= 0:
                 del self._out[phase]
@@ -46,13 +57,14 @@ class Excursion:
         if self.open is None:
             if len(self._out) >= (self._phases if self._kind == "interruption" else 1):
                 lowest = min(self._out.values(), key=lambda pair: -self._sign * pair[0] / pair[1])
-                self.open = Open(self._kind, begin, set(self._out), *lowest)
+                self.open = Open(self._kind, into, set(self._out), *lowest)
         elif phase in self._out:
             self.open.phases.add(phase)
         if self.open is None:
             return False
         if phase in self._out and self._sign * (U / reference - self.open.extreme / self.open.reference) > 0:
             self.open.extreme, self.open.reference = U, reference
+        self.end = max(back, self.open.begin)
         return len(self._out) < (self._phases if self._kind == "interruption" else 1)
 
     def close(self) -> Open:

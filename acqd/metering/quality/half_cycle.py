@@ -14,7 +14,6 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.metering.block import Codes, SampleBlock, StreamFormat
-from acqd.metering.interval import interval_sums
 from acqd.metering.quality.cycle_clock import CycleClock
 
 
@@ -28,6 +27,8 @@ class HalfCycles:
     """[phases][values] sample number at which it ends."""
     Urms: list[Floats]
     """[phases][values] V."""
+    late: list[Floats]
+    """[phases][values] V^2: mean square of the second half of each cycle. These do not overlap."""
     first: bool = False
     """Nothing is known of the time before: the stream begins here, or samples are missing."""
     last: bool = False
@@ -58,7 +59,7 @@ class HalfCycleStream:
         u = block.codes[:, 0::2]
         if self._codes is not None and block.index != self._origin + len(self._codes):
             nothing = [np.empty(0)] * len(self._scale)
-            yield HalfCycles(nothing, nothing, nothing, last=True)
+            yield HalfCycles(nothing, nothing, nothing, nothing, last=True)
             self._restart()
         if self._codes is None:
             self._codes, self._origin = u, block.index
@@ -73,7 +74,7 @@ class HalfCycleStream:
             yield values
 
     def _values(self, u: Floats) -> HalfCycles:
-        begin, end, Urms = [], [], []
+        begin, end, Urms, late = [], [], [], []
         if len(self._turning) < u.shape[1]:
             self._turning = np.exp(-1j * self._carrier * np.arange(2 * u.shape[1]))
         turning = self._turning[: u.shape[1]]
@@ -88,8 +89,10 @@ class HalfCycleStream:
             starts, stops = np.array(cycles).reshape(-1, 2).T
             begin.append(starts)
             end.append(stops)
-            Urms.append(_rms(square, starts - self._origin, stops - self._origin))
-        return HalfCycles(begin, end, Urms, first=self._first)
+            whole, half = _mean_squares(power, square, starts - self._origin, stops - self._origin)
+            Urms.append(np.sqrt(whole))
+            late.append(half)
+        return HalfCycles(begin, end, Urms, late, first=self._first)
 
     def _forget(self) -> None:
         """Drop the samples that no later value needs."""
@@ -106,9 +109,19 @@ def _cumulative(x: np.ndarray) -> np.ndarray:
     return result
 
 
-def _rms(square: Floats, start: Floats, stop: Floats) -> Floats:
-    """RMS of the intervals; neighbours overlap, every third one does not."""
-    sums = np.empty(len(start))
-    for k in range(min(3, len(start))):
-        sums[k::3] = interval_sums(square, start[k::3], stop[k::3])
-    return np.sqrt(np.maximum(sums, 0.0) / (stop - start))
+def _mean_squares(power: Floats, square: Floats, start: Floats, stop: Floats) -> tuple[Floats, Floats]:
+    """Of each interval and of its second half; `power` [samples + 1] is the running sum of `square`."""
+    middle = (start + stop) / 2
+    count = len(start)
+    integral = _integral(power, square, np.concatenate((start, middle, stop)))
+    first, half, last = integral[:count], integral[count : 2 * count], integral[2 * count :]
+    return np.maximum(last - first, 0.0) / (stop - start), np.maximum(last - half, 0.0) / (stop - middle)
+
+
+def _integral(power: Floats, square: Floats, at: Floats) -> Floats:
+    """Of `square` up to the positions `at`; in a cut cell it is the line through its neighbours (`interval`)."""
+    cell = np.floor(at).astype(np.int64)
+    share, last = at - cell, len(square) - 1
+    middle = np.minimum(cell, last)
+    slope = (square[np.minimum(middle + 1, last)] - square[np.maximum(middle - 1, 0)]) / 2
+    return np.asarray(power[cell] + share * square[middle] + (share * share - share) / 2 * slope)

@@ -10,7 +10,7 @@ from acqd.metering.quality.detector import EventDetector
 from acqd.metering.quality.event import Thresholds
 from acqd.metering.quality.reference import Declared, Sliding
 from acqd.sources import load_waveform
-from tests.metering.quality.disturbed import blocks, form, voltages
+from tests.metering.quality.disturbed import RATE, blocks, form, voltages
 
 
 def ended(envelope, *, reference=None, limits=None, phases=3, **how):
@@ -30,9 +30,35 @@ def test_a_dip_has_its_time_duration_and_residual_voltage(share, length):
     (event,) = ended(during(1.0, 1.0 + length, share))
     assert (event.kind, event.phases, event.flags) == ("dip", (0, 1, 2), frozenset())
     assert event.utc_ns == pytest.approx(1e9, abs=0.02e9)
-    assert event.duration == pytest.approx(length, abs=0.042)  # the cycles that hold its ends belong to it
+    assert event.duration == pytest.approx(length, abs=0.01)
     assert event.extreme == pytest.approx(share * 230, abs=0.002 * 230)  # class A: 0.2 % of Udin
     assert event.reference == 230
+
+
+@pytest.mark.parametrize(("f", "nominal"), [(49.6, 50.0), (50.0, 50.0), (60.02, 60.0)])
+@pytest.mark.parametrize(
+    ("kind", "shares"), [("dip", (0.08, 0.86)), ("swell", (1.14, 1.6)), ("interruption", (0, 0.03))]
+)
+def test_durations_are_those_of_the_disturbance_within_half_a_cycle(kind, shares, f, nominal):
+    """Whatever the depth, the length, the phases and the instant; class A allows one cycle."""
+    random = np.random.default_rng(int(f * 100))
+    for cycles in (1.0, 2.0, 2.5, 10.0, 17.3):
+        if kind == "interruption" and cycles < 2:
+            continue  # no cycle lies wholly in it at every instant
+        share, begin, phases = random.uniform(*shares), 0.5 + random.uniform(0, 0.02), int(random.choice((1, 3)))
+        envelope = during(begin, begin + cycles / f, share)
+        u = voltages(envelope, f=f, seconds=1.2, phases=phases)
+        detector = EventDetector(form(phases, nominal), Declared(230.0))
+        events = [event for block in blocks(u) for event in detector.feed(block)]
+        (event,) = [event for event in events if event.kind == kind and event.end is not None]
+        assert abs(event.duration * f - cycles) < 0.5 and abs(event.begin / RATE - begin) * f < 0.5
+        assert event.utc_ns * 1e-9 == pytest.approx(begin, abs=0.5 / f)
+
+
+def test_a_dip_of_ten_cycles_to_one_half_lasts_ten_cycles():
+    for begin in np.linspace(1.0, 1.02, 5):
+        (event,) = ended(during(begin, begin + 0.2, 0.5), seconds=2.0)
+        assert event.duration * 50 == pytest.approx(10, abs=0.4)
 
 
 def test_a_swell_of_one_phase():
