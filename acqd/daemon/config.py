@@ -45,8 +45,9 @@ class MeteringSection(Section):
     mode: Literal["synchronous", "fixed"] = "synchronous"
     window: Annotated[float, Field(ge=0.04, le=0.05)] | None = None
     nominal_voltage: Positive = 230.0
-    creep_w: Annotated[float, Field(ge=0)] = 0.0
-    """W per phase below which a window counts no energy, and var below which it counts no reactive energy."""
+    creep_w: Annotated[float, Field(ge=0)] | None = None
+    """W per phase below which a window counts no energy, and var below which it counts no reactive energy; None: the
+    no-load power of the converter's range (`no_load_W`)."""
 
 
 class RealtimeSection(Section):

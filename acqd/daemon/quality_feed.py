@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from itertools import chain
 from typing import TypeAlias
@@ -10,8 +11,10 @@ from acqd.daemon.quality_section import QualitySection
 from acqd.metering import SampleBlock, StreamFormat
 from acqd.metering.quality.flicker_values import FlickerValues
 from acqd.metering.quality.meter import QualityMeter
+from acqd.metering.quality.quantities import OFF_NOMINAL
 from acqd.telemetry.quality_row import QualityRow, from_kind, quality_rows
 
+_log = logging.getLogger(__name__)
 DeliverQuality: TypeAlias = Callable[[list[QualityRow]], None]
 
 
@@ -25,6 +28,7 @@ class QualityFeed:
         self._meter: QualityMeter | None = None
         self._flicker: FlickerValues | None = None
         self._seq = 0
+        self._off_nominal = False  # whether the log says so
 
     def open(self, form: StreamFormat) -> None:
         """Begin a stream of this format."""
@@ -37,7 +41,19 @@ class QualityFeed:
         rows: list[QualityRow] = []
         flicker = self._flicker.feed(block) if self._flicker is not None else ()
         for values in chain(self._meter.feed(block), flicker):
+            self._notice(OFF_NOMINAL in values.flags)
             if values.kind in self._kinds:
                 rows += quality_rows(values, self._device, self._boot(), self._seq)
                 self._seq += 1
         return rows
+
+    def _notice(self, off_nominal: bool) -> None:
+        """One line in the log when the mains turns out to have another frequency than configured."""
+        if off_nominal and not self._off_nominal:
+            assert self._meter is not None
+            _log.warning(
+                "%s: no fundamental near %g Hz: power quality without harmonics, fundamentals and unbalance, flagged "
+                "%s; check f_nominal of the source",
+                self._device, self._meter.form.f_nominal, OFF_NOMINAL,
+            )  # fmt: skip
+        self._off_nominal |= off_nominal

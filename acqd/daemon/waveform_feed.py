@@ -19,6 +19,7 @@ from acqd.daemon.register import RegisterFile, greater, registers_of
 from acqd.daemon.source_sections import WaveformSection
 from acqd.daemon.tally import Tally
 from acqd.metering import Meter, SampleBlock, StreamFormat, WindowBatch
+from acqd.metering.energy import no_load_W
 from acqd.metering.registers import Registers
 from acqd.plc.executive import Executive
 from acqd.plc.realtime import prioritise
@@ -167,14 +168,17 @@ class WaveformFeed:
         energy = self._energy(form.phases)
         others = self._register.others if self._register is not None else None
         spooled = self._spooled.registers if self._spooled is not None else None
-        self._registers = registers_of(form.phases, window, metering.creep_w, others, spooled)
+        creep_W = metering.creep_w
+        if creep_W is None:
+            creep_W = no_load_W(form, metering.nominal_voltage)
+        self._registers = registers_of(form.phases, window, creep_W, others, spooled)
         return Meter(
             form,
             window=window,
             mode=metering.mode,
             nominal_voltage=metering.nominal_voltage,
             energy=energy,
-            creep_W=metering.creep_w,
+            creep_W=creep_W,
         )
 
     def _energy(self, phases: int) -> Energy | None:

@@ -8,6 +8,7 @@ Sums of physical values (codes of 64 bits) become integers of a fine step first.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from fractions import Fraction
 from operator import mul
@@ -15,6 +16,7 @@ from operator import mul
 import numpy as np
 
 from acqd.arrays import Floats
+from acqd.metering.block import CODE_MAX, StreamFormat
 
 _WS_PER_KWH = 3_600_000
 _STEPS = 2**64  # of a product of physical values
@@ -26,6 +28,22 @@ class EnergyColumns:
 
     imported: Floats
     exported: Floats
+
+
+NO_LOAD = 1e-4
+"""Share of nominal voltage times full-scale current that no load is: a tenth of the starting current of class 0.5 S
+(0.1 % of the rated one, IEC 62053-22, table 4), and hundreds of times what noise of a 16-bit converter counts."""
+
+
+def no_load_W(form: StreamFormat, nominal_voltage: float) -> float:  # noqa: N802 - the unit
+    """Power of a phase [W] below which a window is without load, by the stream's smallest range of current.
+
+    0 where codes have no end stop of a converter, and the range of the current is not known.
+    """
+    if form.bits != 16:
+        return 0.0
+    full_scale = min(form.scale[1::2]) * CODE_MAX / math.sqrt(2)
+    return NO_LOAD * nominal_voltage * full_scale
 
 
 class EnergyRegister:

@@ -38,3 +38,13 @@ def test_meters_without_samples_are_said_to_have_no_power_quality(caplog):
     config = Config(source=source, quality=QualitySection(enabled=True))
     feed_of(config, "boot1", lambda *_: None, lambda _: None, lambda _: None)
     assert "press-1: no power quality, which needs samples" in caplog.text
+
+
+def test_mains_of_another_frequency_than_configured_are_said_once_in_the_log(caplog):
+    feed = QualityFeed(QualitySection(enabled=True), "cell1", 230.0, lambda: "boot1")
+    feed.open(StreamFormat(RATE, (1.0,) * 6, bits=64))
+    x = three_phases(2 * np.pi * 60 * np.arange(int(2 * RATE)) / RATE)
+    rows = feed.take(SampleBlock(x, 0, T0))
+    assert all("off_nominal" in row.flags for row in rows)
+    (line,) = caplog.messages
+    assert line.startswith("cell1: no fundamental near 50 Hz") and "f_nominal" in line

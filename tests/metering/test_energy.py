@@ -7,7 +7,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from acqd.metering.energy import EnergyRegister
+from acqd.metering import Meter, SampleBlock, StreamFormat
+from acqd.metering.energy import EnergyRegister, no_load_W
 from tests.mains import make_mains
 from tests.metering.streams import meter_all
 
@@ -60,3 +61,26 @@ def test_energy_goes_on_from_its_last_reading():
     again = meter_all(mains, energy=[(12.5, 0.25)])
     np.testing.assert_allclose(again.imported[0] - fresh.imported[0], 12.5, atol=1e-12)
     np.testing.assert_allclose(again.exported[0], 0.25, atol=1e-12)
+
+
+def test_noise_at_115_percent_without_load_counts_nothing_and_the_starting_current_does():
+    """The no-load and starting conditions of IEC 62053-22, class 0.5 S, of a terminal for 5 A."""
+    random = np.random.default_rng(2)
+    t = np.arange(200_000) / 20_000.0
+    form = StreamFormat(20_000.0, (737.2575 / 32768, 9.207527 / 32768))
+    creep = no_load_W(form, 230.0)
+
+    def counted(amperes):
+        u = 1.15 * 230 * np.sqrt(2) * np.cos(2 * np.pi * 50 * t) / form.scale[0]
+        i = amperes * np.sqrt(2) * np.cos(2 * np.pi * 50 * t) / form.scale[1] + 3 * random.standard_normal(len(t))
+        meter = Meter(form, creep_W=creep)
+        meter.feed(SampleBlock(np.rint(np.column_stack((u, i))).astype(np.int16), 0, 0))
+        return meter.energy.reading()[0]
+
+    assert counted(0.0) == (0.0, 0.0)
+    imported, exported = counted(0.001 * 5)
+    assert exported == 0 and imported == pytest.approx(1.15 * 230 * 0.005 * 10 / 3.6e6, rel=0.01)
+
+
+def test_there_is_no_automatic_threshold_where_the_range_of_the_current_is_not_known():
+    assert no_load_W(StreamFormat(4_000.0, (0.01, 0.001), bits=32), 230.0) == 0

@@ -8,6 +8,7 @@ what is above 42 Hz is filtered out anyway.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -24,6 +25,7 @@ _PIECE = 1024  # inner samples, half a second, filtered at once
 _AWAY = 0.25  # share of the mean square below which the voltage is away: the normalisation waits
 SETTLING_S = 10.0
 """After the start and after a gap, Pinst does not count for so long."""
+_AT_ONCE_S = 10.0  # of a block, as double numbers
 _ENOUGH = 0.5  # share of an interval without which it has no Pst
 
 
@@ -92,7 +94,14 @@ class FlickerMeter:
         return self._form.rate / self._chunk
 
     def feed(self, block: SampleBlock) -> Iterator[Severity]:
-        """The intervals that `block` completes."""
+        """The intervals that `block` completes. A long block is filtered in pieces: it may be a whole recording."""
+        size = max(self._chunk, round(_AT_ONCE_S * self._form.rate))
+        for first in range(0, len(block.codes), size):
+            codes = block.codes[first : first + size]
+            utc_ns = block.utc_ns + round(first * 1e9 / self._form.rate)
+            yield from self._feed(replace(block, codes=codes, index=block.index + first, utc_ns=utc_ns))
+
+    def _feed(self, block: SampleBlock) -> Iterator[Severity]:
         if self._next is not None and block.index != self._next:
             self._flags.add("gap")
             self._restart()

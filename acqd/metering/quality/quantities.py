@@ -10,7 +10,8 @@ from acqd.arrays import Floats
 from acqd.metering.interval import interval_sums
 from acqd.metering.quality.apparent import arithmetic_apparent, effective_apparent
 from acqd.metering.quality.components import Phasors, rotation, symmetrical, unbalance
-from acqd.metering.quality.event_flags import event_flags, one_cycle_rms
+from acqd.metering.quality.cycles import MIN_PURITY
+from acqd.metering.quality.event_flags import INTERRUPTION, event_flags, one_cycle_rms
 from acqd.metering.quality.intervals import Interval
 from acqd.metering.quality.spectrum import (
     Lines,
@@ -36,6 +37,12 @@ class Options:
 
 
 DEFAULT = Options()
+OFF_NOMINAL = "off_nominal"
+"""Flag: the voltage has no fundamental near the nominal frequency, so nothing that a spectrum tells is known."""
+OF_ANY_F = frozenset(
+    {"Vrms", "Irms", "P", "S", "V_crest", "I_crest", "V_dc", "I_dc", "V_12", "V_23", "V_31", "I_n_derived", "Se"}
+)
+"""Quantities that hold whatever f is, but for the cycles that the interval cuts."""
 
 
 @np.errstate(invalid="ignore", over="ignore")
@@ -48,8 +55,13 @@ def measure(interval: Interval, declared: float, options: Options = DEFAULT) -> 
         phase |= _groups(name, channels, interval, options)
     if options.signalling_Hz is not None:
         phase["V_ms"] = signalling(lines[0::2], interval.f / interval.cycles, options.signalling_Hz)
+    system = _system(interval, u, i, phase) if len(u) > 1 else {}
+    known, flags = interval.fit.credible, interval.flags
+    if not known and _elsewhere(phase, declared):
+        flags |= {OFF_NOMINAL}
+        phase = {name: value if name in OF_ANY_F else np.full_like(value, np.nan) for name, value in phase.items()}
+        system = {name: value if name in OF_ANY_F else np.nan for name, value in system.items()}
     rms = one_cycle_rms(u, interval.start, interval.length, interval.cycles)
-    known = interval.fit.credible
     return QualityValues(
         kind="10/12",
         utc_ns=interval.utc_ns,
@@ -58,10 +70,17 @@ def measure(interval: Interval, declared: float, options: Options = DEFAULT) -> 
         f=interval.f if known else np.nan,
         rocof=interval.fit.rocof if known and not interval.fit.jump else np.nan,
         phase=phase,
-        system=_system(interval, u, i, phase) if len(u) > 1 else {},
-        flags=interval.flags | event_flags(rms, declared),
+        system=system,
+        flags=flags | event_flags(rms, declared),
         phase_flags=[_overrange(interval, k) for k in range(len(u))],
     )
+
+
+def _elsewhere(phase: dict[str, Floats], declared: float) -> bool:
+    """Whether there is a voltage whose fundamental is not at the f of the interval: by the whole of its phases."""
+    ac = np.sum(np.square(phase["Vrms"]) - np.square(phase["V_dc"]))
+    live = (phase["Vrms"] > INTERRUPTION * declared).any()
+    return bool(live and np.sum(np.square(phase["V1"])) < MIN_PURITY * ac)
 
 
 def _overrange(interval: Interval, phase: int) -> frozenset[str]:

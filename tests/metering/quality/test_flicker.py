@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -101,3 +102,20 @@ def test_the_filters_are_those_of_scipy():
     assert np.concatenate(pieces, axis=1) == pytest.approx(theirs, abs=1e-8)
     mine.settle(np.ones(2))
     assert mine.feed(np.ones((2, 300))) == pytest.approx(0, abs=1e-9)
+
+
+def test_a_whole_recording_in_one_block_is_filtered_in_pieces_that_change_nothing():
+    form = StreamFormat(RATE, (0.0225, 0.000281) * 3)
+    one = np.rint(14_000 * np.cos(2 * np.pi * 50 * np.arange(int(60 * RATE)) / RATE)).astype(np.int16)
+    codes = np.tile(one[:, None], (11, 6))
+    tracemalloc.start()
+    (whole,) = FlickerMeter(form, on_the_clock=False).feed(SampleBlock(codes, 0, 0))
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < codes.nbytes, "the block as double numbers is four times as large"
+    cut = FlickerMeter(form, on_the_clock=False)
+    (again,) = (
+        each for k in range(0, len(codes), 40_000)
+        for each in cut.feed(SampleBlock(codes[k : k + 40_000], k, round(k * 1e9 / RATE)))
+    )  # fmt: skip
+    np.testing.assert_allclose(whole.value, again.value, rtol=1e-9)

@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acqd.metering import SampleBlock
+from acqd.metering import SampleBlock, StreamFormat
 from acqd.metering.quality.meter import QualityMeter
 from acqd.sources import load_waveform
+from tests.mains import make_mains
 from tests.metering.quality.waves import metered, of_kind, three_phases
 
 RATE = 20_000.0
@@ -106,3 +107,24 @@ def test_harmonics_of_a_recording_are_those_of_a_least_squares_fit(waveforms):
 def test_the_terminal_of_a_60_hz_recording_needs_no_setting(waveforms):
     waveform, values = values_of(waveforms / "ion7650_3ph_60hz")
     assert waveform.form.f_nominal == 60 and values == []  # 67 ms hold no interval
+
+
+@pytest.mark.parametrize(("f", "nominal"), [(60.0, 50.0), (50.0, 60.0), (16.667, 50.0), (400.0, 50.0)])
+def test_mains_of_another_frequency_than_configured_have_no_spectrum_and_say_so(f, nominal):
+    mains = make_mains(f, seconds=1.0, noise=0.001)
+    meter = QualityMeter(StreamFormat(RATE, mains.scale, f_nominal=nominal))
+    values = of_kind(meter.feed(SampleBlock(mains.codes, 0, 0)))
+    assert values
+    for one in values:
+        assert {"off_nominal", "transient"} <= one.flags and np.isnan(one.f)
+        known = {name for name, value in one.phase.items() if not np.isnan(value).all()}
+        assert known == {"Vrms", "Irms", "P", "S", "V_crest", "I_crest", "V_dc", "I_dc"}
+        assert np.isnan([one.system[name] for name in ("V_u2", "V_u0", "V_pos", "P1", "rotation")]).all()
+    assert all(one.phase["Vrms"] == pytest.approx(230, rel=0.05) for one in values)
+
+
+def test_an_interruption_and_a_dip_are_of_the_nominal_frequency():
+    x = three_phases(2 * np.pi * 50 * np.arange(40_000) / RATE)
+    x[15_000:25_000, 0::2] *= 0.02
+    x[32_000:, 0::2] *= 0.6
+    assert not any("off_nominal" in one.flags for one in metered(x, RATE))
