@@ -5,7 +5,7 @@ import platform
 import pytest
 
 from acqd import compiling
-from acqd.c_builds import CBuild, all_builds, lstm, window
+from acqd.c_builds import CBuild, all_builds, lstm, resample, window
 from acqd.errors import OperationError, UserError
 from acqd.fmu import platforms
 from acqd.instruction_sets import INSTRUCTION_SETS, best_instruction_set
@@ -15,10 +15,15 @@ from acqd.metering.kernel.compiled import library
 def test_a_wheel_holds_what_any_processor_of_its_kind_looks_for():
     names = {compiling.file_name(build) for build in all_builds("x86_64")}
     for instructions in INSTRUCTION_SETS:
-        wanted = [lstm(instructions), *(window(channels, instructions) for channels in (2, 4, 6))]
+        wanted = [
+            lstm(instructions),
+            resample(instructions),
+            *(window(channels, instructions) for channels in (2, 4, 6)),
+        ]
         assert {compiling.file_name(build) for build in wanted} <= names
     others = {build.name for build in all_builds("aarch64")}
-    assert others == {"ticks", "switching", "lstm-portable", "window-portable-2", "window-portable-4", "window-portable-6"}
+    windows = {f"window-portable-{channels}" for channels in (2, 4, 6)}
+    assert others == {"ticks", "switching", "lstm-portable", "resample-portable"} | windows
 
 
 def test_a_library_of_the_wheel_needs_neither_compiler_nor_cache(tmp_path, monkeypatch):

@@ -1,4 +1,4 @@
-"""Compiles `window.c` at first use with the system's compiler, for the widest vectors of the processor."""
+"""Compiles `window.c` and `resample.c` at first use with the system's compiler, for the widest vectors of the processor."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import logging
 import os
 from pathlib import Path
 
-from acqd.c_builds import WINDOW_FALLBACK, window
+from acqd.c_builds import WINDOW_FALLBACK, resample, window
 from acqd.compiling import cached_library
 from acqd.errors import OperationError
 from acqd.instruction_sets import InstructionSet, best_instruction_set
@@ -59,3 +59,19 @@ def why_not(channels: int = 6) -> str | None:
     except (OperationError, OSError) as error:
         return str(error)
     return None
+
+
+@functools.cache
+def resample_library() -> ctypes.CDLL | None:
+    """The library of the resampling; None where it cannot be built or no C is wanted (`SWITCH`)."""
+    if os.environ.get(SWITCH) == "numpy":
+        return None
+    try:
+        loaded = ctypes.CDLL(str(cached_library(resample(best_instruction_set()))))
+    except (OperationError, OSError) as error:
+        _log.warning("not resampling with C: %s", error)
+        return None
+    pointer, integer, number = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
+    loaded.acqd_resample.restype = None
+    loaded.acqd_resample.argtypes = [pointer, integer, integer, number, number, integer, pointer, integer, pointer]
+    return loaded

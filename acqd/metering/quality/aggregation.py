@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from acqd.arrays import Floats
@@ -10,31 +12,42 @@ from acqd.metering.quality.values import LISTS, PHASE, SYSTEM, Kind, QualityValu
 _RULES: dict[str, Rule] = {name: quantity.rule for name, quantity in (PHASE | LISTS | SYSTEM).items()}
 
 
-class _Mean:
-    """Running mean of one quantity by its rule; NaN are left out."""
+class _Means:
+    """Running means of all quantities of values at once, each by its rule; NaN are left out."""
 
-    def __init__(self, rule: Rule) -> None:
-        self._rule = rule
-        self._sum: np.ndarray | float = 0.0
-        self._count: np.ndarray | float = 0.0
+    def __init__(self, values: QualityValues) -> None:
+        self._phase = {name: np.shape(value) for name, value in values.phase.items()}
+        self._system = list(values.system)
+        sizes = [math.prod(shape) for shape in self._phase.values()]
+        rules = np.repeat([_RULES[name] for name in self._phase], sizes).tolist()
+        rules += [_RULES[name] for name in self._system] + ["mean", "mean"]  # f and its rate
+        self._rms = np.array([rule == "rms" for rule in rules])
+        self._angles = np.flatnonzero([rule == "angle" for rule in rules])
+        self._sum, self._count = np.zeros(len(rules)), np.zeros(len(rules))
+        self._phasors = np.zeros(len(self._angles), dtype=np.complex128)
+        self._ends = np.cumsum(sizes)
 
-    def add(self, value: Floats | float) -> None:
-        x = np.asarray(value, dtype=np.float64)
+    def add(self, values: QualityValues) -> None:
+        """Take the values of the next interval: of the same quantities."""
+        flat = [np.ravel(value) for value in values.phase.values()]
+        x = np.concatenate((*flat, [*values.system.values(), values.f, values.rocof]))
         known = ~np.isnan(x)
-        self._sum = self._sum + np.where(known, self._forward(x), 0.0)
-        self._count = self._count + known
+        self._phasors += np.where(known[self._angles], np.exp(1j * np.radians(x[self._angles])), 0.0)
+        x[self._rms] *= x[self._rms]
+        x[~known] = 0.0
+        self._sum += x
+        self._count += known
 
-    def value(self) -> Floats:
+    def close(self) -> tuple[dict[str, Floats], dict[str, float], float, float]:
+        """Means of the phases and of the system, f and its rate of change."""
         with np.errstate(invalid="ignore", divide="ignore"):
-            mean = self._sum / np.asarray(self._count, dtype=np.float64)
-        if self._rule == "rms":
-            return np.asarray(np.sqrt(mean))
-        return np.asarray(np.degrees(np.angle(mean)) if self._rule == "angle" else mean)
-
-    def _forward(self, x: Floats) -> np.ndarray:
-        if self._rule == "rms":
-            return np.asarray(x * x)
-        return np.asarray(np.exp(1j * np.radians(x)) if self._rule == "angle" else x)
+            mean = self._sum / self._count
+            mean[self._rms] = np.sqrt(mean[self._rms])
+            mean[self._angles] = np.degrees(np.angle(self._phasors / self._count[self._angles]))
+        parts = np.split(mean, self._ends)
+        phase = {name: part.reshape(shape) for (name, shape), part in zip(self._phase.items(), parts, strict=False)}
+        *system, f, rocof = parts[-1].tolist()
+        return phase, dict(zip(self._system, system, strict=True)), f, rocof
 
 
 class Aggregate:
@@ -42,9 +55,7 @@ class Aggregate:
 
     def __init__(self, kind: Kind) -> None:
         self._kind = kind
-        self._phase: dict[str, _Mean] = {}
-        self._system: dict[str, _Mean] = {}
-        self._f, self._rocof = _Mean("mean"), _Mean("mean")
+        self._means: _Means | None = None
         self._flags: set[str] = set()
         self._phase_flags: list[set[str]] = []
         self._begin = 0
@@ -58,14 +69,12 @@ class Aggregate:
         if not self.count:
             self._begin = values.utc_ns
             self._phase_flags = [set() for _ in values.phase_flags]
+        if self._means is None:
+            self._means = _Means(values)
         self.count += 1
         self._intervals += values.intervals
         self._duration += values.duration
-        self._f.add(values.f)
-        self._rocof.add(values.rocof)
-        for means, quantities in ((self._phase, values.phase), (self._system, values.system)):
-            for name, value in quantities.items():
-                means.setdefault(name, _Mean(_RULES[name])).add(value)
+        self._means.add(values)
         self._flags |= values.flags
         for flags, more in zip(self._phase_flags, values.phase_flags, strict=True):
             flags |= more
@@ -77,15 +86,17 @@ class Aggregate:
 
     def close(self, *more_flags: str) -> QualityValues:
         """The value of the interval (at least one was added)."""
+        assert self._means is not None
+        phase, system, f, rocof = self._means.close()
         return QualityValues(
             kind=self._kind,
             utc_ns=self._begin,
             duration=self._duration,
             intervals=self._intervals,
-            f=float(self._f.value()),
-            rocof=float(self._rocof.value()),
-            phase={name: mean.value() for name, mean in self._phase.items()},
-            system={name: float(mean.value()) for name, mean in self._system.items()},
+            f=f,
+            rocof=rocof,
+            phase=phase,
+            system=system,
             flags=frozenset(self._flags | set(more_flags)),
             phase_flags=[frozenset(flags) for flags in self._phase_flags],
         )

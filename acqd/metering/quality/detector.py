@@ -78,6 +78,10 @@ class EventDetector:
     def _value(
         self, phase: int, begin: float, end: float, U: float, reference: float, before: frozenset[str]
     ) -> Iterator[Event]:
+        if all([excursion.idle(U, reference) for excursion in self._excursions]):
+            if self._change is not None:
+                yield from self._rapid(self._change, phase, begin, U, reference, False)
+            return
         busy = self._busy
         # What is there at the first value has been there since its cycle began.
         levels, half = self._levels[phase], (end - begin) / 2

@@ -67,6 +67,10 @@ class Excursion:
         self.end = max(back, self.open.begin)
         return len(self._out) < (self._phases if self._kind == "interruption" else 1)
 
+    def idle(self, U: float, reference: float) -> bool:
+        """Whether the next value [V] of a phase changes nothing: no phase is or gets beyond the threshold."""
+        return not self._out and self.open is None and self._sign * (U - self._enter * reference) <= 0
+
     def close(self) -> Open:
         """The event that is over."""
         assert self.open is not None

@@ -6,6 +6,7 @@ this in any phase. It ends a second before all phases are steady again, that is 
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import dataclass
 
@@ -19,6 +20,9 @@ class _Phase:
     recent: deque[float]
     begins: deque[float]
     total: float = 0.0
+    low: float = math.inf
+    """V: smallest and largest of `recent`."""
+    high: float = -math.inf
     steady: bool = False
     mean: float = 0.0
     """V: of the last second, or of the last steady one."""
@@ -80,17 +84,23 @@ class RapidChange:
             one.recent.clear()
             one.begins.clear()
             one.total, one.steady = 0.0, False
+            one.low, one.high = math.inf, -math.inf
 
     def _look(self, one: _Phase, begin: float, U: float, reference: float) -> None:
-        if len(one.recent) == self._length:
-            one.total -= one.recent[0]
+        gone = one.recent[0] if len(one.recent) == self._length else None
         one.recent.append(U)
+        if gone is not None:
+            one.total -= gone
+        if gone is not None and not one.low < gone < one.high:
+            one.low, one.high = min(one.recent), max(one.recent)
+        else:
+            one.low, one.high = min(one.low, U), max(one.high, U)
         one.begins.append(begin)
         one.total += U
         one.reference = reference
         mean = one.total / len(one.recent)
         limit = (self._threshold if one.steady else self._return) * reference
-        near = abs(U - mean) <= limit and max(one.recent) - mean <= limit and mean - min(one.recent) <= limit
+        near = one.high - mean <= limit and mean - one.low <= limit
         one.steady = near and len(one.recent) == self._length
         if one.steady:
             one.mean = mean

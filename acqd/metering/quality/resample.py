@@ -7,11 +7,13 @@ Schafer, Discrete-Time Signal Processing, section 7.5.3).
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 
 import numpy as np
 
 from acqd.arrays import Floats
+from acqd.metering.kernel.compiled import resample_library
 
 TAPS = 32
 MARGIN = TAPS // 2 + 1
@@ -25,8 +27,25 @@ _STEPS = 1024  # tabulated fractions of a sample; linear in between: 2e-6 of the
 def resampled(x: Floats, start: float, step: float, count: int) -> Floats:
     """`x` [channels, samples] at `count` instants start + k * step, [channels, count].
 
-    In cells: sample n is at n + 1/2. MARGIN samples must lie before and after the instants.
+    In cells: sample n is at n + 1/2. MARGIN samples must lie before and after the instants, else IndexError. In C where
+    there is a compiler (`kernel/resample.c`); both ways agree to rounding.
     """
+    first, last = (math.floor(start - 0.5 + step * k) for k in (0, count - 1))
+    if first < TAPS // 2 - 1 or last + TAPS // 2 >= x.shape[1]:
+        raise IndexError(f"instants {first} .. {last} need samples beyond the {x.shape[1]} that are there")
+    library = resample_library()
+    if library is None:
+        return resampled_by_numpy(x, start, step, count)
+    samples = np.ascontiguousarray(x, dtype=np.float64)
+    result = np.empty((len(samples), count))
+    library.acqd_resample(
+        samples.ctypes.data, *samples.shape, start - 0.5, step, count, _rows().ctypes.data, _STEPS, result.ctypes.data
+    )
+    return result
+
+
+def resampled_by_numpy(x: Floats, start: float, step: float, count: int) -> Floats:
+    """The same without C: the reference."""
     at = start - 0.5 + step * np.arange(count)
     whole = np.floor(at).astype(np.int64)
     weights = _weights(at - whole)
@@ -53,3 +72,9 @@ def _table() -> Floats:
     window = np.i0(_BETA * np.sqrt(np.maximum(0.0, 1 - (distance / (TAPS / 2)) ** 2))) / np.i0(_BETA)
     weights = np.sinc(distance) * window
     return np.asarray(weights / weights.sum(axis=0))
+
+
+@lru_cache(maxsize=1)
+def _rows() -> Floats:
+    """[fractions, TAPS], as C reads the table."""
+    return np.ascontiguousarray(_table().T)
