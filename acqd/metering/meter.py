@@ -18,6 +18,7 @@ from acqd.metering.energy import EnergyRegister
 from acqd.metering.frequency import F_MIN, Estimate, FrequencyEstimator
 from acqd.metering.held import HeldFrequency
 from acqd.metering.interval import interval_sums
+from acqd.metering.jump import whole_cycle
 from acqd.metering.kernel import Kernel, why_not
 from acqd.metering.kernel.kernel import Metered
 from acqd.metering.kernel.layout import ENERGY, IRMS, POWER, REACTIVE, VRMS
@@ -207,6 +208,9 @@ class Meter:
         else:
             held = self._held.fill(f, about)
             start, stop, short = synchronous(starts, ends, CYCLES * self.form.rate / held)
+            for k in np.flatnonzero(estimate.unsteady & np.isnan(about)).tolist():
+                if (whole := whole_cycle(u, float(start[k]), float(stop[k]))) is not None:
+                    start[k], stop[k] = whole
             means = interval_sums(products, start, stop) / (stop - start)
             # The straight line through a cut cell can dip below zero where the voltage has just gone.
             np.maximum(means[:2], 0.0, out=means[:2])

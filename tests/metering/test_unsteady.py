@@ -53,6 +53,26 @@ def test_no_phase_jump_leaves_a_wrong_f_without_a_flag(phases, degrees):
         assert np.abs(batch.Vrms[:, 1:] / batch.Vrms[0, 1] - 1)[:, ~flagged[1:]].max() < 0.001
 
 
+@pytest.mark.parametrize("phases", [1, 3])
+def test_the_voltage_in_the_window_of_a_phase_jump_is_of_the_cycle_without_it(phases):
+    t, errors = np.arange(16_000) / RATE, []
+    for at in 0.4 + 0.04 * np.linspace(0.05, 0.95, 10):
+        (batch,) = metered(codes_of(50.02 * t + 30 / 360 * (t >= at), phases))
+        errors.append(np.abs(batch.Vrms[:, int(at / 0.04)] / batch.Vrms[0, 1] - 1).max())
+    assert np.median(errors) < 0.001 and np.mean(np.array(errors) < 0.003) >= 0.8
+
+
+@pytest.mark.parametrize("share", [0.95, 0.7, 0.3])
+def test_a_voltage_step_is_part_of_the_rms_of_its_window(share):
+    t = np.arange(16_000) / RATE
+    for at in 0.4 + 0.04 * np.linspace(0.05, 0.95, 7):
+        codes = codes_of(50.0 * t, 3).astype(float)
+        codes[:, 0::2] *= np.where(t >= at, share, 1)[:, None]
+        (batch,) = metered(np.rint(codes).astype(np.int16))
+        exact = np.sqrt(np.square(np.rint(codes[8_000:8_800, 0::2])).mean(axis=0)) * SCALE[0]
+        assert batch.Vrms[:, 10] == pytest.approx(exact, rel=0.002)
+
+
 @pytest.mark.parametrize(("slope", "phases"), [(1.0, 1), (1.0, 3), (-1.0, 3), (10.0, 3)])
 def test_f_is_that_of_the_middle_of_the_interval(slope, phases):
     t = np.arange(24_000) / RATE

@@ -1,4 +1,4 @@
-"""Compiles `window.c` and `resample.c` at first use with the system's compiler, for the widest vectors of the processor."""
+"""Compiles `window.c` and `resample.c` at first use, for the widest vectors of the processor."""
 
 from __future__ import annotations
 

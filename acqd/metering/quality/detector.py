@@ -78,7 +78,7 @@ class EventDetector:
     def _value(
         self, phase: int, begin: float, end: float, U: float, reference: float, before: frozenset[str]
     ) -> Iterator[Event]:
-        if all([excursion.idle(U, reference) for excursion in self._excursions]):
+        if all(excursion.idle(U, reference) for excursion in self._excursions):
             if self._change is not None:
                 yield from self._rapid(self._change, phase, begin, U, reference, False)
             return
