@@ -31,6 +31,8 @@ class Wave:
     between: tuple[float, float] = (0.0, 72.0)
     """Share and Hz of an interharmonic."""
     seed: int = 0
+    smooth: Callable[[Floats], Floats] | None = None
+    """The cycles without a jump of the phase: f is their rate."""
 
     @property
     def form(self) -> StreamFormat:
@@ -58,7 +60,8 @@ class Wave:
 
     def true_f(self, begin: Floats, end: Floats) -> Floats:
         """Mean f [Hz] between two sample positions."""
-        return np.asarray((self.turns(end / RATE) - self.turns(begin / RATE)) / ((end - begin) / RATE))
+        turns = self.smooth or self.turns
+        return np.asarray((turns(end / RATE) - turns(begin / RATE)) / ((end - begin) / RATE))
 
 
 def swing(amplitude: float, f: float) -> Callable[[Floats], Floats]:
@@ -105,12 +108,12 @@ def cases() -> list[Wave]:
     ]  # fmt: skip
     waves += [Wave(f"wander {1000 * step:g} mHz/40 ms", wandering(step, 3)) for step in (0.0005, 0.002)]
     waves += [Wave(f"interharmonic 1 % at {f:g} Hz", lambda t: 50.03 * t, between=(0.01, f)) for f in (48.0, 72.0)]
-    waves += [Wave(f"jump {degrees:g} deg", jump(degrees, 3.017)) for degrees in (5.0, 30.0)]
+    waves += [Wave(f"jump {degrees:g} deg", jump(degrees, 3.017), smooth=jump(0.0, 0.0)) for degrees in (5.0, 30.0)]
     return waves
 
 
 def random_disturbance(number: int) -> Wave:
-    """A jump, ramp, swing, step of f or interharmonic that sets in, at 50 or 60 Hz, one or three phases."""
+    """A jump, ramp, swing or step of f, or an interharmonic from the start on; 50 or 60 Hz, one or three phases."""
     random = np.random.default_rng(1000 + number)
     nominal, at = (60.0 if number % 2 else 50.0), float(random.uniform(0.6, 0.8))
     f = nominal + float(random.uniform(-0.4, 0.4))
@@ -129,4 +132,5 @@ def random_disturbance(number: int) -> Wave:
         return np.asarray(f * t + (0.3 * size * late if kind == "step" else 0))
 
     between = (abs(size) * 0.02 if kind == "interharmonic" else 0.0, nominal + float(random.uniform(-8, 30)))
-    return Wave(kind, turns, 1.6, 3 if number % 4 < 2 else 1, nominal, between=between, seed=number)
+    smooth = jump(0.0, 0.0, f) if kind == "jump" else None
+    return Wave(kind, turns, 1.6, 3 if number % 4 < 2 else 1, nominal, between=between, seed=number, smooth=smooth)
