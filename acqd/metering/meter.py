@@ -178,7 +178,7 @@ class Meter:
         flags = piece.row_flags(self.form.phases)
         if piece.first:
             flag_window(flags, 0, "start")
-        self._middle.reset()
+        self._frequency.reset()
         self._held.reset()
         if most.max() >= self.form.code_max or least.min() <= self.form.code_min:
             live = np.zeros((self.form.phases, len(starts)), dtype=bool)
@@ -208,9 +208,7 @@ class Meter:
         else:
             held = self._held.fill(f, about)
             start, stop, short = synchronous(starts, ends, CYCLES * self.form.rate / held)
-            for k in np.flatnonzero(estimate.unsteady & np.isnan(about)).tolist():
-                if (whole := whole_cycle(u, float(start[k]), float(stop[k]))) is not None:
-                    start[k], stop[k] = whole
+            _without_jumps(u, start, stop, np.flatnonzero(estimate.unsteady & np.isnan(about)))
             means = interval_sums(products, start, stop) / (stop - start)
             # The straight line through a cut cell can dip below zero where the voltage has just gone.
             np.maximum(means[:2], 0.0, out=means[:2])
@@ -314,3 +312,10 @@ class Meter:
             Q1=reactive * (self._u_scale * self._i_scale),
             flags=flags,
         )
+
+
+def _without_jumps(u: Floats, start: Floats, stop: Floats, windows: NDArray[np.intp]) -> None:
+    """Bound some intervals to the cycle without the jump of the mains, where there is one."""
+    for k in windows.tolist():
+        if (whole := whole_cycle(u, float(start[k]), float(stop[k]))) is not None:
+            start[k], stop[k] = whole

@@ -17,7 +17,7 @@ from scipy.stats import t as student
 from acqd.arrays import Floats
 from acqd.discrepancy.selection.accepted import Selected, Selection, Unknown, unnamed
 from acqd.discrepancy.selection.forward_selection import without
-from acqd.discrepancy.selection.judging import best_of_each, kinds_of, left_by, margin
+from acqd.discrepancy.selection.judging import best_of_each, by_chance, kinds_of, left_by, margin
 from acqd.discrepancy.selection.ranking import Finding, Rows, gains, ranked
 from acqd.discrepancy.selection.shape_fit import fit_shape
 from acqd.discrepancy.thresholds import THRESHOLDS
@@ -108,19 +108,20 @@ def _contenders(selection: Selection, rows: Rows, selected: Selected) -> tuple[R
 def _odds(rows: Rows, selected: Selected, own: Finding, rival: Finding, gained: Floats, kinds: int) -> float:
     """Probability that the rival explains more than the effect, over that of the opposite.
 
-    A law has to explain more by the margin: names are preferred. Recordings that say more of the effect say more of
+    A law has to explain more by what chance gives the best of many: names are preferred. What wrong columns could move
+    from one to the other is a 95 % limit. Recordings that say more of the effect say more of
     the difference too: its spread is that about the ratio of both (the ratio estimator of Cochran 1977).
     """
     gate = selected.gate.open
     ahead = own.evidence - rival.evidence
     if not rival.candidate.id:
-        ahead += margin(rows, gate, rival, [own], kinds)
+        ahead += by_chance(kinds)
     differences = gained[0] - gained[1]
     count = len(differences)
     scatter = differences - gained[0] * differences.sum() / max(float(gained[0].sum()), 1e-9)
     spread = float(scatter @ scatter) * count / max(count - 1, 1)
     of_columns = THRESHOLDS.column_error**2 * left_by(rows.design, gate, rival, [own])
-    error = max(float(np.sqrt(spread + of_columns**2)), 1.0)
+    error = max(float(np.hypot(np.sqrt(spread), of_columns / THRESHOLDS.interval_width)), 1.0)
     wins = float(student.cdf(ahead / error, count - 1 + THRESHOLDS.few_sessions))
     return (1 - wins) / max(wins, 1e-9)
 

@@ -31,8 +31,12 @@ def kinds_of(candidates: Sequence[Candidate]) -> int:
 
 def margin(rows: Rows, gate: Floats, finding: Finding, known: Sequence[Finding], kinds: int) -> float:
     """Evidence that a finding must exceed beside effects that are known."""
-    by_chance = 2 * float(np.log(kinds / THRESHOLDS.chance))
-    return by_chance + THRESHOLDS.column_error**2 * left_by(rows.design, gate, finding, known)
+    return by_chance(kinds) + THRESHOLDS.column_error**2 * left_by(rows.design, gate, finding, known)
+
+
+def by_chance(kinds: int) -> float:
+    """Evidence that the best of so many kinds of hypotheses exceeds with the probability `chance` where nothing is."""
+    return 2 * float(np.log(kinds / THRESHOLDS.chance))
 
 
 def left_by(design: Design, gate: Floats, finding: Finding, known: Sequence[Finding]) -> float:
@@ -85,7 +89,7 @@ def judged(
     missing = []
     if finding.evidence <= least:
         missing.append(f"evidence above {least:.0f}")
-    if beyond <= 2 * np.log(kinds / THRESHOLDS.chance):
+    if beyond <= by_chance(kinds):
         missing.append("more than what unchanged sessions of the reference differ by")
     if rms_W <= least_W:
         missing.append(f"a size that matters ({least_W:.2g} W while acting)")

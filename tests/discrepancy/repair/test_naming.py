@@ -32,7 +32,11 @@ CERTAIN = found("coulomb_friction", {"torque": (0.9, 0.5)})
             "a size whose 95 % interval excludes zero",
         ),
         (replace(CERTAIN, family_confidence=0.43), "a confidence of 85% (the effect has 43%)"),
-        (replace(CERTAIN, confidence=0.43), ""),  # the family is sure
+        (replace(CERTAIN, confidence=0.53), ""),  # the family is sure
+        (
+            replace(CERTAIN, confidence=0.32, alternatives=(("mechanical_power", 0.64),)),
+            "more evidence than mechanical_power",
+        ),
         (
             replace(CERTAIN, doubt=Unknown(SimpleNamespace(candidate=SimpleNamespace(label="the speed")), None, 15.0)),
             "more evidence than something that follows the speed",

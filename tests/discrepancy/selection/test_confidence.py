@@ -36,7 +36,6 @@ def test_nothing_is_drawn_at_random(warm):
 
 def odds(own, rival, gained, monkeypatch, law=False, left=0.0):
     monkeypatch.setattr(sure, "left_by", lambda *_: left)
-    monkeypatch.setattr(sure, "margin", lambda *_: 20.0)
     candidate = Candidate("" if law else "copper_loss", "x", np.zeros(1, dtype=int))
     findings = [Finding(candidate, np.ones(1), np.ones(1), evidence) for evidence in (own, rival)]
 
@@ -64,13 +63,14 @@ def test_recordings_that_say_more_may_differ_by_more(monkeypatch):
 def test_wrong_columns_make_a_small_lead_unsure(monkeypatch):
     gained = [[100] * 4, [90] * 4]
     assert odds(400, 360, gained, monkeypatch) < 0.001
-    assert odds(400, 360, gained, monkeypatch, left=4000.0) > 0.2
+    assert odds(400, 360, gained, monkeypatch, left=4000.0) > 0.1
 
 
-def test_a_law_has_to_explain_more_by_the_margin(monkeypatch):
+def test_a_law_has_to_explain_more_by_what_chance_gives(monkeypatch):
     gained = [[100] * 4, [101] * 4]
     assert odds(400, 404, gained, monkeypatch, law=True, left=100.0) < 0.01
     assert odds(400, 404, gained, monkeypatch, law=False, left=100.0) > 1.0
+    assert odds(400, 424, gained, monkeypatch, law=True, left=100.0) > 1.0
 
 
 def test_effects_that_act_together_are_no_rivals_of_each_other(model, robot):
