@@ -94,7 +94,8 @@ def close_loop(
         console.print(f"acqd: {note}")
     ways = {name: way_of(closed, name) for name in explain or ()}
     if json:
-        print(orjson.dumps(result | {"out": str(folder), "ways": ways}, option=orjson.OPT_SERIALIZE_NUMPY).decode())
+        more = {"out": str(folder)} | ({"ways": ways} if ways else {})
+        print(orjson.dumps(result | more, option=orjson.OPT_SERIALIZE_NUMPY).decode())
         return
     _print(result, folder)
     for name, lines in ways.items():

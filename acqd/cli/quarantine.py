@@ -79,7 +79,7 @@ def show_command(
         "received": entry.received,
         "topic": entry.topic,
         "reason": entry.reason,
-        "payload": entry.content,
+        "message": entry.content,
     }
     print(orjson.dumps(told, option=0 if json else orjson.OPT_INDENT_2).decode())
 

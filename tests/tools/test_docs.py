@@ -16,12 +16,19 @@ from tools.docs.report_keys import KEYS
 from tools.docs.site import build_site, lay_out
 
 
+def leaves(command, words):
+    """Commands without commands below them."""
+    children = getattr(command, "commands", None)
+    if not children:
+        return [words]
+    return [leaf for name, child in children.items() for leaf in leaves(child, f"{words} {name}")]
+
+
 def test_every_command_is_in_the_reference():
     text = commands()
     tree = typer.main.get_command(command_tree())
-    for name, command in tree.commands.items():
-        for child in getattr(command, "commands", None) or [""]:
-            assert f"### acqd {name} {child}".rstrip() + "\n" in text
+    for words in leaves(tree, "acqd"):
+        assert f"### {words}\n" in text
     assert "### acqd sink\n" in text and text.count("\n## ") == len({command.panel for command in all_commands()})
     close = next(command for command in all_commands() if command.name == "acqd close-loop")
     assert close.usage == "acqd close-loop [OPTIONS] DS" and close.examples[0].startswith("acqd close-loop ")
