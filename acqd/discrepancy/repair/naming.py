@@ -18,10 +18,15 @@ def named_effects(
     """The clock term of `delay` and the selected effects, each named or a hypothesis with the reason."""
     effects: list[Reported] = [clock_term(delay)] if delay is not None else []
     scale = torque_scale(subject)
+    judged = {}
     for selected in selection.effects:
         progress(f"confidence of {selected.id}", 0.0)
-        effects.append(reported(selection, selected, scale))
-    return [named_or_not(each) for each in effects]
+        judged[selected.key] = named_or_not(reported(selection, selected, scale))
+    named = {key for key, each in judged.items() if each.status == "named"}
+    if named and len(named) < len(judged):  # sizes beside an effect without a name are not those of the report
+        alone = selection.keeping(named)
+        judged |= {each.key: named_or_not(reported(alone, each, scale)) for each in alone.effects}
+    return [*effects, *judged.values()]
 
 
 def named_or_not(effect: Reported) -> Reported:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from acqd.arrays import Floats
@@ -168,6 +168,15 @@ class Selection:
     def regression(self) -> Regression:
         """The base model and all selected effects."""
         return self.rows.regression
+
+    def keeping(self, keys: set[str]) -> Selection:
+        """With some of the effects only: what has no name explains nothing beside the others."""
+        regression = self.regression
+        for each in self.effects:
+            if each.key not in keys:
+                regression = regression.without(each.key)
+        kept = tuple(each for each in self.effects if each.key in keys)
+        return replace(self, rows=replace(self.rows, regression=regression), effects=kept)
 
     @property
     def verdict(self) -> Verdict:
