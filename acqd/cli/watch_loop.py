@@ -10,7 +10,7 @@ import orjson
 
 from acqd.cli.terminal import terminal
 from acqd.discrepancy.config import CloseConfig
-from acqd.discrepancy.monitor.watch import SHORTEST_S, Event, Watch
+from acqd.discrepancy.watch import SHORTEST_S, Event, Watch
 
 
 def watch_loop(config: CloseConfig, every_s: float, between_s: float, *, json: bool) -> None:

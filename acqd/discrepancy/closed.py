@@ -10,9 +10,9 @@ from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.repair.correction import Correction
 from acqd.discrepancy.repair.guard import Improved
 from acqd.discrepancy.repair.terms import Reported
-from acqd.discrepancy.residual.quality import Quality
 from acqd.discrepancy.selection.accepted import Hypothesis, Selection, Verdict
-from acqd.discrepancy.thresholds import Stage
+from acqd.residual.quality import Quality
+from acqd.threshold import Stage
 
 
 @dataclass(frozen=True, slots=True)

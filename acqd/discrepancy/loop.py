@@ -14,11 +14,11 @@ from acqd.discrepancy.repair.guard import improve
 from acqd.discrepancy.repair.naming import named_effects
 from acqd.discrepancy.repair.predictive import Predictive
 from acqd.discrepancy.repair.usual_error import UsualError
-from acqd.discrepancy.residual.quality import quality
-from acqd.discrepancy.residual.residuals import errors_of
 from acqd.discrepancy.search import Progress, search
 from acqd.discrepancy.verdict import settled
 from acqd.models.noise_floor import noise_floor
+from acqd.residual.quality import quality
+from acqd.residual.residuals import errors_of
 
 
 def close_loop(config: CloseConfig, progress: Progress) -> Closed:

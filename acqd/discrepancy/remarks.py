@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from acqd.discrepancy.joints.logged import side_of
 from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.repair.guard import Improved
 from acqd.discrepancy.search import clock_effects
 from acqd.discrepancy.selection.accepted import Selection
 from acqd.discrepancy.selection.agreement import disagreeing_sessions
 from acqd.discrepancy.selection.session_columns import LEVEL
-from acqd.discrepancy.thresholds import THRESHOLDS, Stage
+from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.effects import library
+from acqd.residual.logged_torque import side_of
+from acqd.threshold import Stage
 
 
 def stages_of(subject: Subject, selection: Selection) -> frozenset[Stage]:

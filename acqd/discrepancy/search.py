@@ -6,15 +6,15 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 from acqd.discrepancy.config import CloseConfig
+from acqd.discrepancy.delay import Delay, beyond_reference, corrected, find_delay
 from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.regression.setup import Comparison, set_up
-from acqd.discrepancy.residual.delay import Delay, beyond_reference, corrected, find_delay
-from acqd.discrepancy.residual.residuals import without_known_effects
 from acqd.discrepancy.selection.accepted import Selection
 from acqd.discrepancy.selection.forward_selection import Limits, select
 from acqd.models.effects import library
 from acqd.models.effects.scene import Scene, segment_scene
 from acqd.models.segments import Segment
+from acqd.residual.residuals import without_known_effects
 
 Progress = Callable[[str, float], None]
 """Gets the step in progress and the share of it that is complete."""

@@ -6,9 +6,9 @@ from acqd.arrays import Floats
 from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.repair.guard import Improved
 from acqd.discrepancy.repair.usual_error import UsualError
-from acqd.discrepancy.residual.residuals import rms
 from acqd.discrepancy.selection.accepted import Selection, Verdict
 from acqd.discrepancy.thresholds import THRESHOLDS
+from acqd.residual.residuals import rms
 
 
 def settled(

@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from acqd.discrepancy.monitor.baseline import Remembered, baseline_from
-from acqd.discrepancy.monitor.excursion import largest_excursion, without_level
 from acqd.discrepancy.recordings import trained_recordings
-from acqd.discrepancy.residual.residuals import residuals, rms
 from acqd.errors import UserError
 from acqd.models.bundle.bundle import Bundle
 from acqd.models.metrics import predictions
 from acqd.models.predictor import Predictor
 from acqd.models.segments import Dataset, Segment, load_dataset
+from acqd.monitor.baseline import Remembered, baseline_from
+from acqd.monitor.excursion import largest_excursion, without_level
+from acqd.residual.residuals import residuals, rms
 
 BETWEEN_S = 200 * 3600.0
 """Recorded seconds per false alarm of the watch. The p-value does not depend on it: bounds grow with its logarithm."""

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.discrepancy.monitor.baseline import baseline_of
-from acqd.discrepancy.monitor.cusum import Monitor
-from acqd.discrepancy.residual.delay import delay_of
-from acqd.discrepancy.residual.residuals import residuals, rms
+from acqd.discrepancy.delay import delay_of
 from acqd.errors import UserError
 from acqd.models.predictor import Predictor
 from acqd.models.segments import Segment
+from acqd.monitor.baseline import baseline_of
+from acqd.monitor.cusum import Monitor
+from acqd.residual.residuals import residuals, rms
 
 __all__ = ["DriftMonitor", "median_delay", "residuals", "rms"]
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.discrepancy.joints.logged import Side, logged
 from acqd.models.effects.effect import Effect
 from acqd.models.effects.places import Shape
 from acqd.models.effects.scene import Scene
@@ -15,6 +14,7 @@ from acqd.models.effects.substeps import averaged
 from acqd.models.greybox.model import direction
 from acqd.models.greybox.parameters import Layout, prior
 from acqd.models.segments import Segment
+from acqd.residual.logged_torque import Side, logged
 from acqd.robot.arm import Arm
 from acqd.robot.description import RobotDescription
 from acqd.robot.dynamics import inertial_parameters, regressor

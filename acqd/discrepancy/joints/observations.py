@@ -13,16 +13,17 @@ from numpy.typing import NDArray
 from acqd.arrays import Floats
 from acqd.dataset.split import log_of
 from acqd.discrepancy.joints.columns import BaseLayout, base_columns, measured_torque
-from acqd.discrepancy.joints.logged import has_torque, side_of
 from acqd.discrepancy.joints.sessions import Products, Session
-from acqd.discrepancy.residual.known_rows import known_rows
-from acqd.discrepancy.residual.whitening import Whitener
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.effects.scene import Scene
 from acqd.models.effects.substeps import averaged
 from acqd.models.greybox.model import GreyBox
 from acqd.models.segments import Segment
 from acqd.numerics import runs_of_true
+from acqd.residual.known_rows import known_rows
+from acqd.residual.logged_torque import has_torque, side_of
+from acqd.residual.thresholds import NOISE
+from acqd.residual.whitening import Whitener
 from acqd.robot.arm import Arm
 
 _ANY_SIZE = 1e3
@@ -41,12 +42,13 @@ def runs_of_motion(speed: Floats, inside: slice, *, all_rows: bool) -> list[tupl
     """First row, and the row after the last, of runs of motion `inside` known rows; `speed` [T] rad/s of the joint.
 
     A joint at rest sticks: its motor may carry any torque up to the breakaway torque, so that only moving rows say
-    something about the load (`all_rows`: a sensor behind the gear has no such rows).
+    something about the load (`all_rows`: a sensor behind the gear has no such rows). A run is longer than the memory
+    of the noise.
     """
-    known = np.ones(len(speed), dtype=bool) if all_rows else np.abs(speed) > THRESHOLDS.stick_rad_s
+    known = np.ones(len(speed), dtype=bool) if all_rows else np.abs(speed) > NOISE.stick_rad_s
     known[: inside.start] = False
     known[inside.stop :] = False
-    return [(first, last) for first, last in runs_of_true(known) if last - first >= THRESHOLDS.joint_least_rows]
+    return [(first, last) for first, last in runs_of_true(known) if last - first > THRESHOLDS.joint_noise_order]
 
 
 @dataclass(frozen=True, slots=True)

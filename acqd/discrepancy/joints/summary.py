@@ -9,6 +9,7 @@ import numpy as np
 from acqd.arrays import Floats
 from acqd.discrepancy.joints.witness import Witness
 from acqd.discrepancy.thresholds import THRESHOLDS
+from acqd.discrepancy.thresholds.chance import by_chance
 from acqd.models.effects import library
 
 
@@ -34,8 +35,10 @@ class JointLevel:
     @property
     def changed(self) -> list[int]:
         """Joints (from 1) whose difference has grown clearly against the reference."""
-        grown = (self.rms > THRESHOLDS.joint_growth * self.rms_reference) & (self.rms_reference > 0)
-        return [int(k) + 1 for k in np.flatnonzero(grown & (self.rms > THRESHOLDS.torque_least_Nm))]
+        usual = np.exp(THRESHOLDS.interval_width * THRESHOLDS.usual_growth) * self.rms_reference
+        spans = np.array([np.ptp(each) if len(each) else 0.0 for each in self.logged])
+        matters = self.rms > THRESHOLDS.least_share_of_range * spans
+        return [int(k) + 1 for k in np.flatnonzero(matters & (self.rms > usual) & (self.rms_reference > 0))]
 
     def as_text(self) -> str:
         """A sentence for the report."""
@@ -105,11 +108,10 @@ def _best(witness: Witness, chosen: frozenset[str], rows: int) -> tuple[str, flo
     """The effect with the largest evidence above the limit, and that evidence."""
     scene = next(iter(witness.observed.scenes.values()))
     weights = {session.name: 1.0 for session in witness.sessions if session.in_question}
-    best, most = "", float(THRESHOLDS.joint_evidence)
-    for effect_id, effect in library().items():
-        if effect_id not in chosen or not witness.sees(effect_id):
-            continue
-        for variant in effect.variants(scene):
+    seen = [effect_id for effect_id in library() if effect_id in chosen and witness.sees(effect_id)]
+    best, most = "", by_chance(max(len(seen), 1))
+    for effect_id in seen:
+        for variant in library()[effect_id].variants(scene):
             information = witness.information(effect_id, variant, weights, scanned=True)
             evidence = information.evidence - variant.size * float(np.log(max(rows, 2)))
             if evidence > most:

@@ -16,7 +16,6 @@ from acqd.discrepancy.regression.grey_box_columns import grey_box_columns
 from acqd.discrepancy.regression.scenes import Scenes
 from acqd.discrepancy.regression.smooth_alternatives import Ranges, Survey, alternatives, smooth_columns
 from acqd.discrepancy.regression.torque_alternatives import LawColumns
-from acqd.discrepancy.residual.known_rows import known_rows
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.effects import library
 from acqd.models.effects.effect import Effect, effect_rows
@@ -26,6 +25,8 @@ from acqd.models.effects.scene import Scene
 from acqd.models.effects.substeps import Lag, averaged
 from acqd.models.greybox.model import GreyBox
 from acqd.models.segments import Segment
+from acqd.residual.known_rows import known_rows
+from acqd.residual.thresholds import NOISE
 from acqd.robot.arm import Arm
 
 
@@ -229,11 +230,11 @@ def _parts(segments: list[tuple[Segment, bool]], step_s: float) -> list[Part]:
     for number, (segment, in_question) in enumerate(segments):
         known = known_rows(segment)
         inside = (known.start, known.stop)
-        count = max(1, round((inside[1] - inside[0]) / THRESHOLDS.block_rows))
+        count = max(1, round((inside[1] - inside[0]) / NOISE.block_rows))
         edges = np.linspace(*inside, count + 1).astype(int).tolist()
         for first, last in itertools.pairwise(edges):
             if last - first >= THRESHOLDS.block_least_rows:
-                past = THRESHOLDS.noise_order if first > inside[0] else 0
+                past = NOISE.noise_order if first > inside[0] else 0
                 start_s = segment.start_s + (first - past) * step_s
                 parts.append(Part(segment.recording, in_question, start_s, number, slice(first - past, last), past))
     return parts

@@ -14,7 +14,7 @@ from acqd.discrepancy.joints.witness import Information, Witness
 from acqd.discrepancy.regression.design_columns import Candidate, DesignColumns, Part
 from acqd.discrepancy.regression.gram import Blocks, Gram, Places, upper_triangle
 from acqd.discrepancy.regression.white_rows import block_rows, white_rows
-from acqd.discrepancy.residual.whitening import Whitener
+from acqd.residual.whitening import Whitener
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,10 +10,10 @@ from acqd.discrepancy.regression.design_columns import DesignColumns
 from acqd.discrepancy.regression.gram import Column
 from acqd.discrepancy.regression.torque_alternatives import torque_groups
 from acqd.discrepancy.regression.white_rows import block_rows, white_rows
-from acqd.discrepancy.residual.known_rows import known_rows
-from acqd.discrepancy.residual.whitening import Whitener
-from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.numerics import mad_sigma, solve_scaled_ridge
+from acqd.residual.known_rows import known_rows
+from acqd.residual.thresholds import NOISE
+from acqd.residual.whitening import Whitener
 
 _RIDGE = 1e-6
 
@@ -43,7 +43,7 @@ def inliers(columns: DesignColumns, whitener: Whitener, base: list[Column]) -> t
             measured = columns.residual[part.segment][part.rows]
             left[number] = white_rows(whitener, part, measured - columns.values[part.segment][part.rows] @ beta)
     spread = mad_sigma(np.concatenate(left), 0.0) + 1e-9
-    return tuple(np.abs(rows) < THRESHOLDS.outlier * spread for rows in left)
+    return tuple(np.abs(rows) < NOISE.outlier * spread for rows in left)
 
 
 def _fit(columns: DesignColumns, whitener: Whitener, base: list[Column], weights: Floats) -> Floats:

@@ -14,13 +14,14 @@ from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.everything import inliers, left_by_everything
 from acqd.discrepancy.regression.gram import Column, Places, Regression
 from acqd.discrepancy.regression.onset import Gate, onset_gates
-from acqd.discrepancy.residual.whitening import Whitener
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.effects import library
 from acqd.models.greybox.model import GreyBox
 from acqd.models.greybox.parameters import prior
 from acqd.models.segments import Segment
 from acqd.numerics import mad_sigma
+from acqd.residual.thresholds import NOISE
+from acqd.residual.whitening import Whitener
 from acqd.robot.arm import Arm
 from acqd.robot.description import RobotDescription
 from acqd.robot.dynamics import inertial_parameters
@@ -74,7 +75,7 @@ def set_up(comparison: Comparison, progress: Callable[[float], None]) -> Setup:
     noise_weights = 1 - columns.in_question if enough else everywhere
     left = left_by_everything(columns, Whitener.of(list(columns.residual)), base, noise_weights)
     whitener = Whitener.of(left)
-    slow = Whitener.of(left, 3 * THRESHOLDS.noise_order)
+    slow = Whitener.of(left, 3 * NOISE.noise_order)
     design = Design.of(columns, whitener, slow, inliers(columns, whitener, base))
     design = replace(design, witness=Witness.of(comparison.model, arm, segments, columns.scenes))
     common = _common(design) if comparison.reference else []

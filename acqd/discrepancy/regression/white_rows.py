@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from acqd.arrays import Floats
 from acqd.discrepancy.regression.design_columns import DesignColumns, Part
-from acqd.discrepancy.residual.whitening import Whitener
+from acqd.residual.whitening import Whitener
 
 
 def block_rows(columns: DesignColumns, part: Part) -> NDArray[np.float32]:

@@ -18,10 +18,10 @@ from acqd.discrepancy.repair.refit import groups_of, refitted_to_rest
 from acqd.discrepancy.repair.terms import Reported, scaled
 from acqd.discrepancy.repair.torque_scale import torque_scale
 from acqd.discrepancy.repair.usual_error import UsualError
-from acqd.discrepancy.residual.residuals import errors_of, rms
 from acqd.discrepancy.selection.accepted import Selection, unnamed
 from acqd.models.augmented import Augmented, Term
 from acqd.models.predictor import Predictor
+from acqd.residual.residuals import errors_of, rms
 
 
 def corrected(

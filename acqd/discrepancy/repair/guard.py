@@ -13,7 +13,6 @@ from acqd.discrepancy.repair.correction import Correction
 from acqd.discrepancy.repair.predictive import Predictive
 from acqd.discrepancy.repair.refit import refitted
 from acqd.discrepancy.repair.terms import Reported, scaled
-from acqd.discrepancy.residual.residuals import errors_of, rms
 from acqd.discrepancy.selection.accepted import Hypothesis
 from acqd.models.augmented import Augmented, Term
 from acqd.models.effects import library
@@ -21,6 +20,7 @@ from acqd.models.greybox.model import GreyBox
 from acqd.models.metrics import predictions
 from acqd.models.predictor import Predictor
 from acqd.models.segments import Segment
+from acqd.residual.residuals import errors_of, rms
 
 
 @dataclass(frozen=True, slots=True)

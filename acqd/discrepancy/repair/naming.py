@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from acqd.discrepancy.delay import Delay
 from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.repair.terms import Reported, clock_term, reported
 from acqd.discrepancy.repair.torque_scale import torque_scale
-from acqd.discrepancy.residual.delay import Delay
 from acqd.discrepancy.selection.accepted import Selection, unnamed
 from acqd.discrepancy.thresholds import THRESHOLDS
 

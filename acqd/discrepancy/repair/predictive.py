@@ -12,9 +12,9 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.discrepancy.regression.setup import LEAST_LEVEL_W
-from acqd.discrepancy.residual.whitening import Whitener
 from acqd.discrepancy.selection.accepted import Selection
-from acqd.discrepancy.thresholds import THRESHOLDS
+from acqd.residual.thresholds import NOISE
+from acqd.residual.whitening import Whitener
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +45,4 @@ class Predictive:
 
 def _minutes(errors: list[Floats]) -> list[Floats]:
     """[T] W per block of at most a minute."""
-    return [
-        block for each in errors for block in np.array_split(each, max(1, round(len(each) / THRESHOLDS.block_rows)))
-    ]
+    return [block for each in errors for block in np.array_split(each, max(1, round(len(each) / NOISE.block_rows)))]

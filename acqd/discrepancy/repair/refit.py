@@ -7,12 +7,12 @@ from dataclasses import replace
 
 from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.repair.terms import Reported
-from acqd.discrepancy.residual.residuals import without_known_effects
 from acqd.models.augmented import Augmented, Term
 from acqd.models.effects import library
 from acqd.models.greybox.fit import fit_grey_box
 from acqd.models.greybox.model import GreyBox
 from acqd.models.predictor import Predictor
+from acqd.residual.residuals import without_known_effects
 
 
 def refitted(subject: Subject, effects: list[Reported], seed: int) -> tuple[Predictor, list[Reported]]:

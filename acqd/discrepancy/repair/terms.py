@@ -10,8 +10,8 @@ from scipy.special import expit
 from scipy.stats import norm
 
 from acqd.arrays import Floats
+from acqd.discrepancy.delay import Delay
 from acqd.discrepancy.repair.torque_scale import TorqueScale
-from acqd.discrepancy.residual.delay import Delay
 from acqd.discrepancy.selection.accepted import Hypothesis, Selected, Selection, Unknown
 from acqd.discrepancy.selection.confidence import confidence
 from acqd.discrepancy.selection.uncertainty import Intervals, intervals

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acqd.discrepancy.joints.logged import has_torque
 from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.thresholds import THRESHOLDS
+from acqd.residual.logged_torque import has_torque
 from acqd.robot.arm import Arm
 from acqd.robot.dynamics import inertial_parameters
 from acqd.robot.newton_euler import joint_torques

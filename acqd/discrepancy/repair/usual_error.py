@@ -9,9 +9,9 @@ from scipy.stats import t as student
 
 from acqd.arrays import Floats
 from acqd.discrepancy.recordings import Subject
-from acqd.discrepancy.residual.residuals import errors_of, rms
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.segments import Segment
+from acqd.residual.residuals import errors_of, rms
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,11 +6,11 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.discrepancy.closed import Closed
-from acqd.discrepancy.residual.whitening import autocorrelation
 from acqd.discrepancy.selection.ranking import Finding
 from acqd.report.bars import Bar, Bars, ranked
 from acqd.report.digits import percent
 from acqd.report.lines import Chart, Colour, Line, Panel
+from acqd.residual.whitening import autocorrelation
 
 _SHOWN_S = 60.0
 _SHOWN_BARS = 12

@@ -10,9 +10,9 @@ from acqd.arrays import Floats
 from acqd.discrepancy.closed import Closed
 from acqd.discrepancy.joints.summary import JointLevel
 from acqd.discrepancy.repair.correction import Correction
-from acqd.discrepancy.residual.aspects import Aspect, aspects
 from acqd.discrepancy.selection.accepted import Selected
 from acqd.models.metrics import predictions
+from acqd.residual.aspects import Aspect, aspects
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

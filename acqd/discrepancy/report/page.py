@@ -11,11 +11,11 @@ from acqd.discrepancy.repair.terms import Reported, described
 from acqd.discrepancy.report import charts, figures
 from acqd.discrepancy.report.summary import VERDICTS, unexplained
 from acqd.discrepancy.report.tile import tile
-from acqd.discrepancy.residual.quality import Quality
 from acqd.models.bundle.bundle import fingerprint
 from acqd.models.effects import library
 from acqd.report.digits import interval_of, number, percent, with_error
 from acqd.report.page import Page
+from acqd.residual.quality import Quality
 
 _QUESTIONS = {
     "change": "what has changed since the model was made",

@@ -12,9 +12,9 @@ from acqd.discrepancy.repair.terms import Reported, described
 from acqd.discrepancy.report.main_parameter import changed_place
 from acqd.discrepancy.report.wander import wandering
 from acqd.discrepancy.selection.accepted import unnamed
-from acqd.discrepancy.thresholds import THRESHOLDS
-from acqd.discrepancy.thresholds import described as described_thresholds
+from acqd.discrepancy.thresholds import OF_THE_LOOP, THRESHOLDS
 from acqd.models.effects import library
+from acqd.threshold import described as thresholds_of
 
 VERDICTS = {
     "effects_found": "An effect that the model lacks was found.",
@@ -55,7 +55,7 @@ def as_json(config: CloseConfig, closed: Closed) -> dict[str, Any]:
         "model": {"name": subject.bundle.metadata["name"], "bundle": str(config.bundle)},
         "dataset": str(config.dataset),
         "seed": config.seed,
-        "thresholds": described_thresholds(set(closed.stages)),
+        "thresholds": thresholds_of(OF_THE_LOOP, closed.stages),
     }
 
 

@@ -6,8 +6,8 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.discrepancy.closed import Closed
-from acqd.discrepancy.residual.residuals import errors_of
 from acqd.report.digits import number, percent
+from acqd.residual.residuals import errors_of
 
 _BLOCK_S = 10.0
 """Motion of a robot averages out within this time, heat and meters do not."""

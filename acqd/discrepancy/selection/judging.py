@@ -20,6 +20,7 @@ from acqd.discrepancy.selection.detectors.candidates import Detection
 from acqd.discrepancy.selection.ranking import Finding, Rows, bounds_of
 from acqd.discrepancy.selection.spread import beyond_sessions, power_rms
 from acqd.discrepancy.thresholds import THRESHOLDS
+from acqd.discrepancy.thresholds.chance import by_chance
 
 _SHOWN = 6
 
@@ -32,11 +33,6 @@ def kinds_of(candidates: Sequence[Candidate]) -> int:
 def margin(rows: Rows, gate: Floats, finding: Finding, known: Sequence[Finding], kinds: int) -> float:
     """Evidence that a finding must exceed beside effects that are known."""
     return by_chance(kinds) + THRESHOLDS.column_error**2 * left_by(rows.design, gate, finding, known)
-
-
-def by_chance(kinds: int) -> float:
-    """Evidence that the best of so many kinds of hypotheses exceeds with the probability `chance` where nothing is."""
-    return 2 * float(np.log(kinds / THRESHOLDS.chance))
 
 
 def left_by(design: Design, gate: Floats, finding: Finding, known: Sequence[Finding]) -> float:

@@ -63,7 +63,8 @@ def beyond_sessions(design: Design, regression: Regression, finding: Finding, ga
 def variance_of_sessions(design: Design, regression: Regression, finding: Finding, gate: Floats) -> tuple[float, float]:
     """Variance of a finding's size where nothing has changed, in squared units of the finding, and its freedom.
 
-    Of the mean of the sessions under `gate` [blocks] about that of the reference's sessions, and between days.
+    Of the mean of the sessions under `gate` [blocks] about that of the reference's sessions, and between
+    days, which differ as much as the sessions of a day.
     """
     amplitudes, information = amplitudes_in_reference(design, regression, finding)
     weight, usual = THRESHOLDS.few_sessions, _usual_amplitude(design, finding) ** 2
@@ -72,7 +73,7 @@ def variance_of_sessions(design: Design, regression: Regression, finding: Findin
     variance = (weight * usual + len(amplitudes) * measured) / (weight + len(amplitudes))
     before = len(sessions_of(design.parts, in_question=False))
     now = len(sessions_of([part for part, open_ in zip(design.parts, gate, strict=True) if open_], in_question=True))
-    return variance * (1 / before + 1 / max(now, 1) + THRESHOLDS.days_differ), weight + len(amplitudes)
+    return variance * (1 / before + 1 / max(now, 1) + 1), weight + len(amplitudes)
 
 
 def amplitudes_in_reference(design: Design, regression: Regression, finding: Finding) -> tuple[Floats, Floats]:

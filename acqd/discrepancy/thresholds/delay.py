@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from acqd.discrepancy.thresholds.threshold import threshold
+from acqd.threshold import threshold
 
 
 @dataclass(frozen=True)
@@ -12,23 +12,15 @@ class DelayThresholds:
     """Delay between power and motion."""
 
     delay_reach_s: float = threshold(0.8, "s", "delay", "study", "longest delay that is tried")
-    delay_step_s: float = threshold(0.02, "s", "delay", "choice", "distance of tried delays")
     delay_smallest_s: float = threshold(
         0.012, "s", "delay", "study", "smaller delays compete as an effect with the other effects"
     )
     delay_floor_s: float = threshold(
         0.001, "s", "delay", "study", "error of every delay besides its scatter: motion between rows, the supply's lag"
     )
-    delay_least_gain: float = threshold(
-        0.15, "-", "delay", "study", "least share of the residual's variance that the delay must explain"
-    )
     delay_least_moving_W: float = threshold(
         3.0, "W", "delay", "study", "least standard deviation of the predicted power for a delay to be measurable"
     )
-    delay_significance: float = threshold(4.0, "standard errors", "delay", "study", "significance of a constant delay")
     drift_deviation: float = threshold(
         30e-6, "s/s", "delay", "physics", "prior deviation of the drift between two clocks: quartz crystals"
-    )
-    drift_least_gain: float = threshold(
-        0.6, "-", "delay", "study", "scatter about the drift, relative to the scatter about a constant, at most"
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from acqd.discrepancy.thresholds.threshold import threshold
+from acqd.threshold import threshold
 
 
 @dataclass(frozen=True)
@@ -18,9 +18,6 @@ class DetectorThresholds:
     switching_rarest: float = threshold(0.005, "-", "detectors", "study", "least share of time on, and of time off")
     walk_s: float = threshold(
         20.0, "s", "detectors", "choice", "a moving average over this time must explain less than a load that switches"
-    )
-    contact_longest: float = threshold(
-        0.6, "-", "detectors", "study", "a contact for a larger share of the time is a load, not a contact"
     )
     rhythm_regular: float = threshold(
         0.33, "correlation", "detectors", "study", "regularity from which a load has a rhythm"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from acqd.discrepancy.thresholds.threshold import threshold
+from acqd.threshold import threshold
 
 
 @dataclass(frozen=True)
@@ -29,9 +29,6 @@ class SelectionThresholds:
     )
     few_sessions: float = threshold(
         3.0, "sessions", "selection", "choice", "weight of usual values against the spread of the reference sessions"
-    )
-    days_differ: float = threshold(
-        1.0, "-", "selection", "choice", "variance between days relative to that between sessions of a day"
     )
     least_share_of_range: float = threshold(
         0.0025, "-", "selection", "physics", "delta: least RMS while acting, relative to the dynamic range"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from acqd.discrepancy.thresholds.threshold import threshold
+from acqd.threshold import threshold
 
 
 @dataclass(frozen=True)

@@ -14,13 +14,13 @@ from acqd.discrepancy.repair.predictive import Predictive
 from acqd.discrepancy.repair.terms import reported, scaled
 from acqd.discrepancy.repair.torque_scale import TorqueScale
 from acqd.discrepancy.repair.usual_error import UsualError
-from acqd.discrepancy.residual.residuals import errors_of, rms
 from acqd.discrepancy.selection.accepted import Unknown
 from acqd.discrepancy.selection.ranking import Finding
 from acqd.fmu.variables import parameters_of
 from acqd.models.augmented import Augmented, Term
 from acqd.models.greybox.fit import fit_grey_box
 from acqd.models.predictor import Predictor
+from acqd.residual.residuals import errors_of, rms
 from tests.builders import STEP, grey, recording
 from tests.discrepancy.independent import COMMON, column, extra_power, selected
 

@@ -13,9 +13,9 @@ from acqd.discrepancy.repair.naming import named_or_not
 from acqd.discrepancy.repair.predictive import Predictive
 from acqd.discrepancy.repair.torque_scale import TorqueScale
 from acqd.discrepancy.repair.usual_error import UsualError
-from acqd.discrepancy.residual.whitening import Whitener
 from acqd.discrepancy.selection.accepted import Unknown
 from acqd.discrepancy.verdict import settled
+from acqd.residual.whitening import Whitener
 from tests.builders import grey, recording
 from tests.discrepancy.report.subjects import found
 

@@ -19,13 +19,13 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from acqd.discrepancy.monitor.baseline import baseline_of
-from acqd.discrepancy.monitor.cusum import Alarm, Baseline, Monitor
-from acqd.discrepancy.residual.residuals import errors_of
 from acqd.models.bundle.restore import open_model
 from acqd.models.metrics import predictions
 from acqd.models.predictor import Predictor
 from acqd.models.segments import Segment, load_dataset
+from acqd.monitor.baseline import baseline_of
+from acqd.monitor.cusum import Alarm, Baseline, Monitor
+from acqd.residual.residuals import errors_of
 from tools.studies.effects.cases import Case, World, make_case
 from tools.studies.effects.prepared import known_for, prepared
 

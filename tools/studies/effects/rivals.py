@@ -54,12 +54,12 @@ class Task:
 
 def task_of(dataset: Path, bundle: Path) -> Task:
     """Residual and columns."""
-    from acqd.discrepancy.residual.residuals import errors_of
     from acqd.models.bundle.restore import carrier_of, open_model
     from acqd.models.effects import library
     from acqd.models.effects.effect import effect_rows
     from acqd.models.effects.scene import scene_of
     from acqd.models.segments import load_dataset
+    from acqd.residual.residuals import errors_of
 
     opened, model = open_model(bundle)
     carrier = carrier_of(opened, model)

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from acqd.discrepancy.residual.residuals import rms
 from acqd.models.bundle.restore import open_model
 from acqd.models.metrics import predictions
 from acqd.models.predictor import Predictor
 from acqd.models.segments import Dataset, Segment, load_dataset
+from acqd.residual.residuals import rms
 from acqd.robot.arm import Arm
 from acqd.robot.description import load_description
 from acqd.robot.kinematics import forward_kinematics

@@ -12,7 +12,6 @@ from acqd.arrays import Floats
 from acqd.discrepancy.regression.design_columns import Candidate
 from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.gram import Column, Places, Regression
-from acqd.discrepancy.residual.whitening import Whitener
 from acqd.discrepancy.selection.detectors import ripple, switching
 from acqd.discrepancy.selection.detectors.rhythm import rhythm
 from acqd.discrepancy.thresholds import THRESHOLDS
@@ -21,6 +20,7 @@ from acqd.models.effects.effect import Effect, effect_rows
 from acqd.models.effects.places import Shape, Variant
 from acqd.models.effects.scene import Scene
 from acqd.models.effects.substeps import averaged
+from acqd.residual.whitening import Whitener
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,7 +148,7 @@ def _described(
     """The detection, with the effect that rhythm and level suggest; None when that effect is not wanted."""
     shape, period_s = {"share_of_time": states.share}, None
     if len(search.signs) > 1:
-        if states.share > THRESHOLDS.contact_longest:
+        if 2 * states.share > 1:  # in contact for most of the time: that is a load, not a contact
             return None
         kind = "contact"
     else:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acqd.arrays import Floats
-from acqd.discrepancy.residual.whitening import Whitener
+from acqd.residual.whitening import Whitener
 
 _ROUNDS = 3
 

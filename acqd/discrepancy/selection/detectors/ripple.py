@@ -8,11 +8,11 @@ import numpy as np
 from scipy.signal import lfilter
 
 from acqd.arrays import Floats
-from acqd.discrepancy.residual.whitening import Whitener
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.effects.effect import Effect, effect_rows
 from acqd.models.effects.scene import Scene
 from acqd.models.effects.substeps import SUBSTEPS, Lag
+from acqd.residual.whitening import Whitener
 
 _BINS = 8192  # of a turn and a half to each side
 _SPAN = 3 * np.pi

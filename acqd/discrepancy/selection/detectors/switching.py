@@ -15,14 +15,15 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from acqd.arrays import Floats
-from acqd.discrepancy.residual.whitening import Whitener
 from acqd.discrepancy.selection.detectors.edges import shares_of_rows
 from acqd.discrepancy.selection.detectors.paths import lasting, likeliest
 from acqd.discrepancy.thresholds import THRESHOLDS
+from acqd.residual.thresholds import NOISE
+from acqd.residual.whitening import Whitener
 
 _SIZES = (1.0, 2.0, 4.0, 8.0, 16.0)  # starting values of the size, in standard deviations of the innovation
 _ROUNDS = 4
-_PRICE = math.log(THRESHOLDS.block_rows)
+_PRICE = math.log(NOISE.block_rows)
 """Log-likelihood that a switching pays: beforehand it may happen in any row of a minute."""
 _DWELLS = (10, 100)  # shortest state in rows: equipment in use, heaters and coolers
 

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from acqd.discrepancy.residual.whitening import Whitener
 from acqd.discrepancy.selection.detectors.edges import shares_of_rows
+from acqd.residual.whitening import Whitener
 
 ROWS = 1500
 

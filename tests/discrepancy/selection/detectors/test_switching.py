@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from acqd.discrepancy.residual.whitening import Whitener
 from acqd.discrepancy.selection.detectors.switching import search, walks
+from acqd.residual.whitening import Whitener
 
 
 def test_on_and_off_are_found_in_coloured_noise():
