@@ -31,18 +31,23 @@ def chromium() -> Iterator[object]:
 
 
 def serious_findings(page) -> list[str]:
-    """What axe-core calls serious or critical, and whatever is wider than the window."""
+    """What axe-core calls serious or critical, and whatever is wider than the window.
+
+    Another look at a page that the light one has shown changes colours or the layout: only that is judged again.
+    """
     axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="needs acqd[browser]")
-    found = axe.Axe().run(page).response["violations"]
+    rules = getattr(page, "rules", None)
+    options = {"resultTypes": ["violations"]} | ({"runOnly": {"type": "rule", "values": rules}} if rules else {})
+    found = [] if rules == [] else axe.Axe().run(page, options=options).response["violations"]
     wide = page.evaluate("document.documentElement.scrollWidth > innerWidth")
     return [each["id"] for each in found if each["impact"] in ("serious", "critical")] + ["too wide"] * wide
 
 
 def looks(browser) -> Iterator[object]:
     """New pages: light, dark, and as wide as a phone; errors of the console are in `page.errors`."""
-    for width, scheme in ((1200, "light"), (1200, "dark"), (390, "light")):
+    for width, scheme, rules in ((1200, "light", None), (1200, "dark", ["color-contrast"]), (390, "light", [])):
         page = browser.new_page(viewport={"width": width, "height": 900}, color_scheme=scheme)
-        page.errors = []
+        page.errors, page.rules = [], rules
         page.on("console", lambda message, page=page: message.type == "error" and page.errors.append(message.text))
         page.on("pageerror", lambda error, page=page: page.errors.append(str(error)))
         yield page

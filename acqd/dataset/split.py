@@ -19,7 +19,7 @@ def source_of(name: str) -> str:
     return match[1] if match else name
 
 
-def log_of(name: str) -> str:
+def log_name(name: str) -> str:
     """The log that a recording is a piece of; a whole log is its own."""
     return re.sub(r"_p\d{3}$", "", name)
 
@@ -31,7 +31,7 @@ def sources_of(names: list[str]) -> dict[str, str]:
     each log is a source (a recorder that numbers its files names them like executions of one trajectory); with fewer
     than three logs, each piece is.
     """
-    logs = {name: log_of(name) for name in names}
+    logs = {name: log_name(name) for name in names}
     trajectories = {name: source_of(log) for name, log in logs.items()}
     groupings = (trajectories, logs)
     pieces = {name: name for name in names}

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acqd.arrays import Floats
-from acqd.dataset.split import log_of
+from acqd.dataset.split import log_name
 from acqd.discrepancy.joints.columns import BaseLayout, base_columns, measured_torque
 from acqd.discrepancy.joints.sessions import Products, Session
 from acqd.discrepancy.thresholds import THRESHOLDS
@@ -35,7 +35,7 @@ def session_key(recording: str, *, in_question: bool) -> str:
 
     Friction and zeros are the same in all pieces of a log.
     """
-    return f"{'new' if in_question else 'reference'} {log_of(recording)}"
+    return f"{'new' if in_question else 'reference'} {log_name(recording)}"
 
 
 def runs_of_motion(speed: Floats, inside: slice, *, all_rows: bool) -> list[tuple[int, int]]:

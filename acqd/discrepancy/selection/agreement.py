@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from acqd.dataset.split import log_of
+from acqd.dataset.split import log_name
 from acqd.discrepancy.selection.accepted import Selected, Selection
 from acqd.discrepancy.selection.judging import kinds_of, margin
 from acqd.discrepancy.selection.ranking import ranked
@@ -32,7 +32,7 @@ def disagreeing_sessions(selection: Selection, selected: Selected) -> list[str]:
     kinds = kinds_of(design.columns.candidates) * len(logs)
     evidence: dict[str, float] = {}
     for log in logs:
-        gate = np.array([float(part.in_question and log_of(part.recording) == log) for part in design.parts])
+        gate = np.array([float(part.in_question and log_name(part.recording) == log) for part in design.parts])
         found = ranked(selection.rows, gate, same)
         if found and found[0].evidence > margin(selection.rows, gate, found[0], [selected.finding], kinds):
             evidence[log] = found[0].evidence

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acqd.arrays import Floats
-from acqd.dataset.split import log_of
+from acqd.dataset.split import log_name
 from acqd.discrepancy.regression.design_columns import Part
 from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.gram import LEAST_POWER, Regression
@@ -138,7 +138,7 @@ def sessions_of(parts: list[Part] | tuple[Part, ...], *, in_question: bool) -> d
     sessions: dict[str, list[int]] = {}
     for number, part in enumerate(parts):
         if part.in_question == in_question:
-            sessions.setdefault(log_of(part.recording), []).append(number)
+            sessions.setdefault(log_name(part.recording), []).append(number)
     return {name: np.array(blocks) for name, blocks in sessions.items()}
 
 
