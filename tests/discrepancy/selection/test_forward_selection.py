@@ -29,7 +29,8 @@ SIZES = {
 
 @pytest.mark.parametrize("name", sorted(INDEPENDENT))
 def test_an_effect_that_was_made_otherwise_is_named_first(name, model, robot):
-    amount = {"count": 14 if name in ("thermostat", "process_load", "mechanical_power") else 7, "rows": 700}
+    amount = {"count": 14, "rows": 700} if name == "thermostat" else {"count": 6, "rows": 600}
+    amount |= {"count": 12} if name in ("process_load", "mechanical_power") else {}
     only = COMMON | {name, *library()[name].neighbours}
     _, selection = traced(model, robot, INDEPENDENT[name], **({} if name in QUICK else amount), only=only)
     assert [named.id for named in selection.effects][:1] == [name], (
@@ -98,7 +99,7 @@ def test_what_the_library_does_not_know_is_called_unknown(model, robot):
     def band(scene, random):
         return lagged_mean(6.0 * np.exp(-(((np.abs(scene.qd[:, 1]) - 0.3) / 0.06) ** 2)))
 
-    _, selection = traced(model, robot, band, count=7, rows=700)
+    _, selection = traced(model, robot, band)
     assert selection.verdict == "unknown_structure", [(n.id, n.finding.candidate.label) for n in selection.effects]
     assert selection.unknown.finding.candidate.label == "the speed of joint 2"
 
@@ -119,7 +120,7 @@ def test_a_regular_load_of_seconds_is_a_pulsation_and_no_thermostat(model, robot
         return 8.0 * ((averaged(scene.t) % 5.0) < 2.0)
 
     only = COMMON | {"thermostat", "process_load", "contact_force"}
-    _, selection = traced(model, robot, pump, count=10, rows=700, only=only)
+    _, selection = traced(model, robot, pump, count=8, rows=600, only=only)
     assert selection.verdict == "unknown_structure", [(n.id, n.finding.candidate.label) for n in selection.effects]
     assert selection.unknown.finding.candidate.label == "a pulsation with a period of about 5 s"
 

@@ -54,7 +54,7 @@ def test_a_stream_of_rows_gives_what_a_whole_recording_gives(law):
     """Also after a rest that is longer than the rows that a stream keeps: a play stays where it was."""
     model = grey()
     moved = motion(60, AXES, 3)
-    rest = np.repeat(moved[39:40], 2 * Augmented.of(model, model, []).radius, axis=0)
+    rest = np.repeat(moved[39:40], 90, axis=0)
     q = np.concatenate([moved[:40], rest, moved[40:], np.repeat(moved[-1:], 20, axis=0)])
     shape = law.shape_of(RANGE, 2 if law.per_joint else 0)
     columns = tuple(range(law.count(AXES)))
