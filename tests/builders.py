@@ -33,8 +33,8 @@ def grey():
     """A grey box with drives as a small robot has them."""
     layout = Layout(AXES, ("brake",))
     values = prior(layout, ROBOT, inertial_parameters(Arm(ROBOT)), 120.0, STEP).mean.copy()
-    values[layout.place("coulomb")], values[layout.place("viscous")] = 5.0, 6.0
-    values[layout.place("signals")], values[layout.place("lag")] = 4.0, 0.012
+    values[layout.part("coulomb")], values[layout.part("viscous")] = 5.0, 6.0
+    values[layout.part("signals")], values[layout.part("lag")] = 4.0, 0.012
     return GreyBox(Chain.of(ROBOT), layout, values, STEP, np.ones(1))
 
 

@@ -104,12 +104,12 @@ def _power(robot: RobotDescription, q: Floats, k: int = 0, key: str = "", factor
     layout = Layout(robot.axes, (), robot.sliding)
     values = prior(layout, robot, inertial_parameters(Arm(robot)), 0.0, STEP_S).mean
     friction = np.array([_friction(joint, speed) for joint, speed in zip(robot.joint, robot.speed, strict=True)])
-    values[layout.place("coulomb")], values[layout.place("viscous")] = friction.T
+    values[layout.part("coulomb")], values[layout.part("viscous")] = friction.T
     group = key.partition(".")[2].partition("_")[0]
     if group == "mass":
-        values[layout.place("inertial")][10 * k : 10 * k + 10] *= factor
+        values[layout.part("inertial")][10 * k : 10 * k + 10] *= factor
     elif group in ("rotor", "coulomb", "viscous"):
-        values[layout.place(group)][k] *= factor
+        values[layout.part(group)][k] *= factor
     elif group in ("torque", "resistance"):
-        values[layout.place("copper")][k] *= factor if group == "resistance" else factor**-2
+        values[layout.part("copper")][k] *= factor if group == "resistance" else factor**-2
     return GreyBox(Chain.of(robot), layout, values, STEP_S).run(q, np.zeros((len(q) - 2, 0)))

@@ -144,7 +144,7 @@ def test_a_bundle_says_from_whom_its_prior_is(closed, model, tmp_path):
 
 
 def test_robots_that_differ_in_gain_alone_are_one_robot_to_the_power(model, tmp_path):
-    power, gain = powers(model.layout), model.layout.place("gain").start
+    power, gain = powers(model.layout), model.layout.part("gain").start
     lines = ["[defaults]", "model = '{name}'", "dataset = 'ds'"]
     for k, factor in enumerate((0.7, 0.85, 1.0, 1.15, 1.3, 1.45)):
         values = model.values * factor**-power  # torques smaller, losses larger, as the gain is larger

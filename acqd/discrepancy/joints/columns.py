@@ -36,7 +36,7 @@ _LOAD_SHARE = 0.2
 
 @dataclass(frozen=True, slots=True)
 class BaseLayout:
-    """Places of the base model's parameters: inertial, zero of every sensor, and on the motor side friction."""
+    """Indices of the base model's parameters: inertial, zero of every sensor, and on the motor side friction."""
 
     axes: int
     side: Side
@@ -46,7 +46,7 @@ class BaseLayout:
         """Number of parameters."""
         return (11 if self.side == "link" else 15) * self.axes
 
-    def place(self, group: str) -> slice:
+    def part(self, group: str) -> slice:
         """inertial, offset; on the motor side also coulomb, viscous, rotor and load (load-dependent friction)."""
         first = 10 * self.axes
         if group == "inertial":
@@ -64,14 +64,14 @@ class BaseLayout:
         robot, layout = arm.description, Layout(self.axes, ())
         belief = prior(layout, robot, inertial_parameters(arm), 0.0, 1.0)  # neither standby nor lag is a torque
         mean, deviation = np.zeros(self.size), np.zeros(self.size)
-        deviation[self.place("offset")] = _ZERO_SHARE * robot.effort
+        deviation[self.part("offset")] = _ZERO_SHARE * robot.effort
         groups = ["inertial"]
         if self.side == "motor":
             groups += ["coulomb", "viscous", "rotor"]
-            deviation[self.place("load")] = _LOAD_SHARE
+            deviation[self.part("load")] = _LOAD_SHARE
         for group in groups:
-            mean[self.place(group)] = belief.mean[layout.place(group)]
-            deviation[self.place(group)] = belief.deviation[layout.place(group)]
+            mean[self.part(group)] = belief.mean[layout.part(group)]
+            deviation[self.part(group)] = belief.deviation[layout.part(group)]
         return mean, deviation
 
 
@@ -79,15 +79,15 @@ def base_columns(arm: Arm, scene: Scene, layout: BaseLayout, inertial: Floats) -
     """[T, axes, size] Nm per unit; `inertial` [10 axes]: whose torque load-dependent friction follows."""
     Y = averaged(regressor(arm, scene.q, scene.qd, scene.qdd))
     X = np.zeros((scene.rows, scene.axes, layout.size))
-    X[:, :, layout.place("inertial")] = Y
+    X[:, :, layout.part("inertial")] = Y
     own = np.arange(scene.axes)
-    X[:, own, layout.place("offset").start + own] = 1.0
+    X[:, own, layout.part("offset").start + own] = 1.0
     if layout.side == "motor":
         forward = averaged(direction(scene.qd))
-        X[:, own, layout.place("coulomb").start + own] = forward
-        X[:, own, layout.place("viscous").start + own] = averaged(scene.qd)
-        X[:, own, layout.place("rotor").start + own] = averaged(scene.qdd)
-        X[:, own, layout.place("load").start + own] = forward * np.abs(Y @ inertial)
+        X[:, own, layout.part("coulomb").start + own] = forward
+        X[:, own, layout.part("viscous").start + own] = averaged(scene.qd)
+        X[:, own, layout.part("rotor").start + own] = averaged(scene.qdd)
+        X[:, own, layout.part("load").start + own] = forward * np.abs(Y @ inertial)
     return X
 
 

@@ -203,7 +203,7 @@ def _drawn(segments: list[tuple[Segment, bool]], usable: list[int], step_s: floa
 
 def _ratio(model: GreyBox, rows: list[JointRows], layout: BaseLayout, beta: Floats) -> float:
     """Slope of the rigid-body torque of `beta` on that of the grey box, over all joints."""
-    inertial = layout.place("inertial")
+    inertial = layout.part("inertial")
     logged = np.concatenate([each.base[:, inertial] @ beta[inertial] for each in rows])
     modelled = np.concatenate([each.base[:, inertial] @ model.group("inertial") for each in rows])
     return float(logged @ modelled / max(float(modelled @ modelled), 1e-9))

@@ -62,9 +62,7 @@ class Witness:
         self.sessions = [observed.session(name) for name in names]
         self._random = layout.of_a_session
         friction = THRESHOLDS.friction_spread * np.abs(observed.beta)
-        usual = np.where(
-            np.arange(len(observed.beta)) < layout.place("offset").stop, 0.2 * observed.deviation, friction
-        )
+        usual = np.where(np.arange(len(observed.beta)) < layout.part("offset").stop, 0.2 * observed.deviation, friction)
         self._deviation = random_deviations(self.sessions, self._random, observed.deviation, usual[self._random])
         self._reference = [session for session in self.sessions if not session.in_question]
         self._marginal = {s.name: s.marginal_base(self._random, self._deviation) for s in self.sessions}

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acqd.arrays import Floats
-from acqd.discrepancy.regression.gram import Places
+from acqd.discrepancy.regression.gram import Indices
 from acqd.discrepancy.regression.grey_box_columns import grey_box_columns
 from acqd.discrepancy.regression.scenes import Scenes
 from acqd.discrepancy.regression.smooth_alternatives import Ranges, Survey, alternatives, smooth_columns
@@ -41,7 +41,7 @@ class Candidate:
     """Of the effect; "" for an unnamed alternative."""
     label: str
     """Place of the effect, or the quantity that an alternative depends on."""
-    places: Places
+    indices: Indices
     """Indices of columns."""
     variant: Variant | None = None
     detected: bool = False
@@ -65,7 +65,7 @@ class Candidate:
     @property
     def size(self) -> int:
         """Number of free coefficients."""
-        return self.variant.size if self.variant else len(self.places)
+        return self.variant.size if self.variant else len(self.indices)
 
     @property
     def mix(self) -> Floats | None:
@@ -132,7 +132,7 @@ class DesignColumns:
         layout = self.model.layout
         residual = list(self.residual)
         for group in groups:
-            place = layout.place(group)
+            place = layout.part(group)
             for number, values in enumerate(self.values):
                 residual[number] = residual[number] + values[:, place] @ self.model.values[place]
         return replace(self, residual=tuple(residual))
@@ -190,9 +190,9 @@ def _candidates(model: GreyBox, effects: list[Effect], scene: Scene, *, differen
     for effect in effects:
         for number, variant in enumerate(effect.variants(scene)):
             where = variant.place.where
-            places = place + np.array(variant.columns)
+            indices = place + np.array(variant.columns)
             asked = variant if difference else variant.without_reference()
-            candidates.append(Candidate(effect.id, where, places, asked, key=f"{effect.id} {number}"))
+            candidates.append(Candidate(effect.id, where, indices, asked, key=f"{effect.id} {number}"))
         place += effect_rows(effect, scene).shape[1]
     candidates += [
         Candidate("", each.name, place + np.array(each.columns), key=each.name, law_columns=each.law_columns)

@@ -12,7 +12,7 @@ from acqd.arrays import Floats
 from acqd.discrepancy.joints.observations import session_key
 from acqd.discrepancy.joints.witness import Information, Witness
 from acqd.discrepancy.regression.design_columns import Candidate, DesignColumns, Part
-from acqd.discrepancy.regression.gram import Blocks, Gram, Places, upper_triangle
+from acqd.discrepancy.regression.gram import Blocks, Gram, Indices, upper_triangle
 from acqd.discrepancy.regression.white_rows import block_rows, white_rows
 from acqd.residual.whitening import Whitener
 
@@ -54,14 +54,14 @@ class Design:
         """Blocks of rows."""
         return self.columns.parts
 
-    def values(self, segment: int, places: Places, rows: slice = slice(None)) -> Floats:
+    def values(self, segment: int, indices: Indices, rows: slice = slice(None)) -> Floats:
         """[rows, k] W of some columns in a segment, or in part of a segment."""
         y = self.blocks.white.y
         own, more = self.columns.values[segment][rows], self.added[segment][rows]
-        values = np.empty((len(own), len(places)))
-        added = places > y
-        values[:, ~added] = own[:, places[~added]]
-        values[:, added] = more[:, places[added] - y - 1]
+        values = np.empty((len(own), len(indices)))
+        added = indices > y
+        values[:, ~added] = own[:, indices[~added]]
+        values[:, added] = more[:, indices[added] - y - 1]
         return values
 
     def at_joints(self, candidate: Candidate, weights: Floats) -> Information | None:
@@ -94,27 +94,27 @@ class Design:
         design = replace(self, trusted=trusted, blocks=blocks)
         if not self.added[0].shape[1]:
             return design
-        places = np.arange(self.added[0].shape[1]) + y + 1
-        return design.with_replaced(places, [values.astype(np.float64) for values in self.added])
+        indices = np.arange(self.added[0].shape[1]) + y + 1
+        return design.with_replaced(indices, [values.astype(np.float64) for values in self.added])
 
-    def with_columns(self, columns: list[Floats]) -> tuple[Design, Places]:
+    def with_columns(self, columns: list[Floats]) -> tuple[Design, Indices]:
         """The design with more columns ([T, k] W per segment), and their indices."""
         size = self.blocks.white.size
-        places = np.arange(size, size + columns[0].shape[1])
-        return self.with_replaced(places, columns), places
+        indices = np.arange(size, size + columns[0].shape[1])
+        return self.with_replaced(indices, columns), indices
 
-    def with_replaced(self, places: Places, columns: list[Floats]) -> Design:
+    def with_replaced(self, indices: Indices, columns: list[Floats]) -> Design:
         """The design with other values ([T, k] W per segment) of added columns; new indices append columns."""
         first = self.blocks.white.y + 1
-        size = max(self.blocks.white.size, int(places.max()) + 1)
-        own = places - first
+        size = max(self.blocks.white.size, int(indices.max()) + 1)
+        own = indices - first
         added = tuple(_grown(old, size - first, own, values) for old, values in zip(self.added, columns, strict=True))
         products: tuple[list[Floats], list[Floats]] = ([], [])
         for part, good in zip(self.parts, self.trusted, strict=True):
             values = added[part.segment][part.rows][:, own].astype(np.float64)
             if not values.any():
                 for grams in products:
-                    grams.append(np.zeros((size, len(places))))
+                    grams.append(np.zeros((size, len(indices))))
                 continue
             everything = np.concatenate([block_rows(self.columns, part), added[part.segment][part.rows]], axis=1)
             white = white_rows(self.whitener, part, values) * good[:, None]
@@ -122,13 +122,13 @@ class Design:
             plain = values[part.past :] * (good[:, None] & part.in_question)
             products[1].append(everything[part.past :].T @ plain)
         blocks = Blocks(
-            self.blocks.white.replaced(places, products[0]), self.blocks.plain.replaced(places, products[1]),
+            self.blocks.white.replaced(indices, products[0]), self.blocks.plain.replaced(indices, products[1]),
             self.blocks.rows,
         )  # fmt: skip
         return replace(self, added=added, blocks=blocks)
 
 
-def _grown(old: NDArray[np.float32], width: int, at: Places, values: NDArray[Any]) -> NDArray[np.float32]:
+def _grown(old: NDArray[np.float32], width: int, at: Indices, values: NDArray[Any]) -> NDArray[np.float32]:
     grown = np.zeros((len(old), width), dtype=np.float32)
     grown[:, : old.shape[1]] = old
     grown[:, at] = values

@@ -15,7 +15,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from acqd.arrays import Floats
 
-Places: TypeAlias = NDArray[np.int64]
+Indices: TypeAlias = NDArray[np.int64]
 """Indices of columns."""
 LEAST_POWER = 1e-3
 """White squared error: columns below never act, or the regression has them already."""
@@ -42,7 +42,7 @@ class Gram:
         """Number of columns, y among them."""
         return int(self.added.shape[1])
 
-    def take(self, block: int | slice | Places, rows: Places, columns: Places) -> Floats:
+    def take(self, block: int | slice | Indices, rows: Indices, columns: Indices) -> Floats:
         """[rows, columns] of one block, or [blocks, rows, columns] of several."""
         fixed = self.y + 1
         chosen = np.arange(len(self.fixed))[block]
@@ -64,11 +64,11 @@ class Gram:
             values[np.ix_(np.arange(len(chosen)), ~row_old, column_old)] = self.added[mirrored].transpose(0, 2, 1)
         return values[0] if one else values
 
-    def residual_products(self, block: int | slice | Places, columns: Places) -> Floats:
+    def residual_products(self, block: int | slice | Indices, columns: Indices) -> Floats:
         """[columns] (or [blocks, columns]) products of columns with the measured residual."""
         return self.take(block, columns, np.array([self.y]))[..., 0]
 
-    def squares(self, block: int, columns: Places) -> Floats:
+    def squares(self, block: int, columns: Indices) -> Floats:
         """[columns] sums of squares of columns in a block."""
         fixed = self.y + 1
         old = columns < fixed
@@ -77,19 +77,19 @@ class Gram:
         sums[~old] = self.added[block, columns[~old], columns[~old] - fixed]
         return sums
 
-    def replaced(self, places: Places, products: list[Floats]) -> Gram:
-        """With other values of added columns at `places`; `products` [columns, places] for every block.
+    def replaced(self, indices: Indices, products: list[Floats]) -> Gram:
+        """With other values of added columns at `indices`; `products` [columns, indices] for every block.
 
         Indices behind the last column append columns.
         """
         fixed = self.y + 1
-        size = max(self.size, int(places.max()) + 1)
+        size = max(self.size, int(indices.max()) + 1)
         added = np.zeros((len(self.fixed), size, size - fixed))
         added[:, : self.size, : self.size - fixed] = self.added
         for number, values in enumerate(products):
-            added[number][:, places - fixed] = values
-            others = np.setdiff1d(np.arange(fixed, size), places)
-            added[number][np.ix_(places, others - fixed)] = values[others].T
+            added[number][:, indices - fixed] = values
+            others = np.setdiff1d(np.arange(fixed, size), indices)
+            added[number][np.ix_(indices, others - fixed)] = values[others].T
         return Gram(self.y, self.fixed, added)
 
 
@@ -98,19 +98,19 @@ def upper_triangle(matrix: Floats) -> Floats:
     return np.asarray(matrix[np.triu_indices(len(matrix))])
 
 
-def _in_triangle(rows: Places, columns: Places, size: int) -> Places:
+def _in_triangle(rows: Indices, columns: Indices, size: int) -> Indices:
     """[rows, columns] indices into an upper triangle of a symmetric matrix [size, size]."""
     return _remembered_triangle(rows.tobytes(), columns.tobytes(), size)
 
 
 @lru_cache(maxsize=8)
-def _remembered_triangle(rows: bytes, columns: bytes, size: int) -> Places:
+def _remembered_triangle(rows: bytes, columns: bytes, size: int) -> Indices:
     """Blocks after blocks are asked for the same columns."""
     own, other = (np.frombuffer(each, dtype=np.int64) for each in (rows, columns))
     return _upper(np.minimum.outer(own, other), np.maximum.outer(own, other), size)
 
 
-def _upper(row: Places, column: Places, size: int) -> Places:
+def _upper(row: Indices, column: Indices, size: int) -> Indices:
     """Indices of elements on or above the diagonal."""
     return np.asarray(row * (2 * size - row - 1) // 2 + column)
 
@@ -134,7 +134,8 @@ class Blocks:
 class Column:
     """A column of the regression, in the blocks where its gate is open."""
 
-    place: int
+    index: int
+    """Of the design's columns."""
     gate: Floats
     """[blocks] 0 or 1."""
     deviation: float = np.inf
@@ -150,10 +151,10 @@ class Column:
 class Products(Protocol):
     """Products of columns within a block."""
 
-    def take(self, block: int, rows: Places, columns: Places, /) -> Floats:
+    def take(self, block: int, rows: Indices, columns: Indices, /) -> Floats:
         """[rows, columns]."""
 
-    def residual_products(self, block: int, columns: Places, /) -> Floats:
+    def residual_products(self, block: int, columns: Indices, /) -> Floats:
         """[columns] with the measured residual."""
 
 
@@ -192,12 +193,12 @@ class Regression:
 
     def __init__(self, blocks: Blocks, columns: list[Column]) -> None:
         self.blocks, self.columns = blocks, columns
-        self.places: Places = np.array([column.place for column in columns])
+        self.indices: Indices = np.array([column.index for column in columns])
         self.gates: Floats = np.array([column.gate for column in columns])  # [own, blocks]
         self.precision = np.array([0.0 if np.isinf(c.deviation) else c.deviation**-2.0 for c in columns])
         self._pull = self.precision * np.array([c.mean for c in columns])
         self._normal: tuple[Floats, Floats] | None = None  # of all blocks
-        self._crossed: tuple[Places, Floats, _Cross] | None = None  # of all blocks: candidates, gate, sums
+        self._crossed: tuple[Indices, Floats, _Cross] | None = None  # of all blocks: candidates, gate, sums
         self._latest: tuple[Floats, tuple[Floats, bool], Floats] | None = None  # weights, factor, coefficients
 
     def on(self, blocks: Blocks) -> Regression:
@@ -215,7 +216,7 @@ class Regression:
         """The regression without the columns of an effect."""
         return Regression(self.blocks, [column for column in self.columns if column.owner != owner])
 
-    def compete(self, candidates: Places, gate: Floats, weights: Floats | None = None) -> Competition:
+    def compete(self, candidates: Indices, gate: Floats, weights: Floats | None = None) -> Competition:
         """Candidate columns under `gate` [blocks]; `weights` [blocks]: how often a block counts."""
         weights = np.ones(len(self.blocks)) if weights is None else weights
         factor, beta = self._solved(weights)
@@ -234,7 +235,7 @@ class Regression:
             self._latest = weights.copy(), factor, np.asarray(cho_solve(factor, b))
         return self._latest[1:]
 
-    def _cross(self, candidates: Places, gate: Floats, weights: Floats) -> _Cross:
+    def _cross(self, candidates: Indices, gate: Floats, weights: Floats) -> _Cross:
         """Products of candidates under a gate, blocks weighted."""
         open_ = gate != 0
         changed = np.flatnonzero(open_ & (weights != 1))
@@ -246,14 +247,14 @@ class Regression:
         # without a recording: all but its blocks, which are few
         return self._add_cross(known[2].copy(), candidates, gate * (weights - 1)) if len(changed) else known[2]
 
-    def _add_cross(self, to: _Cross | None, candidates: Places, weighted: Floats) -> _Cross:
+    def _add_cross(self, to: _Cross | None, candidates: Indices, weighted: Floats) -> _Cross:
         gram, c = self.blocks.white, len(candidates)
-        cross = to or _Cross(np.zeros((c, c)), np.zeros(c), np.zeros((len(self.places), c)))
+        cross = to or _Cross(np.zeros((c, c)), np.zeros(c), np.zeros((len(self.indices), c)))
         for i in np.flatnonzero(weighted).tolist():
             cross.squares += weighted[i] * gram.take(i, candidates, candidates)
             cross.products += weighted[i] * gram.residual_products(i, candidates)
             own = np.flatnonzero(self.gates[:, i])
-            cross.own[own] += weighted[i] * self.gates[own, i, None] * gram.take(i, self.places[own], candidates)
+            cross.own[own] += weighted[i] * self.gates[own, i, None] * gram.take(i, self.indices[own], candidates)
         return cross
 
     def normal(self, weights: Floats) -> tuple[Floats, Floats]:
@@ -279,7 +280,7 @@ class Regression:
             b[own] += weights[i] * products
         return A, b
 
-    def _own(self, block: int) -> tuple[Places, Floats, Floats]:
+    def _own(self, block: int) -> tuple[Indices, Floats, Floats]:
         """Columns [o] that are open in a block, their products [o, o], and those with the residual [o].
 
         A random intercept is open in one block only: a hundred blocks have a hundred of them. Not kept:
@@ -287,16 +288,16 @@ class Regression:
         """
         gram = self.blocks.white
         own = np.flatnonzero(self.gates[:, block])
-        gates, places = self.gates[own, block], self.places[own]
-        squares = gram.take(block, places, places) * np.outer(gates, gates)
-        return own, squares, gram.residual_products(block, places) * gates
+        gates, indices = self.gates[own, block], self.indices[own]
+        squares = gram.take(block, indices, indices) * np.outer(gates, gates)
+        return own, squares, gram.residual_products(block, indices) * gates
 
     def solve(self) -> Floats:
         """[own] coefficients of all columns on all blocks."""
         A, b = self.normal(np.ones(len(self.blocks)))
         return np.asarray(cho_solve(cho_factor(A), b))
 
-    def scores(self, competition: Competition, candidates: Places, gate: Floats) -> Floats:
+    def scores(self, competition: Competition, candidates: Indices, gate: Floats) -> Floats:
         """[blocks, c] contributions of the blocks to `competition.products`."""
         gram = self.blocks.white
         scores = np.zeros((len(self.blocks), len(candidates)))
@@ -306,13 +307,13 @@ class Regression:
             inside = beta[own]
             scores[i] = -projection[own].T @ (products - squares @ inside)
             if gate[i]:
-                cross = gram.take(i, candidates, self.places[own])
+                cross = gram.take(i, candidates, self.indices[own])
                 left = gram.residual_products(i, candidates) - cross @ (self.gates[own, i] * inside)
                 scores[i] += gate[i] * left
         return scores
 
     def held_out_products(
-        self, competition: Competition, candidates: Places, gate: Floats, blocks: Places, gram: Products
+        self, competition: Competition, candidates: Indices, gate: Floats, blocks: Indices, gram: Products
     ) -> tuple[Floats, Floats]:
         """Gram matrix [c, c] of projected candidates and their products [c] with the residual, in held-out blocks.
 
@@ -322,10 +323,10 @@ class Regression:
         beta, projection = competition.beta, competition.projection
         for i in blocks.tolist():
             own = np.flatnonzero(self.gates[:, i])
-            gates, places = self.gates[own, i], self.places[own]
-            square, cross_cm = gram.take(i, places, places), gram.take(i, candidates, places)
+            gates, indices = self.gates[own, i], self.indices[own]
+            square, cross_cm = gram.take(i, indices, indices), gram.take(i, candidates, indices)
             left = gate[i] * (gram.residual_products(i, candidates) - cross_cm @ (gates * beta[own]))
-            own_left = gates * (gram.residual_products(i, places) - square @ (gates * beta[own]))
+            own_left = gates * (gram.residual_products(i, indices) - square @ (gates * beta[own]))
             s += left - projection[own].T @ own_left
             gated = gates[:, None] * projection[own]
             cross = gate[i] * cross_cm @ gated

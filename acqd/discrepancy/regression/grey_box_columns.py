@@ -32,19 +32,19 @@ def grey_box_columns(arm: Arm, scene: Scene, withheld: frozenset[str] = frozense
     if "copper" in withheld:
         slope -= 2 * model.group("copper") * scene.tau
     Y = regressor(arm, scene.q, scene.qd, scene.qdd)
-    at_substeps[:, layout.place("inertial")] = np.einsum("tjk,tj->tk", Y, slope, optimize=True)
-    at_substeps[:, layout.place("rotor")] = slope * scene.qdd
-    at_substeps[:, layout.place("coulomb")] = slope * direction(scene.qd)
-    at_substeps[:, layout.place("viscous")] = slope * scene.qd
-    at_substeps[:, layout.place("copper")] = scene.tau**2
-    at_substeps[:, layout.place("conduction")] = magnitude(scene.tau)
-    at_substeps[:, layout.place("gain")] = (scene.tau * scene.qd).sum(axis=1, keepdims=True)
+    at_substeps[:, layout.part("inertial")] = np.einsum("tjk,tj->tk", Y, slope, optimize=True)
+    at_substeps[:, layout.part("rotor")] = slope * scene.qdd
+    at_substeps[:, layout.part("coulomb")] = slope * direction(scene.qd)
+    at_substeps[:, layout.part("viscous")] = slope * scene.qd
+    at_substeps[:, layout.part("copper")] = scene.tau**2
+    at_substeps[:, layout.part("conduction")] = magnitude(scene.tau)
+    at_substeps[:, layout.part("gain")] = (scene.tau * scene.qd).sum(axis=1, keepdims=True)
     lag_s = float(model.group("lag")[0])
     columns = averaged(Lag(lag_s, scene.step_s).run(at_substeps))
     faster, slower = max(lag_s - _LAG_STEP_S, 0.0), lag_s + _LAG_STEP_S
     change = Lag(slower, scene.step_s).run(scene.drives) - Lag(faster, scene.step_s).run(scene.drives)
-    columns[:, layout.place("lag")] = averaged(change)[:, None] / (slower - faster)
-    for name, place in zip(layout.signals, range(*layout.place("signals").indices(layout.size)), strict=True):
+    columns[:, layout.part("lag")] = averaged(change)[:, None] / (slower - faster)
+    for name, place in zip(layout.signals, range(*layout.part("signals").indices(layout.size)), strict=True):
         columns[:, place] = averaged(scene.signals[name]) if name in scene.signals else 0.0
-    columns[:, layout.place("standby")] = 1.0
+    columns[:, layout.part("standby")] = 1.0
     return columns

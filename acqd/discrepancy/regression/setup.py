@@ -12,7 +12,7 @@ from acqd.discrepancy.joints.witness import Witness
 from acqd.discrepancy.regression.design_columns import DesignColumns, Part, design_columns
 from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.everything import inliers, left_by_everything
-from acqd.discrepancy.regression.gram import Column, Places, Regression
+from acqd.discrepancy.regression.gram import Column, Indices, Regression
 from acqd.discrepancy.regression.onset import Gate, onset_gates
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.effects import library
@@ -95,12 +95,12 @@ def _base(columns: DesignColumns, arm: Arm, comparison: Comparison) -> list[Colu
     deviation = np.where(np.isfinite(belief.deviation), belief.deviation, endless)
     effort = comparison.robot.effort
     for group, least in (("coulomb", effort), ("viscous", effort), ("copper", 0.0), ("conduction", 1 / effort)):
-        place = layout.place(group)
+        place = layout.part(group)
         change = THRESHOLDS.base_change * np.abs(comparison.model.values[place]) + THRESHOLDS.base_least_change * least
         deviation[place] = np.minimum(deviation[place], np.maximum(change, _HELD))
-    deviation[layout.place("lag")] = THRESHOLDS.lag_deviation_s
+    deviation[layout.part("lag")] = THRESHOLDS.lag_deviation_s
     for group in comparison.withheld:
-        deviation[layout.place(group)] = _HELD
+        deviation[layout.part(group)] = _HELD
     everywhere = np.ones(len(columns.parts))
     return [Column(k, everywhere, float(deviation[k])) for k in range(columns.base)]
 
@@ -114,7 +114,7 @@ def block_intercepts(columns: DesignColumns, noise_weights: Floats) -> list[Colu
     pairs = zip(columns.parts, noise_weights, strict=True)
     means = np.array([columns.residual[part.segment][part.rows].mean() for part, weight in pairs if weight])
     deviation = max(mad_sigma(means), LEAST_LEVEL_W)
-    standby = columns.model.layout.place("standby").start
+    standby = columns.model.layout.part("standby").start
     gates = np.eye(len(columns.parts))
     return [Column(standby, gate, deviation, block_intercept=True) for gate in gates]
 
@@ -128,14 +128,14 @@ def _common(design: Design) -> list[int]:
     structural: set[int] = set()
     for candidate in design.columns.candidates:
         if candidate.id and effects[candidate.id].structural:
-            structural |= set(candidate.places.tolist())
-    places = np.array(sorted(structural), dtype=int)
+            structural |= set(candidate.indices.tolist())
+    indices = np.array(sorted(structural), dtype=int)
     sides = ([part for part in design.parts if part.in_question == side] for side in (True, False))
-    now, before = (_mean_squares(design, parts, places) for parts in sides)
-    return list(places[before > THRESHOLDS.common_share * now])
+    now, before = (_mean_squares(design, parts, indices) for parts in sides)
+    return list(indices[before > THRESHOLDS.common_share * now])
 
 
-def _mean_squares(design: Design, parts: list[Part], places: Places) -> Floats:
-    """[places] W^2, mean of the blocks."""
-    squares = [(design.values(part.segment, places, part.own) ** 2).mean(axis=0) for part in parts]
+def _mean_squares(design: Design, parts: list[Part], indices: Indices) -> Floats:
+    """[indices] W^2, mean of the blocks."""
+    squares = [(design.values(part.segment, indices, part.own) ** 2).mean(axis=0) for part in parts]
     return np.asarray(np.mean(squares, axis=0))

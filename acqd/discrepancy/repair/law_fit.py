@@ -90,8 +90,8 @@ def fit_law(selection: Selection, unknown: Unknown, kept: set[tuple[str, str]]) 
     unit = _unit(design, part)
     place = Place("", part.columns, tuple(Parameter(f"c{k + 1}", unit) for k in range(len(part.columns))))
     columns = columns_of(design, part.law, place, gate.open)
-    design, places = design.with_columns(columns(shape))
-    own = replace(candidate, places=places)
+    design, indices = design.with_columns(columns(shape))
+    own = replace(candidate, indices=indices)
     rows, found = at_secant_slope(rows.on(design), gate.open, own, columns, shape)
     design = rows.design
     if found is None:

@@ -82,7 +82,7 @@ def explained(closed: Closed, selected: Selected) -> Figure:
     for number, part in enumerate(design.parts):
         if not selected.gate.open[number]:
             continue
-        values = design.values(part.segment, regression.places, part.rows)
+        values = design.values(part.segment, regression.indices, part.rows)
         weights = beta * regression.gates[:, number]
         effect = values @ np.where(mine, weights, 0.0)
         rest = design.columns.residual[part.segment][part.rows] - values @ np.where(mine, 0.0, weights)

@@ -134,7 +134,7 @@ class Selected:
 
     def columns(self) -> list[Column]:
         """Columns of the effect for a regression: one per parameter."""
-        return [Column(int(place), self.gate.open, owner=self.key) for place in self.finding.candidate.places]
+        return [Column(int(index), self.gate.open, owner=self.key) for index in self.finding.candidate.indices]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -190,7 +190,7 @@ def power_in_question(design: Design, finding: Finding, gate: Floats) -> list[Fl
     """[rows] W of a finding per block of a gate [blocks]."""
     weights = finding.candidate.weights(finding.coefficients)
     return [
-        design.values(part.segment, finding.candidate.places, part.rows) @ weights
+        design.values(part.segment, finding.candidate.indices, part.rows) @ weights
         for part, open_ in zip(design.parts, gate, strict=True)
         if open_
     ]

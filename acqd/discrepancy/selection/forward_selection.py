@@ -131,7 +131,7 @@ def _explained_by_law(doubt: _Doubt, limits: Limits) -> float:
     net = law.finding.evidence - law.margin
     if len(state.effects) + 1 >= limits.max_effects:
         return net
-    columns = [Column(int(place), law.gate.open, owner="law") for place in law.finding.candidate.places]
+    columns = [Column(int(index), law.gate.open, owner="law") for index in law.finding.candidate.indices]
     rows = replace(doubt.rows, regression=doubt.rows.regression.with_columns(doubt.rows.design.blocks, columns))
     step = _Step.of(replace(state, rows=rows, law=law))
     return net if step is None or step.leader is None else net + step.leader.finding.evidence - step.leader.margin
@@ -323,9 +323,9 @@ def _with_detections(state: _State) -> tuple[Rows, dict[str, Detection], list[Ca
     rows, detections, candidates = state.rows, {}, []
     known = {each.id for each in state.effects}
     for number, detection in enumerate(detect(rows.design, rows.regression, state.gates[0].open, known)):
-        design, places = rows.design.with_columns(detection.columns)
+        design, indices = rows.design.with_columns(detection.columns)
         rows = rows.on(design)
-        candidate = detection.candidate(places, f"{detection.name} detected {len(known)}.{number}")
+        candidate = detection.candidate(indices, f"{detection.name} detected {len(known)}.{number}")
         detections[candidate.key] = detection
         candidates.append(candidate)
     return rows, detections, candidates

@@ -21,7 +21,7 @@ from scipy.special import log_ndtr
 from acqd.arrays import Floats
 from acqd.discrepancy.regression.design_columns import Candidate
 from acqd.discrepancy.regression.design_matrix import Design
-from acqd.discrepancy.regression.gram import LEAST_POWER, Competition, Places, Regression
+from acqd.discrepancy.regression.gram import LEAST_POWER, Competition, Indices, Regression
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.numerics import solve_scaled_ridge
 
@@ -60,14 +60,14 @@ class Rows:
 class _Contest:
     """Candidates that compete under a gate; their columns are taken from the Gram matrices once."""
 
-    used: Places
-    owns: list[Places]
+    used: Indices
+    owns: list[Indices]
     """Per candidate: indices into `used`."""
 
     @classmethod
     def of(cls, candidates: list[Candidate]) -> _Contest:
-        used = np.unique(np.concatenate([candidate.places for candidate in candidates]))
-        return cls(used, [np.searchsorted(used, candidate.places) for candidate in candidates])
+        used = np.unique(np.concatenate([candidate.indices for candidate in candidates]))
+        return cls(used, [np.searchsorted(used, candidate.indices) for candidate in candidates])
 
 
 def ranked(rows: Rows, gate: Floats, candidates: list[Candidate], weights: Floats | None = None) -> list[Finding]:
@@ -101,7 +101,7 @@ def gains(rows: Rows, gate: Floats, findings: list[Finding]) -> tuple[list[str],
     return names, values
 
 
-def part_of(schur: Floats, products: Floats, own: Places, candidate: Candidate) -> tuple[Floats, Floats]:
+def part_of(schur: Floats, products: Floats, own: Indices, candidate: Candidate) -> tuple[Floats, Floats]:
     """Schur complement and products of a candidate's parameters; `own`: indices of its columns in those."""
     schur, products = schur[np.ix_(own, own)], products[own]
     if candidate.mix is not None:
@@ -186,13 +186,13 @@ def _within(precision: Floats, h: Floats, theta: Floats, low: Floats, high: Floa
     return np.clip(theta, low, high)
 
 
-def prior_deviations(design: Design, places: Places) -> Floats:
-    """[places] coefficient with which a column draws `largest_change` of the dynamic range (RMS) in question."""
-    squares = np.zeros(len(places))
+def prior_deviations(design: Design, indices: Indices) -> Floats:
+    """[indices] coefficient with which a column draws `largest_change` of the dynamic range (RMS) in question."""
+    squares = np.zeros(len(indices))
     rows = 0.0
     for number, part in enumerate(design.parts):
         if part.in_question:
-            squares += design.blocks.plain.squares(number, places)
+            squares += design.blocks.plain.squares(number, indices)
             rows += design.blocks.rows[number]
     rms = np.sqrt(squares / max(rows, 1.0))
     return np.asarray(THRESHOLDS.largest_change * design.columns.dynamic_range / np.maximum(rms, 1e-9))

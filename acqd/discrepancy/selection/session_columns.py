@@ -26,12 +26,12 @@ def session_columns(design: Design, regression: Regression) -> list[Column]:
     if not sessions_of(design.parts, in_question=False):
         return []
     gate = design.columns.in_question
-    level = Candidate("", LEVEL, np.array([design.columns.model.layout.place("standby").start]), key=LEVEL)
+    level = Candidate("", LEVEL, np.array([design.columns.model.layout.part("standby").start]), key=LEVEL)
     variance, _ = variance_of_sessions(design, regression, Finding(level, np.ones(1), np.zeros(1), 0.0), gate)
-    columns = [Column(int(level.places[0]), gate, float(np.sqrt(variance)), owner=LEVEL)]
+    columns = [Column(int(level.indices[0]), gate, float(np.sqrt(variance)), owner=LEVEL)]
     effects = library()
     clocks = [
         candidate for candidate in design.columns.candidates
         if candidate.id and effects[candidate.id].acts_on == "clock" and not effects[candidate.id].follows_clock
     ]  # fmt: skip
-    return columns + [Column(int(each.places[0]), gate, clock_deviation_s(design), owner=CLOCK) for each in clocks]
+    return columns + [Column(int(each.indices[0]), gate, clock_deviation_s(design), owner=CLOCK) for each in clocks]

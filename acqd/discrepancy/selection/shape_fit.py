@@ -67,10 +67,10 @@ def fit_shape(rows: Rows, gate: Floats, finding: Finding, detection: Detection |
         return ShapeFit(rows, finding, shape)
     effect, place = library()[candidate.id], candidate.variant.place
     columns = columns_of(rows.design, effect, place, gate)
-    design, places = rows.design.with_columns(columns(shape))
-    own_place = Place(place.where, tuple(range(len(places))), place.parameters)
+    design, indices = rows.design.with_columns(columns(shape))
+    own_place = Place(place.where, tuple(range(len(indices))), place.parameters)
     own = replace(
-        candidate, places=places, variant=Variant(own_place, own_place.columns, shape), detected=False,
+        candidate, indices=indices, variant=Variant(own_place, own_place.columns, shape), detected=False,
         fitted=Variant(place, place.columns, shape),
     )  # fmt: skip
     rows = rows.on(design)
@@ -91,7 +91,7 @@ def at_secant_slope(
     found = ranked(rows, gate, [own])
     for _ in range(_SECANT_ITERATIONS if columns.effect.acts_on == "torque" else 0):
         if found:
-            rows = rows.on(rows.design.with_replaced(own.places, columns(shape, found[0].coefficients)))
+            rows = rows.on(rows.design.with_replaced(own.indices, columns(shape, found[0].coefficients)))
             found = ranked(rows, gate, [own])
     return rows, found[0] if found else None
 
@@ -112,14 +112,14 @@ def _searched(
     low, high = _between(columns.effect.shapes, name, value, columns.effect.bounds[name])
 
     def negative_evidence(trial: float) -> float:
-        changed = rows.on(rows.design.with_replaced(own.places, columns({name: trial})))
+        changed = rows.on(rows.design.with_replaced(own.indices, columns({name: trial})))
         at_trial = replace(own, fitted=Variant(columns.place, columns.place.columns, {name: trial}))
         found = ranked(changed, gate, [at_trial])
         return -found[0].evidence if found else 0.0
 
     best = minimize_scalar(negative_evidence, bounds=(low, high), method="bounded", options={"maxiter": _EVALUATIONS})
     shape = {name: float(best.x) if -best.fun > evidence else value}
-    return rows.on(rows.design.with_replaced(own.places, columns(shape))), shape
+    return rows.on(rows.design.with_replaced(own.indices, columns(shape))), shape
 
 
 def _between(

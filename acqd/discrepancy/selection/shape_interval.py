@@ -59,7 +59,7 @@ class Neighbours:
         columns = columns_of(design, effect, fitted.place, selected.gate.open)
         values = middle - step, middle, middle + step
         coefficients = selected.finding.coefficients if effect.acts_on == "torque" else None
-        designs = [design.with_replaced(candidate.places, columns({name: trial}, coefficients)) for trial in values]
+        designs = [design.with_replaced(candidate.indices, columns({name: trial}, coefficients)) for trial in values]
         candidates = [
             replace(candidate, fitted=Variant(fitted.place, fitted.place.columns, {name: trial})) for trial in values
         ]
@@ -92,7 +92,7 @@ def fit_at(
     design: Design, regression: Regression, candidate: Candidate, gate: Floats, weights: Floats
 ) -> tuple[float, Fit]:
     """Reduction of the white squared error, and the fit, by generalised least squares without priors."""
-    competition = regression.compete(candidate.places, gate, weights)
+    competition = regression.compete(candidate.indices, gate, weights)
     schur, products = competition.schur, competition.products
     at_joints = design.at_joints(candidate, gate * weights)
     if at_joints is not None:

@@ -31,7 +31,7 @@ def learning_rate(design: Design, regression: Regression) -> float:
     """Share of a likelihood that can be believed, at most 1; the usual one without a reference."""
     effects = library()
     columns = [
-        candidate.places for candidate in design.columns.candidates
+        candidate.indices for candidate in design.columns.candidates
         if candidate.id and candidate.size == 1 and effects[candidate.id].acts_on != "clock"
     ]  # fmt: skip
     surprises: list[float] = []
@@ -85,8 +85,8 @@ def amplitudes_in_reference(design: Design, regression: Regression, finding: Fin
     candidate = finding.candidate
     pairs = []
     for blocks in sessions_of(design.parts, in_question=False).values():
-        competition = regression.compete(candidate.places, _gate(design, blocks), 1 - design.columns.in_question)
-        schur, products = part_of(competition.schur, competition.products, np.arange(len(candidate.places)), candidate)
+        competition = regression.compete(candidate.indices, _gate(design, blocks), 1 - design.columns.in_question)
+        schur, products = part_of(competition.schur, competition.products, np.arange(len(candidate.indices)), candidate)
         known = float(finding.coefficients @ schur @ finding.coefficients)
         if acts(schur) and known > LEAST_POWER:
             pairs.append((float(finding.coefficients @ products) / known, known))
@@ -126,7 +126,7 @@ def power_rms(design: Design, finding: Finding, acting_share: float = THRESHOLDS
     """W RMS of a finding while it acts, in the recordings in question."""
     weights = finding.candidate.weights(finding.coefficients)
     power = np.concatenate(
-        [design.values(p.segment, finding.candidate.places, p.own) @ weights for p in design.parts if p.in_question]
+        [design.values(p.segment, finding.candidate.indices, p.own) @ weights for p in design.parts if p.in_question]
     )
     size = np.abs(power)
     acting = power[size >= acting_share * size.max()]

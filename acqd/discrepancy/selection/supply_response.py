@@ -35,21 +35,21 @@ def with_loaded_laws(design: Design, regression: Regression, effects: Sequence[S
     if not through or not laws:
         return design, regression
     columns = [_loaded(design, number, list(laws.values()), through) for number in range(len(design.columns.segments))]
-    design, places = design.with_columns(columns)
-    old = dict(zip(laws, places, strict=True))
+    design, indices = design.with_columns(columns)
+    old = dict(zip(laws, indices, strict=True))
     return design, Regression(
         design.blocks,
-        [replace(each, place=int(old.get(each.place, each.place))) for each in regression.columns],
+        [replace(each, index=int(old.get(each.index, each.index))) for each in regression.columns],
     )
 
 
 def _common_laws(design: Design, regression: Regression) -> dict[int, tuple[Effect, Shape]]:
     """The regression's columns that are laws of the drives' power, with their shapes, by place."""
-    in_regression = {column.place for column in regression.columns}
+    in_regression = {column.index for column in regression.columns}
     laws: dict[int, tuple[Effect, Shape]] = {}
     for candidate in design.columns.candidates:
         if candidate.id and candidate.variant is not None and library()[candidate.id].of_drives:
-            place = int(candidate.places[0])
+            place = int(candidate.indices[0])
             if place in in_regression:
                 laws[place] = library()[candidate.id], candidate.variant.shape
     return laws

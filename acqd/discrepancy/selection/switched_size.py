@@ -35,7 +35,7 @@ def sizes_by_levels(design: Design, regression: Regression, selected: Selected) 
         names = [str(number) for number in range(len(open_))]
     sums = {name: np.zeros(2) for name in names}
     for name, part in zip(names, open_, strict=True):
-        column = design.values(part.segment, selected.finding.candidate.places, part.own)[:, 0]
+        column = design.values(part.segment, selected.finding.candidate.indices, part.own)[:, 0]
         residual = residuals[part.segment][part.own]
         column = column - column.mean()
         sums[name] += column @ (residual - residual.mean()), column @ column

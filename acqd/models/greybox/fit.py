@@ -65,10 +65,10 @@ def fit_grey_box(
     belief = prior(layout, robot, inertial_parameters(arm), standby_W, step_s)
     usual = np.array([np.median(np.concatenate([s.signals[n] for s in segments])) for n in signals])
     low, high = layout.lowest(), np.full(layout.size, np.inf)
-    high[layout.place("lag")] = 2.0 * step_s
+    high[layout.part("lag")] = 2.0 * step_s
     for group in withheld:
-        belief.mean[layout.place(group)], belief.deviation[layout.place(group)] = 0.0, _WITHHELD_DEVIATION
-        low[layout.place(group)] = 0.0
+        belief.mean[layout.part(group)], belief.deviation[layout.part(group)] = 0.0, _WITHHELD_DEVIATION
+        low[layout.part(group)] = 0.0
     described, correlated = belief, CORRELATED_ROWS
     if learned is not None:
         belief, correlated = learned.on(described, layout), CORRELATED_ROWS * learned.inflation

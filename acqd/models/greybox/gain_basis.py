@@ -19,7 +19,7 @@ def powers(layout: Layout) -> Floats:
     """[p] k: a parameter x is compared as x (gain / common gain)^k."""
     values = np.zeros(layout.size)
     for group, power in _POWERS.items():
-        values[layout.place(group)] = power
+        values[layout.part(group)] = power
     return values
 
 

@@ -77,7 +77,7 @@ class GreyBox(Predictor):
 
     def group(self, name: str) -> Floats:
         """Values of a parameter group (see `Layout.place`)."""
-        return self.values[self.layout.place(name)]
+        return self.values[self.layout.part(name)]
 
     def terms(self, q: Floats, signals: Floats) -> dict[str, Floats]:
         """Mains power [T] W of each term, of angles [T + 2, axes] and signals [T, k]; the sum is the prediction."""

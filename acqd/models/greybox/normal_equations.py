@@ -86,7 +86,7 @@ def normal_equations(
     """
     linearised = [_jacobian(model, part) for part in parts]
     residuals = [part.P - predicted for part, (predicted, _) in zip(parts, linearised, strict=True)]
-    inertial = model.layout.place("inertial")
+    inertial = model.layout.part("inertial")
     torque_residuals = [
         None if part.tau is None else part.tau - np.einsum("tjk,k->tj", part.Y, model.values[inertial])
         for part in parts
@@ -128,21 +128,21 @@ def _jacobian(model: GreyBox, part: Observations) -> tuple[Floats, Floats]:
         motor, SMALL_TORQUE
     )
     power_per_torque = on * (gain * part.qd + loss_per_torque)
-    J[:, layout.place("inertial")] = np.einsum("tjk,tj->tk", part.Y, power_per_torque, optimize=True)
-    J[:, layout.place("rotor")] = power_per_torque * part.qdd
-    J[:, layout.place("coulomb")] = power_per_torque * sign
-    J[:, layout.place("viscous")] = power_per_torque * part.qd
-    J[:, layout.place("copper")] = on * motor * motor
-    J[:, layout.place("conduction")] = on * magnitude(motor)
-    J[:, layout.place("gain")] = on * (motor * part.qd).sum(axis=1, keepdims=True)
-    undelayed = gain * J[:, layout.place("gain")][:, 0] + J[:, layout.place("copper")] @ model.group("copper")
-    undelayed += J[:, layout.place("conduction")] @ model.group("conduction")
+    J[:, layout.part("inertial")] = np.einsum("tjk,tj->tk", part.Y, power_per_torque, optimize=True)
+    J[:, layout.part("rotor")] = power_per_torque * part.qdd
+    J[:, layout.part("coulomb")] = power_per_torque * sign
+    J[:, layout.part("viscous")] = power_per_torque * part.qd
+    J[:, layout.part("copper")] = on * motor * motor
+    J[:, layout.part("conduction")] = on * magnitude(motor)
+    J[:, layout.part("gain")] = on * (motor * part.qd).sum(axis=1, keepdims=True)
+    undelayed = gain * J[:, layout.part("gain")][:, 0] + J[:, layout.part("copper")] @ model.group("copper")
+    undelayed += J[:, layout.part("conduction")] @ model.group("conduction")
     J = lagged(J, lag, step_s)
     shorter, longer = max(lag - _LAG_STEP_S, 0.0), lag + _LAG_STEP_S
     difference = lagged(undelayed, longer, step_s) - lagged(undelayed, shorter, step_s)
-    J[:, layout.place("lag")] = (difference / (longer - shorter))[:, None]
-    J[:, layout.place("signals")] = part.signals
-    J[:, layout.place("standby")] = 1.0
+    J[:, layout.part("lag")] = (difference / (longer - shorter))[:, None]
+    J[:, layout.part("signals")] = part.signals
+    J[:, layout.part("standby")] = 1.0
     predicted = lagged(undelayed, lag, step_s) + part.signals @ model.group("signals") + model.group("standby")[0]
     return predicted, J
 

@@ -41,7 +41,7 @@ class Layout:
     sliding: tuple[int, ...] = ()
     """Numbers of the prismatic joints, from 0: their efforts are in N, their positions in m."""
 
-    def place(self, group: str) -> slice:
+    def part(self, group: str) -> slice:
         """Slice of a group: inertial, rotor, coulomb, viscous, copper, conduction, signals, standby, gain or lag."""
         first = 0
         for name, size in self._sizes().items():
@@ -78,9 +78,9 @@ class Layout:
         """Lower bounds [p]."""
         low = np.full(self.size, -np.inf)
         for group in _PER_JOINT:
-            low[self.place(group)] = 0.0
-        low[self.place("inertial")][::10] = 0.0
-        low[self.place("gain")], low[self.place("lag")] = 0.5, 0.0
+            low[self.part(group)] = 0.0
+        low[self.part("inertial")][::10] = 0.0
+        low[self.part("gain")], low[self.part("lag")] = 0.5, 0.0
         return low
 
 
@@ -106,24 +106,24 @@ def prior(layout: Layout, robot: RobotDescription, inertial: Floats, standby_W: 
     Parameters that a description does not give get a wide deviation.
     """
     mean, deviation = np.zeros(layout.size), np.full(layout.size, np.inf)
-    mean[layout.place("inertial")] = inertial
-    deviation[layout.place("inertial")] = inertial_spread(inertial)
+    mean[layout.part("inertial")] = inertial
+    deviation[layout.part("inertial")] = inertial_spread(inertial)
     drives = [joint.drive for joint in robot.joint]
     rotor = np.array([drive.rotor_inertia_kgm2 for drive in drives])
-    mean[layout.place("rotor")], deviation[layout.place("rotor")] = rotor, 0.5 * rotor + 0.01
+    mean[layout.part("rotor")], deviation[layout.part("rotor")] = rotor, 0.5 * rotor + 0.01
     constant = np.array([drive.effort_per_ampere for drive in drives])
     copper = np.array([drive.resistance_Ohm for drive in drives]) / constant**2
-    mean[layout.place("copper")], deviation[layout.place("copper")] = copper, 2.0 * copper
+    mean[layout.part("copper")], deviation[layout.part("copper")] = copper, 2.0 * copper
     torque = robot.effort
     for group in ("coulomb", "viscous"):
-        mean[layout.place(group)] = [getattr(joint.friction, group, 0.0) for joint in robot.joint]
-    deviation[layout.place("coulomb")] = 0.3 * torque
-    deviation[layout.place("viscous")] = 0.5 * torque
-    deviation[layout.place("conduction")] = 20.0 / torque
-    deviation[layout.place("signals")] = 50.0
-    mean[layout.place("standby")], deviation[layout.place("standby")] = standby_W, 100.0
-    mean[layout.place("gain")], deviation[layout.place("gain")] = _GAIN, _GAIN_SPREAD
-    mean[layout.place("lag")], deviation[layout.place("lag")] = 0.015, step_s
+        mean[layout.part(group)] = [getattr(joint.friction, group, 0.0) for joint in robot.joint]
+    deviation[layout.part("coulomb")] = 0.3 * torque
+    deviation[layout.part("viscous")] = 0.5 * torque
+    deviation[layout.part("conduction")] = 20.0 / torque
+    deviation[layout.part("signals")] = 50.0
+    mean[layout.part("standby")], deviation[layout.part("standby")] = standby_W, 100.0
+    mean[layout.part("gain")], deviation[layout.part("gain")] = _GAIN, _GAIN_SPREAD
+    mean[layout.part("lag")], deviation[layout.part("lag")] = 0.015, step_s
     return Prior(mean, deviation)
 
 

@@ -116,12 +116,12 @@ def test_a_design_with_more_columns_leaves_the_design_unchanged(model, robot):
     design = set_up(Comparison(model, robot, segments, [], only, frozenset()), lambda _: None).design
     before = design.blocks.white.take(slice(None), np.arange(5), np.arange(5)).copy()
     ramp = [np.linspace(0, 1, len(s.P))[:, None] for s in segments]
-    more, places = design.with_columns(ramp)
-    assert (design.blocks.white.size, more.blocks.white.size) == (places[0], places[0] + 1)
-    np.testing.assert_allclose(more.values(1, places), ramp[1], atol=1e-6)
-    other = more.with_replaced(places, [2 * values for values in ramp])
-    np.testing.assert_allclose(more.values(1, places), ramp[1], atol=1e-6)
+    more, indices = design.with_columns(ramp)
+    assert (design.blocks.white.size, more.blocks.white.size) == (indices[0], indices[0] + 1)
+    np.testing.assert_allclose(more.values(1, indices), ramp[1], atol=1e-6)
+    other = more.with_replaced(indices, [2 * values for values in ramp])
+    np.testing.assert_allclose(more.values(1, indices), ramp[1], atol=1e-6)
     for block in range(len(design.parts)):
-        ratio = other.blocks.white.squares(block, places) / more.blocks.white.squares(block, places)
+        ratio = other.blocks.white.squares(block, indices) / more.blocks.white.squares(block, indices)
         np.testing.assert_allclose(ratio, 4.0, rtol=1e-6)
     np.testing.assert_array_equal(before, design.blocks.white.take(slice(None), np.arange(5), np.arange(5)))

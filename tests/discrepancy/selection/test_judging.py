@@ -88,9 +88,9 @@ def test_an_effect_at_other_times_inherits_nothing_from_a_known_one(friction):
     ]
     residuals = rows.design.columns.residual
     surges = [np.resize(each, len(own))[:, None] for each, own in zip(surge, residuals, strict=True)]
-    design, places = rows.design.with_columns(surges)
+    design, indices = rows.design.with_columns(surges)
     large = replace(finding, evidence=1e5)
-    known = replace(large, candidate=replace(finding.candidate, places=places, variant=None))
+    known = replace(large, candidate=replace(finding.candidate, indices=indices, variant=None))
     assert left_by(design, gate, finding, [known]) < 0.3 * left_by(design, gate, finding, [large])
 
 

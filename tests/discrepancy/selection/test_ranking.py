@@ -17,7 +17,7 @@ FREE = np.array([-np.inf]), np.array([np.inf])
 
 def test_two_shapes_of_one_effect_have_their_own_places_in_a_list():
     cold = Candidate("thermal_friction", "joint 2", np.array([3, 4]))
-    warm = replace(cold, places=np.array([5, 6]))
+    warm = replace(cold, indices=np.array([5, 6]))
     findings = [Finding(candidate, np.array([1.0, 2.0]), np.ones(2), 2.0) for candidate in (cold, warm)]
     assert findings.index(findings[1]) == 1
     assert findings[0] != replace(findings[0])

@@ -52,14 +52,14 @@ def test_an_effect_without_a_fitted_shape_has_none(dry):
 def test_the_size_of_a_load_that_switches_is_not_attenuated_by_wrong_edges(model, robot):
     _, selection = traced(model, robot, INDEPENDENT["process_load"], only=COMMON | {"process_load"})
     (named,) = selection.effects
-    places, design = named.finding.candidate.places, selection.design
+    indices, design = named.finding.candidate.indices, selection.design
     wrong = []
     for segment in range(len(design.columns.segments)):
-        on = design.values(segment, places)
+        on = design.values(segment, indices)
         for edge in np.flatnonzero(np.diff(on[:, 0]))[::3]:
             on[edge - 10 : edge + 1] = on[edge + 1]
         wrong.append(on)
-    selection = replace(selection, rows=selection.rows.on(design.with_replaced(places, wrong)))
+    selection = replace(selection, rows=selection.rows.on(design.with_replaced(indices, wrong)))
     certain = intervals(selection, named)
     assert abs(certain.coefficients[0] - 7.0) < 0.15 * 7.0
     column = fit_at(selection.design, selection.regression.without(named.key), named.finding.candidate, named.gate.open,

@@ -58,7 +58,7 @@ def test_a_heavy_payload_takes_what_a_model_with_that_body_takes(model):
     x, y, z = model.chain.beyond_flange(reach)
     body = kg * np.array([1, x, y, z, y * y + z * z, -x * y, x * x + z * z, -x * z, -y * z, x * x + y * y])
     values = model.values.copy()
-    inertial = model.layout.place("inertial")
+    inertial = model.layout.part("inertial")
     values[inertial.stop - 10 : inertial.stop] += body
     loaded = GreyBox(model.chain, model.layout, values, STEP, np.ones(1))
     segment = recording(model, 2, seed=9)

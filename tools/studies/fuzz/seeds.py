@@ -174,7 +174,7 @@ def grey_box() -> Any:
     robot = load_description("ur10e")
     layout = Layout(robot.axes, ("brake",))
     values = prior(layout, robot, inertial_parameters(Arm(robot)), 120.0, 0.04).mean.copy()
-    values[layout.place("coulomb")], values[layout.place("lag")] = 5.0, 0.012
+    values[layout.part("coulomb")], values[layout.part("lag")] = 5.0, 0.012
     return GreyBox(Chain.of(robot), layout, values, 0.04, np.ones(1))
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from acqd.arrays import Floats
 from acqd.discrepancy.regression.design_columns import Candidate
 from acqd.discrepancy.regression.design_matrix import Design
-from acqd.discrepancy.regression.gram import Column, Places, Regression
+from acqd.discrepancy.regression.gram import Column, Indices, Regression
 from acqd.discrepancy.selection.detectors import ripple, switching
 from acqd.discrepancy.selection.detectors.rhythm import rhythm
 from acqd.discrepancy.thresholds import THRESHOLDS
@@ -48,14 +48,14 @@ class Detection:
         """Id of the effect, or the label."""
         return self.effect.id if self.effect else self.label
 
-    def candidate(self, places: Places, key: str) -> Candidate:
-        """The hypothesis, once the design holds its columns at `places`."""
+    def candidate(self, indices: Indices, key: str) -> Candidate:
+        """The hypothesis, once the design holds its columns at `indices`."""
         if self.effect is None:
-            return Candidate("", self.label, places, detected=True, cost=self.cost, tried=self.tried, key=key)
+            return Candidate("", self.label, indices, detected=True, cost=self.cost, tried=self.tried, key=key)
         place = self.effect.detected_place(self.shape)
         variant = Variant(place, place.columns, self.shape)
         return Candidate(
-            self.effect.id, place.where, places, variant, detected=True, cost=self.cost, tried=self.tried, key=key
+            self.effect.id, place.where, indices, variant, detected=True, cost=self.cost, tried=self.tried, key=key
         )
 
     def in_reference(self) -> float:
@@ -113,8 +113,8 @@ class _Search:
         first = self.among(residuals, self.segments)
         if first is None:
             return None
-        extended, places = self.design.with_columns(self.columns(first))
-        column = Column(int(places[0]), self.gate, owner="search")
+        extended, indices = self.design.with_columns(self.columns(first))
+        column = Column(int(indices[0]), self.gate, owner="search")
         both = self.regression.with_columns(extended.blocks, [column])
         again = self.among(residuals_of(extended, both, omit="search"), self.segments)
         return again if again is not None and again.gain > first.gain else first
@@ -182,7 +182,7 @@ def residuals_of(design: Design, regression: Regression, omit: str = "") -> list
     for number, part in enumerate(design.parts):
         first, last = inside.get(part.segment, (part.rows.start, part.rows.stop))
         inside[part.segment] = min(first, part.rows.start), max(last, part.rows.stop)
-        values = design.values(part.segment, regression.places, part.rows)
+        values = design.values(part.segment, regression.indices, part.rows)
         measured = design.columns.residual[part.segment][part.rows]
         residuals[part.segment][part.rows] = measured - values @ (beta * regression.gates[:, number])
     for segment, (first, last) in inside.items():  # rows of unknown motion take the residual of their neighbours
