@@ -1,9 +1,13 @@
 """A sequential test on a residual: CUSUM charts of its level and its variance, against a baseline of the model.
 
-Blocks of some seconds (`blocks.py`) are compared with those of the recordings that the bundle remembers (CUSUM: Page
-1954). The bounds of the charts follow from the same blocks (`bound.py`). What acts once per recording, such as a surge
-when the brakes open, is in too few blocks for these charts and has a fifth one (`start_peak.py`). Logged joint torques
-have a sixth (`joint_chart.py`); what acts in few rows has three pairs of charts (`score_charts.py`).
+Blocks of some seconds are compared with those of the recordings that the bundle remembers (CUSUM: Page 1954). The
+bounds of the charts follow from the same blocks (`bound.py`).
+
+charts of                      see most                                      module
+blocks: level, variance        what acts all the time                        blocks.py
+peak at the start              a surge when the brakes open                  start_peak.py
+joint torque                   mechanical changes, where torques are logged  joint_chart.py
+scores of rows                 what acts in few rows                         score_charts.py
 """
 
 from __future__ import annotations

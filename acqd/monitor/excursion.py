@@ -21,7 +21,7 @@ from acqd.monitor.blocks import blocks_of
 from acqd.monitor.cusum import Baseline, charted, onset
 from acqd.monitor.thresholds import MONITOR
 
-CHARTS = ("level up", "level down", "whitened variance up", "variance within blocks up")
+SCREEN_CHARTS = ("level up", "level down", "whitened variance up", "variance within blocks up")
 _LEAST_SQUARE = 1e-12
 
 
@@ -72,8 +72,8 @@ def largest_excursion(
     chart = int(np.argmax(sums.max(axis=0)))
     height = float(sums[:, chart].max())
     expected = len(starts) * np.exp(-height * np.log(between_s / MONITOR.cusum_block_s))
-    p = float(min(1.0, len(CHARTS) * -np.expm1(-expected)))
-    return Excursion(CHARTS[chart], height, _onset(starts, z[:, chart], sums[:, chart]), len(starts), p)
+    p = float(min(1.0, len(SCREEN_CHARTS) * -np.expm1(-expected)))
+    return Excursion(SCREEN_CHARTS[chart], height, _onset(starts, z[:, chart], sums[:, chart]), len(starts), p)
 
 
 def cusum(values: Floats) -> Floats:
