@@ -41,6 +41,7 @@ def options() -> argparse.Namespace:
     add("--amount", choices=list(PLANS), default="full", help="10 x 120 s before and 8 after, or 5 x 60 s each")
     add("--torque", action="store_true", help="log joint torques (7 axes) and motor currents")
     add("--clocks", action="store_true", help="clocks of robot and meter differ (default: they agree, --lag 0)")
+    add("--harsh", action="store_true", help="sites that keep to no assumption: other loads, motion, friction, meter")
     add("--seeds", choices=list(FIRST_SEED), default="tune")
     add("--first", type=int, metavar="SEED", help="seed of the first plant (default 1 of tune, 1001 of test)")
     add("--worlds", type=int, default=1, help="number of plants (default 1)")
@@ -97,7 +98,7 @@ def main() -> None:
         return
     first = given.first or FIRST_SEED[given.seeds]
     worlds = [
-        World(given.robot, seed, given.amount, given.torque, given.clocks)
+        World(given.robot, seed, given.amount, given.torque, given.clocks, given.harsh)
         for seed in range(first, first + given.worlds)
     ]
     Console(stderr=True).print(f"judging {judged_tree(given.acqd)}", highlight=False)

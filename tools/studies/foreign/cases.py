@@ -45,11 +45,13 @@ class World:
     amount: str
     torques: bool
     own_clocks: bool
+    harsh: bool = False
+    """At a site that shares no assumption with acqd (`generator.site`)."""
 
     @property
     def name(self) -> str:
         """Folder of its files."""
-        extras = ["torque"] * self.torques + ["clocks"] * self.own_clocks
+        extras = ["torque"] * self.torques + ["clocks"] * self.own_clocks + ["harsh"] * self.harsh
         return "-".join([f"axes{self.axes}", self.amount, *extras, f"seed{self.seed}"])
 
     @property
@@ -59,7 +61,7 @@ class World:
 
     def plant(self) -> Plant:
         """The true plant."""
-        return Plant.drawn(self.robot, self.seed, signals=self.axes == 7)
+        return Plant.drawn(self.robot, self.seed, signals=self.axes == 7, harsh=self.harsh)
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,9 +91,9 @@ def cases(axes: int, strengths: tuple[int, ...], *, own_clocks: bool = False) ->
 def make_before(world: World, folder: Path) -> Path:
     """Files of the session before."""
     if not folder.exists():
-        plan = PLANS[world.amount][0]
-        random = np.random.default_rng([world.seed, 0])
-        _write(world, Session.drawn(world.plant(), plan, random), [], folder, random, _BEFORE_S, {})
+        plant, random = world.plant(), np.random.default_rng([world.seed, 0])
+        plan = plant.site.plan(PLANS[world.amount][0], after=False)
+        _write(world, Session.drawn(plant, plan, random), [], folder, random, _BEFORE_S, {})
     return folder
 
 
@@ -99,8 +101,8 @@ def make_after(world: World, case: Case, folder: Path) -> dict[str, Any]:
     """Files of a session after, and the truth about it."""
     if not folder.exists():
         random = np.random.default_rng([world.seed, zlib.crc32(case.name.encode())])
-        plan = PLANS[world.amount][1]
-        session = Session.drawn(world.plant(), plan, random)
+        plant = world.plant()
+        session = Session.drawn(plant, plant.site.plan(PLANS[world.amount][1], after=True), random)
         scaled = [dosed(session, ALL[name](session, random), case.strength / 100) for name in case.effects]
         truth = {"effects": [_truth(dose, reached) for dose, reached in scaled]}
         later_s = 86_400.0 * float(random.integers(1, 120)) + float(random.uniform(0, 20_000))

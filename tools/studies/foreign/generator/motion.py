@@ -25,6 +25,8 @@ class Plan:
     recordings: int
     seconds: float
     """Duration of each recording."""
+    override: tuple[float, float] = (0.2, 1.0)
+    """Speeds of moves, as shares of the joints' speeds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +54,7 @@ def session(arm: Arm, plan: Plan, random: np.random.Generator) -> Motion:
     blocks, recordings, resting = [_hold(posture, gap)], [], [np.ones(gap)]
     for _ in range(plan.recordings):
         first = sum(len(block[0]) for block in blocks)
-        own = _recording(arm, posture, length, random)
+        own = _recording(arm, posture, length, plan.override, random)
         posture = own[0][-1]
         blocks += [own, _hold(posture, gap)]
         recordings.append(slice(first, first + length))
@@ -67,12 +69,14 @@ def session(arm: Arm, plan: Plan, random: np.random.Generator) -> Motion:
 _Block = tuple[Floats, Floats, Floats]
 
 
-def _recording(arm: Arm, posture: Floats, length: int, random: np.random.Generator) -> _Block:
+def _recording(
+    arm: Arm, posture: Floats, length: int, override: tuple[float, float], random: np.random.Generator
+) -> _Block:
     rest = round(_REST_S / STEP_S)
     blocks = [_hold(posture, rest)]
     left = length - 2 * rest
     while left > 0:
-        block = _piece(arm, posture, random)
+        block = _piece(arm, posture, override, random)
         if len(block[0]) > left:
             block = _hold(posture, left)
         posture = block[0][-1]
@@ -83,7 +87,7 @@ def _recording(arm: Arm, posture: Floats, length: int, random: np.random.Generat
     return q, qd, qdd
 
 
-def _piece(arm: Arm, posture: Floats, random: np.random.Generator) -> _Block:
+def _piece(arm: Arm, posture: Floats, override: tuple[float, float], random: np.random.Generator) -> _Block:
     kind = random.choice(["move", "single", "multisine", "pause"], p=[0.6, 0.18, 0.1, 0.12])
     if kind == "pause":
         return _hold(posture, round(random.uniform(0.4, 2.5) / STEP_S))
@@ -95,7 +99,7 @@ def _piece(arm: Arm, posture: Floats, random: np.random.Generator) -> _Block:
         alone = posture.copy()
         alone[joint] = target[joint]
         target = alone
-    return _move(arm, posture, target, float(random.uniform(0.2, 1.0)), random)
+    return _move(arm, posture, target, float(random.uniform(*override)), random)
 
 
 def _hold(posture: Floats, rows: int) -> _Block:

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tools.studies.foreign.generator import friction, meter, supply
+from tools.studies.foreign.generator import friction, meter, site, supply
 from tools.studies.foreign.generator.arm import Arm, Floats, described, true_arm
 from tools.studies.foreign.generator.dynamics import joint_torques
 from tools.studies.foreign.generator.hidden.effect import Dose
-from tools.studies.foreign.generator.motion import Motion, Plan, session
+from tools.studies.foreign.generator.motion import STEP_S, Motion, Plan, session
 
 _BOOT_KEY = 6151
 """Distinguishes the random numbers of plants from the sessions' numbers."""
@@ -26,13 +26,18 @@ class Plant:
     supply: supply.Supply
     signals: bool
     """The controller logs brakes and tool; without them the brakes stay open."""
+    site: site.Site
 
     @classmethod
-    def drawn(cls, robot: str, seed: int, *, signals: bool) -> Plant:
-        """The plant of a seed."""
+    def drawn(cls, robot: str, seed: int, *, signals: bool, harsh: bool = False) -> Plant:
+        """The plant of a seed, at a kind site or a harsh one."""
         random = np.random.default_rng([seed, _BOOT_KEY])
         arm = true_arm(described(robot), random)
-        return cls(arm, friction.drawn(arm, random), supply.drawn(arm, random), signals)
+        own_site = site.drawn(random) if harsh else site.Site()
+        rubbing, feeding = friction.drawn(arm, random, mixed=own_site.mixed_friction), supply.drawn(arm, random)
+        if own_site.capacitor:
+            feeding = replace(feeding, lowest_W=feeding.control_W)
+        return cls(own_site.arm(arm, random), rubbing, feeding, signals, own_site)
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,17 +56,21 @@ class Session:
     """[T] 1 while the tool is on."""
     volts: Floats
     """[T] V."""
+    others: Floats
+    """[T] W of other loads on the meter."""
 
     @classmethod
     def drawn(cls, plant: Plant, plan: Plan, random: np.random.Generator) -> Session:
-        """A session with its own moves, tool and voltage."""
+        """A session with its own moves, tool, voltage and other loads."""
         motion = session(plant.arm, plan, random)
         rigid = joint_torques(plant.arm, plant.arm.bodies, motion.q, motion.qd, motion.qdd)
         warm = float(random.uniform(0.9, 1.0))
-        rubbing = plant.friction.torque(motion.qd, rigid, warm)
+        rubbing = plant.friction.torque(motion.q, motion.qd, rigid, warm)
         brake = 1.0 - motion.resting if plant.signals else np.ones(len(motion.t))
         tool = _toggling(motion.t, random) * brake if plant.signals else np.zeros(len(motion.t))
-        return cls(plant, motion, rigid, rubbing, brake, tool, meter.voltage(motion.t, random))
+        volts = meter.voltage(motion.t, random)
+        others = plant.site.load(len(motion.t), random)
+        return cls(plant, motion, rigid, rubbing, brake, tool, volts, others)
 
     def base_torque(self) -> Floats:
         """[T, n] Nm of the motors without hidden effects, at the gears' output."""
@@ -91,6 +100,8 @@ def flow(session: Session, doses: Sequence[Dose]) -> Flow:
         if dose.effect.drives is not None:
             drives = drives + session.brake * dose.effect.drives(motor, drives, dose.size)
     mains = plant.supply.lagged(plant.supply.mains(drives + plant.supply.control_W))
+    late = np.arange(len(mains)) - plant.site.delay_s / STEP_S
+    mains = np.interp(late, np.arange(len(mains)), mains) + session.others
     for dose in doses:
         if dose.effect.load is not None:
             mains = mains + dose.effect.load(drives, mains, dose.size)

@@ -57,11 +57,13 @@ def write(
 
 def _write_power(session: Session, shown: Flow, path: Path, start_s: float, random: np.random.Generator) -> None:
     """Rows near recordings; a row's time is its window's start."""
-    power = shown.power + meter.noise(len(shown.power), random)
+    site = session.plant.site
+    power = site.read(shown.power + meter.noise(len(shown.power), random), random)
     begins = meter.WINDOW_S * np.arange(len(power)) - STEP_S / 2  # a row of the simulation stands in its step's middle
     near = np.zeros(len(power), bool)
     for rows in session.motion.recordings:
         near |= (begins > rows.start * STEP_S - _MARGIN_S) & (begins < rows.stop * STEP_S + _MARGIN_S)
+    near &= ~site.missing(len(power), random)
     stamps = np.round((start_s + begins[near]) * 1e9 / 1e5).astype(np.int64) * 100_000
     table = {"time": stamps, "P": np.round(power[near], 3), "Vrms": np.round(shown.volts[near], 3)}
     csv.write_csv(pa.table(table), path)
