@@ -18,14 +18,18 @@ def spring(scene, random):
 
 
 @pytest.fixture(scope="module")
-def corrected(closed, model, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("spring")
-    ds = write_dataset(
-        folder / "now", [recording(model, k, spring, seed=2, rows=900, start_s=1e9 + 9000) for k in range(9)]
-    )
-    done = acqd_here("close-loop", ds, "--model", closed[0] / "model", "--out", folder / "loop")
-    assert done.returncode == 0, done.stderr
-    return folder / "loop", done.stdout
+def corrected(closed, model, once):
+    """The loop's folder, and what the command printed."""
+
+    def make(folder):
+        rows = [recording(model, k, spring, seed=2, rows=600, start_s=1e9 + 9000) for k in range(6)]
+        ds = write_dataset(folder / "now", rows)
+        done = acqd_here("close-loop", ds, "--model", closed[0] / "model", "--out", folder / "loop")
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    folder, printed = once("corrected", make)
+    return folder / "loop", printed
 
 
 @pytest.mark.long(seconds=30)

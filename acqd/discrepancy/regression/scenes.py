@@ -16,6 +16,8 @@ from acqd.models.segments import Segment
 
 _KEPT_ROWS = 22_500
 """A quarter of an hour at 25 rows per second."""
+_LARGE_ROWS = 5_000
+"""Rows whose link frames and torques, some kB a row, are kept, too."""
 
 
 class Scenes(Sequence[Scene]):
@@ -29,6 +31,7 @@ class Scenes(Sequence[Scene]):
         self._memory: list[dict[str, Any]] = [{} for _ in segments]
         self._kept: dict[int, Scene] = {}
         self._kept_rows = 0
+        self._rows = sum(len(segment.P) for segment, in_question in segments if in_question)
         self._newest: Scene | None = None
 
     def __len__(self) -> int:
@@ -43,7 +46,7 @@ class Scenes(Sequence[Scene]):
             return [self[number] for number in range(*index.indices(len(self)))]
         number = range(len(self))[index]
         scene = self._kept.get(number) or self._made(number)
-        if self._newest is not None and self._newest is not scene:
+        if self._newest is not None and self._newest is not scene and self._rows > _LARGE_ROWS:
             for large in (LINK_FRAMES, LINK_TORQUES):
                 self._newest.moved.pop(large, None)
         self._newest = scene
