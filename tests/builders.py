@@ -1,6 +1,7 @@
 """A small grey box of a UR10e, recordings of it, and datasets of those, without training."""
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
 from acqd.models.augmented import Term
@@ -58,10 +59,16 @@ def motion(rows, axes, seed):
     return q[start] + ease * (q - q[start])
 
 
-def recording(model, number, add=None, *, rows=700, seed=0, start_s=1e9):
-    """What a meter would see: the model, coloured noise, and whatever `add` makes of the scene [T] (W)."""
+def recording(model, number, add=None, *, rows=700, seed=0, start_s=1e9, slower=1.0):
+    """What a meter would see: the model, coloured noise, and whatever `add` makes of the scene [T] (W).
+
+    `slower`: the first part of the motion takes so many times as long.
+    """
     random = np.random.default_rng([seed, number])
     q = motion(rows, model.axes, 100 * seed + number)
+    if slower > 1:
+        at = np.arange(rows) / slower
+        q = np.column_stack([CubicSpline(np.arange(rows), column)(at) for column in q.T])
     signals = {"brake": (np.arange(rows) > 25) * 1.0, "tool": ((np.arange(rows) // 150) % 2) * 1.0}
     volts = 230 + np.cumsum(random.normal(0, 0.05, rows))
     begin = start_s + 60.0 * number

@@ -32,7 +32,7 @@ def close_loop(config: CloseConfig, progress: Progress) -> Closed:
     doubts = [each.doubt for each in effects if each.doubt is not None]
     if doubts and selection.unknown is None:
         selection = replace(selection, unknown=doubts[0])
-    predictive = Predictive.of(selection)
+    predictive = Predictive.of(selection, subject)
     improved = improve(subject, effects, errors_before, predictive, config.seed)
     verdict, remarks = settled(subject, selection, improved, errors_before, usual)
     if selection.unknown is not None and verdict in ("unknown_structure", "effects_found"):

@@ -71,7 +71,7 @@ def test_over_range_is_flagged_on_the_samples_concerned_and_on_no_others(bench: 
     assert "overrange" not in bench.tape.blocks[-1].flags
 
 
-@pytest.mark.parametrize("seconds", [0.001, 1.0, 60.0])
+@pytest.mark.parametrize("seconds", [0.001, 1.0, 12.0])
 def test_a_lost_connection_is_said_and_survived(bench: Bench, seconds):
     bench.open()
     bench.until(lambda: bool(bench.tape.blocks))

@@ -136,3 +136,18 @@ def test_files_are_those_of_a_plant(short, tmp_path):
     rows = np.loadtxt(logs[0], delimiter=",", skiprows=1)
     assert rows[0, 0] - 1.7676e9 - 0.5 == pytest.approx(short.motion.t[short.motion.recordings[0].start], abs=0.01)
     assert (tmp_path / "s" / "power.csv").read_text().startswith('"time","P","Vrms"')
+
+
+def test_a_harsh_site_differs_on_both_sides_and_between_them():
+    sites = [Plant.drawn("ur10e", seed, signals=False, harsh=True).site for seed in range(40)]
+    for name in ("compressor_W", "gripper_kg", "mixed_friction", "delay_s", "capacitor", "step_W", "holes"):
+        assert 0 < sum(bool(getattr(site, name)) for site in sites) < 40, name
+    plan = Plan(2, 30.0)
+    for site in sites:
+        assert site.plan(plan, after=True).override != site.plan(plan, after=False).override
+    loud = next(site for site in sites if site.compressor_W)
+    load = loud.load(400_000, np.random.default_rng(1))
+    assert set(np.unique(load)) == {0.0, loud.compressor_W}
+    coarse = next(site for site in sites if site.step_W)
+    read = coarse.read(np.linspace(90, 110, 500), np.random.default_rng(2)) / coarse.step_W
+    assert np.allclose(read, np.round(read))

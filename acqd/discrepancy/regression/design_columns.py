@@ -6,6 +6,7 @@ import itertools
 from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -116,6 +117,8 @@ class DesignColumns:
     """Ids of effects that compete."""
     motion: MotionRange
     """That all recordings cover."""
+    named: Callable[[Scene], Floats]
+    """[T, base and effects] W: the first columns, those of the base model and of all effects, in another scene."""
 
     @property
     def dynamic_range(self) -> float:
@@ -155,11 +158,11 @@ def design_columns(
     scenes = Scenes(model, segments)
     ranges, effects = _surveyed(scenes, [effect for name, effect in library().items() if name in chosen])
     _remember_common(scenes, effects, begins_s)
+    named = partial(_named_rows, arm=arm, effects=effects, withheld=withheld)
     values: list[NDArray[np.float32]] = []
     residual: list[Floats] = []
     for number, (scene, side) in enumerate(zip(scenes, scenes.in_question, strict=True)):
-        named = [grey_box_columns(arm, scene, withheld), *(effect_rows(effect, scene) for effect in effects)]
-        values.append(_rows(scene, named, smooth_columns(scene, ranges, in_question=side)))
+        values.append(_rows(scene, named(scene), smooth_columns(scene, ranges, in_question=side)))
         residual.append(scenes.segments[number].P - scene.predicted)
         scene.moved.clear()  # link frames of hours of motion are much larger than what they are needed for
         scene.computed.clear()
@@ -168,15 +171,22 @@ def design_columns(
         model=model, base=model.layout.size,
         candidates=tuple(_candidates(model, effects, scenes[0], difference=not all(scenes.in_question))),
         parts=tuple(_parts(segments, model.step_s)), segments=scenes.segments, scenes=scenes, values=tuple(values),
-        residual=tuple(residual), chosen=chosen, motion=ranges.motion,
+        residual=tuple(residual), chosen=chosen, motion=ranges.motion, named=named,
     )  # fmt: skip
 
 
-def _rows(scene: Scene, named: list[Floats], unnamed: list[Floats]) -> NDArray[np.float32]:
+def _named_rows(scene: Scene, *, arm: Arm, effects: list[Effect], withheld: frozenset[str]) -> Floats:
+    """[T, k] W: columns of the base model and of effects."""
+    return np.concatenate(
+        [grey_box_columns(arm, scene, withheld), *(effect_rows(effect, scene) for effect in effects)], axis=1
+    )
+
+
+def _rows(scene: Scene, named: Floats, unnamed: list[Floats]) -> NDArray[np.float32]:
     """[T, p] from columns [T, k] of rows, and from single columns [N] at substeps before the supply's lag."""
-    first = sum(columns.shape[1] for columns in named)
+    first = named.shape[1]
     rows = np.empty((scene.rows, first + len(unnamed)), dtype=np.float32)
-    np.concatenate(named, axis=1, out=rows[:, :first], casting="same_kind")
+    rows[:, :first] = named
     lag_s = float(scene.model.group("lag")[0])
     for place, column in enumerate(unnamed, first):
         rows[:, place] = averaged(Lag(lag_s, scene.step_s).run(column))

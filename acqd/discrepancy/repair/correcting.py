@@ -11,7 +11,7 @@ from dataclasses import replace
 from acqd.arrays import Floats
 from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.repair.correction import Correction
-from acqd.discrepancy.repair.guard import Improved, share_unlearned
+from acqd.discrepancy.repair.guard import Improved, places_of, share_unlearned
 from acqd.discrepancy.repair.law_fit import fit_law
 from acqd.discrepancy.repair.predictive import Predictive
 from acqd.discrepancy.repair.refit import groups_of, refitted_to_rest
@@ -40,14 +40,15 @@ def corrected(
         return improved, [f"{what} cannot be predicted from the motion: the model is not corrected"]
     if not usual.exceeded_by(subject.held_out, improved.errors):
         return improved, [f"{what} is in an error that has not grown: the model is not corrected"]
-    fitted = fit_law(selection, unknown, {(each.term.id, each.term.where) for each in improved.kept})
+    fitted = fit_law(selection, unknown, places_of(improved.kept))
     if fitted is None:
         return improved, [f"{what} has no size beside the model's own parameters: the model is not corrected"]
     scale = torque_scale(subject)
     base, term = _with_law(subject, improved, fitted.term(scale), seed)
     errors = errors_of(Augmented.of(base, subject.carrier, [*improved.terms, term]), subject.held_out)
     gain = rms(improved.errors) - rms(errors)
-    if gain <= 0 or predictive.density(errors) <= predictive.density(improved.errors):
+    kept = places_of(improved.kept)
+    if gain <= 0 or predictive.density(errors, kept) <= predictive.density(improved.errors, kept):
         return improved, [f"a correction by {what} does not help on held-out recordings: not added"]
     correction = Correction(
         term=term, part=fitted.part, follows=what, along=fitted.along, strength=fitted.strength(scale),

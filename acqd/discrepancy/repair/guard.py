@@ -85,7 +85,7 @@ def improve(
             named = [replace(each, term=scaled(each.term, share_unlearned(base, each.term, subject))) for each in named]
     errors = _Errors(base, subject)
     restored, terms = [e for e in named if e.restored], [e for e in named if not e.restored]
-    predicting = helpful(terms, lambda chosen: predictive.density(errors.of(chosen)))
+    predicting = helpful(terms, lambda chosen: predictive.density(errors.of(chosen), places_of(chosen)))
     added = helpful(predicting, lambda chosen: -rms(errors.of(chosen)))
     if rms(errors.of(added)) >= rms(errors_before) or not restored + added:
         restored, added, base, after = [], [], subject.model, errors_before
@@ -107,6 +107,11 @@ def _not_added(effect: Reported, *, predicts: bool) -> Reported:
     if predicts or not library()[effect.term.id].predictable:
         return replace(effect, status="reported")
     return effect.without_name("refused", "a better prediction of recordings that took no part")
+
+
+def places_of(effects: list[Reported]) -> set[tuple[str, str]]:
+    """Ids and places."""
+    return {(each.term.id, each.term.where) for each in effects}
 
 
 def helpful(effects: list[Reported], worth: Callable[[list[Reported]], float]) -> list[Reported]:

@@ -1,48 +1,164 @@
 """The held-out test: how well a model predicts the rows of recordings that took no part.
 
 Twice the log predictive density, up to a constant: the white squared error of rows, with a random level of every minute
-integrated out, so that a load that the recordings share with the reference decides nothing (ADR 26).
+integrated out, so that a load that the recordings share with the reference decides nothing. What the regression leaves
+free beside the effects (friction and losses of the base model, level and clock of the session) has the posterior that
+the reference gives it: a base model that is wrong in another motion decides nothing
+either (ADR 26).
 """
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import block_diag, cho_factor, cho_solve
 
 from acqd.arrays import Floats
+from acqd.discrepancy.recordings import Subject
+from acqd.discrepancy.regression.gram import Indices, Regression
 from acqd.discrepancy.regression.setup import LEAST_LEVEL_W
-from acqd.discrepancy.selection.accepted import Selection
+from acqd.discrepancy.selection.accepted import Selected, Selection
+from acqd.models.augmented import Augmented
+from acqd.models.effects import library
+from acqd.models.effects.effect import effect_rows_at
+from acqd.models.effects.scene import Scene, segment_scene
+from acqd.models.greybox.model import GreyBox
 from acqd.residual.thresholds import NOISE
 from acqd.residual.whitening import Whitener
 
 
 @dataclass(frozen=True, slots=True)
+class Beside:
+    """What is uncertain beside the level of a minute, on the held-out segments."""
+
+    regression: Regression
+    """With all selected effects."""
+    reference: Floats
+    """[blocks] 1 for the reference."""
+    owners: dict[tuple[str, str], str]
+    """Owner of an effect's columns by its id and place."""
+    free: Indices
+    """Numbers of the free columns in the regression; those of effects come last."""
+    columns: tuple[Floats, ...]
+    """[T, free] W per segment."""
+    effects: dict[tuple[str, str], tuple[Floats, ...]]
+    """[T, parameters] W per unit and segment, of every effect that can be predicted."""
+
+    @classmethod
+    def of(cls, selection: Selection, subject: Subject) -> Beside:
+        """Of a selection, on the subject's held-out segments."""
+        columns, regression = selection.design.columns, selection.regression
+        memory = columns.scenes[columns.scenes.in_question.index(True)].memory
+        scenes = [segment_scene(subject.carrier, segment) for segment in subject.held_out]
+        for scene in scenes:
+            scene.memory.update(memory)
+        rows = [columns.named(scene) for scene in scenes]
+        width = rows[0].shape[1]
+        owners = {(each.id, each.place.where): each.key for each in selection.effects}
+        free = np.array([
+            number for number, each in enumerate(regression.columns)
+            if not each.block_intercept and each.owner not in owners.values() and each.index < width
+            and (each.gate * columns.in_question).any()
+        ], dtype=int)  # fmt: skip
+        chosen = regression.indices[free]
+        effects = {
+            (each.id, each.place.where): tuple(_columns(each, scene) for scene in scenes)
+            for each in selection.effects if library()[each.id].predictable
+        }  # fmt: skip
+        return cls(regression, 1 - columns.in_question, owners, free, tuple(each[:, chosen] for each in rows), effects)
+
+    def given(self, effects: Collection[tuple[str, str]]) -> tuple[list[Floats], list[Floats], Floats]:
+        """Beside some effects (id and place).
+
+        [T] W per segment that the base model lacks by the reference, [T, k] W per segment of all uncertain columns, and
+        the covariance [k, k] of their coefficients: those of the base by the reference, those of effects by the
+        recordings in question.
+        """
+        bare, chosen = self.regression, self.regression
+        for place, owner in self.owners.items():
+            bare = bare.without(owner)
+            chosen = chosen if place in effects else chosen.without(owner)
+        normal, product = bare.normal(self.reference)
+        factor = cho_factor(normal)
+        beta = cho_solve(factor, product)[self.free]
+        known = [place for place in self.effects if place in effects]
+        owned = [k for place in known for k, c in enumerate(chosen.columns) if c.owner == self.owners[place]]
+        whole = cho_factor(chosen.normal(np.ones(len(self.reference)))[0])
+        covariance = block_diag(_inverse(factor, self.free), _inverse(whole, owned))
+        lacks = [columns @ beta for columns in self.columns]
+        uncertain = [
+            np.column_stack([columns, *(self.effects[place][k] for place in known)])
+            for k, columns in enumerate(self.columns)
+        ]
+        return lacks, uncertain, covariance
+
+
+def _inverse(factor: tuple[Floats, bool], chosen: Sequence[int] | Indices) -> Floats:
+    """[k, k] rows and columns of the inverse of a matrix."""
+    size = len(factor[0])
+    return np.asarray(cho_solve(factor, np.eye(size)[:, list(chosen)])[list(chosen)])
+
+
+def _columns(selected: Selected, scene: Scene) -> Floats:
+    """[T, parameters] W per unit of a selected effect."""
+    place, effect = selected.place, library()[selected.id]
+    mix = np.eye(len(place.columns)) if place.mix is None else place.mix
+    weights = mix @ selected.finding.coefficients
+    return np.asarray(effect_rows_at(effect, scene, selected.shape, place.columns, weights) @ mix)
+
+
+@dataclass(frozen=True, slots=True)
 class Predictive:
-    """The noise of a selection."""
+    """The noise of a selection, and what is uncertain besides."""
 
     whitener: Whitener
     level_W: float
     """Standard deviation of the level of a minute."""
     learning_rate: float
+    beside: Beside | None = None
+    """None where the model that is asked about is not the base of the regression."""
 
     @classmethod
-    def of(cls, selection: Selection) -> Predictive:
+    def of(cls, selection: Selection, subject: Subject) -> Predictive:
         """With the noise model and the random intercepts of the selection."""
         levels = [column.deviation for column in selection.regression.columns if column.block_intercept]
-        return cls(selection.design.whitener, levels[0] if levels else 0.0, selection.rows.learning_rate)
+        model = subject.model.base if isinstance(subject.model, Augmented) else subject.model
+        known = subject.question == "change" and isinstance(model, GreyBox)
+        return cls(
+            selection.design.whitener, levels[0] if levels else 0.0, selection.rows.learning_rate,
+            Beside.of(selection, subject) if known else None,
+        )  # fmt: skip
 
-    def density(self, errors: list[Floats]) -> float:
-        """Twice the log predictive density of errors [T] W of segments, up to a constant."""
-        return -self.learning_rate * sum(self._squared(block) for block in _minutes(errors))
+    def density(self, errors: list[Floats], effects: Collection[tuple[str, str]]) -> float:
+        """Twice the log predictive density of errors [T] W of segments, up to a constant.
 
-    def _squared(self, error: Floats) -> float:
-        """White squared error of a block whose level is random."""
-        white, one = self.whitener.from_start(error), self.whitener.from_start(np.ones(len(error)))
-        precision = 1 / max(self.level_W, LEAST_LEVEL_W) ** 2
-        return float(white @ white - (white @ one) ** 2 / (one @ one + precision))
+        `effects`: ids and places of those whose power the errors are without. A normal density of the white errors,
+        whose covariance is that of uncertain coefficients c: with Z their white columns, I + Z cov(c) Z' (Woodbury).
+        """
+        if self.beside is None:
+            uncertain, covariance = [np.zeros((len(each), 0)) for each in errors], np.zeros((0, 0))
+        else:
+            lacks, uncertain, covariance = self.beside.given(effects)
+            errors = [own - more for own, more in zip(errors, lacks, strict=True)]
+        count = covariance.shape[0]
+        rate = self.learning_rate
+        squares, product, total = np.zeros((count, count)), np.zeros(count), 0.0
+        for error, columns in zip(_minutes(errors), _minutes(uncertain), strict=True):
+            white, Z = self.whitener.from_start(error), self.whitener.from_start(columns)
+            one = self.whitener.from_start(np.ones(len(error)))
+            precision = 1 / max(self.level_W, LEAST_LEVEL_W) ** 2 / rate
+            shrunk = one / (one @ one + precision)  # the random level is integrated out
+            white_left, Z_left = white - shrunk * (one @ white), Z - np.outer(shrunk, one @ Z)
+            total += rate * float(white @ white_left)
+            squares += rate * Z.T @ Z_left
+            product += rate * Z.T @ white_left
+        inner = np.eye(count) + covariance @ squares / rate  # a posterior by a likelihood to the power of the rate
+        explained = float(product @ np.linalg.solve(inner, covariance @ product / rate))
+        return explained - total - float(np.linalg.slogdet(inner)[1])
 
 
-def _minutes(errors: list[Floats]) -> list[Floats]:
-    """[T] W per block of at most a minute."""
-    return [block for each in errors for block in np.array_split(each, max(1, round(len(each) / NOISE.block_rows)))]
+def _minutes(rows: list[Floats]) -> list[Floats]:
+    """[T, ...] per block of at most a minute."""
+    return [block for each in rows for block in np.array_split(each, max(1, round(len(each) / NOISE.block_rows)))]

@@ -77,7 +77,7 @@ def subject_of(robot, model, carrier, fit, held_out, reference):
 def correct(subject, selection):
     errors = errors_of(subject.model, subject.held_out)
     improved = Improved(subject.model, (), errors)
-    return corrected(subject, selection, improved, UsualError.of(subject, 0.5), Predictive.of(selection), 1)
+    return corrected(subject, selection, improved, UsualError.of(subject, 0.5), Predictive.of(selection, subject), 1)
 
 
 def test_an_unknown_spring_is_measured_and_corrected(sprung):
@@ -153,7 +153,7 @@ def test_a_law_is_corrected_beside_a_named_effect(robot):
     assert [named.id for named in selection.effects] == ["coulomb_friction"]
     subject = subject_of(robot, model, model, fit, held_out, reference)
     friction = reported(selection, selection.effects[0], TorqueScale(1.0, 0.0))
-    predictive = Predictive.of(selection)
+    predictive = Predictive.of(selection, subject)
     improved = improve(subject, [friction], errors_of(model, held_out), predictive, 1)
     better, notes = corrected(subject, selection, improved, UsualError.of(subject, 0.5), predictive, 1)
     assert not notes and better.correction.follows == "a torque that depends on the angle of joint 3"

@@ -117,9 +117,11 @@ def test_a_load_that_the_reference_has_too_decides_nothing_on_held_out_recording
     shifted = [each + level for each, level in zip(left, (9.0, -7.0), strict=True)]
     before = [each + power - 0.5 for each, power in zip(shifted, effect, strict=True)]
     whitener = Whitener.of([random.normal(0, 1, 4000)])
-    assert Predictive(whitener, 8.0, 0.5).density(shifted) > Predictive(whitener, 8.0, 0.5).density(before)
+    assert Predictive(whitener, 8.0, 0.5).density(shifted, ()) > Predictive(whitener, 8.0, 0.5).density(before, ())
     stiff, soft = Predictive(whitener, 1e-3, 0.5), Predictive(whitener, 8.0, 0.5)
-    assert soft.density(left) - soft.density(shifted) < 0.1 * (stiff.density(left) - stiff.density(shifted))
+    assert soft.density(left, ()) - soft.density(shifted, ()) < 0.1 * (
+        stiff.density(left, ()) - stiff.density(shifted, ())
+    )
 
 
 @given(st.floats(0.7, 1.4), st.floats(0.0, 0.1), st.floats(0.1, 20), st.just(0.0) | st.floats(1e-9, 2))

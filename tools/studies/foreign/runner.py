@@ -88,7 +88,7 @@ class Runner:
         files = make_before(self.world, _parent(self.data) / "before")
         dataset = self.work / "before.ds"
         shutil.rmtree(dataset, ignore_errors=True)
-        self._build(files, dataset)
+        self.build(files, dataset)
         self._acqd("train", dataset, "--network", _BUNDLE, "--out", bundle, "--jobs", 1)
         return bundle
 
@@ -112,7 +112,7 @@ class Runner:
         folder = self.work / "cases" / case.name
         shutil.rmtree(folder, ignore_errors=True)
         begun = time.monotonic()
-        self._build(self.data / case.name, folder / "ds")
+        self.build(self.data / case.name, folder / "ds")
         seconds["build"] = time.monotonic() - begun
         begun = time.monotonic()
         printed = self._acqd("close-loop", folder / "ds", "--model", bundle, "--out", folder / "loop", "--json")
@@ -128,7 +128,8 @@ class Runner:
         shutil.rmtree(dataset)
         return {entry["name"]: entry["lag_s"] - lags_s[entry["name"]] for entry in manifest["recordings"]}
 
-    def _build(self, files: Path, dataset: Path) -> None:
+    def build(self, files: Path, dataset: Path) -> None:
+        """A dataset of the files of a session. Raises StepError."""
         dataset.parent.mkdir(parents=True, exist_ok=True)
         known = [] if self.world.own_clocks else ["--lag", "0"]
         self._acqd(

@@ -1,0 +1,52 @@
+"""The guard: held-out recordings of another motion than the reference."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from acqd.discrepancy.repair.guard import improve
+from acqd.discrepancy.repair.predictive import Predictive
+from acqd.discrepancy.repair.terms import reported
+from acqd.discrepancy.repair.torque_scale import TorqueScale
+from acqd.models.augmented import Augmented
+from acqd.models.effects.scene import segment_scene
+from acqd.residual.residuals import errors_of
+from tests.builders import grey, recording
+from tests.discrepancy.independent import COMMON, extra_power, payload_torque, selected
+from tests.discrepancy.repair.test_correcting import subject_of
+
+
+def rubbing(scene, random):
+    """W of a friction that the model lacks on both sides."""
+    return extra_power(scene, rubbing_torque(scene))
+
+
+def rubbing_torque(scene):
+    return 4.0 * np.tanh(scene.qd / 0.01) * np.minimum(np.abs(scene.qd) / 0.3, 1.0) ** 2
+
+
+def loaded_and_rubbing(scene, random):
+    return extra_power(scene, rubbing_torque(scene) + payload_torque(scene, 2.0))
+
+
+def test_a_base_model_that_is_wrong_in_another_motion_decides_little(robot):
+    """Before, the robot moved at less than half of the speed."""
+    model = grey()
+    reference = [recording(model, k, rubbing, seed=1, slower=2.5) for k in range(6)]
+    segments = [recording(model, k, loaded_and_rubbing, seed=2, start_s=1e9 + 5000) for k in range(6)]
+    fit, held_out = segments[:4], segments[4:]
+    _, selection = selected(model, robot, fit, reference, COMMON)
+    assert [each.id for each in selection.effects] == ["payload"], [row.as_text() for row in selection.table]
+    subject = subject_of(robot, model, model, fit, held_out, reference)
+    payload = reported(selection, selection.effects[0], TorqueScale(1.0, 0.0))
+    errors, predictive = errors_of(model, held_out), Predictive.of(selection, subject)
+    (judged,) = improve(subject, [payload], errors, predictive, 1).effects
+    assert judged.status == "added"
+    smooth = [
+        each - rubbing(segment_scene(model, segment), None) for each, segment in zip(errors, held_out, strict=True)
+    ]
+    plain = replace(predictive, beside=None)
+    gain, plain_gain = (each.density(smooth, ()) - each.density(errors, ()) for each in (predictive, plain))
+    assert gain < 0.2 * plain_gain
+    loaded = errors_of(Augmented.of(model, model, [payload.term]), held_out)
+    assert predictive.density(loaded, {("payload", payload.term.where)}) - predictive.density(errors, ()) > 2 * gain
