@@ -9,7 +9,7 @@ from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.joints.summary import joint_level
 from acqd.discrepancy.recordings import subject_of
 from acqd.discrepancy.remarks import disagreements, drifted_level, not_added, stages_of, unused_efforts
-from acqd.discrepancy.repair.correcting import corrected
+from acqd.discrepancy.repair.correcting import corrected, tried
 from acqd.discrepancy.repair.guard import improve
 from acqd.discrepancy.repair.naming import named_effects
 from acqd.discrepancy.repair.predictive import Predictive
@@ -34,10 +34,11 @@ def close_loop(config: CloseConfig, progress: Progress) -> Closed:
         selection = replace(selection, unknown=doubts[0])
     predictive = Predictive.of(selection, subject)
     improved = improve(subject, effects, errors_before, predictive, config.seed)
-    verdict, remarks = settled(subject, selection, improved, errors_before, usual)
+    trial = tried(subject, selection, improved, predictive, config.seed)
+    verdict, remarks = settled(subject, selection, improved, errors_before, usual, trial)
     if selection.unknown is not None and verdict in ("unknown_structure", "effects_found"):
         progress("correcting the model", 0.0)
-        improved, reasons = corrected(subject, selection, improved, usual, predictive, config.seed)
+        improved, reasons = corrected(subject, selection, improved, usual, trial)
         remarks = [*remarks, *reasons]
     return Closed(
         subject=subject, selection=selection, improved=improved, before=quality(errors_before),

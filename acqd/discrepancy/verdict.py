@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from acqd.arrays import Floats
 from acqd.discrepancy.recordings import Subject
+from acqd.discrepancy.repair.correcting import Trial
 from acqd.discrepancy.repair.guard import Improved
 from acqd.discrepancy.repair.usual_error import UsualError
 from acqd.discrepancy.selection.accepted import Selection, Verdict
@@ -12,11 +13,17 @@ from acqd.residual.residuals import rms
 
 
 def settled(
-    subject: Subject, selection: Selection, improved: Improved, errors_before: list[Floats], usual: UsualError
+    subject: Subject,
+    selection: Selection,
+    improved: Improved,
+    errors_before: list[Floats],
+    usual: UsualError,
+    trial: Trial | None,
 ) -> tuple[Verdict, list[str]]:
     """The verdict, and notes about it.
 
-    An effect with a name is found. A structure is unknown in an error that has grown. Nothing is left where no
+    An effect with a name is found. A structure is unknown if its law predicts recordings that took no part, or in an
+    error that has grown. Nothing is left where no
     hypothesis passed, the error has not grown, and the recordings are long enough to prove an absence.
     """
     if improved.named:
@@ -24,7 +31,7 @@ def settled(
     grown = usual.exceeded_by(subject.held_out, errors_before)
     sizes = f"{rms(errors_before):.2f} W RMS, {usual.lowest_W:.2f} W in the reference"
     if selection.unknown is not None:
-        if grown:
+        if grown or (trial is not None and trial.predicts):
             return "unknown_structure", []
         return "not_identifiable", [f"what follows an unnamed cause is in an error that has not grown ({sizes})"]
     if improved.hypotheses:

@@ -6,31 +6,73 @@ a prediction knows neither.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from acqd.arrays import Floats
 from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.repair.correction import Correction
 from acqd.discrepancy.repair.guard import Improved, places_of, share_unlearned
-from acqd.discrepancy.repair.law_fit import fit_law
+from acqd.discrepancy.repair.law_fit import LawFit, fit_law
 from acqd.discrepancy.repair.predictive import Predictive
 from acqd.discrepancy.repair.refit import groups_of, refitted_to_rest
 from acqd.discrepancy.repair.terms import Reported, scaled
-from acqd.discrepancy.repair.torque_scale import torque_scale
+from acqd.discrepancy.repair.torque_scale import TorqueScale, torque_scale
 from acqd.discrepancy.repair.usual_error import UsualError
 from acqd.discrepancy.selection.accepted import Selection, unnamed
+from acqd.discrepancy.thresholds.chance import by_chance
 from acqd.models.augmented import Augmented, Term
 from acqd.models.predictor import Predictor
 from acqd.residual.residuals import errors_of, rms
 
 
-def corrected(
-    subject: Subject, selection: Selection, improved: Improved, usual: UsualError, predictive: Predictive, seed: int
-) -> tuple[Improved, list[str]]:
-    """The model with the law that its error follows, and notes if it is left out.
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """A model with the law that its error follows."""
 
-    Kept effects stay as they are. Like effects, the law must predict the held-out recordings better, and reduce the
-    error in W.
+    base: Predictor
+    term: Term
+    errors: list[Floats]
+    """[T] W on the held-out segments."""
+    fitted: LawFit
+    scale: TorqueScale
+    gain_W: float
+    """RMS by which the law reduces the error on held-out recordings."""
+    log_gain: float
+    """Twice the log predictive density of the held-out recordings with the law, less that without."""
+
+    @property
+    def predicts(self) -> bool:
+        """Whether held-out recordings alone show the law, beyond chance: the base model's uncertainty included."""
+        return self.log_gain > by_chance(1)
+
+
+def tried(
+    subject: Subject, selection: Selection, improved: Improved, predictive: Predictive, seed: int
+) -> Trial | None:
+    """The law of an unknown structure beside kept effects, which stay as they are.
+
+    None without such a law, where no model of motion can follow the law, or where the law has no size of its own.
+    """
+    unknown = selection.unknown
+    if unknown is None or unknown.finding.candidate.law_columns is None:
+        return None
+    kept = places_of(improved.kept)
+    fitted = fit_law(selection, unknown, kept)
+    if fitted is None:
+        return None
+    scale = torque_scale(subject)
+    base, term = _with_law(subject, improved, fitted.term(scale), seed)
+    errors = errors_of(Augmented.of(base, subject.carrier, [*improved.terms, term]), subject.held_out)
+    log_gain = predictive.density(errors, kept) - predictive.density(improved.errors, kept)
+    return Trial(base, term, errors, fitted, scale, rms(improved.errors) - rms(errors), log_gain)
+
+
+def corrected(
+    subject: Subject, selection: Selection, improved: Improved, usual: UsualError, trial: Trial | None
+) -> tuple[Improved, list[str]]:
+    """The model with the law that its error follows, and notes if the law is left out.
+
+    Like effects, the law must predict the held-out recordings better, and reduce the error in W.
     """
     unknown = selection.unknown
     if unknown is None:
@@ -38,23 +80,18 @@ def corrected(
     what = unnamed(unknown.finding.candidate.label)
     if unknown.finding.candidate.law_columns is None:
         return improved, [f"{what} cannot be predicted from the motion: the model is not corrected"]
-    if not usual.exceeded_by(subject.held_out, improved.errors):
-        return improved, [f"{what} is in an error that has not grown: the model is not corrected"]
-    fitted = fit_law(selection, unknown, places_of(improved.kept))
-    if fitted is None:
+    if trial is None:
         return improved, [f"{what} has no size beside the model's own parameters: the model is not corrected"]
-    scale = torque_scale(subject)
-    base, term = _with_law(subject, improved, fitted.term(scale), seed)
-    errors = errors_of(Augmented.of(base, subject.carrier, [*improved.terms, term]), subject.held_out)
-    gain = rms(improved.errors) - rms(errors)
-    kept = places_of(improved.kept)
-    if gain <= 0 or predictive.density(errors, kept) <= predictive.density(improved.errors, kept):
+    if not trial.predicts and not usual.exceeded_by(subject.held_out, improved.errors):
+        return improved, [f"{what} is in an error that has not grown: the model is not corrected"]
+    if trial.gain_W <= 0 or trial.log_gain <= 0:
         return improved, [f"a correction by {what} does not help on held-out recordings: not added"]
     correction = Correction(
-        term=term, part=fitted.part, follows=what, along=fitted.along, strength=fitted.strength(scale),
-        recordings=fitted.recordings, begins=unknown.gate.start, gain=gain,
+        term=trial.term, part=trial.fitted.part, follows=what, along=trial.fitted.along,
+        strength=trial.fitted.strength(trial.scale), recordings=trial.fitted.recordings, begins=unknown.gate.start,
+        gain=trial.gain_W,
     )  # fmt: skip
-    better = replace(improved, base=base, correction=correction, errors=errors)
+    better = replace(improved, base=trial.base, correction=correction, errors=trial.errors)
     return replace(better, effects=_gains(subject, better)), []
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from acqd.discrepancy.recordings import Subject
-from acqd.discrepancy.repair.correcting import corrected
+from acqd.discrepancy.repair.correcting import corrected, tried
 from acqd.discrepancy.repair.guard import Improved, improve
 from acqd.discrepancy.repair.law_fit import fit_law
 from acqd.discrepancy.repair.predictive import Predictive
@@ -77,7 +77,8 @@ def subject_of(robot, model, carrier, fit, held_out, reference):
 def correct(subject, selection):
     errors = errors_of(subject.model, subject.held_out)
     improved = Improved(subject.model, (), errors)
-    return corrected(subject, selection, improved, UsualError.of(subject, 0.5), Predictive.of(selection, subject), 1)
+    trial = tried(subject, selection, improved, Predictive.of(selection, subject), 1)
+    return corrected(subject, selection, improved, UsualError.of(subject, 0.5), trial)
 
 
 def test_an_unknown_spring_is_measured_and_corrected(sprung):
@@ -155,7 +156,8 @@ def test_a_law_is_corrected_beside_a_named_effect(robot):
     friction = reported(selection, selection.effects[0], TorqueScale(1.0, 0.0))
     predictive = Predictive.of(selection, subject)
     improved = improve(subject, [friction], errors_of(model, held_out), predictive, 1)
-    better, notes = corrected(subject, selection, improved, UsualError.of(subject, 0.5), predictive, 1)
+    trial = tried(subject, selection, improved, predictive, 1)
+    better, notes = corrected(subject, selection, improved, UsualError.of(subject, 0.5), trial)
     assert not notes and better.correction.follows == "a torque that depends on the angle of joint 3"
     assert [term.id for term in better.terms] == ["coulomb_friction", "torque_of_angle"]
     assert rms(better.errors) < 1.5 * rms(errors_of(model, reference)) < 0.5 * rms(improved.errors)

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from acqd.discrepancy.repair.correcting import Trial
 from acqd.discrepancy.repair.guard import Improved, helpful
 from acqd.discrepancy.repair.naming import named_or_not
 from acqd.discrepancy.repair.predictive import Predictive
@@ -75,22 +76,25 @@ def test_an_error_beyond_the_spread_of_the_reference_has_grown():
 
 
 @pytest.mark.parametrize(
-    ("named", "refused", "unknown", "now_W", "fit_s", "verdict"),
+    ("named", "refused", "unknown", "predicts", "now_W", "fit_s", "verdict"),
     [
-        (True, False, False, 16.0, 600, "effects_found"),
-        (True, False, True, 16.0, 600, "effects_found"),
-        (False, True, False, 6.0, 600, "not_identifiable"),
-        (False, True, True, 16.0, 600, "unknown_structure"),
-        (False, False, True, 16.0, 600, "unknown_structure"),
-        (False, False, True, 6.0, 600, "not_identifiable"),
-        (False, False, False, 16.0, 600, "not_identifiable"),
-        (False, False, False, 6.0, 600, "nothing_left"),
-        (False, False, False, 6.0, 60, "not_identifiable"),
+        (True, False, False, None, 16.0, 600, "effects_found"),
+        (True, False, True, None, 16.0, 600, "effects_found"),
+        (False, True, False, None, 6.0, 600, "not_identifiable"),
+        (False, True, True, None, 16.0, 600, "unknown_structure"),
+        (False, False, True, None, 16.0, 600, "unknown_structure"),
+        (False, False, True, None, 6.0, 600, "not_identifiable"),
+        (False, False, True, 6.0, 6.0, 600, "not_identifiable"),
+        (False, False, True, 12.0, 6.0, 600, "unknown_structure"),
+        (False, False, False, None, 16.0, 600, "not_identifiable"),
+        (False, False, False, None, 6.0, 600, "nothing_left"),
+        (False, False, False, None, 6.0, 60, "not_identifiable"),
     ],
 )
 def test_the_verdict_follows_from_names_laws_and_the_growth_of_the_error(
-    named, refused, unknown, now_W, fit_s, verdict
+    named, refused, unknown, predicts, now_W, fit_s, verdict
 ):
+    """`predicts`: what the law gains on held-out recordings; 7.8 by chance."""
     model = grey()
     usual = usual_of(recordings(model, 8, 6.0, 0)[1])
     new, errors = recordings(model, 6, now_W, 3)
@@ -98,7 +102,8 @@ def test_the_verdict_follows_from_names_laws_and_the_growth_of_the_error(
     effects += [CERTAIN.without_name("refused", "a better prediction")] if refused else []
     subject = SimpleNamespace(held_out=new, fit_s=fit_s)
     selection = SimpleNamespace(unknown=Unknown(None, None, 15.0) if unknown else None)
-    assert settled(subject, selection, Improved(model, tuple(effects), errors), errors, usual)[0] == verdict
+    trial = None if predicts is None else Trial(model, None, errors, None, None, 0.0, predicts)
+    assert settled(subject, selection, Improved(model, tuple(effects), errors), errors, usual, trial)[0] == verdict
 
 
 def test_two_effects_that_help_only_together_stay():
