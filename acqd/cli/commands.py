@@ -39,6 +39,7 @@ _COMMANDS = (
     _Command("web", _MEASURE),
     _Command("replay", _MEASURE),
     _Command("capture", _MEASURE),
+    _Command("conformance", _MEASURE),
     _Command("ethercat", _MEASURE, group=True),
     _Command("modbus", _MEASURE, group=True),
     _Command("sink", _DATA, group=True),

@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from acqd.arrays import Floats
+from acqd.conformance.flicker_tables import RECTANGULAR, SINUSOIDAL, rectangular, sinusoidal
 from acqd.metering.quality.flicker import PinstStream
 from acqd.metering.quality.severity import SHORT_S, short_term
-from tests.metering.quality.flicker_tables import RECTANGULAR, SINUSOIDAL, rectangular, sinusoidal
 from tools.bench.report import Figure
 
 _RATE = 10_000.0  # of the signals; pqopen-lib works at 5 kHz inside

@@ -18,7 +18,9 @@ from tools.docs.reference import ROOT, pages
 _DOCS = ROOT / "docs"
 NAVIGATION: dict[str, list[str]] = {
     "Start": ["index.md", "first-ten-minutes.md", "python.md", "compared.md"],
-    "Measure": ["sources.md", "waveforms.md", "rows.md", "quality.md", "events.md", "service.md", "web.md"],
+    "Measure": [
+        *("sources.md", "waveforms.md", "rows.md", "quality.md", "conformance.md", "events.md", "service.md", "web.md")
+    ],
     "Operate": ["operations.md", "security.md", "scaling.md", "peers.md", "sidecar.md", "integrations.md"],
     "Model": ["robots.md", "dataset.md", "models.md", "fmu.md"],
     "Close the loop": ["closing-the-loop.md", "fleet.md"],

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from scipy import signal
 
+from acqd.conformance.flicker_tables import RECTANGULAR, SINUSOIDAL, carrier, rectangular, sinusoidal
 from acqd.metering import SampleBlock, StreamFormat
 from acqd.metering.quality.flicker import SETTLING_S, FlickerMeter, PinstStream
 from acqd.metering.quality.linear_filter import LinearFilter, bilinear, butterworth
 from acqd.metering.quality.severity import LongTerm, Severity, short_term
-from tests.metering.quality.flicker_tables import RECTANGULAR, SINUSOIDAL, carrier, rectangular, sinusoidal
 
 RATE = 4_000.0
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from acqd.conformance.flicker_tables import RECTANGULAR, rectangular
 from acqd.metering import SampleBlock, StreamFormat
 from acqd.metering.quality.flicker_values import FlickerValues, lamp_of
 from acqd.metering.quality.quantities import Options
 from acqd.telemetry.quality_row import quality_rows
-from tests.metering.quality.flicker_tables import RECTANGULAR, rectangular
 from tests.metering.quality.waves import metered, of_kind
 
 RATE, F = 20_000.0, 50.0

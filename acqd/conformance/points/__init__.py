@@ -1,0 +1,1 @@
+"""The test points, by parameter: functions that feed an instrument and yield judged points."""
