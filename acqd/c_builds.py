@@ -19,7 +19,7 @@ _COMMON = ("-std=gnu11", *_SHARED, "-ffp-contract=fast", "-fno-math-errno", "-fn
 # equal to the prediction of the bundle on every platform and processor: no contraction, no relaxed mathematics
 FMU_FLAGS = ("-std=c99", "-O3", *_SHARED, "-fvisibility=hidden", "-ffp-contract=off", "-g0")
 WINDOW_FALLBACK = "metering with numpy takes more than twenty times as long"
-RESAMPLE_FALLBACK = "power quality with numpy takes more than twice as long"
+QUALITY_FALLBACK = "power quality and events with numpy take several times as long"
 TICKS_FALLBACK = "MAIN_FAST waits in Python, which costs more of the processor"
 SWITCHING_FALLBACK = "loads that switch are searched with numpy, which takes several times as long"
 LSTM_FALLBACK = "train with --compute torch"
@@ -52,12 +52,12 @@ def window(channels: int, instructions: InstructionSet) -> CBuild:
     return CBuild(name, (folder / "window.c",), flags, WINDOW_FALLBACK, headers)
 
 
-def resample(instructions: InstructionSet) -> CBuild:
-    """The resampling of intervals of power quality."""
+def quality(instructions: InstructionSet) -> CBuild:
+    """Power quality and events."""
     flags = ("-O3", *_COMMON, "-Wall", "-Wextra", *instructions.options)
     folder = _PACKAGE / "metering" / "kernel"
-    name, headers = f"resample-{instructions.name}", (folder / "vectors.h",)
-    return CBuild(name, (folder / "resample.c",), flags, RESAMPLE_FALLBACK, headers)
+    name, headers = f"quality-{instructions.name}", (folder / "vectors.h",)
+    return CBuild(name, (folder / "quality.c",), flags, QUALITY_FALLBACK, headers)
 
 
 def ticks() -> CBuild:
@@ -90,5 +90,5 @@ def all_builds(machine: str) -> list[CBuild]:
     return [
         ticks(),
         switching(),
-        *(build for each in sets for build in (*(window(n, each) for n in (2, 4, 6)), resample(each), lstm(each))),
+        *(build for each in sets for build in (*(window(n, each) for n in (2, 4, 6)), quality(each), lstm(each))),
     ]

@@ -5,7 +5,7 @@ import platform
 import pytest
 
 from acqd import compiling
-from acqd.c_builds import CBuild, all_builds, lstm, resample, window
+from acqd.c_builds import CBuild, all_builds, lstm, quality, window
 from acqd.errors import OperationError, UserError
 from acqd.fmu import platforms
 from acqd.instruction_sets import INSTRUCTION_SETS, best_instruction_set
@@ -17,13 +17,13 @@ def test_a_wheel_holds_what_any_processor_of_its_kind_looks_for():
     for instructions in INSTRUCTION_SETS:
         wanted = [
             lstm(instructions),
-            resample(instructions),
+            quality(instructions),
             *(window(channels, instructions) for channels in (2, 4, 6)),
         ]
         assert {compiling.file_name(build) for build in wanted} <= names
     others = {build.name for build in all_builds("aarch64")}
     windows = {f"window-portable-{channels}" for channels in (2, 4, 6)}
-    assert others == {"ticks", "switching", "lstm-portable", "resample-portable"} | windows
+    assert others == {"ticks", "switching", "lstm-portable", "quality-portable"} | windows
 
 
 def test_a_library_of_the_wheel_needs_neither_compiler_nor_cache(tmp_path, monkeypatch):

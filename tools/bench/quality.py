@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,10 +11,13 @@ from numpy.typing import NDArray
 
 from acqd.metering import Meter, SampleBlock, StreamFormat
 from acqd.metering.quality.components import unbalance
+from acqd.metering.quality.detector import EventDetector
+from acqd.metering.quality.flicker_values import FlickerValues
 from acqd.metering.quality.meter import QualityMeter
+from acqd.metering.quality.reference import Declared
 from acqd.metering.quality.values import QualityValues
 from tools.bench.report import Figure
-from tools.bench.waves import EN50160, RATE, SCALE
+from tools.bench.waves import EN50160, RATE, SCALE, hard_mains
 
 _SECONDS, _SETTLED = 12.0, 4.0
 _FREQUENCIES = (49.73, 50.02, 50.5)
@@ -104,7 +107,7 @@ def _pqopen(codes: NDArray[np.int16]) -> _Found:
     return _Found(
         read("U1_H_rms")[0][:, 1:], read("U1_IH_rms")[0][:, 1:50], read("U1_THD")[0],
         read("U_unbal_2")[0], read("U_unbal_0")[0], np.stack((f, at / RATE - 0.5 / 50), axis=1),
-        spent / (_SECONDS * 5) * 1e3,
+        spent / (len(codes) / RATE * 5) * 1e3,
     )  # fmt: skip
 
 
@@ -147,6 +150,30 @@ def quality() -> Iterator[Figure]:
                 yield Figure(section, f"{value}: {name}", worst, unit, target if name == "acqd" else "")
         for name, found in results.items():
             yield Figure(section, f"duration of an interval: {name}", max(one[0].ms for one in found), "ms")
+
+
+def cost(seconds: float = 20.0) -> Iterator[Figure]:
+    """CPU of everything that is metered of three phases live, in blocks of a window, beside pqopen-lib in one run."""
+    section = f"live cost of three phases at 20 kHz, {seconds:g} s in blocks of 40 ms"
+    wave = hard_mains(50.02, 3, seconds)
+    meters: dict[str, Callable[[SampleBlock], object]] = {
+        "rows": Meter(wave.form).feed,
+        "harmonics, interharmonics, unbalance": lambda block, meter=QualityMeter(wave.form): list(meter.feed(block)),  # type: ignore[misc]
+        "events": lambda block, meter=EventDetector(wave.form, Declared(230.0)): list(meter.feed(block)),  # type: ignore[misc]
+        "flicker": lambda block, meter=FlickerValues(wave.form, 230.0): list(meter.feed(block)),  # type: ignore[misc]
+    }
+    shares = {}
+    for name, feed in meters.items():
+        begun = time.process_time()
+        for start in range(0, len(wave.codes), 800):
+            feed(SampleBlock(wave.codes[start : start + 800], start, round(start * 1e9 / RATE)))
+        shares[name] = 100 * (time.process_time() - begun) / seconds
+        yield Figure(section, name, shares[name], "% of a core")
+    whole = sum(shares.values())
+    yield Figure(section, "all of it", whole, "% of a core", "<= 1.2")
+    theirs = _pqopen(wave.codes).ms / 2  # of 200 ms, in %
+    yield Figure(section, "pqopen-lib: harmonics, unbalance", theirs, "% of a core")
+    yield Figure(section, "all of it over pqopen-lib's harmonics and unbalance", whole / theirs, "", "<= 0.333")
 
 
 def beside() -> Iterator[Figure]:

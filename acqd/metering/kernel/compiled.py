@@ -1,4 +1,4 @@
-"""Compiles `window.c` and `resample.c` at first use, for the widest vectors of the processor."""
+"""Compiles `window.c` and `quality.c` at first use, for the widest vectors of the processor."""
 
 from __future__ import annotations
 
@@ -8,7 +8,10 @@ import logging
 import os
 from pathlib import Path
 
-from acqd.c_builds import WINDOW_FALLBACK, resample, window
+import numpy as np
+
+from acqd.arrays import Floats
+from acqd.c_builds import WINDOW_FALLBACK, quality, window
 from acqd.compiling import cached_library
 from acqd.errors import OperationError
 from acqd.instruction_sets import InstructionSet, best_instruction_set
@@ -62,16 +65,39 @@ def why_not(channels: int = 6) -> str | None:
 
 
 @functools.cache
-def resample_library() -> ctypes.CDLL | None:
-    """The library of the resampling; None where it cannot be built or no C is wanted (`SWITCH`)."""
+def quality_library() -> ctypes.CDLL | None:
+    """The library of power quality and events; None where it cannot be built or no C is wanted (`SWITCH`)."""
     if os.environ.get(SWITCH) == "numpy":
         return None
     try:
-        loaded = ctypes.CDLL(str(cached_library(resample(best_instruction_set()))))
+        return load_quality(cached_library(quality(best_instruction_set())))
     except (OperationError, OSError) as error:
-        _log.warning("not resampling with C: %s", error)
+        _log.warning("no power quality with C: %s", error)
         return None
+
+
+def load_quality(path: Path) -> ctypes.CDLL:
+    """The library at `path`, with the types of its functions."""
+    loaded = ctypes.CDLL(str(path))
     pointer, integer, number = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
-    loaded.acqd_resample.restype = None
-    loaded.acqd_resample.argtypes = [pointer, integer, integer, number, number, integer, pointer, integer, pointer]
+    rows = (pointer, integer, integer, integer)  # numbers, how many rows, their distance and length
+    loaded.acqd_resample.argtypes = [*rows, number, number, integer, pointer, integer, pointer, pointer]
+    loaded.acqd_half_cycle_integrals.argtypes = [*rows, number, number, integer, *[pointer] * 3]
+    loaded.acqd_cycle_sums.argtypes = [*rows, number, number, integer, pointer, pointer]
+    loaded.acqd_half_cycles.argtypes = [
+        *(pointer, pointer, pointer, integer, integer, integer, pointer, number, number),
+        *(pointer, integer, pointer, pointer, integer, pointer),
+    ]
+    for name in ("resample", "half_cycle_integrals", "cycle_sums", "half_cycles"):
+        getattr(loaded, f"acqd_{name}").restype = None
     return loaded
+
+
+def rows_of(x: Floats) -> tuple[int, int, int, int]:
+    """How C takes an array [rows, samples] whose samples lie next to each other: address, rows, distance, samples.
+
+    The caller keeps the array alive. Raises ValueError for another array.
+    """
+    if x.dtype != np.float64 or x.ndim != 2 or x.strides[1] != 8 or x.strides[0] % 8:
+        raise ValueError(f"rows of {x.dtype} with strides {x.strides} cannot be passed to C")
+    return x.ctypes.data, x.shape[0], x.strides[0] // 8, x.shape[1]

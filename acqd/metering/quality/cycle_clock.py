@@ -13,13 +13,13 @@ import numpy as np
 
 from acqd.arrays import Floats
 
-_PULL = 0.25  # of a phase error is corrected in the next half cycle
-_STEER = 0.02  # of it changes the frequency for good; critically damped with _PULL
-_JUMP = 0.6  # rad: a jump of the phase rather than a change of f; f is held
-_LOST = 25  # half cycles with a jump that does not end: lock again
-_RANGE = 0.2  # share of the nominal frequency in which f is looked for
-_PURITY = 0.5  # share of the power that the fundamental must have for its phase to count
-_CALM = 0.02  # change of the amplitude within half a cycle from which on the phase of a cycle means nothing
+PULL = 0.25  # of a phase error is corrected in the next half cycle
+STEER = 0.02  # of it changes the frequency for good; critically damped with PULL
+JUMP = 0.6  # rad: a jump of the phase rather than a change of f; f is held
+LOST = 25  # half cycles with a jump that does not end: lock again
+RANGE = 0.2  # share of the nominal frequency in which f is looked for
+PURITY = 0.5  # share of the power that the fundamental must have for its phase to count
+CALM = 0.02  # change of the amplitude within half a cycle from which on the phase of a cycle means nothing
 _LOOKS = 4  # refinements of f when locking
 
 
@@ -27,13 +27,16 @@ class CycleClock:
     """Half cycles of one channel; positions are sample numbers of the stream, with fractions."""
 
     def __init__(self, rate: float, f_nominal: float) -> None:
-        self._nominal = rate / f_nominal / 2
-        self.half = self._nominal
+        self.nominal = rate / f_nominal / 2
+        """Samples per half cycle at the nominal frequency."""
+        self.half = self.nominal
         """Samples per half cycle, as far as known."""
         self.next: float | None = None
         """The next bound of a half cycle; None before the first `lock`."""
-        self._astray = 0
-        self._amplitude = 0.0
+        self.astray = 0
+        """Half cycles since a jump of the phase."""
+        self.amplitude = 0.0
+        """Of the last cycle, as its Fourier integral."""
 
     @property
     def locked(self) -> bool:
@@ -42,11 +45,15 @@ class CycleClock:
 
     def need(self) -> float:
         """Samples that `lock` wants: three cycles."""
-        return 6 * self._nominal * (1 + _RANGE)
+        return 6 * self.nominal * (1 + RANGE)
+
+    def most(self, samples: int) -> int:
+        """Half cycles that so many samples can complete at most."""
+        return int(samples * (1 + RANGE) / (1 - PULL * JUMP / math.pi) / self.nominal) + 2
 
     def lock(self, u: Floats, origin: int) -> None:
         """Find frequency and phase at the start of `u`, whose first sample is number `origin`."""
-        self.half, self._astray = self._nominal, 0
+        self.half, self.astray = self.nominal, 0
         known = True
         for _ in range(_LOOKS):
             early, late = (self._phasor(u, start) for start in (0.0, 2 * self.half))
@@ -82,22 +89,22 @@ class CycleClock:
             return self.half
         z = _at(integral, last) - _at(integral, first)
         squares = (_at(power, last) - _at(power, first)).real
-        amplitude, before = abs(z), self._amplitude
-        self._amplitude = amplitude
-        impure = squares <= 0 or 2 * amplitude**2 < _PURITY * squares * (last - first)
-        if impure or abs(amplitude - before) > _CALM * max(amplitude, before):
+        amplitude, before = abs(z), self.amplitude
+        self.amplitude = amplitude
+        pure = squares > 0 and 2 * amplitude**2 >= PURITY * squares * (last - first)
+        if not (pure and abs(amplitude - before) <= CALM * max(amplitude, before)):  # also of samples that are NaN
             return self.half
         # Of a sine that crosses zero at `bound`: a quarter turn back for the sine, half a turn to the cycle's end.
         theta = cmath.phase(z) + carrier * (last - self.half) + 1.5 * math.pi
         error = (theta + math.pi / 2) % math.pi - math.pi / 2
-        if abs(error) > _JUMP:
-            self._astray += 1
-            if self._astray > _LOST:
-                self._astray, self.half = 0, self._nominal
+        if abs(error) > JUMP:
+            self.astray += 1
+            if self.astray > LOST:
+                self.astray, self.half = 0, self.nominal
         else:
-            self._astray = 0
-            self.half = self._within(self.half * (1 - _STEER * error / math.pi))
-        return self.half * (1 - _PULL * error / math.pi)
+            self.astray = 0
+            self.half = self._within(self.half * (1 - STEER * error / math.pi))
+        return self.half * (1 - PULL * error / math.pi)
 
     def _phasor(self, u: Floats, start: float) -> complex:
         """Fourier integral of the two cycles from `start` on, Hann tapered; the phase is a sine's at the middle."""
@@ -108,7 +115,7 @@ class CycleClock:
         return complex(1j * (u[first : first + count] * np.hanning(count + 2)[1:-1] @ carrier))
 
     def _within(self, half: float) -> float:
-        return min(max(half, self._nominal / (1 + _RANGE)), self._nominal * (1 + _RANGE))
+        return min(max(half, self.nominal / (1 + RANGE)), self.nominal * (1 + RANGE))
 
 
 def _at(cumulative: np.ndarray, position: float) -> complex:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from acqd.arrays import Floats
 from acqd.metering.interval import interval_sums
+from acqd.metering.kernel.compiled import quality_library, rows_of
 
 Phasors = NDArray[np.complex128]
 
@@ -88,16 +89,34 @@ def fit_cycles(u: Floats, start: float, f: float, rate: float, cycles: int, dead
 def cycle_phasors(u: Floats, start: float, f: float, rate: float, cycles: int) -> tuple[Phasors, float]:
     """RMS phasors of consecutive cycles, complex [phases, cycles], and the fundamental's share of the AC power."""
     length = rate / f
+    sums = _cycle_sums(u, start, length, cycles) / length
+    phasors = np.asarray(np.sqrt(2) * (sums[0] + 1j * sums[1]))
+    ac = sums[3].mean(axis=1) - sums[2].mean(axis=1) ** 2
+    purity = float((np.abs(phasors) ** 2).mean(axis=1).sum() / max(float(ac.sum()), 1e-30))
+    return phasors, purity
+
+
+def _cycle_sums(u: Floats, start: float, length: float, cycles: int) -> Floats:
+    """Integrals over cycles of `u` times cos and -sin, of u and of its square [4, phases, cycles].
+
+    In C where there is a compiler (`kernel/quality.c`).
+    """
+    library = quality_library()
+    if library is None:
+        return _cycle_sums_by_numpy(u, start, length, cycles)
+    out, scratch = np.empty((4, len(u), cycles)), np.empty((3, u.shape[1]))
+    library.acqd_cycle_sums(*rows_of(u), start, length, cycles, scratch.ctypes.data, out.ctypes.data)
+    return out
+
+
+def _cycle_sums_by_numpy(u: Floats, start: float, length: float, cycles: int) -> Floats:
+    """The same without C: the reference."""
     edges = np.asarray(start + length * np.arange(cycles + 1))
     first = max(0, int(edges[0]) - 1)
     part = u[:, first : int(edges[-1]) + 2]
     angle = 2 * np.pi / length * (np.arange(part.shape[1]) + 0.5 + first - start)
     turned = np.stack((part * np.cos(angle), part * -np.sin(angle), part, part * part))
-    sums = interval_sums(turned, edges[:-1] - first, edges[1:] - first) / length
-    phasors = np.asarray(np.sqrt(2) * (sums[0] + 1j * sums[1]))
-    ac = sums[3].mean(axis=1) - sums[2].mean(axis=1) ** 2
-    purity = float((np.abs(phasors) ** 2).mean(axis=1).sum() / max(float(ac.sum()), 1e-30))
-    return phasors, purity
+    return interval_sums(turned, edges[:-1] - first, edges[1:] - first)
 
 
 def _phases(phasors: Phasors) -> Floats:
@@ -113,12 +132,13 @@ def _fit(phases: Floats, cycles: int) -> tuple[float, float, float]:
     rest = float(((phases - design @ plain) ** 2).sum())
     best = (float(plain[1]), float(plain[2]), 0.0)
     least = rest / _CLEARER
-    for inverse, design in _with_jump(cycles):
-        values = inverse @ phases
-        left = float(((phases - design @ values) ** 2).sum())
-        step = float(values[3]) if len(values) > 4 else float(values[-1])
-        if left < least and abs(step) > JUMP:
-            least, best = left, (float(values[1]), float(values[2]), step)
+    inverses, left = _with_jump(cycles)
+    squares = np.square(left @ phases).sum(axis=1)
+    for k in np.flatnonzero(squares < least).tolist():
+        values = inverses[k] @ phases
+        step = float(values[3])
+        if squares[k] < least and abs(step) > JUMP:
+            least, best = float(squares[k]), (float(values[1]), float(values[2]), step)
     return best
 
 
@@ -140,15 +160,17 @@ def _slope_with_beat(cycles: int) -> Floats:
 
 
 @lru_cache(maxsize=2)
-def _with_jump(cycles: int) -> list[tuple[Floats, Floats]]:
-    """The same with a step after cycle k, whose phasor is of both sides and left out."""
+def _with_jump(cycles: int) -> tuple[list[Floats], Floats]:
+    """The same with a step after cycle k, whose phasor is of both sides and left out: pseudo-inverses, the step fourth,
+    and [cycles, cycles, cycles] what the fit leaves of the phases."""
     _, parabola = _parabola(cycles)
     m = np.arange(cycles)
-    designs = []
+    inverses, left = [], []
     for k in range(cycles):
         only = (m == k).astype(float)[:, None]
         step = (m > k).astype(float)[:, None]
         inner = 0 < k < cycles - 1
         design = np.hstack((parabola, step, only) if inner else (parabola, only))
-        designs.append((np.linalg.pinv(design), design))
-    return designs
+        inverses.append(np.linalg.pinv(design))
+        left.append(np.eye(cycles) - design @ inverses[-1])
+    return inverses, np.array(left)

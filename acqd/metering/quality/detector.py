@@ -63,6 +63,8 @@ class EventDetector:
         yield from self._interrupt("unfinished")
 
     def _take(self, values: HalfCycles) -> Iterator[Event]:
+        if self._quiet(values):
+            return
         fresh = dict.fromkeys(range(self._form.phases), bool(self._unknown))
         for one in heapq.merge(*(_listed(values, phase) for phase in range(self._form.phases))):
             end, phase, begin, U, late = one
@@ -74,6 +76,26 @@ class EventDetector:
                 fresh[phase] = False
             self._reference.take(phase, U, not self._busy)
             self._last = end
+
+    def _quiet(self, values: HalfCycles) -> bool:
+        """Take values among which nothing can happen at once, and say whether they were such; nearly all are."""
+        if self._unknown or self._reference.sliding:
+            return False
+        listed = [column.tolist() for column in values.Urms]
+        for phase, U in enumerate(listed):
+            reference = self._reference.of(phase)
+            if reference is None or not U:
+                return False
+            if not all(one.idle(min(U), reference) and one.idle(max(U), reference) for one in self._excursions):
+                return False
+            if self._change is not None and not self._change.stays_steady(phase, min(U), max(U), reference):
+                return False
+        for phase, U in enumerate(listed):
+            self._levels[phase].take_all(values.late[phase].tolist())
+            if self._change is not None:
+                self._change.take_steady(phase, values.begin[phase].tolist(), U)
+        self._last = max(column[-1] for column in values.end)
+        return True
 
     def _value(
         self, phase: int, begin: float, end: float, U: float, reference: float, before: frozenset[str]

@@ -2,21 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from acqd.arrays import Floats
-from acqd.metering.interval import interval_sums
 
 DIP, SWELL, INTERRUPTION = 0.90, 1.10, 0.05
 """Shares of the declared voltage (EN 50160)."""
-
-
-def one_cycle_rms(u: Floats, start: float, length: float, cycles: int) -> Floats:
-    """RMS of `u` [phases, samples] over each cycle that lies in the interval, every half cycle: [phases, 2 n - 1]."""
-    half = length / cycles / 2
-    begins = np.asarray(start + half * np.arange(2 * cycles - 1))
-    squares = interval_sums(u * u, begins, begins + 2 * half) / (2 * half)
-    return np.asarray(np.sqrt(np.maximum(squares, 0.0)))
 
 
 def event_flags(rms: Floats, declared: float) -> set[str]:

@@ -6,14 +6,18 @@ voltage: an interruption has values near zero and a duration.
 
 from __future__ import annotations
 
+import ctypes
 import math
 from collections.abc import Iterator
+from ctypes import Array
 from dataclasses import dataclass
 
 import numpy as np
 
 from acqd.arrays import Floats
 from acqd.metering.block import Codes, SampleBlock, StreamFormat
+from acqd.metering.kernel.compiled import quality_library
+from acqd.metering.quality.clock_state import RULES_AT, ClockState, give_back, states_of
 from acqd.metering.quality.cycle_clock import CycleClock
 
 
@@ -41,11 +45,16 @@ class HalfCycles:
 class HalfCycleStream:
     """Cuts a stream of blocks into cycles; holds no more samples than a block and three cycles."""
 
-    def __init__(self, form: StreamFormat) -> None:
+    def __init__(self, form: StreamFormat, *, compiled: bool = True) -> None:
+        """`compiled`: in C where there is a compiler (`kernel/quality.c`); both ways agree to rounding."""
         self._form = form
+        self._library = quality_library() if compiled else None
         self._scale = np.asarray(form.scale[0::2])
         self._carrier = 2 * math.pi * form.f_nominal / form.rate
-        self._turning = np.empty(0, complex)
+        self._turning: Floats = np.empty((2, 0))
+        self._room = 0
+        self._scratch: Floats = np.empty(0)
+        self._counts = (ctypes.c_int64 * form.phases)()
         self._restart()
 
     def _restart(self) -> None:
@@ -53,6 +62,7 @@ class HalfCycleStream:
         self._origin = 0
         self._first = True
         self._clocks = [CycleClock(self._form.rate, self._form.f_nominal) for _ in self._scale]
+        self._states: Array[ClockState]
 
     def feed(self, block: SampleBlock) -> Iterator[HalfCycles]:
         """The values that `block` completes; a gap before it ends one run of values and begins another."""
@@ -62,25 +72,60 @@ class HalfCycleStream:
             yield HalfCycles(nothing, nothing, nothing, nothing, last=True)
             self._restart()
         if self._codes is None:
-            self._codes, self._origin = u, block.index
+            self._codes, self._origin = np.ascontiguousarray(u), block.index
         else:
             self._codes = np.concatenate((self._codes, u))
         if not self._clocks[0].locked and len(self._codes) < self._clocks[0].need():
             return
-        values = self._values(np.asarray(self._codes.T * self._scale[:, None]))
+        in_c = self._library is not None and self._codes.dtype == self._form.dtype
+        values = self._values(self._codes) if in_c else self._values_by_numpy(self._codes)
         self._forget()
         if len(values):
             self._first = False
             yield values
 
-    def _values(self, u: Floats) -> HalfCycles:
-        begin, end, Urms, late = [], [], [], []
-        if len(self._turning) < u.shape[1]:
-            self._turning = np.exp(-1j * self._carrier * np.arange(2 * u.shape[1]))
-        turning = self._turning[: u.shape[1]]
+    def _values(self, codes: Codes) -> HalfCycles:
+        """The values of `codes` [samples, phases], which lie next to each other, in C."""
+        assert self._library is not None
+        samples, phases = codes.shape
+        if not self._clocks[0].locked:
+            self._lock(np.asarray(codes.T * self._scale[:, None]))
+            self._states = states_of(self._clocks)
+        turning, most = self._turned(samples), self._clocks[0].most(samples)
+        if samples > self._room:
+            self._room = 2 * samples
+            self._scratch = np.empty(4 * (self._room + 1))
+        out = np.empty((phases, most, 4))
+        self._library.acqd_half_cycles(
+            ctypes.addressof(self._states), RULES_AT, codes.ctypes.data, self._form.bits, phases, samples,
+            self._scale.ctypes.data, self._origin, self._carrier, turning.ctypes.data, turning.shape[1],
+            self._scratch.ctypes.data, out.ctypes.data, most, ctypes.addressof(self._counts),
+        )  # fmt: skip
+        give_back(self._states, self._clocks)
+        columns = [out[k, : self._counts[k]].T for k in range(phases)]
+        begin, end, Urms, late = ([one[column] for one in columns] for column in range(4))
+        return HalfCycles(begin, end, Urms, late, first=self._first)
+
+    def _lock(self, u: Floats) -> None:
         for channel, clock in zip(u, self._clocks, strict=True):
-            if not clock.locked:
-                clock.lock(channel, self._origin)
+            clock.lock(channel, self._origin)
+
+    def _turned(self, samples: int) -> Floats:
+        """Real and imaginary part of exp(-j carrier k) [2, samples or more]."""
+        if self._turning.shape[1] < samples:
+            angle = self._carrier * np.arange(2 * samples)
+            self._turning = np.stack((np.cos(angle), -np.sin(angle)))
+        return self._turning
+
+    def _values_by_numpy(self, codes: Codes) -> HalfCycles:
+        """The same without C: the reference."""
+        u = np.asarray(codes.T * self._scale[:, None])
+        begin, end, Urms, late = [], [], [], []
+        parts = self._turned(u.shape[1])[:, : u.shape[1]]
+        turning = parts[0] + 1j * parts[1]
+        if not self._clocks[0].locked:
+            self._lock(u)
+        for channel, clock in zip(u, self._clocks, strict=True):
             square = channel * channel
             integral, power = _cumulative(channel * turning), _cumulative(square)
             # The line through a cut cell needs the samples on both sides.

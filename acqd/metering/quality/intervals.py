@@ -113,20 +113,27 @@ class IntervalCutter:
         nominal = self.cycles * self._form.rate / self._f
         if self._run.end < chain.begin + _ROOM * nominal + self._margin:
             return None
-        fit = self._fit(chain.begin, nominal)
+        stretch = self._stretch(chain.begin)
+        fit = self._fit(stretch, chain.begin, nominal)
         if fit is None:
             return None
         if fit.credible:
             self._f = fit.f
         self._known = fit.credible
         length = self.cycles * self._form.rate / self._f
-        return None if self._run.end < chain.begin + length + self._margin else self._interval(chain, length, fit)
+        enough = self._run.end >= chain.begin + length + self._margin
+        return self._interval(chain, length, fit, stretch) if enough else None
+
+    def _stretch(self, begin: float) -> tuple[Floats, int]:
+        """V and A of all samples that an interval from `begin` on may need, and the position of the first one."""
+        longest = self.cycles * self._form.rate / (self._range[0] - _EDGE)
+        return self._run.physical(begin - self._margin, begin + longest + self._margin)
 
     @np.errstate(invalid="ignore", over="ignore")  # samples that are no numbers give no f
-    def _fit(self, begin: float, nominal: float) -> CycleFit | None:
+    def _fit(self, stretch: tuple[Floats, int], begin: float, nominal: float) -> CycleFit | None:
         """f of the interval from `begin` on; None when it may be longer than the samples that are there."""
         longest = self.cycles * self._form.rate / (self._range[0] - _EDGE)
-        x, low = self._run.physical(begin - 1, begin + longest + 2 * self._factor)
+        x, low = _from(stretch, begin - 1)
         u, start, rate = decimated(x[0::2], self._factor), (begin - low) / self._factor, self._form.rate / self._factor
         if self._known:
             fit = self._credible(u, start, rate, self._f)
@@ -143,9 +150,12 @@ class IntervalCutter:
         fit = fit_cycles(u, start, trial, rate, self.cycles, self._dead)
         return fit if self._range[0] - _EDGE <= fit.f <= self._range[1] + _EDGE else NONE
 
-    def _interval(self, chain: _Chain, length: float, fit: CycleFit) -> Interval:
+    def _interval(self, chain: _Chain, length: float, fit: CycleFit, stretch: tuple[Floats, int]) -> Interval:
         begin, end = chain.begin, chain.begin + length
-        x, low = self._run.physical(begin - self._margin, end + self._margin)
+        x, low = stretch
+        if low + x.shape[1] < end + self._margin:  # f is below the range
+            x, low = self._run.physical(begin - self._margin, end + self._margin)
+        x = x[:, : int(np.ceil(end + self._margin)) - low]
         codes, _ = self._run.codes(begin, end)
         stopped = (codes >= self._form.code_max) | (codes <= self._form.code_min)
         flags = self._run.flags(begin, end)
@@ -185,6 +195,13 @@ class IntervalCutter:
         if tick <= end:
             chain.trailing = True
             self._chains = [_Chain(tick)] if chain.count == 0 else [chain, _Chain(tick)]
+
+
+def _from(stretch: tuple[Floats, int], position: float) -> tuple[Floats, int]:
+    """The samples of a stretch from the cell of `position` on, and the position of the first one."""
+    x, low = stretch
+    skipped = max(int(position) - low, 0)
+    return x[:, skipped:], low + skipped
 
 
 def tick_number(utc_ns: int) -> int:

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.metering.interval import interval_sums
 from acqd.metering.quality.apparent import arithmetic_apparent, effective_apparent
 from acqd.metering.quality.components import Phasors, rotation, symmetrical, unbalance
 from acqd.metering.quality.cycles import MIN_PURITY
-from acqd.metering.quality.event_flags import INTERRUPTION, event_flags, one_cycle_rms
+from acqd.metering.quality.event_flags import INTERRUPTION, event_flags
+from acqd.metering.quality.integrals import HalfCycleIntegrals, half_cycle_integrals
 from acqd.metering.quality.intervals import Interval
 from acqd.metering.quality.spectrum import (
     Lines,
@@ -19,6 +19,7 @@ from acqd.metering.quality.spectrum import (
     interharmonic_groups,
     interharmonic_subgroups,
     known_orders,
+    line_squares,
     signalling,
     spectrum,
     thds,
@@ -48,20 +49,17 @@ OF_ANY_F = frozenset(
 @np.errstate(invalid="ignore", over="ignore")
 def measure(interval: Interval, declared: float, options: Options = DEFAULT) -> QualityValues:
     """Quantities of `interval`; `declared` voltage [V], for the flags of events."""
-    u, i = interval.x[0::2], interval.x[1::2]
+    integrals = _integrals(interval)
     lines = spectrum(interval.x, interval.start, interval.length, interval.cycles)
-    phase = waveform_values(interval) | _fundamental(lines, interval.cycles)
-    for name, channels in (("V", lines[0::2]), ("I", lines[1::2])):
-        phase |= _groups(name, channels, interval, options)
+    phase = _waveform_values(integrals) | _fundamental(lines, interval.cycles) | _groups(lines, interval, options)
     if options.signalling_Hz is not None:
         phase["V_ms"] = signalling(lines[0::2], interval.f / interval.cycles, options.signalling_Hz)
-    system = _system(interval, u, i, phase) if len(u) > 1 else {}
+    system = _system(integrals, phase) if len(integrals.products) > 1 else {}
     known, flags = interval.fit.credible, interval.flags
     if not known and _elsewhere(phase, declared):
         flags |= {OFF_NOMINAL}
         phase = {name: value if name in OF_ANY_F else np.full_like(value, np.nan) for name, value in phase.items()}
         system = {name: value if name in OF_ANY_F else np.nan for name, value in system.items()}
-    rms = one_cycle_rms(u, interval.start, interval.length, interval.cycles)
     return QualityValues(
         kind="10/12",
         utc_ns=interval.utc_ns,
@@ -71,8 +69,8 @@ def measure(interval: Interval, declared: float, options: Options = DEFAULT) -> 
         rocof=interval.fit.rocof if known and not interval.fit.jump else np.nan,
         phase=phase,
         system=system,
-        flags=flags | event_flags(rms, declared),
-        phase_flags=[_overrange(interval, k) for k in range(len(u))],
+        flags=flags | event_flags(integrals.one_cycle_rms(), declared),
+        phase_flags=[_overrange(interval, k) for k in range(len(integrals.products))],
     )
 
 
@@ -90,13 +88,22 @@ def _overrange(interval: Interval, phase: int) -> frozenset[str]:
 
 def waveform_values(interval: Interval) -> dict[str, Floats]:
     """What needs no spectrum: RMS and power of all that the sampling rate lets through, crest factors."""
-    u, i = interval.x[0::2], interval.x[1::2]
-    V, I, P = _rms(interval, u), _rms(interval, i), _mean(interval, u * i)  # noqa: E741
-    inside = slice(int(interval.start), int(np.ceil(interval.start + interval.length)))
+    return _waveform_values(_integrals(interval))
+
+
+def _integrals(interval: Interval) -> HalfCycleIntegrals:
+    halves = 2 * interval.cycles
+    return half_cycle_integrals(interval.x, interval.start, interval.length / halves, halves)
+
+
+def _waveform_values(integrals: HalfCycleIntegrals) -> dict[str, Floats]:
+    rms = integrals.rms(integrals.squares)
     with np.errstate(invalid="ignore", divide="ignore"):
-        crests = [np.abs(x[:, inside]).max(axis=1) / rms for x, rms in ((u, V), (i, I))]
-    crests = [np.where(np.isfinite(crest), crest, np.nan) for crest in crests]
-    return {"Vrms": V, "Irms": I, "P": P, "S": V * I, "V_crest": crests[0], "I_crest": crests[1]}
+        crest = integrals.peaks / rms
+    crest[~np.isfinite(crest)] = np.nan
+    V, I = rms[0::2], rms[1::2]  # noqa: E741
+    P = integrals.mean(integrals.products)
+    return {"Vrms": V, "Irms": I, "P": P, "S": V * I, "V_crest": crest[0::2], "I_crest": crest[1::2]}
 
 
 def _fundamental(lines: Lines, cycles: int) -> dict[str, Floats]:
@@ -116,35 +123,36 @@ def _fundamental(lines: Lines, cycles: int) -> dict[str, Floats]:
     }  # fmt: skip
 
 
-def _groups(name: str, lines: Lines, interval: Interval, options: Options) -> dict[str, Floats]:
+def _groups(lines: Lines, interval: Interval, options: Options) -> dict[str, Floats]:
     known = known_orders(interval.rate, interval.f)
-    harmonics = harmonic_subgroups(lines, interval.cycles)
-    between = interharmonic_subgroups(lines, interval.cycles)
-    harmonics[:, known:] = np.nan
-    between[:, known:] = np.nan
-    values = {f"{name}_thds": thds(harmonics), f"{name}_h": harmonics, f"{name}_ih": between}
+    squares = line_squares(lines, interval.cycles)
+    lists = {"h": harmonic_subgroups(squares), "ih": interharmonic_subgroups(squares)}
     if options.interharmonic_groups:
-        values[f"{name}_ig"] = interharmonic_groups(lines, interval.cycles)
-        values[f"{name}_ig"][:, known:] = np.nan
-    return values
+        lists["ig"] = interharmonic_groups(squares)
+    for values in lists.values():
+        values[:, known:] = np.nan
+    lists = {"thds": thds(lists["h"]), **lists}
+    return {
+        f"{name}_{kind}": values[first::2] for first, name in enumerate(("V", "I")) for kind, values in lists.items()
+    }
 
 
-def _system(interval: Interval, u: Floats, i: Floats, phase: dict[str, Floats]) -> dict[str, float]:
+def _system(integrals: HalfCycleIntegrals, phase: dict[str, Floats]) -> dict[str, float]:
     """Quantities of two or three phases; NaN where they need three."""
     V, I = phase["Vrms"], phase["Irms"]  # noqa: E741
-    line = _rms(interval, u[[0, 1, 2]] - u[[1, 2, 0]]) if len(u) == 3 else _rms(interval, u[:1] - u[1:])
+    line = integrals.rms(integrals.lines)
     system = {
         "Vrms": float(np.sqrt(np.mean(V**2))), "Irms": float(np.sqrt(np.mean(I**2))), "P": float(phase["P"].sum()),
         "S": arithmetic_apparent(V, I),
         "P1": float(phase["P1"].sum()), "Q1": float(phase["Q1"].sum()), "S1": float(phase["S1"].sum()),
         "V_12": float(line[0]),
     }  # fmt: skip
-    return system | _three(interval, i, phase, line) if len(u) == 3 else system
+    return system | _three(integrals, phase, line) if len(line) == 3 else system
 
 
-def _three(interval: Interval, i: Floats, phase: dict[str, Floats], line: Floats) -> dict[str, float]:
+def _three(integrals: HalfCycleIntegrals, phase: dict[str, Floats], line: Floats) -> dict[str, float]:
     U, I = (_phasors(phase, name) for name in ("V1", "I1"))  # noqa: E741
-    neutral = float(_rms(interval, i.sum(axis=0, keepdims=True))[0])
+    neutral = float(integrals.rms(integrals.neutral))
     V_u2, V_u0 = unbalance(U)
     I_u2, I_u0 = unbalance(I)
     return {
@@ -159,13 +167,3 @@ def _three(interval: Interval, i: Floats, phase: dict[str, Floats], line: Floats
 def _phasors(phase: dict[str, Floats], name: str) -> Phasors:
     turned = np.radians(np.nan_to_num(phase[f"{name}_angle"]))
     return np.asarray(phase[name] * np.exp(1j * turned))
-
-
-def _mean(interval: Interval, x: Floats) -> Floats:
-    """Mean over the interval of `x` [channels, samples]."""
-    bounds = np.array([interval.start]), np.array([interval.start + interval.length])
-    return np.asarray(interval_sums(x, *bounds)[:, 0] / interval.length)
-
-
-def _rms(interval: Interval, x: Floats) -> Floats:
-    return np.asarray(np.sqrt(np.maximum(_mean(interval, x * x), 0.0)))

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass
+from itertools import islice
 
 from acqd.metering.quality.excursion import Open
 
@@ -62,6 +63,27 @@ class RapidChange:
         if one.change > self._threshold * reference:
             self.open.phases.add(phase)
         return all(other.steady for other in self._phases)
+
+    def stays_steady(self, phase: int, low: float, high: float, reference: float) -> bool:
+        """Whether all phases are steady, and this one is also after values from `low` to `high` [V], in any order."""
+        one = self._phases[phase]
+        if self.open is not None or not all(other.steady for other in self._phases) or reference != one.reference:
+            return False
+        return max(high, one.high) - min(low, one.low) <= self._threshold * reference
+
+    def take_steady(self, phase: int, begins: list[float], values: list[float]) -> None:
+        """The next values [V] of a phase that stays steady."""
+        one = self._phases[phase]
+        gone = list(islice(one.recent, len(values)))
+        one.recent.extend(values)
+        one.begins.extend(begins)
+        for U, old in zip(values, gone, strict=True):  # in the order of `_look`, so that the last bit is the same
+            one.total = one.total - old + U
+        if min(gone) <= one.low or max(gone) >= one.high:
+            one.low, one.high = min(one.recent), max(one.recent)
+        else:
+            one.low, one.high = min(one.low, *values), max(one.high, *values)
+        one.mean = one.total / len(one.recent)
 
     def close(self) -> Open:
         """The change that is over, with its results."""

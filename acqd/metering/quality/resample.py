@@ -13,13 +13,14 @@ from functools import lru_cache
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.metering.kernel.compiled import resample_library
+from acqd.metering.kernel.compiled import quality_library, rows_of
 
 TAPS = 32
 MARGIN = TAPS // 2 + 1
 """Samples needed before the first instant and after the last one."""
 PASSBAND = 0.4
 """Share of the sampling rate; the transition band of the window begins here."""
+_LANES = 8  # channels at most in C
 _BETA = 8.96  # 90 dB: 0.1102 (A - 8.7)
 _STEPS = 1024  # tabulated fractions of a sample; linear in between: 2e-6 of the amplitude
 
@@ -28,18 +29,17 @@ def resampled(x: Floats, start: float, step: float, count: int) -> Floats:
     """`x` [channels, samples] at `count` instants start + k * step, [channels, count].
 
     In cells: sample n is at n + 1/2. MARGIN samples must lie before and after the instants, else IndexError. In C where
-    there is a compiler (`kernel/resample.c`); both ways agree to rounding.
+    there is a compiler (`kernel/quality.c`); both ways agree to rounding.
     """
     first, last = (math.floor(start - 0.5 + step * k) for k in (0, count - 1))
     if first < TAPS // 2 - 1 or last + TAPS // 2 >= x.shape[1]:
         raise IndexError(f"instants {first} .. {last} need samples beyond the {x.shape[1]} that are there")
-    library = resample_library()
-    if library is None:
+    library = quality_library()
+    if library is None or len(x) > _LANES:
         return resampled_by_numpy(x, start, step, count)
-    samples = np.ascontiguousarray(x, dtype=np.float64)
-    result = np.empty((len(samples), count))
+    result, scratch = np.empty((len(x), count)), np.empty((x.shape[1], _LANES))
     library.acqd_resample(
-        samples.ctypes.data, *samples.shape, start - 0.5, step, count, _rows().ctypes.data, _STEPS, result.ctypes.data
+        *rows_of(x), start - 0.5, step, count, _rows().ctypes.data, _STEPS, scratch.ctypes.data, result.ctypes.data
     )
     return result
 

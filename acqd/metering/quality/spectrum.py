@@ -1,12 +1,13 @@
 """DFT over exactly 10 or 12 cycles, and the groups of IEC 61000-4-7:2002+A1:2008.
 
-The interval is resampled to a power of two of points per cycle (`resample`), so that the rectangular window holds whole
+The interval is resampled to a whole number of points per cycle (`resample`), so that the rectangular window holds whole
 cycles and no line leaks into another one. Lines are 5 Hz apart at 50 Hz (N = 10 lines per harmonic) and 60 Hz (N = 12).
 """
 
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,35 +28,42 @@ def spectrum(x: Floats, start: float, length: float, cycles: int) -> Lines:
     Phases refer to the start of the interval, angle 0 is a cosine.
     """
     factor = factor_of(length / cycles)
-    points = cycles * _points_per_cycle(length / factor / cycles)
+    points = cycles * _points_per_cycle(float(math.ceil(length / factor / cycles)))
     slow = decimated(x, factor)
     even = resampled(slow, start / factor, length / factor / points, points)
     lines = np.fft.rfft(even, axis=1)[:, : (ORDERS + 1) * cycles + 1] / points
     lines[:, 1:] *= np.sqrt(2)
-    return np.asarray(lines / droop(np.arange(lines.shape[1]) / length, factor))
+    return lines if factor == 1 else np.asarray(lines / droop(np.arange(lines.shape[1]) / length, factor))
 
 
-def harmonic_subgroups(lines: Lines, cycles: int) -> Floats:
+def line_squares(lines: Lines, cycles: int) -> Floats:
+    """Squares of the lines [channels, 51, cycles]: at order n, line k is that at n + k / cycles times f."""
+    used = lines[:, : (ORDERS + 1) * cycles]
+    squares = used.real * used.real + used.imag * used.imag
+    return np.asarray(squares.reshape(len(lines), ORDERS + 1, cycles))
+
+
+def harmonic_subgroups(squares: Floats) -> Floats:
     """G_sg,n of harmonics n = 1 .. 50 [channels, 50]: the harmonic's line and its two neighbours, squares added.
 
     IEC 61000-4-7, section 5.5.1.
     """
-    return _grouped(lines, np.arange(1, ORDERS + 1) * cycles, range(-1, 2))
+    return np.asarray(np.sqrt(squares[:, :-1, -1] + squares[:, 1:, 0] + squares[:, 1:, 1]))
 
 
-def interharmonic_subgroups(lines: Lines, cycles: int) -> Floats:
+def interharmonic_subgroups(squares: Floats) -> Floats:
     """G_isg,n centred subgroups between harmonics n and n + 1, n = 0 .. 49 [channels, 50]: all lines but the
     neighbours of harmonics. IEC 61000-4-7, annex A; used by IEC 61000-4-30, section 5.9.
     """
-    return _grouped(lines, np.arange(ORDERS) * cycles, range(2, cycles - 1))
+    return np.asarray(np.sqrt(squares[:, :-1, 2:-1].sum(axis=2)))
 
 
-def interharmonic_groups(lines: Lines, cycles: int) -> Floats:
+def interharmonic_groups(squares: Floats) -> Floats:
     """G_ig,n between harmonics n and n + 1, n = 0 .. 49 [channels, 50]: all lines between them, squares added.
 
     IEC 61000-4-7, section 5.6.
     """
-    return _grouped(lines, np.arange(ORDERS) * cycles, range(1, cycles))
+    return np.asarray(np.sqrt(squares[:, :-1, 1:].sum(axis=2)))
 
 
 def signalling(lines: Lines, f_line: float, carrier: float) -> Floats:
@@ -66,7 +74,7 @@ def signalling(lines: Lines, f_line: float, carrier: float) -> Floats:
     below = int(carrier / f_line)
     if below < 2 or below + 2 >= lines.shape[1]:
         return np.full(len(lines), np.nan)
-    return _grouped(lines, np.array([below]), range(-1, 3))[:, 0]
+    return np.asarray(np.sqrt(np.square(np.abs(lines[:, below - 1 : below + 3])).sum(axis=1)))
 
 
 def known_orders(rate: float, f: float) -> int:
@@ -84,11 +92,21 @@ def thds(subgroups: Floats) -> Floats:
         return np.asarray(np.where(subgroups[:, 0] > 0, 100 * distortion / subgroups[:, 0], np.nan))
 
 
-def _grouped(lines: Lines, centres: NDArray[np.int64], around: range) -> Floats:
-    squares = np.square(np.abs(lines))
-    return np.asarray(np.sqrt(sum(squares[:, centres + k] for k in around)))
-
-
+@lru_cache(maxsize=64)
 def _points_per_cycle(samples: float) -> int:
-    """Power of two not below `samples` per cycle, so that nothing folds; enough for the 51st harmonic."""
-    return max(128, 1 << math.ceil(math.log2(samples)))
+    """Points of a cycle of so many samples, a product of powers of 2, 3 and 5.
+
+    Images of what lies above PASSBAND reach up to 1 - PASSBAND of the sampling rate; folded, they must end above the
+    51st harmonic.
+    """
+    least = max(128, math.ceil((1 - PASSBAND) * samples + ORDERS + 2))
+    while not _smooth(least):
+        least += 1
+    return least
+
+
+def _smooth(number: int) -> bool:
+    for factor in (2, 3, 5):
+        while number % factor == 0:
+            number //= factor
+    return number == 1

@@ -27,6 +27,10 @@ class HalfCycleLevels:
         """The next half cycle: its mean square [V^2]."""
         self._squares.append(square)
 
+    def take_all(self, squares: Sequence[float]) -> None:
+        """The next half cycles."""
+        self._squares.extend(squares)
+
     def clear(self) -> None:
         """The next half cycle does not follow the last one."""
         self._squares.clear()

@@ -1,0 +1,293 @@
+/* What power quality and events compute of samples: samples at other instants, integrals over half cycles, phasors of
+   cycles, and the half cycles of a phase-locked loop. Each function does what a module of acqd/metering/quality does
+   with numpy, to rounding. Every buffer is the caller's. */
+
+#include <math.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include "vectors.h"
+
+#define TAPS 32
+#define PARTS (TAPS / NATIVE)
+#define GROUPS (LANES / NATIVE)
+#define RESYNC 64
+
+INLINE native at(const double *x)
+{
+    native v;
+    memcpy(&v, x, sizeof v);
+    return v;
+}
+
+INLINE double total(native v)
+{
+    double sum = 0;
+    for (int lane = 0; lane < NATIVE; lane++)
+        sum += v[lane];
+    return sum;
+}
+
+/* x [channels][samples], rows `stride` apart, at `count` instants first + k * step, counted from the middle of sample 0,
+   into out [channels][count]. table [steps + 2][TAPS]: weights of the fractions of a sample, linear in between; they are
+   made once for all channels. All samples that an instant needs must be there. even [samples][LANES] is scratch. */
+void acqd_resample(const double *x, int64_t channels, int64_t stride, int64_t samples, double first, double step,
+                   int64_t count, const double *table, int64_t steps, double *even, double *out)
+{
+    memset(even, 0, (size_t)samples * LANES * sizeof *even);
+    for (int64_t c = 0; c < channels; c++)
+        for (int64_t n = 0; n < samples; n++)
+            even[n * LANES + c] = x[c * stride + n];
+    for (int64_t k = 0; k < count; k++) {
+        const double position = first + step * (double)k, whole = floor(position);
+        const double fine = (position - whole) * (double)steps;
+        const int64_t row = (int64_t)fine, begin = (int64_t)whole - (TAPS / 2 - 1);
+        const double share = fine - (double)row;
+        const double *low = table + row * TAPS, *high = low + TAPS, *from = even + begin * LANES;
+        double weight[TAPS];
+        for (int p = 0; p < PARTS; p++) {
+            const native w = at(low + NATIVE * p) * (1 - share) + at(high + NATIVE * p) * share;
+            memcpy(weight + NATIVE * p, &w, sizeof w);
+        }
+        double all[LANES];
+#pragma GCC unroll 4
+        for (int g = 0; g < GROUPS; g++) {
+            const double *column = from + NATIVE * g;
+            native a = {0}, b = {0}, c = {0}, d = {0}; /* four chains, since an addition takes four cycles */
+#pragma GCC unroll 8
+            for (int t = 0; t < TAPS; t += 4) {
+                a += at(column + t * LANES) * weight[t];
+                b += at(column + (t + 1) * LANES) * weight[t + 1];
+                c += at(column + (t + 2) * LANES) * weight[t + 2];
+                d += at(column + (t + 3) * LANES) * weight[t + 3];
+            }
+            const native s = (a + b) + (c + d);
+            memcpy(all + NATIVE * g, &s, sizeof s);
+        }
+        for (int64_t c = 0; c < channels; c++)
+            out[c * count + k] = all[c];
+    }
+}
+
+/* Integral over the first share of a cell, by the straight line through its neighbours (interval.py). */
+static double partial(const double *s, int64_t last, double position)
+{
+    const double cell = floor(position), share = position - cell;
+    const int64_t n = (int64_t)cell, middle = n < last ? n : last;
+    const double slope = (s[middle < last ? middle + 1 : last] - s[middle > 0 ? middle - 1 : 0]) / 2;
+    return share * s[middle] + (share * share - share) / 2 * slope;
+}
+
+static double plain_sum(const double *s, int64_t begin, int64_t end)
+{
+    native sum = {0};
+    int64_t n = begin;
+    for (; n + NATIVE <= end; n += NATIVE)
+        sum += at(s + n);
+    double rest = total(sum);
+    for (; n < end; n++)
+        rest += s[n];
+    return rest;
+}
+
+/* Integrals of s [samples] over the `count` intervals between start + k * length and the next such bound. */
+static void integrals(const double *s, int64_t samples, double start, double length, int64_t count, double *out)
+{
+    double before = partial(s, samples - 1, start);
+    int64_t begin = (int64_t)floor(start);
+    for (int64_t k = 1; k <= count; k++) {
+        const double bound = start + length * (double)k, after = partial(s, samples - 1, bound);
+        const int64_t end = (int64_t)floor(bound);
+        out[k - 1] = plain_sum(s, begin, end) - before + after;
+        before = after;
+        begin = end;
+    }
+}
+
+static void squares(const double *a, const double *b, int64_t samples, double *s) /* of a - b */
+{
+    for (int64_t n = 0; n < samples; n++)
+        s[n] = (a[n] - b[n]) * (a[n] - b[n]);
+}
+
+/* Integrals over `halves` half cycles of x [2 * phases][samples]: squares of the channels, products u i of the phases,
+   squares of the voltages between lines (three, or one of two phases), and, of three phases, that of the sum of the
+   currents: out [series][halves], in this order. peaks [channels]: of the absolute values within the interval.
+   scratch [samples]. */
+void acqd_half_cycle_integrals(const double *x, int64_t phases, int64_t stride, int64_t samples, double start,
+                               double half, int64_t halves, double *scratch, double *out, double *peaks)
+{
+    const int64_t channels = 2 * phases;
+    const int64_t low = (int64_t)start, high = (int64_t)ceil(start + half * (double)halves);
+    for (int64_t c = 0; c < channels; c++) {
+        const double *row = x + c * stride;
+        double peak = 0;
+        for (int64_t n = low; n < high && n < samples; n++)
+            peak = fabs(row[n]) > peak ? fabs(row[n]) : peak;
+        peaks[c] = peak;
+        for (int64_t n = 0; n < samples; n++)
+            scratch[n] = row[n] * row[n];
+        integrals(scratch, samples, start, half, halves, out);
+        out += halves;
+    }
+    for (int64_t p = 0; p < phases; p++) {
+        const double *u = x + 2 * p * stride, *i = u + stride;
+        for (int64_t n = 0; n < samples; n++)
+            scratch[n] = u[n] * i[n];
+        integrals(scratch, samples, start, half, halves, out);
+        out += halves;
+    }
+    for (int64_t p = 0; p < (phases == 3 ? 3 : phases - 1); p++) {
+        squares(x + 2 * p * stride, x + 2 * ((p + 1) % phases) * stride, samples, scratch);
+        integrals(scratch, samples, start, half, halves, out);
+        out += halves;
+    }
+    if (phases == 3) {
+        const double *a = x + stride, *b = a + 2 * stride, *c = b + 2 * stride;
+        for (int64_t n = 0; n < samples; n++)
+            scratch[n] = (a[n] + b[n] + c[n]) * (a[n] + b[n] + c[n]);
+        integrals(scratch, samples, start, half, halves, out);
+    }
+}
+
+/* Integrals over `cycles` cycles of u [phases][samples] times cos and -sin of the fundamental, of u and of its square:
+   out [4][phases][cycles]. The fundamental has `length` samples per cycle and angle 0 at `start`. scratch [3][samples]. */
+void acqd_cycle_sums(const double *u, int64_t phases, int64_t stride, int64_t samples, double start, double length,
+                     int64_t cycles, double *scratch, double *out)
+{
+    const double turn = 2 * M_PI / length, c1 = cos(turn), s1 = sin(turn);
+    double *cosine = scratch, *sine = scratch + samples, *series = sine + samples;
+    double c = 0, s = 0;
+    for (int64_t n = 0; n < samples; n++) {
+        if (n % RESYNC == 0) {
+            const double angle = turn * ((double)n + 0.5 - start);
+            c = cos(angle);
+            s = sin(angle);
+        }
+        cosine[n] = c;
+        sine[n] = -s;
+        const double next = c * c1 - s * s1;
+        s = s * c1 + c * s1;
+        c = next;
+    }
+    const int64_t each = phases * cycles;
+    for (int64_t p = 0; p < phases; p++) {
+        const double *row = u + p * stride;
+        for (int64_t n = 0; n < samples; n++)
+            series[n] = row[n] * cosine[n];
+        integrals(series, samples, start, length, cycles, out + p * cycles);
+        for (int64_t n = 0; n < samples; n++)
+            series[n] = row[n] * sine[n];
+        integrals(series, samples, start, length, cycles, out + each + p * cycles);
+        integrals(row, samples, start, length, cycles, out + 2 * each + p * cycles);
+        for (int64_t n = 0; n < samples; n++)
+            series[n] = row[n] * row[n];
+        integrals(series, samples, start, length, cycles, out + 3 * each + p * cycles);
+    }
+}
+
+/* A phase-locked loop (cycle_clock.py); positions are sample numbers of the stream. */
+struct clock {
+    double nominal, half, next, amplitude, astray;
+};
+
+/* Its constants, as cycle_clock.py has them. */
+struct rules {
+    double pull, steer, jump, lost, range, purity, calm;
+};
+
+/* A running sum between two samples. */
+static double between(const double *sum, double position)
+{
+    const int64_t k = (int64_t)position;
+    return sum[k] + (position - (double)k) * (sum[k + 1] - sum[k]);
+}
+
+static double step(struct clock *clock, const struct rules *rules, double bound, double origin, const double *re,
+                   const double *im, const double *power, double carrier)
+{
+    const double first = bound - 2 * clock->half - origin, last = bound - origin;
+    if (first < 0)
+        return clock->half;
+    const double x = between(re, last) - between(re, first), y = between(im, last) - between(im, first);
+    const double square = between(power, last) - between(power, first);
+    const double amplitude = hypot(x, y), before = clock->amplitude;
+    const double larger = amplitude > before ? amplitude : before;
+    clock->amplitude = amplitude;
+    if (!(square > 0 && 2 * amplitude * amplitude >= rules->purity * square * (last - first) &&
+          fabs(amplitude - before) <= rules->calm * larger)) /* also of samples that are no numbers */
+        return clock->half;
+    const double theta = atan2(y, x) + carrier * (last - clock->half) + 1.5 * M_PI;
+    double error = fmod(theta + M_PI / 2, M_PI);
+    error = (error < 0 ? error + M_PI : error) - M_PI / 2;
+    if (fabs(error) > rules->jump) {
+        if (++clock->astray > rules->lost) {
+            clock->astray = 0;
+            clock->half = clock->nominal;
+        }
+    } else {
+        const double most = clock->nominal * (1 + rules->range), least = clock->nominal / (1 + rules->range);
+        const double half = clock->half * (1 - rules->steer * error / M_PI);
+        clock->astray = 0;
+        clock->half = half > most ? most : half < least ? least : half;
+    }
+    return clock->half * (1 - rules->pull * error / M_PI);
+}
+
+/* Up to a position, of the squares of u whose running sum is `power`; a cut cell by the line through its neighbours. */
+static double energy(const double *power, const double *u, int64_t last, double position)
+{
+    const double cell = floor(position), share = position - cell;
+    const int64_t n = (int64_t)cell, middle = n < last ? n : last;
+    if (n < 0)
+        return 0;
+    const double above = u[middle < last ? middle + 1 : last], below = u[middle > 0 ? middle - 1 : 0];
+    const double slope = (above * above - below * below) / 2;
+    return power[n] + share * u[middle] * u[middle] + (share * share - share) / 2 * slope;
+}
+
+/* The half cycles of `phases` channels, each with a clock, that end before the last two of their `samples` codes of
+   `bits`: codes [samples][phases]; the first sample is number `origin`. scale [phases]; turning [2][length]: cosine and
+   sine of -carrier k. At most `most` values of a phase into out [phases][most][4]: begin, end, RMS of the cycle, mean
+   square of its second half; their numbers into counts [phases]. scratch [4][samples + 1]. */
+void acqd_half_cycles(struct clock *clocks, const struct rules *rules, const void *codes, int64_t bits, int64_t phases,
+                      int64_t samples, const double *scale, double origin, double carrier, const double *turning,
+                      int64_t length, double *scratch, double *out, int64_t most, int64_t *counts)
+{
+    const double *cosine = turning, *sine = turning + length;
+    double *re = scratch, *im = re + samples + 1, *power = im + samples + 1, *u = power + samples + 1;
+    re[0] = im[0] = power[0] = 0;
+    for (int64_t p = 0; p < phases; p++) {
+        struct clock *clock = clocks + p;
+        if (bits == 16)
+            for (int64_t n = 0; n < samples; n++)
+                u[n] = scale[p] * (double)((const int16_t *)codes)[n * phases + p];
+        else if (bits == 32)
+            for (int64_t n = 0; n < samples; n++)
+                u[n] = scale[p] * (double)((const int32_t *)codes)[n * phases + p];
+        else
+            for (int64_t n = 0; n < samples; n++)
+                u[n] = scale[p] * ((const double *)codes)[n * phases + p];
+        for (int64_t n = 0; n < samples; n++) {
+            re[n + 1] = re[n] + u[n] * cosine[n];
+            im[n + 1] = im[n] + u[n] * sine[n];
+            power[n + 1] = power[n] + u[n] * u[n];
+        }
+        const double end = origin + (double)(samples - 2);
+        int64_t count = 0;
+        while (clock->next < end && count < most) {
+            const double start = clock->next - 2 * clock->half, stop = clock->next, middle = (start + stop) / 2;
+            const double first = energy(power, u, samples - 1, start - origin);
+            const double half = energy(power, u, samples - 1, middle - origin);
+            const double last = energy(power, u, samples - 1, stop - origin);
+            double *row = out + 4 * (p * most + count++);
+            row[0] = start;
+            row[1] = stop;
+            row[2] = last > first ? sqrt((last - first) / (stop - start)) : 0;
+            row[3] = last > half ? (last - half) / (stop - middle) : 0;
+            clock->next += step(clock, rules, clock->next, origin, re, im, power, carrier);
+        }
+        counts[p] = count;
+    }
+}

@@ -1,0 +1,177 @@
+"""The functions of `quality.c` against numpy, and without a read outside of their arrays."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from acqd.c_builds import quality
+from acqd.compiling import system_compiler
+from acqd.instruction_sets import best_instruction_set
+from acqd.metering import SampleBlock, StreamFormat
+from acqd.metering.kernel.compiled import quality_library
+from acqd.metering.quality import cycles as cycle_fits
+from acqd.metering.quality.detector import EventDetector
+from acqd.metering.quality.half_cycle import HalfCycleStream
+from acqd.metering.quality.integrals import half_cycle_integrals, half_cycle_integrals_by_numpy
+from acqd.metering.quality.reference import Declared
+from acqd.metering.quality.resample import MARGIN, resampled, resampled_by_numpy
+
+X = np.random.default_rng(4).normal(0, 300, (6, 700))
+compiled = pytest.mark.skipif(system_compiler() is None, reason="no C compiler")
+
+
+def alike(one, other):
+    np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9)
+
+
+@compiled
+@settings(max_examples=40, deadline=None)
+@given(start=st.floats(MARGIN, 60.0), step=st.floats(0.2, 1.4), count=st.integers(1, 400), channels=st.integers(1, 6))
+def test_resampling_agrees_to_rounding(start, step, count, channels):
+    x = X[:channels]
+    assert quality_library() is not None
+    alike(resampled(x, start, step, count), resampled_by_numpy(x, start, step, count))
+
+
+@compiled
+@settings(max_examples=40, deadline=None)
+@given(start=st.floats(0, 40), half=st.floats(1.0, 32.5), halves=st.integers(1, 20), phases=st.integers(1, 3))
+def test_integrals_of_half_cycles_agree_to_rounding(start, half, halves, phases):
+    x = X[: 2 * phases, 3:]  # rows with a distance
+    one, other = (
+        integrals(x, start, half, halves) for integrals in (half_cycle_integrals, half_cycle_integrals_by_numpy)
+    )
+    for name in ("squares", "products", "lines", "neutral", "peaks"):
+        assert getattr(one, name).shape == getattr(other, name).shape
+        alike(getattr(one, name), getattr(other, name))
+    alike(one.one_cycle_rms(), other.one_cycle_rms())
+
+
+@compiled
+@settings(max_examples=40, deadline=None)
+@given(start=st.floats(1, 60), length=st.floats(4.0, 60.0), cycles=st.sampled_from([10, 12]))
+def test_sums_of_cycles_agree_to_rounding(start, length, cycles):
+    u = X[0::2]
+    if start + cycles * length + 1 > u.shape[1]:
+        return
+    alike(
+        cycle_fits._cycle_sums(u, start, length, cycles),
+        cycle_fits._cycle_sums_by_numpy(u, start, length, cycles),
+    )
+
+
+def disturbed(seconds, rate, seed):
+    """Voltages with dips, an interruption, noise and a phase jump."""
+    random, t = np.random.default_rng(seed), np.arange(round(seconds * rate)) / rate
+    angle = 2 * np.pi * 49.7 * t + 0.9 * (t > 1.1)
+    columns = []
+    for k in range(3):
+        factor = np.where((t > 0.4) & (t < 0.4 + 0.1 * k), 0.6, 1.0) * np.where((t > 0.8) & (t < 0.95), 0.01, 1.0)
+        u = 10_000 * factor * np.sin(angle - 2 * np.pi * k / 3) + 5 * random.standard_normal(len(t))
+        columns += [u, np.zeros(len(t))]
+    return np.rint(np.array(columns).T)
+
+
+@compiled
+@pytest.mark.parametrize(("bits", "kind"), [(16, np.int16), (32, np.int32), (64, np.float64)])
+def test_half_cycles_agree_to_rounding(bits, kind):
+    form = StreamFormat(10_000.0, (0.02, 0.001) * 3, bits=bits)
+    codes, streams = (
+        disturbed(1.5, form.rate, 1).astype(kind),
+        [HalfCycleStream(form, compiled=c) for c in (True, False)],
+    )
+    seen = 0
+    for k in range(0, len(codes), 390):
+        pair = [list(stream.feed(SampleBlock(codes[k : k + 390], k, 0))) for stream in streams]
+        for one, other in zip(*pair, strict=True):
+            seen += len(one)
+            for name in ("begin", "end", "Urms", "late"):
+                for column, wanted in zip(getattr(one, name), getattr(other, name), strict=True):
+                    alike(column, wanted)
+    assert seen > 400
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_values_that_are_taken_at_once_lead_to_the_same_events(seed, monkeypatch):
+    form = StreamFormat(10_000.0, (0.03, 0.001) * 3)
+    codes, found = disturbed(4.0, form.rate, seed).astype(np.int16), []
+    codes[25_000:] = np.rint(codes[25_000:] * 0.93)  # a rapid voltage change
+    for at_once in (True, False):
+        with monkeypatch.context() as patch:
+            if not at_once:
+                patch.setattr(EventDetector, "_quiet", lambda *_: False)
+            detector = EventDetector(form, Declared(212.0))
+            events = [
+                e
+                for k in range(0, len(codes), 400)
+                for e in detector.feed(SampleBlock(codes[k : k + 400], k, k * 10**5))
+            ]
+            found.append([*events, *detector.finish()])
+    assert {"dip", "rvc", "interruption"} <= {event.kind for event in found[0]}
+    assert found[0] == found[1]
+
+
+@pytest.mark.parametrize(("start", "count"), [(10.0, 100), (MARGIN, 700)])
+def test_instants_without_samples_around_them_are_refused(start, count):
+    with pytest.raises(IndexError, match="samples beyond"):
+        resampled(X, start, 1.0, count)
+
+
+def test_without_c_numpy_computes_power_quality():
+    code = "from acqd.metering.kernel.compiled import quality_library as q; print(q())"
+    environment = os.environ | {"ACQD_METERING": "numpy"}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout == "None\n"
+
+
+SANITISED = """
+import sys
+from pathlib import Path
+import numpy as np
+from acqd.metering import SampleBlock, StreamFormat
+from acqd.metering.kernel import compiled
+from acqd.metering.quality import cycles, half_cycle, integrals, resample
+library = compiled.load_quality(Path(sys.argv[1]))
+for module in (cycles, half_cycle, integrals, resample):
+    module.quality_library = lambda: library
+for samples in (64, 100):
+    x, count = np.ones((6, samples)), samples - resample.TAPS + 1
+    for first in (resample.TAPS // 2 - 0.5, resample.TAPS // 2 + 0.5 - 1e-12):
+        np.testing.assert_allclose(resample.resampled(x, first, 1.0, count - (first > 16)), 1)
+    for phases in (1, 2, 3):
+        whole = integrals.half_cycle_integrals(x[: 2 * phases].copy(), 0.0, samples / 20, 20)
+        np.testing.assert_allclose(whole.squares, samples / 20)
+    cycles._cycle_sums(x[0::2], 0.0, samples / 10, 10)
+random = np.random.default_rng(0)
+for bits, kind in ((16, np.int16), (32, np.int32), (64, np.float64)):
+    stream = half_cycle.HalfCycleStream(StreamFormat(2_000.0, (0.02, 0.01) * 3, bits=bits))
+    for k in range(0, 2_000, 80):
+        codes = random.integers(-3_000, 3_000, (80, 6)).astype(kind)
+        if bits == 64 and k == 800:
+            codes[:] = np.nan
+        list(stream.feed(SampleBlock(codes, k, 0)))
+print("clean")
+"""
+
+
+@compiled
+def test_no_read_outside_the_samples_and_no_undefined_behaviour(tmp_path):
+    compiler = system_compiler()
+    runtime = subprocess.run([compiler, "-print-file-name=libasan.so"], capture_output=True, text=True).stdout.strip()
+    if not Path(runtime).is_absolute():
+        pytest.skip("no address sanitizer")
+    built, build = tmp_path / "quality.so", quality(best_instruction_set())
+    flags = ["-O1", "-g", "-std=gnu11", "-fPIC", "-shared", "-w", "-fsanitize=address,undefined"]
+    subprocess.run([compiler, *flags, "-fno-sanitize-recover=all", build.sources[0], "-o", built, "-lm"], check=True)
+    environment = os.environ | {"LD_PRELOAD": runtime, "ASAN_OPTIONS": "detect_leaks=0"}
+    command = [sys.executable, "-c", SANITISED, str(built)]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, cwd=build.sources[0].parents[3])
+    assert done.stdout == "clean\n", done.stderr[-3_000:]
