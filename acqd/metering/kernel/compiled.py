@@ -88,7 +88,8 @@ def load_quality(path: Path) -> ctypes.CDLL:
         *(pointer, pointer, pointer, integer, integer, integer, pointer, number, number),
         *(pointer, integer, pointer, pointer, integer, pointer),
     ]
-    for name in ("resample", "half_cycle_integrals", "cycle_sums", "half_cycles"):
+    loaded.acqd_filter.argtypes = [pointer, pointer, pointer, number, integer, pointer, *rows, pointer]
+    for name in ("resample", "half_cycle_integrals", "cycle_sums", "half_cycles", "filter"):
         getattr(loaded, f"acqd_{name}").restype = None
     return loaded
 

@@ -29,16 +29,27 @@ INLINE double total(native v)
     return sum;
 }
 
+/* x [channels][samples] as rows [samples][LANES], the rest of them zero. */
+INLINE void side_by_side(const double *x, int64_t channels, int64_t stride, int64_t samples, double *even)
+{
+    for (int64_t n = 0; n < samples; n++) {
+        double row[LANES] = {0};
+        for (int64_t c = 0; c < channels; c++)
+            row[c] = x[c * stride + n];
+        memcpy(even + n * LANES, row, sizeof row);
+    }
+}
+
 /* x [channels][samples], rows `stride` apart, at `count` instants first + k * step, counted from the middle of sample 0,
    into out [channels][count]. table [steps + 2][TAPS]: weights of the fractions of a sample, linear in between; they are
    made once for all channels. All samples that an instant needs must be there. even [samples][LANES] is scratch. */
 void acqd_resample(const double *x, int64_t channels, int64_t stride, int64_t samples, double first, double step,
                    int64_t count, const double *table, int64_t steps, double *even, double *out)
 {
-    memset(even, 0, (size_t)samples * LANES * sizeof *even);
-    for (int64_t c = 0; c < channels; c++)
-        for (int64_t n = 0; n < samples; n++)
-            even[n * LANES + c] = x[c * stride + n];
+    if (channels == 6)
+        side_by_side(x, 6, stride, samples, even);
+    else
+        side_by_side(x, channels, stride, samples, even);
     for (int64_t k = 0; k < count; k++) {
         const double position = first + step * (double)k, whole = floor(position);
         const double fine = (position - whole) * (double)steps;
@@ -289,5 +300,30 @@ void acqd_half_cycles(struct clock *clocks, const struct rules *rules, const voi
             clock->next += step(clock, rules, clock->next, origin, re, im, power, carrier);
         }
         counts[p] = count;
+    }
+}
+
+/* A linear filter of at most 32 states, x' = A x + B u, y = C x + D u, channel by channel: u [channels][samples] with
+   rows `stride` apart into y [channels][samples]. A [order][order]; state [channels][order] goes on from call to call. */
+void acqd_filter(const double *A, const double *B, const double *C, double D, int64_t order, double *state,
+                 const double *u, int64_t channels, int64_t stride, int64_t samples, double *y)
+{
+    for (int64_t c = 0; c < channels; c++) {
+        double *x = state + c * order, next[32];
+        for (int64_t n = 0; n < samples; n++) {
+            const double input = u[c * stride + n];
+            double output = D * input;
+            for (int64_t i = 0; i < order; i++)
+                output += C[i] * x[i];
+            y[c * samples + n] = output;
+            for (int64_t i = 0; i < order; i++) {
+                const int64_t known = i + 2 < order ? i + 2 : order; /* sections in a row: nothing comes from later ones */
+                double sum = B[i] * input;
+                for (int64_t j = 0; j < known; j++)
+                    sum += A[i * order + j] * x[j];
+                next[i] = sum;
+            }
+            memcpy(x, next, (size_t)order * sizeof *x);
+        }
     }
 }

@@ -9,7 +9,6 @@ from ctypes import Array
 from acqd.metering.quality import cycle_clock
 from acqd.metering.quality.cycle_clock import CycleClock
 
-
 _NAMES = ("pull", "steer", "jump", "lost", "range", "purity", "calm")
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,7 +15,10 @@ Phasors = NDArray[np.complex128]
 
 
 def symmetrical(phasors: Phasors) -> Phasors:
-    """Zero, positive and negative sequence [3] of the phasors of L1, L2, L3 [3]: F x / 3 with a = exp(j 120 deg)."""
+    """Zero, positive and negative sequence [3, ...] of the phasors of L1, L2, L3 [3, ...].
+
+    F x / 3 with a = exp(j 120 deg).
+    """
     return np.asarray(_FORTESCUE @ phasors)
 
 
@@ -22,16 +28,22 @@ def unbalance(phasors: Phasors) -> tuple[float, float]:
     Where the phases turn the other way round, numerator and denominator change places: the sequence that the system
     has is the one it is compared with.
     """
-    zero, positive, negative = np.abs(symmetrical(phasors))
+    return unbalance_of(np.abs(symmetrical(phasors)).tolist())
+
+
+def unbalance_of(sequences: Sequence[float]) -> tuple[float, float]:
+    """The same of the magnitudes of zero, positive and negative sequence."""
+    zero, positive, negative = sequences
     main, other = max(positive, negative), min(positive, negative)
-    if not main > 0:
-        return np.nan, np.nan
-    return float(100 * other / main), float(100 * zero / main)
+    return (100 * other / main, 100 * zero / main) if main > 0 else (math.nan, math.nan)
 
 
-def rotation(phasors: Phasors) -> float:
-    """1: L1-L2-L3. -1: L1-L3-L2. NaN where it is not clear: neither sequence is twice the other one."""
-    _, positive, negative = np.abs(symmetrical(phasors))
+def rotation(sequences: Sequence[float]) -> float:
+    """1: L1-L2-L3. -1: L1-L3-L2. NaN where it is not clear: neither sequence is twice the other one.
+
+    Of the magnitudes of zero, positive and negative sequence.
+    """
+    _, positive, negative = sequences
     if max(positive, negative) <= 2 * min(positive, negative) or not max(positive, negative) > 0:
-        return np.nan
+        return math.nan
     return 1.0 if positive > negative else -1.0

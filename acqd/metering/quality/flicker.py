@@ -47,7 +47,8 @@ class PinstStream:
 
     def feed(self, u: Floats) -> Floats:
         """[phases, samples], a multiple of `step * thin`, in V -> Pinst [phases, samples / step / thin]."""
-        squares = (u * u).reshape(len(u), -1, self.step).mean(axis=2)
+        parts = u.reshape(len(u), -1, self.step)
+        squares = np.einsum("psk,psk->ps", parts, parts) / self.step
         self.away = False
         pieces = [self._piece(squares[:, k : k + _PIECE]) for k in range(0, squares.shape[1], _PIECE)]
         return np.concatenate(pieces, axis=1)[:, :: self.thin] if pieces else np.empty((len(u), 0))

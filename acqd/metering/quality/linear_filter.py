@@ -12,8 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from acqd.arrays import Floats
+from acqd.metering.kernel.compiled import quality_library, rows_of
 
 _BLOCK = 64
+_MOST_STATES = 32
+"""Of a filter in C."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,15 +70,28 @@ class LinearFilter:
         self._gain = np.array(states[::-1])
         self._keep = (A @ np.linalg.matrix_power(A, _BLOCK - 1)).T.copy()
         self._one = (A.T.copy(), B, C, D)
+        self._in_c = np.ascontiguousarray(A), np.ascontiguousarray(B), np.ascontiguousarray(C), float(D)
         self._state = np.zeros((channels, len(B)))
 
     def settle(self, level: Floats) -> None:
         """The state after `level` [channels] has been the input for ever."""
         A, B = self._one[0].T, self._one[1]
-        self._state = np.outer(level, np.linalg.solve(np.eye(len(B)) - A, B))
+        self._state = np.ascontiguousarray(np.outer(level, np.linalg.solve(np.eye(len(B)) - A, B)))
 
     def feed(self, u: Floats) -> Floats:
-        """Output of [channels, samples]."""
+        """Output of [channels, samples]; in C where there is a compiler (`kernel/quality.c`)."""
+        library = quality_library()
+        if library is None or self._state.shape[1] > _MOST_STATES:
+            return self.feed_by_numpy(u)
+        A, B, C, D = self._in_c
+        y = np.empty(u.shape)
+        library.acqd_filter(
+            A.ctypes.data, B.ctypes.data, C.ctypes.data, D, len(B), self._state.ctypes.data, *rows_of(u), y.ctypes.data
+        )
+        return y
+
+    def feed_by_numpy(self, u: Floats) -> Floats:
+        """The same without C: the reference."""
         channels, count = u.shape
         whole = count // _BLOCK * _BLOCK
         y = np.empty_like(u)

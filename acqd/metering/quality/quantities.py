@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from acqd.arrays import Floats
+from acqd.metering.power import effective
 from acqd.metering.quality.apparent import arithmetic_apparent, effective_apparent
-from acqd.metering.quality.components import Phasors, rotation, symmetrical, unbalance
+from acqd.metering.quality.components import Phasors, rotation, symmetrical, unbalance_of
 from acqd.metering.quality.cycles import MIN_PURITY
 from acqd.metering.quality.event_flags import INTERRUPTION, event_flags
 from acqd.metering.quality.integrals import HalfCycleIntegrals, half_cycle_integrals
@@ -54,7 +55,7 @@ def measure(interval: Interval, declared: float, options: Options = DEFAULT) -> 
     phase = _waveform_values(integrals) | _fundamental(lines, interval.cycles) | _groups(lines, interval, options)
     if options.signalling_Hz is not None:
         phase["V_ms"] = signalling(lines[0::2], interval.f / interval.cycles, options.signalling_Hz)
-    system = _system(integrals, phase) if len(integrals.products) > 1 else {}
+    system = _system(integrals, phase, lines[:, interval.cycles]) if len(integrals.products) > 1 else {}
     known, flags = interval.fit.credible, interval.flags
     if not known and _elsewhere(phase, declared):
         flags |= {OFF_NOMINAL}
@@ -137,33 +138,29 @@ def _groups(lines: Lines, interval: Interval, options: Options) -> dict[str, Flo
     }
 
 
-def _system(integrals: HalfCycleIntegrals, phase: dict[str, Floats]) -> dict[str, float]:
-    """Quantities of two or three phases; NaN where they need three."""
-    V, I = phase["Vrms"], phase["Irms"]  # noqa: E741
-    line = integrals.rms(integrals.lines)
+def _system(integrals: HalfCycleIntegrals, phase: dict[str, Floats], fundamentals: Phasors) -> dict[str, float]:
+    """Quantities of two or three phases; `fundamentals` [channels]."""
+    V, I = phase["Vrms"].tolist(), phase["Irms"].tolist()  # noqa: E741
+    line = integrals.rms(integrals.lines).tolist()
     system = {
-        "Vrms": float(np.sqrt(np.mean(V**2))), "Irms": float(np.sqrt(np.mean(I**2))), "P": float(phase["P"].sum()),
-        "S": arithmetic_apparent(V, I),
-        "P1": float(phase["P1"].sum()), "Q1": float(phase["Q1"].sum()), "S1": float(phase["S1"].sum()),
-        "V_12": float(line[0]),
+        "Vrms": effective(V), "Irms": effective(I), "P": sum(phase["P"].tolist()), "S": arithmetic_apparent(V, I),
+        "P1": sum(phase["P1"].tolist()), "Q1": sum(phase["Q1"].tolist()), "S1": sum(phase["S1"].tolist()),
+        "V_12": line[0],
     }  # fmt: skip
-    return system | _three(integrals, phase, line) if len(line) == 3 else system
+    return system | _three(integrals, phase, line, fundamentals) if len(line) == 3 else system
 
 
-def _three(integrals: HalfCycleIntegrals, phase: dict[str, Floats], line: Floats) -> dict[str, float]:
-    U, I = (_phasors(phase, name) for name in ("V1", "I1"))  # noqa: E741
+def _three(
+    integrals: HalfCycleIntegrals, phase: dict[str, Floats], line: list[float], fundamentals: Phasors
+) -> dict[str, float]:
     neutral = float(integrals.rms(integrals.neutral))
-    V_u2, V_u0 = unbalance(U)
-    I_u2, I_u0 = unbalance(I)
+    U, I = np.abs(symmetrical(fundamentals.reshape(3, 2))).T.tolist()  # noqa: E741
+    V_u2, V_u0 = unbalance_of(U)
+    I_u2, I_u0 = unbalance_of(I)
     return {
-        "V_23": float(line[1]), "V_31": float(line[2]),
-        "V_pos": float(abs(symmetrical(U)[1])), "V_u2": V_u2, "V_u0": V_u0, "I_u2": I_u2, "I_u0": I_u0,
+        "V_23": line[1], "V_31": line[2],
+        "V_pos": U[1], "V_u2": V_u2, "V_u0": V_u0, "I_u2": I_u2, "I_u0": I_u0,
         "I_n_derived": neutral,
-        "Se": effective_apparent(phase["Vrms"], line, phase["Irms"], neutral),
+        "Se": effective_apparent(phase["Vrms"].tolist(), line, phase["Irms"].tolist(), neutral),
         "rotation": rotation(U),
     }  # fmt: skip
-
-
-def _phasors(phase: dict[str, Floats], name: str) -> Phasors:
-    turned = np.radians(np.nan_to_num(phase[f"{name}_angle"]))
-    return np.asarray(phase[name] * np.exp(1j * turned))

@@ -87,7 +87,9 @@ def thds(subgroups: Floats) -> Floats:
 
     THDS of IEC 61000-4-7, section 3.2. Harmonics that the sampling rate does not tell (NaN) are left out.
     """
-    distortion = np.sqrt(np.nansum(np.square(subgroups[:, 1:]), axis=1))
+    squares = np.square(subgroups[:, 1:])
+    squares[np.isnan(squares)] = 0.0
+    distortion = np.sqrt(squares.sum(axis=1))
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.asarray(np.where(subgroups[:, 0] > 0, 100 * distortion / subgroups[:, 0], np.nan))
 

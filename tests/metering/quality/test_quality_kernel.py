@@ -21,6 +21,7 @@ from acqd.metering.quality import cycles as cycle_fits
 from acqd.metering.quality.detector import EventDetector
 from acqd.metering.quality.half_cycle import HalfCycleStream
 from acqd.metering.quality.integrals import half_cycle_integrals, half_cycle_integrals_by_numpy
+from acqd.metering.quality.linear_filter import LinearFilter, bilinear, butterworth
 from acqd.metering.quality.reference import Declared
 from acqd.metering.quality.resample import MARGIN, resampled, resampled_by_numpy
 
@@ -99,6 +100,19 @@ def test_half_cycles_agree_to_rounding(bits, kind):
     assert seen > 400
 
 
+@compiled
+@settings(max_examples=10, deadline=None)
+@given(cuts=st.lists(st.integers(1, 699), max_size=4, unique=True), order=st.sampled_from([2, 6]))
+def test_filters_agree_to_rounding(cuts, order):
+    sections = [bilinear([1.0, 0.0], [1.0, 0.3], 2_000.0), *butterworth(order, 35.0, 2_000.0)]
+    one, other = LinearFilter(sections, 3), LinearFilter(sections, 3)
+    for part in (one, other):
+        part.settle(np.array([1.0, 2.0, 3.0]))
+    for u in np.split(X[:3], sorted(cuts), axis=1):
+        alike(one.feed(u), other.feed_by_numpy(u))
+    alike(one._state, other._state)
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_values_that_are_taken_at_once_lead_to_the_same_events(seed, monkeypatch):
     form = StreamFormat(10_000.0, (0.03, 0.001) * 3)
@@ -138,9 +152,9 @@ from pathlib import Path
 import numpy as np
 from acqd.metering import SampleBlock, StreamFormat
 from acqd.metering.kernel import compiled
-from acqd.metering.quality import cycles, half_cycle, integrals, resample
+from acqd.metering.quality import cycles, half_cycle, integrals, linear_filter, resample
 library = compiled.load_quality(Path(sys.argv[1]))
-for module in (cycles, half_cycle, integrals, resample):
+for module in (cycles, half_cycle, integrals, linear_filter, resample):
     module.quality_library = lambda: library
 for samples in (64, 100):
     x, count = np.ones((6, samples)), samples - resample.TAPS + 1
@@ -150,6 +164,7 @@ for samples in (64, 100):
         whole = integrals.half_cycle_integrals(x[: 2 * phases].copy(), 0.0, samples / 20, 20)
         np.testing.assert_allclose(whole.squares, samples / 20)
     cycles._cycle_sums(x[0::2], 0.0, samples / 10, 10)
+linear_filter.LinearFilter(linear_filter.butterworth(32, 35.0, 2_000.0), 3).feed(x[:3])
 random = np.random.default_rng(0)
 for bits, kind in ((16, np.int16), (32, np.int32), (64, np.float64)):
     stream = half_cycle.HalfCycleStream(StreamFormat(2_000.0, (0.02, 0.01) * 3, bits=bits))
