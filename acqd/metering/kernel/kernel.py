@@ -222,6 +222,9 @@ def _form(
         least_spread=two_fits.LEAST,
         most_spread=two_fits.MOST,
         spreads=two_fits.SPREADS,
+        share=two_fits.SHARE,
+        calm_share=two_fits.CALM_SHARE,
+        calm=two_fits.CALM,
         few=two_fits.FEW,
     )
     result.scale[: len(form.scale)] = form.scale

@@ -30,7 +30,7 @@ class Form(ctypes.Structure):
             for name in (
                 *("rate", "cycles", "grid", "slack", "f_low", "f_high", "trial_low", "trial_high"),
                 *("purity", "steady", "code_max", "code_min"),
-                *("least_spread", "most_spread", "spreads"),
+                *("least_spread", "most_spread", "spreads", "share", "calm_share", "calm"),
             )
         ),
         ("scale", ctypes.c_double * LANES),

@@ -22,7 +22,7 @@ enum { DONE, NO_HISTORY, NO_TRIAL, UNUSUAL };
 struct form {
     int64_t bits, fit, fixed, first_point, few;
     double rate, cycles, grid, slack, f_low, f_high, trial_low, trial_high, purity, steady, code_max, code_min;
-    double least_spread, most_spread, spreads; /* of the two fits, as `few`: Hz, Hz, 1 */
+    double least_spread, most_spread, spreads, share, calm_share, calm; /* of the two fits, as `few`: Hz, Hz, 1 */
     double scale[LANES], dead[LANES / 2], bend[PHASORS * PHASORS];
 };
 
@@ -225,7 +225,9 @@ static double joint(const struct form *form, struct state *s, double cycles, dou
     }
     s->apart = x;
     s->follows = 1;
-    return stretch + x * (fourth / (fourth + noise));
+    const double calm = spread / form->calm;
+    const double share = form->share + (form->calm_share - form->share) / (1 + calm * calm);
+    return stretch + x * (share + (1 - share) * (fourth / (fourth + noise)));
 }
 
 /* f [Hz], the projection of the stretch and the sums of the window, which begins with its sample `inside`; 0 with the
