@@ -43,7 +43,7 @@ def test_synchronous_mode_agrees_with_the_reference(waveforms, name):
     [
         ("microwave_1ph_20k", 0.0016, 1.0e-5),
         ("fridge_1ph_20k", 0.0011, 0.8e-5),
-        ("generator_3ph", 0.00045, 0.8e-5),
+        ("generator_3ph", 0.0006, 0.8e-5),
         ("merging_unit_3ph", 0.00015, 0.4e-5),
     ],
 )
