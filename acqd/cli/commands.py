@@ -40,6 +40,7 @@ _COMMANDS = (
     _Command("replay", _MEASURE),
     _Command("capture", _MEASURE),
     _Command("conformance", _MEASURE),
+    _Command("en50160", _DATA),
     _Command("ethercat", _MEASURE, group=True),
     _Command("modbus", _MEASURE, group=True),
     _Command("sink", _DATA, group=True),

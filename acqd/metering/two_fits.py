@@ -7,9 +7,9 @@ longer fit is the better one. Where they differ by more, f changes, and the fit 
     f = long + x (g + (1 - g) x^4 / (x^4 + s^4))      x = short - long
 
 s follows the mean change of x from window to window, which noise has and a ramp of f has not. The error of a change of
-f that is taken for noise is below 0.6 s, whatever f does, and s is bounded. A share g of x counts always: white noise of
-the longer fit and of x are nearly independent, so that g^2 is all that noise grows by, and the lag of the longer fit
-shrinks by g. The less noise, the larger g.
+f that is taken for noise is below 0.6 s, whatever f does, and s is bounded. A share g of x counts always: white noise
+of the longer fit and of x are nearly independent, so that g^2 is all that noise grows by, and the lag of the longer
+fit shrinks by g. The less noise, the larger g.
 """
 
 from __future__ import annotations
