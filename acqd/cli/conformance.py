@@ -10,6 +10,7 @@ import orjson
 import typer
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from acqd.cli.options import Json
 from acqd.cli.progress import progress
@@ -74,14 +75,14 @@ def _print(sheet: Sheet) -> None:
         table.title_justify = "left"
         for one in (point for point in sheet.points if point.standard == standard):
             error = f"{one.error:.3g}" if one.readings and one.error == one.error else "missing"
-            state = "[green]passed[/]" if one.passed else "[red]FAILED[/]"
+            state = Text("passed", "green") if one.passed else Text("FAILED", "red")
             limit = f"{one.limit.value:g} {one.limit.unit}"
             table.add_row(one.parameter, one.signal, one.quantity, error, limit, state)
         console.print(table)
     for budget in sheet.budgets:
-        state = {True: "within", False: "BEYOND", None: "no"}[budget.passed]
+        kept = {True: "within", False: "BEYOND", None: "no"}[budget.passed]
         limit = f"limit {budget.limit.value:g} {budget.limit.unit}" if budget.limit else "limit known"
-        console.print(f"{budget.quantity}: U = {budget.expanded:.3g} {budget.unit} (k = 2), {state} {limit}")
+        console.print(f"{budget.quantity}: U = {budget.expanded:.3g} {budget.unit} (k = 2), {kept} {limit}")
     for one in sheet.failed:
         console.print(f"FAILED: {one.standard}: {one.parameter}: {one.quantity}: {one.signal}", style="red")
     count = len(sheet.points)

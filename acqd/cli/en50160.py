@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import orjson
 import typer
 from rich.table import Table
+from rich.text import Text
 
 from acqd.cli.options import ConfigFile, Json, configured
 from acqd.cli.terminal import terminal
@@ -104,7 +105,7 @@ def _print(statistics: list[Statistic], events: list[EventClass]) -> None:
     for one in statistics:
         if one.characteristic == "harmonics" and one.met is not False:
             continue
-        state = {True: "[green]met[/]", False: "[red]NOT MET[/]", None: "no values"}[one.met]
+        state = {True: Text("met", "green"), False: Text("NOT MET", "red"), None: Text("no values")}[one.met]
         within, p95 = ("-", "-") if not one.values else (f"{100 * one.within:.2f} %", f"{one.p95:.4g} {one.unit}")
         count = f"{one.values} of {one.expected}"
         table.add_row(one.characteristic, one.channel, one.requirement, within, p95, count, str(one.left_out), state)
