@@ -69,6 +69,7 @@ def replay(
     ] = None,
     flicker: Annotated[Path | None, typer.Option(help="Write Pst and Plt (IEC 61000-4-15) as JSON lines.")] = None,
     lamp: Annotated[Lamp, typer.Option(help="Of --flicker.")] = Lamp.V230,
+    phasors: Annotated[Path | None, typer.Option(help="Write synchrophasors, f and ROCOF as JSON lines.")] = None,
     device: Annotated[str, typer.Option(help="Device name in the rows.")] = "replay",
     loops: Annotated[int, typer.Option("--loops", "--loop", min=1, help="Play each file so many times.")] = 1,
     window: Annotated[float, typer.Option(min=0.04, max=0.05, help="Window length in s.")] = 0.04,
@@ -121,6 +122,7 @@ def replay(
         quality=quality,
         events=event_settings(events, declared_voltage, thresholds),
         flicker=flicker,
+        phasors=phasors,
         lamp=lamp.value,
         broker=broker_address(config, host, port) if publish else None,
     )

@@ -12,6 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 import sqlalchemy as sa
+from numpy.typing import NDArray
 
 from acqd.arrays import Floats
 from acqd.conformance.signal import Signal
@@ -25,6 +26,7 @@ from acqd.metering.quality.flicker_values import FlickerValues, lamp_of
 from acqd.metering.quality.meter import QualityMeter
 from acqd.metering.quality.quantities import Options
 from acqd.metering.quality.reference import Declared
+from acqd.metering.synchrophasor import SynchrophasorMeter
 from acqd.storage import schema
 from acqd.storage.database import open_database
 from acqd.storage.writer import Received, Writer
@@ -62,6 +64,25 @@ class Readings:
 
 def _column(values: list[Any]) -> Floats:
     return np.array(values, dtype=np.float64)
+
+
+@dataclass(frozen=True, slots=True)
+class PhasorSeries:
+    """Synchrophasors of a signal."""
+
+    t: Floats
+    """[reports] s since the first sample."""
+    positive: NDArray[np.complex128]
+    """V."""
+    f: Floats
+    """Hz."""
+    rocof: Floats
+    """Hz/s."""
+
+    def inner(self, count: int) -> PhasorSeries:
+        """Without so many reports at both ends."""
+        part = slice(count, -count)
+        return PhasorSeries(self.t[part], self.positive[part], self.f[part], self.rocof[part])
 
 
 class Instrument:
@@ -106,6 +127,17 @@ class Instrument:
         u = codes[:, 0::2].T * np.asarray(terminal.form.scale[0::2])[:, None]
         chunk = stream.step * stream.thin
         return stream.feed(u[:, : u.shape[1] // chunk * chunk])
+
+    def phasors(self, signal: Signal) -> PhasorSeries:
+        """Synchrophasors of a signal: no row holds them."""
+        meter = SynchrophasorMeter(self.terminal.form, 0.05 * self.terminal.declared_voltage)
+        reports = [report for block in self.blocks(signal) for report in meter.feed(block)]
+        return PhasorSeries(
+            np.array([(one.utc_ns - signal.start_ns) * 1e-9 for one in reports]),
+            np.array([one.positive for one in reports]),
+            np.array([one.f for one in reports]),
+            np.array([one.rocof for one in reports]),
+        )
 
     def _messages(
         self, signal: Signal, boot: str, parts: tuple[Part, ...], signalling_Hz: float | None

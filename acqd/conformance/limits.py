@@ -60,6 +60,14 @@ def influenced(value: float) -> Limit:
     return Limit(value, "%", INFLUENCED.format(value=value))
 
 
+_PHASOR = "IEC/IEEE 60255-118-1:2018 class P, as a public test program of the standard quotes it"
+PHASOR_STEADY = Limit(1.0, "%", _PHASOR), Limit(0.005, "Hz", _PHASOR), Limit(0.4, "Hz/s", _PHASOR)
+"""TVE, frequency error, ROCOF error."""
+PHASOR_RAMP = Limit(1.0, "%", _PHASOR), Limit(0.01, "Hz", _PHASOR), Limit(0.4, "Hz/s", _PHASOR)
+PHASOR_RESPONSE = Limit(2.0, "cycles", _PHASOR)
+PHASOR_MODULATED = Limit(3.0, "%", _PHASOR), Limit(0.06, "Hz", _PHASOR), Limit(2.26, "Hz/s", _PHASOR)
+"""Of modulations up to 2 Hz."""
+
 LEFT_OUT = (
     "IEC 62586-2: its own numbering of points, single influence quantities, temperature and supply voltage: the text "
     "was not at hand; signals are those that public sources quote",
@@ -67,6 +75,7 @@ LEFT_OUT = (
     "IEC 61000-4-30: clock of class A: the uncertainty of the time is that of the computer's clock",
     "IEC 61000-4-15: tests with several changes, phase jumps, crest factors and 20 % duty cycle: no public source",
     "IEC 62053-21 and -22: limits of variation; temperature, magnetic fields, EMC, supply: not of the method",
-    "IEC 60255-118-1: no PMU: acqd reports no phasors that refer to UTC",
+    "IEC 60255-118-1: class M, latency, overshoot and the response of f and ROCOF; no PMU: acqd reports phasors of "
+    "recordings (acqd replay --phasors) and sends no C37.118 frames",
 )
 """What the sheet does not hold, and why."""

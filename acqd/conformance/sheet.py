@@ -10,7 +10,7 @@ from acqd.conformance.budget import Budget, budgets
 from acqd.conformance.instrument import Instrument
 from acqd.conformance.limits import LEFT_OUT
 from acqd.conformance.point import Point
-from acqd.conformance.points import energy, events, flicker, quality
+from acqd.conformance.points import energy, events, flicker, phasors, quality
 from acqd.conformance.terminal import Terminal
 from acqd.workers import run_here
 
@@ -28,6 +28,8 @@ GROUPS: dict[str, Callable[[Instrument], Iterator[Point]]] = {
     "pinst": flicker.pinst,
     "pst-slow": flicker.PstPoints(0),
     "pst-fast": flicker.PstPoints(3),
+    "phasors": phasors.steady,
+    "phasors-dynamic": phasors.dynamic,
     "energy": energy.errors,
     "energy-class-1": energy.household_errors,
     "influence": energy.influences,

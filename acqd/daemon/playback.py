@@ -15,6 +15,7 @@ from acqd.daemon.aggregate_file import AggregateFile
 from acqd.daemon.events.of_recording import EventSettings, EventWriter
 from acqd.daemon.flicker_writer import FlickerWriter, check_length
 from acqd.daemon.output_file import output_file
+from acqd.daemon.phasor_file import PhasorFile
 from acqd.daemon.playback_report import PlaybackReport, describe
 from acqd.daemon.publish import Publisher
 from acqd.daemon.quality_feed import QualityFeed
@@ -52,6 +53,7 @@ class Playback:
     quality: Path | None
     events: EventSettings | None
     flicker: Path | None
+    phasors: Path | None
     lamp: LampName
     broker: BrokerAddress | None
 
@@ -59,13 +61,13 @@ class Playback:
 def play(settings: Playback, progress: Callable[[float], None]) -> PlaybackReport:
     """Play all files in turn. Raises UserError; in that case no output file is left behind."""
     events = settings.events.out if settings.events else None
-    named = (settings.out, settings.aggregate, settings.quality, events, settings.flicker)
+    named = (settings.out, settings.aggregate, settings.quality, events, settings.flicker, settings.phasors)
     outputs = [path.resolve() for path in named if path is not None and str(path) != "-"]
     for path in outputs:
         if (path.is_file() and path in [file.resolve() for file in settings.files]) or outputs.count(path) > 1:
             raise UserError(
-                f"{path} would be overwritten; --out, --aggregate, --quality, --events and --flicker "
-                "need separate files"
+                f"{path} would be overwritten; --out, --aggregate, --quality, --events, --flicker "
+                "and --phasors need separate files"
             )
     waveforms = [load_waveform(path, settings.channels) for path in settings.files]
     for path, waveform in zip(settings.files, waveforms, strict=True) if settings.flicker else ():
@@ -82,6 +84,7 @@ def play(settings: Playback, progress: Callable[[float], None]) -> PlaybackRepor
         run.quality_out = stack.enter_context(output_file(settings.quality)) if settings.quality else None
         run.events_out = stack.enter_context(output_file(settings.events.out)) if settings.events else None
         run.flicker_out = stack.enter_context(output_file(settings.flicker)) if settings.flicker else None
+        run.phasors_out = stack.enter_context(output_file(settings.phasors)) if settings.phasors else None
         run.publisher = stack.enter_context(Publisher(settings.broker, settings.device)) if settings.broker else None
         for path, waveform in zip(settings.files, waveforms, strict=True):
             run.play(path, waveform)
@@ -120,6 +123,7 @@ class _Run:
         self.events_out: BinaryIO | None = None
         self._events: EventWriter | None = None
         self.flicker_out: BinaryIO | None = None
+        self.phasors_out: BinaryIO | None = None
         self._on_the_clock = False  # whether the recording says when it was made
         self.publisher: Publisher | None = None
 
@@ -200,6 +204,9 @@ class _Run:
             takers.append(
                 FlickerWriter(form, settings.lamp, settings.device, self.flicker_out, on_the_clock=clock).take
             )
+
+        if self.phasors_out is not None:
+            takers.append(PhasorFile(self.phasors_out, form, settings.device, settings.nominal_voltage).take)
 
         def watch(block: SampleBlock) -> None:
             for take in takers:

@@ -7,6 +7,7 @@ import sqlite3
 import subprocess
 
 import numpy as np
+import pytest
 
 from tests.commands import ACQD, acqd, acqd_here, refused
 from tests.sources.files import write_csv
@@ -105,3 +106,19 @@ def test_broken_input_leaves_no_output_behind(tmp_path):
     message = refused(acqd_here("replay", "good.csv", "bad.csv", "--out", "r.jsonl", cwd=tmp_path))
     assert "bad.csv: row 3, column 2" in message
     assert sorted(path.name for path in tmp_path.iterdir()) == ["bad.csv", "good.csv"]
+
+
+def test_synchrophasors_of_a_recording_are_lines(tmp_path):
+    t = np.arange(20_000) / 20_000.0
+    columns = [f(2 * np.pi * (50 * t - k / 3)) for k in range(3) for f in (lambda a: 325 * np.cos(a), np.cos)]
+    names = [f"{letter}{k}" for k in (1, 2, 3) for letter in "ui"]
+    file, out = tmp_path / "wave.csv", tmp_path / "phasors.jsonl"
+    np.savetxt(file, np.column_stack((t, *columns)), delimiter=",", header="t," + ",".join(names), comments="")
+    done = acqd_here("replay", file, "--phasors", out, "--start", "2026-11-16T08:00:00Z")
+    assert done.returncode == 0, done.stderr
+    lines = [json.loads(line) for line in out.read_text().splitlines()]
+    assert len(lines) > 40 and lines[0]["f"] == pytest.approx(50, abs=1e-3)
+    assert lines[0]["L1"]["V"] == pytest.approx(325 / np.sqrt(2), rel=1e-3)
+    assert lines[5]["L2"]["V_angle"] == pytest.approx(-120, abs=0.1) and abs(lines[5]["positive"]["V_angle"]) < 0.1
+    done = acqd_here("replay", file, "--phasors", out, "--out", out)
+    assert done.returncode == 2 and "need separate files" in done.stderr

@@ -27,8 +27,11 @@ def test_every_point_of_power_quality_is_within_class_a(instrument, group):
     assert points and [point for point in points if not point.passed] == []
 
 
-@pytest.mark.parametrize(("group", "first", "last"), [("energy", 0, 2), ("influence", 9, 14), ("no-load", 0, 2)])
-def test_points_of_energy_are_within_their_class(instrument, group, first, last):
+@pytest.mark.parametrize(
+    ("group", "first", "last"),
+    [("energy", 0, 2), ("influence", 9, 14), ("no-load", 0, 2), ("phasors", 0, 6), ("phasors-dynamic", 9, 12)],
+)
+def test_points_of_energy_and_phasors_are_within_their_class(instrument, group, first, last):
     points = list(islice(GROUPS[group](instrument), first, last))
     assert len(points) == last - first and [point for point in points if not point.passed] == []
 
@@ -70,6 +73,7 @@ class CycleLate(Instrument):
 def test_a_cycle_of_delay_fails_times_and_not_magnitudes():
     found = failed(CycleLate(Terminal()), "interruptions", "unbalance")
     assert found == {("interruptions", "time of the start")}
+    assert failed(CycleLate(Terminal()), "phasors") == {("synchrophasor (not in rows)", "TVE")}  # beside 50 Hz
 
 
 class ByZeroCrossings(Instrument):
