@@ -65,7 +65,8 @@ def replay(
         str | None, typer.Option(help="100 % of the events: V, or sliding (it follows the voltage).")
     ] = None,
     thresholds: Annotated[
-        str | None, typer.Option(help="Of events in %: dip=90,swell=110,interruption=5,hysteresis=2,rapid_change=5.")
+        str | None,
+        typer.Option(help="Of events in %: dip=90,swell=110,interruption=5,hysteresis=2,rapid_change=5,transient=0."),
     ] = None,
     flicker: Annotated[Path | None, typer.Option(help="Write Pst and Plt (IEC 61000-4-15) as JSON lines.")] = None,
     lamp: Annotated[Lamp, typer.Option(help="Of --flicker.")] = Lamp.V230,

@@ -16,7 +16,7 @@ from acqd.metering.quality.detector import EventDetector
 from acqd.metering.quality.event import Event
 from acqd.telemetry.event import event_lines, message_of
 
-_KEYS = ("dip", "swell", "interruption", "hysteresis", "rapid_change")
+_KEYS = ("dip", "swell", "interruption", "hysteresis", "rapid_change", "transient")
 
 
 @dataclass(frozen=True, slots=True)

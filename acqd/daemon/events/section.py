@@ -26,6 +26,7 @@ class EventsSection(Section):
     interruption: _Percent = 5.0
     hysteresis: _Percent = 2.0
     rapid_change: _Percent = 5.0
+    transient: _Percent = 0.0
     waveforms: bool = True
     pre_s: Annotated[float, Field(ge=0, le=5)] = 0.2
     post_s: Annotated[float, Field(ge=0, le=60)] = 1.0
@@ -45,6 +46,7 @@ class EventsSection(Section):
             interruption=self.interruption / 100,
             hysteresis=self.hysteresis / 100,
             rvc=self.rapid_change / 100,
+            transient=self.transient / 100,
         )
 
     def reference(self, phases: int, f_nominal: float) -> Reference:

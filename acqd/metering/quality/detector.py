@@ -16,6 +16,7 @@ from acqd.metering.quality.half_cycle import HalfCycles, HalfCycleStream
 from acqd.metering.quality.rapid_change import RapidChange
 from acqd.metering.quality.reference import Reference
 from acqd.metering.quality.stamp import HalfCycleLevels
+from acqd.metering.quality.transient import TransientDetector
 
 
 class EventDetector:
@@ -37,6 +38,7 @@ class EventDetector:
         self._change = (
             RapidChange(phases, form.f_nominal, limits.rvc, limits.rvc_hysteresis) if limits.rvc > 0 else None
         )
+        self._transients = TransientDetector(form, limits.transient) if limits.transient > 0 else None
         self._levels = [HalfCycleLevels() for _ in range(phases)]
         self._number = first
         self._anchor = (0, 0)
@@ -57,6 +59,19 @@ class EventDetector:
             yield from self._take(values)
             gaps = self._unknown = frozenset()
         self._unknown = gaps
+        if self._transients is not None:
+            yield from self._transient(self._transients, block)
+
+    def _transient(self, transients: TransientDetector, block: SampleBlock) -> Iterator[Event]:
+        reference, cycle = self._reference.of(0), self._stream.cycle
+        if reference is None or cycle is None:
+            return
+        self._anchor, self._flags = (block.index, block.utc_ns), block.flags - {"late"}
+        for one in transients.feed(block, reference, cycle):
+            kind = "oscillatory" if one.oscillatory else "impulsive"
+            done = Open("transient", one.begin, one.phases, one.extreme, reference)
+            self._begun(done, frozenset({kind}))
+            yield self._event(done, one.end)
 
     def finish(self) -> Iterator[Event]:
         """The events in progress when the stream ends."""

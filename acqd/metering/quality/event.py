@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
-Kind = Literal["dip", "swell", "interruption", "rvc"]
+Kind = Literal["dip", "swell", "interruption", "rvc", "transient"]
 """`rvc`: rapid voltage change."""
 
 
@@ -23,7 +23,12 @@ class Thresholds:
     rvc_hysteresis: float = 0.5
     """Share of `rvc` by which the distance must be smaller before the voltage is steady again."""
 
+    transient: float = 0.0
+    """Distance of a sample from the waveform of the cycles before, as a share of the reference's peak; 0: none."""
+
     def __post_init__(self) -> None:
+        if self.transient and not 0.05 <= self.transient <= 3:
+            raise ValueError("transients: expected a threshold from 5 to 300 %, or 0 for none")
         if not 0 < self.interruption < self.dip < 1 < self.swell < 3:
             raise ValueError("expected 0 < interruption < dip < 100 % < swell < 300 %")
         limits = (self.dip - self.interruption, 1 - self.dip, self.swell - 1)
@@ -47,7 +52,8 @@ class Event:
     phases: tuple[int, ...]
     """Phases (from 0) that crossed the threshold."""
     extreme: float
-    """V: lowest Urms(1/2) of a dip or interruption (residual voltage), highest of a swell, largest change of an rvc."""
+    """V: lowest Urms(1/2) of a dip or interruption (residual voltage), highest of a swell, largest change of an rvc,
+    largest distance of a transient from the undisturbed waveform."""
     reference: float
     """V: what 100 % is, in the phase of `extreme`."""
     end: float | None = None
@@ -57,5 +63,6 @@ class Event:
     steady_change: float | None = None
     """V: of an rvc, the difference of the steady voltages before and after it."""
     flags: frozenset[str] = field(default_factory=frozenset)
-    """Flags of the samples; `start` (it was there when the stream began), `gap` (samples are missing before its start
-    or after its end: it may be longer), `unfinished` (the stream ends in it)."""
+    """Flags of the samples; `impulsive` or `oscillatory` of a transient; `start` (it was there when the stream began),
+    `gap` (samples are missing before its start or after its end: it may be longer), `unfinished` (the stream ends in
+    it)."""

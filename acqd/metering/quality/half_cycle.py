@@ -57,6 +57,11 @@ class HalfCycleStream:
         self._counts = (ctypes.c_int64 * form.phases)()
         self._restart()
 
+    @property
+    def cycle(self) -> float | None:
+        """Samples of a cycle of the first phase, as far as known; None before its phase is known."""
+        return 2 * self._clocks[0].half if self._clocks[0].locked else None
+
     def _restart(self) -> None:
         self._codes: Codes | None = None  # of the U channels
         self._origin = 0
