@@ -68,9 +68,13 @@ def replay(
         str | None,
         typer.Option(help="Of events in %: dip=90,swell=110,interruption=5,hysteresis=2,rapid_change=5,transient=0."),
     ] = None,
+    line_to_line: Annotated[
+        bool, typer.Option("--line-to-line", help="Of events: watch the voltages between the lines.")
+    ] = False,
     flicker: Annotated[Path | None, typer.Option(help="Write Pst and Plt (IEC 61000-4-15) as JSON lines.")] = None,
     lamp: Annotated[Lamp, typer.Option(help="Of --flicker.")] = Lamp.V230,
     phasors: Annotated[Path | None, typer.Option(help="Write synchrophasors, f and ROCOF as JSON lines.")] = None,
+    half_cycles: Annotated[Path | None, typer.Option(help="Write Urms(1/2) of every half cycle as JSON lines.")] = None,
     device: Annotated[str, typer.Option(help="Device name in the rows.")] = "replay",
     loops: Annotated[int, typer.Option("--loops", "--loop", min=1, help="Play each file so many times.")] = 1,
     window: Annotated[float, typer.Option(min=0.04, max=0.05, help="Window length in s.")] = 0.04,
@@ -121,9 +125,10 @@ def replay(
         out=out,
         aggregate=aggregate,
         quality=quality,
-        events=event_settings(events, declared_voltage, thresholds),
+        events=event_settings(events, declared_voltage, thresholds, line_to_line=line_to_line),
         flicker=flicker,
         phasors=phasors,
+        half_cycles=half_cycles,
         lamp=lamp.value,
         broker=broker_address(config, host, port) if publish else None,
     )

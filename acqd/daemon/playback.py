@@ -14,6 +14,7 @@ from typing import BinaryIO, TypeAlias
 from acqd.daemon.aggregate_file import AggregateFile
 from acqd.daemon.events.of_recording import EventSettings, EventWriter
 from acqd.daemon.flicker_writer import FlickerWriter, check_length
+from acqd.daemon.half_cycle_file import HalfCycleFile
 from acqd.daemon.output_file import output_file
 from acqd.daemon.phasor_file import PhasorFile
 from acqd.daemon.playback_report import PlaybackReport, describe
@@ -54,6 +55,7 @@ class Playback:
     events: EventSettings | None
     flicker: Path | None
     phasors: Path | None
+    half_cycles: Path | None
     lamp: LampName
     broker: BrokerAddress | None
 
@@ -61,13 +63,16 @@ class Playback:
 def play(settings: Playback, progress: Callable[[float], None]) -> PlaybackReport:
     """Play all files in turn. Raises UserError; in that case no output file is left behind."""
     events = settings.events.out if settings.events else None
-    named = (settings.out, settings.aggregate, settings.quality, events, settings.flicker, settings.phasors)
+    named = (
+        *(settings.out, settings.aggregate, settings.quality, events),
+        *(settings.flicker, settings.phasors, settings.half_cycles),
+    )
     outputs = [path.resolve() for path in named if path is not None and str(path) != "-"]
     for path in outputs:
         if (path.is_file() and path in [file.resolve() for file in settings.files]) or outputs.count(path) > 1:
             raise UserError(
                 f"{path} would be overwritten; --out, --aggregate, --quality, --events, --flicker "
-                "and --phasors need separate files"
+                "--phasors and --half-cycles need separate files"
             )
     waveforms = [load_waveform(path, settings.channels) for path in settings.files]
     for path, waveform in zip(settings.files, waveforms, strict=True) if settings.flicker else ():
@@ -85,6 +90,7 @@ def play(settings: Playback, progress: Callable[[float], None]) -> PlaybackRepor
         run.events_out = stack.enter_context(output_file(settings.events.out)) if settings.events else None
         run.flicker_out = stack.enter_context(output_file(settings.flicker)) if settings.flicker else None
         run.phasors_out = stack.enter_context(output_file(settings.phasors)) if settings.phasors else None
+        run.half_cycles_out = stack.enter_context(output_file(settings.half_cycles)) if settings.half_cycles else None
         run.publisher = stack.enter_context(Publisher(settings.broker, settings.device)) if settings.broker else None
         for path, waveform in zip(settings.files, waveforms, strict=True):
             run.play(path, waveform)
@@ -124,6 +130,7 @@ class _Run:
         self._events: EventWriter | None = None
         self.flicker_out: BinaryIO | None = None
         self.phasors_out: BinaryIO | None = None
+        self.half_cycles_out: BinaryIO | None = None
         self._on_the_clock = False  # whether the recording says when it was made
         self.publisher: Publisher | None = None
 
@@ -207,6 +214,8 @@ class _Run:
 
         if self.phasors_out is not None:
             takers.append(PhasorFile(self.phasors_out, form, settings.device, settings.nominal_voltage).take)
+        if self.half_cycles_out is not None:
+            takers.append(HalfCycleFile(self.half_cycles_out, form, settings.device).take)
 
         def watch(block: SampleBlock) -> None:
             for take in takers:

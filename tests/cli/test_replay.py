@@ -108,7 +108,7 @@ def test_broken_input_leaves_no_output_behind(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["bad.csv", "good.csv"]
 
 
-def test_synchrophasors_of_a_recording_are_lines(tmp_path):
+def test_synchrophasors_and_half_cycles_of_a_recording_are_lines(tmp_path):
     t = np.arange(20_000) / 20_000.0
     columns = [f(2 * np.pi * (50 * t - k / 3)) for k in range(3) for f in (lambda a: 325 * np.cos(a), np.cos)]
     names = [f"{letter}{k}" for k in (1, 2, 3) for letter in "ui"]
@@ -120,5 +120,10 @@ def test_synchrophasors_of_a_recording_are_lines(tmp_path):
     assert len(lines) > 40 and lines[0]["f"] == pytest.approx(50, abs=1e-3)
     assert lines[0]["L1"]["V"] == pytest.approx(325 / np.sqrt(2), rel=1e-3)
     assert lines[5]["L2"]["V_angle"] == pytest.approx(-120, abs=0.1) and abs(lines[5]["positive"]["V_angle"]) < 0.1
+    done = acqd_here("replay", file, "--half-cycles", tmp_path / "half.jsonl", "--start", "2026-11-16T08:00:00Z")
+    halves = [json.loads(line) for line in (tmp_path / "half.jsonl").read_text().splitlines()]
+    assert len(halves) > 280 and {one["channel"] for one in halves} == {"L1", "L2", "L3"}
+    assert all(abs(one["Urms"] - 325 / np.sqrt(2)) < 0.2 and abs(one["duration"] - 0.02) < 1e-4 for one in halves)
+    assert halves[0]["time"].startswith("2026-11-16T08:00:00.0")
     done = acqd_here("replay", file, "--phasors", out, "--out", out)
     assert done.returncode == 2 and "need separate files" in done.stderr

@@ -9,10 +9,9 @@ from typing import BinaryIO
 
 from pydantic import ValidationError
 
-from acqd.daemon.events.section import EventsSection
+from acqd.daemon.events.section import EventsSection, Watched
 from acqd.errors import UserError
 from acqd.metering.block import SampleBlock, StreamFormat
-from acqd.metering.quality.detector import EventDetector
 from acqd.metering.quality.event import Event
 from acqd.telemetry.event import event_lines, message_of
 
@@ -27,15 +26,17 @@ class EventSettings:
     section: EventsSection
 
 
-def event_settings(out: Path | None, declared: str | None, thresholds: str | None) -> EventSettings | None:
-    """Settings of the options --events, --declared-voltage and --thresholds. Raises UserError."""
+def event_settings(
+    out: Path | None, declared: str | None, thresholds: str | None, *, line_to_line: bool = False
+) -> EventSettings | None:
+    """Settings of the options --events, --declared-voltage, --thresholds and --line-to-line. Raises UserError."""
     if out is None:
-        if declared or thresholds:
-            raise UserError("--declared-voltage and --thresholds are for --events FILE; give that too")
+        if declared or thresholds or line_to_line:
+            raise UserError("--declared-voltage, --thresholds and --line-to-line are for --events FILE; give that too")
         return None
     if declared is None:
         raise UserError("--events needs --declared-voltage: V (such as 230), or sliding where nobody has declared it")
-    known: dict[str, object] = {"enabled": True, **_thresholds(thresholds or "")}
+    known: dict[str, object] = {"enabled": True, "line_to_line": line_to_line, **_thresholds(thresholds or "")}
     if declared == "sliding":
         known["sliding_reference"] = True
     else:
@@ -56,25 +57,23 @@ class EventWriter:
         self, settings: EventSettings, form: StreamFormat, device: str, boot: str, out: BinaryIO, first: int = 0
     ) -> None:
         """`first`: events of earlier recordings."""
-        reference = settings.section.reference(form.phases, form.f_nominal)
-        self._sliding = reference.sliding
-        self._detector = EventDetector(form, reference, settings.section.thresholds(), first)
+        self._watched = Watched(settings.section, form, first)
         self._device, self._boot, self._out = device, boot, out
         self._count = first
 
     def take(self, block: SampleBlock) -> None:
         """Write the events that end in `block`."""
-        self._write(self._detector.feed(block))
+        self._write(self._watched.feed(block))
 
     def finish(self) -> int:
         """Write the events that are not over when the recording ends. How many there are, with earlier recordings."""
-        self._write(self._detector.finish())
+        self._write(self._watched.finish())
         return self._count
 
     def _write(self, events: Iterable[Event]) -> None:
         ended = [event for event in events if event.end is not None]
         self._count += len(ended)
-        lines = [message_of(event, self._device, self._boot, sliding=self._sliding) for event in ended]
+        lines = [message_of(event, self._device, self._boot, sliding=self._watched.sliding) for event in ended]
         self._out.write(event_lines(lines))
 
 

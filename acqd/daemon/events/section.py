@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Annotated
 
 from pydantic import Field, model_validator
 
 from acqd.daemon.section import Positive
-from acqd.metering.quality.event import Thresholds
+from acqd.errors import SettingError
+from acqd.metering.block import SampleBlock, StreamFormat
+from acqd.metering.quality.detector import EventDetector
+from acqd.metering.quality.event import Event, Thresholds
+from acqd.metering.quality.line_voltages import line_format, line_voltages
 from acqd.metering.quality.reference import Declared, Reference, Sliding
 from acqd.section import Section
 
@@ -21,6 +26,8 @@ class EventsSection(Section):
     declared_voltage: Positive | None = None
     """V, of sources without a `nominal_voltage`; there is no default, since nobody may guess it."""
     sliding_reference: bool = False
+    line_to_line: bool = False
+    """Watch the voltages between the lines, as in three-wire systems; `declared_voltage` is that between lines, too."""
     dip: _Percent = 90.0
     swell: _Percent = 110.0
     interruption: _Percent = 5.0
@@ -52,6 +59,29 @@ class EventsSection(Section):
     def reference(self, phases: int, f_nominal: float) -> Reference:
         """What 100 % is."""
         return reference_of(self.declared_voltage, self.sliding_reference, phases, f_nominal)
+
+
+class Watched:
+    """The detector of a section, and the voltages that it watches."""
+
+    def __init__(self, section: EventsSection, form: StreamFormat, first: int = 0) -> None:
+        """`first`: number of the first event. Raises SettingError where the voltages between lines are not known."""
+        self._form, self._lines = form, section.line_to_line
+        try:
+            watched = line_format(form) if section.line_to_line else form
+        except ValueError as error:
+            raise SettingError(f"events.line_to_line: {error}") from None
+        reference = section.reference(form.phases, form.f_nominal)
+        self.sliding = reference.sliding
+        self._detector = EventDetector(watched, reference, section.thresholds(), first)
+
+    def feed(self, block: SampleBlock) -> Iterator[Event]:
+        """Events that begin or end in what `block` completes."""
+        return self._detector.feed(line_voltages(block, self._form) if self._lines else block)
+
+    def finish(self) -> Iterator[Event]:
+        """The events in progress when the stream ends."""
+        return self._detector.finish()
 
 
 def reference_of(declared: float | None, sliding: bool, phases: int, f_nominal: float) -> Reference:

@@ -7,9 +7,8 @@ from pathlib import Path
 
 from acqd.daemon.events.files import WaveformFiles
 from acqd.daemon.events.recorder import Recorder
-from acqd.daemon.events.section import EventsSection
+from acqd.daemon.events.section import EventsSection, Watched
 from acqd.metering.block import SampleBlock, StreamFormat
-from acqd.metering.quality.detector import EventDetector
 from acqd.metering.quality.event import Event
 from acqd.telemetry.event import PowerEvent, message_of
 
@@ -30,9 +29,7 @@ class EventWatch:
     ) -> None:
         """Without `state_dir` no waveforms are kept."""
         self._device, self._boot, self._announce = device, boot, announce
-        reference = section.reference(form.phases, form.f_nominal)
-        self._sliding = reference.sliding
-        self._detector = EventDetector(form, reference, section.thresholds())
+        self._watched = Watched(section, form)
         self._waveforms: dict[int, str | None] = {}  # of the events in progress
         self._files: WaveformFiles | None = None
         self._recorder: Recorder | None = None
@@ -45,12 +42,12 @@ class EventWatch:
         """The next samples."""
         if self._recorder is not None:
             self._recorder.add(block)
-        for event in self._detector.feed(block):
+        for event in self._watched.feed(block):
             self._report(event)
 
     def finish(self) -> None:
         """No more samples: report events in progress as unfinished, and write the last waveform."""
-        for event in self._detector.finish():
+        for event in self._watched.finish():
             self._report(event)
         if self._recorder is not None:
             self._recorder.finish()
@@ -66,4 +63,4 @@ class EventWatch:
                 self._recorder.end(event)
         if event.end is None:
             self._waveforms[event.number] = name
-        self._announce(message_of(event, self._device, self._boot, sliding=self._sliding, waveform=name))
+        self._announce(message_of(event, self._device, self._boot, sliding=self._watched.sliding, waveform=name))

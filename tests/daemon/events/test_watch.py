@@ -11,6 +11,7 @@ from pydantic import ValidationError
 from acqd.daemon.events.files import WaveformFiles
 from acqd.daemon.events.section import EventsSection
 from acqd.daemon.events.watch import EventWatch
+from acqd.errors import SettingError
 from acqd.metering import SampleBlock
 from acqd.sources import Waveform, load_waveform
 from tests.metering.quality.disturbed import RATE, blocks, form, voltages
@@ -143,3 +144,34 @@ def test_blocks_of_any_length_give_the_same_messages():
         watch.finish()
         results.append([(one.kind, one.time, one.duration and round(one.duration, 6)) for one in told])
     assert results[0] == results[1] and len(results[0]) == 2
+
+
+def test_a_transient_is_reported_once_with_its_waveform(tmp_path):
+    def ringing(t, _):
+        late = np.maximum(t - 1.0, 0)
+        return 1 + (t >= 1.0) * np.sin(2 * np.pi * 900 * late) * np.exp(-late / 3e-3)
+
+    (one,), u = watched(ringing, tmp_path, seconds=2.0, transient=20)
+    assert one.kind == "transient" and one.flags == ["oscillatory"] and 1e-3 < one.duration < 0.01
+    (file,) = kept(tmp_path)
+    assert file.name == one.waveform
+    back = load_waveform(file)
+    first = round((back.start_utc_ns - T0) * 1e-9 * RATE)
+    assert first == pytest.approx(0.8 * RATE, abs=200) and back.duration == pytest.approx(0.4, abs=0.05)
+    np.testing.assert_allclose(back.codes[:, 0::2], u[first : first + len(back.codes)])
+
+
+def test_a_three_wire_system_has_events_of_the_voltages_between_its_lines():
+    told = []
+    settings = EventsSection(enabled=True, declared_voltage=230 * np.sqrt(3), line_to_line=True)
+    watch = EventWatch(settings, form(), "cell1", "boot1", told.append, None)
+    for block in blocks(voltages(lambda t, k: np.where((t > 1) & (t < 1.4) & (k == 0), 0.2, 1.0))):
+        watch.feed(block)
+    ended = [one for one in told if one.duration is not None and one.kind == "dip"]
+    assert [(one.phases, one.flags) for one in ended] == [(["L1", "L3"], ["line_to_line"])]
+    expected = 230 * abs(0.2 - np.exp(-2j * np.pi / 3))  # U1 - U2
+    assert ended[0].extreme == pytest.approx(expected, abs=0.003 * 398) and ended[0].duration == pytest.approx(
+        0.4, abs=0.011
+    )
+    with pytest.raises(SettingError, match="line_to_line: voltages between lines need three phases"):
+        EventWatch(settings, form(1), "cell1", "boot1", told.append, None)
