@@ -21,6 +21,9 @@ def run(
     tape: Annotated[Path | None, typer.Option(help="Append every row to this file (JSON lines).")] = None,
     device: Annotated[str | None, typer.Option(help="Name in rows and topics (default: the config's).")] = None,
     port: Annotated[int | None, typer.Option(min=1, max=65535, help="Port of the broker.")] = None,
+    take_name: Annotated[
+        bool, typer.Option("--take-name", help="Another daemon of this device name is to stop publishing.")
+    ] = False,
     database: Annotated[str | None, typer.Option(help="SQLite file of a run without --config.")] = None,
     json: Json = False,
 ) -> None:
@@ -40,4 +43,12 @@ def run(
     settings.sink.database = database or settings.sink.database
     if not config:
         announce(settings, "simulated source", json=json)
-    serve(settings, duration, json=json, quiet=config is not None and not lines, title="acqd run", tape=tape)
+    serve(
+        settings,
+        duration,
+        json=json,
+        quiet=config is not None and not lines,
+        title="acqd run",
+        tape=tape,
+        take_name=take_name,
+    )

@@ -24,9 +24,19 @@ _UNITS = {"Vrms": "V", "Irms": "A", "P": "W", "PF": "", "f": "Hz", "W": "kWh"}
 
 
 def serve(
-    settings: Config, duration: float | None, *, json: bool, quiet: bool, title: str, tape: Path | None = None
+    settings: Config,
+    duration: float | None,
+    *,
+    json: bool,
+    quiet: bool,
+    title: str,
+    tape: Path | None = None,
+    take_name: bool = False,
 ) -> None:
-    """Run the daemon until it ends; `quiet`: no lines where stdout is no terminal; `tape`: a file for all rows."""
+    """Run the daemon until it ends; `quiet`: no lines where stdout is no terminal; `tape`: a file for all rows.
+
+    `take_name`: another daemon of this device name is to stop publishing.
+    """
     console = terminal(stderr=json)
     latest: dict[tuple[str, str], dict[str, Any]] = {}
     live = Live(console=console, auto_refresh=False) if sys.stdout.isatty() and not json else None
@@ -42,7 +52,7 @@ def serve(
             console.print(_line(summaries[-1]))
 
     async def run() -> None:
-        await Service(settings, show, Tape(tape) if tape else None).run(duration)
+        await Service(settings, show, Tape(tape) if tape else None, take_name=take_name).run(duration)
 
     with live or contextlib.nullcontext():
         asyncio.run(run())

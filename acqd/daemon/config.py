@@ -19,6 +19,7 @@ from acqd.daemon.events.section import EventsSection
 from acqd.daemon.health.section import HealthSection
 from acqd.daemon.homeassistant_section import HomeAssistantSection
 from acqd.daemon.influx_section import InfluxSection
+from acqd.daemon.instance import name_of_host
 from acqd.daemon.modbus_sections import MetersSection
 from acqd.daemon.mqtt_section import MqttSection
 from acqd.daemon.opcua_section import OpcUaSection
@@ -192,7 +193,12 @@ class Config(Section):
     @classmethod
     def demonstration(cls, port: int) -> Config:
         """The configuration of `acqd run` without a file: simulated source, embedded broker and sink."""
-        return cls(mqtt=MqttSection(port=port), broker=BrokerSection(embedded=True), sink=SinkSection(embedded=True))
+        return cls(
+            device=name_of_host(),
+            mqtt=MqttSection(port=port),
+            broker=BrokerSection(embedded=True),
+            sink=SinkSection(embedded=True),
+        )
 
 
 def _boxes(tables: list[Any]) -> list[Any]:

@@ -10,11 +10,25 @@ from acqd.daemon.health.snapshot import FeedHealth
 from acqd.plc.fast_process import Spawn
 from acqd.plc.recent import SampledWindow
 from acqd.sources.waveform import Waveform
+from acqd.telemetry.last_rows import Known
 from acqd.telemetry.row import PowerRow
 from acqd.telemetry.spool import Readings
 
 Deliver = Callable[[list[PowerRow], list[dict[str, Any]], Readings | None], None]
 """Takes rows, the 1 s summaries that they complete and the registers after them, in the event loop."""
+
+
+class Sent(Protocol):
+    """What is known of the rows of earlier starts."""
+
+    def readings(self, device: str) -> Readings | None:
+        """The registers after the last row that an earlier start has spooled."""
+
+    async def last_rows(self, device: str) -> Known | None:
+        """What a sink and the broker know of the last rows before a power cut; None: there was none."""
+
+    def newest(self, device: str, boot: str) -> int:
+        """Number of the newest row in the spool of a boot of the device; -1: there is none."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,31 +3,27 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
 
 from acqd.daemon import nominal
 from acqd.daemon.box import Box
 from acqd.daemon.config import Config
 from acqd.daemon.events.watch import Announce
-from acqd.daemon.feed import ALONE, Company, Deliver, Feed
+from acqd.daemon.feed import ALONE, Company, Deliver, Feed, Sent
 from acqd.daemon.feed_of_boxes import FeedOfBoxes
 from acqd.daemon.meter_feed import MeterFeed
 from acqd.daemon.modbus_sections import MetersSection
 from acqd.daemon.quality_feed import DeliverQuality
 from acqd.daemon.waveform_feed import WaveformFeed
 from acqd.plc.forked import Nursery
-from acqd.telemetry.spool import Readings
 
 _log = logging.getLogger(__name__)
-Registers = Callable[[str], Readings | None]
-"""The registers of a device after the last row that an earlier start has spooled."""
 
 
 def feed_of(
     config: Config,
     boot: str,
     deliver: Deliver,
-    registers: Registers,
+    sent: Sent | None,
     quality: DeliverQuality | None = None,
     announce: Announce | None = None,
     company: Company = ALONE,
@@ -42,13 +38,11 @@ def feed_of(
 
         def make(one: Config, boot: str) -> Feed:
             company = Company(", ".join(one.devices), nursery.spawn)
-            return feed_of(one, boot, deliver, registers, quality, announce, company)
+            return feed_of(one, boot, deliver, sent, quality, announce, company)
 
         return FeedOfBoxes([Box(one, make) for one in alone], boot, nursery.close)
     if isinstance(config.source, MetersSection):
         if config.quality.enabled:
             _log.warning("%s: no power quality, which needs samples: RMS meters send none", ", ".join(config.devices))
         return MeterFeed(config.source, boot, deliver, company.name)
-    return WaveformFeed(
-        nominal.applied(config), config.source, boot, deliver, registers(config.device), quality, announce, company
-    )
+    return WaveformFeed(nominal.applied(config), config.source, boot, deliver, sent, quality, announce, company)

@@ -8,17 +8,41 @@ import logging
 import os
 import time
 from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 from acqd.metering.registers import Registers
 from acqd.retry import Backoff
+from acqd.uptime import start_id
 
 _log = logging.getLogger(__name__)
 _BLOCK = 4096
 """Bytes of a block of the disk."""
 _PATIENCE_S = 5.0
 """How long a start waits for a disk that does not give the register out."""
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """The run of the daemon that has written a register file."""
+
+    boot: str
+    seq: int
+    """Of the last window in the readings; -1: none yet."""
+    closed: bool = False
+    """Whether the run has ended with these readings."""
+    start: str = field(default_factory=lambda: start_id().hex())
+    """Of the computer (`acqd.uptime`)."""
+
+    @property
+    def cut_off(self) -> bool:
+        """Whether the computer has been started since without an end of the run: rows may have left that no disk has.
+
+        A process that is killed loses nothing: what it has written is read back. Where the id of the computer's start
+        is hidden, it may have been started.
+        """
+        return not self.closed and (self.start != start_id().hex() or not any(start_id()))
 
 
 class RegisterFile:
@@ -29,6 +53,14 @@ class RegisterFile:
         self._failed = False
         self.others: Any = None
         """State of the registers besides energy, as JSON; None before `load`, or where there are none."""
+
+    def last_run(self) -> Run | None:
+        """Who has written the file; None: nobody, or an earlier acqd. Does not wait for a disk."""
+        try:
+            run = json.loads(self._path.read_bytes())["run"]
+            return Run(str(run["boot"]), int(run["seq"]), bool(run["closed"]), str(run["start"]))
+        except (OSError, ValueError, KeyError, TypeError):
+            return None
 
     def load(self, phases: int) -> list[tuple[float, float]] | None:
         """Each phase's (imported, exported) [kWh]; None: start from zero."""
@@ -71,10 +103,11 @@ class RegisterFile:
             os.replace(self._path, kept)
         _log.error("%s is %s: energy starts from zero, the file is kept as %s", self._path, reason, kept.name)
 
-    def save(self, readings: list[tuple[float, float]], others: Any = None) -> None:
+    def save(self, readings: list[tuple[float, float]], others: Any = None, run: Run | None = None) -> None:
         """Write the readings; a full disk is logged once, never fatal. May run in a thread."""
         data = {
             "registers": others,
+            "run": asdict(run) if run is not None else None,
             "phases": [{"import_kWh": imported, "export_kWh": exported} for imported, exported in readings],
         }
         try:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import orjson
+from msgspec import to_builtins
 
 from acqd import __version__
 from acqd.daemon.broker_process import BrokerProcess
@@ -23,6 +24,7 @@ from acqd.daemon.feed import Feed
 from acqd.daemon.feeds import feed_of
 from acqd.daemon.health.daemon import DaemonHealth, Progress
 from acqd.daemon.health.snapshot import Delivery, Link
+from acqd.daemon.instance import claimant
 from acqd.daemon.notify import notify
 from acqd.daemon.tape import Tape
 from acqd.daemon.uplink import Uplink
@@ -46,22 +48,28 @@ class Service:
         config: Config,
         on_second: Callable[[list[dict[str, Any]]], None] | None = None,
         tape: Tape | None = None,
+        *,
+        take_name: bool = False,
     ) -> None:
-        """`on_second` receives the 1 s summaries of all channels (live numbers in a terminal), `tape` all rows."""
+        """`on_second` receives the 1 s summaries of all channels (live numbers in a terminal), `tape` all rows.
+
+        `take_name`: another daemon of this name is to stop publishing.
+        """
         self._tape = tape
         self.config = config
         self._on_second = on_second
         self._boot = uuid.uuid4().hex[:12]
         if config.state_dir is not None:
             _make_folder(config.state_dir)
-        self._uplink = Uplink(config, config.devices, self._status) if config.mqtt.enabled else None
-        registers = self._uplink.readings if self._uplink else lambda _: None
+        self._me = claimant(config.state_dir, self._boot, take_name=take_name)
+        self._uplink = Uplink(config, config.devices, self._status, self._me) if config.mqtt.enabled else None
         quality = self._uplink.put_quality if self._uplink else None
         announce = self._uplink.put_event if self._uplink else None
-        self._feed: Feed = feed_of(config, self._boot, self._take, registers, quality, announce)
+        self._feed: Feed = feed_of(config, self._boot, self._take, self._uplink, quality, announce)
         self._stop = asyncio.Event()
         self._started = time.time_ns()
         self._health = DaemonHealth(config.health, config.device, self._feed, self._progress)
+        self._metering = False
         self.rows = 0
 
     async def run(self, duration: float | None = None) -> None:
@@ -78,12 +86,13 @@ class Service:
                 await broker.start()
             if sink is not None:
                 await sink.start()
+            if self._uplink is not None:  # the feed may have something to ask before its first row
+                background += self._uplink.tasks()
             await self._feed.start()
+            self._metering = True
             for sentence in self._feed.refused:
                 _log.warning("real time: %s", sentence)
             metering = asyncio.create_task(self._feed.run())
-            if self._uplink is not None:
-                background += self._uplink.tasks()
             background.append(asyncio.create_task(self._housekeeping()))
             if sink is not None:
                 background.append(asyncio.create_task(sink.watch()))
@@ -195,10 +204,12 @@ class Service:
         return {
             "state": "online",
             "device": self.config.device,
-            "boot": self._feed.health().boot,
+            "boot": self._feed.health().boot if self._metering else self._boot,
             "version": __version__,
             "time": rfc3339(time.time_ns()),
             "started": rfc3339(self._started),
+            "name": to_builtins(self._me),
+            "rival": str(self._uplink.name.rival or "") if self._uplink is not None else "",
             "source": "several" if self.config.boxes else self.config.source.kind,
             "rows": self.rows,
             "realtime_refused": self._feed.refused,
@@ -212,7 +223,7 @@ class Service:
             if counters
             else {},
             "spool": asdict(counters) if counters else {},
-            **self._feed.status(),
+            **(self._feed.status() if self._metering else {}),
         }
 
 

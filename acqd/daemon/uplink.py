@@ -5,17 +5,27 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
+import uuid
 from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 import orjson
 
+from acqd.changes import StateLog
 from acqd.daemon.config import Config
+from acqd.daemon.instance import claimant
+from acqd.daemon.register import RegisterFile
 from acqd.telemetry import topics
+from acqd.telemetry.ask import Claimant
 from acqd.telemetry.connector import Connector
 from acqd.telemetry.counters import TelemetryCounters
 from acqd.telemetry.delivery import Delivery
+from acqd.telemetry.dialogue import Dialogue
 from acqd.telemetry.event import PowerEvent
+from acqd.telemetry.last_rows import Known, LastRows
+from acqd.telemetry.name import Name
 from acqd.telemetry.quality_row import QualityRow
 from acqd.telemetry.register_row import OnceAMinute, register_row
 from acqd.telemetry.row import PowerRow
@@ -24,24 +34,39 @@ from acqd.telemetry.spool import Readings, Spool, SpooledRow, Stream, confirm
 _log = logging.getLogger(__name__)
 _SYNC_S = 0.8  # at most 1 s of rows is at risk when the power fails
 _NO_SINK_S = 60.0
+_ANSWER_S = 5.0
+"""How long the first row after a power cut waits for a sink that knows the last rows before it."""
 
 
 class Uplink:
     """Keeps rows until they are delivered, and delivers them."""
 
-    def __init__(self, config: Config, devices: Sequence[str], greeting: Callable[[], bytes]) -> None:
-        """`devices`: those whose rows will come. Raises UserError when the spool cannot be used."""
+    def __init__(
+        self, config: Config, devices: Sequence[str], status: Callable[[], bytes], me: Claimant | None = None
+    ) -> None:
+        """`devices`: those whose rows will come; `me`: this run. Raises UserError when the spool cannot be used."""
         self._config = config
         folder = config.state_dir / f"spool-{config.device}" if config.state_dir is not None else None
         self._spool = Spool(folder, config.spool.limits())
-        self._delivery = Delivery(self._spool, config.spool.until, devices, windows=config.mqtt.rows == "window")
+        me = me or claimant(config.state_dir, uuid.uuid4().hex[:12], take_name=False)
+        self.name = Name(me)
+        self._last_rows = LastRows(_cut_off(config.state_dir, devices))
+        greet = partial(self._put_greeting, status)
+        self._delivery = Delivery(
+            self._spool,
+            config.spool.until,
+            devices,
+            windows=config.mqtt.rows == "window",
+            dialogue=Dialogue(config.device, self.name, self._last_rows, greet),
+        )
         self._connector = Connector(
             config.mqtt.address(),
             self._delivery,
-            client_id=f"acqd-{config.device}",
+            client_id=f"acqd-{config.device}-{me.boot}",
             status_topic=topics.status(config.device),
-            greeting=greeting,
+            greeting=lambda: status() if self.name.held else None,
         )
+        self._says = StateLog(_log)
         self._folder = folder
         self._register_times = OnceAMinute()
         self._sync_failed = self._warned = False
@@ -53,6 +78,14 @@ class Uplink:
         """A device's registers after the last row that an earlier start has spooled."""
         before = self._spool.readings("") if device == self._config.device else None
         return self._spool.readings(device) or before
+
+    async def last_rows(self, device: str) -> Known | None:
+        """What a sink and the broker know of the last rows before a power cut; None: there was none."""
+        return await self._last_rows.of(device, _ANSWER_S)
+
+    def newest(self, device: str, boot: str) -> int:
+        """Number of the newest row in the spool of a boot of the device; -1: there is none."""
+        return self._spool.newest(device, boot)
 
     def tasks(self) -> list[asyncio.Task[None]]:
         """Start to deliver; the tasks do not end by themselves."""
@@ -99,6 +132,10 @@ class Uplink:
         """Publish the status of the daemon."""
         self._delivery.put_state(topics.status(self._config.device), payload)
 
+    def _put_greeting(self, status: Callable[[], bytes]) -> None:
+        self.put_status(status())
+        self._delivery.say()
+
     async def flush(self, timeout: float) -> None:
         """Wait until all rows are delivered, at most `timeout` seconds and only while connected."""
         await self._connector.flush(timeout)
@@ -136,7 +173,7 @@ class Uplink:
             reading_trouble=spool.reading_trouble,
             unreceipted_s=round(delivery.unreceipted_s, 3),
             connected=connector.state == "connected",
-            broker_trouble=connector.trouble,
+            broker_trouble=self.name.trouble or connector.trouble,
             reconnects=max(connector.reconnects, 0),
             sink_seen=delivery.sink_seen,
         )
@@ -146,6 +183,7 @@ class Uplink:
         while True:
             begun, self.latest = time.monotonic(), self.counters()
             self._watch_for_sinks()
+            self._say_name()
             try:
                 await asyncio.to_thread(confirm, self._spool.unconfirmed())
                 self._sync_failed = False
@@ -154,6 +192,12 @@ class Uplink:
                     _log.error("spool: the disk does not confirm rows (%s)", error.strerror)
                 self._sync_failed = True
             await asyncio.sleep(max(0.0, begun + _SYNC_S - time.monotonic()))
+
+    def _say_name(self) -> None:
+        if trouble := self.name.trouble:
+            self._says.trouble("device name", trouble, trouble)
+        else:
+            self._says.fine("device name", "nobody else uses it any more")
 
     def _watch_for_sinks(self) -> None:
         """Say once that rows wait for a sink that does not come."""
@@ -166,3 +210,9 @@ class Uplink:
                 "no sink has been seen: rows are published, and wait in the spool until a sink has stored them; "
                 'where there are only subscribers, set [spool] until = "acknowledged"'
             )
+
+
+def _cut_off(state_dir: Path | None, devices: Sequence[str]) -> dict[str, str]:
+    """Devices whose last run has ended with the power of this computer, and its boot."""
+    runs = {} if state_dir is None else {device: RegisterFile(state_dir, device).last_run() for device in devices}
+    return {device: run.boot.partition(".")[0] for device, run in runs.items() if run is not None and run.cut_off}

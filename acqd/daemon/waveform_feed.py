@@ -11,11 +11,12 @@ from typing import Any
 
 from acqd.daemon.boot import Boot
 from acqd.daemon.config import Config
+from acqd.daemon.continued import FLAG, continued
 from acqd.daemon.events.watch import Announce, EventWatch
-from acqd.daemon.feed import ALONE, Company, Deliver
+from acqd.daemon.feed import ALONE, Company, Deliver, Sent
 from acqd.daemon.health.snapshot import Cycles, FeedHealth, SourceLink
 from acqd.daemon.quality_feed import DeliverQuality, QualityFeed
-from acqd.daemon.register import RegisterFile, greater, registers_of
+from acqd.daemon.register import RegisterFile, Run, greater, registers_of
 from acqd.daemon.source_sections import WaveformSection
 from acqd.daemon.tally import Tally
 from acqd.metering import Meter, SampleBlock, StreamFormat, WindowBatch
@@ -25,6 +26,7 @@ from acqd.plc.executive import Executive
 from acqd.plc.realtime import prioritise
 from acqd.plc.recent import SampledWindow
 from acqd.sources.waveform import Waveform
+from acqd.telemetry.last_rows import Known
 from acqd.telemetry.row import rows_of
 from acqd.telemetry.spool import Energy, Readings
 from acqd.telemetry.summary import Summariser
@@ -41,14 +43,17 @@ class WaveformFeed:
         source: WaveformSection,
         boot: str,
         deliver: Deliver,
-        readings: Readings | None = None,
+        sent: Sent | None = None,
         deliver_quality: DeliverQuality | None = None,
         announce: Announce | None = None,
         company: Company = ALONE,
     ) -> None:
-        """`readings`: the registers after the last row that an earlier start has spooled; `announce` takes events."""
+        """`sent`: what is known of the rows of earlier starts; `announce` takes events."""
         self._config = config
-        self._spooled = readings
+        self._sent, self._known = sent, None if sent is None else sent.readings(config.device)
+        self._cut: Run | None = None
+        self._before: Known | None = None
+        self._unconfirmed = self._stopped = False
         self._boot = Boot(boot)
         self._deliver = deliver
         self._quality = (
@@ -64,6 +69,7 @@ class WaveformFeed:
         self._registers: Registers | None = None
         self._summariser, self._tally = Summariser(), Tally()
         self._last_row: float | None = None
+        self._newest: tuple[int, Energy] | None = None
         self._begun = time.monotonic()
         self._cycles = Cycles()
         self._refused: list[str] = []
@@ -86,6 +92,11 @@ class WaveformFeed:
 
     async def start(self) -> None:
         """Start MAIN_FAST. Raises UserError when its source cannot be used."""
+        if self._sent is not None and self._register is not None:
+            run = self._register.last_run()
+            if run is not None and run.cut_off:
+                self._cut, self._before = run, await self._sent.last_rows(self._config.device)
+                self._unconfirmed = self._before is None or not self._before.answered
         await self._executive.start()
         self._refused = prioritise("MAIN_SLOW", self._config.realtime.slow_priority)
         self._begun = time.monotonic()
@@ -101,6 +112,7 @@ class WaveformFeed:
     async def stop(self) -> None:
         """End after the current window."""
         await self._executive.stop()
+        self._stopped = True
 
     def close(self) -> None:
         """Release the ring and its descriptors."""
@@ -111,7 +123,8 @@ class WaveformFeed:
         if self._register is not None and self._executive.meter is not None:
             with self._saving:  # a later reading is never overwritten by an earlier one
                 others = self._registers.state() if self._registers is not None else None
-                self._register.save(self._executive.meter.energy.reading(), others)
+                seq, energy = self._newest or (-1, self._executive.meter.energy.reading())
+                self._register.save(energy, others, Run(self._boot.name, seq, self._stopped))
 
     def alive(self) -> bool:
         """Whether rows arrive, or the device or MAIN_FAST is away and its supervisor brings it back."""
@@ -167,7 +180,7 @@ class WaveformFeed:
         metering, window = self._config.metering, self._config.window
         energy = self._energy(form.phases)
         others = self._register.others if self._register is not None else None
-        spooled = self._spooled.registers if self._spooled is not None else None
+        spooled = self._known.registers if self._known is not None else None
         creep_W = metering.creep_w
         if creep_W is None:
             creep_W = no_load_W(form, metering.nominal_voltage)
@@ -182,19 +195,36 @@ class WaveformFeed:
         )
 
     def _energy(self, phases: int) -> Energy | None:
-        """Registers to continue from: the greater of file and spool, so that W never goes back."""
-        spooled = self._spooled.energy if self._spooled is not None else None
-        return greater(self._register.load(phases) if self._register else None, spooled, phases)
+        """Registers to continue from: the greater of file and spool, so that W never goes back.
+
+        After a power cut also what others know. It is on the disk, with the boot, before the first row leaves.
+        """
+        spooled = self._known.energy if self._known is not None else None
+        energy = greater(self._register.load(phases) if self._register else None, spooled, phases)
+        if self._cut is not None and self._before is not None and self._sent is not None and energy is not None:
+            seq = max(self._cut.seq, self._sent.newest(self._config.device, self._cut.boot))
+            energy = continued(energy, seq, self._before)
+        self._cut = None
+        if self._register is not None:
+            self._register.save(energy or [(0.0, 0.0)] * phases, self._register.others, Run(self._boot.name, -1))
+        return energy
 
     def _take(self, batch: WindowBatch) -> None:
         rows = list(rows_of(batch, self._config.device, self._boot.name))
         self._boot.stamp(rows)
+        if self._unconfirmed:
+            self._unconfirmed = False
+            for row in rows:
+                row.flags = sorted({*row.flags, FLAG})
         self._tally.add(rows)
         assert self._executive.meter is not None and self._registers is not None
         # These are of the second before: with the registers from before this batch.
         summaries = [each | self._registers.reading(each["channel"]) for each in self._summariser.add(batch, rows)]
         self._registers.add(batch)
-        self._deliver(rows, summaries, Readings(self._executive.meter.energy.reading(), self._registers.numbers()))
+        energy = self._executive.meter.energy.reading()
+        if rows:
+            self._newest = rows[-1].seq, energy
+        self._deliver(rows, summaries, Readings(energy, self._registers.numbers()))
         self._last_row = time.monotonic()
 
     def _make_watch(self, form: StreamFormat) -> Callable[[SampleBlock], None]:

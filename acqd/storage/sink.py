@@ -25,12 +25,19 @@ from acqd.storage.sink_settings import SinkCounters, SinkSettings
 from acqd.storage.writer import Received, Writer, Written
 from acqd.telemetry import topics
 from acqd.telemetry.mqtt import BrokerAddress, is_refusal, refusal
-from acqd.telemetry.receipts import receipts
+from acqd.telemetry.receipts import answer, receipts
 from acqd.telemetry.subscriber import NO_ANSWER, Subscriber, SubscriberError
 from acqd.telemetry.wire import UNSUPPORTED, V5, V311, Publish
 
 _log = logging.getLogger(__name__)
-_TOPICS = (topics.ALL_POWER, topics.ALL_WINDOWS, topics.ALL_QUALITY, topics.ALL_REGISTERS, topics.ALL_EVENTS)
+_TOPICS = (
+    topics.ALL_POWER,
+    topics.ALL_WINDOWS,
+    topics.ALL_QUALITY,
+    topics.ALL_REGISTERS,
+    topics.ALL_EVENTS,
+    topics.ALL_ASKS,
+)
 _STOP_S = 1.0
 _BATCH_BYTES, _HELD_BYTES = 4 << 20, 16 << 20
 """Payloads of one transaction, and of all messages that are not acknowledged."""
@@ -186,6 +193,8 @@ class Sink:
         for batch, written in self._count(committer):
             for topic, payload in receipts(self._settings.client_id, written.receipts):
                 subscriber.publish(topic, payload)
+            for device, last in written.answers.items():
+                subscriber.publish(*answer(self._settings.client_id, device, last))
             if batch.connection == self.counters.reconnects:
                 subscriber.acknowledge([number for number in batch.numbers if number])
                 self._under_way -= len(batch.numbers)

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, TypeAlias
 import orjson
 import sqlalchemy as sa
 
-from acqd.storage import events, keyed_rows, quarantining, rows
+from acqd.storage import events, keyed_rows, last_rows, quarantining, rows
 from acqd.storage.allowance import MALFORMED_BYTES_PER_DAY, Allowance
 from acqd.storage.clock_witness import FLAG, IMPOSSIBLE, ClockWitness
 from acqd.storage.guard import Guard
@@ -22,6 +22,7 @@ from acqd.telemetry import topics
 from acqd.telemetry.event import PowerEvent, message_number
 from acqd.telemetry.quality_row import QualityRow, parse_quality
 from acqd.telemetry.ranges import Ranges
+from acqd.telemetry.receipts import LastRow
 from acqd.telemetry.register_row import RegisterRow, parse_registers
 from acqd.telemetry.row import PowerRow, parse_row
 from acqd.telemetry.row_message import payloads_of
@@ -56,6 +57,8 @@ class Written:
     """Of these, rows whose time cannot be true; they can be restored."""
     receipts: dict[Stream, Ranges] = field(default_factory=dict)
     """Every row of the batch that need not be sent again."""
+    answers: dict[str, list[LastRow]] = field(default_factory=dict)
+    """By device, the last rows that are stored now: of devices that have asked."""
 
 
 class _Parsed(NamedTuple):
@@ -98,7 +101,9 @@ class Writer:
         occurred = [message for message in messages if topics.is_event(message.topic)]
         stored = events.store(self.guard.transaction, occurred, self.witness)
         malformed = [(occurred[k], reason) for k, reason in stored.refused]
-        rows_only = [message for message in messages if not topics.is_event(message.topic)]
+        asked = [(message.topic, message.payload) for message in messages if topics.is_ask(message.topic)]
+        apart = (topics.is_event, topics.is_ask)
+        rows_only = [message for message in messages if not any(is_it(message.topic) for is_it in apart)]
         parsed = [_parse(message) for message in _rows_apart(rows_only, malformed)]
         for one in parsed:
             if one.row is not None:
@@ -106,6 +111,9 @@ class Writer:
         written = self._write(parsed, malformed)
         for event in stored.events:
             _note(written.receipts, event.device, topics.EVENTS, event.boot, event.seq)
+        for question in last_rows.questions(asked):
+            with self._engine.connect() as connection:
+                written.answers[question.device] = last_rows.last_rows(connection, question)
         return written
 
     def _write(self, messages: Sequence[_Parsed], malformed: Sequence[tuple[Received, str]]) -> Written:

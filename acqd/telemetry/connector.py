@@ -38,10 +38,10 @@ class Connector:
         *,
         client_id: str,
         status_topic: str,
-        greeting: Callable[[], bytes],
+        greeting: Callable[[], bytes | None],
         must_connect: bool = False,
     ) -> None:
-        """`greeting` makes the retained status message of a fresh connection.
+        """`greeting` makes the retained status message of a fresh connection; None: the status is another daemon's.
 
         With `must_connect`, a broker that does not answer or refuses us at first contact is an error, not a wait.
         """
@@ -120,14 +120,16 @@ class Connector:
             try:
                 self._outbox.begin()
                 await session.subscribe(self._outbox.subscriptions())
-                session.send(Message(self._status_topic, self._greeting(), retain=True))
+                if (greeting := self._greeting()) is not None:
+                    session.send(Message(self._status_topic, greeting, retain=True))
                 self._outbox.ready(_Line(session))
                 await self._deliver(session)
             except asyncio.CancelledError:
                 self.state = "stopped"
                 # The will is for accidents; a planned stop says so itself.
-                with contextlib.suppress(SessionError):
-                    await session.finish(will, _FAREWELL_S)
+                if self._greeting() is not None:
+                    with contextlib.suppress(SessionError):
+                        await session.finish(will, _FAREWELL_S)
                 raise
             finally:
                 self._outbox.end()

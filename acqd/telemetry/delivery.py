@@ -16,10 +16,11 @@ from itertools import groupby
 from typing import Literal
 
 from acqd.telemetry import topics
+from acqd.telemetry.dialogue import Dialogue
 from acqd.telemetry.in_flight import InFlight
 from acqd.telemetry.message import Line, Message, Room
 from acqd.telemetry.ranges import Ranges
-from acqd.telemetry.receipts import parse_receipt, recalls
+from acqd.telemetry.receipts import parse_receipt, ranges_of, recalls
 from acqd.telemetry.row_message import joined
 from acqd.telemetry.spool import Readings, Spool, SpooledRow, Stream
 from acqd.telemetry.unsent import Unsent
@@ -51,12 +52,14 @@ class Delivery:
         *,
         live: bool = True,
         windows: bool = False,
+        dialogue: Dialogue | None = None,
     ) -> None:
-        """`devices`: those whose rows will come, to subscribe to their receipts.
+        """`devices`: those whose rows will come, to subscribe to their receipts. `dialogue` says and hears the rest.
 
         Without `live`, new rows wait behind the backlog: one order for all, as a recording has it. With `windows`, the
         rows of a window travel in one message.
         """
+        self._dialogue = dialogue
         self._windows, self._together = windows, 1
         self._most_live = _LIVE if live else 0
         self.spool, self._until, self._now = spool, until, now
@@ -106,7 +109,7 @@ class Delivery:
     def _sent_at_once(self) -> bool:
         """Send new rows if the connection takes them all: without a turn of the event loop in between."""
         line = self._line
-        if line is None or not 0 < len(self._live) <= line.room().messages:
+        if line is None or self._silent or not 0 < len(self._live) <= line.room().messages:
             return False
         rows = list(self._live)
         self._live.clear()
@@ -119,14 +122,26 @@ class Delivery:
         self._changed.set()
 
     def subscriptions(self) -> list[str]:
-        """Receipts of the devices whose rows come from here, and the sinks' announcements."""
+        """Receipts of the devices whose rows come from here, the sinks' announcements, and what the dialogue wants."""
+        also = self._dialogue.subscriptions() if self._dialogue is not None else []
         if self._until == "acknowledged":
-            return []
-        return [topics.ALL_SINKS, *(topics.receipt(device) for device in sorted(self._devices))]
+            return also
+        return [topics.ALL_SINKS, *(topics.receipt(device) for device in sorted(self._devices)), *also]
+
+    def say(self) -> None:
+        """The dialogue has something to say, or rows may go out again."""
+        self._changed.set()
+
+    @property
+    def _silent(self) -> bool:
+        """Whether rows and states wait: another daemon has the name."""
+        return self._dialogue is not None and not self._dialogue.may_publish
 
     def begin(self) -> None:
         """A new connection: the broker may have lost what it had."""
         self._online = True
+        if self._dialogue is not None:
+            self._dialogue.begin()
         self._sinks.clear()
         self._from_the_start()
         self._changed.set()
@@ -150,8 +165,15 @@ class Delivery:
         self._settle_acknowledged()
         if self.spool.readable_again():
             self._position = self.spool.start
+        said = self._dialogue.said() if self._dialogue is not None else []
+        if self._silent:
+            if self._live:
+                self._live.clear()
+                self._position = self.spool.start
+            self._more = False
+            return said
         rows = [self._live.popleft() for _ in range(min(len(self._live), room.messages * self._together))]
-        messages = self._messages(rows)
+        messages = [*said, *self._messages(rows)]
         while self._states and len(messages) < room.messages:
             topic = next(iter(self._states))
             messages.append(Message(topic, self._states.pop(topic), retain=True))
@@ -196,6 +218,9 @@ class Delivery:
         _, middle, last = topic.split("/", 2)
         if last == "receipt":
             self._take_receipt(middle, payload)
+        elif middle != "sink" or last == "status":
+            if self._dialogue is not None:
+                self._dialogue.heard(topic, payload, retained=retained)
         elif payload == topics.OFFLINE:
             self._sinks.discard(topic)
             if self._sinks and not retained:  # the others get what it had taken with it
@@ -229,12 +254,14 @@ class Delivery:
 
     def _take_receipt(self, device: str, payload: bytes) -> None:
         try:
-            stored = parse_receipt(device, payload)
+            message = parse_receipt(payload)
         except ValueError as error:
             _log.warning("receipt of %s cannot be read: %s", device, error)
             return
+        if self._dialogue is not None:
+            self._dialogue.answered(device, message)
         removed = expected = 0
-        for stream, *pair in stored:
+        for stream, *pair in ranges_of(device, message):
             for first, last in self._unsent.without(stream, *pair):
                 removed += self.spool.remove(stream, first, last)
                 expected += self._flying.settle(stream, first, last)

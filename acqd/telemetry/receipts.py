@@ -11,13 +11,15 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Annotated
 
 import msgspec
-from msgspec import Meta
+from msgspec import UNSET, Meta, UnsetType
 
 from acqd.telemetry.ranges import Ranges
 from acqd.telemetry.spool import Stream
 from acqd.telemetry.topics import receipt
 
 _RANGES_PER_MESSAGE = 2_000
+_LARGEST = 256 << 10
+"""Bytes of a receipt at most: that many ranges, and the names of their streams."""
 _Seq = Annotated[int, Meta(ge=0, le=2**63 - 1)]
 
 
@@ -26,15 +28,27 @@ class StoredRows(msgspec.Struct):
 
     channel: str
     boot: str
-    seq: list[tuple[_Seq, _Seq]]
+    seq: Annotated[list[tuple[_Seq, _Seq]], Meta(max_length=_RANGES_PER_MESSAGE)]
+
+
+class LastRow(msgspec.Struct, frozen=True):
+    """The newest stored row of a channel."""
+
+    channel: str
+    boot: str
+    seq: _Seq
+    W: float
+    """kWh: import minus export."""
 
 
 class Receipt(msgspec.Struct):
     """One message on the receipt topic of a device."""
 
     sink: str
-    stored: list[StoredRows]
+    stored: Annotated[list[StoredRows], Meta(max_length=_RANGES_PER_MESSAGE)]
     schema: int = 1
+    last: list[LastRow] | UnsetType = UNSET
+    """The answer to a question for the last rows; empty: none is stored."""
 
 
 _decoder = msgspec.json.Decoder(Receipt)
@@ -53,12 +67,26 @@ def receipts(sink: str, stored: Mapping[Stream, Ranges]) -> Iterator[tuple[str, 
             yield receipt(device), msgspec.json.encode(Receipt(sink, group))
 
 
-def parse_receipt(device: str, payload: bytes) -> list[tuple[Stream, int, int]]:
-    """Stream, first and last `seq` of every range. Raises ValueError."""
+def answer(sink: str, device: str, last: list[LastRow]) -> tuple[str, bytes]:
+    """Topic and payload of the answer to a question for the last rows."""
+    return receipt(device), msgspec.json.encode(Receipt(sink, [], last=last))
+
+
+def parse_receipt(payload: bytes) -> Receipt:
+    """Raises ValueError, also for more than a sink says in one message: the daemon looks through its spool for each."""
+    if len(payload) > _LARGEST:
+        raise ValueError(f"{len(payload)} bytes are more than any sink sends")
     try:
         message = _decoder.decode(payload)
     except (msgspec.DecodeError, RecursionError) as error:
         raise ValueError(str(error)) from None
+    if sum(len(entry.seq) for entry in message.stored) > _RANGES_PER_MESSAGE:
+        raise ValueError(f"more than {_RANGES_PER_MESSAGE} ranges")
+    return message
+
+
+def ranges_of(device: str, message: Receipt) -> list[tuple[Stream, int, int]]:
+    """Stream, first and last `seq` of every range."""
     return [
         (Stream(device, entry.channel, entry.boot), first, last)
         for entry in message.stored

@@ -25,6 +25,8 @@ ALL_JOINTS = "acqd/+/joints"
 """Joint angles for live predictions."""
 ALL_SINKS = "acqd/sink/+/status"
 """Every sink's announcement."""
+ALL_ASKS = "acqd/+/ask"
+"""Questions of the daemons."""
 OFFLINE = b"offline"
 """Last will and farewell on the status topic."""
 EVENTS = "event"
@@ -105,6 +107,16 @@ def summary(device: str, channel: str) -> str:
 def status(device: str) -> str:
     """Retained JSON while online, `offline` otherwise."""
     return f"acqd/{device}/status"
+
+
+def ask(device: str) -> str:
+    """What a daemon asks the sinks, and another daemon of its name (telemetry.ask)."""
+    return f"acqd/{device}/ask"
+
+
+def is_ask(topic: str) -> bool:
+    """Whether messages on this topic are questions of a daemon."""
+    return topic.endswith("/ask") and topic.count("/") == 2
 
 
 def receipt(device: str) -> str:

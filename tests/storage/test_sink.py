@@ -20,7 +20,7 @@ from acqd.storage.writer import Writer
 from acqd.telemetry.broker import free_port
 from acqd.telemetry.mqtt import BrokerAddress
 from acqd.telemetry.ranges import Ranges
-from acqd.telemetry.receipts import parse_receipt
+from acqd.telemetry.receipts import parse_receipt, ranges_of
 from tests.commands import ACQD
 from tests.storage.rows import count, message, row
 from tests.waiting import LIMIT_S, wait_for
@@ -178,7 +178,7 @@ def test_receipts_and_the_announcement(mosquitto, tmp_path):
     assert heard[0][0] == "acqd/sink/s-1/status" and json.loads(heard[0][1])["sink"] == "s/1"
     ranges = Ranges()
     for topic, payload in heard:
-        for stream, first, last in parse_receipt("cell1", payload) if topic.endswith("receipt") else ():
+        for stream, first, last in ranges_of("cell1", parse_receipt(payload)) if topic.endswith("receipt") else ():
             assert stream == ("cell1", "L1", "boot1")
             ranges.add(first, last)
     assert list(ranges) == [(0, 2), (5, 5)]

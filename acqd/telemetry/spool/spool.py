@@ -128,6 +128,20 @@ class Spool:
         """
         return self._readings.get(device)
 
+    def newest(self, device: str, boot: str) -> int:
+        """Greatest number of a row that waits, of a device, a boot and its continuations (`boot.1`); -1: none."""
+        pairs = (
+            pair
+            for segment in self._log.segments
+            for stream, rows in segment.pending.items()
+            if stream.device == device
+            and stream.boot.partition(".")[0] == boot.partition(".")[0]
+            and "/" not in stream.channel
+            and stream.channel != "event"
+            for pair in rows
+        )
+        return max((last for _, last in pairs), default=-1)
+
     def remove(self, stream: Stream, first: int, last: int) -> int:
         """Rows first..last are delivered: forget them; how many waited."""
         removed = 0

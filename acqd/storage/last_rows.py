@@ -1,0 +1,50 @@
+"""Answers daemons that ask for their last stored rows after a power cut."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import sqlalchemy as sa
+
+from acqd.storage.schema import power
+from acqd.telemetry.ask import parse_ask
+from acqd.telemetry.receipts import LastRow
+from acqd.telemetry.row import CHANNELS
+
+
+class Asked(NamedTuple):
+    """A question for the last rows of a boot."""
+
+    device: str
+    boot: str
+
+
+def questions(messages: Sequence[tuple[str, bytes]]) -> Iterator[Asked]:
+    """Those among messages (topic, payload) that this sink can answer, each once."""
+    asked = []
+    for topic, payload in messages:
+        try:
+            ask = parse_ask(payload)
+        except ValueError:
+            continue
+        if ask.ask == "last_rows" and ask.boot:
+            asked.append(Asked(topic.split("/")[1], ask.boot))
+    yield from dict.fromkeys(asked)
+
+
+def last_rows(connection: sa.Connection, asked: Asked) -> list[LastRow]:
+    """The newest row with a W of every channel, of the boot and its continuations (`boot.1`)."""
+    c, found = power.c, []
+    for channel in CHANNELS:
+        query = (
+            sa.select(c.boot, c.seq, c.W)
+            .where(c.device == asked.device, c.channel == channel, c.W.is_not(None))
+            .where(c.boot >= asked.boot, c.boot < f"{asked.boot}/")  # "/" follows "."
+            .order_by(c.boot.desc(), c.seq.desc())
+            .limit(1)
+        )
+        row = connection.execute(query).one_or_none()
+        if row is not None and row.boot.partition(".")[0] == asked.boot:
+            found.append(LastRow(channel, row.boot, int(row.seq), float(row.W)))
+    return found
