@@ -190,6 +190,7 @@ class Service:
                 disk_trouble=counters.disk_trouble,
                 reading_trouble=counters.reading_trouble,
                 unreceipted_s=counters.unreceipted_s,
+                rights_trouble=counters.rights_trouble,
                 old_after_s=self.config.spool.max_age_days * 86_400.0,
             ),
             Link(counters.connected, counters.reconnects, counters.broker_trouble),

@@ -7,6 +7,7 @@ import logging
 import time
 import uuid
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -28,12 +29,18 @@ from acqd.telemetry.last_rows import Known, LastRows
 from acqd.telemetry.name import Name
 from acqd.telemetry.quality_row import QualityRow
 from acqd.telemetry.register_row import OnceAMinute, register_row
+from acqd.telemetry.rights import refused
 from acqd.telemetry.row import PowerRow
 from acqd.telemetry.spool import Readings, Spool, SpooledRow, Stream, confirm
 
 _log = logging.getLogger(__name__)
 _SYNC_S = 0.8  # at most 1 s of rows is at risk when the power fails
 _NO_SINK_S = 60.0
+_RIGHTS_S = 0.5
+_REFUSED_S = 10.0
+"""Access rules are changed by hand."""
+_AT_ONCE = 16
+"""Topics of one question: fewer than the messages that any broker takes at once."""
 _ANSWER_S = 5.0
 """How long the first row after a power cut waits for a sink that knows the last rows before it."""
 
@@ -67,6 +74,7 @@ class Uplink:
             greeting=lambda: status() if self.name.held else None,
         )
         self._says = StateLog(_log)
+        self._refused: dict[str, str] = {}
         self._folder = folder
         self._register_times = OnceAMinute()
         self._sync_failed = self._warned = False
@@ -91,7 +99,11 @@ class Uplink:
         """Start to deliver; the tasks do not end by themselves."""
         if self._folder is None:
             _log.info("no state_dir: rows that are not delivered wait in memory only")
-        return [asyncio.create_task(self._connector.run()), asyncio.create_task(self._sync())]
+        tasks = [asyncio.create_task(self._connector.run()), asyncio.create_task(self._sync())]
+        if not self._config.broker.embedded:  # that one has no access rules
+            self._delivery.doubt()
+            tasks.append(asyncio.create_task(self._watch_rights()))
+        return tasks
 
     def put(self, rows: Sequence[PowerRow], summaries: Sequence[dict[str, Any]], readings: Readings | None) -> None:
         """Take the rows of a window, and the summaries that they complete."""
@@ -174,6 +186,7 @@ class Uplink:
             unreceipted_s=round(delivery.unreceipted_s, 3),
             connected=connector.state == "connected",
             broker_trouble=self.name.trouble or connector.trouble,
+            rights_trouble=self.rights_trouble,
             reconnects=max(connector.reconnects, 0),
             sink_seen=delivery.sink_seen,
         )
@@ -192,6 +205,44 @@ class Uplink:
                     _log.error("spool: the disk does not confirm rows (%s)", error.strerror)
                 self._sync_failed = True
             await asyncio.sleep(max(0.0, begun + _SYNC_S - time.monotonic()))
+
+    async def _watch_rights(self) -> None:
+        """Ask the broker, once for each connection and kind of topic, whether it takes what it acknowledges."""
+        asked: set[str] = set()
+        connection = self._connector.reconnects
+        while True:
+            await asyncio.sleep(_RIGHTS_S)
+            if self._connector.reconnects != connection:
+                connection, asked = self._connector.reconnects, set()
+            examples = self._delivery.examples
+            if self._connector.state != "connected" or set(examples) <= asked:
+                continue
+            messages = [replace(examples[topic], tag=None) for topic in examples][:_AT_ONCE]
+            found = await refused(
+                self._config.mqtt.address(), f"acqd-{self._config.device}-{self.name.me.boot}-rights",
+                self._config.device, messages,
+            )  # fmt: skip
+            before, self._refused = self._refused, found or {}
+            if self._refused:
+                self._delivery.doubt()
+                asked = set()
+                self._says.trouble("broker", "refuses", self.rights_trouble, logging.ERROR)
+                await asyncio.sleep(_REFUSED_S)
+                continue
+            asked = set(examples)
+            if before:
+                self._says.fine("broker", "takes rows again")
+                self._delivery.again()
+            self._delivery.trust()
+
+    @property
+    def rights_trouble(self) -> str:
+        """Which rows the broker acknowledges and does not take, else empty."""
+        if not self._refused:
+            return ""
+        topic, reason = next(iter(self._refused.items()))
+        more = f" and {len(self._refused) - 1} topics more" if len(self._refused) > 1 else ""
+        return f"the broker acknowledges rows and refuses them: {topic}{more} ({reason}); check its access rules"
 
     def _say_name(self) -> None:
         if trouble := self.name.trouble:

@@ -9,8 +9,8 @@ is stored then, with a flag. Otherwise the row is impossible, and waits in quara
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Mapping
-from typing import Any, Literal
+from collections.abc import Callable, Collection
+from typing import Literal
 
 from acqd.storage.state import Mark
 from acqd.timestamps import rfc3339, utc_ns
@@ -29,14 +29,6 @@ _BACK_NS = 3_600 * 10**9
 """A clock that goes back by less is no news: leap seconds, corrections, drift while the computer was off."""
 _UNSYNCHRONISED = "unsynchronised"
 Judgement = Literal["plausible", "doubtful"]
-
-
-def same_but_for_the_flag(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
-    """Whether two rows are equal; one may have been stored while this computer's clock was wrong."""
-    if one == other:
-        return True
-    plain = [{**row, "flags": [name for name in row.get("flags", ()) if name != FLAG]} for row in (one, other)]
-    return plain[0] == plain[1]
 
 
 class ClockWitness:

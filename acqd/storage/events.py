@@ -11,8 +11,9 @@ from typing import Any, Protocol
 import sqlalchemy as sa
 from sqlalchemy.dialects import postgresql, sqlite
 
-from acqd.storage.clock_witness import FLAG, ClockWitness, same_but_for_the_flag
+from acqd.storage.clock_witness import FLAG, ClockWitness
 from acqd.storage.schema import power_event
+from acqd.storage.sink_flags import same_row
 from acqd.telemetry import topics
 from acqd.telemetry.event import PowerEvent, parse_event
 
@@ -82,7 +83,7 @@ def insert(connection: sa.Connection, events: Sequence[PowerEvent]) -> list[Powe
 def _is_stored(connection: sa.Connection, event: PowerEvent, postgres: bool) -> bool:
     key = [power_event.c[name] == getattr(event, name) for name in _KEY]
     stored = connection.execute(sa.select(power_event).where(*key)).mappings().one()
-    return same_but_for_the_flag(dict(stored), _values(event, postgres))
+    return same_row(dict(stored), _values(event, postgres))
 
 
 def _values(event: PowerEvent, postgres: bool) -> dict[str, Any]:

@@ -10,8 +10,8 @@ from typing import Any, TypeAlias
 import sqlalchemy as sa
 from sqlalchemy.dialects import postgresql, sqlite
 
-from acqd.storage.clock_witness import same_but_for_the_flag
 from acqd.storage.schema import power_quality, power_register
+from acqd.storage.sink_flags import same_row
 from acqd.telemetry.quality_row import QualityRow
 from acqd.telemetry.register_row import RegisterRow
 
@@ -34,7 +34,7 @@ def insert(connection: sa.Connection, table: sa.Table, rows: Sequence[KeyedRow])
     if _inserted(connection, table, values, postgres) == len(rows):
         return []
     stored = {_key(one): one for one in _stored(connection, table, values)}
-    return [k for k, one in enumerate(values) if not same_but_for_the_flag(one, stored[_key(one)])]
+    return [k for k, one in enumerate(values) if not same_row(one, stored[_key(one)])]
 
 
 def _inserted(connection: sa.Connection, table: sa.Table, values: Sequence[dict[str, Any]], postgres: bool) -> int:

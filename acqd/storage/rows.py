@@ -9,8 +9,8 @@ from typing import Any
 import orjson
 import sqlalchemy as sa
 
-from acqd.storage.clock_witness import FLAG, same_but_for_the_flag
 from acqd.storage.schema import power
+from acqd.storage.sink_flags import added, same_row
 from acqd.telemetry.row import PowerRow
 
 _COLUMNS = [column.name for column in power.columns]
@@ -33,15 +33,15 @@ def insert(connection: sa.Connection, rows: list[PowerRow]) -> list[int]:
 
 
 def _same(connection: sa.Connection, row: PowerRow) -> bool:
-    """Whether the stored row differs by nothing but the flag of a time at which the sink's clock was wrong."""
+    """Whether the stored row differs by nothing but flags that the sink adds."""
     key = [power.c[name] == getattr(row, name) for name in _KEY]
     stored = connection.execute(sa.select(power).where(*key)).mappings().one()
-    if FLAG not in row.flags and FLAG not in stored["flags"]:
+    if not added(row.flags) and not added(stored["flags"]):
         return False
     values = asdict(row)
     if connection.dialect.name == "postgresql":
         values["time"] = datetime.fromisoformat(row.time)
-    return same_but_for_the_flag(dict(stored), values)
+    return same_row(dict(stored), values)
 
 
 def _sqlite(connection: sa.Connection, rows: list[PowerRow]) -> list[int]:

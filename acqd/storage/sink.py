@@ -70,7 +70,8 @@ class Sink:
         self._arrived: list[Publish] = []
         self._held = self._under_way = 0
         self._since = self._fed = 0.0
-        self._announced = self._clock_said = False
+        self._announced = False
+        self._said: set[str] = set()
         self.counters = SinkCounters()
 
     @property
@@ -211,9 +212,11 @@ class Sink:
         counters, done = self.counters, committer.done()
         counters.database_trouble, counters.database_returns = committer.trouble, committer.returns
         counters.clock_trouble = self._writer.witness.trouble
-        if counters.clock_trouble and not self._clock_said:
-            _log.error("%s", counters.clock_trouble)
-        self._clock_said = bool(counters.clock_trouble)
+        counters.boots_trouble = self._writer.boots.trouble
+        for subject, trouble in (("clock", counters.clock_trouble), ("name", counters.boots_trouble)):
+            if trouble and subject not in self._said:
+                _log.error("%s", trouble)
+            (self._said.add if trouble else self._said.discard)(subject)
         for batch, written in done:
             malformed = written.quarantined - written.conflicts - written.impossible
             count = self._quarantining.count

@@ -44,6 +44,8 @@ class SinkCounters:
     """Times the database came back."""
     clock_trouble: str = ""
     """What is wrong with this computer's clock; empty while nothing is."""
+    boots_trouble: str = ""
+    """Which devices have two daemons; empty while none has."""
     recalls: int = 0
     """Times the database was found in an earlier state, and the daemons were asked to send again."""
     lag_s: float = 0.0

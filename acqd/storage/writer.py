@@ -14,8 +14,9 @@ from typing import Any, NamedTuple, TypeAlias
 import orjson
 import sqlalchemy as sa
 
-from acqd.storage import events, keyed_rows, last_rows, quarantining, rows
+from acqd.storage import boot_watch, events, keyed_rows, last_rows, quarantining, rows
 from acqd.storage.allowance import MALFORMED_BYTES_PER_DAY, Allowance
+from acqd.storage.boot_watch import BootWatch
 from acqd.storage.clock_witness import FLAG, IMPOSSIBLE, ClockWitness
 from acqd.storage.guard import Guard
 from acqd.telemetry import topics
@@ -87,6 +88,7 @@ class Writer:
         self._engine = engine
         self._allowance = Allowance(malformed_bytes_per_day)
         self.witness = witness or ClockWitness()
+        self.boots = BootWatch()
         self.guard = Guard(engine, client_id, self.witness)
         self._full = False
 
@@ -131,6 +133,8 @@ class Writer:
                 continue
             if judged == "doubtful" and not isinstance(row, RegisterRow):
                 row.flags = sorted({*row.flags, FLAG})
+            if isinstance(row, PowerRow) and self.boots.hear(row.device, row.boot, row.filetime):
+                row.flags = sorted({*row.flags, boot_watch.FLAG})
             good.append((message, row))
         rows_refused = [one for one in refused if one[1].startswith(IMPOSSIBLE)]
         refused = [one for one in refused if not one[1].startswith(IMPOSSIBLE)]

@@ -36,6 +36,8 @@ class TelemetryCounters:
     connected: bool
     broker_trouble: str
     """Why connections end again and again, else empty."""
+    rights_trouble: str
+    """Which rows the broker acknowledges and does not take, else empty."""
     reconnects: int
     sink_seen: bool
     """Whether a sink has announced itself or sent a receipt."""

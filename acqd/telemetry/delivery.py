@@ -82,6 +82,9 @@ class Delivery:
         self.sent = self.resent = self.delivered = 0
         """Rows published, those published again included; rows for which no receipt came in time; rows that the broker
         has acknowledged."""
+        self._granted = True
+        self.examples: dict[str, Message] = {}
+        """The newest row of every topic that the broker has acknowledged."""
         self.sink_seen = False
         """Whether a sink has ever announced itself or sent a receipt."""
 
@@ -206,12 +209,29 @@ class Delivery:
     def acknowledged(self, message: Message) -> None:
         """The broker has the message: with that policy, its rows are delivered."""
         sent: Sequence[tuple[Stream, int]] = message.tag or ()
+        if sent:
+            self.examples[message.topic] = message
         self.delivered += len(sent)
         if self._until == "acknowledged":
             for stream, seq in sent:
                 self._acknowledged.setdefault(stream, Ranges()).add(seq, seq)
         if self._live or self._states or (self._backlog_open and self._position != self.spool.end):
             self._changed.set()  # there is room for what waits; what waits for a receipt is looked at when one comes
+
+    def doubt(self) -> None:
+        """Nobody knows whether the broker takes rows or only acknowledges them: those acknowledged stay."""
+        self._granted = False
+
+    def trust(self) -> None:
+        """The broker takes what it acknowledges, or cannot be asked."""
+        self._granted = True
+        self._changed.set()
+
+    def again(self) -> None:
+        """What the broker has acknowledged it has not taken: send all again."""
+        self._acknowledged.clear()
+        self._from_the_start()
+        self._changed.set()
 
     def received(self, topic: str, payload: bytes, *, retained: bool) -> None:
         """A receipt, or a sink that comes or goes."""
@@ -300,7 +320,7 @@ class Delivery:
         return [_window_message(list(window)) for _, window in groupby(rows, _window)]
 
     def _settle_acknowledged(self) -> None:
-        if not self._acknowledged:
+        if not self._acknowledged or not self._granted:
             return
         settled, self._acknowledged = self._acknowledged, {}
         for stream, rows in settled.items():

@@ -1,4 +1,4 @@
-"""One connection of the daemon to a broker, on the running event loop: MQTT 3.1.1, QoS 1.
+"""One connection of the daemon to a broker, on the running event loop: QoS 1, MQTT 3.1.1 or 5.
 
 All messages of a window leave with one system call, and acknowledgements are read in large pieces (ADR 20).
 """
@@ -38,21 +38,30 @@ class Session:
     """`async with Session(...)` connects; the object cannot be used again afterwards."""
 
     def __init__(
-        self, address: BrokerAddress, tls: ssl.SSLContext | None, client_id: str, will: Message, outbox: Outbox
+        self,
+        address: BrokerAddress,
+        tls: ssl.SSLContext | None,
+        client_id: str,
+        will: Message,
+        outbox: Outbox,
+        *,
+        version: int = wire.V311,
     ) -> None:
         """`outbox` gets acknowledgements and the messages of subscriptions."""
-        self._address, self._tls, self._outbox = address, tls, outbox
+        self._address, self._tls, self._outbox, self._version = address, tls, outbox, version
         self._hello = Hello(
-            wire.V311, client_id, _KEEP_ALIVE_S, address.username, address.password, will.topic, will.payload,
-            session_s=0, receive_maximum=0, largest_packet=_LARGEST, clean=True, keep_will=will.retain,
+            version, client_id, _KEEP_ALIVE_S, address.username, address.password, will.topic, will.payload,
+            session_s=0, receive_maximum=65_535, largest_packet=_LARGEST, clean=True, keep_will=will.retain,
         )  # fmt: skip
         self._loop = asyncio.get_running_loop()
         self._ended: asyncio.Future[str] = self._loop.create_future()
         self._connected: asyncio.Future[None] = self._loop.create_future()
         self._subscribed: asyncio.Future[None] = self._loop.create_future()
         self.window = Window()
-        self._packets = Packets(wire.V311, _LARGEST)
+        self._packets = Packets(version, _LARGEST)
         self._socket: LoopSocket
+        self.refused: dict[str, str] = {}
+        """Topics whose messages the broker has refused, with its reason; MQTT 5 only."""
         self._number = 0
         self._pinged_at: float | None = None
         self._look: asyncio.TimerHandle | None = None
@@ -87,7 +96,7 @@ class Session:
         A refusal by the broker's access rules is not an error: the rows then wait for receipts that cannot come.
         """
         if names:
-            self._socket.write(wire.subscribe(wire.V311, self._next(), names))
+            self._socket.write(wire.subscribe(self._version, self._next(), names))
             await self._answer(self._subscribed, _ACK_S, "SUBSCRIBE")
 
     def send(self, *messages: Message) -> None:
@@ -97,7 +106,7 @@ class Session:
         packets = []
         for message in messages:
             number = self._next()
-            packets.append(wire.publish(wire.V311, message.topic, message.payload, number, retain=message.retain))
+            packets.append(wire.publish(self._version, message.topic, message.payload, number, retain=message.retain))
             self.window.add(number, message)
         self._socket.write(b"".join(packets))
 
@@ -159,9 +168,13 @@ class Session:
 
     def _control(self, kind: int, body: bytes) -> None:
         if kind == wire.PUBACK and len(body) >= 2:
-            self._acknowledged(body[0] << 8 | body[1])
+            number = body[0] << 8 | body[1]
+            if len(body) > 2 and body[2] >= 0x80:
+                self._refuse(number, wire.reason(self._version, body[2:]))
+            else:
+                self._acknowledged(number)
         elif kind == wire.CONNACK:
-            if refused := wire.connack(wire.V311, body):
+            if refused := wire.connack(self._version, body):
                 self._socket.end(refused)
             elif not self._connected.done():
                 self._connected.set_result(None)
@@ -175,6 +188,11 @@ class Session:
         message = self.window.settle(number)
         if message is not None:
             self._outbox.acknowledged(message)
+
+    def _refuse(self, number: int, reason: str) -> None:
+        message = self.window.settle(number)
+        if message is not None:
+            self.refused[message.topic] = reason
 
     def _receive(self, message: Publish) -> None:
         if message.number:

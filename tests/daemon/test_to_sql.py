@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import dataclasses
 import itertools
+import signal
 import sqlite3
 import subprocess
 from contextlib import contextmanager
@@ -391,3 +392,33 @@ def test_no_register_goes_back_after_a_kill(mosquitto, tmp_path):
 def boots(folder):
     with sqlite3.connect(folder / "a.sqlite") as connection:
         return connection.execute("SELECT count(DISTINCT boot) FROM power_register").fetchone()[0]
+
+
+def test_rows_that_the_broker_refuses_and_acknowledges_wait_and_are_named(mosquitto, tmp_path, monkeypatch):
+    """An access rule, MQTT 3.1.1, nobody who sends receipts."""
+    monkeypatch.setattr("acqd.daemon.uplink._RIGHTS_S", 0.02)
+    monkeypatch.setattr("acqd.daemon.uplink._REFUSED_S", 0.1)
+    rules = mosquitto.folder / "acl"
+    rules.write_text("topic readwrite acqd/+/status\n")
+    mosquitto.stop()
+    mosquitto.extra += f"acl_file {rules}\n"
+    mosquitto.start()
+    engine = open_database(str(tmp_path / "a.sqlite"))
+
+    async def scenario():
+        daemon = Daemon(tmp_path, mosquitto.port, until="acknowledged")
+        tasks = daemon.uplink.tasks()
+        await daemon.make(5)
+        await until(lambda: daemon.uplink.rights_trouble, "a refusal")
+        assert "acqd/cell1/L1/power" in daemon.uplink.counters().rights_trouble
+        await until(lambda: daemon.uplink.counters().delivered >= 10, "acknowledgements")
+        assert daemon.uplink.counters().waiting == 10
+        with sink(mosquitto, engine):
+            rules.write_text("topic readwrite #\n")
+            mosquitto.process.send_signal(signal.SIGHUP)
+            await until(lambda: not daemon.uplink.rights_trouble, "the broker takes rows again")
+            await until(lambda: stored(engine) == taped(daemon), "every row is stored")
+        await daemon.delivered()
+        await daemon.stop(tasks)
+
+    finish(scenario())

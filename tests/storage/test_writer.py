@@ -18,7 +18,7 @@ from acqd.storage.writer import Received, Writer
 from acqd.telemetry.ranges import Ranges
 from acqd.telemetry.row_message import joined, payloads_of
 from acqd.telemetry.spool import Stream
-from tests.storage.rows import count, message, row
+from tests.storage.rows import T0, count, message, row
 
 
 def test_rows_come_back_as_they_went_in(database):
@@ -149,3 +149,29 @@ def test_receipts_name_rows_that_can_never_be_stored_but_no_rows_of_others(tmp_p
     written = Writer(engine).write([absurd, foreign, huge])
     assert {stream.device: list(ranges) for stream, ranges in written.receipts.items()} == {"cell1": [(7, 7)]}
     assert written.quarantined == 3
+
+
+def test_rows_of_two_daemons_under_one_name_are_flagged_and_those_of_a_restart_are_not(tmp_path):
+    engine = open_database(str(tmp_path / "a.sqlite"))
+    writer = Writer(engine)
+
+    def put(boot, *seconds):
+        for k in seconds:
+            writer.write([message(row(int(k * 25), t=T0 + k, boot=boot))])
+
+    def flagged(boot):
+        with engine.connect() as connection:
+            query = sa.select(power.c.flags).where(power.c.boot == boot)
+            return sum("two_boots" in flags for flags in connection.execute(query).scalars())
+
+    put("a", 0, 1, 2, 3)
+    put("b", 5, 6, 7)  # a restart; then what had waited of the boot before it
+    put("a", 4, 4.8)
+    put("b", 8, 9)
+    assert not writer.boots.trouble and flagged("a") == flagged("b") == 0
+    put("c", 10, 11, 12)
+    put("b", 12.04)
+    put("c", 12.08)
+    assert "cell1 (boots b and c)" in writer.boots.trouble and (flagged("b"), flagged("c"), flagged("a")) == (1, 1, 0)
+    put("b", 12.04)  # the same row again is no conflict
+    assert count(engine, quarantine) == 0

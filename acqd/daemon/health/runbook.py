@@ -79,7 +79,7 @@ RUNBOOK = (
     _entry(
         "name-taken",
         "`name taken: ...`, or `broker away: connections end within seconds`",
-        "two daemons of one name: give each a `device` of its own; `client_id` in the broker's log shows both hosts",
+        "two daemons of one name: the sentence names the other; give each a `device`, or `acqd run --take-name` once",
         r"name taken|connections end within seconds",
     ),
     _entry(
@@ -120,9 +120,9 @@ RUNBOOK = (
     ),
     _entry(
         "receipts",
-        "`no receipt for ... s although a sink is online`",
+        "`no receipt for ... s although a sink is online`, `rows refused: ...`",
         "the broker's access rules: may the daemon write `acqd/DEVICE/#`, and the sink read it and write receipts?",
-        r"^no receipt",
+        r"^(no receipt|rows refused)",
     ),
     _entry(
         "unreadable",

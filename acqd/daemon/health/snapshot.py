@@ -51,6 +51,8 @@ class Delivery:
     """Why rows that wait cannot be read back."""
     unreceipted_s: float = 0.0
     """How long no receipt has come while a sink is online [s]."""
+    rights_trouble: str = ""
+    """Which rows the broker acknowledges and does not take."""
     old_after_s: float | None = None
     """Age from which on rows that wait are a problem [s]."""
 
@@ -158,6 +160,8 @@ class Snapshot:
     """How long the newest batch has waited for its commit [s]."""
     clock_trouble: str = ""
     """What is wrong with this computer's clock."""
+    boots_trouble: str = ""
+    """Which devices have two daemons."""
     upkeep_trouble: str = ""
     """Why roll-ups and retention do not run."""
     disk_days: float | None = None

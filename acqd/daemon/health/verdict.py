@@ -95,6 +95,8 @@ def _counted(count: int, seen: int, what: str, problems: list[str], notes: list[
 
 def _sink_problems(snapshot: Snapshot) -> list[str]:
     problems = [text for text in (snapshot.clock_trouble, snapshot.upkeep_trouble) if text]
+    if snapshot.boots_trouble:
+        problems.append(f"name taken: {snapshot.boots_trouble}")
     if snapshot.lag_s > LAG_S:
         problems.append(f"database slow: rows wait {snapshot.lag_s:.1f} s for their commit")
     if snapshot.disk_days is not None and snapshot.disk_days < DISK_DAYS:
@@ -111,7 +113,9 @@ def _delivery_problems(delivery: Delivery) -> list[str]:
         problems.append(f"spool: {delivery.disk_trouble}")
     if delivery.reading_trouble:
         problems.append(f"spool: {delivery.reading_trouble}")
-    if delivery.unreceipted_s > UNRECEIPTED_S:
+    if delivery.rights_trouble:
+        problems.append(f"rows refused: {delivery.rights_trouble}")
+    elif delivery.unreceipted_s > UNRECEIPTED_S:
         problems.append(
             f"no receipt for {delivery.unreceipted_s:.0f} s although a sink is online: does the broker refuse the rows?"
         )
