@@ -35,7 +35,10 @@ def read_database(
         columns = (power.c.filetime, power.c.P, power.c.Vrms, sa.cast(power.c.flags, sa.Text))
         query = sa.select(*columns).where(power.c.device == device, power.c.channel == channel)
         # in the order of the key: the database need not sort
-        query = query.order_by(power.c.boot, power.c.seq) if between_ns is None else query.where(*span)
+        if between_ns is not None:
+            query = query.where(*span)
+        elif connection.dialect.name == "postgresql":
+            query = query.order_by(power.c.boot, power.c.seq)
         result = connection.execution_options(stream_results=True).execute(query)
         for rows in result.partitions(BLOCK_ROWS):
             stamps, P, Vrms, texts = zip(*rows, strict=True)

@@ -10,6 +10,7 @@ from acqd.dataset.power import PowerStream, open_power
 from acqd.errors import UserError
 from acqd.sidecar.log_file import LogFile
 from acqd.sidecar.settings import Settings
+from acqd.storage import known_rows
 from acqd.storage.schema import power
 from acqd.timestamps import filetime, rfc3339_ms, unix_s
 
@@ -68,7 +69,7 @@ class PowerRows:
         if self._settings.device is not None:
             condition.append(power.c.device == self._settings.device)
         with self._engine.connect() as connection:
-            newest = connection.execute(sa.select(sa.func.max(power.c.filetime)).where(*condition)).scalar()
+            newest = known_rows.newest(connection, *condition)
         return None if newest is None else unix_s(newest)
 
 
@@ -79,11 +80,8 @@ def device_of(engine: sa.Engine, wanted: str | None, usual: str) -> str:
     """
     if wanted is not None:
         return wanted
-    devices: list[str] = []
-    with engine.connect() as connection:  # from name to name along the key: DISTINCT would read a year of rows
-        query = sa.select(sa.func.min(power.c.device))
-        while name := connection.execute(query.where(power.c.device > devices[-1]) if devices else query).scalar():
-            devices.append(name)
+    with engine.connect() as connection:
+        devices = known_rows.devices(connection)
     if len(devices) > 1 and usual not in devices:
         raise UserError(f"the database holds rows of several devices; choose one with --device: {', '.join(devices)}")
     return devices[0] if len(devices) == 1 else usual

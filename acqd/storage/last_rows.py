@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import sqlalchemy as sa
 
+from acqd.storage import numbered_rows
 from acqd.storage.schema import power
 from acqd.telemetry.ask import parse_ask
 from acqd.telemetry.receipts import LastRow
@@ -35,6 +36,8 @@ def questions(messages: Sequence[tuple[str, bytes]]) -> Iterator[Asked]:
 
 def last_rows(connection: sa.Connection, asked: Asked) -> list[LastRow]:
     """The newest row with a W of every channel, of the boot and its continuations (`boot.1`)."""
+    if connection.dialect.name == "sqlite":
+        return _numbered(connection, asked)
     c, found = power.c, []
     for channel in CHANNELS:
         query = (
@@ -48,3 +51,14 @@ def last_rows(connection: sa.Connection, asked: Asked) -> list[LastRow]:
         if row is not None and row.boot.partition(".")[0] == asked.boot:
             found.append(LastRow(channel, row.boot, int(row.seq), float(row.W)))
     return found
+
+
+def _numbered(connection: sa.Connection, asked: Asked) -> list[LastRow]:
+    found = {}
+    for run, boot, base in numbered_rows.runs(connection, asked.device, asked.boot):
+        if boot.partition(".")[0] != asked.boot:
+            continue
+        for channel in CHANNELS:
+            if channel not in found and (row := numbered_rows.last_of_run(connection, run, channel)) is not None:
+                found[channel] = LastRow(channel, boot, base + row[0], row[1])
+    return list(found.values())

@@ -11,8 +11,9 @@ import sqlalchemy as sa
 from sqlalchemy.dialects import postgresql, sqlite
 
 from acqd.storage.clock_witness import IMPOSSIBLE
+from acqd.storage.conversion import convert
 from acqd.storage.database import transaction
-from acqd.storage.schema import ROLLUPS, power, power_1min, power_quality, power_register, quarantine
+from acqd.storage.schema import ROLLUPS, power, power_1min, power_quality, power_register, power_row, quarantine
 from acqd.timestamps import filetime, rfc3339, unix_s
 
 _TICKS = 10_000_000  # FILETIME ticks per second
@@ -48,11 +49,15 @@ def maintain(engine: sa.Engine, retention: Retention, now: float | None = None) 
     `retention_doubt`. No row is deleted before its roll-up is made; a run that is interrupted is continued by the next.
     """
     now = time.time() if now is None else now
+    convert(engine)
+    rows = power if engine.dialect.name == "postgresql" else power_row
     # Whole quarter hours only: a half-deleted bucket would be rolled up again, wrongly.
     cut = power_cut(retention, now)
     minutes, quarters = (_roll_up(engine, seconds, now, int(cut)) for seconds in ROLLUPS)
-    power_deleted = _delete(engine, power, power.c.filetime, cut)
+    power_deleted = _delete(engine, rows, rows.c.filetime, cut)
     power_deleted += _delete_quality(engine, cut, ("10/12", "150/180", "10s"))
+    if power_deleted and rows is power_row:
+        _forget_names(engine)
     cut = _cut(now, retention.rollup_1min_days)
     rollup_deleted = _delete_where(engine, power_1min, power_1min.c.start < cut) if cut else 0
     rollup_deleted += _delete_quality(engine, cut, ("10min", "2h"))
@@ -62,6 +67,16 @@ def maintain(engine: sa.Engine, retention: Retention, now: float | None = None) 
     old = sa.and_(_received_before(engine, cut), malformed)
     quarantine_deleted = _delete_where(engine, quarantine, old) if cut else 0
     return Maintained(minutes, quarters, power_deleted, rollup_deleted, quarantine_deleted)
+
+
+def _forget_names(engine: sa.Engine) -> None:
+    """Runs and times of rows that are gone; SQLite."""
+    with transaction(engine) as connection:
+        connection.exec_driver_sql(
+            "DELETE FROM power_run WHERE NOT EXISTS (SELECT 1 FROM power_row v"
+            " WHERE v.id >= power_run.id << 34 AND v.id < (power_run.id + 1) << 34)"
+        )
+        connection.exec_driver_sql("DELETE FROM power_stamp WHERE id NOT IN (SELECT id FROM power_row)")
 
 
 def power_cut(retention: Retention, now: float) -> float:
@@ -139,7 +154,8 @@ def _roll_up(engine: sa.Engine, seconds: int, now: float, cut: int) -> int:
 
 def _write_spans(engine: sa.Engine, seconds: int, begin: int, end: int, *, replace: bool) -> int:
     made = 0
-    for first, last in _spans(engine, power.c.filetime, sa.true(), max(begin, 0), end):
+    rows = power if engine.dialect.name == "postgresql" else power_row
+    for first, last in _spans(engine, rows.c.filetime, sa.true(), max(begin, 0), end):
         with transaction(engine) as connection:
             made += _write_buckets(connection, seconds, first, last, replace=replace)
     return made

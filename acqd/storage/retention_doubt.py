@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sqlalchemy as sa
 
-from acqd.storage import state
+from acqd.storage import known_rows, state
 from acqd.storage.database import transaction
 from acqd.storage.maintain import Retention, power_cut
 from acqd.storage.schema import database_state, power
@@ -57,7 +57,7 @@ def _rows_before(connection: sa.Connection, cut: float) -> int:
 
 def _newest_row(connection: sa.Connection, now: float) -> str:
     """The newest row is of about now, where anything meters."""
-    newest = connection.execute(sa.select(sa.func.max(power.c.filetime))).scalar()
+    newest = known_rows.newest(connection)
     distance = now - unix_s(int(newest)) if newest is not None else 0.0
     if abs(distance) <= _DAY:
         return ""

@@ -1,7 +1,8 @@
-"""Rows into the table `power`: the fast way, and the way by a staging table when keys are there already."""
+"""Rows into `power`: numbered in SQLite; in PostgreSQL with COPY, by a staging table when keys are there already."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from datetime import datetime
 from typing import Any
@@ -9,6 +10,8 @@ from typing import Any
 import orjson
 import sqlalchemy as sa
 
+from acqd.storage import conversion, numbered_rows
+from acqd.storage.numbered_rows import Values
 from acqd.storage.schema import power
 from acqd.storage.sink_flags import added, same_row
 from acqd.telemetry.row import PowerRow
@@ -16,7 +19,6 @@ from acqd.telemetry.row import PowerRow
 _COLUMNS = [column.name for column in power.columns]
 _KEY = ("device", "channel", "boot", "seq")
 _QUOTED = ", ".join(f'"{name}"' for name in _COLUMNS)
-_PLACES = ", ".join("?" * len(_COLUMNS))
 _ON_KEY = " AND ".join(f'p."{name}" = a."{name}"' for name in _KEY)
 _MOVE = (
     f"INSERT INTO power ({_QUOTED}) SELECT {_QUOTED} FROM arriving WHERE true ORDER BY number ON CONFLICT DO NOTHING"
@@ -34,30 +36,24 @@ def insert(connection: sa.Connection, rows: list[PowerRow]) -> list[int]:
 
 def _same(connection: sa.Connection, row: PowerRow) -> bool:
     """Whether the stored row differs by nothing but flags that the sink adds."""
-    key = [power.c[name] == getattr(row, name) for name in _KEY]
-    stored = connection.execute(sa.select(power).where(*key)).mappings().one()
-    if not added(row.flags) and not added(stored["flags"]):
-        return False
     values = asdict(row)
     if connection.dialect.name == "postgresql":
+        key = [power.c[name] == getattr(row, name) for name in _KEY]
+        stored = dict(connection.execute(sa.select(power).where(*key)).mappings().one())
         values["time"] = datetime.fromisoformat(row.time)
-    return same_row(dict(stored), values)
+    else:
+        stored = numbered_rows.stored_row(connection, _values(row))
+        stored["flags"] = orjson.loads(stored["flags"])
+    if not added(row.flags) and not added(stored["flags"]):
+        return False
+    return same_row(stored, values)
 
 
 def _sqlite(connection: sa.Connection, rows: list[PowerRow]) -> list[int]:
     values = [_values(row) for row in rows]
-    statement = f"INSERT INTO power ({_QUOTED}) VALUES ({_PLACES}) ON CONFLICT DO NOTHING"
-    if connection.exec_driver_sql(statement, values).rowcount == len(rows):
-        return []
-    connection.exec_driver_sql(
-        f"CREATE TEMP TABLE IF NOT EXISTS arriving (number INTEGER PRIMARY KEY, {_QUOTED})",
-    )
-    connection.exec_driver_sql("DELETE FROM arriving")
-    connection.exec_driver_sql(
-        f"INSERT INTO arriving (number, {_QUOTED}) VALUES (?, {_PLACES})",
-        [(k, *one) for k, one in enumerate(values)],
-    )
-    return _differing(connection, "IS NOT")
+    if conversion.unfinished(connection):
+        conversion.move(connection, [one[:4] for one in values])
+    return numbered_rows.insert(connection, values)
 
 
 def _postgres(connection: sa.Connection, rows: list[PowerRow]) -> list[int]:
@@ -74,24 +70,24 @@ def _postgres(connection: sa.Connection, rows: list[PowerRow]) -> list[int]:
     )
     _copy(connection, "arriving", f"number, {_QUOTED}", [(k, *one) for k, one in enumerate(values)])
     connection.exec_driver_sql(_MOVE)
-    return _differing(connection, "IS DISTINCT FROM")
+    return _differing(connection)
 
 
-def _differing(connection: sa.Connection, differs: str) -> list[int]:
-    values = " OR ".join(f'p."{name}" {differs} a."{name}"' for name in _COLUMNS if name not in _KEY)
+def _differing(connection: sa.Connection) -> list[int]:
+    values = " OR ".join(f'p."{name}" IS DISTINCT FROM a."{name}"' for name in _COLUMNS if name not in _KEY)
     query = f"SELECT a.number FROM arriving a JOIN power p ON {_ON_KEY} WHERE {values} ORDER BY a.number"
     return [int(number) for number in connection.exec_driver_sql(query).scalars()]
 
 
-def _copy(connection: sa.Connection, table: str, columns: str, values: list[tuple[Any, ...]]) -> None:
+def _copy(connection: sa.Connection, table: str, columns: str, values: Sequence[tuple[Any, ...]]) -> None:
     cursor: Any = connection.connection.cursor()
     with cursor, cursor.copy(f"COPY {table} ({columns}) FROM STDIN") as copy:
         for row in values:
             copy.write_row(row)
 
 
-def _values(row: PowerRow) -> tuple[Any, ...]:
-    return (
+def _values(row: PowerRow) -> Values:
+    return Values(
         row.device, row.channel, row.boot, row.seq, row.time, row.filetime,
         row.Vrms, row.Irms, row.P, row.S, row.PF, row.f, row.W, _flags(row), row.schema,
     )  # fmt: skip

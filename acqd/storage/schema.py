@@ -27,7 +27,13 @@ power = sa.Table(
     sa.Column("schema", sa.SmallInteger, nullable=False),
     sa.PrimaryKeyConstraint("device", "channel", "boot", "seq"),
 )
-"""One row per window and channel. SQLite keeps `time` as RFC 3339 text, PostgreSQL as timestamptz."""
+"""One row per window and channel. SQLite keeps `time` as RFC 3339 text, PostgreSQL as timestamptz.
+
+In SQLite it is a view of rows with numbers instead of names (`storage.numbered_rows`).
+"""
+
+power_row = sa.Table("power_row", sa.MetaData(), sa.Column("id", _BIG, primary_key=True), sa.Column("filetime", _BIG))
+"""What is deleted by its time in SQLite."""
 
 power_quality = sa.Table(
     "power_quality",

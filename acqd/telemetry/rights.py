@@ -34,7 +34,7 @@ class _Nothing:
     def end(self) -> None:
         pass
 
-    async def take(self, room: Room) -> list[Message]:
+    async def take(self, room: Room) -> list[Message]:  # noqa: ARG002
         return []
 
     async def wait(self) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 
 import sqlalchemy as sa
 
+from acqd.storage import known_rows
 from acqd.storage.schema import ROLLUPS, power
 from acqd.timestamps import filetime
 
@@ -39,15 +40,8 @@ class Span:
 
 def devices(engine: sa.Engine) -> list[str]:
     """Names of all devices with rows."""
-    names: list[str] = []
-    last = ""
-    with engine.connect() as connection:  # one seek in the key per device, not a scan
-        while True:
-            found = connection.execute(sa.select(sa.func.min(power.c.device)).where(power.c.device > last)).scalar()
-            if found is None:
-                return names
-            names.append(str(found))
-            last = str(found)
+    with engine.connect() as connection:
+        return known_rows.devices(connection)
 
 
 def history(engine: sa.Engine, span: Span, now: float | None = None) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 
 import pytest
+import sqlalchemy as sa
 from alembic.autogenerate import compare_metadata
 from alembic.runtime.migration import MigrationContext
 
@@ -19,7 +20,18 @@ def test_migrations_give_exactly_the_declared_schema(database):
     with engine.connect() as connection:
         options = {"compare_type": False}
         difference = compare_metadata(MigrationContext.configure(connection, opts=options), metadata)
-    assert [entry for entry in difference if entry[0] != "remove_index"] == []
+        columns = [one["name"] for one in sa.inspect(connection).get_columns("power")]
+    numbered = (
+        "power",
+        "power_run",
+        "power_mark",
+        "power_row",
+        "power_stamp",
+    )  # SQLite: `power` is a view of the others
+    expected = [] if engine.dialect.name == "postgresql" else ["add_table", *["remove_table"] * 4]
+    difference = [entry for entry in difference if entry[0] != "remove_index"]
+    assert [entry[0] for entry in difference if entry[1].name in numbered] == expected == [one[0] for one in difference]
+    assert columns == [column.name for column in metadata.tables["power"].columns]
 
 
 def test_opening_again_and_from_several_sinks_at_once_is_harmless(database):

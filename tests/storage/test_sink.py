@@ -71,14 +71,15 @@ def test_nothing_is_acknowledged_before_the_commit(mosquitto, database):
     engine = open_database(database)
     Writer(engine).write([message(row(10_000))])
     with engine.connect() as connection:
-        connection.exec_driver_sql("ALTER TABLE power RENAME TO hidden")
+        table = "power" if engine.dialect.name == "postgresql" else "power_row"
+        connection.exec_driver_sql(f"ALTER TABLE {table} RENAME TO hidden")
         connection.commit()
     with running_sink(BrokerAddress(port=mosquitto.port), engine) as sink, publisher(mosquitto.port) as client:
         publish(client, [row(k) for k in range(200)])
         time.sleep(0.5)
         assert sink.counters.rows == 0 and sink.counters.reconnects == 0
         with engine.connect() as connection:
-            connection.exec_driver_sql("ALTER TABLE hidden RENAME TO power")
+            connection.exec_driver_sql(f"ALTER TABLE hidden RENAME TO {table}")
             connection.commit()
         wait_for(lambda: count(engine) == 201, "all rows after the database is back")
 
