@@ -47,8 +47,8 @@ class BootWatch:
                 return f"two daemons publish as device {device} (boots {boots}); their rows are flagged {FLAG}"
         return ""
 
-    def hear(self, device: str, boot: str, filetime: int) -> bool:
-        """A row comes; whether another boot of its device goes on."""
+    def hear(self, device: str, boot: str, first: int, newest: int) -> bool:
+        """Rows of a boot come, from and to these times (`filetime`); whether another boot of the device goes on."""
         boot, now = boot.partition(".")[0], self._now()  # `boot.1` is the same daemon, whose clock was set back
         boots = self._boots.get(device)
         if boots is None:
@@ -57,19 +57,19 @@ class BootWatch:
                 self._boots.popitem(last=False)
         mine = boots.get(boot)
         if mine is None:
-            mine = boots[boot] = _Boot(filetime, filetime, now)
+            mine = boots[boot] = _Boot(first, newest, now)
             if len(boots) > _MOST_BOOTS:
                 boots.popitem(last=False)
-        mine.first, mine.newest, mine.heard = min(mine.first, filetime), max(mine.newest, filetime), now
+        mine.first, mine.newest, mine.heard = min(mine.first, first), max(mine.newest, newest), now
         if len(boots) == 1:
             return False
         for name, other in boots.items():
             if (
                 other is not mine
                 and now - other.heard < _LATELY_S
-                and filetime - other.first > _OVERLAP
+                and newest - other.first > _OVERLAP
                 and other.newest - mine.first > _OVERLAP
-                and abs(filetime - other.newest) < _TOGETHER
+                and abs(newest - other.newest) < _TOGETHER
             ):
                 self._mixed[device] = now + _LATELY_S, " and ".join(sorted((boot, name)))
         mixed = self._mixed.get(device)

@@ -8,7 +8,7 @@ that is not the text of `filetime` has a row in `power_stamp`. The view `power` 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import sqlalchemy as sa
 
@@ -19,6 +19,7 @@ from acqd.timestamps import filetime, rfc3339, utc_ns
 _CODES: dict[str, int] = {name: code for code, name in enumerate(CHANNELS)}
 _BASE = -1 << 32
 _AT_ONCE = 500
+_INSERT = f"INSERT INTO power_row VALUES ({', '.join('?' * 10)}) ON CONFLICT DO NOTHING"
 _FIRST, _LAST = filetime(0), filetime(253_402_300_800 * 10**9)
 """1970 to 9999: where SQLite and Python make the same text."""
 
@@ -43,49 +44,37 @@ class Values(NamedTuple):
     schema: int
 
 
-class _Numbered(NamedTuple):
-    """A row of `power_row`."""
-
-    id: int
-    mark: int
-    filetime: int
-    Vrms: float | None
-    Irms: float | None
-    P: float | None
-    S: float | None
-    PF: float | None
-    f: float | None
-    W: float | None
+_Numbered: TypeAlias = tuple[int, int, int, float | None, float | None, float | None, float | None, float | None,
+    float | None, float | None]  # fmt: skip
+"""A row of `power_row`: id, mark, filetime, Vrms, Irms, P, S, PF, f, W."""
 
 
 def insert(connection: sa.Connection, rows: Sequence[Values]) -> list[int]:
     """Insert what is new; positions in `rows` of those whose key is stored with other values. SQLite only."""
     numbers = _Numbers(connection)
     numbered = [numbers.of(row) for row in rows]
-    odd = [not _follows(row) for row in rows]
+    odd = _odd(rows)
     if any(odd):
         first: dict[int, str | None] = {}
         for one, row, is_odd in zip(numbered, rows, odd, strict=True):
-            first.setdefault(one.id, row.time if is_odd else None)
+            first.setdefault(one[0], row.time if is_odd else None)
         known = {number for number, *_ in _stored(connection, first)}
         stamps = [(number, time) for number, time in first.items() if time is not None and number not in known]
         if stamps:
             connection.exec_driver_sql("INSERT INTO power_stamp VALUES (?, ?)", stamps)
-    places = ", ".join("?" * len(_Numbered._fields))
-    statement = f"INSERT INTO power_row VALUES ({places}) ON CONFLICT DO NOTHING"
-    if connection.exec_driver_sql(statement, [tuple(one) for one in numbered]).rowcount == len(rows):
+    if connection.exec_driver_sql(_INSERT, numbered).rowcount == len(rows):
         return []
-    stored = {number: rest for number, *rest in _stored(connection, {one.id for one in numbered})}
+    stored = {number: rest for number, *rest in _stored(connection, {one[0] for one in numbered})}
     return [
         k
         for k, (one, row) in enumerate(zip(numbered, rows, strict=True))
-        if stored[one.id][:-1] != list(one[1:]) or stored[one.id][-1] != (row.time if odd[k] else None)
+        if stored[one[0]][:-1] != list(one[1:]) or stored[one[0]][-1] != (row.time if odd[k] else None)
     ]
 
 
 def stored_row(connection: sa.Connection, row: Values) -> dict[str, Any]:
     """The stored row with the key of `row`, as the view has it."""
-    number = _Numbers(connection).of(row).id
+    number = _Numbers(connection).of(row)[0]
     return dict(connection.exec_driver_sql(f"{SELECT} WHERE v.id = ?", (number,)).mappings().one())
 
 
@@ -119,16 +108,16 @@ class _Numbers:
 
     def of(self, row: Values) -> _Numbered:
         """The row with numbers."""
-        Vrms, Irms, P, S, PF = row.Vrms, row.Irms, row.P, row.S, row.PF
-        S_follows = S is not None and Vrms is not None and Irms is not None and Vrms * Irms == S
-        PF_follows = PF is not None and P is not None and S is not None and S != 0 and PF == P / S
-        mark = row.flags, S_follows, PF_follows, row.schema
-        code = _CODES.get(row.channel)
-        run = row.device, row.boot, "" if code is not None else row.channel, row.seq & _BASE
-        return _Numbered(
-            (self._runs.get(run) or self._run(run)) << 34 | (row.seq & 0xFFFFFFFF) << 2 | (code or 0),
+        device, channel, boot, seq, _, ticks, Vrms, Irms, P, S, PF, f, W, flags, schema = row
+        S_follows = Vrms is not None and Irms is not None and Vrms * Irms == S
+        PF_follows = PF is not None and P is not None and S is not None and S != 0 and P / S == PF
+        mark = flags, S_follows, PF_follows, schema
+        code = _CODES.get(channel)
+        run = device, boot, "" if code is not None else channel, seq & _BASE
+        return (
+            (self._runs.get(run) or self._run(run)) << 34 | (seq & 0xFFFFFFFF) << 2 | (code or 0),
             self._marks.get(mark) or self._mark(mark),
-            row.filetime, Vrms, Irms, P, None if S_follows else S, None if PF_follows else PF, row.f, row.W,
+            ticks, Vrms, Irms, P, None if S_follows else S, None if PF_follows else PF, f, W,
         )  # fmt: skip
 
     def _run(self, run: tuple[str, str, str, int]) -> int:
@@ -148,9 +137,15 @@ class _Numbers:
         return number
 
 
-def _follows(row: Values) -> bool:
-    """Whether the view makes the time of a row from its `filetime`."""
-    return _FIRST <= row.filetime < _LAST and row.time == rfc3339(utc_ns(row.filetime))
+def _odd(rows: Sequence[Values]) -> list[bool]:
+    """Whether the time of a row is another one than the view makes from its `filetime`."""
+    odd, ticks, text = [], -1, ""
+    for row in rows:
+        if row[5] != ticks:  # the channels of a window follow one another
+            ticks = row[5]
+            text = rfc3339(utc_ns(ticks)) if _FIRST <= ticks < _LAST else ""
+        odd.append(row[4] != text)
+    return odd
 
 
 def _stored(connection: sa.Connection, ids: Iterable[int]) -> Iterator[tuple[Any, ...]]:

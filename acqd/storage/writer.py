@@ -104,8 +104,7 @@ class Writer:
         stored = events.store(self.guard.transaction, occurred, self.witness)
         malformed = [(occurred[k], reason) for k, reason in stored.refused]
         asked = [(message.topic, message.payload) for message in messages if topics.is_ask(message.topic)]
-        apart = (topics.is_event, topics.is_ask)
-        rows_only = [message for message in messages if not any(is_it(message.topic) for is_it in apart)]
+        rows_only = [one for one in messages if not (topics.is_event(one.topic) or topics.is_ask(one.topic))]
         parsed = [_parse(message) for message in _rows_apart(rows_only, malformed)]
         for one in parsed:
             if one.row is not None:
@@ -133,9 +132,8 @@ class Writer:
                 continue
             if judged == "doubtful" and not isinstance(row, RegisterRow):
                 row.flags = sorted({*row.flags, FLAG})
-            if isinstance(row, PowerRow) and self.boots.hear(row.device, row.boot, row.filetime):
-                row.flags = sorted({*row.flags, boot_watch.FLAG})
             good.append((message, row))
+        self._flag_boots([row for _, row in good if isinstance(row, PowerRow)])
         rows_refused = [one for one in refused if one[1].startswith(IMPOSSIBLE)]
         refused = [one for one in refused if not one[1].startswith(IMPOSSIBLE)]
         impossible += rows_refused
@@ -154,6 +152,19 @@ class Writer:
         for message, _ in [*kept, *impossible]:
             _note_refused(written.receipts, message)
         return written
+
+    def _flag_boots(self, power: Sequence[PowerRow]) -> None:
+        spans: dict[tuple[str, str], list[int]] = {}
+        for row in power:
+            span = spans.get((row.device, row.boot))
+            if span is None:
+                spans[row.device, row.boot] = [row.filetime, row.filetime]
+            elif row.filetime > span[1]:
+                span[1] = row.filetime
+        mixed = {name for name, span in spans.items() if self.boots.hear(*name, *span)}
+        for row in power if mixed else ():
+            if (row.device, row.boot) in mixed:
+                row.flags = sorted({*row.flags, boot_watch.FLAG})
 
     def _spend(self, kept: list[tuple[Received, str]], refused: int) -> None:
         """Note what is kept of the malformed messages, and say once that no more are."""
