@@ -18,8 +18,8 @@ from acqd.daemon.source_checks import source_checks
 from acqd.daemon.spool_checks import spool_checks
 from acqd.errors import UserError
 
-_ROW_BYTES = 229
-"""Of a row in SQLite with its indices; `python -m tools.bench --only load` measures it."""
+_ROW_BYTES = 100
+"""Of a row in SQLite with its index at most; `python -m tools.studies.row_layouts` measures it."""
 _CHANNELS = 4
 _WEEK_S = 7 * 86_400
 _CPU_GOVERNOR = Path("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor")

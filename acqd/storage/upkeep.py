@@ -12,6 +12,7 @@ from collections.abc import Callable
 import sqlalchemy as sa
 
 from acqd.errors import UserError
+from acqd.storage.conversion import convert
 from acqd.storage.database import file_of, first_line
 from acqd.storage.maintain import Retention, maintain
 from acqd.storage.retention_doubt import doubt, last_run, note_run, rows_past
@@ -19,6 +20,8 @@ from acqd.uptime import moment
 
 _log = logging.getLogger(__name__)
 _LOOK_S = 60.0
+_AT_ONCE, _BETWEEN_S = 10_000, 0.1
+"""Rows of an earlier acqd that are moved in one transaction, and a pause in which the sink commits."""
 _DAY_S = 86_400.0
 _OVERDUE_S = 26 * 3_600.0
 """A timer that runs daily has had its turn and two hours more."""
@@ -36,6 +39,7 @@ class Upkeep:
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="upkeep", daemon=True)
         self._free: deque[tuple[float, int]] = deque(maxlen=_LOOKS)
+        self._moved = 0
         self.trouble = ""
         """Why roll-ups and retention did not run, else empty."""
         self.disk_days: float | None = None
@@ -51,16 +55,33 @@ class Upkeep:
         self._thread.join(1.0)
 
     def _run(self) -> None:
-        begun = time.monotonic()
-        while not self._stopping.wait(_LOOK_S):
+        begun, pause_s = time.monotonic(), 0.0
+        while not self._stopping.wait(pause_s):
+            pause_s = _LOOK_S
             self._look_at_disk()
-            if time.monotonic() - begun >= _FIRST_S:
-                try:
+            try:
+                if self._convert():
+                    pause_s = _BETWEEN_S
+                elif time.monotonic() - begun >= _FIRST_S:
                     self.run_if_due()
-                except sa.exc.DBAPIError as error:
-                    self._say(f"maintenance: {first_line(error)}; trying again")
-                except UserError as error:
-                    self._say(f"maintenance: {error}")
+            except sa.exc.DBAPIError as error:
+                self._say(f"maintenance: {first_line(error)}; trying again")
+            except UserError as error:
+                self._say(f"maintenance: {error}")
+
+    def _convert(self) -> bool:
+        """Move some rows of an earlier acqd; whether there may be more. Raises sqlalchemy.exc.DBAPIError."""
+        path = file_of(self._engine)
+        if path is None or not path.exists():  # SQLite would make it
+            return False
+        moved = convert(self._engine, _AT_ONCE)
+        if moved and not self._moved:
+            _log.info("rows of an earlier acqd are being moved into the layout of this one; the sink works meanwhile")
+        self._moved += moved
+        if self._moved and not moved:
+            _log.info("%d rows of an earlier acqd have been moved", self._moved)
+            self._moved = 0
+        return moved > 0
 
     def run_if_due(self, now: Callable[[], float] = time.time) -> bool:
         """Make roll-ups and delete what is old, if the last run is more than a day ago; whether that was done.

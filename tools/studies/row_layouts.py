@@ -79,7 +79,7 @@ def values(kind: str, row: tuple[int, int, int, tuple[float, ...]]) -> tuple[obj
         return device * 4 + channel, seq, ticks, *numbers, 0
     if kind == "time":
         return ticks, device * 4 + channel, seq, *numbers, 0
-    V, A, P, S, PF, f, W = numbers
+    V, A, P, S, _, f, W = numbers
     kept = channel // 3, ticks, V, A, P, S if channel == 3 else None, None, f, W
     return (device, seq, channel, *kept) if kind == "window" else (device << 34 | seq << 2 | channel, *kept)
 
