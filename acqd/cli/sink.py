@@ -88,7 +88,7 @@ def sink(
     if embedded:
         print("ready", flush=True)
     upkeep = Upkeep(engine, settings.sink.retention())
-    health = SinkHealth(settings.health, worker, options.client_id, upkeep)
+    health = SinkHealth(settings.health, worker, options.client_id, upkeep, settings.mqtt.certificates)
     health.start()
     upkeep.start()
     notify("READY=1")

@@ -6,6 +6,7 @@ import secrets
 import ssl
 import time
 from collections.abc import Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 
 import paho.mqtt.client as paho
@@ -15,6 +16,7 @@ from acqd.daemon.config import Config
 from acqd.daemon.finding import Finding
 from acqd.daemon.mosquitto_files import settings_of_local_broker
 from acqd.errors import UserError
+from acqd.telemetry import certificates
 from acqd.telemetry.mqtt import BrokerAddress, is_loopback
 
 _PATIENCE_S = 3.0
@@ -35,6 +37,14 @@ def broker_checks(config: Config) -> Iterator[Finding]:
         return
     if address.exposes_password:
         yield Finding("broker", "warn", f"the password goes to {address.host} in clear text", "set [mqtt] tls = true")
+    if config.mqtt.certificates:
+        why = certificates.trouble(config.mqtt.certificates)
+        advice = "make another one (config/make-certificates.sh) and copy it to its place"
+        yield Finding(
+            "certificates", "warn" if why else "ok", why or "valid for a month at least", advice if why else ""
+        )
+    if address.tls and (why := _of_server(address)):
+        yield Finding("certificates", "warn", f"of the broker: {why}", "make another one on the broker's computer")
     yield _login(config, address, tls)
     if is_loopback(address.host) and not config.broker.embedded:
         yield from _delay()
@@ -75,6 +85,17 @@ def _login(config: Config, address: BrokerAddress, tls: ssl.SSLContext | None) -
         return Finding("broker", "fail", f"{address} refuses the login: {answers[0]}", "check username and password")
     name = f" as {address.username}" if address.username else ", without a password"
     return Finding("broker", "ok", f"{address} lets this configuration in{name}")
+
+
+def _of_server(address: BrokerAddress) -> str:
+    """What is wrong with the dates of the certificate that the broker shows; it may not answer."""
+    try:
+        pem = ssl.get_server_certificate((address.host, address.port), timeout=_PATIENCE_S)
+        end = certificates.not_after(ssl.PEM_cert_to_DER_cert(pem))
+    except (OSError, ValueError):
+        return ""
+    days = (end - datetime.now(UTC)).total_seconds() / 86_400
+    return f"the certificate ends in {days:.0f} days, on {end:%Y-%m-%d}" if days < certificates.WARN_DAYS else ""
 
 
 def _delay() -> Iterator[Finding]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import os
 from pathlib import Path
@@ -53,6 +54,16 @@ class MqttSection(Section):
     def uses_tls(self) -> bool:
         """Whether the connection is encrypted: as `tls` says, or because a certificate is named."""
         return bool(self.tls or self.ca_file or self.cert_file)
+
+    @property
+    def certificates(self) -> list[Path]:
+        """Files of certificates that this connection needs, as far as they have a place."""
+        found = []
+        for name in ("ca_file", "cert_file"):
+            with contextlib.suppress(UserError):
+                if (path := _expanded(name, getattr(self, name))) is not None:
+                    found.append(path)
+        return found
 
     def address(self) -> BrokerAddress:
         """Where and how to connect. Raises UserError for an unreadable password file."""

@@ -68,7 +68,7 @@ class Service:
         self._feed: Feed = feed_of(config, self._boot, self._take, self._uplink, quality, announce)
         self._stop = asyncio.Event()
         self._started = time.time_ns()
-        self._health = DaemonHealth(config.health, config.device, self._feed, self._progress)
+        self._health = DaemonHealth(config.health, config.device, self._feed, self._progress, config.mqtt.certificates)
         self._metering = False
         self.rows = 0
 

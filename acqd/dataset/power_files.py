@@ -15,6 +15,7 @@ import pyarrow.parquet
 from acqd.dataset.power_source import BLOCK_ROWS, PowerRows, choose
 from acqd.dataset.schema import UTC_NS
 from acqd.errors import InputError, UserError
+from acqd.parquet_size import check_size
 from acqd.timestamps import Nanoseconds, parse_times
 
 _ZONE = re.compile(r"(?:Z|[+-]\d\d:?(?:\d\d)?)$", re.IGNORECASE)
@@ -52,7 +53,9 @@ def _rows(path: Path, reader: Reader, device: str | None, channel: str | None) -
 def parquet_batches(path: Path) -> Iterator[pa.RecordBatch]:
     """Batches of a Parquet file. Raises InputError."""
     try:
-        yield from pyarrow.parquet.ParquetFile(path).iter_batches(BLOCK_ROWS)
+        with pyarrow.parquet.ParquetFile(path) as parquet:
+            check_size(path, parquet.metadata)
+            yield from parquet.iter_batches(BLOCK_ROWS)
     except (pa.ArrowInvalid, OSError) as error:
         raise InputError(path, f"is not a Parquet file ({str(error).splitlines()[0]})") from None
 

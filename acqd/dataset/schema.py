@@ -12,6 +12,7 @@ import pyarrow.parquet
 
 from acqd.arrays import Floats
 from acqd.errors import InputError
+from acqd.parquet_size import check_size
 
 TIME = "time"
 _UNITS = {
@@ -53,6 +54,7 @@ def read_columns(file: Path) -> dict[str, Floats]:
     try:
         # not read_table, which imports pyarrow.dataset
         with pyarrow.parquet.ParquetFile(file) as parquet:
+            check_size(file, parquet.metadata)
             return columns_of(parquet.read())
     except (OSError, pa.ArrowInvalid) as error:
         raise InputError(file, f"cannot be read ({str(error).splitlines()[0]}); build the dataset again") from None

@@ -13,6 +13,9 @@ from acqd.errors import InputError, UserError
 from acqd.robot.description import LogColumns, RobotDescription
 from acqd.robot.table import Table
 
+_CHUNK, _LARGEST_CHUNK = 0x06, 512 << 20
+_MOST_MESSAGES = 20_000_000
+"""Joint states of eleven hours at 500 Hz take 20 GB as objects."""
 SUFFIXES = (".mcap", ".db3", ".bag")
 _TYPE = "sensor_msgs/msg/JointState"
 _STAMPED = 0.5
@@ -86,13 +89,36 @@ def _topics(path: Path) -> dict[str, list[tuple[int, Any]]]:
         raise UserError(f"{path}: ROS bags need rosbags: pip install 'acqd[rosbag]'") from None
     topics: dict[str, list[tuple[int, Any]]] = {}
     try:
+        for file in sorted(path.glob("*.mcap")) if path.is_dir() else [path]:
+            _check_chunks(file)
         with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:
+            if reader.message_count > _MOST_MESSAGES:
+                raise ValueError(f"{reader.message_count} messages are more than are read at once; split it")
             for connection, ns, state in _states(reader):
                 topics.setdefault(connection.topic, []).append((ns, state))
     except Exception as error:  # whatever a damaged bag makes the library raise: struct.error, KeyError, apsw.Error ...
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(path, f"is not a readable bag ({reason:.120}){_remedy(path)}") from None
     return topics
+
+
+def _check_chunks(path: Path) -> None:
+    """Read the heads of the chunks of an MCAP file, not the chunks. Raises ValueError, OSError.
+
+    A record is its kind, its length and its content; a chunk begins with two times and the size that it will have in
+    memory (MCAP format specification 0).
+    """
+    if path.suffix != ".mcap":
+        return
+    with path.open("rb") as file:
+        at, end = file.seek(8), path.stat().st_size
+        while at + 9 <= end:
+            file.seek(at)
+            head = file.read(33)
+            length = int.from_bytes(head[1:9], "little")
+            if head[0] == _CHUNK and (size := int.from_bytes(head[25:33], "little")) > _LARGEST_CHUNK:
+                raise ValueError(f"a chunk of {size / 1e6:.0f} MB is larger than what is read at once")
+            at += 9 + length
 
 
 def _remedy(path: Path) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.errors import InputError, UserError
+from acqd.parquet_size import check_size
 from acqd.robot.table_text import Table, joined, number_in, text_tables
 
 __all__ = ["Table", "read_table"]
@@ -47,6 +48,7 @@ def _read_parquet(path: Path) -> Table:
     try:
         # not read_table, which imports pyarrow.dataset
         with pyarrow.parquet.ParquetFile(path) as parquet:
+            check_size(path, parquet.metadata)
             table = parquet.read()
     except (OSError, pyarrow.ArrowException) as error:
         raise InputError(path, f"is not a Parquet file ({str(error).splitlines()[0]})") from None

@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import re
+import time
 from typing import Any
 
 from amqtt.adapters import StreamReaderAdapter, StreamWriterAdapter
@@ -23,6 +24,7 @@ _log = logging.getLogger(__name__)
 MOST_CONNECTIONS = 100
 LARGEST_PACKET = 256 * 1024
 """Bytes. A row has 300, a prediction's message a few thousand."""
+_PUBLISH, _SUBSCRIBE = 3, 8
 _CONNECT_S = 5.0
 """A client that has not sent its CONNECT by then is disconnected (MQTT 3.1.1, section 3.1)."""
 
@@ -67,18 +69,59 @@ _UNSUPPORTED = bytes([0x20, 3, 0, 0x84, 0])
 """CONNACK of MQTT 5 that refuses the version; amqtt says nothing, and the client waits in vain."""
 
 
+class _Kinds:
+    """Kinds of the packets in a stream of bytes (MQTT 3.1.1, section 2.2): its head, then as many bytes as it says."""
+
+    def __init__(self) -> None:
+        self.used = False
+        """Whether there was a packet that makes use of a broker: PUBLISH, SUBSCRIBE."""
+        self._left = self._shift = 0
+        self._in_head = False
+
+    def feed(self, data: bytes) -> None:
+        """The next bytes of the stream."""
+        at = 0
+        while at < len(data) and not self.used:
+            if self._in_head:
+                self._left |= (data[at] & 0x7F) << self._shift
+                self._shift += 7
+                self._in_head = data[at] >= 0x80
+                at += 1
+            elif self._left:
+                skipped = min(self._left, len(data) - at)
+                self._left -= skipped
+                at += skipped
+            else:
+                self.used = data[at] >> 4 in (_PUBLISH, _SUBSCRIBE)
+                self._in_head, self._shift = True, 0
+                at += 1
+
+
 class _BoundedReader(StreamReaderAdapter):  # type: ignore[misc]
     """Reads no packet that is larger than allowed, and no MQTT 5: to amqtt, the client has hung up then, for good."""
 
     def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         super().__init__(reader)
         self._writer, self._begin, self._refused = writer, b"", False
+        self._kinds = _Kinds()
+        self.since = time.monotonic()
+
+    @property
+    def idle(self) -> bool:
+        """Whether the client has been there for a while and has neither subscribed nor published anything."""
+        return not self._kinds.used and time.monotonic() - self.since > _CONNECT_S
+
+    def close(self) -> None:
+        """End the connection: somebody needs its place."""
+        self._refused = True
+        self._writer.close()
 
     async def read(self, n: int = -1) -> bytes:
         self._refused = self._refused or n > LARGEST_PACKET
         if self._refused:
             raise ConnectionResetError
         data = bytes(await super().read(n))
+        self._kinds.feed(data)
         if len(self._begin) < _LONGEST_BEGIN:
             self._begin += data[:_LONGEST_BEGIN]
             if (found := _LEVEL.match(self._begin)) and found[1][0] > _NEWEST_LEVEL:
@@ -93,23 +136,28 @@ class _BoundedBroker(Broker):  # type: ignore[misc]
 
     def __init__(self, config: dict[str, Any]) -> None:
         super().__init__(config)
-        self._connections = 0
+        self._readers: list[_BoundedReader] = []
 
     async def stream_connected(
         self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, listener_name: str
     ) -> None:
         """One client from its first to its last byte."""
-        if self._connections >= MOST_CONNECTIONS:
-            writer.close()
-            return
-        self._connections += 1
-        adapter = StreamWriterAdapter(writer)
+        if len(self._readers) >= MOST_CONNECTIONS:
+            idle = next((one for one in self._readers if one.idle), None)
+            if idle is None:
+                writer.close()
+                return
+            self._readers.remove(idle)
+            idle.close()
+        bounded = _BoundedReader(reader, writer)
+        self._readers.append(bounded)
         try:
-            await self._client_connected(listener_name, _BoundedReader(reader, writer), adapter)
+            await self._client_connected(listener_name, bounded, StreamWriterAdapter(writer))
         except Exception as error:  # whatever a malformed packet makes amqtt raise: struct.error, UnicodeError ...
             _log.debug("embedded broker: %s", type(error).__name__)
         finally:
-            self._connections -= 1
+            if bounded in self._readers:
+                self._readers.remove(bounded)
             writer.close()
 
     async def _publish_retained_messages_for_subscription(self, subscription: tuple[str, int], session: Any) -> None:

@@ -9,7 +9,7 @@ from acqd.errors import UserError
 
 def check_port(host: str, port: int, of: str = "broker") -> None:
     """Raise UserError unless this process may listen on host:port; `of` is what wants to."""
-    with socket.socket() as probe:
+    with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             probe.bind((host, port))
@@ -22,6 +22,6 @@ def check_port(host: str, port: int, of: str = "broker") -> None:
 
 def free_port(host: str = "127.0.0.1") -> int:
     """A port nobody listens on right now."""
-    with socket.socket() as probe:
+    with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as probe:
         probe.bind((host, 0))
         return int(probe.getsockname()[1])

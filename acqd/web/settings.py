@@ -29,7 +29,8 @@ class WebSettings:
     @property
     def address(self) -> str:
         """What to type into a browser."""
-        return f"http://{self.host}:{self.port}/{f'?token={self.token}' if self.token else ''}"
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"http://{host}:{self.port}/{f'?token={self.token}' if self.token else ''}"
 
 
 def settings_of(broker: BrokerAddress, database: str, health: HealthSection, section: WebSection) -> WebSettings:

@@ -6,6 +6,7 @@ import asyncio
 import math
 import subprocess
 from datetime import datetime
+from unittest import mock
 
 import pytest
 
@@ -16,7 +17,7 @@ from asyncua.crypto.permission_rules import UserRole
 
 from acqd.daemon.opcua_section import OpcUaSection
 from acqd.integrations.opcua.quality import status_of
-from acqd.integrations.opcua.server import OpcUaServer, _Readers
+from acqd.integrations.opcua.server import OpcUaServer, _BoundedProtocol, _Readers
 from acqd.telemetry.broker import free_port
 from tests.integrations.messages import event, quality, status
 from tests.storage.rows import row
@@ -128,6 +129,17 @@ def test_a_client_reads_power_quality_and_the_newest_event_of_a_kind():
         raise AssertionError(name)
 
     finish(scenario())
+
+
+def test_who_announces_a_chunk_of_gigabytes_is_disconnected():
+    protocol = _BoundedProtocol.__new__(_BoundedProtocol)
+    protocol._buffer, protocol.transport, protocol.peer_name = b"", mock.Mock(), "peer"
+    for piece in (b"HELF", (2**20).to_bytes(4, "little"), b"x" * 1_000):  # the rest may come
+        protocol.data_received(piece)
+    assert not protocol.transport.close.called and len(protocol._buffer) == 1_008
+    protocol._buffer = b"HELF"
+    protocol.data_received((2**31).to_bytes(4, "little") + b"x" * 1_000)
+    assert protocol.transport.close.called and len(protocol._buffer) == 4
 
 
 def test_off_loopback_strangers_are_kept_out():

@@ -95,3 +95,16 @@ def test_without_the_library_the_extra_is_named(tmp_path, monkeypatch):
     (tmp_path / "x.mcap").write_bytes(b"")
     with pytest.raises(UserError, match=r"acqd\[rosbag\]"):
         read_log(tmp_path / "x.mcap", load_description("ur10e"))
+
+
+def test_a_chunk_that_would_fill_the_memory_is_refused_before_it_is_read(tmp_path):
+    bag = write_bag(tmp_path / "bag", {"/joint_states": states()}, rosbag2.StoragePlugin.MCAP)
+    (file,) = bag.glob("*.mcap")
+    data = bytearray(file.read_bytes())
+    at = 8
+    while data[at] != 0x06:
+        at += 9 + int.from_bytes(data[at + 1 : at + 9], "little")
+    data[at + 25 : at + 33] = (10**12).to_bytes(8, "little")
+    file.write_bytes(data)
+    with pytest.raises(InputError, match="a chunk of 1000000 MB"):
+        read_log(bag, load_description("ur10e"))

@@ -71,3 +71,13 @@ def test_broken_parquet_is_refused(tmp_path):
     pyarrow.parquet.write_table(pyarrow.table({"a": pyarrow.array([], pyarrow.float64())}), tmp_path / "e.parquet")
     with pytest.raises(InputError, match="has no rows"):
         read_table(tmp_path / "e.parquet")
+
+
+def test_a_small_file_of_very_many_equal_rows_is_refused_before_it_is_read(tmp_path, monkeypatch):
+    """Equal values take hardly a byte; the limit is lower here."""
+    monkeypatch.setattr("acqd.parquet_size.MOST_CELLS", 10_000_000)
+    path, rows = tmp_path / "a.parquet", np.zeros(3_000_001, dtype=bool)
+    pyarrow.parquet.write_table(pyarrow.table(dict.fromkeys(("time", "q1", "q2", "q3"), rows)), path)
+    assert path.stat().st_size < 200_000
+    with pytest.raises(InputError, match=r"3000001 rows of 4 columns, 1\.2 times what is read at once"):
+        read_table(path)

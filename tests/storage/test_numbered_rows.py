@@ -193,9 +193,18 @@ def test_sql_inserts_changes_and_deletes_rows_as_in_a_table(tmp_path):
     with engine.begin() as connection:
         connection.exec_driver_sql("INSERT INTO power SELECT 'copy', channel, boot, seq, time, filetime, Vrms, Irms, P,"
             " S, PF, f, W, flags, schema FROM power")  # fmt: skip
+        assert connection.exec_driver_sql("SELECT count(*), max(seq) FROM power").one() == (8, 3)
         connection.exec_driver_sql("DELETE FROM power WHERE device = 'cell1'")
+        assert connection.exec_driver_sql("SELECT DISTINCT device FROM power").scalars().all() == ["copy"]
         connection.exec_driver_sql("UPDATE power SET device = 'cell1' WHERE device = 'copy'")
     assert _stored(engine) == before
+    with engine.connect() as connection:
+        assert [
+            connection.exec_driver_sql(f"SELECT count(*) FROM power_{one}").scalar() for one in ("row", "stamp")
+        ] == [
+            4,
+            4,
+        ]
     assert Writer(engine).write([message(row(0, flags=["gap"], time="2023-11-14T22:15:00Z"))]).conflicts == 0
     with engine.connect() as connection:
         query = "SELECT flags FROM power WHERE seq = 1"

@@ -116,6 +116,58 @@ def test_who_says_nothing_and_who_says_too_much_is_disconnected(monkeypatch):
     finish(scenario())
 
 
+def test_who_only_waits_makes_room_for_who_comes_when_all_places_are_taken(monkeypatch):
+    monkeypatch.setattr(module, "_CONNECT_S", 0.2)
+    monkeypatch.setattr(module, "MOST_CONNECTIONS", 4)
+    hello = b"\x10\x0d\x00\x04MQTT\x04\x02\x00\x3c\x00\x01"
+
+    async def scenario():
+        port = free_port()
+        server = EmbeddedBroker("127.0.0.1", port)
+        await server.start()
+
+        async def client(name, *packets):
+            reader, writer = await asyncio.open_connection("127.0.0.1", port)
+            writer.write(hello + name + b"".join(packets))
+            assert await reader.read(4) == b"\x20\x02\x00\x00"
+            return reader, writer
+
+        viewer = await client(b"v", b"\x82\x06\x00\x01\x00\x01t\x01")
+        assert await viewer[0].readexactly(5) == b"\x90\x03\x00\x01\x01"
+        idle = [await client(name, b"\xc0\x00" * 3) for name in (b"a", b"b", b"c")]
+        await asyncio.sleep(0.3)
+        comes = await client(b"d")
+        assert await idle[0][0].read(100) == b"\xd0\x00" * 3, "answers to its pings, and the end"
+        comes[1].write(b"\x30\x04\x00\x01tx")
+        assert (await viewer[0].readexactly(5))[4:] == b"t", "the viewer is still there"
+        await server.stop()
+
+    finish(scenario())
+
+
+@pytest.mark.parametrize("piece", [1, 3, 1_000])
+def test_the_kinds_of_packets_are_known_however_the_bytes_come(piece):
+    for end, used in ((b"\xc0\x00", False), (b"\x82\x06\x00\x01\x00\x01t\x01", True)):
+        data = b"\x10\x90\x01" + b"\x82" * 144 + b"\xc0\x00" + end
+        kinds = module._Kinds()
+        for k in range(0, len(data), piece):
+            kinds.feed(data[k : k + piece])
+        assert kinds.used is used
+
+
+def test_broker_and_page_listen_on_ipv6_too():
+    async def scenario():
+        server = EmbeddedBroker("::1", free_port("::1"))
+        await server.start()
+        _, writer = await asyncio.open_connection("::1", server.port)
+        writer.close()
+        with pytest.raises(UserError, match="another page"):
+            check_port("::1", server.port, "page")
+        await server.stop()
+
+    finish(scenario())
+
+
 def test_mqtt_5_is_refused_at_once_and_3_1_1_accepted():
     async def scenario():
         port = free_port()

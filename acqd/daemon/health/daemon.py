@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from acqd import __version__
 from acqd.daemon.feed import Feed
@@ -29,11 +30,18 @@ class Progress:
 class DaemonHealth(ServiceHealth):
     """Of a daemon whose event loop has to turn, and whose rows have to advance."""
 
-    def __init__(self, section: HealthSection, device: str, feed: Feed, progress: Callable[[], Progress]) -> None:
+    def __init__(
+        self,
+        section: HealthSection,
+        device: str,
+        feed: Feed,
+        progress: Callable[[], Progress],
+        certificates: Sequence[Path | None] = (),
+    ) -> None:
         self._device, self._feed, self._progress = device, feed, progress
         self._capture = CapturePage(lambda device, seconds: feed.capture(device, seconds))
         pages = {CAPTURE: self._capture.page, WINDOW: window_page(feed.window)}
-        super().__init__(section.host, section.port, pages)
+        super().__init__(section.host, section.port, pages, certificates)
 
     def start(self) -> None:
         """Open the port, in the event loop of the feed."""
@@ -64,4 +72,5 @@ class DaemonHealth(ServiceHealth):
             windows=feed.windows,
             boxes=feed.boxes,
             acknowledged=self.acknowledged,
+            certificate_trouble=self.certificate_trouble,
         )

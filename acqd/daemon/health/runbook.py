@@ -119,6 +119,12 @@ RUNBOOK = (
         r"^disk of the database",
     ),
     _entry(
+        "certificate",
+        "`certificate ... ends in ... days`",
+        "make another one (`config/make-certificates.sh`), copy it to its place, restart the service",
+        r"^certificate |^doctor: certificates",
+    ),
+    _entry(
         "receipts",
         "`no receipt for ... s although a sink is online`, `rows refused: ...`",
         "the broker's access rules: may the daemon write `acqd/DEVICE/#`, and the sink read it and write receipts?",

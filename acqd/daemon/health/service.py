@@ -4,18 +4,29 @@ from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 from acqd.daemon.health.server import HealthServer, Page
 from acqd.daemon.health.snapshot import Acknowledged, Snapshot
 from acqd.daemon.health.watchdog import Watchdog
+from acqd.telemetry import certificates
+
+_LOOK_S = 3_600.0
 
 
 class ServiceHealth(ABC):
     """Asked by threads: everything here reads plain attributes and never waits."""
 
-    def __init__(self, host: str, port: int, pages: Mapping[str, Page] | None = None) -> None:
-        """Port 0: no endpoints. `pages`: those that only this service has."""
+    def __init__(
+        self,
+        host: str,
+        port: int,
+        pages: Mapping[str, Page] | None = None,
+        certificates: Sequence[Path | None] = (),
+    ) -> None:
+        """Port 0: no endpoints. `pages`: those that only this service has. `certificates`: those that it needs."""
+        self._certificates, self._certificates_seen = certificates, (-1e9, "")
         self._begun = self._turned = time.monotonic()
         self.acknowledged = Acknowledged()
         self._server = HealthServer(host, port, self.snapshot, pages, self._acknowledge) if port else None
@@ -35,6 +46,14 @@ class ServiceHealth(ABC):
         self._watchdog.start()
         if self._server is not None:
             self._server.start()
+
+    @property
+    def certificate_trouble(self) -> str:
+        """Which certificate ends soon, as it was within the last hour; else empty."""
+        now = time.monotonic()
+        if now - self._certificates_seen[0] > _LOOK_S:
+            self._certificates_seen = now, certificates.trouble(self._certificates)
+        return self._certificates_seen[1]
 
     def _acknowledge(self) -> None:
         """A person has seen what was counted until now."""

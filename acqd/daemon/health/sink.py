@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from acqd import __version__
@@ -20,9 +22,16 @@ _TURN_S = 120.0  # without a turn of its loop: longer than any lock or statement
 class SinkHealth(ServiceHealth):
     """Of a sink whose loop has to turn: rows need not come."""
 
-    def __init__(self, section: HealthSection, sink: Sink, name: str, upkeep: Upkeep | None = None) -> None:
+    def __init__(
+        self,
+        section: HealthSection,
+        sink: Sink,
+        name: str,
+        upkeep: Upkeep | None = None,
+        certificates: Sequence[Path | None] = (),
+    ) -> None:
         self._sink, self._name, self._upkeep = sink, name, upkeep
-        super().__init__(section.host, section.sink_port)
+        super().__init__(section.host, section.sink_port, None, certificates)
 
     def alive(self) -> bool:
         """Whether the loop turns: broker and database may be away, and rows may not come."""
@@ -51,6 +60,7 @@ class SinkHealth(ServiceHealth):
             disk_days=self._upkeep.disk_days if self._upkeep is not None else None,
             recalls=counters.recalls,
             acknowledged=self.acknowledged,
+            certificate_trouble=self.certificate_trouble,
             broker=Link(sink.connected, max(counters.reconnects, 0)),
             database=Link(not trouble, counters.database_returns, trouble),
         )

@@ -162,6 +162,8 @@ class Snapshot:
     """What is wrong with this computer's clock."""
     boots_trouble: str = ""
     """Which devices have two daemons."""
+    certificate_trouble: str = ""
+    """Which certificate ends soon."""
     upkeep_trouble: str = ""
     """Why roll-ups and retention do not run."""
     disk_days: float | None = None

@@ -13,6 +13,7 @@ from typing import Any
 
 from asyncua import Server, ua
 from asyncua.crypto.permission_rules import User, UserRole
+from asyncua.server import binary_server_asyncio
 
 from acqd.daemon.opcua_section import OpcUaSection
 from acqd.errors import UserError
@@ -30,6 +31,8 @@ _log = logging.getLogger(__name__)
 _WAITING = 20_000
 """Rows; the oldest are lost when a client keeps the server busy for longer."""
 _LOOK_S = 0.02
+_LARGEST_CHUNK = 1 << 20
+"""Bytes; clients of these variables send a few thousand."""
 _INTERVALS = 5
 
 
@@ -98,6 +101,7 @@ class OpcUaServer:
 
     async def _server(self) -> Server:
         section = self._section
+        binary_server_asyncio.OPCUAProtocol = _BoundedProtocol
         server = Server(user_manager=_Readers(section.username, section.password))
         await server.init()
         server.set_endpoint(self.endpoint)
@@ -128,6 +132,19 @@ class OpcUaServer:
             if pace.running and (now - pace.last > pace.limit(self._section.stale_s) or daemon in self._gone):
                 pace.running = False
                 await space.spoil(path)
+
+
+class _BoundedProtocol(binary_server_asyncio.OPCUAProtocol):  # type: ignore[misc]
+    """asyncua's, which would collect as many bytes as a chunk says that it has (OPC 10000-6, section 7.1.2.2)."""
+
+    def data_received(self, data: bytes) -> None:
+        """Called by asyncio."""
+        head = (self._buffer[:8] + data[:8])[:8]
+        if len(head) == 8 and int.from_bytes(head[4:], "little") > _LARGEST_CHUNK and self.transport is not None:
+            _log.debug("OPC UA: %s announces a chunk of %d bytes", self.peer_name, int.from_bytes(head[4:], "little"))
+            self.transport.close()
+            return
+        super().data_received(data)
 
 
 def _form(path: FilePath) -> str:

@@ -45,7 +45,8 @@ def test_rows_that_the_database_lost_are_made_again(copied):
     before = [tuple(row) for row in rows_of(path)]
     boot = rows_of(path)[0]["boot"]
     with sqlite3.connect(path) as database:
-        lost = database.execute("DELETE FROM power WHERE boot = ?", (boot,)).rowcount
+        (lost,) = database.execute("SELECT count(*) FROM power WHERE boot = ?", (boot,)).fetchone()
+        database.execute("DELETE FROM power WHERE boot = ?", (boot,))
     again = measure(config)
     assert again.sessions_done_before == 2 and again.rows == lost > 0
     assert [tuple(row) for row in rows_of(path)] == before

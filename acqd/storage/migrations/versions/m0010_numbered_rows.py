@@ -54,8 +54,8 @@ def _number(row: str) -> str:
     """SQL for the id of the row `NEW` or `OLD` of a trigger."""
     code = f"CASE {row}.channel WHEN 'L2' THEN 1 WHEN 'L3' THEN 2 WHEN 'total' THEN 3 ELSE 0 END"
     return (
-        f"(SELECT id << 34 | ({row}.seq & 4294967295) << 2 | {code} FROM power_run WHERE device = {row}.device"
-        f" AND boot = {row}.boot AND channel = {_other(row)} AND base = {row}.seq >> 32 << 32)"
+        f"(SELECT (id << 34) | (({row}.seq & 4294967295) << 2) | {code} FROM power_run WHERE device = {row}.device"
+        f" AND boot = {row}.boot AND channel = {_other(row)} AND base = ({row}.seq >> 32) << 32)"
     )
 
 
@@ -69,7 +69,7 @@ def _insert() -> str:
     number = _number("NEW")
     return (
         f"INSERT OR IGNORE INTO power_run (device, boot, channel, base) VALUES (NEW.device, NEW.boot, {_other('NEW')},"
-        f' NEW.seq >> 32 << 32); INSERT OR IGNORE INTO power_mark (flags, "S", "PF", "schema") VALUES (NEW.flags, {S},'
+        f' (NEW.seq >> 32) << 32); INSERT OR IGNORE INTO power_mark (flags, "S", "PF", "schema") VALUES (NEW.flags, {S},'
         f' {PF}, NEW."schema"); INSERT INTO power_stamp SELECT {number}, NEW."time"'
         f' WHERE NEW."time" IS NOT {_time("NEW")};'
         f' INSERT INTO power_row SELECT {number}, id, NEW.filetime, NEW."Vrms", NEW."Irms", NEW."P",'
