@@ -6,9 +6,12 @@ That takes root and a free loop device. Nothing stays mounted when the process h
 from __future__ import annotations
 
 import ctypes
+import fcntl
 import os
 import shutil
+import struct
 import subprocess
+import time
 from contextlib import suppress
 from pathlib import Path
 
@@ -16,6 +19,8 @@ from acqd.errors import OperationError
 
 _NEW_MOUNTS = 0x0002_0000  # CLONE_NEWNS
 _BLOCK = 4096
+_SHUTDOWN, _WITHOUT_JOURNAL = 0x8004587D, 2
+"""EXT4_IOC_SHUTDOWN with EXT4_GOING_FLAGS_NOLOGFLUSH (fs/ext4/ext4.h)."""
 
 
 def missing() -> str:
@@ -43,6 +48,7 @@ class SmallDisk:
     def __init__(self, folder: Path, megabytes: int) -> None:
         """Makes and mounts it; call `own_mounts` before. Raises OperationError."""
         self._folder, image = folder, folder.with_name(f"{folder.name}.img")
+        self._image = image
         folder.mkdir(exist_ok=True)
         with image.open("wb") as file:
             file.truncate(megabytes << 20)
@@ -63,6 +69,27 @@ class SmallDisk:
     def free(self) -> None:
         """Make room again."""
         self._ballast.unlink(missing_ok=True)
+
+    def cut(self) -> None:
+        """As a power cut: from now on nothing reaches the image, the journal's memory included."""
+        folder = os.open(self._folder, os.O_RDONLY)
+        try:
+            fcntl.ioctl(folder, _SHUTDOWN, struct.pack("I", _WITHOUT_JOURNAL))
+        finally:
+            os.close(folder)
+
+    def mount_again(self) -> None:
+        """After a cut, once no process has a file open there: the journal on the image is replayed."""
+        deadline = time.monotonic() + 20
+        while True:
+            try:
+                _run("umount", str(self._folder))
+                break
+            except OperationError:
+                if time.monotonic() > deadline:
+                    raise
+                time.sleep(0.05)
+        _run("mount", "-o", "loop", str(self._image), str(self._folder))
 
     def unmount(self) -> None:
         """Detach it; the image stays."""
