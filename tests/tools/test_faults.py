@@ -16,6 +16,7 @@ from acqd.storage.database import open_database
 from acqd.storage.writer import Writer
 from tests.places import ROOT
 from tests.storage.rows import message, row
+from tools.studies.faults import disk
 from tools.studies.faults.bed import Extras, Kind
 from tools.studies.faults.faults import possible
 from tools.studies.faults.memory import how, limited, unit_limit
@@ -166,3 +167,13 @@ def test_limits_come_from_the_units():
     code = "import resource; print(resource.getrlimit(resource.RLIMIT_DATA)[0])"
     done = subprocess.run(limited([sys.executable, "-c", code], 300 << 20), capture_output=True, text=True, check=True)
     assert int(done.stdout) == 300 << 20 or "RLIMIT_DATA" not in how()
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(bool(disk.missing()), reason=disk.missing())
+def test_nothing_older_than_a_second_is_lost_in_a_power_cut():
+    command = [sys.executable, "-m", "tools.studies.faults.power_cut", "--postgres", "0", "--json"]
+    done = subprocess.run([*command, "--sqlite", "1", "--daemon", "1"], cwd=ROOT, capture_output=True, check=False)
+    assert done.returncode == 0, done.stderr.decode()
+    found = json.loads(done.stdout)
+    assert [each["kind"] for each in found] == ["sqlite", "daemon"] and all(each["good"] for each in found)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import random
+import socket
 import time
+from contextlib import suppress
 from typing import Any
 
 import orjson
@@ -70,6 +72,31 @@ def forged(bed: Bed, chance: random.Random) -> None:
     publish(bed.proxies["daemon"].port, [(f"acqd/{DEVICE}/L1/power", text) for text in rows])
 
 
+def receipts(bed: Bed, _chance: random.Random) -> None:
+    """Receipts of a megabyte for rows that nobody has made: they may not stop the rows."""
+    ranges = [[k, k] for k in range(2**40, 2**40 + 90_000, 2)]
+    boot = _newest(bed)["boot"]
+    receipt = {"sink": "s", "stored": [{"channel": "L1", "boot": boot, "seq": ranges}], "schema": 1}
+    publish(bed.proxies["daemon"].port, [(f"acqd/{DEVICE}/receipt", orjson.dumps(receipt))] * 3)
+
+
+def idle(bed: Bed, chance: random.Random) -> None:
+    """As many clients as the embedded broker has places log in and say nothing; then the sink has to come back."""
+    hello = b"\x10\x0f\x00\x04MQTT\x04\x02\x00\x3c\x00\x03"
+    clients = []
+    for k in range(98):
+        with suppress(OSError):
+            client = socket.create_connection(("127.0.0.1", bed.port), 2.0)
+            client.sendall(hello + f"{k:03d}".encode())
+            clients.append(client)
+    time.sleep(chance.uniform(5.5, 7.0))
+    bed.sink.kill()
+    bed.sink.start()
+    time.sleep(2.0)
+    for client in clients:
+        client.close()
+
+
 def burst(bed: Bed, _chance: random.Random) -> None:
     """Ten devices publish three seconds of rows at once."""
     begin, boot = time.time_ns() - _BURST_WINDOWS * _WINDOW_NS, f"burst{time.time_ns()}"
@@ -107,5 +134,7 @@ FAULTS: dict[str, Fault] = {
     "duplicate messages": again,
     "hostile rows": hostile,
     "forged rows": forged,
+    "forged receipts": receipts,
+    "idle clients": idle,
     "10 x load": burst,
 }

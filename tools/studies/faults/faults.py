@@ -8,7 +8,17 @@ from tools.studies.faults.bed import Extras, Kind
 from tools.studies.faults.by_strangers import FAULTS
 from tools.studies.faults.fault import Fault, Pick
 from tools.studies.faults.on_network import cut, latency, reset
-from tools.studies.faults.on_processes import all_killed, clock, fast, fast_stalls, freeze, kill, restart, stalls
+from tools.studies.faults.on_processes import (
+    all_killed,
+    clock,
+    fast,
+    fast_stalls,
+    freeze,
+    kill,
+    restart,
+    second_daemon,
+    stalls,
+)  # fmt: skip
 from tools.studies.faults.on_storage import (
     database_crash,
     database_disk_full,
@@ -36,6 +46,7 @@ ALL: dict[str, Fault] = {
     "foreign file in the spool": foreign_file,
     "spool disk full": spool_disk_full,
     "all killed": all_killed,
+    "second daemon": second_daemon,
     "clock set": clock,
 } | FAULTS
 for _name, _pick in _PROCESSES.items():

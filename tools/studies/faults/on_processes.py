@@ -8,9 +8,11 @@ import signal
 import time
 from contextlib import suppress
 
-from tools.studies.faults.bed import Bed
+from tools.studies.faults.bed import DEVICE, Bed
 from tools.studies.faults.clock import CACHE_S
 from tools.studies.faults.fault import RESTART_S, Fault, Pick, pause
+from tools.studies.faults.process import Process
+from tools.studies.faults.servers import ACQD
 
 FAST = b"acqd.plc.process"
 _STALL_S = 0.1
@@ -104,6 +106,21 @@ def all_killed(bed: Bed, chance: random.Random) -> None:
     pause(chance, *RESTART_S)
     for process in (bed.broker, bed.sink, bed.daemon):
         process.start()
+
+
+def second_daemon(bed: Bed, chance: random.Random) -> None:
+    """Another daemon of the same name comes, with another load, and goes: no row of it may come under the name."""
+    folder = bed.folder / "second"
+    folder.mkdir(exist_ok=True)
+    config = folder / "acqd.toml"
+    config.write_text(
+        f'device = "{DEVICE}"\nstate_dir = "{folder}"\n[realtime]\npriority = 0\n[mqtt]\nport = {bed.port}\n'
+        "[source]\npower = 900.0\n[health]\nport = 0\n"
+    )
+    second = Process([*ACQD, "run", "--config", str(config)], folder / "log")
+    second.start()
+    pause(chance, 3.0, 6.0)
+    second.kill()
 
 
 def clock(bed: Bed, chance: random.Random) -> None:

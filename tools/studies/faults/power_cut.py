@@ -3,7 +3,7 @@
     python -m tools.studies.faults.power_cut [--sqlite 10] [--postgres 5] [--daemon 10] [--seed 1] [--json]
 
 `sqlite`, `postgres`: the sink's computer loses power; its database is on that file system. `daemon`: the daemon's
-computer does, with its state_dir; then the register file gets the id of another start of the computer, as it would have.
+computer does, with its state_dir; then the register file gets the id of another start of the computer.
 Rows that were taped more than a second before a cut must be in the database at the end, once, and W never goes back.
 Needs root, a loop device, mosquitto and PostgreSQL. Simulated source. Exit 1 when something is not so.
 """
