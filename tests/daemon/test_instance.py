@@ -28,7 +28,7 @@ def test_an_installation_keeps_its_id_and_a_run_has_a_boot(tmp_path):
         ("press-7.plant.example", "acqd-press-7"),
         ("Zelle_ü", "acqd-Zelle"),
         ("", "acqd"),
-        ("x" * 64, "acqd-" + "x" * 48),
+        ("x" * 64, "acqd-xxx"),
     ],
 )
 def test_a_run_without_a_configuration_is_named_after_its_host(monkeypatch, host, name):

@@ -193,7 +193,7 @@ RUNBOOK = (
     _entry(
         "disk",
         "doctor: `disk`",
-        "free the disk, or `keep_days` in `[sink]` and `acqd sink maintain`; a week of four channels needs 14 GB",
+        "free the disk, or `keep_days` in `[sink]` and `acqd sink maintain`; a week of four channels needs 6 GB",
         r"^doctor: disk",
     ),
 )

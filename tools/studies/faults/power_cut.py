@@ -139,12 +139,12 @@ class _Chain:
             self._daemon.stop()
             with suppress(UserError):
                 self._wait(lambda: not self._lost(), "every row is stored", 10.0)
+            self._count(found, moments)
         finally:
+            self._engine.dispose()
             for process in (self._daemon, self._sink, self._broker, self._server):
                 if process is not None:
                     process.kill()
-            self._count(found, moments)
-            self._engine.dispose()
             self._disk.unmount()
         return found
 

@@ -69,8 +69,8 @@ def _insert() -> str:
     number = _number("NEW")
     return (
         f"INSERT OR IGNORE INTO power_run (device, boot, channel, base) VALUES (NEW.device, NEW.boot, {_other('NEW')},"
-        f' (NEW.seq >> 32) << 32); INSERT OR IGNORE INTO power_mark (flags, "S", "PF", "schema") VALUES (NEW.flags, {S},'
-        f' {PF}, NEW."schema"); INSERT INTO power_stamp SELECT {number}, NEW."time"'
+        ' (NEW.seq >> 32) << 32); INSERT OR IGNORE INTO power_mark (flags, "S", "PF", "schema")'
+        f' VALUES (NEW.flags, {S}, {PF}, NEW."schema"); INSERT INTO power_stamp SELECT {number}, NEW."time"'
         f' WHERE NEW."time" IS NOT {_time("NEW")};'
         f' INSERT INTO power_row SELECT {number}, id, NEW.filetime, NEW."Vrms", NEW."Irms", NEW."P",'
         f' CASE WHEN "S" THEN NULL ELSE NEW."S" END, CASE WHEN "PF" THEN NULL ELSE NEW."PF" END, NEW.f, NEW."W"'
