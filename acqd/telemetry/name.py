@@ -52,21 +52,21 @@ class Name:
         return f"another daemon publishes under this device name: {self.rival}; rows wait in the spool"
 
     def begin(self) -> None:
-        """The subscription to the status of the name stands, or soon will."""
-        now = self._now()
-        if not self._held and self.rival is None:
-            self._listen_until = now + _LISTEN_S
-        self._heard = max(self._heard, now - _SILENT_S + _RETAINED_S)
+        """A new connection."""
+        self._listen_until = None
+        self._heard = max(self._heard, self._now() - _SILENT_S + _RETAINED_S)
 
     def turn(self) -> bool:
-        """Look at the time; whether the name has just become ours."""
+        """Look at the time, once the subscription stands; whether the name has just become ours."""
         now = self._now()
         if self._held:
             if self.rival is not None and now - self._heard > _SILENT_S:
                 self.rival = None
             return False
+        if self._listen_until is None:
+            self._listen_until = now + _LISTEN_S
         if self.rival is None:
-            return self._listen_until is not None and now >= self._listen_until and self._take()
+            return now >= self._listen_until and self._take()
         return now - self._heard > _SILENT_S and self._take()
 
     def question(self) -> bytes | None:

@@ -64,7 +64,7 @@ def _plain(row: PowerRow) -> tuple[Any, ...]:
 
 
 def _numbered(row: PowerRow, run: int) -> tuple[Any, ...]:
-    number = run << 34 | row.seq << 2 | CHANNELS.index(row.channel)  # type: ignore[arg-type]
+    number = run << 34 | row.seq << 2 | CHANNELS.index(row.channel)
     return (number, 1, row.filetime, row.Vrms, row.Irms, row.P, row.S, row.PF, row.f, row.W)
 
 

@@ -142,9 +142,8 @@ class _Chain:
             self._count(found, moments)
         finally:
             self._engine.dispose()
-            for process in (self._daemon, self._sink, self._broker, self._server):
-                if process is not None:
-                    process.kill()
+            for process in (self._daemon, self._sink, self._broker, *([self._server] if self._server else [])):
+                process.kill()
             self._disk.unmount()
         return found
 
