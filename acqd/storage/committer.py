@@ -15,7 +15,8 @@ import sqlalchemy as sa
 
 from acqd.retry import Backoff
 from acqd.storage.database import DatabaseAwayError, first_line, prepare
-from acqd.storage.writer import Received, Writer, Written
+from acqd.storage.received import Received
+from acqd.storage.writer import Writer, Written
 
 _log = logging.getLogger(__name__)
 _T = TypeVar("_T")

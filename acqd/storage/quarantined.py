@@ -13,8 +13,8 @@ from acqd.errors import UserError
 from acqd.storage import events, keyed_rows, rows
 from acqd.storage.database import transaction
 from acqd.storage.keyed_rows import KeyedRow
+from acqd.storage.received import Received, message_row
 from acqd.storage.schema import quarantine
-from acqd.storage.writer import Received, message_row
 from acqd.telemetry.event import PowerEvent
 from acqd.telemetry.row import PowerRow
 

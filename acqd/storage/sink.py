@@ -20,9 +20,10 @@ from acqd.changes import Repeats
 from acqd.retry import LOCAL_NETWORK, Backoff
 from acqd.storage.clock_witness import ClockWitness
 from acqd.storage.committer import Batch, Committer
+from acqd.storage.received import Received
 from acqd.storage.sink_hello import hello
 from acqd.storage.sink_settings import SinkCounters, SinkSettings
-from acqd.storage.writer import Received, Writer, Written
+from acqd.storage.writer import Writer, Written
 from acqd.telemetry import topics
 from acqd.telemetry.mqtt import BrokerAddress, is_refusal, refusal
 from acqd.telemetry.receipts import answer, receipts

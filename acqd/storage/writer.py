@@ -7,11 +7,9 @@ the other one goes into quarantine.
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple, TypeAlias
 
-import orjson
 import sqlalchemy as sa
 
 from acqd.storage import boot_watch, events, keyed_rows, last_rows, quarantining, rows
@@ -19,29 +17,17 @@ from acqd.storage.allowance import MALFORMED_BYTES_PER_DAY, Allowance
 from acqd.storage.boot_watch import BootWatch
 from acqd.storage.clock_witness import FLAG, IMPOSSIBLE, ClockWitness
 from acqd.storage.guard import Guard
+from acqd.storage.receipted import note, note_refused
+from acqd.storage.received import Parsed, Received, Row, parse, rows_apart, stream_channel
 from acqd.telemetry import topics
-from acqd.telemetry.event import PowerEvent, message_number
-from acqd.telemetry.quality_row import QualityRow, parse_quality
 from acqd.telemetry.ranges import Ranges
 from acqd.telemetry.receipts import LastRow
-from acqd.telemetry.register_row import RegisterRow, parse_registers
-from acqd.telemetry.row import PowerRow, parse_row
-from acqd.telemetry.row_message import payloads_of
+from acqd.telemetry.register_row import RegisterRow
+from acqd.telemetry.row import PowerRow
 from acqd.telemetry.spool import Stream
 
 _log = logging.getLogger(__name__)
-_Row: TypeAlias = PowerRow | QualityRow | RegisterRow
 CONFLICT = "another row with this key is stored"
-
-
-@dataclass(frozen=True, slots=True)
-class Received:
-    """One message as it came from the broker."""
-
-    topic: str
-    payload: bytes
-    oversized: int = 0
-    """Bytes of a message that is longer than the limit; its payload is cut."""
 
 
 @dataclass(slots=True)
@@ -60,14 +46,6 @@ class Written:
     """Every row of the batch that need not be sent again."""
     answers: dict[str, list[LastRow]] = field(default_factory=dict)
     """By device, the last rows that are stored now: of devices that have asked."""
-
-
-class _Parsed(NamedTuple):
-    """A message of one row; the reason where it is none."""
-
-    message: Received
-    row: _Row | None
-    reason: str
 
 
 class _PoisonError(Exception):
@@ -105,21 +83,21 @@ class Writer:
         malformed = [(occurred[k], reason) for k, reason in stored.refused]
         asked = [(message.topic, message.payload) for message in messages if topics.is_ask(message.topic)]
         rows_only = [one for one in messages if not (topics.is_event(one.topic) or topics.is_ask(one.topic))]
-        parsed = [_parse(message) for message in _rows_apart(rows_only, malformed)]
+        parsed = [parse(message) for message in rows_apart(rows_only, malformed)]
         for one in parsed:
             if one.row is not None:
                 self.witness.hear(one.row.device, one.row.filetime)
         written = self._write(parsed, malformed)
         for event in stored.events:
-            _note(written.receipts, event.device, topics.EVENTS, event.boot, event.seq)
+            note(written.receipts, event.device, topics.EVENTS, event.boot, event.seq)
         for question in last_rows.questions(asked):
             with self._engine.connect() as connection:
                 written.answers[question.device] = last_rows.last_rows(connection, question)
         return written
 
-    def _write(self, messages: Sequence[_Parsed], malformed: Sequence[tuple[Received, str]]) -> Written:
+    def _write(self, messages: Sequence[Parsed], malformed: Sequence[tuple[Received, str]]) -> Written:
         """`messages` of one row each; `malformed` are kept for their reasons."""
-        good: list[tuple[Received, _Row]] = []
+        good: list[tuple[Received, Row]] = []
         refused, impossible = list(malformed), []
         for message, row, reason in messages:
             if row is None:
@@ -148,9 +126,9 @@ class Writer:
         quarantined = len(refused) + len(impossible) + conflicts
         written = Written(len(good) - conflicts, quarantined, conflicts, len(impossible))
         for _, row in good:
-            _note(written.receipts, row.device, _stream_channel(row), row.boot, row.seq)
+            note(written.receipts, row.device, stream_channel(row), row.boot, row.seq)
         for message, _ in [*kept, *impossible]:
-            _note_refused(written.receipts, message)
+            note_refused(written.receipts, message)
         return written
 
     def _flag_boots(self, power: Sequence[PowerRow]) -> None:
@@ -175,12 +153,12 @@ class Writer:
         if refused:
             self._full = full
 
-    def _apart(self, messages: Sequence[_Parsed], malformed: Sequence[tuple[Received, str]], reason: str) -> Written:
+    def _apart(self, messages: Sequence[Parsed], malformed: Sequence[tuple[Received, str]], reason: str) -> Written:
         """The database refuses some row of this batch for what it holds: find it, keep the others."""
         if len(messages) == 1:
             self._store([], [(messages[0].message, reason), *malformed])
             written = Written(0, 1 + len(malformed))
-            _note_refused(written.receipts, messages[0].message)
+            note_refused(written.receipts, messages[0].message)
             return written
         half = len(messages) // 2
         first, second = self._write(messages[:half], malformed), self._write(messages[half:], [])
@@ -195,7 +173,7 @@ class Writer:
             first.receipts,
         )
 
-    def _store(self, good: list[tuple[Received, _Row]], refused: list[tuple[Received, str]]) -> int:
+    def _store(self, good: list[tuple[Received, Row]], refused: list[tuple[Received, str]]) -> int:
         """One transaction; the number of conflicts."""
         dbapi = self._engine.dialect.loaded_dbapi
         with self.guard.transaction() as connection:
@@ -217,78 +195,6 @@ class Writer:
         return len(differing)
 
 
-def _rows_apart(messages: Sequence[Received], refused: list[tuple[Received, str]]) -> Iterator[Received]:
-    """A message for each row; an invalid window goes to `refused` with the reason."""
-    for message in messages:
-        if message.oversized or not topics.is_window(message.topic):
-            yield message
-            continue
-        try:
-            parts = payloads_of(message.topic, message.payload)
-        except ValueError as error:
-            refused.append((message, str(error)))
-            continue
-        for part in parts:
-            yield Received(message.topic, part)
-
-
 def _size(message: Received) -> int:
     """Bytes that the quarantine would keep of a message."""
     return min(len(message.payload), quarantining.PAYLOAD_KEPT)
-
-
-def _stream_channel(row: _Row) -> str:
-    if isinstance(row, QualityRow):
-        return topics.quality_stream(row.channel)
-    return topics.register_stream(row.channel) if isinstance(row, RegisterRow) else row.channel
-
-
-def message_row(message: Received) -> _Row | PowerEvent:
-    """The row or event in a message of one, whatever its time. Raises ValueError."""
-    return events.parsed_event(message) if topics.is_event(message.topic) else _row(message)
-
-
-def _row(message: Received) -> _Row:
-    if message.oversized:
-        raise ValueError(f"message of {message.oversized} bytes is too large for a row")
-    if topics.is_quality(message.topic):
-        row: _Row = parse_quality(message.payload)
-    elif topics.is_registers(message.topic):
-        row = parse_registers(message.payload)
-    else:
-        row = parse_row(message.payload)
-    expected = topics.row(row.device, _stream_channel(row))
-    if message.topic not in (expected, topics.window(row.device)):
-        raise ValueError(f"payload is of {expected}, but came by another topic")
-    return row
-
-
-def _parse(message: Received) -> _Parsed:
-    try:
-        return _Parsed(message, _row(message), "")
-    except ValueError as error:
-        return _Parsed(message, None, str(error))
-
-
-def _note(receipts: dict[Stream, Ranges], device: str, channel: str, boot: str, seq: int) -> None:
-    receipts.setdefault(Stream(device, channel, boot), Ranges()).add(seq, seq)
-
-
-def _note_refused(receipts: dict[Stream, Ranges], message: Received) -> None:
-    """A receipt also for what is no valid row, where it names itself: nobody can make it better by sending it again."""
-    try:
-        content: Any = orjson.loads(message.payload)
-        if topics.is_event(message.topic):
-            seq = message_number(content["number"], ended=content["duration"] is not None)
-            content |= {"channel": topics.EVENTS, "seq": seq}
-        device, channel, boot, seq = (content[name] for name in ("device", "channel", "boot", "seq"))
-        stream = channel
-        if topics.is_quality(message.topic):
-            stream = topics.quality_stream(channel)
-        elif topics.is_registers(message.topic):
-            stream = topics.register_stream(channel)
-        own = message.topic in (topics.row(device, stream), topics.window(device))
-        if own and isinstance(boot, str) and 0 <= seq < 2**63:
-            _note(receipts, device, stream, boot, int(seq))
-    except (ValueError, TypeError, KeyError):
-        return

@@ -10,7 +10,8 @@ from acqd.models.bundle.envelope import Envelope
 from acqd.models.bundle.reference import reference_arrays
 from acqd.models.segments import Segment
 from acqd.storage.database import open_database
-from acqd.storage.writer import Received, Writer
+from acqd.storage.received import Received
+from acqd.storage.writer import Writer
 from acqd.telemetry import topics
 from tests.builders import AXES, STEP, grey, grey_bundle
 

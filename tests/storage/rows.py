@@ -6,8 +6,8 @@ import dataclasses
 
 import sqlalchemy as sa
 
+from acqd.storage.received import Received
 from acqd.storage.schema import power
-from acqd.storage.writer import Received
 from acqd.telemetry.row import PowerRow
 from acqd.timestamps import filetime, rfc3339
 

@@ -13,8 +13,9 @@ from acqd.errors import UserError
 from acqd.storage.clock_witness import FLAG, ClockWitness
 from acqd.storage.database import open_database
 from acqd.storage.quarantined import Restored, Which, drop, entries, restore
+from acqd.storage.received import Received
 from acqd.storage.schema import power, quarantine
-from acqd.storage.writer import Received, Writer
+from acqd.storage.writer import Writer
 from acqd.telemetry.register_row import register_row
 from acqd.uptime import Moment
 from tests.commands import acqd_here

@@ -9,8 +9,9 @@ import pytest
 import sqlalchemy as sa
 
 from acqd.storage.database import open_database
+from acqd.storage.received import Received
 from acqd.storage.schema import power_event, quarantine
-from acqd.storage.writer import Received, Writer
+from acqd.storage.writer import Writer
 from acqd.telemetry.event import PowerEvent, parse_event
 from acqd.telemetry.spool import Stream
 from acqd.timestamps import filetime, rfc3339

@@ -8,8 +8,9 @@ import pytest
 import sqlalchemy as sa
 
 from acqd.storage.database import open_database
+from acqd.storage.received import Received
 from acqd.storage.schema import power, quarantine
-from acqd.storage.writer import Received, Writer
+from acqd.storage.writer import Writer
 from acqd.telemetry import topics
 from acqd.telemetry.row import PowerRow
 from acqd.timestamps import filetime, rfc3339

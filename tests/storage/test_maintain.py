@@ -11,9 +11,10 @@ import sqlalchemy as sa
 from acqd.storage.clock_witness import ClockWitness
 from acqd.storage.database import open_database, transaction
 from acqd.storage.maintain import Retention, maintain
+from acqd.storage.received import Received
 from acqd.storage.retention_doubt import doubt, note_run
 from acqd.storage.schema import database_state, power_1min, power_15min, quarantine
-from acqd.storage.writer import Received, Writer
+from acqd.storage.writer import Writer
 from acqd.uptime import Moment
 from tests.commands import acqd_here
 from tests.storage.rows import T0, count, message, row

@@ -13,8 +13,9 @@ import sqlalchemy as sa
 from acqd.metering.quality.values import LISTS, PHASE, SYSTEM
 from acqd.storage.database import open_database
 from acqd.storage.maintain import Retention, maintain
+from acqd.storage.received import Received
 from acqd.storage.schema import power_quality, quarantine
-from acqd.storage.writer import CONFLICT, Received, Writer
+from acqd.storage.writer import CONFLICT, Writer
 from acqd.telemetry import topics
 from acqd.telemetry.quality_row import LISTS as LIST_FIELDS
 from acqd.telemetry.quality_row import NUMBERS, QualityRow, parse_quality, quality_rows

@@ -10,8 +10,9 @@ import sqlalchemy as sa
 
 from acqd.storage.database import open_database
 from acqd.storage.maintain import Retention, maintain
+from acqd.storage.received import Received
 from acqd.storage.schema import power_register, quarantine
-from acqd.storage.writer import Received, Writer
+from acqd.storage.writer import Writer
 from acqd.telemetry.register_row import NUMBERS, OnceAMinute, RegisterRow, parse_registers, register_row
 from acqd.telemetry.spool import Stream
 from acqd.timestamps import rfc3339

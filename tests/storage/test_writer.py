@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 
 from acqd.storage.allowance import Allowance
 from acqd.storage.database import open_database
+from acqd.storage.received import Received
 from acqd.storage.schema import power, quarantine
-from acqd.storage.writer import Received, Writer
+from acqd.storage.writer import Writer
 from acqd.telemetry.ranges import Ranges
 from acqd.telemetry.row_message import joined, payloads_of
 from acqd.telemetry.spool import Stream

@@ -15,9 +15,10 @@ import paho.mqtt.client as paho
 from paho.mqtt.enums import CallbackAPIVersion
 
 from acqd.storage.database import open_database
+from acqd.storage.received import Received
 from acqd.storage.sink import Sink
 from acqd.storage.sink_settings import SinkSettings
-from acqd.storage.writer import Received, Writer
+from acqd.storage.writer import Writer
 from acqd.telemetry.mqtt import BrokerAddress
 from acqd.telemetry.row import CHANNELS, PowerRow
 from acqd.timestamps import filetime, rfc3339

@@ -10,8 +10,9 @@ import sqlalchemy as sa
 
 from acqd.errors import InputError, OperationError
 from acqd.metering import WindowBatch
+from acqd.storage.received import Received
 from acqd.storage.schema import power
-from acqd.storage.writer import Received, Writer
+from acqd.storage.writer import Writer
 from acqd.telemetry import topics
 from acqd.telemetry.row import parse_row, rows_of
 

@@ -6,13 +6,12 @@ import fcntl
 import logging
 import os
 import time
-from collections import deque
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 
 from acqd.errors import UserError
 from acqd.retry import Backoff
+from acqd.telemetry.spool.kept import KeptSegments, unlink
 from acqd.telemetry.spool.segment import DAMAGED, KEPT, SUFFIX, Segment, number_of
 from acqd.uptime import Moment
 
@@ -60,7 +59,7 @@ class SegmentLog:
         Delivered segments are kept for `keep_s`, as far as `most_bytes` leave room.
         """
         self._folder, self._segment_bytes, self._now = folder, segment_bytes, now
-        self._most, self._reserve_bytes, self._keep_s = most_bytes, reserve_bytes, keep_s
+        self._most, self._reserve_bytes = most_bytes, reserve_bytes
         self.segments: list[Segment] = []
         self.newest: Segment | None = None
         """Where rows are appended; None before the first."""
@@ -69,8 +68,7 @@ class SegmentLog:
         """Why the disk takes no rows, else empty."""
         self.unopened: list[Path] = []
         """Segments that could not be read at the start."""
-        self._kept: deque[tuple[float, Segment]] = deque()
-        self._kept_bytes = 0
+        self._kept = KeptSegments(keep_s)
         self._retry_at = 0.0
         self._dirty: set[Path] = set()
         self._lock: int | None = None
@@ -101,7 +99,7 @@ class SegmentLog:
     def delete(self, segment: Segment) -> None:
         """Remove a segment."""
         self._forget(segment)
-        _unlink(segment)
+        unlink(segment)
 
     def delete_if_done(self, segment: Segment) -> None:
         """Remove a segment of which no row waits; the newest one stays, for it holds the energy registers."""
@@ -109,31 +107,21 @@ class SegmentLog:
             return
         if segment.damaged:
             self._put_aside(segment)
-        elif self._keep_s and segment.path is not None and not self.trouble:
-            self._keep(segment)
         else:
-            self.delete(segment)
+            self._forget(segment)
+            if self.trouble or not self._kept.add(segment):
+                unlink(segment)
+            self.expire()
 
-    def expire(self, room: int = 0) -> None:
-        """Delete kept segments that are past their time, or stand in the way of `room` bytes."""
-        now = time.monotonic()
-        while self._kept and (
-            now - self._kept[0][0] >= self._keep_s or self.bytes + self._kept_bytes + room > self._most
-        ):
-            self._delete_kept()
+    def expire(self) -> None:
+        """Delete kept segments that are past their time, or take bytes that rows that wait have."""
+        self._kept.expire(self._most - self.bytes)
 
     def recall(self) -> None:
         """All rows of segments that are still there wait again, delivered ones too."""
-        for _, segment in self._kept:
-            try:
-                segment.rename(SUFFIX)
-            except OSError as error:
-                _log.error("spool: %s cannot be taken back: %s", segment.path, error.strerror)
-                continue
+        for segment in self._kept.take_back():
             self.segments.append(segment)
             self.bytes += segment.size
-        self._kept.clear()
-        self._kept_bytes = 0
         self.segments.sort(key=lambda segment: segment.number)
         for segment in self.segments:
             try:
@@ -210,7 +198,7 @@ class SegmentLog:
         self.next_number = max(paths.values(), default=0) + 1
         self.unopened = [path for path in paths if path.suffix == SUFFIX]
         for path in [path for path in paths if path.suffix == KEPT]:
-            self._adopt_kept(path, paths[path])
+            self._kept.adopt(path, paths[path])
         backoff, ends = Backoff(), time.monotonic() + _OPENING_S
         self.open_more()
         while self.unopened and (pause := backoff.pause_s()) < ends - time.monotonic():
@@ -313,39 +301,13 @@ class SegmentLog:
             _log.error("spool: the disk takes no rows (%s); they wait in memory, metering goes on", error.strerror)
         self.trouble = error.strerror or str(error)
         self._retry_at = time.monotonic() + _DISK_RETRY_S
-        while self._kept:
-            self._delete_kept()
+        self._kept.clear()
 
     def _forget(self, segment: Segment) -> None:
         if segment is self.newest:
             self.newest = None
         self.segments.remove(segment)
         self.bytes -= segment.size
-
-    def _keep(self, segment: Segment) -> None:
-        """Its rows are stored; a sink whose database is put back to an earlier state may want them again."""
-        self._forget(segment)
-        try:
-            segment.rename(KEPT)
-        except OSError:
-            _unlink(segment)
-            return
-        self._kept.append((time.monotonic(), segment))
-        self._kept_bytes += segment.size
-        self.expire()
-
-    def _adopt_kept(self, path: Path, number: int) -> None:
-        """Kept by an earlier start: its time begins again."""
-        segment = Segment(number, path)
-        with suppress(OSError):
-            segment = Segment.open(path)
-        self._kept.append((time.monotonic(), segment))
-        self._kept_bytes += segment.size
-
-    def _delete_kept(self) -> None:
-        _, segment = self._kept.popleft()
-        self._kept_bytes -= segment.size
-        _unlink(segment)
 
     def _put_aside(self, segment: Segment) -> None:
         """Keep a damaged file for a person, apart from the rows that wait; the oldest ones go when they are many."""
@@ -361,10 +323,3 @@ class SegmentLog:
             _log.error("spool: %s cannot be put aside: %s", segment.path, error.strerror)
             return
         _log.warning("spool: the damaged file is kept as %s", segment.path)
-
-
-def _unlink(segment: Segment) -> None:
-    try:
-        segment.delete()
-    except OSError as error:
-        _log.error("spool: %s cannot be deleted: %s", segment.path, error.strerror)

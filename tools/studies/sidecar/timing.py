@@ -21,7 +21,8 @@ from acqd.models.networks.predictor import NetworkPredictor, example_inputs
 from acqd.robot.description import load_description
 from acqd.robot.log import read_log
 from acqd.storage.database import open_database
-from acqd.storage.writer import Received, Writer
+from acqd.storage.received import Received
+from acqd.storage.writer import Writer
 from acqd.telemetry import topics
 from tools.studies.measured_robots.__main__ import acqd
 from tools.studies.sidecar.cell import DEVICE, Cell, Listener

@@ -1,0 +1,83 @@
+"""Segments whose rows are delivered, kept for a while: a sink whose database is put back wants them again (ADR 29)."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections import deque
+from contextlib import suppress
+from pathlib import Path
+
+from acqd.telemetry.spool.segment import KEPT, SUFFIX, Segment
+
+_log = logging.getLogger(__name__)
+
+
+class KeptSegments:
+    """In the order in which they were delivered; of one folder, for one thread."""
+
+    def __init__(self, keep_s: float) -> None:
+        """0: none is kept."""
+        self._keep_s = keep_s
+        self._segments: deque[tuple[float, Segment]] = deque()
+        self.bytes = 0
+
+    def add(self, segment: Segment) -> bool:
+        """Keep a delivered segment; False where it is to be deleted instead."""
+        if not self._keep_s or segment.path is None:
+            return False
+        try:
+            segment.rename(KEPT)
+        except OSError:
+            return False
+        self._append(segment)
+        return True
+
+    def adopt(self, path: Path, number: int) -> None:
+        """A file that an earlier start has kept: its time begins again."""
+        segment = Segment(number, path)
+        with suppress(OSError):
+            segment = Segment.open(path)
+        self._append(segment)
+
+    def expire(self, most_bytes: int) -> None:
+        """Delete those that are past their time, and the oldest while all together are larger than `most_bytes`."""
+        now = time.monotonic()
+        while self._segments and (now - self._segments[0][0] >= self._keep_s or self.bytes > most_bytes):
+            self._delete_oldest()
+
+    def clear(self) -> None:
+        """Delete all: the disk is full."""
+        while self._segments:
+            self._delete_oldest()
+
+    def take_back(self) -> list[Segment]:
+        """All that can be: they are no kept segments any more."""
+        taken = []
+        for _, segment in self._segments:
+            try:
+                segment.rename(SUFFIX)
+            except OSError as error:
+                _log.error("spool: %s cannot be taken back: %s", segment.path, error.strerror)
+            else:
+                taken.append(segment)
+        self._segments.clear()
+        self.bytes = 0
+        return taken
+
+    def _append(self, segment: Segment) -> None:
+        self._segments.append((time.monotonic(), segment))
+        self.bytes += segment.size
+
+    def _delete_oldest(self) -> None:
+        _, segment = self._segments.popleft()
+        self.bytes -= segment.size
+        unlink(segment)
+
+
+def unlink(segment: Segment) -> None:
+    """Delete a segment; a disk that does not let it is a line in the log."""
+    try:
+        segment.delete()
+    except OSError as error:
+        _log.error("spool: %s cannot be deleted: %s", segment.path, error.strerror)
