@@ -118,13 +118,14 @@ def test_health_is_said_of_each_box(tmp_path):
 def test_a_register_of_each_device_continues_after_a_kill(tmp_path):
     with daemon(tmp_path, ONE + TWO, port=free_port()) as (_, rows, _log):
         wait_for(lambda: len(rows("a")) > 30 and len(rows("b")) > 120, "rows")
-    last = {device: [row["W"] for row in rows(device) if row["channel"] == "L1"][-1] for device in "ab"}
+    # the windows in progress at the kill may be on the tape only: on a busy machine, those of half a second
+    last = {device: [row["W"] for row in rows(device) if row["channel"] == "L1"][-13] for device in "ab"}
     (tmp_path / "energy-a.json").unlink(missing_ok=True)
     (tmp_path / "energy-b.json").unlink(missing_ok=True)  # the spool knows them, too
     with daemon(tmp_path, ONE + TWO, port=free_port()) as (_, rows, _log):
         wait_for(lambda: rows("a") and rows("b"), "rows after the restart")
         begun = {device: rows(device)[0]["W"] for device in "ab"}
-    assert all(last[device] <= begun[device] < 2 * last[device] for device in "ab"), (last, begun)
+    assert all(last[device] <= begun[device] < 4 * last[device] for device in "ab"), (last, begun)
 
 
 def test_a_daemon_stops_while_a_box_is_waited_for(tmp_path):
