@@ -52,7 +52,7 @@ class Lamp(StrEnum):
 
 def replay(
     files: Annotated[
-        list[Path], typer.Argument(metavar="FILE...", help="NPZ, text of instruments, WAV/FLAC, COMTRADE.")
+        list[Path], typer.Argument(metavar="FILE...", help="Files of instruments: docs/waveforms.md lists them.")
     ],
     out: Annotated[Path | None, typer.Option(help="Write the rows as JSON lines; - is stdout.")] = None,
     speed: Annotated[Speed, typer.Option(help="As fast as possible, or in real time.")] = Speed.MAX,

@@ -12,6 +12,7 @@ from acqd.errors import InputError
 from acqd.metering import StreamFormat
 from acqd.metering.block import Codes
 from acqd.metering.delay import delayed
+from acqd.sources.recording.averaging import averaged
 from acqd.sources.recording.channel import Recording
 from acqd.sources.recording.line_voltages import star_voltages
 from acqd.sources.recording.marks import Marks, marks_of
@@ -36,6 +37,7 @@ def select(recording: Recording, given: ChannelMap) -> Selection:
 
 def waveform_of(recording: Recording, given: ChannelMap) -> Waveform:
     """Codes where the file has codes of 16 bits, else volts and amperes. Raises InputError."""
+    recording, given = averaged(recording, given)
     selection = select(recording, given)
     rate, notes = _rate(recording, given)
     if not recording.samples:

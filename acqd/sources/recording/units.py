@@ -28,6 +28,8 @@ _OTHER_WORDS = """
     wh kwh mwh varh kvarh vah kvah j kj kg mm m cm db dbv dbm bit bool
 """
 _OTHER = frozenset(_OTHER_WORDS.split())
+_OTHER_TAILS = frozenset(("va", "kva", "var", "kvar", "w", "kw", "hz", "pu", "p.u.", "%"))
+"""Those that are units also behind a name without brackets: `u1_pu`."""
 TIME_NAMES = ("time", "t", "zeit", "temps", "tiempo", "tempo", "x", "x-axis", "time axis", "timestamp", "seconds")
 """Names of a time column."""
 _NONE = frozenset(("", "-", "--", "none", "n/a", "na", "1", "x", "?"))
@@ -132,7 +134,7 @@ def _is_unit(text: str) -> bool:
         unit = unit_of(text)
     except UnknownUnitError:
         return text in ("MV", "MA")  # known to be doubtful: the reader refuses it
-    return unit is not None and (unit.quantity != "" or text.lower() in ("va", "var", "w", "kw", "hz"))
+    return unit is not None and (unit.quantity != "" or text.lower() in _OTHER_TAILS)
 
 
 def _looks_like_unit(text: str) -> bool:

@@ -14,6 +14,7 @@ from acqd.arrays import Floats
 from acqd.errors import InputError
 from acqd.sources.recording.build import select
 from acqd.sources.recording.channel import Channel, Column, Recording
+from acqd.sources.recording.clock import Clock, of_times
 from acqd.sources.recording.units import TIME_NAMES, UnknownUnitError, unit_of
 from acqd.sources.text import clock
 from acqd.sources.text.layout import Layout, find_layout, key_of, recognised
@@ -128,11 +129,11 @@ class _Export:
         found = clock.of_preamble(self.text.path, self.table, self.layout)
         if numeric:
             column = self.values.pop(times[0]) if times[0] not in needed else self.values[times[0]]
-            said = clock.of_times(
+            said = of_times(
                 self.text.path, column * factor, self._quantum(times[0]) * factor, given, self.table.first + 1
             )
             start = said.start_utc_ns if said.start_utc_ns is not None else found.start_utc_ns
-            found = clock.Clock(said.rate, start, (*found.notes, *said.notes))
+            found = Clock(said.rate, start, (*found.notes, *said.notes))
         elif times:
             found = self._of_stamps(times, given)
         recording.rate, recording.start_utc_ns = found.rate, found.start_utc_ns
@@ -185,7 +186,7 @@ class _Export:
                 digits = max(digits, places - (int(exponent) if exponent.lstrip("+-").isdigit() else 0))
         return 10.0**-digits
 
-    def _of_stamps(self, columns: list[int], given: ChannelMap) -> clock.Clock:
+    def _of_stamps(self, columns: list[int], given: ChannelMap) -> Clock:
         """Clock of stamps in one column, or of date and time in two."""
         seconds = np.fromiter(self._stamped(columns), dtype=np.float64)
         joined = " ".join(self._first_fields()[k] for k in columns)
@@ -195,8 +196,8 @@ class _Export:
         places = len(self._first_fields()[columns[-1]].replace(",", ".").rpartition(".")[2].rstrip("Zz "))
         has_fraction = "." in self._first_fields()[columns[-1]].replace(",", ".")[-12:]
         quantum = 10.0 ** -(places if has_fraction and places <= 9 else 0)
-        said = clock.of_times(self.text.path, seconds, quantum, given, self.table.first + 1)
-        return clock.Clock(said.rate, start, notes)
+        said = of_times(self.text.path, seconds, quantum, given, self.table.first + 1)
+        return Clock(said.rate, start, notes)
 
     def _stamped(self, columns: list[int]) -> Iterator[float]:
         """Seconds since the first stamp."""

@@ -14,6 +14,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
+from tools.studies.fuzz import memory
 from tools.studies.fuzz.judge import Outcome, outcome
 from tools.studies.fuzz.mutate import Files, mutated
 from tools.studies.fuzz.seeds import as_zip
@@ -130,7 +131,11 @@ def _work(sender: Connection, name: str, seed: int, first: int, count: int, limi
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     accepted = refused = 0
     for number in range(first, count):
-        end: Outcome = outcome(parser, input_of(name, seed, number, seeds), limits.seconds)
+        files = input_of(name, seed, number, seeds)
+        before = memory.reset_peak()
+        end: Outcome = outcome(parser, files, limits.seconds)
+        if end.kind != "failure" and (reason := memory.excess(files, before)):
+            end = Outcome("failure", reason)
         accepted += end.kind == "accepted"
         refused += end.kind == "refused"
         if end.kind == "failure":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import tempfile
 import zipfile
 from functools import cache
 from pathlib import Path
@@ -104,6 +105,78 @@ def cff_waveforms() -> list[Files]:
     pair = comtrade_waveforms()[0]
     text = b"--- file type: CFG ---\r\n" + pair["a.cfg"] + b"--- file type: INF ---\r\n--- file type: HDR ---\r\n"
     return [{"a.cff": text + b"--- file type: DAT ASCII ---\r\n" + pair["a.dat"]}]
+
+
+def _written(writers: dict[str, Any], names: list[str]) -> list[Files]:
+    """What functions write into an empty folder."""
+    found: list[Files] = []
+    for name in names:
+        with tempfile.TemporaryDirectory(prefix="acqd-seed-") as folder:
+            writers[name](Path(folder))
+            found.append({path.name: path.read_bytes() for path in Path(folder).iterdir()})
+    return found
+
+
+def mat_waveforms() -> list[Files]:
+    """Level 4 and 5: columns, a compressed struct, a matrix with names."""
+    from tests.sources.arrays.writers import WRITERS
+
+    return _written(WRITERS, ["columns", "struct", "matrix", "simulink", "level 4"])
+
+
+def hdf5_waveforms() -> list[Files]:
+    """Datasets with attributes, and a table."""
+    from tests.sources.arrays.writers import WRITERS
+
+    return _written(WRITERS, ["attributes", "table"])
+
+
+def parquet_waveforms() -> list[Files]:
+    """A table."""
+    from tests.sources.arrays.writers import WRITERS
+
+    return _written(WRITERS, ["parquet"])
+
+
+def arrow_waveforms() -> list[Files]:
+    """Arrow's stream format."""
+    from tests.sources.arrays.writers import WRITERS
+
+    return _written(WRITERS, ["stream"])
+
+
+def tdms_waveforms() -> list[Files]:
+    """Two channels, and one that is slower."""
+    from tests.sources.arrays.writers import WRITERS
+
+    return _written(WRITERS, ["tdms"])
+
+
+def _shots(name: str, write: Any) -> Files:
+    from tests.sources.scopes.writers import I, U
+
+    return {name.format(1): write(U, "V", channel=1), name.format(2): write(I, "A", channel=2)}
+
+
+def trc_waveforms() -> list[Files]:
+    """Two traces of LeCroy."""
+    from tests.sources.scopes.writers import lecroy
+
+    return [_shots("C{}a.trc", lecroy)]
+
+
+def isf_waveforms() -> list[Files]:
+    """Two traces of Tektronix."""
+    from tests.sources.scopes.writers import isf
+
+    return [_shots("a_CH{}.isf", isf)]
+
+
+def wfm_waveforms() -> list[Files]:
+    """Two traces of Tektronix through the library."""
+    from tests.sources.scopes.writers import tektronix_wfm
+
+    return [_shots("a_CH{}.wfm", tektronix_wfm)]
 
 
 def _row(**more: Any) -> dict[str, Any]:

@@ -1,0 +1,1 @@
+"""Recordings in files of named arrays: MATLAB, HDF5, Parquet and Arrow, TDMS."""

@@ -1,0 +1,41 @@
+"""Recordings of oscilloscopes that are faster than the meter: means of consecutive samples.
+
+A mean over k samples of a mains wave of f is too small by the factor sinc(pi f k / rate): below 1e-7 at the rates that
+are left. Power of the switching frequencies above half the new rate is lost.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from acqd.sources.recording.channel import Column, Recording
+from acqd.sources.waveform import ChannelMap
+
+FASTEST = 1e6
+"""Samples/s that the meter takes."""
+
+
+def averaged(recording: Recording, given: ChannelMap) -> tuple[Recording, ChannelMap]:
+    """Both as they are, or with means where the rate is above `FASTEST`."""
+    rate = given.rate or recording.rate
+    if rate is None or not FASTEST < rate < math.inf:
+        return recording, given
+    size = math.ceil(rate / FASTEST)
+
+    def column(k: int) -> Column:
+        values = recording.column(k).physical()
+        return Column(values[: len(values) // size * size].reshape(-1, size).mean(axis=1))
+
+    note = f"{rate:g} samples/s: means of {size} samples are metered, {rate / size:g} per second"
+    start = recording.start_utc_ns
+    means = replace(
+        recording,
+        samples=recording.samples // size,
+        column=column,
+        rate=None if recording.rate is None else recording.rate / size,
+        start_utc_ns=None if start is None else start + round((size - 1) / 2 / rate * 1e9),
+        notes=[*recording.notes, note],
+        breaks=[(at // size, max(1, lost // size)) for at, lost in recording.breaks],
+    )
+    return means, given if given.rate is None else replace(given, rate=given.rate / size)

@@ -1,0 +1,78 @@
+"""Sampling rate and start of a recording from the times of its samples."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from acqd.arrays import Floats
+from acqd.errors import InputError
+from acqd.sources.waveform import LATEST_NS, ChannelMap
+
+_JITTER = 0.01  # of one period: a larger deviation is not an equidistant recording
+_COARSE = 1e-4  # resolution of the times over their span: beyond it they do not tell the rate
+_EARLIEST_S = 946_684_800.0  # 2000-01-01: a time column before it counts from something else than 1970
+_DAY_S = 86_400.0
+
+
+@dataclass(frozen=True, slots=True)
+class Clock:
+    """When the samples were taken."""
+
+    rate: float | None
+    start_utc_ns: int | None
+    notes: tuple[str, ...] = ()
+
+
+def of_times(path: Path, times: Floats, quantum: float, given: ChannelMap, first_row: int) -> Clock:
+    """Of a column of times [s], printed in steps of `quantum`. Raises InputError where it is not equidistant."""
+    if not len(times):
+        return Clock(None, None)
+    if np.abs(times).max() >= LATEST_NS / 1e9:
+        raise InputError(
+            path,
+            f"its time column reaches {np.abs(times).max():g} s; expected seconds before 2200: say its unit in the "
+            "header, like time [ms]",
+        )
+    start, notes = _start_of(float(times[0]))
+    step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+    span = float(times[-1] - times[0])
+    mean = span / max(len(times) - 1, 1)
+    even = len(times) > 1 and float(np.ptp(np.diff(times))) < _JITTER * abs(step)
+    coarse = not even and quantum > 0.3 * mean > 0  # several rows share a printed time
+    if span <= 0 or (coarse and quantum > _COARSE * span):
+        if given.rate:
+            return Clock(mean and 1 / mean if span > 0 and quantum <= 0.02 * span else None, start, notes)
+        why = "does not advance" if span <= 0 else "is printed too coarsely to tell the rate, or is not equidistant"
+        raise InputError(path, f"its time column {why}; give the sampling rate with --rate")
+    # The whole span tells the step best, unless something is missing in it.
+    period = mean if coarse or abs(mean - step) < _JITTER * abs(step) + quantum else step
+    if given.rate:
+        return Clock(1 / period if period > 0 else None, start, notes)
+    slack = max(_JITTER * period, 1.01 * quantum, 2 * np.spacing(abs(times[-1])), 1.1e-6 if start else 0.0)
+    expected = times[0] + period * np.arange(len(times))
+    uneven = np.flatnonzero(np.abs(times - expected) > slack + 0.5 * abs(period) * _JITTER)
+    if len(uneven):
+        # From row to row: against the even grid, a missing row shifts all others.
+        row = int(np.argmax(np.abs(np.diff(times) - step))) + 1
+        raise InputError(
+            path,
+            f"row {row + first_row}: time {times[row]:.9g} s is {times[row] - times[row - 1]:.6g} s after the row "
+            f"before, expected an equidistant step of {step:.6g} s; resample it, or give --rate to overrule the column",
+        )
+    return Clock(float(1 / period), start, notes)
+
+
+def _start_of(first: float) -> tuple[int | None, tuple[str, ...]]:
+    """UTC [ns] of a time column that counts from 1970; another one has no date."""
+    if abs(first) < 1e8:
+        return None, ()
+    if _EARLIEST_S <= first <= time.time() + _DAY_S:
+        return round(first * 1e9), ()
+    return None, (
+        f"its time column begins at {first:g}, which is no date between 2000 and today: it counts from something else "
+        "(uptime? ms?), so rows start now or at --start",
+    )

@@ -1,0 +1,1 @@
+"""Binary files of oscilloscopes: one trace a file (LeCroy, Tektronix), or several (Rigol and others)."""

@@ -1,0 +1,70 @@
+"""Binary files of Rigol, Keysight, Siglent, Tektronix (.wfm), Yokogawa and Rohde & Schwarz, through RigolWFM.
+
+RigolWFM calls every trace of Tektronix, Yokogawa and Rohde & Schwarz a voltage. So the unit of a Tektronix file is read
+here, and of the others it is unknown (ADR 38).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+from pathlib import Path
+from typing import Any
+
+from acqd.errors import InputError
+from acqd.extras import require
+from acqd.sources.arrays.contents import check_size, damaged
+from acqd.sources.recording.channel import Recording
+from acqd.sources.scopes.shot import Trace, check_step, recording_of
+from acqd.sources.waveform import ChannelMap
+
+_UNITS = {"v": "V", "volts": "V", "a": "A", "amps": "A", "amperes": "A", "w": "W", "watts": "W"}
+_SILENT = ("yokogawa_wfm", "yokogawa_wvf", "rohde_schwarz_bin")
+"""Families whose unit the library does not read."""
+_TEK_UNIT = {b":WFM#001": 186, b":WFM#002": 188, b":WFM#003": 188}
+"""Where the unit of the values stands [byte] (Tektronix, Reference Waveform File Format, 077-0220)."""
+_EXPANDED = 20  # bytes a sample of one byte takes in the library
+
+
+def load(path: Path, given: ChannelMap) -> Recording:
+    """All analog traces of the file. Raises InputError."""
+    del given
+    require("binary files of oscilloscopes (.wfm, .bin)", ["RigolWFM"], "files")
+    return recording_of(path, "oscilloscope, binary", _read)
+
+
+def _read(path: Path) -> list[Trace]:
+    check_size(path, _EXPANDED * path.stat().st_size)
+    said = io.StringIO()
+    try:
+        from RigolWFM.wfm import Wfm
+
+        with contextlib.redirect_stderr(said), contextlib.redirect_stdout(said):
+            file = Wfm.from_file(str(path))
+            channels = [one for one in file.channels if one.volts is not None and one.points > 0]
+            traces = [_trace(path, one, file.parser_name) for one in channels]
+    except InputError:
+        raise
+    except Exception as error:  # whatever a damaged file makes the library raise
+        raise damaged(path, "oscilloscope file that is known; save as .csv in the instrument", error) from None
+    if not traces:
+        raise InputError(path, "holds no analog trace; save as .csv in the instrument")
+    return traces
+
+
+def _trace(path: Path, channel: Any, family: str) -> Trace:
+    step = check_step(path, float(channel.seconds_per_point))
+    unit = _UNITS.get(str(getattr(channel.unit, "name", "")).lower(), "")
+    if family == "tek_wfm":
+        unit = _tektronix_unit(path)
+    elif family in _SILENT:
+        unit = ""
+    origin = float(channel.times[0]) if channel.times is not None and len(channel.times) else 0.0
+    return Trace(channel.name.replace(" ", ""), unit, channel.volts, 1.0, 0.0, step, origin)
+
+
+def _tektronix_unit(path: Path) -> str:
+    with path.open("rb") as file:
+        head = file.read(256)
+    place = _TEK_UNIT.get(head[2:10])
+    return "" if place is None else head[place : place + 20].split(b"\0")[0].decode("latin-1").strip()

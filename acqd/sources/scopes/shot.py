@@ -1,0 +1,87 @@
+"""Traces of one trigger as a recording. Instruments that write one file a channel need several for a power."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from acqd.errors import InputError
+from acqd.sources.recording.channel import Channel, Column, Recording
+
+_CHANNEL = re.compile(r"(?:(?<![a-zA-Z])[cC][hH]?|(?<=[a-z])CH?)([1-8])(?!\d)")
+"""`C1--Trace--00000.trc`, `tek0001CH1.isf`, `pressCH1.wfm`; `batch1` names no channel."""
+_SAME_STEP = 1e-6
+_ALIGNED = 0.01  # of a step: traces whose samples are that near to each other are of the same times
+
+
+@dataclass(frozen=True, slots=True)
+class Trace:
+    """The samples of one channel: value = codes x scale + offset, in the unit."""
+
+    name: str
+    unit: str
+    codes: Any
+    """Numbers [samples]."""
+    scale: float
+    offset: float
+    step_s: float
+    origin_s: float = 0.0
+    """Of the first sample, since the trigger."""
+    start_utc_ns: int | None = None
+
+
+def recording_of(path: Path, title: str, read: Callable[[Path], list[Trace]]) -> Recording:
+    """The traces of a file; of a file with one trace also those of the same trigger beside it. Raises InputError."""
+    traces, notes = read(path), []
+    if len(traces) == 1:
+        names = [path.name]
+        for other in _siblings(path):
+            more = read(other)
+            if abs(more[0].step_s / traces[0].step_s - 1) > _SAME_STEP or len(more[0].codes) != len(traces[0].codes):
+                notes.append(f"{other.name} has another length or rate: left out")
+                continue
+            traces += more
+            names.append(other.name)
+        if len(names) > 1:
+            notes.append(f"read together with it: {', '.join(names[1:])}")
+    traces.sort(key=lambda trace: trace.name)
+    first = traces[0]
+    channels = [Channel(one.name, one.unit, skew_s=_skew(one, first)) for one in traces]
+    if any(trace.start_utc_ns is not None for trace in traces):
+        notes.append("its stamps name no time zone; taken as UTC")
+    advice = "give the file of the voltage, with that of the current beside it (CH1, CH2 in the names)"
+    return Recording(
+        path, title, channels, len(first.codes), lambda k: _column(traces[k]), 1 / first.step_s, first.start_utc_ns,
+        notes=notes, noun="channel", advice=advice if len(traces) == 1 else "",
+    )  # fmt: skip
+
+
+def _column(trace: Trace) -> Column:
+    return Column(trace.codes, trace.scale, trace.offset)
+
+
+def _skew(one: Trace, first: Trace) -> float:
+    later = one.origin_s - first.origin_s
+    return later if abs(later) > _ALIGNED * first.step_s else 0.0
+
+
+def _siblings(path: Path) -> list[Path]:
+    """Files of the other channels of the same shot."""
+    found = list(_CHANNEL.finditer(path.stem))
+    if not found:
+        return []
+    letters, own = found[-1].span(1), found[-1].group(1)
+    names = [
+        f"{path.stem[: letters[0]]}{k}{path.stem[letters[1] :]}{path.suffix}" for k in range(1, 9) if str(k) != own
+    ]
+    return [path.with_name(name) for name in names if path.with_name(name).is_file()]
+
+
+def check_step(path: Path, step_s: float) -> float:
+    """The step if one is possible. Raises InputError."""
+    if not 1e-15 < step_s < 1e3:
+        raise InputError(path, f"its samples are {step_s:g} s apart; is it damaged?")
+    return step_s

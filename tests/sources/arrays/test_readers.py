@@ -1,0 +1,121 @@
+"""MATLAB, HDF5, Parquet, Arrow and TDMS files of one signal are metered alike."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from acqd.errors import InputError, UserError
+from acqd.metering import Meter, SampleBlock
+from acqd.sources import ChannelMap, load_waveform
+from tests.sources.arrays import writers
+from tests.sources.arrays.writers import RATE, START_NS, WRITERS, I, T, U
+
+pytestmark = pytest.mark.xdist_group("files")  # one worker imports the libraries
+
+
+def written(folder, write):
+    write(folder)
+    return next(folder.iterdir())
+
+
+def assert_metered(waveform):
+    assert waveform.form.rate == pytest.approx(RATE, rel=1e-6)
+    batch = Meter(waveform.form).feed(SampleBlock(waveform.codes, 0, 0))
+    found = [float(column[0, -1]) for column in (batch.Vrms, batch.Irms, batch.P)]
+    assert found == pytest.approx([230, 5, 230 * 5 * np.cos(0.5)], rel=1e-4)
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_a_file_is_metered_as_it_is(tmp_path, name):
+    waveform = load_waveform(written(tmp_path, WRITERS[name]))
+    assert_metered(waveform)
+    assert waveform.start_utc_ns == (START_NS if name in ("parquet", "tdms") else None)
+
+
+def test_inputs_of_an_oscilloscope_need_a_map(tmp_path):
+    path = written(tmp_path, writers.mat_picoscope)
+    with pytest.raises(InputError, match=r"--map u1="):
+        load_waveform(path)
+    assert_metered(load_waveform(path, ChannelMap({"u1": "A", "i1": "B"})))
+
+
+def test_a_slower_channel_is_left_out_with_a_word(tmp_path):
+    notes = load_waveform(written(tmp_path, writers.tdms)).notes
+    assert any("Temperature" in note and "left out" in note for note in notes)
+
+
+def test_a_file_whose_end_is_missing_is_read_so_far_with_a_word(tmp_path, capfd):
+    path = written(tmp_path, writers.tdms)
+    path.write_bytes(path.read_bytes()[:-4_000])  # of 8000 of the current
+    waveform = load_waveform(path)
+    assert len(waveform.codes) == 1_500
+    assert any("less data than expected" in note for note in waveform.notes)
+    assert not capfd.readouterr().err
+
+
+def mat(tmp_path, **variables):
+    writers.matlab(tmp_path / "a.mat", variables)
+    return tmp_path / "a.mat"
+
+
+@pytest.mark.parametrize(
+    ("variables", "complaint"),
+    [
+        ({"u1": U, "i1": I}, "--rate"),
+        ({"u1": U, "i1": I, "fs": 1e4, "dt": 2e-4}, "several sampling rates"),
+        ({"fs": 1e4, "n": 3}, "no arrays of samples"),
+        ({"time": np.where(T > 0.1, T + 0.01, T), "u1": U, "i1": I}, "equidistant"),
+        ({"time": T, "u1_pu": U / 325, "i1": I}, "i1 but no u1"),
+        ({"time": T, "u1": np.where(T == 0.1, np.nan, U), "i1": I}, "sample 1000, u1: nan"),
+    ],
+)
+def test_what_does_not_say_enough_is_refused(tmp_path, variables, complaint):
+    with pytest.raises(InputError, match=complaint):
+        load_waveform(mat(tmp_path, **variables))
+
+
+def test_numbers_that_contradict_the_times_and_codes_without_a_scale_are_noted(tmp_path):
+    waveform = load_waveform(mat(tmp_path, t=T, u1=np.rint(U).astype("i2"), i1=np.rint(I).astype("i2"), fs=9_000.0))
+    assert any("9000" in note and "times count" in note for note in waveform.notes)
+    assert any("integers without a unit" in note for note in waveform.notes)
+
+
+def test_an_attribute_that_may_be_a_scale_is_not_applied_without_a_word(tmp_path):
+    import h5py
+
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.attrs["fs"] = RATE
+        file["u1"], file["i1"] = U, I
+        file["i1"].attrs["gain"] = 10.0
+    assert any("gain" in note for note in load_waveform(tmp_path / "a.h5").notes)
+
+
+def test_an_array_that_is_only_announced_is_refused(tmp_path):
+    import h5py
+
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        for name in ("u1", "i1"):
+            file.create_dataset(name, (10**9,), dtype="f8", chunks=(1000,))
+    with pytest.raises(InputError, match="announces 16000 MB"):
+        load_waveform(tmp_path / "a.h5")
+
+
+def test_a_link_out_of_the_file_is_not_followed(tmp_path):
+    import h5py
+
+    with h5py.File(tmp_path / "b.h5", "w") as file:
+        file["u1"] = U
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["i1"] = I
+        file["u1"] = h5py.ExternalLink("b.h5", "u1")
+    with pytest.raises(InputError, match="i1 but no u1"):
+        load_waveform(tmp_path / "a.h5", ChannelMap(rate=RATE))
+
+
+def test_without_the_library_one_line_names_the_extra(tmp_path, monkeypatch):
+    monkeypatch.setattr("acqd.extras.find_spec", lambda _: None)
+    for ending in ("mat", "h5", "parquet", "tdms", "wfm"):
+        (tmp_path / f"a.{ending}").write_bytes(b"x" * 600)
+        with pytest.raises(UserError, match=r"acqd\[files\]"):
+            load_waveform(tmp_path / f"a.{ending}")

@@ -1,0 +1,94 @@
+"""Binary files of oscilloscopes: what they say of units, and the files of one trigger together."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from acqd.errors import InputError
+from acqd.metering import Meter, SampleBlock
+from acqd.sources import ChannelMap, load_waveform
+from acqd.sources.load import load_recording
+from tests.sources.scopes.writers import RATE, I, U, isf, lecroy, tektronix_wfm
+
+pytestmark = pytest.mark.xdist_group("files")  # one worker imports the libraries
+
+PAIRS = {
+    "lecroy": ("C{}--shot--00000.trc", lecroy, {}),
+    "lecroy, bytes": ("C{}shot00000.trc", lecroy, {"wide": False, "prefix": b""}),
+    "lecroy, big endian": ("C{}shot00000.trc", lecroy, {"order": ">"}),
+    "isf": ("tek0001CH{}.isf", isf, {}),
+    "isf, short": ("tek0001ch{}.isf", isf, {"short": True, "kind": "RP", "order": "LSB"}),
+    "isf, bytes": ("T0001CH{}.isf", isf, {"wide": 1}),
+    "wfm": ("tek0001CH{}.wfm", tektronix_wfm, {}),
+}
+
+
+@pytest.mark.parametrize("kind", PAIRS)
+def test_two_files_of_one_trigger_are_metered_together(tmp_path, kind):
+    name, write, options = PAIRS[kind]
+    for channel, values, unit in ((1, U, "V"), (3, I, "A")):
+        (tmp_path / name.format(channel)).write_bytes(write(values, unit, channel=channel, **options))
+    waveform = load_waveform(tmp_path / name.format(3))
+    assert waveform.form.rate == pytest.approx(RATE, rel=1e-6)
+    batch = Meter(waveform.form).feed(SampleBlock(waveform.codes, 0, 0))
+    found = [float(column[0, -1]) for column in (batch.Vrms, batch.Irms, batch.P)]
+    coarse = 4e-3 if "bytes" in kind else 1e-4
+    assert found == pytest.approx([230, 5, 230 * 5 * np.cos(0.5)], rel=coarse)
+    assert any("read together" in note for note in waveform.notes)
+    if kind == "lecroy":
+        assert waveform.start_utc_ns == 1_687_342_512_250_000_000 - 100_000_000
+
+
+def test_a_file_without_its_current_says_which_file_is_missing(tmp_path):
+    (tmp_path / "C1shot.trc").write_bytes(lecroy(U, "V"))
+    with pytest.raises(InputError, match=r"with that of the current beside it"):
+        load_waveform(tmp_path / "C1shot.trc")
+
+
+def test_traces_of_another_length_are_left_out(tmp_path):
+    (tmp_path / "C1shot.trc").write_bytes(lecroy(U, "V"))
+    (tmp_path / "C2shot.trc").write_bytes(lecroy(I, "A", channel=2))
+    (tmp_path / "C3shot.trc").write_bytes(lecroy(I[:900], "A", channel=3))
+    notes = load_waveform(tmp_path / "C1shot.trc").notes
+    assert any("C3shot.trc has another length" in note for note in notes)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "complaint"),
+    [
+        ("a.trc", lecroy(U, "V", segments=3), "3 segments of sequence mode"),
+        ("a.trc", lecroy(U, "V")[:-1], "truncated"),
+        ("a.isf", isf(U, "V")[:-1], "truncated"),
+        ("a.isf", isf(U, "V", form="ENV"), "envelope"),
+        ("a.isf", isf(U, "V").replace(b"XINCR", b"XIXCR"), "lacks XINCR"),
+        ("a.wfm", tektronix_wfm(U, "V")[:700], "truncated or no oscilloscope file"),
+        ("a.bin", b"nothing at all", "save as .csv"),
+    ],
+)
+def test_what_cannot_be_metered_is_refused_in_one_line(tmp_path, name, content, complaint):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(InputError, match=complaint):
+        load_waveform(tmp_path / name)
+
+
+def test_the_readers_agree_with_an_independent_one(tmp_path):
+    from RigolWFM.wfm import Wfm
+
+    for name, content in (("a.trc", lecroy(U, "V", wide=False)), ("a.isf", isf(U, "V", wide=1))):
+        (tmp_path / name).write_bytes(content)
+        theirs = Wfm.from_file(str(tmp_path / name)).channels[0]
+        ours = load_recording(tmp_path / name, ChannelMap())
+        assert np.abs(ours.column(0).physical() - theirs.volts).max() < 1e-4
+        assert ours.rate == pytest.approx(1 / theirs.seconds_per_point, rel=1e-6)
+
+
+def test_a_recording_faster_than_the_meter_is_averaged_with_a_word(tmp_path):
+    t = np.arange(200_000) / 5e6
+    u, i = 325 * np.cos(2 * np.pi * 50 * t), 7 * np.cos(2 * np.pi * 50 * t - 0.5)
+    np.savez(tmp_path / "a.npz", u_V=u[None], i_A=i[None], fs=5e6, start_utc_ns=1_700_000_000_000_000_000)
+    waveform = load_waveform(tmp_path / "a.npz")
+    assert waveform.form.rate == 1e6 and waveform.start_utc_ns == 1_700_000_000_000_000_400
+    assert any("means of 5 samples" in note for note in waveform.notes)
+    assert np.abs(waveform.codes[:, 0] - u[2::5]).max() < 1e-6 * 325
+    assert np.abs(waveform.codes[:, 1] - i[2::5]).max() < 1e-6 * 7
