@@ -8,7 +8,7 @@ from pydantic import AfterValidator, Field
 
 from acqd.errors import SettingError
 from acqd.metering import StreamFormat
-from acqd.metering.correction import ChannelErrors, Correction
+from acqd.metering.correction import ChannelErrors, Correction, Reordered
 from acqd.section import Section
 
 
@@ -34,10 +34,21 @@ class CorrectionSection(Section):
     i_offset: _Offsets = Field(default=[0.0])
     u_delay_us: _Delays = Field(default=[0.0])
     i_delay_us: _Delays = Field(default=[0.0])
+    i_order: Annotated[list[int], Field(max_length=3)] = Field(default=[])
+    """Numbers of the channels whose currents are those of L1, L2, L3; before the other keys. Empty: as they are."""
+
+    def reordered(self, form: StreamFormat) -> Reordered | None:
+        """The exchange of currents; None where they stay. Raises SettingError."""
+        if self.i_order in ([], list(range(1, form.phases + 1))):
+            return None
+        try:
+            return Reordered(form, self.i_order)
+        except ValueError as error:
+            raise SettingError(f"source.correction.{error}") from None
 
     def of(self, form: StreamFormat) -> Correction | None:
         """The correction of a stream; None where there is nothing to correct. Raises SettingError."""
-        if self == CorrectionSection():
+        if self == CorrectionSection(i_order=self.i_order):
             return None
         gain, offset = self._pairs("gain", form.phases), self._pairs("offset", form.phases)
         delay_s = [delay * 1e-6 for delay in self._pairs("delay_us", form.phases)]

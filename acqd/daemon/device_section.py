@@ -30,7 +30,7 @@ class WaveformKeys(Section):
     @property
     def makers(self) -> list[Callable[[StreamFormat], Stage | None]]:
         """Stages between the source and the meter."""
-        return [self.correction.of, self._wired]
+        return [self.correction.reordered, self.correction.of, self._wired]
 
     def _wired(self, form: StreamFormat) -> Aron | None:
         try:

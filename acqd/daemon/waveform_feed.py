@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import threading
 import time
 from collections.abc import Callable
@@ -22,6 +23,8 @@ from acqd.daemon.tally import Tally
 from acqd.metering import Meter, SampleBlock, StreamFormat, WindowBatch
 from acqd.metering.energy import no_load_W
 from acqd.metering.registers import Registers
+from acqd.metering.signal_watch import SignalWatch
+from acqd.metering.wiring_watch import Wired, WiringWatch
 from acqd.plc.executive import Executive
 from acqd.plc.realtime import prioritise
 from acqd.plc.recent import SampledWindow
@@ -31,6 +34,7 @@ from acqd.telemetry.row import rows_of
 from acqd.telemetry.spool import Energy, Readings
 from acqd.telemetry.summary import Summariser
 
+_log = logging.getLogger(__name__)
 _STALE_S = 2.0  # rows are missing when none has come for this long
 
 
@@ -64,6 +68,10 @@ class WaveformFeed:
         self._deliver_quality = deliver_quality
         self._first_boot, self._announce = boot, announce
         self._events: EventWatch | None = None
+        self._signals: SignalWatch | None = None
+        self._wiring: WiringWatch | None = None
+        self._mistakes: list[str] = []  # that the log names
+        self._of = f" of {company.name}" if company.name else ""
         self._saving = threading.Lock()
         self._register = RegisterFile(config.state_dir, config.device) if config.state_dir else None
         self._registers: Registers | None = None
@@ -79,8 +87,8 @@ class WaveformFeed:
             self._take,
             window=config.window,
             realtime=config.realtime.settings(),
-            makers=source.makers,
-            make_watch=self._make_watch if self._quality is not None or config.events.enabled else None,
+            makers=[*source.makers, self._make_signals],
+            make_watch=self._make_watch,
             of=company.name,
             spawn=company.spawn,
         )
@@ -174,7 +182,15 @@ class WaveformFeed:
             "source_health": asdict(executive.health),
             "main_fast": executive.cycle_summary().as_dict() | {"restarts": executive.restarts},
             "main_slow": {"mean_us": executive.slow_us()},
+            "wiring": (self._wiring.wired if self._wiring is not None else Wired()).as_dict(),
         }
+
+    def _make_signals(self, form: StreamFormat) -> SignalWatch | None:
+        """The stage that flags samples; none for captures, which run through stages that are made later."""
+        if self._signals is not None:
+            return None
+        self._signals = SignalWatch(form)
+        return self._signals
 
     def _make_meter(self, form: StreamFormat) -> Meter:
         metering, window = self._config.metering, self._config.window
@@ -229,6 +245,7 @@ class WaveformFeed:
 
     def _make_watch(self, form: StreamFormat) -> Callable[[SampleBlock], None]:
         config = self._config
+        self._wiring = WiringWatch(form, config.metering.nominal_voltage)
         if self._quality is not None:
             self._quality.open(form)
         if config.events.enabled:
@@ -237,6 +254,15 @@ class WaveformFeed:
         return self._watch
 
     def _watch(self, block: SampleBlock) -> None:
+        assert self._wiring is not None
+        self._wiring.feed(block)
+        findings = self._wiring.wired.findings
+        if (mistakes := [one.mistake for one in findings]) != self._mistakes:
+            self._mistakes = mistakes
+            for one in findings:
+                _log.warning("wiring%s: %s%s", self._of, one.text, one.correction and f"; {one.correction}")
+            if not findings:
+                _log.info("wiring%s: nothing is wrong any more", self._of)
         if self._events is not None:
             self._events.feed(block)
         if self._quality is not None and self._deliver_quality is not None and (rows := self._quality.take(block)):

@@ -90,3 +90,19 @@ class Correction:
             for k, weight in enumerate(self._weights[channel]):
                 result[:, channel] += weight * x[start + k : start + k + count, channel]
         return result
+
+
+class Reordered:
+    """Takes the currents of the phases from other channels: transformers that are exchanged."""
+
+    def __init__(self, form: StreamFormat, order: Sequence[int]) -> None:
+        """`order` [phases]: number of the channel, from 1, whose current is that of L1, L2, L3. Raises ValueError."""
+        if sorted(order) != list(range(1, form.phases + 1)):
+            raise ValueError(f"i_order {list(order)}: expected the numbers 1 to {form.phases}, each once")
+        self._places = [place for phase, k in enumerate(order) for place in (2 * phase, 2 * k - 1)]
+        self.form = replace(form, scale=tuple(form.scale[place] for place in self._places))
+        """What the codes mean in the new order."""
+
+    def apply(self, block: SampleBlock) -> SampleBlock:
+        """The same samples in the new order."""
+        return replace(block, codes=np.ascontiguousarray(block.codes[:, self._places]))

@@ -1,4 +1,4 @@
-"""Samples that are no measurements although they look like some: clipped, rolled over, shifted.
+"""Samples that are no measurements although they look like some: clipped, rolled over, shifted, saturated.
 
 Each test asks for the shape that only the fault has, and not for a number that a load may reach: currents of
 rectifiers, of phase control and of half waves are flat, jump and have a mean.
@@ -14,6 +14,8 @@ _LEVEL = 0.2
 """A flat top lies at least so far from zero, as a share of the peak: zero is where a load draws nothing."""
 _FLAT = 4
 """Equal samples of a flat top."""
+_PAUSE = 0.4
+"""Of a cycle: a longer flat is the pause of a half-wave load behind a transformer, which passes no mean."""
 _APPROACH = 4
 """Samples before and after a flat top in which the wave moves evenly: an edge is faster."""
 _TALL = 6.0
@@ -23,13 +25,24 @@ _WRAP = 0.8
 _OFFSET = 0.1
 """Mean of a voltage as a share of its alternating RMS."""
 
+_EVEN, _MEAN = 0.06, 0.08
+"""Of the fundamental: second harmonic of a saturated current transformer at least, and its mean at most."""
+_UNEVEN = 0.04
+"""Sum of samples half a cycle apart, as a share of the samples: what 3 % of a second harmonic make."""
+_SHORT = 40
+"""Part of a cycle in which a saturated current collapses."""
+_COLLAPSE, _REST = 0.35, 0.2
+"""Of the peak: what a collapse loses, and what is left after it."""
+_FASTER = 2.0
+"""Times the fastest rise: a collapse. Loads that switch on jump as fast as those that switch off."""
 
-def clipped(x: Floats) -> bool:
-    """Whether the samples of some cycles have flat tops that a smooth wave would exceed."""
-    return _clipped_above(x, x.max()) or _clipped_above(-x, -x.min())
+
+def clipped(x: Floats, cycle: int) -> bool:
+    """Whether the samples of some cycles of `cycle` samples have flat tops that a smooth wave would exceed."""
+    return _clipped_above(x, x.max(), cycle) or _clipped_above(-x, -x.min(), cycle)
 
 
-def _clipped_above(x: Floats, top: float) -> bool:
+def _clipped_above(x: Floats, top: float, cycle: int) -> bool:
     peak = float(np.abs(x).max())
     if top < _LEVEL * peak or not peak:
         return False
@@ -45,7 +58,7 @@ def _clipped_above(x: Floats, top: float) -> bool:
     hits = 0
     for run in runs:
         first, last = int(run[0]), int(run[-1])
-        if len(run) < _FLAT or first < _APPROACH or last + _APPROACH >= len(x):
+        if not _FLAT <= len(run) <= _PAUSE * cycle or first < _APPROACH or last + _APPROACH >= len(x):
             continue
         before, after = x[first - _APPROACH : first], x[last + _APPROACH : last : -1]
         hits += all(_runs_into(side, _TALL * quantum / (len(run) / 2)) for side in (before, after))
@@ -81,15 +94,62 @@ def shifted(x: Floats) -> bool:
     return bool(abs(float(x.mean())) > _OFFSET * spread and spread > 0)
 
 
+def saturated(x: Floats, cycle: int) -> bool:
+    """Whether whole cycles of `cycle` samples of a current are those of a transformer with a saturated core.
+
+    The secondary follows the primary until the flux, the integral of the secondary, reaches the knee of the magnetising
+    curve; then it collapses until the primary changes its sign. No transformer passes a mean, so a mean of the primary
+    saturates one half of the cycle: even harmonics without a mean. Half waves and phase control, measured by sensors
+    that pass a mean, have one; what blocks it lifts their pauses off zero. (IEEE C37.110, annex C.)
+    """
+    size = len(x) // cycle * cycle
+    if cycle < 2 * _SHORT // 5 or not size:
+        return False
+    x = x[:size]
+    turn = np.exp(-2j * np.pi / cycle * np.arange(size))
+    first, second = (2 * abs((wave * x).sum()) / size for wave in (turn, turn * turn))
+    if not first or second < _EVEN * first or abs(float(x.mean())) > _MEAN * first:
+        return False
+    peak, short = float(np.abs(x).max()), max(1, cycle // _SHORT)
+    change = np.abs(x[short:]) - np.abs(x[:-short])
+    change[x[short:] * x[:-short] < 0] = 0.0  # through zero: neither a rise nor a collapse
+    fall = float(-change.min())
+    if fall < _COLLAPSE * peak or fall < _FASTER * float(change.max()):
+        return False
+    after = int(change.argmin()) + 2 * short  # the collapse itself takes as long
+    rest = np.abs(x[after : after + short])
+    return bool(len(rest) and rest.max() < _REST * peak)
+
+
 def flags_of(values: Floats, cycle: int) -> frozenset[str]:
-    """Flags of some whole cycles of `cycle` samples of U1, I1, U2, I2 ... [samples, channels], as codes or values."""
+    """Flags of some whole cycles of `cycle` samples of U1, I1, U2, I2 ... [samples, channels], as codes or values.
+
+    A channel is examined only where its steps, its extremes or its halves allow a fault: a look takes a tenth so long.
+    """
+    x = np.ascontiguousarray(values.T, dtype=np.float64)
+    most, least = x.max(axis=1), x.min(axis=1)
+    steps = np.abs(np.diff(x, axis=1)).max(axis=1) > _WRAP * (most - least)
+    tops = (x == most[:, None]).sum(axis=1) >= _FLAT
+    flats = tops | ((x == least[:, None]).sum(axis=1) >= _FLAT)
+    whole = x[:, : x.shape[1] // cycle * cycle]
     found = set()
-    for k in range(values.shape[1]):
-        x = values[:, k]
-        if rolled_over(x):
+    for k in range(len(x)):
+        if steps[k] and rolled_over(x[k]):
             found.add("rollover")
-        elif clipped(x):
+        elif flats[k] and clipped(x[k], cycle):
             found.add("clipped")
-        if k % 2 == 0 and len(x) >= cycle and shifted(x[: len(x) // cycle * cycle]):
+    if whole.shape[1]:
+        volts = whole[0::2]
+        mean, square = volts.mean(axis=1), np.einsum("ij,ij->i", volts, volts) / volts.shape[1]
+        if (np.abs(mean) > _OFFSET * np.sqrt(np.maximum(square - mean * mean, 0.0))).any():
             found.add("offset")
+        if any(saturated(whole[2 * k + 1], cycle) for k in uneven(whole[1::2], cycle)):
+            found.add("saturated")
     return frozenset(found)
+
+
+def uneven(x: Floats, cycle: int) -> list[int]:
+    """Rows of cycles [rows, samples] whose halves differ: even harmonics, without which no core is saturated."""
+    half = cycle // 2
+    opposite = np.abs(x[:, :half] + x[:, half : 2 * half]).mean(axis=1)
+    return np.flatnonzero(opposite > _UNEVEN * np.abs(x).mean(axis=1)).tolist()

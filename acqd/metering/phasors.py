@@ -7,6 +7,7 @@ wiring explains no better is no finding: a load that feeds back, single-phase lo
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import permutations, product
@@ -17,6 +18,8 @@ from acqd.arrays import Floats
 
 _FLOATING = 0.5
 """Of the median of the voltages: below it a phase is missing or picks up its neighbours."""
+_DEAD = 0.09
+"""Of the largest voltage: two below it are missing; above it, the third has another ratio."""
 _SMALL = 0.03
 """Of the largest current: below it the angle means nothing."""
 _SAME_deg = 20.0
@@ -62,6 +65,21 @@ class WiringFinding:
     """Currents of L1, L2, L3 by their present numbers, for a correction; empty: not a matter of currents."""
     sign: tuple[int, ...] = ()
 
+    @property
+    def mistake(self) -> str:
+        """The text without the measured values, which differ from minute to minute."""
+        return re.sub(r"\(.*?\)| [\d.e+-]+ times", "", self.text)
+
+    @property
+    def correction(self) -> str:
+        """What to paste below `[source]`; empty where only a screwdriver helps."""
+        keys = []
+        if self.order and self.order != (1, 2, 3):
+            keys.append(f"i_order = {list(self.order)}")
+        if self.sign and min(self.sign) < 0:
+            keys.append(f"i_gain = [{', '.join(f'{sign}.0' for sign in self.sign)}]")
+        return f"[source] correction = {{ {', '.join(keys)} }}" if keys else ""
+
 
 def phasors(values: Floats, rate: float, f: float) -> Phasors:
     """Of physical samples [samples, 2 * phases] at `rate` [1/s], mains of `f` [Hz]: means over tens of cycles.
@@ -73,8 +91,10 @@ def phasors(values: Floats, rate: float, f: float) -> Phasors:
     total = np.zeros(values.shape[1], dtype=complex)
     for k in range(pieces):
         x = values[k * length : (k + 1) * length]
-        turn = np.exp(-2j * np.pi * f / rate * np.arange(len(x)))
-        lines = np.sqrt(2) * (turn @ (x - x.mean(axis=0))) / len(x)
+        angle = 2 * np.pi * f / rate * np.arange(len(x))[:, None]
+        x = np.sqrt(2) / len(x) * (x - x.mean(axis=0))
+        # no product of matrices: threads of BLAS cost milliseconds beside real-time processes
+        lines = (x * np.cos(angle)).sum(axis=0) - 1j * (x * np.sin(angle)).sum(axis=0)
         total += lines * np.exp(-1j * np.angle(lines[0]))
     return Phasors(total[0::2] / pieces, total[1::2] / pieces)
 
@@ -96,7 +116,8 @@ def _voltages(U: np.ndarray) -> list[WiringFinding]:
     median = float(np.median(size))
     if not median:
         return []
-    low = [f"u{k + 1}" for k in range(3) if size[k] < _FLOATING * median]
+    reference = median if median > _DEAD * float(size.max()) else float(size.max())  # of two that are missing
+    low = [f"u{k + 1}" for k in range(3) if size[k] < _FLOATING * reference]
     if low:
         return [WiringFinding(f"{' and '.join(low)} missing or floating ({_volts(size)}): check fuse and terminal")]
     pairs = [(a, b) for a, b in ((0, 1), (0, 2), (1, 2)) if abs(_between(U[a], U[b])) < _SAME_deg]

@@ -8,6 +8,7 @@ import pytest
 from acqd.metering.integrity import flags_of
 from acqd.sources import load_waveform
 from tests.mains import EN50160, make_mains
+from tests.metering.transformers import secondary
 
 T = np.arange(800) / 20_000
 A = 2 * np.pi * 50 * T + 0.7
@@ -40,10 +41,31 @@ def test_a_mean_of_a_voltage_is_an_offset_and_of_a_current_a_load():
     assert flags(SINE, SINE + 2) == frozenset()
 
 
+T5 = np.arange(1_000) / 5_000  # ten cycles: the core settles
+WAVE = np.cos(2 * np.pi * 50 * T5 + 0.3)
+PRIMARIES = {"mean": WAVE + 0.2, "small mean": WAVE + 0.05, "half waves beside": WAVE + 0.6 * np.maximum(WAVE, 0),
+             "inrush": WAVE - np.exp(-T5 / 0.1)}  # fmt: skip
+
+
+@pytest.mark.parametrize("primary", PRIMARIES)
+def test_a_saturated_transformer_is_named(primary):
+    x = secondary(PRIMARIES[primary], 5_000, 0.6)
+    at = slice(300, 500) if primary == "inrush" else slice(800, 1_000)  # a mean that decays settles first
+    noise = 0.003 * np.random.default_rng(0).standard_normal(200)
+    assert flags_of(np.column_stack([WAVE[at], x[at] + noise]), 100) == {"saturated"}
+    linear = secondary(PRIMARIES[primary] - PRIMARIES[primary].mean(), 5_000, 20.0)
+    assert flags_of(np.column_stack([WAVE[at], linear[at] + noise]), 100) == frozenset()
+
+
 LOADS = {
     "phase-fired": SINE * (np.mod(A, np.pi) > 1.2), "half-wave": np.maximum(SINE, 0), "direct": np.full(800, 4.2),
     "rectifier": np.where(np.abs(SINE) > 0.85, np.sign(SINE) * (np.abs(SINE) - 0.85), 0.0),
     "six pulses": np.where(np.abs(np.sin(A)) > 0.5, np.sign(np.sin(A)), 0.0), "off": np.zeros(800),
+    "half-wave, fired": np.maximum(SINE, 0) * (np.mod(A + np.pi / 2, np.pi) > 0.6),
+    "half-wave, cut": np.maximum(SINE, 0) * (np.mod(A + np.pi / 2, np.pi) < 2.0),
+    "halves, fired unequally": SINE * (np.mod(A + np.pi / 2, np.pi) > np.where(SINE > 0, 1.2, 0.4)),
+    "blocks": np.where(np.sin(A) > 0.5, 1.0, np.where(np.sin(A - 0.6) < -0.5, -1.0, 0.0)),
+    "cut off": SINE * (np.mod(A + np.pi / 2, np.pi) < 2.0),
     "smoothed": 0.2 * np.sin(A) + 3.0, "small": np.rint(SINE * 6), "tiny": np.rint(SINE * 2), "one": np.rint(SINE * 0.6),  # noqa: E501
 }  # fmt: skip
 
@@ -54,6 +76,7 @@ def test_loads_raise_no_alarm(load, noise):
     x = LOADS[load] + noise * np.random.default_rng(0).standard_normal(800)
     assert flags(SINE * 325, x) == frozenset()
     assert flags(SINE * 325, np.rint(x * 1000)) == frozenset()
+    assert flags(SINE * 325, x - x.mean()) == frozenset()  # behind a transformer that does not saturate
 
 
 def test_distorted_mains_raise_no_alarm():

@@ -108,6 +108,7 @@ def _finished(
 _MEANINGS = {
     "clipped": "samples are cut at the end of the measuring range: values are too small",
     "rollover": "codes go beyond 16 bits and come back at the other end: values are wrong",
+    "saturated": "a current transformer is saturated by a mean of its primary: values are too small",
     "offset": "a voltage has a mean (offset-binary codes?): values are too large",
 }
 

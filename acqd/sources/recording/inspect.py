@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from acqd.errors import InputError
-from acqd.metering.phasors import WiringFinding, examine, phasors
+from acqd.metering.phasors import examine, phasors
 from acqd.sources.recording.build import waveform_of
 from acqd.sources.recording.channel import Recording, Role
 from acqd.sources.recording.roles import roles_of
@@ -88,19 +88,7 @@ def wiring_of(waveform: Waveform) -> list[str]:
     form = waveform.form
     values = waveform.codes[: round(_MINUTE_S * form.rate)] * np.array(form.scale)
     found = phasors(values, form.rate, form.f_nominal)
-    return [f"{one.text}{_correction(one)}" for one in examine(found)]
-
-
-def _correction(one: WiringFinding) -> str:
-    """What to paste; empty where only a screwdriver helps."""
-    parts = []
-    if one.order and one.order != (1, 2, 3):
-        parts.append(
-            "take " + ", ".join(f"i{k + 1} from the channel of i{source}" for k, source in enumerate(one.order))
-        )
-    if one.sign and min(one.sign) < 0:
-        parts.append(f"[source] correction = {{ i_gain = [{', '.join(f'{sign}.0' for sign in one.sign)}] }}")
-    return f"; correction: {' and '.join(parts)}" if parts else ""
+    return [f"{one.text}; {one.correction}" if one.correction else one.text for one in examine(found)]
 
 
 def _channel(recording: Recording, k: int, role: Role, key: str) -> InspectedChannel:

@@ -9,7 +9,7 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.metering.block import Codes
-from acqd.metering.integrity import clipped, rolled_over, shifted
+from acqd.metering.integrity import clipped, rolled_over, saturated, shifted, uneven
 
 Marks = tuple[tuple[int, int, frozenset[str]], ...]
 """First sample, sample after the last, flags."""
@@ -30,8 +30,13 @@ def marks_of(codes: Codes, rate: float, f_nominal: float) -> Marks:
             part = x[at * size : (at + 1) * size + 8].astype(np.float64)
             if rolled_over(part):
                 flags.setdefault(at, set()).add("rollover")
-            elif clipped(part):
+            elif clipped(part, size // 2):
                 flags.setdefault(at, set()).add("clipped")
+        if k % 2:
+            stretches = x[: len(x) // size * size].reshape(-1, size)
+            for at in uneven(stretches.astype(np.float64), size // 2):
+                if saturated(x[at * size : (at + 1) * size].astype(np.float64), size // 2):
+                    flags.setdefault(at, set()).add("saturated")
         whole = x[: min(len(x), _LONGEST) // (size // 2) * (size // 2)].astype(np.float64)
         if k % 2 == 0 and len(whole) and shifted(whole):
             everywhere.add("offset")

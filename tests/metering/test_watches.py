@@ -1,0 +1,108 @@
+"""Samples and wiring of a running stream."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from acqd.daemon.correction_section import CorrectionSection
+from acqd.metering import SampleBlock, StreamFormat
+from acqd.metering.signal_watch import SignalWatch
+from acqd.metering.stages import Stages
+from acqd.metering.wiring_watch import WiringWatch
+from acqd.sources import load_waveform
+from tests.mains import make_mains
+
+SCALE = (737.2575 / 32768, 9.207527 / 32768) * 3
+FORM = StreamFormat(20_000.0, SCALE)
+TURN = 2 * np.pi / 3 * np.arange(3)
+
+
+def looks(lag, amperes=(4.0, 4.0, 4.0), volts=(325.0, 325.0, 325.0), order=(0, 1, 2), sign=(1, 1, 1), minutes=2):
+    """A window for every second, of a site with exchanged (i`order[k]` is that of phase k) and reversed currents."""
+    random = np.random.default_rng(0)
+    for second in range(60 * minutes):
+        t = (second * 20_000 + np.arange(800)) / 20_000
+        angle = 2 * np.pi * 50.02 * t[:, None] - TURN
+        codes = random.normal(0, 2, (800, 6))
+        codes[:, 0::2] += np.array(volts) * np.cos(angle) / SCALE[0]
+        current = np.array(amperes) * random.uniform(0.7, 1.3) * np.cos(angle - lag) / SCALE[1]
+        for k in range(3):
+            codes[:, 2 * order[k] + 1] += sign[k] * current[:, k]
+        yield SampleBlock(np.rint(codes).astype(np.int16), second * 20_000, second * 10**9)
+
+
+def watched(blocks, form=FORM):
+    watch = WiringWatch(form, 230.0)
+    for block in blocks:
+        watch.feed(block)
+    return watch.wired
+
+
+@pytest.mark.parametrize(
+    ("order", "sign", "text"),
+    [((0, 1, 2), (1, -1, 1), "i2 is reversed"), ((1, 0, 2), (1, 1, 1), "currents of L1 and L2 are exchanged"),
+     ((1, 2, 0), (1, 1, -1), "rotated")],
+)  # fmt: skip
+def test_two_minutes_name_the_mistake_and_the_correction_mends_it(order, sign, text):
+    blocks = list(looks(0.5, order=order, sign=sign))
+    assert watched(blocks[:60]).findings == ()
+    (finding,) = watched(blocks).findings
+    assert text in finding.text
+    keys = finding.correction.removeprefix("[source] correction = { ").removesuffix(" }")
+    import tomllib
+
+    section = CorrectionSection(**tomllib.loads(keys.replace(", i_gain", "\ni_gain")))
+    stages = Stages(FORM, [section.reordered, section.of])
+    mended, healthy = stages.apply(blocks[7]), list(looks(0.5))[7]
+    begin = (mended.index - blocks[7].index) if mended.index > blocks[7].index else 0
+    found = mended.codes * np.array(stages.form.scale)
+    expected = (healthy.codes * np.array(SCALE))[begin : begin + len(found)]
+    assert np.abs(found - expected).max() < 0.5  # noise of other channels
+
+
+def test_a_missing_voltage_is_named_and_dead_mains_and_no_load_are_not():
+    assert "u3 missing" in watched(looks(0.5, volts=(325.0, 325.0, 4.0))).findings[0].text
+    assert "u2 and u3 missing" in watched(looks(0.5, volts=(325.0, 4.0, 9.0))).findings[0].text
+    assert watched(looks(0.5, volts=(0.0, 0.0, 0.0))).phasors is None
+    assert watched(looks(2.9, amperes=(0.004, 0.002, 0.003), sign=(1, -1, 1))).phasors is None
+
+
+def test_healthy_sites_and_a_left_field_raise_no_warning(waveforms):
+    random = np.random.default_rng(3)
+    for _ in range(12):
+        lag = np.arccos(random.uniform(0.2, 1.0)) + random.normal(0, 0.03, 3)
+        assert watched(looks(lag, amperes=4 * random.uniform(0.6, 1.4, 3))).findings == ()
+    assert watched(looks(np.array([0.1, 0.1, 0.1]) + np.pi)).findings == ()  # feeds back
+    for name in ("generator_3ph", "merging_unit_3ph"):
+        wave = load_waveform(waveforms / name / "replay_20k_el3783.npz")
+        count = len(wave.codes) // 800
+        blocks = (SampleBlock(wave.codes[k % count * 800 :][:800], k * 20_000, k * 10**9) for k in range(120))
+        assert watched(blocks, wave.form).findings == ()
+
+
+def blocks_of(codes, size=800):
+    return [SampleBlock(codes[k : k + size], k, k * 50_000) for k in range(0, len(codes) - size + 1, size)]
+
+
+def test_flags_come_within_ten_windows_and_go():
+    codes = make_mains(50.0, seconds=1.5, phases=3).codes
+    limit = 0.7 * codes[:, 3].max()
+    codes[10_000:20_000, 3] = np.clip(codes[10_000:20_000, 3], -limit, limit)
+    watch = SignalWatch(FORM)
+    flags = [watch.apply(block).flags for block in blocks_of(codes)]
+    flagged = [k for k, named in enumerate(flags) if named == {"clipped"}]
+    assert 12 <= flagged[0] <= 23 and 24 <= flagged[-1] <= 35
+    assert flagged == list(range(flagged[0], flagged[-1] + 1))
+    plain = blocks_of(codes)[0]
+    assert SignalWatch(FORM).apply(plain) is plain
+    assert SignalWatch(FORM).apply(replace(plain, codes=plain.codes[:100])).flags == frozenset()
+
+
+def test_no_recording_is_flagged_live(waveforms):
+    for path in waveforms.glob("*/*.npz"):
+        wave = load_waveform(path)
+        watch = SignalWatch(wave.form)
+        assert not any(watch.apply(block).flags for block in blocks_of(wave.codes)), path
