@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from typing import Annotated
 
 import orjson
 import typer
@@ -11,17 +12,33 @@ from rich.markup import escape
 from rich.table import Table
 
 from acqd.cli.options import ConfigFile, Json, configured
+from acqd.cli.phasor_diagram import print_wiring
+from acqd.daemon.config import Config
 from acqd.daemon.finding import Finding
 from acqd.daemon.health.runbook import entry_for
 
 _COLOUR = {"ok": "green", "warn": "yellow", "fail": "red"}
 
 
-def doctor(config: ConfigFile = None, json: Json = False) -> None:
+def doctor(
+    wiring: Annotated[
+        bool, typer.Option("--wiring", help="Examine transformers and terminals of the running daemon's device.")
+    ] = False,
+    device: Annotated[str, typer.Option(help="Of --wiring: which source, where the daemon has several.")] = "",
+    seconds: Annotated[float, typer.Option(min=1.0, max=600.0, help="Of --wiring: how long, in s.")] = 60.0,
+    power: Annotated[
+        float | None, typer.Option(help="Of --wiring: W that the load takes; else a sidecar's prediction, if any.")
+    ] = None,
+    config: ConfigFile = None,
+    json: Json = False,
+) -> None:
     """Check the host, the source, the broker and the database; exit 1 when something will not work.
 
-    Example: acqd doctor --config /etc/acqd/acqd.toml
+    Example: acqd doctor --config /etc/acqd/acqd.toml; acqd doctor --wiring
     """
+    if wiring:
+        _wiring(configured(config), device, seconds, power, json=json)
+        return
     from acqd.daemon.checks import all_checks
 
     findings = all_checks(configured(config))
@@ -37,6 +54,19 @@ def doctor(config: ConfigFile = None, json: Json = False) -> None:
         for finding in findings:
             _advise(console, finding)
     if any(finding.state == "fail" for finding in findings):
+        raise typer.Exit(1)
+
+
+def _wiring(config: Config, device: str, seconds: float, power: float | None, *, json: bool) -> None:
+    """Phasor diagram and findings; exit 1 where something is wrong."""
+    from acqd.daemon.wiring_check import examine_wiring
+
+    found = examine_wiring(config, device, seconds, power)
+    if json:
+        print(orjson.dumps(found).decode())
+    else:
+        print_wiring(found)
+    if found["findings"]:
         raise typer.Exit(1)
 
 

@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 import orjson
 from rich.table import Table
 
+from acqd.cli.phasor_diagram import diagram, lines
 from acqd.cli.terminal import terminal
 from acqd.sources.recording.inspect import Inspected
 
@@ -38,6 +39,10 @@ def print_inspected(files: list[Inspected], *, json: bool) -> None:
         console.print(f"{one.samples} samples, {rate}{length}, {start}")
         for note in one.notes:
             console.print(f"note: {note}")
+        if one.phasors:
+            console.print(diagram(one.phasors), highlight=False)
+            for line in lines(one.phasors):
+                console.print(line, highlight=False)
         for finding in one.wiring:
             console.print(f"wiring: {finding}")
         console.print(f"cannot be metered as it is: {one.refusal}" if one.refusal else "can be metered")

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field
 
 from acqd.errors import SettingError
 from acqd.metering import StreamFormat
 from acqd.metering.correction import ChannelErrors, Correction, Reordered
+from acqd.metering.phasors import WiringFinding
 from acqd.section import Section
 
 
@@ -53,6 +54,25 @@ class CorrectionSection(Section):
         gain, offset = self._pairs("gain", form.phases), self._pairs("offset", form.phases)
         delay_s = [delay * 1e-6 for delay in self._pairs("delay_us", form.phases)]
         return Correction(form, ChannelErrors(gain, offset, delay_s))
+
+    def after(self, finding: WiringFinding) -> str:
+        """What to paste instead of this section, whose corrected currents the finding is about; empty for none."""
+        if not finding.correction:
+            return ""
+        phases = len(finding.order)
+        places = [k - 1 for k in finding.order]
+        order = self.i_order or list(range(1, phases + 1))
+        changed: dict[str, list[Any]] = {"i_order": [order[k] for k in places]}
+        for name in ("i_gain", "i_offset", "i_delay_us"):
+            values = getattr(self, name)
+            changed[name] = [values[k % len(values)] for k in places]
+        changed["i_gain"] = [gain * sign for gain, sign in zip(changed["i_gain"], finding.sign, strict=True)]
+        if changed["i_order"] == list(range(1, phases + 1)):
+            changed["i_order"] = []
+        whole = self.model_dump() | changed
+        idle = {"gain": {1.0}, "offset": {0.0}, "us": {0.0}, "order": set()}
+        keys = [f"{name} = {value}" for name, value in whole.items() if set(value) != idle[name.rpartition("_")[2]]]
+        return f"[source] correction = {{ {', '.join(keys)} }}" if keys else "[source] correction = {}"
 
     def _pairs(self, name: str, phases: int) -> list[float]:
         """Values in the order U1, I1, U2, I2 ..."""

@@ -68,6 +68,7 @@ class WaveformFeed:
         self._deliver_quality = deliver_quality
         self._first_boot, self._announce = boot, announce
         self._events: EventWatch | None = None
+        self._correction = source.correction
         self._signals: SignalWatch | None = None
         self._wiring: WiringWatch | None = None
         self._mistakes: list[str] = []  # that the log names
@@ -182,7 +183,7 @@ class WaveformFeed:
             "source_health": asdict(executive.health),
             "main_fast": executive.cycle_summary().as_dict() | {"restarts": executive.restarts},
             "main_slow": {"mean_us": executive.slow_us()},
-            "wiring": (self._wiring.wired if self._wiring is not None else Wired()).as_dict(),
+            "wiring": (self._wiring.wired if self._wiring is not None else Wired()).as_dict(self._correction.after),
         }
 
     def _make_signals(self, form: StreamFormat) -> SignalWatch | None:
@@ -260,7 +261,9 @@ class WaveformFeed:
         if (mistakes := [one.mistake for one in findings]) != self._mistakes:
             self._mistakes = mistakes
             for one in findings:
-                _log.warning("wiring%s: %s%s", self._of, one.text, one.correction and f"; {one.correction}")
+                _log.warning(
+                    "wiring%s: %s%s", self._of, one.text, one.correction and f"; {self._correction.after(one)}"
+                )
             if not findings:
                 _log.info("wiring%s: nothing is wrong any more", self._of)
         if self._events is not None:

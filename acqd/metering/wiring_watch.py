@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -30,11 +31,17 @@ class Wired:
     """Means of the last whole minute, or of the looks so far before that."""
     findings: tuple[WiringFinding, ...] = ()
 
-    def as_dict(self) -> dict[str, Any]:
-        """For status, page and JSON: findings with what to paste, phasors as [V or A, degrees] with U1 at 0."""
+    def as_dict(self, correction: Callable[[WiringFinding], str] | None = None) -> dict[str, Any]:
+        """For status, page and JSON: findings with what to paste, phasors as [V or A, degrees] with U1 at 0.
+
+        `correction`: what to paste where channels are corrected already; None: the finding's.
+        """
         found = self.phasors
         polar = {} if found is None else {"U": _polar(found.U), "I": _polar(found.I)}
-        findings = [{"text": one.text, "correction": one.correction} for one in self.findings]
+        findings = [
+            {"text": one.text, "correction": one.correction if correction is None else correction(one)}
+            for one in self.findings
+        ]
         return {"findings": findings, "phasors": polar}
 
 

@@ -21,7 +21,7 @@ _BEHIND = 50
 _RETRY_S = 1.0
 _BEAT_S = 5.0
 _POSTURE_S = 0.2
-_KEPT = ("broker", "status", "alarm", "posture")
+_KEPT = ("broker", "status", "alarm", "posture", "wiring")
 """Events whose newest one a new viewer gets at once."""
 _MOST_KEPT = 4_000
 """Of a thousand devices; strangers may publish under any name."""
@@ -92,12 +92,24 @@ class Hub:
             self._rows += [{name: getattr(row, name) for name in _SHOWN} for row in rows]
         elif kind == "status" and device != "sink":
             self._tell("status", {"device": device, "online": payload != topics.OFFLINE})
+            self._wiring(device, payload)
         elif kind == "live":
             self._prediction(device, payload)
         elif kind == "alarm":
             self._alarm(device, payload)
         elif kind == "joints":
             self._joints(device, payload)
+
+    def _wiring(self, daemon: str, payload: bytes) -> None:
+        """Phasors and findings of the daemon's device, or of each of its boxes."""
+        try:
+            status = orjson.loads(payload)
+            boxes = status.get("boxes") or {str(status.get("device", daemon)): status}
+            found = {str(name): box["wiring"] for name, box in boxes.items() if box.get("wiring", {}).get("phasors")}
+        except (orjson.JSONDecodeError, AttributeError):
+            return
+        for device, wiring in found.items():
+            self._tell("wiring", {"device": device, "wiring": wiring})
 
     def _prediction(self, device: str, payload: bytes) -> None:
         try:

@@ -7,11 +7,18 @@ import socket
 import sqlite3
 import subprocess
 import threading
+from dataclasses import replace
+
+import numpy as np
 
 from acqd import compiling
+from acqd.metering import StreamFormat
+from acqd.sources.npz_write import npz_bytes
+from acqd.sources.waveform import Waveform
 from acqd.telemetry.broker import free_port
 from tests.commands import acqd, acqd_here
 from tests.conftest import Mosquitto
+from tests.mains import make_mains
 
 
 def test_doctor_and_jitter_speak_json(tmp_path):
@@ -86,3 +93,22 @@ def test_doctor_says_what_is_compiled_and_what_is_done_without_a_compiler(tmp_pa
     without = findings(tmp_path, "")
     assert "--compute torch" in without["training"]["finding"]
     assert "zig" in without["FMU export"]["finding"]
+
+
+def test_doctor_names_miswired_transformers_with_what_to_paste(tmp_path, monkeypatch):
+    mains = make_mains(50.0, seconds=1.0, phases=3)
+    mains.codes[:, 3] *= -1
+    waveform = Waveform("box", mains.codes, StreamFormat(20_000.0, tuple(mains.scale)), 0)
+    monkeypatch.setattr("acqd.daemon.wiring_check.captured", lambda *_: npz_bytes(waveform))
+    done = acqd_here("doctor", "--wiring", "--seconds", "1", cwd=tmp_path)
+    assert done.returncode == 1
+    assert "wiring: i2 is reversed; [source] correction = { i_gain = [1.0, -1.0, 1.0] }" in done.stdout
+    assert ".U1\n" in done.stdout and "I lags U by" in done.stdout
+    values = mains.codes * np.array(mains.scale)
+    power = 3 * (values[:, 0] * values[:, 1]).mean()
+    known = acqd_here("doctor", "--wiring", "--seconds", "1", "--power", power, "--json", cwd=tmp_path)
+    assert [one["text"] for one in json.loads(known.stdout)["findings"]] == ["i2 is reversed"]
+    quiet = replace(waveform, codes=mains.codes[:, :2], form=StreamFormat(20_000.0, tuple(mains.scale[:2])))
+    monkeypatch.setattr("acqd.daemon.wiring_check.captured", lambda *_: npz_bytes(quiet))
+    refused = acqd_here("doctor", "--wiring", "--seconds", "1", cwd=tmp_path)
+    assert refused.returncode == 2 and "1 phases" in refused.stderr

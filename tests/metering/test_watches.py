@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 from acqd.daemon.correction_section import CorrectionSection
 from acqd.metering import SampleBlock, StreamFormat
+from acqd.metering.phasors import WiringFinding
 from acqd.metering.signal_watch import SignalWatch
 from acqd.metering.stages import Stages
 from acqd.metering.wiring_watch import WiringWatch
@@ -41,6 +43,10 @@ def watched(blocks, form=FORM):
     return watch.wired
 
 
+def pasted(text):
+    return CorrectionSection(**tomllib.loads(text.removeprefix("[source] "))["correction"])
+
+
 @pytest.mark.parametrize(
     ("order", "sign", "text"),
     [((0, 1, 2), (1, -1, 1), "i2 is reversed"), ((1, 0, 2), (1, 1, 1), "currents of L1 and L2 are exchanged"),
@@ -51,16 +57,26 @@ def test_two_minutes_name_the_mistake_and_the_correction_mends_it(order, sign, t
     assert watched(blocks[:60]).findings == ()
     (finding,) = watched(blocks).findings
     assert text in finding.text
-    keys = finding.correction.removeprefix("[source] correction = { ").removesuffix(" }")
-    import tomllib
-
-    section = CorrectionSection(**tomllib.loads(keys.replace(", i_gain", "\ni_gain")))
+    section = pasted(finding.correction)
     stages = Stages(FORM, [section.reordered, section.of])
     mended, healthy = stages.apply(blocks[7]), list(looks(0.5))[7]
     begin = (mended.index - blocks[7].index) if mended.index > blocks[7].index else 0
     found = mended.codes * np.array(stages.form.scale)
     expected = (healthy.codes * np.array(SCALE))[begin : begin + len(found)]
     assert np.abs(found - expected).max() < 0.5  # noise of other channels
+
+
+def test_what_is_pasted_takes_the_correction_that_is_there_into_account():
+    there = CorrectionSection(i_order=[2, 1, 3], i_gain=[1.01, 1.02, -1.03], i_delay_us=[1.0, 2.0, 3.0], u_gain=[2.0])
+    undone = WiringFinding("", (2, 1, 3), (1, 1, -1))
+    assert pasted(there.after(undone)) == CorrectionSection(
+        i_gain=[1.02, 1.01, 1.03], i_delay_us=[2.0, 1.0, 3.0], u_gain=[2.0]
+    )
+    assert CorrectionSection(i_order=[2, 1, 3], i_gain=[1.0, 1.0, -1.0]).after(undone) == "[source] correction = {}"
+    assert CorrectionSection(i_gain=[1.5]).after(WiringFinding("u3 missing")) == ""
+    rotated = WiringFinding("", (2, 3, 1), (1, -1, 1))
+    assert pasted(there.after(rotated)).i_order == [1, 3, 2]
+    assert pasted(there.after(rotated)).i_gain == [1.02, 1.03, 1.01]
 
 
 def test_a_missing_voltage_is_named_and_dead_mains_and_no_load_are_not():

@@ -42,6 +42,16 @@ def test_rows_are_sent_together_with_the_values_of_the_row():
     assert (shown["P"], shown["seq"], shown["filetime"], shown["flags"]) == (123.456, 7, sent.filetime, sent.flags)
 
 
+def test_the_wiring_of_a_device_and_of_every_box_is_told():
+    ours = hub()
+    one = {"findings": [], "phasors": {"U": [[230.0, 0.0]], "I": [[1.0, 0.0]]}}
+    ours.take("acqd/pc/status", orjson.dumps({"device": "pc", "wiring": one}))
+    ours.take("acqd/pc7/status", orjson.dumps({"device": "pc7", "boxes": {"press": {"wiring": one}, "mill": {}}}))
+    ours.take("acqd/x/status", b"offline")
+    told = [key for key in ours._state if key.startswith("wiring")]
+    assert told == ["wiring pc", "wiring press"]
+
+
 def test_a_viewer_who_falls_behind_loses_events_and_nobody_else_does():
     async def scenario():
         ours = hub()

@@ -69,6 +69,15 @@ def predict(database):
     return message["alarm"]
 
 
+WIRING = {
+    "findings": [{"text": "i2 is reversed", "correction": "[source] correction = { i_gain = [1.0, -1.0, 1.0] }"}],
+    "phasors": {
+        "U": [[230.0, 0.0], [230.0, -120.0], [230.0, 120.0]],
+        "I": [[4.0, -31.0], [4.0, 29.0], [4.0, 89.0]],
+    },
+}
+
+
 @pytest.fixture
 def page_of_all(mosquitto, tmp_path):
     health = HealthSection(port=free_port(), sink_port=0)
@@ -101,6 +110,9 @@ def test_every_panel_shows_its_data_and_nothing_is_wrong(page_of_all, publisher)
             publisher.publish(f"acqd/{sent.device}/prediction/alarm", orjson.dumps(alarm), retain=True)
             publisher.publish(f"acqd/{sent.device}/joints", b'{"time": 1, "q": [0, 0.5, 0, -1.4, 0, 1.1, 0]}')
             shows(page, "#device", sent.device)
+            publisher.publish(f"acqd/{sent.device}/status", orjson.dumps({"device": sent.device, "wiring": WIRING}))
+            shows(page, "#wiring-findings", "i2 is reversed: [source] correction = { i_gain = [1.0, -1.0, 1.0] }")
+            shows(page, "#phasor-table", "149.0")
             page.evaluate("document.getElementById('scope').scrollIntoView()")  # samples are fetched in sight only
             shows(page, "#wave-figures", "15.00")
             shows(page, "#wave-figures", "230.0 V")

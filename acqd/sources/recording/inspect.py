@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from acqd.errors import InputError
 from acqd.metering.phasors import examine, phasors
+from acqd.metering.wiring_watch import Wired
 from acqd.sources.recording.build import waveform_of
 from acqd.sources.recording.channel import Recording, Role
 from acqd.sources.recording.roles import roles_of
@@ -55,6 +57,8 @@ class Inspected:
     notes: list[str] = field(default_factory=list)
     wiring: list[str] = field(default_factory=list)
     """What the phasors say of the wiring, with the correction."""
+    phasors: dict[str, Any] = field(default_factory=dict)
+    """Of three phases, as in the status of a daemon."""
 
 
 def inspect(recording: Recording, given: ChannelMap) -> tuple[Inspected, Waveform | None]:
@@ -77,18 +81,22 @@ def inspect(recording: Recording, given: ChannelMap) -> tuple[Inspected, Wavefor
         except InputError as error:
             result.refusal = str(error)
     if waveform is not None and waveform.form.phases == 3:
-        result.wiring = wiring_of(waveform)
+        wired = wiring_of(waveform).as_dict()
+        result.phasors = wired["phasors"]
+        result.wiring = [
+            f"{one['text']}; {one['correction']}" if one["correction"] else one["text"] for one in wired["findings"]
+        ]
     result.start_utc_ns = waveform.start_utc_ns if waveform else recording.start_utc_ns
     result.notes = list(waveform.notes if waveform else recording.notes)
     return result, waveform
 
 
-def wiring_of(waveform: Waveform) -> list[str]:
-    """What the phasors of the first minute say, with the correction to type."""
+def wiring_of(waveform: Waveform) -> Wired:
+    """What the phasors of the first minute say."""
     form = waveform.form
     values = waveform.codes[: round(_MINUTE_S * form.rate)] * np.array(form.scale)
     found = phasors(values, form.rate, form.f_nominal)
-    return [f"{one.text}; {one.correction}" if one.correction else one.text for one in examine(found)]
+    return Wired(found, tuple(examine(found)))
 
 
 def _channel(recording: Recording, k: int, role: Role, key: str) -> InspectedChannel:
