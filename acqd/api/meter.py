@@ -7,10 +7,10 @@ from typing import Literal
 
 import numpy as np
 
-from acqd import metering
 from acqd.arrays import Floats
 from acqd.errors import UserError
 from acqd.metering.block import SampleBlock, StreamFormat
+from acqd.metering.other_mains import meter_for
 from acqd.metering.window import WindowBatch
 
 __all__ = ["Meter", "WindowBatch"]
@@ -43,7 +43,7 @@ class Meter:
         """
         try:
             form = StreamFormat(rate, (1.0, 1.0) * phases, f_nominal, bits=64)
-            self._meter = metering.Meter(form, window=window_s, mode=mode, nominal_voltage=nominal_V)
+            self._meter = meter_for(form, window=window_s, mode=mode, nominal_voltage=nominal_V)
         except ValueError as error:
             raise UserError(str(error)) from None
         self._form = form

@@ -185,10 +185,11 @@ class Config(Section):
 
     @property
     def window(self) -> float:
-        """Window length [s]: as set, else 40 ms at 50 Hz and 50 ms at 60 Hz."""
+        """Window length [s]: as set, else 40 ms at 50 and 400 Hz, 50 ms at 60 Hz, 120 ms at 16 2/3 Hz."""
         if self.metering.window is not None:
             return self.metering.window
-        return 0.05 if self.source.nominal_frequency > 55 else 0.04
+        f = self.source.nominal_frequency
+        return 0.12 if f < 45 else 0.04 if f < 55 or f > 65 else 0.05
 
     @classmethod
     def demonstration(cls, port: int) -> Config:

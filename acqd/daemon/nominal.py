@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from acqd.daemon.modbus_sections import MetersSection
+from acqd.daemon.quality_feed import UNDEFINED
 from acqd.daemon.source_sections import SimulatedSection, SourceSection
 
 if TYPE_CHECKING:
@@ -42,6 +43,9 @@ def check(config: Config) -> None:
     """Raises ValueError that names the first source whose voltage is needed and not known."""
     sources = [(box.device, box.source) for box in config.boxes] or [(config.device, config.source)]
     for device, source in sources:
+        f = source.nominal_frequency
+        if not 45 <= f <= 65 and (config.events.enabled or config.quality.enabled):
+            raise ValueError(f"the source of {device} has mains of {f:g} Hz: {UNDEFINED}")
         if isinstance(source, MetersSection):
             continue  # each meter has a voltage of its own, and no samples
         how = f"say what 100 % is in the source of {device}: nominal_voltage = 230.0"

@@ -19,10 +19,11 @@ from acqd.daemon.output_file import output_file
 from acqd.daemon.phasor_file import PhasorFile
 from acqd.daemon.playback_report import PlaybackReport, describe
 from acqd.daemon.publish import Publisher
-from acqd.daemon.quality_feed import QualityFeed
+from acqd.daemon.quality_feed import UNDEFINED, QualityFeed
 from acqd.daemon.quality_section import QualitySection
 from acqd.errors import UserError
 from acqd.metering import Meter, Mode, SampleBlock, StreamFormat, WindowBatch
+from acqd.metering.other_mains import meter_for, row_window
 from acqd.metering.quality.lamp import LampName
 from acqd.plc.executive import Executive
 from acqd.sources import ChannelMap, ReplaySource, Waveform, load_waveform
@@ -77,6 +78,10 @@ def play(settings: Playback, progress: Callable[[float], None]) -> PlaybackRepor
     waveforms = [load_waveform(path, settings.channels) for path in settings.files]
     for path, waveform in zip(settings.files, waveforms, strict=True) if settings.flicker else ():
         check_length(path, waveform.duration * settings.loops)
+    if settings.aggregate or settings.quality or settings.events or settings.flicker:
+        odd = next((k for k, one in enumerate(waveforms) if not one.form.usual), None)
+        if odd is not None:
+            raise UserError(f"{settings.files[odd]}: mains of {waveforms[odd].form.f_nominal:g} Hz: {UNDEFINED}")
     report = PlaybackReport(recorded_s=sum(w.duration for w in waveforms) * settings.loops)
     report.notes = [
         f"{path}: {note}" for path, one in zip(settings.files, waveforms, strict=True) for note in one.notes
@@ -137,16 +142,17 @@ class _Run:
     def play(self, path: Path, waveform: Waveform) -> None:
         """Meter one file."""
         batches: list[WindowBatch] = []
+        window = row_window(waveform.form, self._settings.window)
         self._on_the_clock = waveform.start_utc_ns is not None or self._settings.start_utc_ns is not None
 
         def take(batch: WindowBatch) -> None:
             batches.append(batch)
             self._deliver(batch)
-            self._played_s += len(batch) * self._settings.window
+            self._played_s += len(batch) * window
             self._progress(min(1.0, self._played_s / self._report.recorded_s))
 
         if self._settings.real_time:
-            meter = asyncio.run(self._in_real_time(path, take))
+            meter = asyncio.run(self._in_real_time(path, window, take))
         else:
             meter = self._at_full_speed(waveform, take)
         self._report.unused_samples += meter.finish()
@@ -159,7 +165,7 @@ class _Run:
 
     def _make_meter(self, form: StreamFormat) -> Meter:
         settings = self._settings
-        return Meter(form, window=settings.window, mode=settings.mode, nominal_voltage=settings.nominal_voltage)
+        return meter_for(form, window=settings.window, mode=settings.mode, nominal_voltage=settings.nominal_voltage)
 
     def _at_full_speed(self, waveform: Waveform, take: Callable[[WindowBatch], None]) -> Meter:
         source = ReplaySource(waveform, self._settings.loops)
@@ -174,10 +180,10 @@ class _Run:
                 take(batch)
         return meter
 
-    async def _in_real_time(self, path: Path, take: Callable[[WindowBatch], None]) -> Meter:
+    async def _in_real_time(self, path: Path, window: float, take: Callable[[WindowBatch], None]) -> Meter:
         settings = self._settings
         spec = replay_spec(path, settings.channels, settings.loops) | {"start_utc_ns": settings.start_utc_ns}
-        executive = Executive(spec, self._make_meter, take, window=settings.window, make_watch=self._make_watch)
+        executive = Executive(spec, self._make_meter, take, window=window, make_watch=self._make_watch)
         await executive.start()
         await executive.run()
         executive.close()

@@ -18,6 +18,10 @@ _log = logging.getLogger(__name__)
 DeliverQuality: TypeAlias = Callable[[list[QualityRow]], None]
 
 
+UNDEFINED = "power quality, events and flicker are defined for 50 and 60 Hz (IEC 61000-4-30); meter without them"
+"""Why mains of other frequencies have none."""
+
+
 class QualityFeed:
     """One stream; `take` is called in MAIN_SLOW with every block, before or after its windows are metered."""
 

@@ -4,10 +4,19 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
+
+from acqd.metering.block import NOMINAL, NOMINAL_TEXT
+
+
+def _metered(f: float) -> float:
+    if not any(low <= f <= high for low, high in NOMINAL):
+        raise ValueError(NOMINAL_TEXT)
+    return f
+
 
 Port = Annotated[int, Field(ge=1, le=65_535)]
 Positive = Annotated[float, Field(gt=0)]
 Share = Annotated[float, Field(ge=0, le=1)]
-Nominal = Annotated[float, Field(ge=45, le=65)]
+Nominal = Annotated[float, AfterValidator(_metered)]
 """Nominal mains frequency [Hz]."""

@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 from acqd.daemon.device_section import NOT_OF_THE_SOURCE, DeviceSection, WaveformKeys
 from acqd.daemon.modbus_sections import MetersSection, ModbusSection
 from acqd.daemon.section import Nominal, Port, Positive, Share
+from acqd.metering.block import nominal_near
 from acqd.section import KEY, FileName, Section
 from acqd.sources import ChannelMap, SimulationSettings
 from acqd.sources.simulated import Sag
@@ -53,7 +54,7 @@ class SimulatedSection(WaveformKeys):
     @property
     def nominal_frequency(self) -> float:
         """Hz."""
-        return 60.0 if self.frequency > 55 else 50.0
+        return nominal_near(self.frequency)
 
     def spec(self) -> Spec:
         """The source as JSON, for MAIN_FAST's process."""

@@ -16,12 +16,13 @@ from acqd.daemon.continued import FLAG, continued
 from acqd.daemon.events.watch import Announce, EventWatch
 from acqd.daemon.feed import ALONE, Company, Deliver, Sent
 from acqd.daemon.health.snapshot import Cycles, FeedHealth, SourceLink
-from acqd.daemon.quality_feed import DeliverQuality, QualityFeed
+from acqd.daemon.quality_feed import UNDEFINED, DeliverQuality, QualityFeed
 from acqd.daemon.register import RegisterFile, Run, greater, registers_of
 from acqd.daemon.source_sections import WaveformSection
 from acqd.daemon.tally import Tally
 from acqd.metering import Meter, SampleBlock, StreamFormat, WindowBatch
 from acqd.metering.energy import no_load_W
+from acqd.metering.other_mains import meter_for
 from acqd.metering.registers import Registers
 from acqd.metering.signal_watch import SignalWatch
 from acqd.metering.wiring_watch import Wired, WiringWatch
@@ -202,7 +203,7 @@ class WaveformFeed:
         if creep_W is None:
             creep_W = no_load_W(form, metering.nominal_voltage)
         self._registers = registers_of(form.phases, window, creep_W, others, spooled)
-        return Meter(
+        return meter_for(
             form,
             window=window,
             mode=metering.mode,
@@ -247,6 +248,10 @@ class WaveformFeed:
     def _make_watch(self, form: StreamFormat) -> Callable[[SampleBlock], None]:
         config = self._config
         self._wiring = WiringWatch(form, config.metering.nominal_voltage)
+        if not form.usual and (self._quality is not None or config.events.enabled):
+            _log.warning("mains of %g Hz%s: %s", form.f_nominal, self._of, UNDEFINED)
+            self._quality = None
+            return self._watch
         if self._quality is not None:
             self._quality.open(form)
         if config.events.enabled:

@@ -21,6 +21,16 @@ WIDE_CODE_MAX = 2**26
 """End stop of 32-bit codes, both ways: 2000 products of such codes, a window's worth, sum up inside 64 bits."""
 
 
+NOMINAL = ((15.0, 17.5), (45.0, 65.0), (360.0, 440.0))
+"""Mains frequencies that are metered [Hz]: railways, 50 and 60 Hz, aircraft."""
+NOMINAL_TEXT = "expected 15 to 17.5, 45 to 65, or 360 to 440 Hz"
+
+
+def nominal_near(f: float) -> float:
+    """16 2/3, 50, 60 or 400 Hz: the nominal frequency of mains of `f` [Hz]."""
+    return min((50 / 3, 50.0, 60.0, 400.0), key=lambda nominal: abs(nominal - f))
+
+
 @dataclass(frozen=True, slots=True)
 class SampleBlock:
     """Consecutive samples of all channels, as converter codes.
@@ -73,8 +83,8 @@ class StreamFormat:
             raise ValueError(f"sampling rate {self.rate:g} Hz is outside 200 Hz .. 1 MHz")
         if len(self.scale) not in (2, 4, 6):
             raise ValueError(f"{len(self.scale)} channels: expected U, I per phase for 1 to 3 phases")
-        if not 45.0 <= self.f_nominal <= 65.0:
-            raise ValueError(f"nominal frequency {self.f_nominal:g} Hz is outside 45 .. 65 Hz")
+        if not any(low <= self.f_nominal <= high for low, high in NOMINAL):
+            raise ValueError(f"nominal frequency {self.f_nominal:g} Hz: {NOMINAL_TEXT}")
         if self.bits == 64:
             self._check_physical()
             return
@@ -91,6 +101,11 @@ class StreamFormat:
         for channel, scale in enumerate(self.scale):
             if not 1e-12 <= scale <= 1e12:
                 raise ValueError(f"channel {self.channel_name(channel)}: scale {scale:g} is outside 1e-12 .. 1e12")
+
+    @property
+    def usual(self) -> bool:
+        """Whether the mains are of 50 or 60 Hz, for which power quality is defined."""
+        return NOMINAL[1][0] <= self.f_nominal <= NOMINAL[1][1]
 
     @property
     def code_max(self) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 from acqd.arrays import Floats
 from acqd.errors import InputError
 from acqd.metering import SampleBlock, StreamFormat
-from acqd.metering.block import CODE_MAX, CODE_MIN, Codes
+from acqd.metering.block import CODE_MAX, CODE_MIN, Codes, nominal_near
 from acqd.sources import el3783
 from acqd.sources.base import Source
 
@@ -77,7 +77,7 @@ class SimulatedSource(Source):
         self.form = StreamFormat(
             s.rate,
             (el3783.U_V_PER_DIGIT, el3783.I_A_PER_DIGIT[s.current_range]) * s.phases,
-            60.0 if s.frequency > 55 else 50.0,
+            nominal_near(s.frequency),
         )
         self._profile = _read_profile(s.load_profile, s.phases) if s.load_profile else None
         self._size = round(_CHUNK_S * s.rate)

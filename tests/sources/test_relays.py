@@ -78,7 +78,7 @@ def test_inspect_names_a_reversed_transformer_with_the_correction(tmp_path):
     mains.codes[:, 3] *= -1
     done = acqd_here("replay", "--inspect", Recording(mains).write(tmp_path), "--json")
     [wiring] = json.loads(done.stdout)["wiring"]
-    assert wiring == "i2 is reversed; correction: [source] correction = { i_gain = [1.0, -1.0, 1.0] }"
+    assert wiring == "i2 is reversed; [source] correction = { i_gain = [1.0, -1.0, 1.0] }"
 
 
 @pytest.mark.parametrize(("rate", "hint"), [(2_000.0, False), (2_020.0, True)])

@@ -13,15 +13,15 @@ from acqd.sources.recording.channel import Column, Recording
 from acqd.sources.waveform import ChannelMap
 
 FASTEST = 1e6
-"""Samples/s that the meter takes."""
+"""Samples/s that the meter takes at 50 and 60 Hz."""
 
 
-def averaged(recording: Recording, given: ChannelMap) -> tuple[Recording, ChannelMap]:
-    """Both as they are, or with means where the rate is above `FASTEST`."""
-    rate = given.rate or recording.rate
-    if rate is None or not FASTEST < rate < math.inf:
+def averaged(recording: Recording, given: ChannelMap, f_nominal: float) -> tuple[Recording, ChannelMap]:
+    """Both as they are, or with means where the rate is above `FASTEST` at 50 Hz, in proportion below."""
+    rate, fastest = given.rate or recording.rate, FASTEST * min(1.0, f_nominal / 50.0)
+    if rate is None or not fastest < rate < math.inf:
         return recording, given
-    size = math.ceil(rate / FASTEST)
+    size = math.ceil(rate / fastest)
 
     def column(k: int) -> Column:
         values = recording.column(k).physical()

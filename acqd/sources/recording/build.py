@@ -16,14 +16,15 @@ from acqd.sources.recording.averaging import averaged
 from acqd.sources.recording.channel import Recording
 from acqd.sources.recording.line_voltages import star_voltages
 from acqd.sources.recording.marks import Marks, marks_of
+from acqd.sources.recording.nominal import nominal_of
 from acqd.sources.recording.roles import roles_of
 from acqd.sources.recording.selection import Selection, chosen, factor_of, mapped
 from acqd.sources.waveform import ChannelMap, Waveform, check_values, stream_format
 
 _RATE_TOLERANCE = 1e-3
 """--rate may differ so much from the rate that the file itself says: more is a contradiction."""
-_LOW_RATE = 1_600.0
-"""Below this rate [1/s] harmonics beyond the 15th are unknown, and a row is 0.1 % less exact."""
+_FEW = 32
+"""Samples a cycle: below, harmonics beyond the 15th are unknown, and a row is 0.1 % less exact."""
 _DIRECT = 1.0
 """A mean above the RMS of the alternating part: a direct voltage."""
 
@@ -37,14 +38,15 @@ def select(recording: Recording, given: ChannelMap) -> Selection:
 
 def waveform_of(recording: Recording, given: ChannelMap) -> Waveform:
     """Codes where the file has codes of 16 bits, else volts and amperes. Raises InputError."""
-    recording, given = averaged(recording, given)
     selection = select(recording, given)
-    rate, notes = _rate(recording, given)
+    f_nominal = given.f_nominal or recording.f_nominal or nominal_of(recording, given, selection)
+    recording, given = averaged(recording, given, f_nominal)
+    rate, notes = _rate(recording, given, f_nominal)
     if not recording.samples:
         raise InputError(recording.path, "has no samples")
     notes = (*notes, *selection.notes)
     if selection.between_lines:
-        return _of_lines(recording, given, selection, rate, notes)
+        return _of_lines(recording, given, selection, (rate, f_nominal), notes)
     order = [channel for pair in zip(selection.voltages, selection.currents, strict=True) for _, channel in pair]
     factors = [_factor(recording, given, selection, k, place) for place, k in enumerate(order)]
     skews = [recording.channels[k].skew_s for k in order]
@@ -52,7 +54,6 @@ def waveform_of(recording: Recording, given: ChannelMap) -> Waveform:
     start = recording.start_utc_ns
     if start is not None:
         start += round(skews[0] * 1e9)
-    f_nominal = given.f_nominal or recording.f_nominal or 50.0
     if not any(relative) and (codes := _codes(recording, order)) is not None:
         scale = [column_scale * factor for column_scale, factor in zip(codes[1], factors, strict=True)]
         form = stream_format(recording.path, rate, scale, f_nominal, codes[0])
@@ -120,9 +121,13 @@ def _remarks(marks: Marks) -> tuple[str, ...]:
 
 
 def _of_lines(
-    recording: Recording, given: ChannelMap, selection: Selection, rate: float, notes: tuple[str, ...]
+    recording: Recording,
+    given: ChannelMap,
+    selection: Selection,
+    clock: tuple[float, float],
+    notes: tuple[str, ...],
 ) -> Waveform:
-    """Star voltages from voltages between lines; every row is flagged `derived`."""
+    """Star voltages from voltages between lines; every row is flagged `derived`. `clock`: rate and nominal f."""
     if any(recording.channels[k].skew_s for _, k in selection.keys):
         raise InputError(recording.path, "has voltages between lines and channels with a skew; expected one or other")
     volts = np.column_stack([_values(recording, given, f"u{a}{b}", k) for (a, b), k in selection.voltages])
@@ -131,7 +136,7 @@ def _of_lines(
     values = np.empty((recording.samples, 6))
     values[:, 0::2], values[:, 1::2] = star, amperes
     check_values(recording.path, values)
-    form = stream_format(recording.path, rate, [1.0] * 6, given.f_nominal or recording.f_nominal or 50.0, values)
+    form = stream_format(recording.path, clock[0], [1.0] * 6, clock[1], values)
     names = ", ".join(recording.channels[k].name for _, k in selection.voltages)
     said = f"{names} are voltages between lines: star voltages are derived from them, and rows are flagged derived"
     return _finished(recording, values, form, recording.start_utc_ns, (said, *notes), frozenset({"derived"}))
@@ -142,7 +147,7 @@ def _values(recording: Recording, given: ChannelMap, key: str, channel: int) -> 
     return recording.column(channel).physical() * factor
 
 
-def _rate(recording: Recording, given: ChannelMap) -> tuple[float, tuple[str, ...]]:
+def _rate(recording: Recording, given: ChannelMap, f_nominal: float) -> tuple[float, tuple[str, ...]]:
     """Samples/s and remarks. Raises InputError where nobody says, and where --rate contradicts the file."""
     known = recording.rate
     if known is None and given.rate is None:
@@ -157,9 +162,9 @@ def _rate(recording: Recording, given: ChannelMap) -> tuple[float, tuple[str, ..
             f"--rate {given.rate:g} overrules the file, whose samples come at {known:.6g} per second "
             f"({given.rate / known - 1:+.1%}): f and W follow --rate",
         )
-    if rate < _LOW_RATE:
-        highest = int(0.48 * rate / 50)
-        notes += (f"{rate:g} samples/s show harmonics up to number {max(highest, 1)} at 50 Hz; what is above is lost",)
+    if rate < _FEW * f_nominal:
+        highest = max(int(0.48 * rate / f_nominal), 1)
+        notes += (f"{rate:g} samples/s show harmonics up to number {highest} at {f_nominal:g} Hz; the others are lost",)
     return rate, notes
 
 

@@ -5,6 +5,8 @@ A recording is searched only where its extremes, its mean or its steps allow a f
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from acqd.arrays import Floats
@@ -15,6 +17,7 @@ Marks = tuple[tuple[int, int, frozenset[str]], ...]
 """First sample, sample after the last, flags."""
 _EQUAL = 4  # samples in a row at the extreme of a channel, from which on it may be clipped
 _END = 30_000  # codes of 16 bits that roll over come near both ends
+_TOGETHER = 64  # stretches
 _LONGEST = 100_000  # samples that show the mean
 
 
@@ -33,14 +36,20 @@ def marks_of(codes: Codes, rate: float, f_nominal: float) -> Marks:
             elif clipped(part, size // 2):
                 flags.setdefault(at, set()).add("clipped")
         if k % 2:
-            stretches = x[: len(x) // size * size].reshape(-1, size)
-            for at in uneven(stretches.astype(np.float64), size // 2):
-                if saturated(x[at * size : (at + 1) * size].astype(np.float64), size // 2):
-                    flags.setdefault(at, set()).add("saturated")
+            for at in _saturated(x, size):
+                flags.setdefault(at, set()).add("saturated")
         whole = x[: min(len(x), _LONGEST) // (size // 2) * (size // 2)].astype(np.float64)
         if k % 2 == 0 and len(whole) and shifted(whole):
             everywhere.add("offset")
     return _joined(flags, everywhere, size, len(codes))
+
+
+def _saturated(x: np.ndarray | Floats, size: int) -> Iterator[int]:
+    """Stretches in which a current is that of a saturated transformer."""
+    stretches = x[: len(x) // size * size].reshape(-1, size)
+    for begin in range(0, len(stretches), _TOGETHER):  # as double numbers, all of them are too many
+        part = stretches[begin : begin + _TOGETHER].astype(np.float64)
+        yield from (begin + at for at in uneven(part, size // 2) if saturated(part[at], size // 2))
 
 
 def _suspects(x: np.ndarray | Floats, most: float, least: float, size: int) -> list[int]:
