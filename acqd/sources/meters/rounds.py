@@ -126,8 +126,8 @@ class RoundJudge:
         flags.add(RESET)
         assert counter.doubt is not None  # else nothing is confirmed
         counter.offset += counter.last - counter.doubt
-        counter.last, counter.at_ns, counter.doubt = value, now_ns, None
-        return counter.offset + value
+        counter.last, counter.at_ns, counter.doubt = max(value, counter.doubt), now_ns, None
+        return counter.offset + counter.last
 
     @staticmethod
     def _confirmed(counter: _Counter, now_ns: int) -> bool:
