@@ -125,6 +125,8 @@ class Meter:
         """Meter the one window that a block of a running stream completes."""
         metered = kernel.meter_live(window.buffer, window.begin, window.end, self.energy)
         if metered is None:
+            metered = kernel.meter_quiet(window.buffer, window.begin, window.end, self.energy)
+        if metered is None:
             kernel.give_back()
             return self._reference(window.piece())
         f, mark, (Vrms, Irms, P, Q1, imported, exported) = metered
@@ -165,16 +167,16 @@ class Meter:
         if self._frequency.trial is not None:
             return None
         codes = np.ascontiguousarray(piece.codes[: piece.bounds[-1]].T)
-        most, least = codes.max(axis=1), codes.min(axis=1)
-        peak = np.maximum(most[0::2], -least[0::2].astype(np.float64))
-        if (peak * self._u_scale[:, 0] >= self._dead[:, 0]).any():
-            return None
         starts = piece.bounds[:-1]
         count = np.diff(piece.bounds).astype(np.float64)
         x = codes.astype(np.float64)
         u, i = x[0::2], x[1::2]
-        counts = np.add.reduceat(u * i, starts, axis=1)
         squares = np.add.reduceat(x * x, starts, axis=1) / count
+        before = (u[:, : starts[0]] ** 2).mean(axis=1, keepdims=True) if starts[0] else 0.0
+        if (np.sqrt(np.maximum(squares[0::2], before)) * self._u_scale > self._dead).any():
+            return None
+        most, least = codes.max(axis=1), codes.min(axis=1)
+        counts = np.add.reduceat(u * i, starts, axis=1)
         flags = piece.row_flags(self.form.phases)
         if piece.first:
             flag_window(flags, 0, "start")

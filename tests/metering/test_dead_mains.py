@@ -40,14 +40,14 @@ def test_rows_without_mains_are_those_of_the_long_way(monkeypatch, mode):
         assert [f for one in quick for f in one.flags[1]] == [f for one in long for f in one.flags[1]]
 
 
-def test_dead_mains_cost_little_more_than_live_ones():
+def test_dead_mains_cost_no_more_than_live_ones():
     """The search for f cost a hundred times as much; the limit leaves room for a busy machine."""
     live = make_mains(50.0, seconds=8.0).codes
-    dead = np.rint(np.random.default_rng(1).normal(0, 3, live.shape)).astype(np.int16)
+    dead = np.random.default_rng(1).normal(0, 3, live.shape)
     took = []
-    for codes in (live, dead):
+    for codes in (live, np.rint(dead).astype(np.int16), np.rint(dead + 0.04 * live).astype(np.int16)):
         meter = Meter(StreamFormat(20_000.0, SCALE))
-        feed(meter, codes[:16_000])
+        assert not np.isfinite(feed(meter, codes[:16_000])[-1].f[0]) or codes is live
         blocks = [SampleBlock(codes[k : k + 800], k, k * 50_000) for k in range(16_000, len(codes), 800)]
         each = []
         for block in blocks:
@@ -55,4 +55,4 @@ def test_dead_mains_cost_little_more_than_live_ones():
             meter.feed(block)
             each.append(time.perf_counter() - begun)
         took.append(float(np.median(each)))
-    assert took[1] < 20 * took[0]
+    assert max(took[1:]) < 2 * took[0]

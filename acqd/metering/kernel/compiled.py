@@ -36,8 +36,8 @@ def load(path: Path) -> ctypes.CDLL:
     loaded.acqd_windows.restype = ctypes.c_int64
     pointer = ctypes.c_void_p
     loaded.acqd_windows.argtypes = [*[pointer] * 5, ctypes.c_int64, pointer]
-    loaded.acqd_window.restype = ctypes.c_int64
-    loaded.acqd_window.argtypes = [pointer, ctypes.c_int64, ctypes.c_int64]
+    for function in (loaded.acqd_window, loaded.acqd_quiet):
+        function.restype, function.argtypes = ctypes.c_int64, [pointer, ctypes.c_int64, ctypes.c_int64]
     loaded.acqd_form_bytes.restype = loaded.acqd_state_bytes.restype = ctypes.c_int64
     return loaded
 

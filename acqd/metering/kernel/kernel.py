@@ -89,7 +89,7 @@ class Kernel:
         found = library or usable_library(len(form.scale))
         if found is None:
             raise RuntimeError("no library")
-        self._windows, self._window = found.acqd_windows, found.acqd_window
+        self._windows, self._window, self._quiet = found.acqd_windows, found.acqd_window, found.acqd_quiet
         self._dtype, self._phases = form.dtype, form.phases
         self._estimator, self._held = estimator, held
         self._trials: dict[int, Floats] = {}
@@ -145,9 +145,7 @@ class Kernel:
 
         Adds to `energy`. Without the price of arrays: several times as fast.
         """
-        if buffer is not self._buffer:
-            self._buffer, self._live.codes, self._fits = buffer, buffer.ctypes.data, buffer.dtype == self._dtype
-        if not self._fits or (not self._mine and not self._take_state()):
+        if not self._point_at(buffer) or (not self._mine and not self._take_state()):
             return None
         before = bytes(self._state)
         while not self._window(self._live_at, begin, end):
@@ -161,6 +159,22 @@ class Kernel:
         self._registers[:] = energy.add_window(self._energies.tolist())
         marks = int(mark) | UNSETTLED if self._held.unsettled else int(mark)
         return LiveMetered(f, marks, self._quantities.copy())
+
+    def meter_quiet(self, buffer: Codes, begin: int, end: int, energy: EnergyRegister) -> LiveMetered | None:
+        """As `meter_live`, for a window without mains that follows one: no f is searched. None for all others."""
+        if self._mine or self._estimator.trial is not None or not self._point_at(buffer):
+            return None
+        if not self._quiet(self._live_at, begin, end):
+            return None
+        f, mark, _ = self._head.tolist()
+        self._registers[:] = energy.add_window(self._energies.tolist())
+        return LiveMetered(f, int(mark), self._quantities.copy())
+
+    def _point_at(self, buffer: Codes) -> bool:
+        """Let the kernel read this buffer; whether its codes are of the stream's type."""
+        if buffer is not self._buffer:
+            self._buffer, self._live.codes, self._fits = buffer, buffer.ctypes.data, buffer.dtype == self._dtype
+        return self._fits
 
     def give_back(self) -> None:
         """Put the state into the objects of the numpy path, which meters the next window."""

@@ -462,5 +462,66 @@ int64_t acqd_window(const struct live *live, int64_t begin, int64_t end)
     return acqd_windows(live->form, live->state, live->table, live->codes, bounds, 1, live->out);
 }
 
+/* A window in which no voltage is mains: sums over exactly its samples, and no f. 0 where a voltage may be mains, or a
+   code is at its end stop. */
+INLINE int quiet(const struct form *form, const void *codes, int bits, int channels, int64_t begin, int64_t end,
+                 double *out)
+{
+    const int each = channels >= NATIVE ? 1 : NATIVE / channels;
+    const int64_t many = begin + (end - 1 - begin) / each * each; /* after the last sample there is nothing to read */
+    struct sums s = {0};
+#pragma GCC unroll 3
+    for (int p = 0; NATIVE * p < channels; p++) {
+        native square = lanes(&s.square, p), cross = lanes(&s.cross, p);
+        native most = lanes(&s.most, p), least = lanes(&s.least, p);
+        for (int64_t n = begin; n < many; n += each) {
+            const native x = native_load(codes, bits, n * channels + NATIVE * p);
+            square += x * x;
+            cross += x * native_swapped(x);
+            most = native_larger(x, most);
+            least = native_smaller(x, least);
+        }
+        set_lanes(&s.square, p, square);
+        set_lanes(&s.cross, p, cross);
+        set_lanes(&s.most, p, most);
+        set_lanes(&s.least, p, least);
+    }
+    for (int64_t n = many; n < end; n++)
+        s = with_products(s, load(codes, bits, n * channels, channels), INSIDE);
+    s = folded(s, channels);
+    const double size = (double)(end - begin);
+    int64_t flags = 0;
+    for (int c = 0; c < channels; c += 2) {
+        const int phase = c / 2;
+        const double u = form->scale[c], i = form->scale[c + 1], volts = sqrt(s.square[c] / size) * u;
+        if (volts > form->dead[phase])
+            return 0;
+        for (int k = c; k < c + 2; k++)
+            if (s.most[k] >= form->code_max || s.least[k] <= form->code_min)
+                return 0;
+        flags |= (int64_t)1 << phase;
+        out[ROW(0, phase)] = volts;
+        out[ROW(IRMS, phase)] = sqrt(s.square[c + 1] / size) * i;
+        out[ROW(POWER, phase)] = s.cross[c] / size * (u * i);
+        out[ROW(REACTIVE, phase)] = NAN;
+        out[ROW(ENERGY, phase)] = s.cross[c];
+    }
+    out[F] = NAN;
+    out[FLAGS] = (double)flags;
+    out[MAGNITUDE] = 0;
+    return 1;
+}
+
+/* The same of one window of a running stream; whether it was metered. */
+int64_t acqd_quiet(const struct live *live, int64_t begin, int64_t end)
+{
+    const struct form *form = live->form;
+    if (form->bits == 16)
+        return quiet(form, live->codes, 16, CHANNELS, begin, end, live->out);
+    if (form->bits == 32)
+        return quiet(form, live->codes, 32, CHANNELS, begin, end, live->out);
+    return quiet(form, live->codes, 64, CHANNELS, begin, end, live->out);
+}
+
 int64_t acqd_form_bytes(void) { return sizeof(struct form); }
 int64_t acqd_state_bytes(void) { return sizeof(struct state); }
