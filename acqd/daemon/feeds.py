@@ -45,4 +45,6 @@ def feed_of(
         if config.quality.enabled:
             _log.warning("%s: no power quality, which needs samples: RMS meters send none", ", ".join(config.devices))
         return MeterFeed(config.source, boot, deliver, company.name)
+    if config.quality.enabled and quality is None:
+        _log.warning("%s: no power quality: [mqtt] is not enabled, and nobody else takes its rows", config.device)
     return WaveformFeed(nominal.applied(config), config.source, boot, deliver, sent, quality, announce, company)

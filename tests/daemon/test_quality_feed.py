@@ -40,6 +40,12 @@ def test_meters_without_samples_are_said_to_have_no_power_quality(caplog):
     assert "press-1: no power quality, which needs samples" in caplog.text
 
 
+def test_a_daemon_without_mqtt_says_that_it_computes_no_power_quality(caplog):
+    config = Config(quality=QualitySection(enabled=True))
+    feed_of(config, "boot1", lambda *_: None, lambda _: None)
+    assert f"{config.device}: no power quality: [mqtt] is not enabled" in caplog.text
+
+
 def test_mains_of_another_frequency_than_configured_are_said_once_in_the_log(caplog):
     feed = QualityFeed(QualitySection(enabled=True), "cell1", 230.0, lambda: "boot1")
     feed.open(StreamFormat(RATE, (1.0,) * 6, bits=64))

@@ -17,7 +17,8 @@ Marks = tuple[tuple[int, int, frozenset[str]], ...]
 """First sample, sample after the last, flags."""
 _EQUAL = 4  # samples in a row at the extreme of a channel, from which on it may be clipped
 _END = 30_000  # codes of 16 bits that roll over come near both ends
-_TOGETHER = 64  # stretches
+_TOGETHER = 256  # stretches
+_POINTS = 25  # of half a cycle
 _LONGEST = 100_000  # samples that show the mean
 
 
@@ -46,10 +47,14 @@ def marks_of(codes: Codes, rate: float, f_nominal: float) -> Marks:
 
 def _saturated(x: np.ndarray | Floats, size: int) -> Iterator[int]:
     """Stretches in which a current is that of a saturated transformer."""
-    stretches = x[: len(x) // size * size].reshape(-1, size)
-    for begin in range(0, len(stretches), _TOGETHER):  # as double numbers, all of them are too many
-        part = stretches[begin : begin + _TOGETHER].astype(np.float64)
-        yield from (begin + at for at in uneven(part, size // 2) if saturated(part[at], size // 2))
+    stretches, step = x[: len(x) // size * size].reshape(-1, size), max(1, size // 4 // _POINTS)
+    half = size // 4 // step * step
+    few = stretches[:, : 2 * half : step]  # enough points to see whether half waves differ
+    for begin in range(0, len(few), _TOGETHER):  # as double numbers, all of them are too many
+        part = few[begin : begin + _TOGETHER].astype(np.float64)
+        for at in uneven(part, part.shape[1]):
+            if saturated(stretches[begin + at].astype(np.float64), size // 2):
+                yield begin + at
 
 
 def _suspects(x: np.ndarray | Floats, most: float, least: float, size: int) -> list[int]:
