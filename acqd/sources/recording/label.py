@@ -22,7 +22,9 @@ def _set(words: str) -> frozenset[str]:
 
 _QUANTITY: dict[str, Letter] = {
     **dict.fromkeys(("u", "v", "voltage", "volt", "volts", "spannung", "tension", "tensione", "voltaje", "ugrid"), "u"),
-    **dict.fromkeys(("i", "current", "curr", "amp", "amps", "strom", "courant", "corriente", "corrente"), "i"),
+    **dict.fromkeys(
+        ("i", "current", "curr", "amp", "amps", "ampere", "strom", "courant", "corriente", "corrente"), "i"
+    ),
 }
 _WORD_QUANTITY = sorted((word for word in _QUANTITY if len(word) > 2), key=len, reverse=True)
 _FILLER = _set(
@@ -32,7 +34,7 @@ _FILLER = _set(
 _COMPUTED = _set(
     "rms mag magnitude angle ang phasor freq frequency power thd avg mean average max min peak crest harmonic "
     "harmonics ref reference setpoint set cos phi fundamental fund effektiv rocof demand eff diff idiff bias ibias "
-    "restraint"
+    "restraint alpha beta ualpha ubeta valpha vbeta ialpha ibeta ud uq vd vq id iq"
 )
 _OTHER = _set("temp temperature speed torque energy trigger position pressure digital time")
 _DC = re.compile(r"^(?:[uvi]?dc\w*|\w*dc|batt?(?:ery)?\d*|[uv]bat\w*|dclink|zk|[uv]zk|zwischenkreis|station)$")
@@ -94,6 +96,9 @@ def _words(name: str) -> list[str]:
         words += [whole, word[len(whole) :]]
     split: list[str] = []
     for word in words:
+        if place := re.fullmatch(r"([uvi])(grid|load|mains|line|supply|netz)", word):
+            split += [place[1], place[2]]
+            continue
         tail = re.fullmatch(r"(?:phase|ph)([a-crsty123]|l[123])", word)
         split += ["phase", tail.group(1)] if tail else [word]
     return [word for word in split if word]

@@ -139,6 +139,8 @@ def _is_unit(text: str) -> bool:
 
 def _looks_like_unit(text: str) -> bool:
     """A text in brackets that stands for a unit, known or not: `[bar]`, `[pu]`, `[Gauss]`; `(L1)`, `(CT 2)` do not."""
+    if re.search(r"[\d.]\s*[*x×/]|[*x×/]\s*[\d.]|^[x×*]", text) and re.search(r"(?i)[va]", text):
+        return True  # a scale beside a unit, `x100 V`, `V/10`: the reader refuses it
     if re.search(r"\s|\d$", text):
         return False
     return re.fullmatch(r"(?i)[lnabcrst]|[a-c][a-cn]|[cvpt][tc]|ph.*|ch.*|rms.*|ac|dc|raw", text) is None

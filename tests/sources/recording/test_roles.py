@@ -10,6 +10,7 @@ from acqd.errors import InputError
 from acqd.sources.recording.channel import Channel, Recording
 from acqd.sources.recording.roles import roles_of
 from acqd.sources.recording.selection import chosen
+from acqd.sources.recording.units import UnknownUnitError, split_label, unit_of
 
 
 def channels(text: str) -> list[Channel]:
@@ -86,11 +87,24 @@ def test_what_the_unit_says_wins_over_the_name_and_contradictions_are_refused():
     [("V1 V2 V0 I1 I2 I0", "no voltage and current pair"), ("VDC IDC", "no voltage and current pair"),
      ("IA IB IC VS", "has i1 but no u1"), ("VA VB VC IA IC", "u2 but no i2"),
      ("VA VB VC IA1 IB1 IC1 IA2 IB2 IC2", "two columns for i1"), ("U12 U32 I1 I3", "has i1 but no u1"),
+     ("U_alpha U_beta I_alpha I_beta", "no voltage and current pair"), ("Vgrid Vload Igrid", "two columns for u1"),
      ("VA|kV|B IA", "its name and its phase field B disagree"), ("VA_MAG|kV VA|kV|N IA", "has i1 but no u1")],
 )  # fmt: skip
 def test_what_stays_ambiguous_is_refused_with_a_line_to_type(text, why):
     with pytest.raises(InputError, match=rf"{why}.*--map .*=.*0="):
         metered(text)
+
+
+def test_a_pair_that_names_its_place_is_l1():
+    assert metered("Vgrid Igrid VDC") == {"u1": "Vgrid", "i1": "Igrid"}
+    assert metered("V_mains I_mains") == {"u1": "V_mains", "i1": "I_mains"}
+
+
+@pytest.mark.parametrize("unit", ["x100 V", "V*10", "V/100", "mV/A", "V x 10"])
+def test_a_scale_beside_a_unit_is_refused_and_never_cut_off(unit):
+    assert split_label(f"u1 [{unit}]") == ("u1", unit)
+    with pytest.raises(UnknownUnitError):
+        unit_of(unit)
 
 
 def test_inputs_of_an_oscilloscope_are_no_phases():
