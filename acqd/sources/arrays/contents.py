@@ -18,6 +18,7 @@ from acqd.arrays import Floats
 from acqd.errors import InputError
 from acqd.sources.recording.channel import Channel, Column, Recording
 from acqd.sources.recording.clock import of_times
+from acqd.sources.recording.label import readings
 from acqd.sources.recording.units import TIME_NAMES, UnknownUnitError, split_label, unit_of
 from acqd.sources.waveform import LATEST_NS, MOST_BYTES, ChannelMap
 
@@ -146,7 +147,7 @@ def recording_of(path: Path, title: str, contents: Contents, given: ChannelMap, 
 
 
 def _is_integer(path: Path, signal: Signal) -> bool:
-    if signal.scale != 1.0 or signal.length > 1_000_000:
+    if signal.scale != 1.0 or not any(one.quantity for one in readings(signal.name)):
         return False
     return bool(_values(path, signal).dtype.kind in "iu")
 
@@ -178,7 +179,7 @@ def _values(path: Path, signal: Signal) -> Any:
 
 def _column(path: Path, signal: Signal) -> Column:
     values = _values(path, signal)
-    if values.dtype.kind not in "iufb" or values.shape != (signal.length,):
+    if values.dtype.kind not in "iuf" or values.shape != (signal.length,):
         raise InputError(path, f"{signal.name} is {values.dtype} {values.shape}; expected {signal.length} numbers")
     if values.dtype.kind == "f" and values.dtype.itemsize > 8:
         values = values.astype(np.float64)

@@ -87,7 +87,7 @@ def _add(contents: Contents, path: Path, name: str, dataset: Any) -> None:
             if dataset.ndim == 1 and kind.kind in "iuf" and kind.shape == ():
                 contents.add(f"{name}/{column}" if "/" in name else column, dataset.shape, _reader(path, name, column))
         return
-    if dataset.dtype.kind not in "iufb" or dataset.attrs.get("MATLAB_class", b"") == b"char":
+    if dataset.dtype.kind not in "iuf" or dataset.attrs.get("MATLAB_class", b"") == b"char":
         return
     number = scalar(dataset[...]) if dataset.size == 1 else None
     if number is not None:

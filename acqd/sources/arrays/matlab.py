@@ -84,7 +84,7 @@ def _add(contents: Contents, name: str, value: Any, depth: int) -> None:
         items = array.reshape(-1)[:_WIDEST]
         for k, item in enumerate(items):
             _add(contents, f"{name}{k + 1}" if array.size > 1 else name, item, depth + 1)
-    elif array.dtype.kind in "iufb":
+    elif array.dtype.kind in "iuf":
         number = scalar(array)
         if number is not None:
             contents.numbers[name] = number

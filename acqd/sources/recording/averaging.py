@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+from acqd.errors import InputError
 from acqd.sources.recording.channel import Column, Recording
 from acqd.sources.waveform import ChannelMap
 
@@ -17,10 +18,19 @@ FASTEST = 1e6
 
 
 def averaged(recording: Recording, given: ChannelMap, f_nominal: float) -> tuple[Recording, ChannelMap]:
-    """Both as they are, or with means where the rate is above `FASTEST` at 50 Hz, in proportion below."""
+    """Both as they are, or with means where the rate is above `FASTEST` at 50 Hz, in proportion below.
+
+    Raises InputError for less than a cycle: times in another unit look like a fast recording.
+    """
     rate, fastest = given.rate or recording.rate, FASTEST * min(1.0, f_nominal / 50.0)
     if rate is None or not fastest < rate < math.inf:
         return recording, given
+    if recording.samples < rate / f_nominal:
+        raise InputError(
+            recording.path,
+            f"lasts {recording.samples / rate:.3g} s at {rate:.4g} samples/s, less than a cycle of the mains; are its "
+            "times in ms, us or days? Say the unit in the name, like time [ms], or give --rate",
+        )
     size = math.ceil(rate / fastest)
 
     def column(k: int) -> Column:

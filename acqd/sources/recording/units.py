@@ -28,7 +28,7 @@ _OTHER_WORDS = """
     wh kwh mwh varh kvarh vah kvah j kj kg mm m cm db dbv dbm bit bool
 """
 _OTHER = frozenset(_OTHER_WORDS.split())
-_OTHER_TAILS = frozenset(("va", "kva", "var", "kvar", "w", "kw", "hz", "pu", "p.u.", "%"))
+_OTHER_TAILS = frozenset(("va", "kva", "var", "kvar", "w", "kw", "hz", "khz", "pu", "p.u.", "%"))
 """Those that are units also behind a name without brackets: `u1_pu`."""
 TIME_NAMES = ("time", "t", "zeit", "temps", "tiempo", "tempo", "x", "x-axis", "time axis", "timestamp", "seconds")
 """Names of a time column."""

@@ -33,6 +33,11 @@ def test_a_file_is_metered_as_it_is(tmp_path, name):
     assert waveform.start_utc_ns == (START_NS if name in ("parquet", "tdms") else None)
 
 
+def test_a_rate_in_kilohertz_and_a_step_in_microseconds_are_understood(tmp_path):
+    assert_metered(load_waveform(mat(tmp_path, u1=U, i1=I, fs_kHz=RATE / 1e3)))
+    assert_metered(load_waveform(mat(tmp_path, u1=U, i1=I, dt_us=1e6 / RATE, n=np.arange(len(T)))))
+
+
 def test_inputs_of_an_oscilloscope_need_a_map(tmp_path):
     path = written(tmp_path, writers.mat_picoscope)
     with pytest.raises(InputError, match=r"--map u1="):
@@ -67,6 +72,8 @@ def mat(tmp_path, **variables):
         ({"fs": 1e4, "n": 3}, "no arrays of samples"),
         ({"time": np.where(T > 0.1, T + 0.01, T), "u1": U, "i1": I}, "equidistant"),
         ({"time": T, "u1_pu": U / 325, "i1": I}, "i1 but no u1"),
+        ({"t": 738_000 + T / 86_400, "u1": U, "i1": I}, "are its times in ms, us or days"),
+        ({"time": T, "u1": U > 0, "i1": I}, "i1 but no u1"),
         ({"time": T, "u1": np.where(T == 0.1, np.nan, U), "i1": I}, "sample 1000, u1: nan"),
     ],
 )
