@@ -33,17 +33,18 @@ def load(path: Path, given: ChannelMap) -> Recording:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of duplicate names
-            announced = sum(8 * _size(shape) for _, shape, _ in whosmat(path))
-            check_size(path, announced)
+            held = whosmat(path)
+            check_size(path, sum(8 * _size(shape) for _, shape, _ in held))
             variables = loadmat(path, struct_as_record=False, verify_compressed_data_integrity=True)
     except InputError:
         raise
     except Exception as error:  # whatever a damaged file makes SciPy raise
         raise damaged(path, "MATLAB file", error) from None
     contents = Contents()
+    logical = {name for name, _, kind in held if kind == "logical"}  # SciPy makes small integers of them
     _collect_texts(contents, variables)
     for name, value in variables.items():
-        if not name.startswith("__"):
+        if not name.startswith("__") and name not in logical:
             _add(contents, name, value, 0)
     return recording_of(path, "MATLAB", contents, given, _ADVICE)
 
