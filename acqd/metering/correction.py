@@ -15,6 +15,7 @@ import numpy as np
 from acqd.arrays import Floats
 from acqd.metering.block import SampleBlock, StreamFormat
 from acqd.metering.delay import POINTS, weights
+from acqd.metering.packed import State, packed, unpacked
 
 _BEFORE = POINTS // 2 - 1
 """Samples before a position that its interpolation reads."""
@@ -82,6 +83,17 @@ class Correction:
         lost = 0 if self._expected is None else index - self._expected
         self._expected = index + count
         return SampleBlock(self._interpolated(x, count), index, utc_ns, lost, flags)
+
+    def state(self) -> State:
+        """What is known of the stream so far."""
+        return {
+            "kept": packed(self._kept), "next": self._next, "pending": sorted(self._pending), "expected": self._expected
+        }  # fmt: skip
+
+    def restore(self, state: State) -> None:
+        """Go on where `state` was taken."""
+        self._kept, self._next = unpacked(state["kept"]).astype(np.float64), state["next"]
+        self._pending, self._expected = frozenset(state["pending"]), state["expected"]
 
     def _interpolated(self, x: Floats, count: int) -> Floats:
         """[count, channels] from [count + last - first, channels]."""

@@ -17,6 +17,7 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.metering.block import CODE_MAX, StreamFormat
+from acqd.metering.packed import State
 
 _WS_PER_KWH = 3_600_000
 _STEPS = 2**64  # of a product of physical values
@@ -65,9 +66,8 @@ class EnergyRegister:
         self._integers = integers
         self._steps = 1 if integers else _STEPS
         self._unit = [Fraction(unit) / self._steps for unit in kwh_per_count]
-        self._float_unit = np.array(kwh_per_count)
         self._per_step = [unit / self._steps for unit in kwh_per_count]
-        self._creeps, self._least = creep_kWh > 0, creep_kWh / self._float_unit
+        self._creeps, self._least = creep_kWh > 0, [creep_kWh / unit for unit in kwh_per_count]
         begin = start or [(0.0, 0.0)] * len(kwh_per_count)
         # Starting readings become counts too (1e-9 of a count is far below the meter's resolution).
         self._imported, self._exported = (
@@ -84,18 +84,9 @@ class EnergyRegister:
 
         A window imports or exports as a whole: within a mains cycle reactive power swings both ways.
         """
-        if counts.shape[1] == 1:
-            readings = np.array(self.add_window(counts[:, 0].tolist())).reshape(2, -1, 1)
-            return EnergyColumns(readings[0], readings[1])
-        if self._creeps:
-            counts = np.where(np.abs(counts) < self._least[:, None], 0.0, counts)
-        sums = counts.astype(np.int64) if self._integers else counts
-        running = np.cumsum(np.stack((np.maximum(sums, 0), np.maximum(-sums, 0))), axis=2)
-        before = np.array((self._imported, self._exported), dtype=np.float64)[:, :, None] / self._steps
-        imported, exported = (before + running) * self._float_unit[:, None]
-        for counts_of, totals in zip((self._imported, self._exported), running[:, :, -1].tolist(), strict=True):
-            for phase, added in enumerate(totals):
-                counts_of[phase] += added if self._integers else round(Fraction(added) * self._steps)
+        # One after the other: the readings must not depend on how many windows come together.
+        windows = np.array([self.add_window(window) for window in counts.T.tolist()])
+        imported, exported = windows.T.reshape(2, -1, len(windows))
         return EnergyColumns(imported, exported)
 
     def add_window(self, counts: list[float]) -> list[float]:
@@ -110,6 +101,14 @@ class EnergyRegister:
             else:
                 exported[phase] -= added
         return [*map(mul, imported, self._per_step), *map(mul, exported, self._per_step)]
+
+    def state(self) -> State:
+        """The registers in counts."""
+        return {"imported": list(self._imported), "exported": list(self._exported)}
+
+    def restore(self, state: State) -> None:
+        """Go on where `state` was taken."""
+        self._imported, self._exported = list(state["imported"]), list(state["exported"])
 
     def reading(self) -> list[tuple[float, float]]:
         """Each phase's (imported, exported) [kWh] now."""

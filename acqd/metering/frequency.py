@@ -23,6 +23,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from acqd.arrays import Floats
+from acqd.metering.packed import State
 from acqd.metering.trial import CYCLES, Trial, make_trial
 from acqd.metering.two_fits import TwoFits
 
@@ -121,6 +122,15 @@ class FrequencyEstimator:
     def window(self) -> int:
         """Samples at the end of the stretch that are the window."""
         return self._window
+
+    def state(self) -> State:
+        """What is known of the stream so far."""
+        return {"trial": self.trial, "fits": self.fits.state()}
+
+    def restore(self, state: State) -> None:
+        """Go on where `state` was taken."""
+        self.trial = state["trial"]
+        self.fits.restore(state["fits"])
 
     def reset(self) -> None:
         """Forget the last frequency (stream start, interruption)."""

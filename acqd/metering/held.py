@@ -9,6 +9,7 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.metering.frequency import Estimate
+from acqd.metering.packed import State
 from acqd.metering.sideband import Sideband
 
 _REMEMBERED = 15  # windows
@@ -76,6 +77,21 @@ class HeldFrequency:
         self._recent.append((f, False))
         self._follow(f)
         return True
+
+    def state(self) -> State:
+        """What is known of the stream so far."""
+        recent = [[value, bool(bent)] for value, bent in self._recent]
+        return {
+            "last": self.last, "sideband": self._sideband.state(), "recent": recent,
+            "before": list(self._before), "swings": self._swings,
+        }  # fmt: skip
+
+    def restore(self, state: State) -> None:
+        """Go on where `state` was taken."""
+        self.last, self._swings = state["last"], state["swings"]
+        self._sideband.restore(state["sideband"])
+        self._recent = deque(((value, bent) for value, bent in state["recent"]), maxlen=_REMEMBERED)
+        self._before = tuple(state["before"])
 
     def reset(self) -> None:
         """The next window does not follow the last one."""

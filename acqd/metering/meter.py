@@ -23,6 +23,7 @@ from acqd.metering.kernel import Kernel, why_not
 from acqd.metering.kernel.kernel import Metered
 from acqd.metering.kernel.layout import ENERGY, IRMS, POWER, REACTIVE, VRMS
 from acqd.metering.marks import flag_window, mark_phases
+from acqd.metering.packed import State
 from acqd.metering.piece import LiveWindow, Piece
 from acqd.metering.stream import WindowStream
 from acqd.metering.whole_cycles import CYCLES, channels, products_of, synchronous
@@ -69,6 +70,7 @@ class Meter:
         fit = max(shortest, int(_FREQUENCY_SPAN * form.rate))
         self._frequency = FrequencyEstimator(form.rate, fit, shortest)
         self._start_frequency = FrequencyEstimator(form.rate, shortest)
+        self._start_frequency.fits = self._frequency.fits
         self._held = HeldFrequency(form.f_nominal, window)
         history = max(fit, int(np.ceil(CYCLES * form.rate / (F_MIN - 1))) + 2) - shortest
         kernel = compiled and why_not(len(form.scale)) is None
@@ -100,6 +102,37 @@ class Meter:
             return self._live(self._kernel, window)
         batches = [self._broken(piece) if piece.broken else self._whole(piece) for piece in self._stream.feed(block)]
         return WindowBatch.join(batches) if batches else None
+
+    def state(self) -> State:
+        """All that decides how the next windows are metered, as JSON.
+
+        Another meter that is made with the same arguments, takes this and is fed the same blocks makes the same rows,
+        to the last bit, by the same kernel on the same kind of processor.
+        """
+        return {
+            "stream": self._stream.state(),
+            "frequency": self._frequency.state(),
+            "held": self._held.state(),
+            "energy": self.energy.state(),
+            "kernel": self._kernel.state() if self._kernel is not None else None,
+        }
+
+    def restore(self, state: State) -> None:
+        """Go on where `state` was taken. Raises ValueError for what is no such state."""
+        try:
+            self._stream.restore(state["stream"])
+            self._frequency.restore(state["frequency"])
+            self._held.restore(state["held"])
+            self.energy.restore(state["energy"])
+            if self._kernel is not None:
+                self._kernel.restore(state["kernel"])
+        except (KeyError, TypeError, AttributeError) as error:
+            raise ValueError(f"no state of a meter: {error!r}") from None
+
+    @property
+    def compiled(self) -> bool:
+        """Whether usual windows are metered by the kernel in C."""
+        return self._kernel is not None
 
     def finish(self) -> int:
         """Samples received after the last whole window (they are in no row)."""
@@ -272,7 +305,6 @@ class Meter:
         if not short:
             return full.examine(u, ends, i)
         own.reset()
-        own.fits = full.fits
         first = own.examine(u, ends[:short], i)
         full.fits.interrupt()  # the two fits of fewer samples differ less
         full.trial = own.trial

@@ -10,6 +10,8 @@ import math
 import statistics
 from collections.abc import Collection
 
+from acqd.metering.packed import State
+
 _MORE = 1.25
 """A spread so many times the largest one of late is an onset."""
 _REMEMBERED = 0.9992
@@ -40,6 +42,14 @@ class Onset:
     def reset(self) -> None:
         """The next windows do not follow the last ones; what is usual stays."""
         self._varied, self.doubted = 0, False
+
+    def state(self) -> State:
+        """What is known of the stream so far."""
+        return {"limit_Hz": self._limit_Hz, "varied": self._varied, "doubted": self.doubted}
+
+    def restore(self, state: State) -> None:
+        """Go on where `state` was taken."""
+        self._limit_Hz, self._varied, self.doubted = state["limit_Hz"], state["varied"], state["doubted"]
 
     def note(self, spread_Hz: float, f: Collection[float], magnitude: Collection[float], *, explained: bool) -> None:
         """One more window: how much the remembered f vary, and whether a known interharmonic is why."""

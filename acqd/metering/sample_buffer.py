@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from acqd.metering.block import Codes
+from acqd.metering.packed import State, packed, unpacked
 
 _ROOM = 1 << 14
 """Samples; a larger array is only as large as it must be."""
@@ -37,6 +38,15 @@ class SampleBuffer:
         self.begin = self._to = 0
         self.origin = origin
         self.append(codes)
+
+    def state(self) -> State:
+        """The samples, to go on with later."""
+        return {"codes": packed(self.run), "origin": self.origin}
+
+    @classmethod
+    def of(cls, state: State) -> SampleBuffer:
+        """Goes on where `state` was taken."""
+        return cls(unpacked(state["codes"]), int(state["origin"]))
 
     def append(self, codes: Codes) -> None:
         """Copy the next samples. Codes of another type make an array of a type that holds both."""

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from acqd.arrays import Floats
 from acqd.metering.onset import Onset
+from acqd.metering.packed import State
 
 LIMIT = 0.005
 """Hz; an interharmonic that moves f by less is let pass."""
@@ -72,6 +73,23 @@ class Sideband:
     def unsettled(self) -> bool:
         """Whether f has begun to vary, and too few windows are known to tell an interharmonic from a swing of f."""
         return self._onset.doubted
+
+    def state(self) -> State:
+        """What is known of the stream so far."""
+        return {
+            "f": list(self._f), "magnitude": list(self._magnitude), "bent": list(self._bent),
+            "bounds": [self._low, self._high, self._left], "next": self._next,
+            "suspected": self._suspected, "beating": self.beating, "onset": self._onset.state(),
+        }  # fmt: skip
+
+    def restore(self, state: State) -> None:
+        """Go on where `state` was taken."""
+        for name, values in (("f", self._f), ("magnitude", self._magnitude), ("bent", self._bent)):
+            values.clear()
+            values.extend(state[name])
+        self._low, self._high, self._left = state["bounds"]
+        self._next, self._suspected, self.beating = state["next"], state["suspected"], state["beating"]
+        self._onset.restore(state["onset"])
 
     def reset(self) -> None:
         """The next window does not follow the last one."""

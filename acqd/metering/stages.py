@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Protocol
 
 from acqd.metering.block import SampleBlock, StreamFormat
+from acqd.metering.packed import State
 
 
 class Stage(Protocol):
@@ -16,6 +17,12 @@ class Stage(Protocol):
 
     def apply(self, block: SampleBlock) -> SampleBlock | None:
         """The next samples; None until there are some."""
+
+    def state(self) -> State:
+        """What the step must know of the stream so far."""
+
+    def restore(self, state: State) -> None:
+        """Go on where `state` was taken."""
 
 
 class Stages:
@@ -30,6 +37,18 @@ class Stages:
             if stage is not None:
                 self._stages.append(stage)
                 self.form = stage.form
+
+    def state(self) -> list[State]:
+        """What the steps know of the stream so far."""
+        return [stage.state() for stage in self._stages]
+
+    def restore(self, states: Sequence[State]) -> None:
+        """Go on where `states` were taken. Raises ValueError for those of other steps."""
+        try:
+            for stage, state in zip(self._stages, states, strict=True):
+                stage.restore(state)
+        except (KeyError, TypeError) as error:
+            raise ValueError(f"no state of a correction: {error!r}") from None
 
     def apply(self, block: SampleBlock) -> SampleBlock | None:
         """The next samples; None until there are some."""

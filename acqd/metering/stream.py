@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acqd.metering.block import Codes, SampleBlock
+from acqd.metering.packed import State, packed, unpacked
 from acqd.metering.piece import LiveWindow, Piece
 from acqd.metering.sample_buffer import SampleBuffer
 from acqd.metering.window import WindowGrid
@@ -60,6 +61,26 @@ class WindowStream:
         samples.forget(stop - self._history)
         utc_ns += round((start - anchor) * 1e9 / self._grid.rate)
         return LiveWindow(seq, utc_ns, samples.codes, start - base, stop - base, block.flags, oldest)
+
+    def state(self) -> State:
+        """Samples that belong to no whole window yet, with the history before them, and the clock."""
+        return {
+            "samples": None if self._samples is None else self._samples.state(),
+            "next": self._next,
+            "orphans": [packed(run) for run in self._orphans],
+            "anchor": list(self._anchor),
+            "marks": [[first, after, sorted(named)] for first, after, named in self._marks],
+            "begun": self._begun,
+            "edges": list(self._edges),
+        }
+
+    def restore(self, state: State) -> None:
+        """Go on where `state` was taken."""
+        self._samples = None if state["samples"] is None else SampleBuffer.of(state["samples"])
+        self._next, self._begun = state["next"], state["begun"]
+        self._orphans = [unpacked(run) for run in state["orphans"]]
+        self._marks = [(first, after, frozenset(named)) for first, after, named in state["marks"]]
+        self._anchor, self._edges = tuple(state["anchor"]), tuple(state["edges"])
 
     @property
     def pending(self) -> int:

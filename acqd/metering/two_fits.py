@@ -14,7 +14,9 @@ fit shrinks by g. The less noise, the larger g.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+
+from acqd.metering.packed import State
 
 LEAST = 0.0005
 """Hz: s at least."""
@@ -58,6 +60,16 @@ class TwoFits:
             self.known = min(self.known + 1, FEW)
             self.change += (min(abs(x - self.last), MOST) - self.change) / self.known
         self.last, self.follows = x, True
+
+    def state(self) -> State:
+        """What is known of the stream so far."""
+        return asdict(self)
+
+    def restore(self, state: State) -> None:
+        """Go on where `state` was taken."""
+        self.change, self.known, self.last, self.follows = (
+            state[name] for name in ("change", "known", "last", "follows")
+        )
 
     def interrupt(self) -> None:
         """The next window does not follow the last one, or that one was not steady."""

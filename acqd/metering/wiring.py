@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from acqd.metering.block import SampleBlock, StreamFormat
+from acqd.metering.packed import State
 
 _STAR = np.array(
     [
@@ -38,6 +39,13 @@ class Aron:
         self._map = (_STAR * np.array(form.scale)).T
         self.form = replace(form, scale=(1.0,) * 6, bits=64)
         """Volts and amperes of three phases."""
+
+    def state(self) -> State:
+        """Nothing: every sample is by itself."""
+        return {}
+
+    def restore(self, _: State) -> None:
+        """Go on."""
 
     def apply(self, block: SampleBlock) -> SampleBlock:
         """Star voltages and line currents of the same samples."""

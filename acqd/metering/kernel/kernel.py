@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.metering import frequency, two_fits
+from acqd.metering import frequency, packed, two_fits
 from acqd.metering.block import Codes, StreamFormat
 from acqd.metering.energy import EnergyRegister
 from acqd.metering.frequency import FrequencyEstimator
@@ -35,6 +35,8 @@ from acqd.metering.trial import Trial
 
 __all__ = ["Kernel", "Metered", "why_not"]
 _MOST_TRIALS = 256  # 5 Hz of wander; 16 MB at 1200 samples
+_KEPT = ("trial", "last", "change", "apart", "known", "follows")
+"""Fields of the state that one window leaves for the next."""
 _PADDING = np.zeros(8)  # the kernel reads whole vectors
 
 
@@ -175,6 +177,16 @@ class Kernel:
         if buffer is not self._buffer:
             self._buffer, self._live.codes, self._fits = buffer, buffer.ctypes.data, buffer.dtype == self._dtype
         return self._fits
+
+    def state(self) -> packed.State | None:
+        """What is known of the stream so far; None while the objects of the numpy path know it."""
+        return {name: getattr(self._state, name) for name in _KEPT} if self._mine else None
+
+    def restore(self, state: packed.State | None) -> None:
+        """Go on where `state` was taken."""
+        self._mine = state is not None
+        for name, value in (state or {}).items():
+            setattr(self._state, name, value)
 
     def give_back(self) -> None:
         """Put the state into the objects of the numpy path, which meters the next window."""

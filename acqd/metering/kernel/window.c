@@ -372,13 +372,14 @@ INLINE int one_window(const struct form *form, struct state *state, const double
     if (!f)
         return (int)(state->reason = next.reason);
     const double size = (double)(end - begin);
-    double length = form->fixed ? size : form->cycles * form->rate / f, start = (double)begin;
+    /* Positions in the stretch: they must not be rounded otherwise where the window lies elsewhere in the buffer. */
+    double length = form->fixed ? size : form->cycles * form->rate / f, start = (double)inside;
     if (!form->fixed)
-        start = size >= length ? (double)begin + (size - length) / 2 : (double)end - length;
+        start = size >= length ? (double)inside + (size - length) / 2 : (double)form->fit - length;
     if (start < 0)
         return (int)(state->reason = NO_HISTORY);
-    const double stop = fmin(start + length, (double)end);
-    inner = interval(outer, codes, bits, channels, begin, end, start, stop);
+    const double stop = fmin(start + length, (double)form->fit);
+    inner = interval(outer, stretch, bits, channels, inside, form->fit, start, stop);
     outer = folded(outer, channels);
     length = stop - start;
     int64_t flags = 0, live = 0;
