@@ -13,6 +13,7 @@ from pydantic import BaseModel, Field, ValidationError, field_validator, model_v
 
 from acqd.daemon import nominal
 from acqd.daemon.alarms_section import AlarmsSection
+from acqd.daemon.archive_section import ArchiveSection
 from acqd.daemon.box_section import BoxSection
 from acqd.daemon.correction_section import CorrectionSection
 from acqd.daemon.events.section import EventsSection
@@ -114,6 +115,7 @@ class Config(Section):
     broker: BrokerSection = BrokerSection()
     sink: SinkSection = Field(default_factory=SinkSection)
     events: EventsSection = EventsSection()
+    archive: ArchiveSection = ArchiveSection()
     health: HealthSection = HealthSection()
     web: WebSection = WebSection()
     homeassistant: HomeAssistantSection = HomeAssistantSection()
@@ -154,6 +156,12 @@ class Config(Section):
         return self
 
     @model_validator(mode="after")
+    def _archive_of_samples(self) -> Config:
+        if self.archive.enabled and all(isinstance(source, MetersSection) for source in self.sources):
+            raise ValueError('archive.enabled: sources of kind "meters" have no samples; set it to false')
+        return self
+
+    @model_validator(mode="after")
     def _known_voltages(self) -> Config:
         nominal.check(self)
         return self
@@ -168,16 +176,24 @@ class Config(Section):
     @property
     def watched(self) -> list[str]:
         """Devices whose samples are watched for voltage events."""
-        if not self.events.enabled:
-            return []
-        if not self.boxes:
-            return self.devices
-        return [name for box in self.boxes if not isinstance(box.source, MetersSection) for name in box.devices]
+        return self._sampled if self.events.enabled else []
 
     @property
     def sources(self) -> list[SourceSection]:
         """Every source."""
         return [box.source for box in self.boxes] or [self.source]
+
+    @property
+    def archived(self) -> list[str]:
+        """Devices whose samples are kept."""
+        return self._sampled if self.archive.enabled else []
+
+    @property
+    def _sampled(self) -> list[str]:
+        """Devices that have samples."""
+        if not self.boxes:
+            return [] if isinstance(self.source, MetersSection) else [self.device]
+        return [name for box in self.boxes if not isinstance(box.source, MetersSection) for name in box.devices]
 
     def of_box(self, box: BoxSection) -> Config:
         """The configuration of a daemon that has this box only."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from acqd.daemon.health.snapshot import FeedHealth
 from acqd.plc.fast_process import Spawn
@@ -13,6 +13,9 @@ from acqd.sources.waveform import Waveform
 from acqd.telemetry.last_rows import Known
 from acqd.telemetry.row import PowerRow
 from acqd.telemetry.spool import Readings
+
+if TYPE_CHECKING:  # libsndfile is loaded only where samples are kept
+    from acqd.archive.recorder import Recorder
 
 Deliver = Callable[[list[PowerRow], list[dict[str, Any]], Readings | None], None]
 """Takes rows, the 1 s summaries that they complete and the registers after them, in the event loop."""
@@ -39,6 +42,8 @@ class Company:
     """Of the feed in the log; "" where there is one only."""
     spawn: Spawn | None = None
     """Starts processes of MAIN_FAST; None: each in a fresh interpreter."""
+    archive: Recorder | None = None
+    """Keeps the samples of all of them."""
 
 
 ALONE = Company()

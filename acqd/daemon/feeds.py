@@ -37,8 +37,8 @@ def feed_of(
         nursery = Nursery()
 
         def make(one: Config, boot: str) -> Feed:
-            company = Company(", ".join(one.devices), nursery.spawn)
-            return feed_of(one, boot, deliver, sent, quality, announce, company)
+            alone = Company(", ".join(one.devices), nursery.spawn, company.archive)
+            return feed_of(one, boot, deliver, sent, quality, announce, alone)
 
         return FeedOfBoxes([Box(one, make) for one in alone], boot, nursery.close)
     if isinstance(config.source, MetersSection):

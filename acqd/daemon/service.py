@@ -17,13 +17,14 @@ import orjson
 from msgspec import to_builtins
 
 from acqd import __version__
+from acqd.daemon.archive.of_daemon import archive_of
 from acqd.daemon.broker_process import BrokerProcess
 from acqd.daemon.config import Config
 from acqd.daemon.embedded_child import EmbeddedChild
-from acqd.daemon.feed import Feed
+from acqd.daemon.feed import Company, Feed
 from acqd.daemon.feeds import feed_of
 from acqd.daemon.health.daemon import DaemonHealth, Progress
-from acqd.daemon.health.snapshot import Delivery, Link
+from acqd.daemon.health.snapshot import Archive, Delivery, Link
 from acqd.daemon.instance import claimant
 from acqd.daemon.notify import notify
 from acqd.daemon.tape import Tape
@@ -65,7 +66,9 @@ class Service:
         self._uplink = Uplink(config, config.devices, self._status, self._me) if config.mqtt.enabled else None
         quality = self._uplink.put_quality if self._uplink else None
         announce = self._uplink.put_event if self._uplink else None
-        self._feed: Feed = feed_of(config, self._boot, self._take, self._uplink, quality, announce)
+        self._archive = archive_of(config)
+        company = Company(archive=self._archive)
+        self._feed: Feed = feed_of(config, self._boot, self._take, self._uplink, quality, announce, company)
         self._stop = asyncio.Event()
         self._started = time.time_ns()
         self._health = DaemonHealth(config.health, config.device, self._feed, self._progress, config.mqtt.certificates)
@@ -130,6 +133,8 @@ class Service:
         """Stop the feed first and the broker last, so that the last rows reach the sink."""
         await self._feed.stop()
         self._feed.save()
+        if self._archive is not None:
+            await asyncio.to_thread(self._archive.close)
         if self._uplink is not None:
             await self._uplink.flush(_FLUSH_S)
         for task in background:
@@ -174,8 +179,9 @@ class Service:
     def _progress(self) -> Progress:
         """Rows and their delivery, for the health endpoints."""
         counters = self.counters()
+        archive = Archive(**asdict(self._archive.latest)) if self._archive is not None else None
         if counters is None:
-            return Progress(self.rows)
+            return Progress(self.rows, archive=archive)
         return Progress(
             self.rows,
             Delivery(
@@ -194,6 +200,7 @@ class Service:
                 old_after_s=self.config.spool.max_age_days * 86_400.0,
             ),
             Link(counters.connected, counters.reconnects, counters.broker_trouble),
+            archive,
         )
 
     def _status(self) -> bytes:
@@ -215,6 +222,7 @@ class Service:
             "rows": self.rows,
             "realtime_refused": self._feed.refused,
             "events": self.config.watched,
+            "archive": asdict(self._archive.latest) if self._archive is not None else {},
             "mqtt": {
                 "waiting": counters.waiting,
                 "dropped": counters.dropped,

@@ -8,8 +8,9 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import asdict
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from acqd.daemon.archive.origin import origin_of, state_of
 from acqd.daemon.boot import Boot
 from acqd.daemon.config import Config
 from acqd.daemon.continued import FLAG, continued
@@ -25,6 +26,7 @@ from acqd.metering.energy import no_load_W
 from acqd.metering.other_mains import meter_for
 from acqd.metering.registers import Registers
 from acqd.metering.signal_watch import SignalWatch
+from acqd.metering.stages import Stages
 from acqd.metering.wiring_watch import Wired, WiringWatch
 from acqd.plc.executive import Executive
 from acqd.plc.realtime import prioritise
@@ -34,6 +36,9 @@ from acqd.telemetry.last_rows import Known
 from acqd.telemetry.row import rows_of
 from acqd.telemetry.spool import Energy, Readings
 from acqd.telemetry.summary import Summariser
+
+if TYPE_CHECKING:  # libsndfile is loaded only where samples are kept
+    from acqd.archive.recorder import Track
 
 _log = logging.getLogger(__name__)
 _STALE_S = 2.0  # rows are missing when none has come for this long
@@ -83,6 +88,8 @@ class WaveformFeed:
         self._begun = time.monotonic()
         self._cycles = Cycles()
         self._refused: list[str] = []
+        self._source, self._archive = source, company.archive
+        self._track: Track | None = None
         self._executive = Executive(
             source.spec(),
             self._make_meter,
@@ -91,6 +98,7 @@ class WaveformFeed:
             realtime=config.realtime.settings(),
             makers=[*source.makers, self._make_signals],
             make_watch=self._make_watch,
+            make_keeper=self._make_keeper if self._archive is not None else None,
             of=company.name,
             spawn=company.spawn,
         )
@@ -118,6 +126,8 @@ class WaveformFeed:
         finally:
             if self._events is not None:
                 self._events.finish()
+            if self._track is not None:
+                self._track.finish()
 
     async def stop(self) -> None:
         """End after the current window."""
@@ -258,6 +268,12 @@ class WaveformFeed:
             announce = self._announce or (lambda _: None)
             self._events = EventWatch(config.events, form, config.device, self._first_boot, announce, config.state_dir)
         return self._watch
+
+    def _make_keeper(self, form: StreamFormat, stages: Stages, meter: Meter) -> Callable[[list[SampleBlock]], None]:
+        assert self._archive is not None
+        origin = origin_of(self._config, self._source, form, meter)
+        self._track = self._archive.track(origin, lambda: (self._boot.name, state_of(stages, meter, self._boot)))
+        return self._track.take
 
     def _watch(self, block: SampleBlock) -> None:
         assert self._wiring is not None

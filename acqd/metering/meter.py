@@ -65,6 +65,7 @@ class Meter:
             raise ValueError(f"window {window:g} s is outside 0.04 .. 0.05 s")
         self.form = form
         self.mode = mode
+        self.creep_W = creep_W
         self._grid = WindowGrid(form.rate, window)
         shortest = int(window * form.rate)
         fit = max(shortest, int(_FREQUENCY_SPAN * form.rate))

@@ -37,6 +37,8 @@ from acqd.sources.spec import Spec
 
 _log = logging.getLogger(__name__)
 _RELAUNCH = RetryPolicy(first_s=0.2, longest_s=2.0, stable_s=2.0)
+MakeKeeper = Callable[[StreamFormat, Stages, Meter], Callable[[list[SampleBlock]], None]]
+"""Gets the format of the source, and the stages and the meter, whose state belongs to the next block."""
 
 
 class Executive:
@@ -52,13 +54,15 @@ class Executive:
         realtime: RealtimeSettings | None = None,
         makers: Sequence[Callable[[StreamFormat], Stage | None]] = (),
         make_watch: Callable[[StreamFormat], Callable[[SampleBlock], None]] | None = None,
+        make_keeper: MakeKeeper | None = None,
         of: str = "",
         spawn: Spawn | None = None,
     ) -> None:
         """`makers` make the stages before the meter; `make_meter` gets the format after them.
 
-        So does `make_watch`, which makes what gets every block after the meter. `of` names the device in the log where
-        there are several. `spawn` starts the process of MAIN_FAST; None: in a fresh interpreter.
+        So does `make_watch`, which makes what gets every block after the meter. `make_keeper` makes what gets
+        all blocks of a cycle as the source delivers them, before they are metered. `of` names the device in the log
+        where there are several. `spawn` starts the process of MAIN_FAST; None: in a fresh interpreter.
         """
         self._spawn = spawn
         self._orders = {"source": source, "window": window, "realtime": asdict(realtime or RealtimeSettings())}
@@ -66,7 +70,7 @@ class Executive:
         self._form: StreamFormat | None = None
         self._window = window
         self._on_batch = on_batch
-        self._make_watch = make_watch
+        self._make_watch, self._make_keeper = make_watch, make_keeper
         self._fast: FastProcess | None = None
         self._slow: SlowTask | None = None
         self._wake_fd = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
@@ -238,7 +242,8 @@ class Executive:
             watch = self._make_watch(stages.form) if self._make_watch is not None else None
             self.recent = RecentSamples(stages.form, self._window)
             watches = [self.recent.add, *([watch] if watch is not None else [])]
-            self._slow = SlowTask(fast.ring, self.meter, fast.flags, stages, watches)
+            keep = self._make_keeper(fast.form, stages, self.meter) if self._make_keeper is not None else None
+            self._slow = SlowTask(fast.ring, self.meter, fast.flags, stages, watches, keep)
         else:
             self._slow.replace_ring(fast.ring)
         if previous is not None:

@@ -22,12 +22,16 @@ class SlowTask:
         flags: frozenset[str] = frozenset(),
         stages: Stages | None = None,
         watches: Sequence[Callable[[SampleBlock], None]] = (),
+        keep: Callable[[list[SampleBlock]], None] | None = None,
     ) -> None:
-        """`meter` takes the samples as `stages` leave them, and then `watches` do."""
+        """`meter` takes the samples as `stages` leave them, and then `watches` do.
+
+        `keep` gets all blocks of a cycle before the first of them is metered.
+        """
         self._ring = ring
         self._meter = meter
         self._stages = stages
-        self._watches = watches
+        self._watches, self._keep = watches, keep
         self.flags = flags
         """Hold for the rows made from now on ("simulated")."""
         self.windows = 0
@@ -43,9 +47,12 @@ class SlowTask:
         """Meter what has arrived; None when no window is complete."""
         begun = time.perf_counter_ns()
         batches = []
-        for block in self._ring.read():
-            if self.flags:
-                block = replace(block, flags=block.flags | self.flags)
+        blocks = self._ring.read()
+        if self.flags:
+            blocks = [replace(block, flags=block.flags | self.flags) for block in blocks]
+        if blocks and self._keep is not None:
+            self._keep(blocks)
+        for block in blocks:
             ready = block if self._stages is None else self._stages.apply(block)
             batch = None if ready is None else self._meter.feed(ready)
             if ready is not None:

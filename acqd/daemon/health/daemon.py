@@ -12,7 +12,7 @@ from acqd.daemon.feed import Feed
 from acqd.daemon.health.capture import CAPTURE, CapturePage
 from acqd.daemon.health.section import HealthSection
 from acqd.daemon.health.service import ServiceHealth
-from acqd.daemon.health.snapshot import Delivery, Link, Snapshot
+from acqd.daemon.health.snapshot import Archive, Delivery, Link, Snapshot
 from acqd.daemon.health.window import WINDOW, window_page
 
 _TURN_S = 5.0  # without a turn of the event loop: it is blocked, and no row gets through it
@@ -25,6 +25,7 @@ class Progress:
     rows: int
     delivery: Delivery | None = None
     broker: Link | None = None
+    archive: Archive | None = None
 
 
 class DaemonHealth(ServiceHealth):
@@ -67,6 +68,7 @@ class DaemonHealth(ServiceHealth):
             source=feed.source,
             broker=progress.broker,
             delivery=progress.delivery,
+            archive=progress.archive,
             cycles=feed.cycles,
             synchronised=feed.synchronised,
             windows=feed.windows,

@@ -143,6 +143,12 @@ RUNBOOK = (
         r"spool|messages were dropped",
     ),
     _entry(
+        "archive",
+        "`archive: ...`, doctor: `archive`",
+        "the disk of `[archive] folder`: room, mount, owner; rows go on, and `acqd archive list` names every gap",
+        r"^archive: |^doctor: archive",
+    ),
+    _entry(
         "database-away",
         "`database away: ...` (sink)",
         "the sentence is the database's; rows wait with the broker",

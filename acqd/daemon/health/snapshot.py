@@ -58,6 +58,24 @@ class Delivery:
 
 
 @dataclass(frozen=True, slots=True)
+class Archive:
+    """Samples that are kept ([archive])."""
+
+    folder: str
+    bytes: int = 0
+    limit_bytes: int = 0
+    files: int = 0
+    seconds: float = 0.0
+    """Of samples of the device that has most."""
+    lost: int = 0
+    """Samples (of all channels) since the start that the archive could not take."""
+    deleted: int = 0
+    """Segments since the start that made room."""
+    trouble: str = ""
+    """Why samples are not kept at present, else empty."""
+
+
+@dataclass(frozen=True, slots=True)
 class Cycles:
     """MAIN_FAST."""
 
@@ -174,6 +192,7 @@ class Snapshot:
     broker: Link | None = None
     database: Link | None = None
     delivery: Delivery | None = None
+    archive: Archive | None = None
     cycles: Cycles | None = None
     synchronised: bool | None = None
     """Whether the clock is disciplined; None: nobody can tell."""

@@ -50,6 +50,9 @@ def verdict(snapshot: Snapshot) -> Verdict:
     if snapshot.delivery is not None:
         problems += _delivery_problems(snapshot.delivery)
         _counted(snapshot.delivery.dropped, seen.dropped, "messages were dropped since the start", problems, notes)
+    if snapshot.archive is not None:
+        problems += [f"archive: {snapshot.archive.trouble}; rows go on"] if snapshot.archive.trouble else []
+        notes += [f"archive: {snapshot.archive.lost} samples were not kept"] if snapshot.archive.lost else []
     if snapshot.synchronised is False:
         notes.append("the clock is not synchronised: rows are flagged; enable chrony or systemd-timesyncd")
     problems += _sink_problems(snapshot)

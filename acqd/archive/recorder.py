@@ -1,0 +1,342 @@
+"""One thread writes all segments of a daemon: what the disk does never reaches the metering.
+
+Tracks hand blocks over and go on. What the thread cannot take, because the disk is slow, full or broken, is counted and
+becomes a named gap: the next segment says why it begins.
+"""
+
+from __future__ import annotations
+
+import errno
+import logging
+import os
+import queue
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from acqd.archive.head import FOLLOWS, STARTED, Head, Origin
+from acqd.archive.ring import Limits, Ring, lock
+from acqd.archive.segment_file import FULL, STOPPED, SegmentFile, name_of
+from acqd.changes import StateLog
+from acqd.errors import UserError
+from acqd.metering.block import SampleBlock
+
+_log = logging.getLogger(__name__)
+SEGMENT_S, CHUNK_S = 300.0, 0.4
+"""s of samples in a file, and in a record: what is not in a whole record is lost when acqd is killed."""
+_SYNC_S = 0.3
+"""With a record's length and the time to write it, the power takes less than a second."""
+_MOST_WAITING = 32 * 2**20
+"""Bytes of samples that wait for the disk: two minutes of one box."""
+_RETRY_S = 1.0
+_BEHIND = "the disk was too slow"
+
+
+@dataclass(frozen=True, slots=True)
+class Now:
+    """What an archive says about itself; for any thread."""
+
+    folder: str
+    bytes: int
+    limit_bytes: int
+    files: int
+    seconds: float
+    """Of samples of the device that has most."""
+    lost: int
+    """Samples (of all channels) since the start that the archive could not take."""
+    deleted: int
+    """Segments since the start that made room."""
+    trouble: str
+    """Why samples are not kept at present, else empty."""
+
+
+@dataclass(slots=True)
+class Sheet:
+    """A segment as a track sees it: what has been handed over, not what is on disk."""
+
+    head: Head
+    name: str
+    samples: int = 0
+    why: str = STOPPED
+    """Why it ends."""
+    failed: str = ""
+    """Why it is on no disk, set by the thread."""
+
+
+_Order = Callable[[], None]
+
+
+class Recorder:
+    """The archive of one daemon."""
+
+    def __init__(self, root: Path, limits: Limits, *, segment_s: float = SEGMENT_S, chunk_s: float = CHUNK_S) -> None:
+        """Raises UserError when another process writes to this folder, or it cannot be made."""
+        self._root, self._limits = root, limits
+        self.segment_s, self.chunk_s = segment_s, chunk_s
+        try:
+            self._lock = lock(root)
+        except BlockingIOError:
+            raise UserError(
+                f"archive {root} is in use by another acqd; give this one another [archive] folder"
+            ) from None
+        except OSError as error:
+            raise UserError(f"archive {root}: {error.strerror}; check [archive] folder and its owner") from None
+        self._ring = Ring(root, limits)
+        try:
+            self._ring.open()
+        except OSError as error:
+            raise UserError(f"archive {root} cannot be read ({error.strerror}); check [archive] folder") from None
+        self._number = self._ring.next_number
+        self._orders: queue.SimpleQueue[tuple[_Order, int] | None] = queue.SimpleQueue()
+        self._waiting, self._counting = 0, threading.Lock()
+        self._open: dict[int, tuple[Sheet, SegmentFile]] = {}
+        self._says = StateLog(_log)
+        self._trouble, self._retry_at, self._lost = "", 0.0, 0
+        self._latest = self._snapshot()
+        self._thread = threading.Thread(target=self._run, name="archive", daemon=True)
+        self._thread.start()
+
+    @property
+    def ready(self) -> bool:
+        """Whether a segment can be begun: the disk works, or it is time to try it again, and not too much waits."""
+        return self._waiting < _MOST_WAITING // 2 and time.monotonic() >= self._retry_at
+
+    @property
+    def latest(self) -> Now:
+        """For any thread; at most a second old, unless the disk hangs."""
+        return replace(self._latest, lost=self._lost, trouble=self._trouble)
+
+    def track(self, origin: Origin, now: Callable[[], tuple[str, dict[str, Any]]]) -> Track:
+        """Takes the samples of one stream. `now` gives the boot of the rows and the state that meters them."""
+        return Track(self, origin, now)
+
+    def begin(self, head: Head, state: dict[str, Any]) -> Sheet:
+        """Have a segment begun."""
+        sheet = Sheet(head, name_of(head.number, head.utc_ns))
+        self._put(lambda: self._begin(sheet, state))
+        return sheet
+
+    def append(self, sheet: Sheet, blocks: Sequence[SampleBlock]) -> bool:
+        """Have blocks written; False when too much waits."""
+        size = sum(block.codes.nbytes for block in blocks)
+        if self._waiting + size > _MOST_WAITING:
+            return False
+        self._put(lambda: self._append(sheet, blocks), size)
+        return True
+
+    def end(self, sheet: Sheet, why: str) -> None:
+        """Have a segment ended."""
+        self._put(lambda: self._end(sheet, why))
+
+    def next_number(self) -> int:
+        """Of the next segment."""
+        number, self._number = self._number, self._number + 1
+        return number
+
+    def lose(self, samples: int, why: str = "") -> None:
+        """Count samples that are not kept."""
+        with self._counting:
+            self._lost += samples
+        if why:
+            self._note_trouble("behind", why)
+
+    def close(self, timeout: float = 1.0) -> None:
+        """Write what waits, for `timeout` [s] at most."""
+        self._orders.put(None)
+        self._thread.join(timeout)
+        if self._thread.is_alive():
+            _log.error("archive: the disk is slow; %d bytes of samples are not written", self._waiting)
+        else:
+            os.close(self._lock)
+
+    def _put(self, order: _Order, size: int = 0) -> None:
+        with self._counting:
+            self._waiting += size
+        self._orders.put((order, size))
+
+    # -- in the thread --
+
+    def _run(self) -> None:
+        synced = time.monotonic()
+        while True:
+            try:
+                item = self._orders.get(timeout=_SYNC_S)
+            except queue.Empty:
+                item = (lambda: None, 0)
+            if item is None:
+                break
+            order, size = item
+            try:
+                order()
+            except Exception:  # a bug here costs samples of the archive, and no row
+                _log.exception("archive: the thread that writes it goes on after a bug")
+            with self._counting:
+                self._waiting -= size
+            if time.monotonic() - synced >= _SYNC_S:
+                self._sync()
+                synced = time.monotonic()
+                self._latest = self._snapshot()
+        for number in list(self._open):
+            self._close(number, STOPPED)
+        self._latest = self._snapshot()
+
+    def _begin(self, sheet: Sheet, state: dict[str, Any]) -> None:
+        head, folder = sheet.head, self._root / sheet.head.origin.device
+
+        def write() -> None:
+            self._ring.expire()
+            self._ring.make_room(0)
+            file = SegmentFile(folder, sheet.name, head, state)
+            self._open[head.number] = sheet, file
+            self._ring.add(head.number, file.path)
+
+        self._try(sheet, write)
+
+    def _append(self, sheet: Sheet, blocks: Sequence[SampleBlock]) -> None:
+        _, file = self._open.get(sheet.head.number, (sheet, None))
+        if file is None:
+            self.lose(sum(len(block.codes) for block in blocks))
+            return
+
+        def write() -> None:
+            self._ring.make_room(0)
+            file.append(blocks)
+            self._ring.update(sheet.head.number, file.size, file.seconds)
+
+        if not self._try(sheet, write):
+            self.lose(sum(len(block.codes) for block in blocks))
+
+    def _end(self, sheet: Sheet, why: str) -> None:
+        self._close(sheet.head.number, why)
+
+    def _close(self, number: int, why: str) -> None:
+        _, file = self._open.pop(number, (None, None))
+        if file is not None:
+            file.close(why)
+            self._ring.update(number, file.size, file.seconds, writing=False)
+
+    def _try(self, sheet: Sheet, write: Callable[[], None]) -> bool:
+        """Write; a full disk gives up its oldest segments first. What fails ends the segment, not acqd."""
+        while True:
+            try:
+                write()
+            except OSError as error:
+                if error.errno in (errno.ENOSPC, errno.EDQUOT) and self._ring.give_up_oldest():
+                    continue
+                self._fail(sheet, error.strerror or str(error))
+                return False
+            except Exception as error:  # a bug here costs samples of the archive, and no row
+                _log.exception("archive: a segment could not be written")
+                self._fail(sheet, repr(error))
+                return False
+            return True
+
+    def _fail(self, sheet: Sheet, reason: str) -> None:
+        sheet.failed = reason
+        self._close(sheet.head.number, f"disk: {reason}")
+        self._note_trouble("disk", reason)
+
+    def _note_trouble(self, state: str, reason: str) -> None:
+        self._trouble, self._retry_at = reason, time.monotonic() + _RETRY_S
+        self._says.trouble("archive", state, f"samples are not kept: {reason}; rows go on", logging.ERROR)
+
+    def _sync(self) -> None:
+        for sheet, file in list(self._open.values()):
+            try:
+                file.sync()
+            except OSError as error:
+                self._fail(sheet, error.strerror or str(error))
+        if self._open and time.monotonic() >= self._retry_at and self._waiting < _MOST_WAITING // 2:
+            self._trouble = ""
+            self._says.fine("archive", "samples are kept again")
+
+    def _snapshot(self) -> Now:
+        ring = self._ring
+        return Now(
+            str(self._root), ring.size, self._limits.most_bytes, ring.files, round(ring.seconds, 1), self._lost,
+            ring.deleted, self._trouble,
+        )  # fmt: skip
+
+
+class Track:
+    """Hands the samples of one stream over, in MAIN_SLOW; never waits and never fails."""
+
+    def __init__(self, recorder: Recorder, origin: Origin, now: Callable[[], tuple[str, dict[str, Any]]]) -> None:
+        self._recorder, self._origin, self._now = recorder, origin, now
+        rate = origin.form.rate
+        self._long, self._chunk = recorder.segment_s * rate, recorder.chunk_s * rate
+        self._sheet: Sheet | None = None
+        self._before: Sheet | None = None  # the segment before, for events that begin in it
+        self._pending: list[SampleBlock] = []
+        self._count = 0  # samples that are pending
+        self._after = 0  # number of the segment before
+        self._next = 0  # number after the last sample that is pending
+        self._reason = STARTED  # of the next segment
+
+    def take(self, blocks: Sequence[SampleBlock]) -> None:
+        """Blocks that are about to be metered, before the first of them is: the state of the meter belongs to it."""
+        sheet = self._sheet
+        if sheet is not None and sheet.failed:
+            self._drop(f"disk: {sheet.failed}")
+        elif sheet is not None and sheet.samples >= self._long:
+            self._hand_over()
+            if self._sheet is not None:
+                self._recorder.end(sheet, FULL)
+                self._before, self._sheet, self._reason = sheet, None, FOLLOWS
+        if self._sheet is None and not self._begin(blocks):
+            return
+        for block in blocks:
+            if self._pending and block.index != self._next:  # no sample is missing within a chunk
+                self._hand_over()
+                if self._sheet is None:
+                    return
+            self._next = block.index + len(block.codes)
+            self._pending.append(block)
+            self._count += len(block.codes)
+        if self._count >= self._chunk:
+            self._hand_over()
+
+    def finish(self) -> None:
+        """No more samples."""
+        self._hand_over()
+        if self._sheet is not None:
+            self._recorder.end(self._sheet, STOPPED)
+            self._sheet = None
+
+    def where(self, index: int) -> tuple[str, int] | None:
+        """File and number of a sample in it, counted from the first of the file; None: it is in no file."""
+        for sheet in (self._sheet, self._before):
+            if sheet is not None and not sheet.failed and index >= sheet.head.index:
+                return f"{self._origin.device}/{sheet.name}", index - sheet.head.index
+        return None
+
+    def _begin(self, blocks: Sequence[SampleBlock]) -> bool:
+        recorder, first = self._recorder, blocks[0]
+        if not recorder.ready:
+            recorder.lose(sum(len(block.codes) for block in blocks))
+            return False
+        boot, state = self._now()
+        head = Head(recorder.next_number(), self._origin, boot, first.index, first.utc_ns, self._after, self._reason)
+        self._sheet, self._after = recorder.begin(head, state), head.number
+        return True
+
+    def _hand_over(self) -> None:
+        if self._sheet is None or not self._pending:
+            return
+        if not self._recorder.append(self._sheet, self._pending):
+            self._drop(_BEHIND)
+            return
+        self._sheet.samples += self._count
+        self._pending, self._count = [], 0
+
+    def _drop(self, reason: str) -> None:
+        """End a segment that cannot go on."""
+        assert self._sheet is not None
+        if not self._sheet.failed:
+            self._recorder.end(self._sheet, reason)
+        self._recorder.lose(self._count, reason if reason == _BEHIND else "")
+        self._pending, self._count = [], 0
+        self._sheet, self._reason = None, reason

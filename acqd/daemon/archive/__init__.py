@@ -1,0 +1,1 @@
+"""The archive of the daemon: written while it runs, and metered again."""
