@@ -39,6 +39,7 @@ _COMMANDS = (
     _Command("web", _MEASURE),
     _Command("replay", _MEASURE),
     _Command("capture", _MEASURE),
+    _Command("archive", _MEASURE, group=True),
     _Command("conformance", _MEASURE),
     _Command("en50160", _DATA),
     _Command("ethercat", _MEASURE, group=True),

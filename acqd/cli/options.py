@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from acqd.errors import UserError
 
 if TYPE_CHECKING:  # most commands read no acqd.toml, and its models take a third of a second to build
     from acqd.daemon.config import Config
@@ -15,6 +18,20 @@ Json = Annotated[bool, typer.Option("--json", help="Machine-readable output on s
 ConfigFile = Annotated[Path | None, typer.Option("--config", "-c", help="acqd.toml to take settings from.")]
 Host = Annotated[str | None, typer.Option(help="Broker host (default 127.0.0.1, or the config's).")]
 Port = Annotated[int | None, typer.Option(min=1, max=65535, help="Broker port (default 1883, or the config's).")]
+
+
+def utc_option(option: str, text: str | None) -> int | None:
+    """A time as ns since 1970; without a zone: UTC. Raises UserError, which names `option`."""
+    if text is None:
+        return None
+    try:
+        stamp = datetime.fromisoformat(text)
+    except ValueError:
+        raise UserError(f"{option} {text!r}: expected a time like 2021-07-13T10:15:00Z") from None
+    if not 1970 < stamp.year < 2200:
+        raise UserError(f"{option} {text!r}: expected a time between 1971 and 2199")
+    since = (stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC)) - datetime(1970, 1, 1, tzinfo=UTC)
+    return (since // timedelta(microseconds=1)) * 1000
 
 
 def configured(path: Path | None, host: str | None = None, port: int | None = None) -> Config:

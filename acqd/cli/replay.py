@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import signal
 import sys
-from datetime import UTC, datetime
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -15,7 +14,7 @@ from rich.progress import Progress
 from rich.table import Table
 
 from acqd.cli.inspected import print_inspected
-from acqd.cli.options import ConfigFile, Host, Json, Port, broker_address
+from acqd.cli.options import ConfigFile, Host, Json, Port, broker_address, utc_option
 from acqd.cli.table import energy
 from acqd.cli.terminal import terminal
 from acqd.daemon.events.of_recording import event_settings
@@ -27,6 +26,10 @@ from acqd.sources.load import load_recording
 from acqd.sources.recording.inspect import inspect as inspected
 from acqd.sources.text_file import check_encoding
 from acqd.telemetry.topics import valid_device
+
+_DEVICE = "replay"
+_OF_AN_ARCHIVE = ("archive", "since", "until", "against", "out", "device", "json")
+"""Parameters that go with --archive."""
 
 
 class Speed(StrEnum):
@@ -51,9 +54,10 @@ class Lamp(StrEnum):
 
 
 def replay(
+    context: typer.Context,
     files: Annotated[
-        list[Path], typer.Argument(metavar="FILE...", help="Files of instruments: docs/waveforms.md lists them.")
-    ],
+        list[Path] | None, typer.Argument(metavar="FILE...", help="Files of instruments: docs/waveforms.md lists them.")
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="Write the rows as JSON lines; - is stdout.")] = None,
     speed: Annotated[Speed, typer.Option(help="As fast as possible, or in real time.")] = Speed.MAX,
     mode: Annotated[ModeName, typer.Option(help="Whole mains cycles, or exactly each window.")] = ModeName.SYNCHRONOUS,
@@ -75,7 +79,7 @@ def replay(
     lamp: Annotated[Lamp, typer.Option(help="Of --flicker.")] = Lamp.V230,
     phasors: Annotated[Path | None, typer.Option(help="Write synchrophasors, f and ROCOF as JSON lines.")] = None,
     half_cycles: Annotated[Path | None, typer.Option(help="Write Urms(1/2) of every half cycle as JSON lines.")] = None,
-    device: Annotated[str, typer.Option(help="Device name in the rows.")] = "replay",
+    device: Annotated[str, typer.Option(help="Device name in the rows.")] = _DEVICE,
     loops: Annotated[int, typer.Option("--loops", "--loop", min=1, help="Play each file so many times.")] = 1,
     window: Annotated[float, typer.Option(min=0.04, max=0.05, help="Window length in s.")] = 0.04,
     nominal_voltage: Annotated[float, typer.Option(min=0.01, help="V, for the no_mains threshold.")] = 230.0,
@@ -90,15 +94,32 @@ def replay(
     inspect: Annotated[
         bool, typer.Option("--inspect", help="Show channels and first readings; meter nothing.")
     ] = False,
+    archive: Annotated[
+        Path | None, typer.Option(help="Instead of files: the archive of a daemon, metered as the daemon did.")
+    ] = None,
+    since: Annotated[str | None, typer.Option("--from", help="With --archive: UTC of the first row.")] = None,
+    until: Annotated[str | None, typer.Option("--to", help="With --archive: UTC after the last row.")] = None,
+    against: Annotated[
+        str | None, typer.Option(help="With --archive: compare with stored rows (.jsonl, .sqlite or SQL URL).")
+    ] = None,
     config: ConfigFile = None,
     host: Host = None,
     port: Port = None,
     json: Json = False,
 ) -> None:
-    """Meter recorded waveforms.
+    """Meter recorded waveforms, or the samples that a daemon has kept.
 
-    Example: acqd replay recording.npz --out rows.jsonl; acqd replay --inspect relay.cfg
+    Example: acqd replay recording.npz --out rows.jsonl; acqd replay --inspect relay.cfg; acqd replay --archive DIR
+    --from 2026-12-31T23:00:00Z --to 2027-01-01T00:00:00Z --against acqd.sqlite
     """
+    if archive is not None:
+        from acqd.cli.replay_archive import ArchiveOptions, replay_archive  # with libsndfile, for this only
+
+        _refuse_others(context)
+        chosen = None if device == _DEVICE else device
+        replay_archive(ArchiveOptions(archive, since, until, chosen, out, against), json=json)
+        return
+    files = _named(files, bool(since or until or against))
     if not valid_device(device):
         raise UserError(f"--device {device!r}: expected 1 to 64 letters, digits, dots, dashes or underscores")
     columns = ChannelMap.parse(mapping) if mapping else None
@@ -121,7 +142,7 @@ def replay(
         nominal_voltage=nominal_voltage,
         loops=loops,
         real_time=speed is Speed.REAL,
-        start_utc_ns=_utc(start),
+        start_utc_ns=utc_option("--start", start),
         out=out,
         aggregate=aggregate,
         quality=quality,
@@ -146,16 +167,26 @@ def replay(
         _print(report)
 
 
-def _utc(text: str | None) -> int | None:
-    if text is None:
-        return None
-    try:
-        stamp = datetime.fromisoformat(text)
-    except ValueError:
-        raise UserError(f"--start {text!r}: expected a time like 2021-07-13T10:15:00Z") from None
-    if not 1970 < stamp.year < 2200:
-        raise UserError(f"--start {text!r}: expected a time between 1971 and 2199")
-    return round((stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC)).timestamp() * 1e9)
+def _named(files: list[Path] | None, of_archive: bool) -> list[Path]:
+    """The files. Raises UserError where there are none, or options that only an archive has."""
+    if not files:
+        raise UserError("which recording? Give FILE..., or --archive DIR")
+    if of_archive:
+        raise UserError("--from, --to and --against are for --archive DIR; give that too")
+    return files
+
+
+def _refuse_others(context: typer.Context) -> None:
+    """Raises UserError for an option that would be ignored: rows of an archive are made as the daemon made them."""
+    for parameter in context.command.params:
+        name = parameter.name or ""
+        source = context.get_parameter_source(name)
+        if source is not None and source.name == "COMMANDLINE" and name not in _OF_AN_ARCHIVE:
+            given = parameter.opts[0] if parameter.opts[0].startswith("-") else "FILE"
+            raise UserError(
+                f"--archive makes rows as the daemon made them; leave {given} out "
+                "(acqd archive export writes files for everything else)"
+            )
 
 
 def _print(report: PlaybackReport) -> None:

@@ -37,8 +37,8 @@ def feed_of(
         nursery = Nursery()
 
         def make(one: Config, boot: str) -> Feed:
-            alone = Company(", ".join(one.devices), nursery.spawn, company.archive)
-            return feed_of(one, boot, deliver, sent, quality, announce, alone)
+            beside = Company(", ".join(one.devices), nursery.spawn, company.archive)
+            return feed_of(one, boot, deliver, sent, quality, announce, beside)
 
         return FeedOfBoxes([Box(one, make) for one in alone], boot, nursery.close)
     if isinstance(config.source, MetersSection):

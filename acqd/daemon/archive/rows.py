@@ -1,0 +1,111 @@
+"""Rows of archived samples, as the daemon made them: the same blocks, from the state that the daemon had.
+
+Every segment has that state, so segments are independent of each other and can be metered in several processes. The
+state after the last block of a segment must be the one that the next segment begins with: where it is another one,
+something metered otherwise than the daemon did.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from acqd.archive.segment import Segment
+from acqd.archive.segment_file import FULL
+from acqd.daemon.archive.origin import Again, kernel_name, state_of
+from acqd.errors import InputError
+from acqd.metering import WindowBatch
+from acqd.telemetry.row import PowerRow, rows_of
+
+_TOGETHER = 2_000
+"""Windows whose rows are made at once."""
+_AFTER_NS = 10**9
+"""A window that begins before the end of the range is complete within this time."""
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """One segment, and which of its rows are wanted: those of windows that begin in begin .. end [UTC ns]."""
+
+    path: Path
+    begin_ns: int | None = None
+    end_ns: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Remade:
+    """What became of a segment."""
+
+    path: Path
+    rows: list[PowerRow]
+    samples: int
+    state_before: str
+    """Digest of the state it begins with."""
+    state_after: str | None
+    """Of the state after its last block; None where not all of it was metered, or nothing follows."""
+    kernel: str
+    """What metered it now."""
+    damage: str = ""
+    """What ended it early."""
+
+
+def remake(task: Task) -> Remade:
+    """Meter a segment. Raises InputError for one without a state, OSError."""
+    segment = Segment.open(task.path)
+    state = segment.state()
+    try:
+        again = Again.of(segment.head.origin, state)
+    except ValueError as error:
+        raise InputError(task.path, str(error)) from None
+    until = None if task.end_ns is None else task.end_ns + _AFTER_NS
+    rows: list[PowerRow] = []
+    waiting: list[WindowBatch] = []
+    samples, damage = 0, ""
+
+    def make() -> None:
+        if waiting:
+            rows.extend(_rows(WindowBatch.join(waiting), segment, again, task))
+            waiting.clear()
+
+    blocks = segment.blocks(end_ns=until)
+    try:
+        for block in blocks:
+            samples += len(block.codes)
+            ready = again.stages.apply(block)
+            batch = None if ready is None else again.meter.feed(ready)
+            if batch is not None:
+                waiting.append(batch)
+                if len(waiting) >= _TOGETHER:
+                    make()
+    except InputError as error:
+        damage = str(error)
+    make()
+    whole = segment.why == FULL and samples == segment.samples and not damage
+    after = _digest(state_of(again.stages, again.meter, again.boot)) if whole else None
+    return Remade(task.path, rows, samples, _digest(state), after, kernel_name(again.meter), damage)
+
+
+def _rows(batch: WindowBatch, segment: Segment, again: Again, task: Task) -> Iterator[PowerRow]:
+    """Rows of a batch that begin in the range, with their boots."""
+    rows = list(rows_of(batch, segment.head.origin.device, again.boot.name))
+    again.boot.stamp(rows)
+    begins = batch.utc_ns
+    wanted = np.ones(len(batch), dtype=bool)
+    if task.begin_ns is not None:
+        wanted &= begins >= task.begin_ns
+    if task.end_ns is not None:
+        wanted &= begins < task.end_ns
+    if wanted.all():
+        return iter(rows)
+    channels = len(rows) // max(len(batch), 1)
+    return (row for k, row in enumerate(rows) if wanted[k // channels])
+
+
+def _digest(state: dict[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(state, sort_keys=True).encode()).hexdigest()
