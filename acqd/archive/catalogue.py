@@ -8,10 +8,10 @@ from pathlib import Path
 
 from acqd.archive.head import FOLLOWS, STARTED
 from acqd.archive.segment import Segment
-from acqd.archive.segment_file import STOPPED, SUFFIX, TORN, number_of, stamp_of
+from acqd.archive.segment_file import FULL, STOPPED, SUFFIX, TORN, number_of, stamp_of
 from acqd.errors import InputError, UserError
 
-_SOURCE = "the source sent none"
+_SOURCE, _DAMAGE = "the source sent none", "damaged bytes in the file"
 _MARGIN_NS = 60 * 10**9
 """Of the stamps in names, which have seconds."""
 
@@ -115,9 +115,9 @@ def _within(segment: Segment) -> Iterator[Gap]:
     """Samples that the source has lost, or damage."""
     device = segment.head.origin.device
     end, end_ns = segment.head.index, segment.head.utc_ns
-    for place in segment.chunks:
+    for k, place in enumerate(segment.chunks):
         if place.first > end:
-            why = "damaged bytes in the file" if segment.damaged else _SOURCE
+            why = _DAMAGE if segment.harmed_before(k) else _SOURCE
             yield Gap(device, end_ns, place.utc_ns, place.first - end, why)
         end, end_ns = place.first + place.samples, place.end_ns
 
@@ -132,12 +132,15 @@ def _between(before: Segment, segment: Segment) -> Iterator[Gap]:
 
 
 def _why(before: Segment, segment: Segment) -> str:
-    if segment.head.after not in (0, before.head.number):
-        return "the segments between are gone"
     if segment.head.begins not in (STARTED, FOLLOWS):
         return segment.head.begins
-    if before.why in (None, TORN):
-        return "acqd ended without a word: killed, crashed, or without power"
+    if segment.head.after not in (0, before.head.number):
+        return "the segments between are gone"
+    unended = before.why in (None, TORN)
+    if segment.head.begins == FOLLOWS and unended:
+        return _DAMAGE if before.damaged else "the disk took no more of the segment before"
     if segment.head.begins == FOLLOWS:
-        return "damaged bytes in the file" if before.damaged else _SOURCE
-    return "acqd was stopped" if before.why == STOPPED else before.why
+        return _SOURCE if before.why == FULL else str(before.why)
+    if unended:
+        return "acqd ended without a word: killed, crashed, or without power"
+    return "acqd was stopped" if before.why == STOPPED else str(before.why)

@@ -22,6 +22,8 @@ _LENGTH = struct.Struct("<I")
 class Place(NamedTuple):
     """Where a chunk is, and which samples are in it."""
 
+    number: int
+    """Of the chunk in its segment, from 0: where one is missing, bytes were damaged."""
     offset: int
     """Of its record in the file."""
     first: int
@@ -38,6 +40,8 @@ class Place(NamedTuple):
 class Chunk:
     """Blocks that follow each other, without their samples."""
 
+    number: int
+    """In its segment."""
     blocks: tuple[SampleBlock, ...]
     """With empty codes."""
     counts: tuple[int, ...]
@@ -56,13 +60,15 @@ class Chunk:
 
     def place(self, offset: int, rate: float) -> Place:
         """Of the chunk whose record is at `offset`."""
-        return place_of(self.blocks, self.counts, offset, rate)
+        return place_of(self.number, offset, self.blocks, self.counts, rate)
 
 
-def place_of(blocks: Sequence[SampleBlock], counts: Sequence[int], offset: int, rate: float) -> Place:
-    """Of a chunk of `blocks` with `counts` samples, whose record is at `offset`."""
+def place_of(
+    number: int, offset: int, blocks: Sequence[SampleBlock], counts: Sequence[int], rate: float
+) -> Place:  # fmt: skip
+    """Of a chunk of `blocks` with `counts` samples."""
     first = blocks[0]
-    return Place(offset, first.index, first.utc_ns, sum(counts), after(blocks[-1], counts[-1], rate))
+    return Place(number, offset, first.index, first.utc_ns, sum(counts), after(blocks[-1], counts[-1], rate))
 
 
 def after(block: SampleBlock, samples: int, rate: float) -> int:
@@ -70,14 +76,14 @@ def after(block: SampleBlock, samples: int, rate: float) -> int:
     return block.utc_ns + round(samples * 1e9 / rate)
 
 
-def chunk_body(blocks: Sequence[SampleBlock], form: StreamFormat) -> bytes:
+def chunk_body(number: int, blocks: Sequence[SampleBlock], form: StreamFormat) -> bytes:
     """The content of the record: what is written of a block is only what does not follow from the one before."""
     coding, data = encode(np.concatenate([block.codes for block in blocks]))
     told, before = [], None
     for block in blocks:
         told.append([len(block.codes)] if before is not None and _follows(block, before, form) else _told(block))
         before = block
-    text = orjson.dumps({"coding": coding, "blocks": told})
+    text = orjson.dumps({"number": number, "coding": coding, "blocks": told})
     return _LENGTH.pack(len(text)) + text + data
 
 
@@ -101,7 +107,9 @@ def parse_chunk(body: memoryview, form: StreamFormat) -> Chunk:
                 blocks.append(SampleBlock(nothing, before.index + counts[k - 1], utc_ns, 0, before.flags))
         if not blocks:
             raise ValueError("it has no blocks")
-        return Chunk(tuple(blocks), tuple(counts), str(told["coding"]), body[_LENGTH.size + length :])
+        return Chunk(
+            _count(told["number"]), tuple(blocks), tuple(counts), str(told["coding"]), body[_LENGTH.size + length :]
+        )
     except (struct.error, KeyError, TypeError, IndexError) as error:
         raise ValueError(f"its blocks are told wrongly ({error!r})") from None
 

@@ -28,7 +28,7 @@ def stretches(there: Contents, begin_ns: int | None, end_ns: int | None) -> Iter
     form: StreamFormat | None = None
     blocks: list[SampleBlock] = []
     for segment in there.segments:
-        for block in segment.blocks(begin_ns, end_ns):
+        for block in segment.blocks(begin_ns, end_ns, skip=True):
             part = _within(block, segment.head.origin.form, begin_ns, end_ns)
             if part is None:
                 continue

@@ -100,9 +100,14 @@ class Recorder:
         self._thread.start()
 
     @property
+    def behind(self) -> bool:
+        """Whether so much waits that no segment should be begun."""
+        return self._waiting >= _MOST_WAITING // 2
+
+    @property
     def ready(self) -> bool:
         """Whether a segment can be begun: the disk works, or it is time to try it again, and not too much waits."""
-        return self._waiting < _MOST_WAITING // 2 and time.monotonic() >= self._retry_at
+        return not self.behind and time.monotonic() >= self._retry_at
 
     @property
     def latest(self) -> Now:
@@ -249,7 +254,7 @@ class Recorder:
                 file.sync()
             except OSError as error:
                 self._fail(sheet, error.strerror or str(error))
-        if self._open and time.monotonic() >= self._retry_at and self._waiting < _MOST_WAITING // 2:
+        if self._open and self.ready:
             self._trouble = ""
             self._says.fine("archive", "samples are kept again")
 
@@ -316,7 +321,8 @@ class Track:
     def _begin(self, blocks: Sequence[SampleBlock]) -> bool:
         recorder, first = self._recorder, blocks[0]
         if not recorder.ready:
-            recorder.lose(sum(len(block.codes) for block in blocks))
+            self._reason = _BEHIND if recorder.behind else self._reason
+            recorder.lose(sum(len(block.codes) for block in blocks), _BEHIND if recorder.behind else "")
             return False
         boot, state = self._now()
         head = Head(recorder.next_number(), self._origin, boot, first.index, first.utc_ns, self._after, self._reason)

@@ -94,19 +94,32 @@ class Segment:
         except ValueError as error:
             raise InputError(self.path, str(error)) from None
 
-    def blocks(self, begin_ns: int | None = None, end_ns: int | None = None) -> Iterator[SampleBlock]:
-        """The blocks of all chunks that touch begin .. end. Raises InputError at a chunk that is damaged, OSError."""
+    def harmed_before(self, k: int) -> bool:
+        """Whether records between chunk `k` and the one before it were damaged."""
+        return self.chunks[k].number != (self.chunks[k - 1].number + 1 if k else 0)
+
+    def blocks(
+        self, begin_ns: int | None = None, end_ns: int | None = None, *, skip: bool = False
+    ) -> Iterator[SampleBlock]:
+        """The blocks of all chunks that touch begin .. end.
+
+        Raises InputError where a chunk is damaged, unless `skip`; OSError.
+        """
         form = self.head.origin.form
         with self.path.open("rb", buffering=0) as file:
-            for place in self.chunks:
-                if (end_ns is not None and place.utc_ns >= end_ns) or (
-                    begin_ns is not None and place.end_ns <= begin_ns
-                ):
+            for k, place in enumerate(self.chunks):
+                late = end_ns is not None and place.utc_ns >= end_ns
+                if late or (begin_ns is not None and place.end_ns <= begin_ns):
                     continue
                 try:
-                    yield from _chunk(file.fileno(), place, self).samples(form)
+                    if self.harmed_before(k) and not skip:
+                        raise ValueError("records before this one are damaged")
+                    blocks = _chunk(file.fileno(), place, self).samples(form)
                 except ValueError as error:
+                    if skip:
+                        continue
                     raise InputError(self.path, f"at byte {place.offset}: {error}") from None
+                yield from blocks
 
 
 def _chunk(file: int, place: Place, segment: Segment) -> Chunk:

@@ -73,8 +73,9 @@ class SegmentFile:
 
     def append(self, blocks: Sequence[SampleBlock]) -> None:
         """Write blocks as one chunk. Raises OSError."""
-        body = chunk_body(blocks, self._form)
-        place = place_of(blocks, [len(block.codes) for block in blocks], self.size, self._form.rate)
+        number = len(self._index)
+        body = chunk_body(number, blocks, self._form)
+        place = place_of(number, self.size, blocks, [len(block.codes) for block in blocks], self._form.rate)
         self._write(record(CHUNK, body))
         self._index.append(place)
         self.seconds += place.samples / self._form.rate
