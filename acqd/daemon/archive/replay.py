@@ -13,7 +13,7 @@ from acqd.archive.segment import Segment
 from acqd.daemon.archive.compare import Comparison
 from acqd.daemon.archive.rows import Remade, Task
 from acqd.errors import UserError
-from acqd.telemetry.row import json_lines
+from acqd.telemetry.row import parse_row
 
 Run = Callable[[list[Task]], Iterable[Remade]]
 """Remakes tasks, in any order, in any processes."""
@@ -67,15 +67,15 @@ def remade(
     before: tuple[Segment, Remade] | None = None
     for segment, result in zip(there.segments, _in_order(tasks, run(tasks)), strict=True):
         report.segments += 1
-        report.rows += len(result.rows)
+        report.rows += result.rows
         report.recorded_s += result.samples / segment.head.origin.form.rate
         report.notes += _doubts(segment, result, before)
         if before is not None and before[1].state_after == result.state_before:
             report.joints += 1
         if out is not None:
-            out.write(json_lines(result.rows))
+            out.write(result.lines)
         if comparison is not None:
-            comparison.take(result.rows)
+            comparison.take(map(parse_row, result.lines.splitlines()))
         before = segment, result
     report.elapsed_s = time.perf_counter() - begun
     return report

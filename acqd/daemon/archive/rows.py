@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,7 +20,7 @@ from acqd.archive.segment_file import FULL
 from acqd.daemon.archive.origin import Again, kernel_name, state_of
 from acqd.errors import InputError
 from acqd.metering import WindowBatch
-from acqd.telemetry.row import PowerRow, rows_of
+from acqd.telemetry.row import PowerRow, json_lines, rows_of
 
 _TOGETHER = 2_000
 """Windows whose rows are made at once."""
@@ -43,7 +42,9 @@ class Remade:
     """What became of a segment."""
 
     path: Path
-    rows: list[PowerRow]
+    rows: int
+    lines: bytes
+    """The rows as JSON lines: between processes they cost a tenth of what objects do."""
     samples: int
     state_before: str
     """Digest of the state it begins with."""
@@ -64,13 +65,16 @@ def remake(task: Task) -> Remade:
     except ValueError as error:
         raise InputError(task.path, str(error)) from None
     until = None if task.end_ns is None else task.end_ns + _AFTER_NS
-    rows: list[PowerRow] = []
+    count, lines = 0, list[bytes]()
     waiting: list[WindowBatch] = []
     samples, damage = 0, ""
 
     def make() -> None:
+        nonlocal count
         if waiting:
-            rows.extend(_rows(WindowBatch.join(waiting), segment, again, task))
+            rows = _rows(WindowBatch.join(waiting), segment, again, task)
+            count += len(rows)
+            lines.append(json_lines(rows))
             waiting.clear()
 
     blocks = segment.blocks(end_ns=until)
@@ -88,10 +92,10 @@ def remake(task: Task) -> Remade:
     make()
     whole = segment.why == FULL and samples == segment.samples and not damage
     after = _digest(state_of(again.stages, again.meter, again.boot)) if whole else None
-    return Remade(task.path, rows, samples, _digest(state), after, kernel_name(again.meter), damage)
+    return Remade(task.path, count, b"".join(lines), samples, _digest(state), after, kernel_name(again.meter), damage)
 
 
-def _rows(batch: WindowBatch, segment: Segment, again: Again, task: Task) -> Iterator[PowerRow]:
+def _rows(batch: WindowBatch, segment: Segment, again: Again, task: Task) -> list[PowerRow]:
     """Rows of a batch that begin in the range, with their boots."""
     rows = list(rows_of(batch, segment.head.origin.device, again.boot.name))
     again.boot.stamp(rows)
@@ -102,9 +106,9 @@ def _rows(batch: WindowBatch, segment: Segment, again: Again, task: Task) -> Ite
     if task.end_ns is not None:
         wanted &= begins < task.end_ns
     if wanted.all():
-        return iter(rows)
+        return rows
     channels = len(rows) // max(len(batch), 1)
-    return (row for k, row in enumerate(rows) if wanted[k // channels])
+    return [row for k, row in enumerate(rows) if wanted[k // channels]]
 
 
 def _digest(state: dict[str, Any]) -> str:

@@ -1,0 +1,1 @@
+"""The archive under kills and power failures, and what its codings cost."""
