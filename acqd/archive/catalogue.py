@@ -124,7 +124,7 @@ def _within(segment: Segment) -> Iterator[Gap]:
 
 def _between(before: Segment, segment: Segment) -> Iterator[Gap]:
     device, head = segment.head.origin.device, segment.head
-    same = head.begins != STARTED
+    same = head.after != 0  # one stream
     missing = head.index - before.end if same else None
     if same and not missing:
         return

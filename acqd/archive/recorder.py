@@ -32,6 +32,8 @@ _SYNC_S = 0.3
 _MOST_WAITING = 32 * 2**20
 """Bytes of samples that wait for the disk: two minutes of one box."""
 _RETRY_S = 1.0
+_OPENING_S = 2.0
+"""How long a start waits for the files that are there; metering begins without them then."""
 _BEHIND = "the disk was too slow"
 
 
@@ -60,8 +62,6 @@ class Sheet:
     head: Head
     name: str
     samples: int = 0
-    why: str = STOPPED
-    """Why it ends."""
     failed: str = ""
     """Why it is on no disk, set by the thread."""
 
@@ -73,31 +73,32 @@ class Recorder:
     """The archive of one daemon."""
 
     def __init__(self, root: Path, limits: Limits, *, segment_s: float = SEGMENT_S, chunk_s: float = CHUNK_S) -> None:
-        """Raises UserError when another process writes to this folder, or it cannot be made."""
+        """Raises UserError when another process writes to this folder.
+
+        A folder that cannot be used now is tried again: it does not keep the daemon from metering.
+        """
         self._root, self._limits = root, limits
         self.segment_s, self.chunk_s = segment_s, chunk_s
+        self._lock: int | None = None
+        self._says = StateLog(_log)
+        self._trouble, self._retry_at, self._lost = "", 0.0, 0
         try:
             self._lock = lock(root)
         except BlockingIOError:
-            raise UserError(
-                f"archive {root} is in use by another acqd; give this one another [archive] folder"
-            ) from None
+            raise UserError(f"archive {root} is in use by another acqd; give this one another folder") from None
         except OSError as error:
-            raise UserError(f"archive {root}: {error.strerror}; check [archive] folder and its owner") from None
+            self._note_trouble("disk", error.strerror or str(error))
         self._ring = Ring(root, limits)
-        try:
-            self._ring.open()
-        except OSError as error:
-            raise UserError(f"archive {root} cannot be read ({error.strerror}); check [archive] folder") from None
-        self._number = self._ring.next_number
+        self._number = 0
+        self._opened = threading.Event()
         self._orders: queue.SimpleQueue[tuple[_Order, int] | None] = queue.SimpleQueue()
         self._waiting, self._counting = 0, threading.Lock()
         self._open: dict[int, tuple[Sheet, SegmentFile]] = {}
-        self._says = StateLog(_log)
-        self._trouble, self._retry_at, self._lost = "", 0.0, 0
         self._latest = self._snapshot()
         self._thread = threading.Thread(target=self._run, name="archive", daemon=True)
         self._thread.start()
+        if self._lock is not None:
+            self._opened.wait(_OPENING_S)
 
     @property
     def behind(self) -> bool:
@@ -107,7 +108,7 @@ class Recorder:
     @property
     def ready(self) -> bool:
         """Whether a segment can be begun: the disk works, or it is time to try it again, and not too much waits."""
-        return not self.behind and time.monotonic() >= self._retry_at
+        return self._opened.is_set() and not self.behind and time.monotonic() >= self._retry_at
 
     @property
     def latest(self) -> Now:
@@ -154,7 +155,7 @@ class Recorder:
         self._thread.join(timeout)
         if self._thread.is_alive():
             _log.error("archive: the disk is slow; %d bytes of samples are not written", self._waiting)
-        else:
+        elif self._lock is not None:
             os.close(self._lock)
 
     def _put(self, order: _Order, size: int = 0) -> None:
@@ -167,6 +168,8 @@ class Recorder:
     def _run(self) -> None:
         synced = time.monotonic()
         while True:
+            if not self._opened.is_set() and time.monotonic() >= self._retry_at:
+                self._open_ring()
             try:
                 item = self._orders.get(timeout=_SYNC_S)
             except queue.Empty:
@@ -187,6 +190,17 @@ class Recorder:
         for number in list(self._open):
             self._close(number, STOPPED)
         self._latest = self._snapshot()
+
+    def _open_ring(self) -> None:
+        """Look what is there, and end what a crash has left open; a disk that is away is tried again."""
+        try:
+            self._lock = self._lock if self._lock is not None else lock(self._root)
+            self._ring.open()
+        except OSError as error:
+            self._note_trouble("disk", error.strerror or str(error))
+            return
+        self._number = self._ring.next_number
+        self._opened.set()
 
     def _begin(self, sheet: Sheet, state: dict[str, Any]) -> None:
         head, folder = sheet.head, self._root / sheet.head.origin.device
@@ -321,7 +335,8 @@ class Track:
     def _begin(self, blocks: Sequence[SampleBlock]) -> bool:
         recorder, first = self._recorder, blocks[0]
         if not recorder.ready:
-            self._reason = _BEHIND if recorder.behind else self._reason
+            trouble = recorder.latest.trouble
+            self._reason = _BEHIND if recorder.behind else f"disk: {trouble}" if trouble else self._reason
             recorder.lose(sum(len(block.codes) for block in blocks), _BEHIND if recorder.behind else "")
             return False
         boot, state = self._now()

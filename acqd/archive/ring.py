@@ -56,6 +56,7 @@ class Ring:
 
     def open(self) -> None:
         """Look what is there, and end what has no end. Raises OSError."""
+        self._files = []
         for path in sorted(self._root.glob(f"*/*{SUFFIX}")) + sorted(self._root.glob(f"*/*{DAMAGED}")):
             number = number_of(path)
             if number is None:

@@ -36,6 +36,9 @@ def install(
     rights: Annotated[
         list[str] | None, typer.Option("--rights", help="raw-network or serial, as the source needs them.")
     ] = None,
+    archive: Annotated[
+        str | None, typer.Option(help="Keep all samples in this folder, on another disk for instance.")
+    ] = None,
     broker: Annotated[bool, typer.Option(help="Passwords and access rules for mosquitto on this computer.")] = True,
     program: Annotated[str | None, typer.Option(help="Path of the command acqd (default: this one).")] = None,
     start: Annotated[bool, typer.Option(help="Enable and start the services.")] = True,
@@ -46,7 +49,7 @@ def install(
 
     Configuration that exists stays as it is. Default: daemon, sink and maintain.
 
-    Example: sudo acqd service install --device hall-3 --rights raw-network
+    Example: sudo acqd service install --device hall-3 --rights raw-network --archive /srv/waveforms
     """
     chosen = tuple(services or ("daemon", "sink", "maintain"))
     if "all" in chosen:
@@ -55,7 +58,7 @@ def install(
         raise UserError(f"--device {device!r}: expected letters, digits, . _ -")
     path = program or default_program(shutil.which(sys.argv[0]) or sys.argv[0])
     system = Root(root)
-    wanted = Wanted(path, chosen, device, tuple(rights or ()), broker)
+    wanted = Wanted(path, chosen, device, tuple(rights or ()), archive, broker)
     carry_out(wanted, system, start=start)
     _report(system, json)
 

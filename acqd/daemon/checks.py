@@ -10,6 +10,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+from acqd.daemon.archive_checks import archive_checks
 from acqd.daemon.broker_checks import broker_checks
 from acqd.daemon.compiler_checks import compiled_c
 from acqd.daemon.config import Config
@@ -38,6 +39,7 @@ def all_checks(config: Config) -> list[Finding]:
         _database(config),
         _disk(config),
         *spool_checks(config),
+        *archive_checks(config),
     ]
 
 

@@ -122,7 +122,7 @@ def remove(root: Root, *, purge: bool) -> None:
     """
     _require_rights(root)
     _stop(root)
-    wanted = Wanted("acqd", tuple(SERVICES), drop_ins=("raw-network", "serial"))
+    wanted = Wanted("acqd", tuple(SERVICES), drop_ins=("raw-network", "serial"), archive="/anywhere")
     for file in reversed(files_of(wanted)):
         if not file.keep or file.path.startswith("/etc/mosquitto"):
             root.remove(file.path)

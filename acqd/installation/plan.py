@@ -44,6 +44,10 @@ _SYSUSERS = 'u acqd - "acqd power metering" /var/lib/acqd /usr/sbin/nologin\n'
 _TMPFILES = "d /etc/acqd 0750 root acqd -\nd /var/lib/acqd 0750 acqd acqd -\nd /var/cache/acqd 0750 acqd acqd -\n"
 _CREDENTIAL = "[Service]\nLoadCredential=mqtt.password:/etc/acqd/{user}.password\n"
 
+_ARCHIVE = "# a disk that is away must not keep the daemon from metering\n[Service]\nReadWritePaths=-{folder}\n"
+_HIDDEN = ("/home", "/root", "/run/user", "/tmp", "/var/tmp", "/proc", "/sys", "/dev")
+"""Folders that the units do not see."""
+
 
 @dataclass(frozen=True, slots=True)
 class File:
@@ -69,6 +73,8 @@ class Wanted:
     """Name of the device, which is also its user at the broker."""
     drop_ins: tuple[str, ...] = ()
     """raw-network, serial: rights that a source needs."""
+    archive: str | None = None
+    """Folder for samples outside of the state folder, absolute; the daemon keeps them then."""
     broker: bool = True
     """Passwords and access rules for a mosquitto on this computer."""
     passwords: dict[str, str] = field(default_factory=dict, repr=False)
@@ -80,19 +86,21 @@ class Wanted:
             unknown = set(given) - set(known)
             if unknown:
                 raise UserError(f"no {what} {', '.join(sorted(unknown))}; there are {', '.join(known)}")
+        if self.archive is not None:
+            _check_archive(self.archive)
 
 
 def files_of(wanted: Wanted) -> list[File]:
     """All files but the broker's password file. Raises UserError where acqd was copied without its files."""
-    made = [
-        File("/etc/sysusers.d/acqd.conf", _SYSUSERS),
-        File("/etc/tmpfiles.d/acqd.conf", _TMPFILES),
-    ]
+    folders = _TMPFILES + (f"d {wanted.archive} 0750 acqd acqd -\n" if wanted.archive else "")
+    made = [File("/etc/sysusers.d/acqd.conf", _SYSUSERS), File("/etc/tmpfiles.d/acqd.conf", folders)]
     for service in wanted.services:
         made += _service_files(wanted, service)
     for name in wanted.drop_ins:
         text = shared_text(f"systemd/{_DROP_INS[name]}")
         made.append(File(f"/etc/systemd/system/acqd.service.d/{name}.conf", text))
+    if wanted.archive:
+        made.append(File("/etc/systemd/system/acqd.service.d/archive.conf", _ARCHIVE.format(folder=wanted.archive)))
     if wanted.broker:
         made += [
             File("/etc/mosquitto/conf.d/acqd.conf", broker_configuration()),
@@ -117,7 +125,7 @@ def user_of(wanted: Wanted, service: str) -> str:
 
 def _service_files(wanted: Wanted, service: str) -> list[File]:
     user, toml = user_of(wanted, service), SERVICES[service].toml
-    config = configuration(user if wanted.broker else None, wanted.device)
+    config = configuration(user if wanted.broker else None, wanted.device, wanted.archive)
     made = [File(f"/etc/acqd/{toml}.toml", config, 0o640, "acqd", keep=True)]
     for unit in SERVICES[service].units:
         text = shared_text(f"systemd/{unit}").replace("/opt/acqd/.venv/bin/acqd", wanted.program)
@@ -130,10 +138,21 @@ def _service_files(wanted: Wanted, service: str) -> list[File]:
     return made
 
 
-def configuration(user: str | None, device: str) -> str:
-    """acqd.toml with every key; with the user of the broker and where the password is."""
+def _check_archive(folder: str) -> None:
+    """Raises UserError for a folder that the units could not use."""
+    if not re.fullmatch(r"(/[\w.@+-]+)+", folder) or ".." in folder.split("/"):
+        raise UserError(f"--archive {folder!r}: expected an absolute path of letters, digits, . _ @ + -")
+    if any(folder == hidden or folder.startswith(f"{hidden}/") for hidden in _HIDDEN):
+        raise UserError(f"--archive {folder}: the service does not see {', '.join(_HIDDEN)}; choose another folder")
+
+
+def configuration(user: str | None, device: str, archive: str | None = None) -> str:
+    """acqd.toml with every key; with the user of the broker, where the password is, and where samples are kept."""
     text = files("acqd.daemon").joinpath("acqd.toml").read_text(encoding="utf-8")
     text = re.sub(r'^(# )?device = "[^"]*"', f'device = "{device}"', text, count=1, flags=re.MULTILINE)
+    if archive is not None:
+        text = re.sub(r"^(\[archive\].*\n)enabled = false", r"\1enabled = true", text, count=1, flags=re.MULTILINE)
+        text = re.sub(r'^# folder = "[^"]*"', f'folder = "{archive}"', text, count=1, flags=re.MULTILINE)
     if user is None:
         return text
     text = re.sub(r'^# username = "[^"]*"', f'username = "{user}"', text, count=1, flags=re.MULTILINE)

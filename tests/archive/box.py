@@ -76,7 +76,9 @@ class FakeBox:
 
 def recorder(root: Path, limits: Limits = WIDE, segment_s: float = 0.8) -> Recorder:
     """With short segments."""
-    return Recorder(root, limits, segment_s=segment_s, chunk_s=0.1)
+    made = Recorder(root, limits, segment_s=segment_s, chunk_s=0.1)
+    until(lambda: made.ready or made.latest.trouble)
+    return made
 
 
 def until(condition) -> None:

@@ -133,3 +133,20 @@ def test_a_disk_that_hangs_costs_samples_and_no_rows(tmp_path, monkeypatch):
     archive.close()
     assert any(gap.why == "the disk was too slow" for gap in contents(tmp_path).gaps())
     assert again(tmp_path, stored=box.rows).comparison.different == 0
+
+
+def test_a_disk_that_is_away_at_the_start_does_not_keep_the_daemon_from_metering(tmp_path, monkeypatch):
+    monkeypatch.setattr("acqd.archive.recorder._RETRY_S", 0.01)
+    (tmp_path / "mount").write_text("in the way of the folder")
+    archive = recorder(tmp_path / "mount")
+    assert archive.latest.trouble
+    box = fed(archive, 1)
+    assert len(box.rows) == 100 and archive.latest.lost == len(CODES)
+    (tmp_path / "mount").unlink()
+    until(lambda: archive.ready)
+    box.feed(CODES, at=len(CODES))
+    box.track.finish()
+    archive.close()
+    (segment,) = contents(tmp_path / "mount").segments[:1]
+    assert segment.head.begins.startswith("disk: ") and segment.head.index == len(CODES)
+    assert again(tmp_path / "mount", stored=box.rows).comparison.different == 0

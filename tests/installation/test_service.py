@@ -48,8 +48,13 @@ def root(tmp_path):
 
 
 def test_an_installation_has_user_folders_units_and_access(root):
-    installed(root, "--device", "hall-3", "--rights", "raw-network", "--with", "daemon", "--with", "sink")
+    wanted = ("--device", "hall-3", "--rights", "raw-network", "--archive", "/srv/waveforms")
+    installed(root, *wanted, "--with", "daemon", "--with", "sink")
     files = contents(root)
+    assert b"ReadWritePaths=-/srv/waveforms\n" in files["/etc/systemd/system/acqd.service.d/archive.conf"][0]
+    assert stat.S_IMODE((root / "srv/waveforms").stat().st_mode) == 0o750
+    kept = load_config(root / "etc/acqd/acqd.toml").archive
+    assert kept.enabled and str(kept.folder) == "/srv/waveforms"
     assert re.search(r"^acqd:x:\d+:\d+:acqd power metering:/var/lib/acqd:", files["/etc/passwd"][0].decode(), re.M)
     group = int(re.search(r"^acqd:x:(\d+):", files["/etc/group"][0].decode(), re.M)[1])
     for folder, mode in (("etc/acqd", 0o750), ("var/lib/acqd", 0o750)):
@@ -127,6 +132,9 @@ def test_what_cannot_be_installed_is_named(root):
     assert "no service kitchen" in refused(acqd_here("service", "install", "--with", "kitchen", "--root", root))
     assert "no rights all" in refused(acqd_here("service", "install", "--rights", "all", "--root", root))
     assert "letters, digits" in refused(acqd_here("service", "install", "--device", "a/b", "--root", root))
+    for folder in ("waveforms", "/srv/a b", "/srv/../etc"):
+        assert "absolute path" in refused(acqd_here("service", "install", "--archive", folder, "--root", root))
+    assert "does not see" in refused(acqd_here("service", "install", "--archive", "/home/x", "--root", root))
     (root / "etc" / "group").write_text("root:x:0:\n")
     assert "--no-broker" in refused(acqd_here("service", "install", "--root", root))
     assert "not a folder" in refused(acqd_here("service", "install", "--root", root / "nowhere"))
