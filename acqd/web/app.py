@@ -22,6 +22,7 @@ from acqd.errors import UserError
 from acqd.storage.database import read_database
 from acqd.web.access import Access
 from acqd.web.answers import HEADERS, NOT_KEPT, as_response
+from acqd.web.archived import second
 from acqd.web.history import Span, devices, history
 from acqd.web.hub import Hub
 from acqd.web.loop_routes import LoopRoutes
@@ -115,8 +116,13 @@ class Site:
         return await self._answer(lambda engine: course(engine, request.query_params.get("sha256", "")))
 
     async def _window(self, request: Request) -> Response:
+        device, at = request.query_params.get("device", ""), request.query_params.get("at")
         try:
-            return as_response(await asyncio.to_thread(self._scope.picture, request.query_params.get("device", "")))
+            if at is not None:
+                return as_response(await asyncio.to_thread(second, self._settings.archive, device, float(at)))
+            return as_response(await asyncio.to_thread(self._scope.picture, device))
+        except (ValueError, OverflowError):
+            return as_response({"error": f"at {at!r:.40}: expected Unix seconds"}, 400)
         except ScopeError as error:
             return as_response({"note": str(error)})  # a state to show, not a failure of the page
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ipaddress
 import secrets
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from acqd.daemon.health.section import HealthSection
 from acqd.daemon.web_section import WebSection
@@ -25,6 +26,8 @@ class WebSettings:
     """Asked for in the address; None: nobody is asked."""
     section: WebSection = field(default_factory=WebSection)
     """Robot, folders and the loop."""
+    archive: Path | None = None
+    """Where the daemon keeps samples; None: nowhere."""
 
     @property
     def address(self) -> str:
@@ -33,10 +36,12 @@ class WebSettings:
         return f"http://{host}:{self.port}/{f'?token={self.token}' if self.token else ''}"
 
 
-def settings_of(broker: BrokerAddress, database: str, health: HealthSection, section: WebSection) -> WebSettings:
+def settings_of(
+    broker: BrokerAddress, database: str, health: HealthSection, section: WebSection, archive: Path | None = None
+) -> WebSettings:
     """The settings of [web]."""
     token = token_for(section.host, section.token or None)
-    return WebSettings(broker, database, health, section.host, section.port, token, section)
+    return WebSettings(broker, database, health, section.host, section.port, token, section, archive)
 
 
 def token_for(host: str, given: str | None) -> str | None:

@@ -1,7 +1,7 @@
 "use strict";
 {
   const LOOK_MS = 1000, LATER_MS = 10000, HEIGHT = 260;
-  const scope = { phase: 1, held: false, picture: null, wave: null, bars: null, busy: false, notBefore: 0 };
+  const scope = { phase: 1, held: false, picture: null, wave: null, bars: null, busy: false, notBefore: 0, at: null };
   const section = $("scope").parentElement;
   visibility.observe(section);
 
@@ -33,7 +33,7 @@
     const rows = [picture.ms, picture.traces[u], picture.traces[i]];
     if (anew || !scope.wave) {
       scope.wave?.destroy();
-      const [x, y] = axes({ label: "time in the window [ms]" }, { label: `${u} [V]`, scale: "V" });
+      const [x, y] = axes({ label: "time [ms]" }, { label: `${u} [V]`, scale: "V" });
       scope.wave = new uPlot({
         width: width($("wave")), height: HEIGHT, legend: { show: false }, cursor: { drag: { x: false } }, scales: { x: { time: false } },
         axes: [x, y, { ...y, label: `${i} [A]`, scale: "A", side: 1, grid: { show: false } }],
@@ -43,8 +43,10 @@
     } else scope.wave.setData(rows);
     spectrum(anew);
     table();
-    const at = new Date(1000 * unixOf(picture)).toLocaleTimeString("sv-SE");
-    put($("scope-note"), `window ${picture.seq} at ${at}${picture.f ? `, ${picture.f.toFixed(3)} Hz` : ", no mains"}${picture.flags.length ? `; flags: ${picture.flags.join(", ")}` : ""}`);
+    const at = new Date(1000 * unixOf(picture)), from = picture.archived
+      ? `archive, from ${at.toISOString().replace("T", " ").slice(0, 23)} UTC${picture.broken ? " (samples are missing in this second)" : ""}; figures of 0.2 s`
+      : `window ${picture.seq} at ${at.toLocaleTimeString("sv-SE")}`;
+    put($("scope-note"), `${from}${picture.f ? `, ${picture.f.toFixed(3)} Hz` : ", no mains"}${picture.flags.length ? `; flags: ${picture.flags.join(", ")}` : ""}`);
   }
 
   function spectrum(anew) {
@@ -85,7 +87,7 @@
   }
 
   async function look() {
-    if (scope.held || scope.busy || !view.device || !inSight(section) || performance.now() < scope.notBefore) return;
+    if (scope.held || scope.at !== null || scope.busy || !view.device || !inSight(section) || performance.now() < scope.notBefore) return;
     scope.busy = true;
     try {
       const answer = await fetch(`/api/window?${new URLSearchParams({ device: view.device })}`);
@@ -103,6 +105,37 @@
     scope.busy = false;
   }
 
+  async function lookBack(at) {
+    if (!view.device || !Number.isFinite(at)) return;
+    scope.at = at;
+    $("scope-at").value = new Date(1000 * at).toISOString().slice(0, 19);
+    try {
+      const answer = await fetch(`/api/window?${new URLSearchParams({ device: view.device, at })}`);
+      const picture = await answer.json();
+      if (scope.at !== at) return; // somebody has asked for another second meanwhile
+      if (!picture.traces) {
+        put($("scope-note"), picture.note ?? picture.error);
+        return;
+      }
+      scope.picture = picture;
+      phases(picture);
+      draw(true);
+    } catch { /* the state at the top says that the page is not connected */ }
+  }
+
+  const asked = () => Date.parse(`${$("scope-at").value}Z`) / 1000;
+  const here = () => scope.at ?? Math.floor(scope.picture ? unixOf(scope.picture) : Date.now() / 1000);
+  $("scope-at").onchange = () => lookBack(asked());
+  $("scope-back").onclick = () => lookBack(here() - 1);
+  $("scope-forth").onclick = () => lookBack(here() + 1);
+  $("scope-live").onclick = () => {
+    scope.at = null;
+    $("scope-at").value = "";
+    scope.wave?.destroy();
+    scope.wave = null;
+    look();
+  };
+
   $("hold").onclick = () => {
     scope.held = !scope.held;
     $("hold").setAttribute("aria-pressed", scope.held);
@@ -110,7 +143,7 @@
   };
   $("all-harmonics").closest("details").ontoggle = () => scope.picture && table();
   onDevice.push(() => {
-    scope.picture = null;
+    scope.picture = scope.at = null;
     scope.notBefore = 0;
     scope.wave?.destroy();
     scope.bars?.destroy();
