@@ -266,7 +266,9 @@ class WaveformFeed:
             self._quality.open(form)
         if config.events.enabled:
             announce = self._announce or (lambda _: None)
-            self._events = EventWatch(config.events, form, config.device, self._first_boot, announce, config.state_dir)
+            self._events = EventWatch(
+                config.events, form, config.device, self._first_boot, announce, config.state_dir, self._where
+            )
         return self._watch
 
     def _make_keeper(self, form: StreamFormat, stages: Stages, meter: Meter) -> Callable[[list[SampleBlock]], None]:
@@ -274,6 +276,9 @@ class WaveformFeed:
         origin = origin_of(self._config, self._source, form, meter)
         self._track = self._archive.track(origin, lambda: (self._boot.name, state_of(stages, meter, self._boot)))
         return self._track.take
+
+    def _where(self, index: int) -> tuple[str, int] | None:
+        return self._track.where(index) if self._track is not None else None
 
     def _watch(self, block: SampleBlock) -> None:
         assert self._wiring is not None

@@ -88,6 +88,7 @@ def _is_stored(connection: sa.Connection, event: PowerEvent, postgres: bool) -> 
 
 def _values(event: PowerEvent, postgres: bool) -> dict[str, Any]:
     values = asdict(event)
+    del values["archive"]  # device and time say the same, for as long as the ring has the samples
     return values | {"time": datetime.fromisoformat(event.time)} if postgres else values
 
 

@@ -48,6 +48,8 @@ class PowerEvent:
     waveform: Annotated[str, Meta(max_length=128)] | None
     """Name of the file with the samples, in the state folder of the daemon."""
     schema: Annotated[int, Meta(ge=SCHEMA, le=SCHEMA)] = SCHEMA
+    archive: Annotated[str, Meta(max_length=160)] | None = None
+    """Where the event begins in the archive: DEVICE/FILE#SAMPLE, counted from the first sample of the file."""
 
     @property
     def seq(self) -> int:
@@ -68,12 +70,14 @@ def message_number(number: int, *, ended: bool) -> int:
     return 2 * number + ended
 
 
-def message_of(event: Event, device: str, boot: str, *, sliding: bool, waveform: str | None = None) -> PowerEvent:
+def message_of(
+    event: Event, device: str, boot: str, *, sliding: bool, waveform: str | None = None, archive: str | None = None
+) -> PowerEvent:
     """The message of an event."""
     return PowerEvent(
         device, boot, event.number, event.kind, rfc3339(event.utc_ns), filetime(event.utc_ns), event.duration,
         event.extreme, event.reference, sliding, event.steady_change, [CHANNELS[k] for k in event.phases],
-        sorted(event.flags), waveform,
+        sorted(event.flags), waveform, archive=archive,
     )  # fmt: skip
 
 

@@ -150,3 +150,18 @@ def test_a_disk_that_is_away_at_the_start_does_not_keep_the_daemon_from_metering
     (segment,) = contents(tmp_path / "mount").segments[:1]
     assert segment.head.begins.startswith("disk: ") and segment.head.index == len(CODES)
     assert again(tmp_path / "mount", stored=box.rows).comparison.different == 0
+
+
+def test_an_event_points_at_its_first_sample(tmp_path):
+    """File and offset hold for samples of the segment before, too."""
+    archive = recorder(tmp_path)
+    box = fed(archive, 2)
+    for index in (0, 30_000, 39_990):
+        file, sample = box.track.where(index) or ("", -1)
+        if not file:
+            assert index < 16_000, "only the last two segments are known"
+            continue
+        segment = next(each for each in contents(tmp_path).segments if f"box/{each.path.name}" == file)
+        assert segment.head.index + sample == index
+    assert box.track.where(39_990) is not None
+    archive.close()

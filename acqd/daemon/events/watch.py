@@ -13,6 +13,8 @@ from acqd.metering.quality.event import Event
 from acqd.telemetry.event import PowerEvent, message_of
 
 Announce = Callable[[PowerEvent], None]
+Where = Callable[[int], tuple[str, int] | None]
+"""File of the archive and number in it of the sample with this number in the stream; None: it is not kept."""
 
 
 class EventWatch:
@@ -26,8 +28,10 @@ class EventWatch:
         boot: str,
         announce: Announce,
         state_dir: Path | None,
+        where: Where = lambda _: None,
     ) -> None:
-        """Without `state_dir` no waveforms are kept."""
+        """Without `state_dir` no waveforms are kept. `where`: the place of a sample in the archive."""
+        self._where = where
         self._device, self._boot, self._announce = device, boot, announce
         self._watched = Watched(section, form)
         self._waveforms: dict[int, str | None] = {}  # of the events in progress
@@ -63,4 +67,7 @@ class EventWatch:
                 self._recorder.end(event)
         if event.end is None:
             self._waveforms[event.number] = name
-        self._announce(message_of(event, self._device, self._boot, sliding=self._watched.sliding, waveform=name))
+        place = self._where(int(event.begin))
+        archive = f"{place[0]}#{place[1]}" if place is not None else None
+        sliding = self._watched.sliding
+        self._announce(message_of(event, self._device, self._boot, sliding=sliding, waveform=name, archive=archive))
