@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -54,7 +54,7 @@ class Chunk:
         codes = decode(self.coding, bytes(self.data), form.dtype, sum(self.counts), len(form.scale))
         edges = np.cumsum((0, *self.counts)).tolist()
         return [
-            replace(block, codes=codes[begin:end])
+            SampleBlock(codes[begin:end], block.index, block.utc_ns, block.lost, block.flags)
             for block, begin, end in zip(self.blocks, edges[:-1], edges[1:], strict=True)
         ]
 

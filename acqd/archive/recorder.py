@@ -101,6 +101,11 @@ class Recorder:
             self._opened.wait(_OPENING_S)
 
     @property
+    def waiting(self) -> int:
+        """Bytes of samples that are not on disk yet."""
+        return self._waiting
+
+    @property
     def behind(self) -> bool:
         """Whether so much waits that no segment should be begun."""
         return self._waiting >= _MOST_WAITING // 2

@@ -22,7 +22,7 @@ def living(tmp_path_factory):
     archive = recorder(root / "archive")
     box = FakeBox(archive)
     box.feed(CODES)
-    until(lambda: archive._waiting == 0)
+    until(lambda: archive.waiting == 0)
     shutil.copytree(root / "archive", root / "crashed")
     box.track.finish()
     archive.close()

@@ -27,7 +27,7 @@ def fed(archive, seconds, device="box"):
     box = FakeBox(archive, Config(device=device))
     for k in range(seconds):
         box.feed(CODES, at=k * len(CODES))
-        until(lambda: archive._waiting == 0)
+        until(lambda: archive.waiting == 0)
     return box
 
 
@@ -95,7 +95,7 @@ def test_a_disk_that_refuses_is_a_named_problem_and_a_named_gap(tmp_path, monkey
     while archive.latest.trouble:
         box.feed(CODES[:4000], at=at)
         at += 4000
-        until(lambda: archive._waiting == 0)
+        until(lambda: archive.waiting == 0)
     box.feed(CODES, at=at)
     box.track.finish()
     archive.close()
@@ -127,7 +127,7 @@ def test_a_disk_that_hangs_costs_samples_and_no_rows(tmp_path, monkeypatch):
     assert "too slow" in archive.latest.trouble and archive.latest.lost > 0
     assert len(box.rows) == 400
     hangs.set()
-    until(lambda: archive._waiting == 0 and archive.ready)
+    until(lambda: archive.waiting == 0 and archive.ready)
     box.feed(CODES, at=4 * len(CODES))
     box.track.finish()
     archive.close()

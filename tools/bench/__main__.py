@@ -21,6 +21,7 @@ from rich.console import Console
 from acqd.errors import OperationError
 from tools.bench import (
     accuracy,
+    archive,
     at_work,
     delivery,
     events,
@@ -47,6 +48,7 @@ _SECTIONS: dict[str, list[Callable[[], Iterator[Figure]]]] = {
     "flicker": [flicker.pinst, flicker.pst],
     "speed": [speed.pqopen, speed.kernel, speed.replay, speed.main_slow],
     "live": [live.daemon, live.from_file, live.boxes, live.jitter],
+    "archive": [archive.cost, archive.again],
     "busy": [live.busy],
     "sources": [sources.sources],
     "sink": [sink.sinks],

@@ -19,17 +19,8 @@ _DOCS = ROOT / "docs"
 NAVIGATION: dict[str, list[str]] = {
     "Start": ["index.md", "first-ten-minutes.md", "python.md", "compared.md"],
     "Measure": [
-        *(
-            "sources.md",
-            "waveforms.md",
-            "rows.md",
-            "quality.md",
-            "conformance.md",
-            "en50160.md",
-            "events.md",
-            "service.md",
-            "web.md",
-        )
+        *("sources.md", "waveforms.md", "rows.md", "quality.md", "conformance.md", "en50160.md", "events.md"),
+        *("archive.md", "service.md", "web.md"),
     ],
     "Operate": ["operations.md", "security.md", "scaling.md", "peers.md", "sidecar.md", "integrations.md"],
     "Model": ["robots.md", "dataset.md", "models.md", "fmu.md"],
