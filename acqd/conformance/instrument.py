@@ -29,7 +29,8 @@ from acqd.metering.quality.reference import Declared
 from acqd.metering.synchrophasor import SynchrophasorMeter
 from acqd.storage import schema
 from acqd.storage.database import open_database
-from acqd.storage.writer import Received, Writer
+from acqd.storage.received import Received
+from acqd.storage.writer import Writer
 from acqd.telemetry import topics
 from acqd.telemetry.event import message_of
 from acqd.telemetry.quality_row import quality_rows

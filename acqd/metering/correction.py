@@ -115,6 +115,13 @@ class Reordered:
         self.form = replace(form, scale=tuple(form.scale[place] for place in self._places))
         """What the codes mean in the new order."""
 
+    def state(self) -> State:
+        """Nothing: every sample is by itself."""
+        return {}
+
+    def restore(self, _: State) -> None:
+        """Go on."""
+
     def apply(self, block: SampleBlock) -> SampleBlock:
         """The same samples in the new order."""
         return replace(block, codes=np.ascontiguousarray(block.codes[:, self._places]))

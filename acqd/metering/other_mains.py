@@ -8,17 +8,21 @@ eight windows of 5 ms make a row of 40 ms.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any, cast
 
 import numpy as np
 
 from acqd.metering.block import SampleBlock, StreamFormat
 from acqd.metering.energy import EnergyRegister
 from acqd.metering.meter import Meter, Mode
+from acqd.metering.packed import State, packed, unpacked
 from acqd.metering.window import WindowBatch
 
 _LIKE = 50.0
 _WINDOW = 0.04
 """s of the meter of 50 Hz."""
+_ARRAYS = ("seq", "utc_ns", "f", "Vrms", "Irms", "P", "imported", "exported", "Q1")
+"""Of a batch of windows."""
 
 
 def row_window(form: StreamFormat, window: float = _WINDOW) -> float:
@@ -89,6 +93,30 @@ class OtherMainsMeter(Meter):
         since = np.rint((batch.utc_ns - self._origin) * self._stretch).astype(np.int64)
         real = replace(batch, utc_ns=self._origin + since, f=batch.f / self._stretch)
         return real if self._count == 1 else self._rows(real)
+
+    def state(self) -> State:
+        """As `Meter.state`."""
+        waiting = [
+            {name: packed(getattr(part, name)) for name in _ARRAYS}
+            | {"flags": [[sorted(each) for each in phase] for phase in part.flags]}
+            for part in self._waiting
+        ]
+        return super().state() | {"origin": self._origin, "waiting": waiting}
+
+    def restore(self, state: State) -> None:
+        """As `Meter.restore`. Raises ValueError for what is no such state."""
+        super().restore(state)
+        try:
+            self._origin = state["origin"]
+            self._waiting = [
+                WindowBatch(
+                    **cast("dict[str, Any]", {name: unpacked(part[name]) for name in _ARRAYS}),
+                    flags=[[set(each) for each in phase] for phase in part["flags"]],
+                )
+                for part in state["waiting"]
+            ]
+        except (KeyError, TypeError, AttributeError) as error:
+            raise ValueError(f"no state of a meter: {error!r}") from None
 
     def _rows(self, batch: WindowBatch) -> WindowBatch | None:
         """Rows of `_count` windows with the same number; the last one waits until it is whole."""

@@ -11,7 +11,7 @@ from acqd.metering.block import Codes
 
 State = dict[str, Any]
 """What an object must know of the stream so far, as JSON: numbers are the same to the last bit when they are read."""
-_TYPES = ("<i2", "<i4", "<f8")
+_TYPES = ("<i2", "<i4", "<i8", "<f8")
 
 
 def packed(codes: Codes) -> State:

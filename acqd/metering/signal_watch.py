@@ -12,6 +12,7 @@ import numpy as np
 
 from acqd.metering.block import SampleBlock, StreamFormat
 from acqd.metering.integrity import flags_of
+from acqd.metering.packed import State
 
 _EVERY_S = 0.4
 """Between two looks."""
@@ -26,6 +27,14 @@ class SignalWatch:
         self._every = round(_EVERY_S * form.rate)
         self._next = 0
         self._flags: frozenset[str] = frozenset()
+
+    def state(self) -> State:
+        """When the next look is due, and what the newest has found."""
+        return {"next": self._next, "flags": sorted(self._flags)}
+
+    def restore(self, state: State) -> None:
+        """Go on where `state` was taken."""
+        self._next, self._flags = int(state["next"]), frozenset(state["flags"])
 
     def apply(self, block: SampleBlock) -> SampleBlock:
         """The block, with the flags of the newest look at a block with a whole cycle."""

@@ -11,8 +11,10 @@ from acqd.archive.ring import Limits
 from acqd.daemon.archive.origin import origin_of, state_of
 from acqd.daemon.boot import Boot
 from acqd.daemon.config import Config
-from acqd.metering import Meter, SampleBlock
+from acqd.metering import SampleBlock
 from acqd.metering.block import StreamFormat
+from acqd.metering.other_mains import meter_for
+from acqd.metering.signal_watch import SignalWatch
 from acqd.metering.stages import Stages
 from acqd.telemetry.row import PowerRow, rows_of
 
@@ -46,9 +48,8 @@ class FakeBox:
     blocks: list[SampleBlock] = field(default_factory=list)
 
     def __post_init__(self):
-        makers = self.config.source.makers
-        self.stages = Stages(self.form, makers)
-        self.meter = Meter(self.stages.form)
+        self.stages = Stages(self.form, [*self.config.source.makers, SignalWatch])
+        self.meter = meter_for(self.stages.form)
         self._boot = Boot(self.boot)
         origin = origin_of(self.config, self.config.source, self.form, self.meter)
         self.track = self.recorder.track(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 
@@ -108,3 +110,24 @@ def test_power_quality_of_other_mains_is_refused(tmp_path):
     (tmp_path / "acqd.toml").write_text('[source]\nkind = "simulated"\nfrequency = 16.7\n[events]\nenabled = true\n')
     done = acqd_here("run", "--config", "acqd.toml", cwd=tmp_path)
     assert done.returncode == 2 and "mains of 16.6667 Hz" in done.stderr
+
+
+@pytest.mark.parametrize("nominal", [50 / 3, 400.0])
+def test_a_meter_goes_on_from_the_state_of_another(nominal):
+    form = StreamFormat(20_000.0, SCALE, nominal)
+    codes = stream(nominal * 1.002, 2.0)
+    cuts = np.array_split(codes, 37)
+    starts = np.cumsum([0, *map(len, cuts)])[:-1].tolist()
+    blocks = [SampleBlock(cut, k, START + round(k * 1e9 / form.rate)) for cut, k in zip(cuts, starts, strict=True)]
+    meter = meter_for(form)
+    for block in blocks[:20]:
+        meter.feed(block)
+    other = meter_for(form)
+    other.restore(json.loads(json.dumps(meter.state())))
+    whole, again = ([each.feed(block) for block in blocks[20:]] for each in (meter, other))
+    for own, same in zip(whole, again, strict=True):
+        assert (own is None) == (same is None)
+        if own is not None:
+            assert np.array_equal(own.Vrms, same.Vrms) and np.array_equal(own.imported, same.imported)
+            assert np.array_equal(own.f, same.f) and own.utc_ns.tolist() == same.utc_ns.tolist()
+            assert own.flags == same.flags

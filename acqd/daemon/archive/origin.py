@@ -12,6 +12,8 @@ from acqd.daemon.config import Config
 from acqd.daemon.device_section import WaveformKeys
 from acqd.instruction_sets import best_instruction_set
 from acqd.metering import Meter, Mode, StreamFormat
+from acqd.metering.other_mains import meter_for
+from acqd.metering.signal_watch import SignalWatch
 from acqd.metering.stages import Stages
 
 if TYPE_CHECKING:
@@ -54,8 +56,8 @@ class Again:
         modes: dict[str, Mode] = {"synchronous": "synchronous", "fixed": "fixed"}
         if (mode := modes.get(how.mode)) is None:
             raise ValueError(f"its mode of metering is {how.mode!r}")
-        stages = Stages(origin.form, WaveformKeys.model_validate(origin.stages).makers)
-        meter = Meter(
+        stages = Stages(origin.form, [*WaveformKeys.model_validate(origin.stages).makers, SignalWatch])
+        meter = meter_for(
             stages.form, window=how.window, mode=mode, nominal_voltage=how.nominal_voltage, creep_W=how.creep_W
         )  # fmt: skip
         try:
