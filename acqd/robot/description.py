@@ -33,6 +33,8 @@ __all__ = [
 ]
 
 _FOLDER = Path(__file__).parent / "descriptions"
+USUAL_MASS_DEVIATION = 0.2
+"""Relative deviation of a link's first moment: published sets of one robot differ by so much."""
 
 
 class Base(Section):
@@ -88,8 +90,8 @@ class RobotDescription(Section):
     name: Annotated[str, Field(pattern=r"^[a-z0-9_]+$")]
     title: str
     sources: list[str]
-    mass_deviation: Annotated[float, Field(gt=0, lt=1)] = Field(default=0.2)
-    """Relative standard deviation of the first moment of each link; published sets of one robot differ by so much."""
+    mass_deviation: Annotated[float, Field(gt=0, lt=1)] = Field(default=USUAL_MASS_DEVIATION)
+    """Relative standard deviation of the first moment of each link."""
     drive_deviation: Annotated[float, Field(gt=0, lt=1)] = Field(default=0.1)
     """Relative standard deviation of mains power per joint torque and speed: the drives' gains and the supply's."""
     ignore_pairs: list[Annotated[tuple[int, int], ARRAY]] = Field(default=[])

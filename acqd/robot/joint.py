@@ -168,6 +168,11 @@ class Joint(Section):
         """Whether `key` (such as `drive.resistance_Ohm`), or the table that holds it, is marked as guessed."""
         return key in self.guessed or key.partition(".")[0] in self.guessed
 
+    @property
+    def guesses_drive(self) -> bool:
+        """Whether nobody has published or measured what the motor's current does at the joint."""
+        return self.is_guessed("drive.torque_constant_Nm_A")
+
 
 def _require_keys(
     table: dict[str, Any], units: dict[str, tuple[str, str]], kind: str, *, required: bool, prefix: str = ""

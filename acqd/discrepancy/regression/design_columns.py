@@ -91,6 +91,8 @@ class Part:
     """Within the segment: the block's own rows, and before them the rows of its past."""
     past: int
     """Number of rows before the block's own: the noise order, or 0 for the first block of a segment."""
+    noise: float = 1.0
+    """Standard deviation of the recording's noise relative to that of the noise model."""
 
     @property
     def own(self) -> slice:

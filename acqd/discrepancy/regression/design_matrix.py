@@ -118,7 +118,7 @@ class Design:
                 continue
             everything = np.concatenate([block_rows(self.columns, part), added[part.segment][part.rows]], axis=1)
             white = white_rows(self.whitener, part, values) * good[:, None]
-            products[0].append(everything.T @ self.whitener.back(white, past=part.past > 0))
+            products[0].append(everything.T @ self.whitener.back(white / part.noise, past=part.past > 0))
             plain = values[part.past :] * (good[:, None] & part.in_question)
             products[1].append(everything[part.past :].T @ plain)
         blocks = Blocks(

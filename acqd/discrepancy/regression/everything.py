@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -32,6 +34,28 @@ def inliers(columns: DesignColumns, whitener: Whitener, base: list[Column]) -> t
     A protective stop or a collision says nothing about an effect, and a few such rows outweigh hours. Both sides are
     fitted apart: an effect that only one side has makes no outliers.
     """
+    left = _white_left(columns, whitener, base)
+    spread = mad_sigma(np.concatenate(left), 0.0) + 1e-9
+    return tuple(np.abs(rows) < THRESHOLDS.outlier * spread for rows in left)
+
+
+def with_noise(columns: DesignColumns, whitener: Whitener, base: list[Column]) -> DesignColumns:
+    """With the noise of each recording: fast motion may have ten times the noise of slow motion.
+
+    One noise for all would let a few loud recordings decide, and the quiet ones would say nothing. The noise is
+    relative to the median of the side's recordings: what an unknown cause adds to all of a side is no noise.
+    """
+    rows: dict[tuple[bool, str], list[Floats]] = {}
+    for part, white in zip(columns.parts, _white_left(columns, whitener, base), strict=True):
+        rows.setdefault((part.in_question, part.recording), []).append(white)
+    spread = {key: mad_sigma(np.concatenate(each), 0.0) + 1e-9 for key, each in rows.items()}
+    usual = {side: float(np.median([s for key, s in spread.items() if key[0] == side])) for side, _ in spread}
+    noise = [spread[part.in_question, part.recording] / usual[part.in_question] for part in columns.parts]
+    return replace(columns, parts=tuple(replace(p, noise=n) for p, n in zip(columns.parts, noise, strict=True)))
+
+
+def _white_left(columns: DesignColumns, whitener: Whitener, base: list[Column]) -> list[Floats]:
+    """[rows] per block, white: what a fit of everything leaves, of both sides apart."""
     question = columns.in_question
     left: list[Floats] = [np.empty(0)] * len(columns.parts)
     for side in (question, 1 - question):
@@ -42,8 +66,7 @@ def inliers(columns: DesignColumns, whitener: Whitener, base: list[Column]) -> t
             part = columns.parts[number]
             measured = columns.residual[part.segment][part.rows]
             left[number] = white_rows(whitener, part, measured - columns.values[part.segment][part.rows] @ beta)
-    spread = mad_sigma(np.concatenate(left), 0.0) + 1e-9
-    return tuple(np.abs(rows) < NOISE.outlier * spread for rows in left)
+    return left
 
 
 def _fit(columns: DesignColumns, whitener: Whitener, base: list[Column], weights: Floats) -> Floats:

@@ -11,7 +11,7 @@ from acqd.arrays import Floats
 from acqd.discrepancy.joints.witness import Witness
 from acqd.discrepancy.regression.design_columns import DesignColumns, Part, design_columns
 from acqd.discrepancy.regression.design_matrix import Design
-from acqd.discrepancy.regression.everything import inliers, left_by_everything
+from acqd.discrepancy.regression.everything import inliers, left_by_everything, with_noise
 from acqd.discrepancy.regression.gram import Column, Indices, Regression
 from acqd.discrepancy.regression.onset import Gate, onset_gates
 from acqd.discrepancy.thresholds import THRESHOLDS
@@ -76,6 +76,7 @@ def set_up(comparison: Comparison, progress: Callable[[float], None]) -> Setup:
     left = left_by_everything(columns, Whitener.of(list(columns.residual)), base, noise_weights)
     whitener = Whitener.of(left)
     slow = Whitener.of(left, 3 * NOISE.noise_order)
+    columns = with_noise(columns, whitener, base)
     design = Design.of(columns, whitener, slow, inliers(columns, whitener, base))
     design = replace(design, witness=Witness.of(comparison.model, arm, segments, columns.scenes))
     common = _common(design) if comparison.reference else []

@@ -20,4 +20,4 @@ def block_rows(columns: DesignColumns, part: Part) -> NDArray[np.float32]:
 
 def white_rows(whitener: Whitener, part: Part, values: NDArray[Any]) -> Floats:
     """White rows of a block from its rows and its past."""
-    return whitener.apply(values) if part.past else whitener.from_start(values)
+    return (whitener.apply(values) if part.past else whitener.from_start(values)) / part.noise

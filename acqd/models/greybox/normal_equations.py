@@ -20,6 +20,8 @@ CORRELATED_ROWS = 10.0
 """Neighbouring rows are not independent: so many count as one against the prior."""
 _LAG_STEP_S = 1e-3
 _MIN_SIGMA = 1e-3
+_QUIETEST = 0.3
+"""Least noise of a recording relative to that of all: an arm at rest says little about its motion."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +58,9 @@ class Scale:
     sigma_W: float
     sigma_Nm: Floats | None
     """[axes]; None without logged torques."""
+    noise: dict[str, float]
+    """Of the power of each recording, relative to `sigma_W`: fast motion may have ten times the noise of slow motion,
+    and a few loud recordings would decide instead of many quiet ones."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,15 +96,16 @@ def normal_equations(
         None if part.tau is None else part.tau - np.einsum("tjk,k->tj", part.Y, model.values[inertial])
         for part in parts
     ]
-    scale = scale or _scale(residuals, [residual for residual in torque_residuals if residual is not None])
+    scale = scale or _scale(parts, residuals, [residual for residual in torque_residuals if residual is not None])
     deviation = model.values - belief.mean
     hessian = belief.precision_matrix()
     gradient = hessian @ deviation
     cost = 0.5 * float((gradient * deviation).sum())
     scores: dict[str, Floats] = {}
     for part, (_, J), residual, torque_residual in zip(parts, linearised, residuals, torque_residuals, strict=True):
-        weight, loss = _huber(residual / scale.sigma_W)
-        weight /= scale.sigma_W**2 * correlated
+        sigma_W = scale.sigma_W * scale.noise[part.recording]
+        weight, loss = _huber(residual / sigma_W)
+        weight /= sigma_W**2 * correlated
         score = -(J.T @ (weight * residual))
         hessian += J.T @ (weight[:, None] * J)
         cost += loss / correlated
@@ -147,11 +153,15 @@ def _jacobian(model: GreyBox, part: Observations) -> tuple[Floats, Floats]:
     return predicted, J
 
 
-def _scale(residuals: list[Floats], torque_residuals: list[Floats]) -> Scale:
+def _scale(parts: list[Observations], residuals: list[Floats], torque_residuals: list[Floats]) -> Scale:
     sigma_W = _sigma(np.concatenate(residuals))
+    rows: dict[str, list[Floats]] = {}
+    for part, residual in zip(parts, residuals, strict=True):
+        rows.setdefault(part.recording, []).append(residual)
+    noise = {name: max(_sigma(np.concatenate(each)) / sigma_W, _QUIETEST) for name, each in rows.items()}
     if not torque_residuals:
-        return Scale(sigma_W, None)
-    return Scale(sigma_W, np.array([_sigma(column) for column in np.concatenate(torque_residuals).T]))
+        return Scale(sigma_W, None, noise)
+    return Scale(sigma_W, np.array([_sigma(column) for column in np.concatenate(torque_residuals).T]), noise)
 
 
 def _sigma(values: Floats) -> float:

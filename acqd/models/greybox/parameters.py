@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.robot.description import RobotDescription
+from acqd.robot.description import USUAL_MASS_DEVIATION, RobotDescription
 
 INERTIAL = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 _INERTIAL_UNITS = ("kg", *("kg m",) * 3, *("kg m^2",) * 6)
@@ -27,9 +27,15 @@ SLIDING_UNITS = {
     "W/Nm": "W/N",
 }
 """Unit of the same parameter of a prismatic joint."""
-_MASS_SPREAD = 0.25  # relative difference between published parameter sets of one robot
-_COM_SPREAD_M = 0.03
+_MASS_SPREAD = 1.25
+"""Relative deviation of a mass per `mass_deviation`: published parameter sets of one robot differ by 0.25."""
+_COM_SPREAD_M = 0.15
+"""Deviation of a centre of mass per `mass_deviation`: 3 cm between published sets."""
 _GAIN, _GAIN_SPREAD = 1.05, 0.05  # mains power per joint power; logged torques determine it much better
+_GUESSED_GAIN_SPREAD = 0.25
+"""Of drives that nobody has described: gears lose 5 to 40 % of the power."""
+_COPPER_SPREAD, _GUESSED_COPPER_SPREAD = 2.0, 10.0
+"""Relative deviation of a copper loss; a guessed motor may be three times weaker, which is nine times the loss."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,13 +113,15 @@ def prior(layout: Layout, robot: RobotDescription, inertial: Floats, standby_W: 
     """
     mean, deviation = np.zeros(layout.size), np.full(layout.size, np.inf)
     mean[layout.part("inertial")] = inertial
-    deviation[layout.part("inertial")] = inertial_spread(inertial)
+    deviation[layout.part("inertial")] = inertial_spread(inertial, robot.mass_deviation)
     drives = [joint.drive for joint in robot.joint]
     rotor = np.array([drive.rotor_inertia_kgm2 for drive in drives])
     mean[layout.part("rotor")], deviation[layout.part("rotor")] = rotor, 0.5 * rotor + 0.01
     constant = np.array([drive.effort_per_ampere for drive in drives])
     copper = np.array([drive.resistance_Ohm for drive in drives]) / constant**2
-    mean[layout.part("copper")], deviation[layout.part("copper")] = copper, 2.0 * copper
+    guessed = np.array([joint.guesses_drive for joint in robot.joint])
+    mean[layout.part("copper")] = copper
+    deviation[layout.part("copper")] = np.where(guessed, _GUESSED_COPPER_SPREAD, _COPPER_SPREAD) * copper
     torque = robot.effort
     for group in ("coulomb", "viscous"):
         mean[layout.part(group)] = [getattr(joint.friction, group, 0.0) for joint in robot.joint]
@@ -122,17 +130,18 @@ def prior(layout: Layout, robot: RobotDescription, inertial: Floats, standby_W: 
     deviation[layout.part("conduction")] = 20.0 / torque
     deviation[layout.part("signals")] = 50.0
     mean[layout.part("standby")], deviation[layout.part("standby")] = standby_W, 100.0
-    mean[layout.part("gain")], deviation[layout.part("gain")] = _GAIN, _GAIN_SPREAD
+    mean[layout.part("gain")] = _GAIN
+    deviation[layout.part("gain")] = _GUESSED_GAIN_SPREAD if guessed.any() else _GAIN_SPREAD
     mean[layout.part("lag")], deviation[layout.part("lag")] = 0.015, step_s
     return Prior(mean, deviation)
 
 
-def inertial_spread(inertial: Floats) -> Floats:
-    """[10 axes] standard deviation of published inertial parameters about those of a description [10 axes]."""
-    mass = inertial[::10]
-    spread = _MASS_SPREAD * np.abs(inertial).reshape(-1, 10)
-    spread[:, 1:4] += _COM_SPREAD_M * mass[:, None]
-    spread[:, 4:] += (_COM_SPREAD_M**2 + 0.1 * _COM_SPREAD_M) * mass[:, None]
+def inertial_spread(inertial: Floats, mass_deviation: float = USUAL_MASS_DEVIATION) -> Floats:
+    """[10 axes] standard deviation of true inertial parameters about those of a description [10 axes]."""
+    mass, com_m = inertial[::10], _COM_SPREAD_M * mass_deviation
+    spread = _MASS_SPREAD * mass_deviation * np.abs(inertial).reshape(-1, 10)
+    spread[:, 1:4] += com_m * mass[:, None]
+    spread[:, 4:] += (com_m**2 + 0.1 * com_m) * mass[:, None]
     return np.asarray(spread.ravel() + 1e-6)
 
 
