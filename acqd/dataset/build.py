@@ -53,8 +53,9 @@ def build(config: BuildConfig, progress: _Progress) -> BuildReport:
     if stream is None:
         powers = logs.keep(log_power, lambda share: progress("reading power", share))
         regressors: list[Regressors] = []
-        alignment = given(len(logs.kept), 0.0)
-        logs.notes.append("power and motion are in the same logs, with one clock: nothing was aligned")
+        alignment = given(len(logs.kept), config.lag_s or 0.0)
+        if not config.lag_s:
+            logs.notes.append("power and motion are in the same logs, with one clock: nothing was aligned")
     else:
         regressors, alignment = _align(logs, config, robot, stream, progress)
         powers = [stream]

@@ -12,6 +12,7 @@ from acqd.discrepancy.remarks import disagreements, drifted_level, not_added, st
 from acqd.discrepancy.repair.correcting import corrected, tried
 from acqd.discrepancy.repair.guard import improve
 from acqd.discrepancy.repair.naming import named_effects
+from acqd.discrepancy.repair.torque_scale import scale_notes
 from acqd.discrepancy.repair.predictive import Predictive
 from acqd.discrepancy.repair.usual_error import UsualError
 from acqd.discrepancy.search import Progress, search
@@ -47,6 +48,6 @@ def close_loop(config: CloseConfig, progress: Progress) -> Closed:
         joints=joint_level(selection.witness, subject.chosen), verdict=verdict, stages=stages_of(subject, selection),
         notes=[
             *subject.notes, *unused_efforts(subject), *drifted_level(selection), *remarks, *not_added(improved),
-            *disagreements(selection, improved),
+            *disagreements(selection, improved), *(scale_notes(subject) if effects else []),
         ],
     )  # fmt: skip

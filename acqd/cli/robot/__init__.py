@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import typer
 
+from acqd.cli.robot.calibrate import calibrate
 from acqd.cli.robot.check import check
 from acqd.cli.robot.from_urdf import from_urdf
 from acqd.cli.robot.list import show_list
@@ -12,8 +13,9 @@ app = typer.Typer(no_args_is_help=True)
 app.command("list")(show_list)
 app.command("from-urdf")(from_urdf)
 app.command("check")(check)
+app.command("calibrate")(calibrate)
 
 
 @app.callback()
 def robot() -> None:
-    """Describe robots: list the shipped ones, read a URDF, check a description."""
+    """Describe robots: list the shipped ones, read a URDF, check a description, calibrate a model."""

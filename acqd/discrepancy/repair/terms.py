@@ -14,12 +14,14 @@ from acqd.discrepancy.delay import Delay
 from acqd.discrepancy.repair.torque_scale import TorqueScale
 from acqd.discrepancy.selection.accepted import Hypothesis, Selected, Selection, Unknown
 from acqd.discrepancy.selection.confidence import confidence
+from acqd.discrepancy.selection.shape_interval import Fit
 from acqd.discrepancy.selection.uncertainty import Intervals, intervals
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.augmented import Term
 from acqd.models.effects import library
 from acqd.models.effects.effect import Effect
 from acqd.models.effects.places import Parameter, Place
+from acqd.models.greybox.model import GreyBox
 
 _UNITS = {
     "_W": "W", "_V": "V", "_m": "m", "_rad_s": "rad/s", "_s": "s", "minutes": "min", "_hour": "s/h"
@@ -99,7 +101,7 @@ def reported(selection: Selection, selected: Selected, scale: TorqueScale) -> Re
     open_ = [part for part, acts in zip(design.parts, selected.gate.open, strict=True) if acts]
     if selected.gate.start is not None:
         shape["begin_s"] = min(part.start_s for part in open_)  # the key that bundles have
-    term = Term.of(selected.id, selected.place, shape, certain.coefficients, _parameters(selected, certain, scale))
+    term = Term.of(selected.id, selected.place, shape, certain.coefficients, _parameters(selected, certain, scale, design.columns.model))
     return Reported(
         term=term, hypothesis=selected.hypothesis, confidence=sure.share, alternatives=sure.rivals,
         start=selected.gate.start, consistency=sure.agreeing, recordings=len({part.recording for part in open_}),
@@ -107,7 +109,7 @@ def reported(selection: Selection, selected: Selected, scale: TorqueScale) -> Re
     )  # fmt: skip
 
 
-def _parameters(selected: Selected, certain: Intervals, scale: TorqueScale) -> dict[str, Any]:
+def _parameters(selected: Selected, certain: Intervals, scale: TorqueScale, model: GreyBox) -> dict[str, Any]:
     """In true units; the coefficients of a term are in the scale of its model's torques."""
     parameters: dict[str, Any] = {}
     effect = library()[selected.id]
@@ -120,7 +122,27 @@ def _parameters(selected: Selected, certain: Intervals, scale: TorqueScale) -> d
         half = certain.shape_half if name in effect.bounds else None
         wide_shape = None if half is None else _with_columns(effect.simplified(selected.place), value, half)
         parameters[name] = _shown(float(value), unit, wide_shape)
-    return parameters
+    return parameters | _first_moment(selected, certain, scale, model)
+
+
+def _first_moment(selected: Selected, certain: Intervals, scale: TorqueScale, model: GreyBox) -> dict[str, Any]:
+    """Of a mass about the last axis: gravity shows mass times lever, and both alone are less certain."""
+    effect = library()[selected.id]
+    shape = dict(selected.shape)
+    lever = effect.lever(model, selected.place, shape)
+    if lever is None:
+        return {}
+
+    def moment(fit: Fit) -> float:
+        at = shape if fit.shape is None else dict.fromkeys(effect.bounds, fit.shape)
+        return float(fit.coefficients[0]) * (effect.lever(model, selected.place, at) or 0.0)
+
+    value = float(certain.coefficients[0]) * lever
+    half = certain.half_of(moment)
+    if half is None:
+        return {}
+    true, wide = scale.corrected(value, _with_columns(effect.simplified(selected.place), value, half), "kg m")
+    return {"first moment about the last axis": _shown(true, "kg m", wide)}
 
 
 def _with_columns(simplification: float, value: float, half: float) -> float:

@@ -3,7 +3,8 @@
 Power alone fixes the product of torque and gain. A model of torques that are 10 % too small explains a payload of
 2 kg by 1.8 kg. The described link masses tell the scale, where no torque sensor does: by the slope of the model's
 rigid-body torque on the described one, with the nominal drives as a prior. How far both can be trusted is in the
-robot's description (`mass_deviation`, `drive_deviation`).
+robot's description (`mass_deviation`, `drive_deviation`); drives that nobody has described are trusted less. A move
+with a known mass (`acqd robot calibrate`) measures the scale; the bundle then holds the result.
 """
 
 from __future__ import annotations
@@ -17,9 +18,14 @@ from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.residual.logged_torque import has_torque
 from acqd.robot.arm import Arm
+from acqd.robot.description import RobotDescription
 from acqd.robot.dynamics import inertial_parameters
 from acqd.robot.newton_euler import joint_torques
 
+GUESSED_DRIVE_DEVIATION = 0.3
+"""Of mains power per torque and speed where the torque constants are guessed: gears lose 5 to 40 % of the power."""
+KEY = "torque_scale"
+"""Of the calibrated scale in bundle.json."""
 _SEGMENTS = 60
 """Most segments that a scale is taken from: more would take longer and change nothing."""
 _POWERS = {
@@ -46,6 +52,9 @@ class TorqueScale:
 
 def torque_scale(subject: Subject) -> TorqueScale:
     """From the recordings in question and the robot's description."""
+    calibrated = subject.bundle.metadata.get(KEY)
+    if calibrated is not None:
+        return TorqueScale(calibrated["value"], calibrated["deviation"])
     segments = [*subject.reference, *subject.fit]
     if all(has_torque(segment, "link") for segment in segments):
         return TorqueScale(1.0, THRESHOLDS.sensor_scale_deviation)
@@ -58,13 +67,35 @@ def torque_scale(subject: Subject) -> TorqueScale:
         products += np.einsum("nta,ta->n", torques, torques[1])
     slope, _, *shares = (products / max(products[1], 1e-9)).tolist()
     deviation = subject.robot.mass_deviation * float(np.hypot.reduce(shares))
-    return _combined(slope, deviation, subject.robot.drive_deviation)
+    return _combined(slope, deviation, drive_deviation(subject.robot))
 
 
-def _combined(slope: float, deviation: float, drive_deviation: float) -> TorqueScale:
+def drive_deviation(robot: RobotDescription) -> float:
+    """Relative deviation of mains power per torque and speed: as described, or that of guessed drives."""
+    guessed = any(joint.guesses_drive for joint in robot.joint)
+    if guessed and "drive_deviation" not in robot.model_fields_set:
+        return GUESSED_DRIVE_DEVIATION
+    return robot.drive_deviation
+
+
+def scale_notes(subject: Subject) -> list[str]:
+    """What the sizes of a robot with guessed drives rest on, and how to know better."""
+    if subject.bundle.metadata.get(KEY) is not None or not any(joint.guesses_drive for joint in subject.robot.joint):
+        return []
+    scale = torque_scale(subject)
+    if scale.deviation <= THRESHOLDS.sensor_scale_deviation:
+        return []
+    return [
+        f"the drives of {subject.robot.name} are guessed: masses and torques rest on the described link masses, within "
+        f"{100 * THRESHOLDS.interval_width * scale.deviation / scale.value:.0f} % (95 %); only the product of torque and "
+        "gain shows in the power. A move with a known mass tells the scale: acqd robot calibrate DS --known-mass KG"
+    ]
+
+
+def _combined(slope: float, deviation: float, of_drives: float) -> TorqueScale:
     """Two measurements of one scale, by their precisions: `slope` on the described torques, and 1 by the drives.
 
     Errors of the described masses are independent from link to link, so that `deviation` is less than that of a link.
     """
-    weights = np.array([deviation, drive_deviation]) ** -2.0
+    weights = np.array([deviation, of_drives]) ** -2.0
     return TorqueScale(float(np.average([slope, 1.0], weights=weights)), float(weights.sum() ** -0.5))

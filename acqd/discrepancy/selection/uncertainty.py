@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +25,15 @@ class Intervals:
     shape: float | None = None
     shape_half: float | None = None
     """None: no shape was fitted, or too few recordings."""
+    left_out: tuple[Fit, ...] = ()
+    """Without one recording each, where these determine the interval."""
+
+    def half_of(self, function: Callable[[Fit], float]) -> float | None:
+        """Half the width of the 95 % interval of a function of size and shape, which err together; None: unknown."""
+        if not self.left_out:
+            return None
+        spread = _jackknife([np.array([function(each)]) for each in self.left_out])
+        return float(student.ppf(0.975, len(self.left_out) - 1) * spread[0])
 
 
 def intervals(selection: Selection, selected: Selected) -> Intervals:
@@ -59,9 +69,9 @@ def intervals(selection: Selection, selected: Selected) -> Intervals:
     factor = float(student.ppf(0.975, len(left) - 1))
     half = np.hypot(factor * _jackknife([each.coefficients for each in left]), noise)
     if whole.shape is None:
-        return Intervals(sizes.coefficients, half)
+        return Intervals(sizes.coefficients, half, left_out=tuple(left))
     spread = _jackknife([np.array([each.shape]) for each in left])
-    return Intervals(sizes.coefficients, half, whole.shape, factor * float(spread[0]))
+    return Intervals(sizes.coefficients, half, whole.shape, factor * float(spread[0]), tuple(left))
 
 
 def _jackknife(left: list[Floats]) -> Floats:

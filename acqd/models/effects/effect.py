@@ -77,6 +77,10 @@ class Effect(ABC):
         """What the scene's memory holds after `rows` (at least 1), for a scene that starts there; {} for nothing."""
         return {}
 
+    def lever(self, model: GreyBox, place: Place, shape: Shape) -> float | None:  # noqa: ARG002
+        """m from the last axis to the mass that the first coefficient is: mass times lever may be better known."""
+        return None
+
     def simplified(self, place: Place) -> float:
         """Relative standard deviation of the columns at a place, by what the equation leaves out."""
         return self.simplification

@@ -6,11 +6,11 @@ from types import SimpleNamespace
 import pytest
 
 from acqd.discrepancy.recordings import Subject
-from acqd.discrepancy.repair.torque_scale import torque_scale
+from acqd.discrepancy.repair.torque_scale import GUESSED_DRIVE_DEVIATION, TorqueScale, drive_deviation, torque_scale
 from tests.builders import STEP, recording
 
 
-def scale_of(model, robot, heavier=1.0, **changed):
+def scale_of(model, robot, heavier=1.0, bundle=SimpleNamespace(metadata={}), **changed):
     """The scale where every described link is `heavier` times that of the model's robot."""
     joints = [
         joint.model_copy(update={"link": joint.link.model_copy(update={
@@ -21,7 +21,7 @@ def scale_of(model, robot, heavier=1.0, **changed):
     fit = [recording(model, k) for k in range(2)]
     data = SimpleNamespace(step_s=STEP)
     return torque_scale(
-        Subject(None, model, model, described, data, "change", fit, [], [], frozenset(), frozenset(), [])
+        Subject(bundle, model, model, described, data, "change", fit, [], [], frozenset(), frozenset(), [])
     )
 
 
@@ -45,5 +45,23 @@ def test_well_known_drives_leave_less_uncertainty(model, robot):
 
 def test_torque_sensors_need_no_masses(model, robot):
     fit = [replace(each, tau=each.q) for each in [recording(model, k) for k in range(2)]]
-    subject = Subject(None, model, model, robot, None, "change", fit, [], [], frozenset(), frozenset(), [])
+    subject = Subject(SimpleNamespace(metadata={}), model, model, robot, None, "change", fit, [], [], frozenset(), frozenset(), [])
     assert torque_scale(subject).value == 1.0
+
+
+def with_guessed_drives(robot):
+    return [joint.model_copy(update={"guessed": ["drive"]}) for joint in robot.joint]
+
+
+def test_guessed_drives_leave_the_scale_to_the_described_masses(model, robot):
+    guessed = robot.model_copy(update={"joint": with_guessed_drives(robot)})
+    known, unknown = (scale_of(model, each, 1.25, mass_deviation=0.2) for each in (robot, guessed))
+    assert abs(unknown.value - 1 / 1.25) < abs(known.value - 1 / 1.25)
+    assert known.deviation < unknown.deviation
+    assert drive_deviation(guessed) == GUESSED_DRIVE_DEVIATION
+    assert drive_deviation(guessed.model_copy(update={"drive_deviation": 0.05})) == 0.05
+
+
+def test_a_calibrated_scale_replaces_masses_and_drives(model, robot):
+    bundle = SimpleNamespace(metadata={"torque_scale": {"value": 1.3, "deviation": 0.02}})
+    assert scale_of(model, robot, bundle=bundle) == TorqueScale(1.3, 0.02)

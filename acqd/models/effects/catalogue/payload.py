@@ -16,6 +16,7 @@ from acqd.models.greybox.model import GreyBox
 
 _SHARE_OF_ARM, _BESIDE_M = 0.15, 0.2
 """Prior deviations: mass as a share of the arm's (half the rated payload of most arms), place beside the axis."""
+_ON_AXIS_M = 0.005
 
 
 class Payload(Effect):
@@ -60,6 +61,14 @@ class Payload(Effect):
         yield Place("flange, beside its axis", (0, 2, 3), (mass, *moments))
         if "tool" in scene.signals:
             yield Place("flange, while the tool is on", (1,), (mass,))
+
+    def lever(self, model: GreyBox, place: Place, shape: Shape) -> float | None:
+        """None where the mass is on the last axis, or beside the flange's."""
+        point = model.chain.beyond_flange(shape["centre_of_mass_m"])
+        axis = model.chain.axis[-1] / np.linalg.norm(model.chain.axis[-1])
+        lever_m = float(np.linalg.norm(point - (point @ axis) * axis))
+        slides = model.layout.axes - 1 in model.layout.sliding
+        return None if slides or len(place.columns) > 1 or lever_m < _ON_AXIS_M else lever_m
 
     def c_constants(self, carrier: GreyBox, shape: Shape) -> dict[str, float | Floats]:
         """Inertial parameters [10] of 1 kg, and [2, 10] of 1 kg m beside the axis."""

@@ -1,0 +1,88 @@
+"""The scale of a model's torques from a move with a known mass, written into the model's bundle."""
+
+from __future__ import annotations
+
+import math
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import orjson
+
+from acqd.atomic import complete_folder
+from acqd.discrepancy.config import CloseConfig
+from acqd.discrepancy.recordings import subject_of
+from acqd.discrepancy.repair.terms import reported
+from acqd.discrepancy.repair.torque_scale import KEY, TorqueScale
+from acqd.discrepancy.search import search
+from acqd.discrepancy.thresholds import THRESHOLDS
+from acqd.errors import UserError
+from acqd.models.bundle.bundle import require_free
+
+_LEAST_KNOWN = 0.5
+"""Greatest relative deviation of a scale that is worth keeping: less certain than guessed drives tells nothing."""
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """What a known mass says about a model."""
+
+    known_kg: float
+    model_kg: float
+    """The mass in the scale of the model."""
+    scale: TorqueScale
+    where: str
+    out: Path
+
+    def as_json(self) -> dict[str, Any]:
+        """For `--json`."""
+        half = THRESHOLDS.interval_width * self.scale.deviation
+        return {
+            "out": str(self.out), "known_mass_kg": self.known_kg, "mass_of_model_kg": self.model_kg,
+            "where": self.where,
+            KEY: {"value": self.scale.value, "ci95": [self.scale.value - half, self.scale.value + half]},
+        }  # fmt: skip
+
+
+def calibrate(config: CloseConfig, known_kg: float, progress: Callable[[str, float], None]) -> Calibration:
+    """The torques of the model `config.bundle` over the true ones, by recordings with `known_kg` at the flange.
+
+    The model must have learned from recordings without the mass, or the mass be there while the tool is on. The copy
+    of the bundle at `config.out` holds the scale. Raises UserError where the mass does not show.
+    """
+    if not (math.isfinite(known_kg) and known_kg > 0):
+        raise UserError(f"--known-mass {known_kg:g}: expected the mass at the flange, in kg, above 0")
+    require_free(config.out)
+    subject = subject_of(config, progress)
+    _, selection = search(config, subject, progress)
+    payloads = [each for each in selection.effects if each.id == "payload"]
+    if not payloads:
+        raise UserError(
+            f"{config.dataset}: {known_kg:g} kg at the flange do not show in the power; record the same motion with a "
+            "larger mass, arm stretched out, against a model of recordings without the mass (--model)"
+        )
+    found = reported(selection, payloads[0], TorqueScale(1.0, 0.0))
+    mass = found.term.parameters["mass"]
+    value, (low, high) = mass["value"], mass["ci95"]
+    scale = TorqueScale(value / known_kg, (high - low) / 2 / THRESHOLDS.interval_width / known_kg)
+    if scale.value <= 0 or scale.deviation > _LEAST_KNOWN * scale.value:
+        raise UserError(
+            f"{config.dataset}: the model sees {value:.3g} kg ({low:.3g} to {high:.3g} kg) for {known_kg:g} kg, which "
+            "is too uncertain; record more motion, and a larger mass"
+        )
+    _write(config, known_kg, scale)
+    return Calibration(known_kg, value, scale, found.term.where, config.out)
+
+
+def _write(config: CloseConfig, known_kg: float, scale: TorqueScale) -> None:
+    with complete_folder(config.out) as folder:
+        shutil.copytree(config.bundle, folder, dirs_exist_ok=True)
+        file = folder / "bundle.json"
+        metadata = orjson.loads(file.read_bytes())
+        metadata[KEY] = {
+            "value": scale.value, "deviation": scale.deviation, "known_mass_kg": known_kg,
+            "dataset": str(config.dataset),
+        }  # fmt: skip
+        file.write_bytes(orjson.dumps(metadata, option=orjson.OPT_INDENT_2))
