@@ -12,8 +12,8 @@ from acqd.discrepancy.remarks import disagreements, drifted_level, not_added, st
 from acqd.discrepancy.repair.correcting import corrected, tried
 from acqd.discrepancy.repair.guard import improve
 from acqd.discrepancy.repair.naming import named_effects
-from acqd.discrepancy.repair.torque_scale import scale_notes
 from acqd.discrepancy.repair.predictive import Predictive
+from acqd.discrepancy.repair.torque_scale import scale_notes
 from acqd.discrepancy.repair.usual_error import UsualError
 from acqd.discrepancy.search import Progress, search
 from acqd.discrepancy.verdict import settled

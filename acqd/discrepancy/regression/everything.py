@@ -36,7 +36,7 @@ def inliers(columns: DesignColumns, whitener: Whitener, base: list[Column]) -> t
     """
     left = _white_left(columns, whitener, base)
     spread = mad_sigma(np.concatenate(left), 0.0) + 1e-9
-    return tuple(np.abs(rows) < THRESHOLDS.outlier * spread for rows in left)
+    return tuple(np.abs(rows) < NOISE.outlier * spread for rows in left)
 
 
 def with_noise(columns: DesignColumns, whitener: Whitener, base: list[Column]) -> DesignColumns:

@@ -101,7 +101,13 @@ def reported(selection: Selection, selected: Selected, scale: TorqueScale) -> Re
     open_ = [part for part, acts in zip(design.parts, selected.gate.open, strict=True) if acts]
     if selected.gate.start is not None:
         shape["begin_s"] = min(part.start_s for part in open_)  # the key that bundles have
-    term = Term.of(selected.id, selected.place, shape, certain.coefficients, _parameters(selected, certain, scale, design.columns.model))
+    term = Term.of(
+        selected.id,
+        selected.place,
+        shape,
+        certain.coefficients,
+        _parameters(selected, certain, scale, design.columns.model),
+    )
     return Reported(
         term=term, hypothesis=selected.hypothesis, confidence=sure.share, alternatives=sure.rivals,
         start=selected.gate.start, consistency=sure.agreeing, recordings=len({part.recording for part in open_}),

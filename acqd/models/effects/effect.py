@@ -77,7 +77,7 @@ class Effect(ABC):
         """What the scene's memory holds after `rows` (at least 1), for a scene that starts there; {} for nothing."""
         return {}
 
-    def lever(self, model: GreyBox, place: Place, shape: Shape) -> float | None:  # noqa: ARG002
+    def lever(self, model: GreyBox, place: Place, shape: Shape) -> float | None:
         """m from the last axis to the mass that the first coefficient is: mass times lever may be better known."""
         return None
 

@@ -45,7 +45,9 @@ def test_well_known_drives_leave_less_uncertainty(model, robot):
 
 def test_torque_sensors_need_no_masses(model, robot):
     fit = [replace(each, tau=each.q) for each in [recording(model, k) for k in range(2)]]
-    subject = Subject(SimpleNamespace(metadata={}), model, model, robot, None, "change", fit, [], [], frozenset(), frozenset(), [])
+    subject = Subject(
+        SimpleNamespace(metadata={}), model, model, robot, None, "change", fit, [], [], frozenset(), frozenset(), []
+    )
     assert torque_scale(subject).value == 1.0
 
 
