@@ -46,7 +46,7 @@ _POWER = 0.15
 
 @dataclass(frozen=True, slots=True)
 class Phasors:
-    """Fundamentals, complex [phases]: V and A, RMS; the first voltage has the angle 0."""
+    """Fundamentals, complex [phases]: V and A, RMS; the first voltage that is there has the angle 0."""
 
     U: np.ndarray
     I: np.ndarray  # noqa: E741
@@ -84,7 +84,8 @@ class WiringFinding:
 def phasors(values: Floats, rate: float, f: float) -> Phasors:
     """Of physical samples [samples, 2 * phases] at `rate` [1/s], mains of `f` [Hz]: means over tens of cycles.
 
-    Each piece of ten cycles is turned so that U1 has the angle 0: f need not be exact.
+    Each piece of ten cycles is turned so that U1, or the first voltage that is there, has the angle 0: f need not be
+    exact.
     """
     length = round(10 * rate / f)
     pieces = max(1, len(values) // length)
@@ -95,7 +96,9 @@ def phasors(values: Floats, rate: float, f: float) -> Phasors:
         x = np.sqrt(2) / len(x) * (x - x.mean(axis=0))
         # no product of matrices: threads of BLAS cost milliseconds beside real-time processes
         lines = (x * np.cos(angle)).sum(axis=0) - 1j * (x * np.sin(angle)).sum(axis=0)
-        total += lines * np.exp(-1j * np.angle(lines[0]))
+        size = np.abs(lines[0::2])
+        reference = 2 * int(np.argmax(size >= _FLOATING * size.max()))  # the angle of a missing voltage is noise
+        total += lines * np.exp(-1j * np.angle(lines[reference]))
     return Phasors(total[0::2] / pieces, total[1::2] / pieces)
 
 
