@@ -12,6 +12,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from acqd.daemon.archive.compare import Comparison, stored_rows
+from acqd.daemon.archive.replay import chosen
+from acqd.daemon.archive.replay import remade as remake_all
+from acqd.daemon.archive.rows import remake
 from acqd.daemon.source_sections import AdsSection
 from acqd.metering import Meter
 from acqd.plc.executive import Executive
@@ -45,11 +49,12 @@ def whole(rows: list[sqlite3.Row]) -> list[sqlite3.Row]:
     ]
 
 
-def run_until(enough: Callable[[], bool], folder: Path, source: str) -> None:
+def run_until(enough: Callable[[], bool], folder: Path, source: str, kept: str = "false") -> None:
     """The daemon until the database has what the test needs, then SIGTERM."""
     (folder / "acqd.toml").write_text(
         f'device = "box"\n[mqtt]\nport = {free_port()}\n[broker]\nembedded = true\n[sink]\nembedded = true\n'
-        f'database = "{folder / "box.sqlite"}"\n[source]\nsimulated = true\n{source}'
+        f'database = "{folder / "box.sqlite"}"\n[archive]\nenabled = {kept}\nfolder = "{folder / "kept"}"\n'
+        f"keep_free_gb = 0.0\n[source]\nsimulated = true\n{source}"
     )
     log = folder / "log"
     with log.open("w") as stderr:
@@ -63,6 +68,15 @@ def run_until(enough: Callable[[], bool], folder: Path, source: str) -> None:
     assert code == 0 and "Traceback" not in log.read_text(), log.read_text()
 
 
+def remade(kept: Path, database: str) -> Comparison:
+    """Stored rows against those that the archive of the same run gives."""
+    there = chosen(kept, "box", None, None)
+    first, last = there.segments[0].begin_ns, there.segments[-1].end_ns
+    comparison = Comparison.of(stored_rows(database, "box", first, last))
+    remake_all(there, None, None, lambda tasks: map(remake, tasks), None, comparison)
+    return comparison
+
+
 @pytest.mark.long(seconds=8)
 @pytest.mark.parametrize("kind", [kind for kind in DEVICES if kind != "meters"])
 def test_the_daemon_meters_every_wire_into_sql(kind, tmp_path):
@@ -73,7 +87,9 @@ def test_the_daemon_meters_every_wire_into_sql(kind, tmp_path):
         return rows_of(tmp_path / "box.sqlite", "box", "total")
 
     with DEVICES[kind]() as source:
-        run_until(lambda: len(whole(rows())) > 10, tmp_path, source)
+        run_until(lambda: len(whole(rows())) > 10, tmp_path, source, kept="true")
+    made_again = remade(tmp_path / "kept", str(tmp_path / "box.sqlite"))
+    assert made_again.same > 10 and not (made_again.different or made_again.not_archived)
     assert all("simulated" in json.loads(row["flags"]) for row in rows())
     np.testing.assert_allclose([row["P"] for row in whole(rows())], POWER.get(kind, 1271.06), rtol=1e-3)
     assert all(abs(row["f"] - 50.0) < 0.02 for row in whole(rows()) if row["f"] is not None)
