@@ -38,7 +38,7 @@ from acqd.telemetry.spool import Energy, Readings
 from acqd.telemetry.summary import Summariser
 
 if TYPE_CHECKING:  # libsndfile is loaded only where samples are kept
-    from acqd.archive.recorder import Track
+    from acqd.archive.track import Track
 
 _log = logging.getLogger(__name__)
 _STALE_S = 2.0  # rows are missing when none has come for this long
