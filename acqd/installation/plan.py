@@ -45,7 +45,7 @@ _TMPFILES = "d /etc/acqd 0750 root acqd -\nd /var/lib/acqd 0750 acqd acqd -\nd /
 _CREDENTIAL = "[Service]\nLoadCredential=mqtt.password:/etc/acqd/{user}.password\n"
 
 _ARCHIVE = "# a disk that is away must not keep the daemon from metering\n[Service]\nReadWritePaths=-{folder}\n"
-_HIDDEN = ("/home", "/root", "/run/user", "/tmp", "/var/tmp", "/proc", "/sys", "/dev")
+_HIDDEN = tuple(f"/{name}" for name in ("home", "root", "run/user", "tmp", "var/tmp", "proc", "sys", "dev"))
 """Folders that the units do not see."""
 
 
