@@ -94,11 +94,12 @@ def load_quality(path: Path) -> ctypes.CDLL:
     return loaded
 
 
-def rows_of(x: Floats) -> tuple[int, int, int, int]:
-    """How C takes an array [rows, samples] whose samples lie next to each other: address, rows, distance, samples.
+def as_rows(x: Floats) -> Floats:
+    """`x` [rows, samples], or a copy of it where its samples do not lie next to each other."""
+    fits = x.dtype == np.float64 and x.strides[1] == 8 and x.strides[0] % 8 == 0
+    return x if fits else np.ascontiguousarray(x, dtype=np.float64)
 
-    The caller keeps the array alive. Raises ValueError for another array.
-    """
-    if x.dtype != np.float64 or x.ndim != 2 or x.strides[1] != 8 or x.strides[0] % 8:
-        raise ValueError(f"rows of {x.dtype} with strides {x.strides} cannot be passed to C")
+
+def rows_of(x: Floats) -> tuple[int, int, int, int]:
+    """How C takes an array of `as_rows`, which the caller keeps alive: address, rows, their distance, samples."""
     return x.ctypes.data, x.shape[0], x.strides[0] // 8, x.shape[1]

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from acqd.arrays import Floats
 from acqd.metering.interval import interval_sums
-from acqd.metering.kernel.compiled import quality_library, rows_of
+from acqd.metering.kernel.compiled import as_rows, quality_library, rows_of
 
 Phasors = NDArray[np.complex128]
 
@@ -104,6 +104,7 @@ def _cycle_sums(u: Floats, start: float, length: float, cycles: int) -> Floats:
     library = quality_library()
     if library is None:
         return _cycle_sums_by_numpy(u, start, length, cycles)
+    u = as_rows(u)
     out, scratch = np.empty((4, len(u), cycles)), np.empty((3, u.shape[1]))
     library.acqd_cycle_sums(*rows_of(u), start, length, cycles, scratch.ctypes.data, out.ctypes.data)
     return out

@@ -12,7 +12,7 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.metering.interval import interval_sums
-from acqd.metering.kernel.compiled import quality_library, rows_of
+from acqd.metering.kernel.compiled import as_rows, quality_library, rows_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +53,7 @@ def half_cycle_integrals(x: Floats, start: float, half: float, halves: int) -> H
         return half_cycle_integrals_by_numpy(x, start, half, halves)
     phases = len(x) // 2
     out, peaks, scratch = np.empty((_series(phases), halves)), np.empty(len(x)), np.empty(x.shape[1])
+    x = as_rows(x)
     address, _, stride, samples = rows_of(x)
     library.acqd_half_cycle_integrals(
         address, phases, stride, samples, start, half, halves, scratch.ctypes.data, out.ctypes.data, peaks.ctypes.data

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.metering.kernel.compiled import quality_library, rows_of
+from acqd.metering.kernel.compiled import as_rows, quality_library, rows_of
 
 _BLOCK = 64
 _MOST_STATES = 32
@@ -83,6 +83,7 @@ class LinearFilter:
         library = quality_library()
         if library is None or self._state.shape[1] > _MOST_STATES:
             return self.feed_by_numpy(u)
+        u = as_rows(u)
         A, B, C, D = self._in_c
         y = np.empty(u.shape)
         library.acqd_filter(

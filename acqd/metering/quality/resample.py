@@ -13,7 +13,7 @@ from functools import lru_cache
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.metering.kernel.compiled import quality_library, rows_of
+from acqd.metering.kernel.compiled import as_rows, quality_library, rows_of
 
 TAPS = 32
 MARGIN = TAPS // 2 + 1
@@ -37,6 +37,7 @@ def resampled(x: Floats, start: float, step: float, count: int) -> Floats:
     library = quality_library()
     if library is None or len(x) > _LANES:
         return resampled_by_numpy(x, start, step, count)
+    x = as_rows(x)
     result, scratch = np.empty((len(x), count)), np.empty((x.shape[1], _LANES))
     library.acqd_resample(
         *rows_of(x), start - 0.5, step, count, _rows().ctypes.data, _STEPS, scratch.ctypes.data, result.ctypes.data

@@ -113,6 +113,17 @@ def test_filters_agree_to_rounding(cuts, order):
     alike(one._state, other._state)
 
 
+@compiled
+def test_arrays_of_any_layout_are_taken():
+    """Such as physical values of codes, whose channels lie next to each other."""
+    for x in (np.asfortranarray(X), X[:, ::-1], X[::-1]):
+        alike(resampled(x, 40.0, 0.9, 100), resampled_by_numpy(x, 40.0, 0.9, 100))
+        alike(half_cycle_integrals(x, 3.0, 20.0, 20).squares, half_cycle_integrals_by_numpy(x, 3.0, 20.0, 20).squares)
+        alike(cycle_fits._cycle_sums(x, 2.0, 40.0, 10), cycle_fits._cycle_sums_by_numpy(x, 2.0, 40.0, 10))
+        one, other = (LinearFilter(butterworth(6, 35.0, 2_000.0), 6) for _ in range(2))
+        alike(one.feed(x), other.feed_by_numpy(x))
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_values_that_are_taken_at_once_lead_to_the_same_events(seed, monkeypatch):
     form = StreamFormat(10_000.0, (0.03, 0.001) * 3)
