@@ -1,7 +1,8 @@
 """The limits that points are judged by, and where each number is from.
 
-The texts of the standards were not at hand. A limit is here when a public source quotes it; points whose limit no such
-source quotes are listed in `LEFT_OUT`, by name, and are not on the sheet.
+The texts of the standards were not at hand. A limit is here when a public source quotes it, or when the tests of acqd
+had it before (`_TESTS`: check these first where a text comes to hand); points without either are listed in `LEFT_OUT`,
+by name, and are not on the sheet.
 """
 
 from __future__ import annotations
@@ -9,17 +10,16 @@ from __future__ import annotations
 from acqd.conformance.point import Limit
 
 _DATA_SHEETS = "IEC 61000-4-30 class A, as data sheets of class A instruments quote it"
+_TESTS = ", as the tests of acqd had it before; no public source was at hand"
 FREQUENCY = Limit(10.0, "mHz", _DATA_SHEETS + " (10 s, 42.5 to 57.5 Hz, 51 to 69 Hz)")
 MAGNITUDE = Limit(0.1, "% of Udin", _DATA_SHEETS + " (10 to 150 % of Udin)")
-RESIDUAL = Limit(0.2, "% of Udin", _DATA_SHEETS)
+RESIDUAL = Limit(0.2, "% of Udin", "IEC 61000-4-30 class A" + _TESTS)
 DURATION = Limit(1.0, "cycles", _DATA_SHEETS + ": +-1 cycle")
 START = Limit(0.5, "cycles", "half of the cycle that the duration is allowed: one half at each end")
 UNBALANCE = Limit(0.15, "percentage points", _DATA_SHEETS)
-HARMONIC = Limit(5.0, "% of the value", "IEC 61000-4-7 class I, as data sheets quote it, from 1 % of nominal on")
-HARMONIC_SMALL = Limit(0.05, "% of Udin", "IEC 61000-4-7 class I, as data sheets quote it, below 1 % of nominal")
-CURRENT_HARMONIC = Limit(
-    5.0, "% of the value", "IEC 61000-4-7 class I, as data sheets quote it, from 3 % of nominal on"
-)
+HARMONIC = Limit(5.0, "% of the value", "IEC 61000-4-7 class I, from 1 % of nominal on" + _TESTS)
+HARMONIC_SMALL = Limit(0.05, "% of Udin", "IEC 61000-4-7 class I, below 1 % of nominal" + _TESTS)
+CURRENT_HARMONIC = Limit(5.0, "% of the value", "IEC 61000-4-7 class I, from 3 % of nominal on" + _TESTS)
 SIGNALLING = Limit(5.0, "% of the value", _DATA_SHEETS + " (3 to 15 % of Udin)")
 PST = Limit(5.0, "%", "IEC 61000-4-15, as the test bench of QWTB's flicker_sim and data sheets quote it")
 AGGREGATION = Limit(1.0, "ms", "IEC 61000-4-30, 4.5: intervals restart at the ten-minute tick; 1 ms is acqd's choice")
@@ -47,7 +47,7 @@ INFLUENCED = (
     "IEC 62053-22 class 0.5 S: the error at reference conditions, {value:g} %; the limits of variation were not at hand"
 )
 STARTING = Limit(10.0, "%", "IEC 62053-22: the meter registers at 0.1 % of In; 10 % of the energy is acqd's choice")
-NO_LOAD = Limit(0.0, "Wh", "IEC 62053-22: nothing is registered at 115 % of Un without current")
+NO_LOAD = Limit(0.0, "Wh", "IEC 62053-22: nothing is registered at 115 % of Un without current" + _TESTS)
 
 
 def energy(value: float, household: bool) -> Limit:
