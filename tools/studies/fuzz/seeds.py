@@ -192,6 +192,28 @@ def rows() -> list[Files]:
     return [{"row.json": orjson.dumps(_row())}, {"row.json": orjson.dumps(_row(f=None, PF=None, flags=["no_mains"]))}]
 
 
+def receipts() -> list[Files]:
+    """Of rows, and the answer to a question."""
+    stored = [{"channel": "L1", "boot": "b1", "seq": [[0, 24], [26, 49]]}]
+    last = [{"channel": "L1", "boot": "b1", "seq": 49, "W": 0.5}]
+    return [
+        {"receipt.json": orjson.dumps({"sink": "s", "stored": stored, "schema": 1})},
+        {"receipt.json": orjson.dumps({"sink": "s", "stored": [], "schema": 1, "last": last})},
+    ]
+
+
+def asks() -> list[Files]:
+    """Questions; a status; a summary: what is heard is one of them."""
+    who = {"instance": "i2", "boot": "b2", "host": "h", "since": "2026-11-22T10:00:00Z", "taken": False}
+    heard: list[dict[str, Any]] = [
+        {"ask": "last_rows", "boot": "b1", "who": None, "schema": 1},
+        {"ask": "name", "boot": "", "who": who, "schema": 1},
+        {"state": "online", "boot": "b2", "started": "2026-11-22T10:00:00Z", "name": who},
+        {"channel": "L1", "boot": "b", "seq": 3, "W_import": 1.0, "W_export": 0.0},
+    ]
+    return [{"heard.json": orjson.dumps(one)} for one in heard]
+
+
 def events() -> list[Files]:
     """The begin of a dip, and a rapid change."""
     dip = {

@@ -69,6 +69,26 @@ def _event(folder: Path) -> object:
     return parse_event((folder / "event.json").read_bytes())
 
 
+def _receipt(folder: Path) -> object:
+    from acqd.telemetry.receipts import parse_receipt, ranges_of
+
+    return ranges_of("box", parse_receipt((folder / "receipt.json").read_bytes()))
+
+
+def _name(folder: Path) -> object:
+    """What a daemon hears of another one of its name, which has to decide who publishes."""
+    from acqd.telemetry.ask import Claimant, parse_ask
+    from acqd.telemetry.last_rows import LastRows
+    from acqd.telemetry.name import Name
+
+    payload = (folder / "heard.json").read_bytes()
+    name, last = Name(Claimant("a", "b", "c", "2026")), LastRows({"box": "b"})
+    name.heard_status(payload, retained=False)
+    name.heard_ask(payload)
+    last.heard_summary("acqd/box/L1/summary", payload)
+    return parse_ask(payload)
+
+
 def _config(folder: Path) -> object:
     from acqd.daemon.config import load_config
 
@@ -165,6 +185,8 @@ TARGETS: tuple[Target, ...] = (
     Target("wfm", seeds.wfm_waveforms, _waveform("a_CH1.wfm")),
     Target("row", seeds.rows, _row, _VALUE_ERROR),
     Target("event", seeds.events, _event, _VALUE_ERROR),
+    Target("receipt", seeds.receipts, _receipt, _VALUE_ERROR),
+    Target("name", seeds.asks, _name, _VALUE_ERROR),
     Target("config", seeds.configurations, _config),
     Target("log", seeds.logs, _log),
     Target("table", seeds.tables, _table),
