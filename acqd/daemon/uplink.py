@@ -89,6 +89,7 @@ class Uplink:
 
     async def last_rows(self, device: str) -> Known | None:
         """What a sink and the broker know of the last rows before a power cut; None: there was none."""
+        self._delivery.say()
         return await self._last_rows.of(device, _ANSWER_S)
 
     def newest(self, device: str, boot: str) -> int:
@@ -217,7 +218,8 @@ class Uplink:
             examples = self._delivery.examples
             if self._connector.state != "connected" or set(examples) <= asked:
                 continue
-            messages = [replace(examples[topic], tag=None) for topic in examples][:_AT_ONCE]
+            some = sorted(set(examples) - asked)[:_AT_ONCE]
+            messages = [replace(examples[topic], tag=None) for topic in some]
             found = await refused(
                 self._config.mqtt.address(), f"acqd-{self._config.device}-{self.name.me.boot}-rights",
                 self._config.device, messages,
@@ -229,7 +231,7 @@ class Uplink:
                 self._says.trouble("broker", "refuses", self.rights_trouble, logging.ERROR)
                 await asyncio.sleep(_REFUSED_S)
                 continue
-            asked = set(examples)
+            asked |= set(some)
             if before:
                 self._says.fine("broker", "takes rows again")
                 self._delivery.again()

@@ -52,7 +52,7 @@ class LastRows:
     def __init__(self, boots: Mapping[str, str], now: Callable[[], float] = time.monotonic) -> None:
         """`boots`: the last boot of every device to ask for."""
         self._known = {device: Known(boot) for device, boot in boots.items()}
-        self._now, self._ask_at = now, -1e9
+        self._now, self._ask_at, self._ask_until = now, -1e9, -1e9
         self._answered = asyncio.Event()
 
     def subscriptions(self) -> Iterable[str]:
@@ -62,9 +62,9 @@ class LastRows:
             yield topics.summary(device, "+")
 
     def questions(self) -> list[Message]:
-        """What to ask now: again every second, for a sink may be about to start."""
+        """What to ask now: again every second while somebody waits, for a sink may be about to start."""
         now = self._now()
-        if now - self._ask_at < _AGAIN_S:
+        if now > self._ask_until or now - self._ask_at < _AGAIN_S:
             return []
         self._ask_at = now
         return [
@@ -100,6 +100,7 @@ class LastRows:
     async def of(self, device: str, patience_s: float) -> Known | None:
         """What is known of a device, once a sink has answered or patience ends; None: there was nothing to ask."""
         known, ends = self._known.get(device), self._now() + patience_s
+        self._ask_until = max(self._ask_until, ends)
         while known is not None and not known.answered and (left := ends - self._now()) > 0:
             self._answered.clear()
             try:

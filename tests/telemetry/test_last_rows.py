@@ -1,0 +1,37 @@
+"""Questions for the last rows: asked while somebody waits, and not for ever."""
+
+from __future__ import annotations
+
+import asyncio
+
+from acqd.telemetry.last_rows import LastRows
+from acqd.telemetry.receipts import LastRow
+from tests.waiting import finish
+
+
+def test_questions_are_asked_while_somebody_waits_and_end_with_an_answer():
+    async def scenario():
+        now = 100.0
+        last = LastRows({"a": "boot"}, lambda: now)
+        assert last.questions() == [] and set(last.subscriptions()) == {"acqd/a/receipt", "acqd/a/+/summary"}
+        assert await last.of("b", 5.0) is None
+        waiting = asyncio.create_task(last.of("a", 300.0))
+        await asyncio.sleep(0)
+        assert [message.topic for message in last.questions()] == ["acqd/a/ask"] and last.questions() == []
+        now += 1.0
+        assert len(last.questions()) == 1
+        last.heard_summary("acqd/a/L1/summary", b'{"channel":"L1","boot":"boot.1","seq":7,"W_import":2,"W_export":1}')
+        last.heard_summary("acqd/a/L2/summary", b'{"channel":"L2","boot":"other","seq":7,"W_import":2,"W_export":1}')
+        last.heard_summary("acqd/a/L2/summary", b"offline")
+        last.answered("a", [LastRow("L1", "boot", 8, 1.5), LastRow("L1", "boot", 6, 1.4), LastRow("L2", "x", 9, 1.0)])
+        known = await waiting
+        assert known.answered and known.stored == {"L1": LastRow("L1", "boot", 8, 1.5)}
+        assert set(known.summaries) == {"L1"} and known.summaries["L1"].imported == 2.0
+        now += 10.0
+        assert last.questions() == []
+        last = LastRows({"a": "boot"}, lambda: now)
+        known = await last.of("a", 0.0)
+        now += 5.0
+        assert not known.answered and last.questions() == [], "nobody waits any more"
+
+    finish(scenario())
