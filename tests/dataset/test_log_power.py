@@ -50,3 +50,18 @@ def test_logs_without_power_are_named(tmp_path):
     with pytest.raises(UserError, match="none of 2 logs can be used; the first: .*stuck.csv"):  # noqa: RUF043
         build_from(tmp_path / "logs", tmp_path / "ds2")
     assert not (tmp_path / "ds2").exists()
+
+
+def test_a_known_lag_of_the_motion_counts_in_one_log_too(tmp_path):
+    time, q, power = motion(20)
+    late = np.column_stack([np.interp(time - 0.2, time, column) for column in q.T])
+    for name, angles in (("whole", q), ("late", late)):
+        write_log(tmp_path / name / "a.csv", time, angles, power)
+    build_from(tmp_path / "whole", tmp_path / "ds", cut_s=0)
+    report = build_from(tmp_path / "late", tmp_path / "shifted", cut_s=0, lag_s=0.2)
+    tables = [pyarrow.parquet.read_table(tmp_path / ds / "recordings" / "a.parquet") for ds in ("ds", "shifted")]
+    rows = np.intersect1d(*(columns_of(table)["time_ns"] for table in tables))[50:-50]
+    assert len(rows) > 300
+    angles = [table["q1"].to_numpy()[np.isin(columns_of(table)["time_ns"], rows)] for table in tables]
+    np.testing.assert_allclose(angles[0], angles[1], atol=0.01 * np.ptp(angles[0]))
+    assert not any("nothing was aligned" in note for note in report.notes)

@@ -10,6 +10,7 @@ import orjson
 from acqd.atomic import complete_folder
 from acqd.discrepancy.closed import Closed
 from acqd.discrepancy.config import CloseConfig
+from acqd.discrepancy.repair import torque_scale
 from acqd.discrepancy.repair.refit import groups_of
 from acqd.discrepancy.report.page import write_report
 from acqd.discrepancy.report.summary import as_json
@@ -73,6 +74,7 @@ def _describe_refit(metadata: dict[str, Any], base: GreyBox, closed: Closed) -> 
     if base is not closed.subject.model and "parameters" in metadata:
         names = zip(base.layout.names(), base.values, strict=True)
         metadata["parameters"] = [{"name": n, "value": float(v), "unit": u, "ci95": None} for (n, u), v in names]
+        metadata.pop(torque_scale.KEY, None)  # a known mass calibrated the earlier fit
     restored = {group for each in closed.kept if each.restored for group in groups_of(each)}
     metadata["withheld"] = sorted(closed.subject.withheld - restored)
 
