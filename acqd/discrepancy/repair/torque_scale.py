@@ -87,8 +87,8 @@ def scale_notes(subject: Subject) -> list[str]:
         return []
     return [
         f"the drives of {subject.robot.name} are guessed: masses and torques rest on the described link masses, within "
-        f"{100 * THRESHOLDS.interval_width * scale.deviation / scale.value:.0f} % (95 %); only the product of torque and "
-        "gain shows in the power. A move with a known mass tells the scale: acqd robot calibrate DS --known-mass KG"
+        f"{100 * THRESHOLDS.interval_width * scale.deviation / scale.value:.0f} % (95 %); only the product of torque "
+        "and gain shows in the power. A move with a known mass tells the scale: acqd robot calibrate DS --known-mass KG"
     ]
 
 

@@ -10,7 +10,10 @@ from acqd.discrepancy.repair.torque_scale import GUESSED_DRIVE_DEVIATION, Torque
 from tests.builders import STEP, recording
 
 
-def scale_of(model, robot, heavier=1.0, bundle=SimpleNamespace(metadata={}), **changed):
+_BARE = SimpleNamespace(metadata={})
+
+
+def scale_of(model, robot, heavier=1.0, bundle=_BARE, **changed):
     """The scale where every described link is `heavier` times that of the model's robot."""
     joints = [
         joint.model_copy(update={"link": joint.link.model_copy(update={
