@@ -70,7 +70,18 @@ def sprung(robot):
 def subject_of(robot, model, carrier, fit, held_out, reference):
     data, question = SimpleNamespace(step_s=STEP), "change" if reference else "structure"
     return Subject(
-        None, model, carrier, robot, data, question, fit, held_out, reference, frozenset(), frozenset(COMMON), []
+        SimpleNamespace(metadata={}),
+        model,
+        carrier,
+        robot,
+        data,
+        question,
+        fit,
+        held_out,
+        reference,
+        frozenset(),
+        frozenset(COMMON),
+        [],
     )
 
 

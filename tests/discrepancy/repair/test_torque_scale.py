@@ -9,7 +9,6 @@ from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.repair.torque_scale import GUESSED_DRIVE_DEVIATION, TorqueScale, drive_deviation, torque_scale
 from tests.builders import STEP, recording
 
-
 _BARE = SimpleNamespace(metadata={})
 
 
