@@ -14,9 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from acqd.discrepancy.joints.logged import has_torque
 from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.thresholds import THRESHOLDS
-from acqd.residual.logged_torque import has_torque
 from acqd.robot.arm import Arm
 from acqd.robot.description import RobotDescription
 from acqd.robot.dynamics import inertial_parameters
@@ -85,10 +85,11 @@ def scale_notes(subject: Subject) -> list[str]:
     scale = torque_scale(subject)
     if scale.deviation <= THRESHOLDS.sensor_scale_deviation:
         return []
+    percent = 100 * THRESHOLDS.interval_width * scale.deviation / scale.value
     return [
         f"the drives of {subject.robot.name} are guessed: masses and torques rest on the described link masses, within "
-        f"{100 * THRESHOLDS.interval_width * scale.deviation / scale.value:.0f} % (95 %); only the product of torque "
-        "and gain shows in the power. A move with a known mass tells the scale: acqd robot calibrate DS --known-mass KG"
+        f"{percent:.0f} % (95 %); only the product of torque and "
+        "gain shows in the power. A move with a known mass tells the scale: acqd robot calibrate DS --known-mass KG"
     ]
 
 

@@ -9,10 +9,10 @@ from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.repair.torque_scale import GUESSED_DRIVE_DEVIATION, TorqueScale, drive_deviation, torque_scale
 from tests.builders import STEP, recording
 
-_BARE = SimpleNamespace(metadata={})
+UNCALIBRATED = SimpleNamespace(metadata={})
 
 
-def scale_of(model, robot, heavier=1.0, bundle=_BARE, **changed):
+def scale_of(model, robot, heavier=1.0, bundle=UNCALIBRATED, **changed):
     """The scale where every described link is `heavier` times that of the model's robot."""
     joints = [
         joint.model_copy(update={"link": joint.link.model_copy(update={
