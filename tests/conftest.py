@@ -183,8 +183,8 @@ def closed(model, once):
     from tests.discrepancy.independent import added_payload
 
     def make(folder: Path) -> dict[str, Any]:
-        reference = write_dataset(folder / "before", [recording(model, k, seed=1, rows=700) for k in range(7)])
-        in_question = [recording(model, k, added_payload, seed=2, rows=700, start_s=1e9 + 9000) for k in range(7)]
+        reference = write_dataset(folder / "before", [recording(model, k, seed=1, rows=700) for k in range(9)])
+        in_question = [recording(model, k, added_payload, seed=2, rows=700, start_s=1e9 + 9000) for k in range(9)]
         now = write_dataset(folder / "now", in_question)
         done = acqd_here("train", reference, "--network", "grey-box", "--out", folder / "model")
         assert done.returncode == 0, done.stderr

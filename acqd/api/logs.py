@@ -17,7 +17,7 @@ def read_log(path: Place, robot: Robot | Place) -> RobotLog:
 
     >>> log = read_log("logs/example.csv", "ur10e")
     >>> log.q.shape
-    (900, 6)
+    (700, 6)
     """
     known = robot if isinstance(robot, Robot) else Robot(robot)
     return read(path_of(path), known.description)

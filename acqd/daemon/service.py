@@ -89,9 +89,9 @@ class Service:
                 await broker.start()
             if sink is not None:
                 await sink.start()
-            if self._uplink is not None:  # the feed may have something to ask before its first row
-                background += self._uplink.tasks()
             await self._feed.start()
+            if self._uplink is not None:
+                background += self._uplink.tasks()
             self._metering = True
             for sentence in self._feed.refused:
                 _log.warning("real time: %s", sentence)
@@ -107,6 +107,8 @@ class Service:
         finally:
             notify("STOPPING=1")
             self._health.stop()
+            if self._uplink is not None and not background:  # a feed that asked what is stored, and could not start
+                background += self._uplink.started
             await self._shut_down(background, broker, [each for each in (page, sink) if each is not None])
 
     async def _until_done(

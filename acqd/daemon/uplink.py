@@ -59,6 +59,7 @@ class Uplink:
         self.name = Name(me)
         self._last_rows = LastRows(_cut_off(config.state_dir, devices))
         greet = partial(self._put_greeting, status)
+        self.started: list[asyncio.Task[None]] = []
         self._delivery = Delivery(
             self._spool,
             config.spool.until,
@@ -89,6 +90,7 @@ class Uplink:
 
     async def last_rows(self, device: str) -> Known | None:
         """What a sink and the broker know of the last rows before a power cut; None: there was none."""
+        self.tasks()
         self._delivery.say()
         return await self._last_rows.of(device, _ANSWER_S)
 
@@ -97,13 +99,16 @@ class Uplink:
         return self._spool.newest(device, boot)
 
     def tasks(self) -> list[asyncio.Task[None]]:
-        """Start to deliver; the tasks do not end by themselves."""
+        """Start to deliver, once; the tasks do not end by themselves."""
+        if self.started:
+            return self.started
         if self._folder is None:
             _log.info("no state_dir: rows that are not delivered wait in memory only")
         tasks = [asyncio.create_task(self._connector.run()), asyncio.create_task(self._sync())]
         if not self._config.broker.embedded:  # that one has no access rules
             self._delivery.doubt()
             tasks.append(asyncio.create_task(self._watch_rights()))
+        self.started = tasks
         return tasks
 
     def put(self, rows: Sequence[PowerRow], summaries: Sequence[dict[str, Any]], readings: Readings | None) -> None:

@@ -20,6 +20,7 @@ from acqd.discrepancy.search import search
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.errors import UserError
 from acqd.models.bundle.bundle import require_free
+from acqd.models.effects import library
 
 _LEAST_KNOWN = 0.5
 """Greatest relative deviation of a scale that is worth keeping: less certain than guessed drives tells nothing."""
@@ -57,7 +58,7 @@ def calibrate(config: CloseConfig, known_kg: float, progress: Callable[[str, flo
     require_free(config.out)
     subject = subject_of(config, progress)
     _, selection = search(config, subject, progress)
-    payloads = [each for each in selection.effects if each.id == "payload"]
+    payloads = [each for each in selection.effects if library()[each.id].known_mass]
     if not payloads:
         raise UserError(
             f"{config.dataset}: {known_kg:g} kg at the flange do not show in the power; record the same motion with a "

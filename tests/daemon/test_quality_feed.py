@@ -42,7 +42,7 @@ def test_meters_without_samples_are_said_to_have_no_power_quality(caplog):
 
 def test_a_daemon_without_mqtt_says_that_it_computes_no_power_quality(caplog):
     config = Config(quality=QualitySection(enabled=True))
-    feed_of(config, "boot1", lambda *_: None, lambda _: None)
+    feed_of(config, "boot1", lambda *_: None, None)
     assert f"{config.device}: no power quality: [mqtt] is not enabled" in caplog.text
 
 

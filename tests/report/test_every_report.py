@@ -59,8 +59,8 @@ def run(*words):
 @pytest.mark.parametrize(
     "make",
     [
-        compare, campaign, dataset, close_loop, execute, trajectories, robot_check,
-        pytest.param(thesis, marks=pytest.mark.slow),
+        dataset, close_loop, robot_check,
+        *(pytest.param(each, marks=pytest.mark.slow) for each in (compare, campaign, execute, trajectories, thesis)),
     ],
 )  # fmt: skip
 def test_no_report_has_a_serious_accessibility_finding(make, request, tmp_path):

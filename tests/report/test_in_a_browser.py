@@ -26,7 +26,7 @@ def test_a_report_has_no_serious_accessibility_finding_and_shows_its_values(tmp_
         page.write(tmp_path / f"{tone}.html")
     with chromium() as browser:
         for view in looks(browser):
-            for tone in ("found", "fine", "open", "bad"):
+            for tone in ("found", "fine", "open", "bad") if view.rules is None else ("bad",):
                 view.goto((tmp_path / f"{tone}.html").as_uri())
                 assert serious_findings(view) == [] and view.errors == []
             view.focus(".chart [tabindex]")

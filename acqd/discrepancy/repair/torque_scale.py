@@ -14,9 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acqd.discrepancy.joints.logged import has_torque
 from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.thresholds import THRESHOLDS
+from acqd.residual.logged_torque import has_torque
 from acqd.robot.arm import Arm
 from acqd.robot.description import RobotDescription
 from acqd.robot.dynamics import inertial_parameters

@@ -49,6 +49,8 @@ class Effect(ABC):
     """A law of the drives' whole power: other effects' power passes through the same law."""
     follows_clock: ClassVar[bool] = False
     """Depends on the time since the start of the session; a term keeps that time as `origin_s`."""
+    known_mass: ClassVar[bool] = False
+    """Whether a mass that is known beforehand has this effect: such a mass calibrates guessed drives."""
     detected: ClassVar[Detector] = ""
     restores: ClassVar[tuple[str, ...]] = ()
     """Groups of grey-box parameters that describe the effect: a grey box without them lacks the effect."""

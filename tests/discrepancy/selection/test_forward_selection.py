@@ -120,7 +120,7 @@ def test_a_regular_load_of_seconds_is_a_pulsation_and_no_thermostat(model, robot
         return 8.0 * ((averaged(scene.t) % 5.0) < 2.0)
 
     only = COMMON | {"thermostat", "process_load", "contact_force"}
-    _, selection = traced(model, robot, pump, count=8, rows=600, only=only)
+    _, selection = traced(model, robot, pump, rows=600, only=only)
     assert selection.verdict == "unknown_structure", [(n.id, n.finding.candidate.label) for n in selection.effects]
     assert selection.unknown.finding.candidate.label == "a pulsation with a period of about 5 s"
 

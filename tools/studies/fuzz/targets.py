@@ -77,7 +77,7 @@ def _receipt(folder: Path) -> object:
 
 def _name(folder: Path) -> object:
     """What a daemon hears of another one of its name, which has to decide who publishes."""
-    from acqd.telemetry.ask import Claimant, parse_ask
+    from acqd.telemetry.ask import Claimant
     from acqd.telemetry.last_rows import LastRows
     from acqd.telemetry.name import Name
 
@@ -86,7 +86,7 @@ def _name(folder: Path) -> object:
     name.heard_status(payload, retained=False)
     name.heard_ask(payload)
     last.heard_summary("acqd/box/L1/summary", payload)
-    return parse_ask(payload)
+    return name
 
 
 def _config(folder: Path) -> object:
@@ -186,7 +186,7 @@ TARGETS: tuple[Target, ...] = (
     Target("row", seeds.rows, _row, _VALUE_ERROR),
     Target("event", seeds.events, _event, _VALUE_ERROR),
     Target("receipt", seeds.receipts, _receipt, _VALUE_ERROR),
-    Target("name", seeds.asks, _name, _VALUE_ERROR),
+    Target("name", seeds.asks, _name),
     Target("config", seeds.configurations, _config),
     Target("log", seeds.logs, _log),
     Target("table", seeds.tables, _table),

@@ -29,6 +29,7 @@ class Payload(Effect):
     experiment = "the same motion with the gripper empty and with a known mass, tool vertical and horizontal"
     acts_on = "torque"
     at_link = True
+    known_mass = True
     shapes = ({"centre_of_mass_m": 0.0}, {"centre_of_mass_m": 0.06}, {"centre_of_mass_m": 0.15})
     bounds: ClassVar = {"centre_of_mass_m": (-0.1, 0.4)}
     c_body = """
