@@ -59,8 +59,11 @@ def run(*words):
 @pytest.mark.parametrize(
     "make",
     [
-        dataset, close_loop, robot_check,
-        *(pytest.param(each, marks=pytest.mark.slow) for each in (compare, campaign, execute, trajectories, thesis)),
+        dataset, close_loop,
+        *(
+            pytest.param(each, marks=pytest.mark.slow)
+            for each in (robot_check, compare, campaign, execute, trajectories, thesis)
+        ),
     ],
 )  # fmt: skip
 def test_no_report_has_a_serious_accessibility_finding(make, request, tmp_path):

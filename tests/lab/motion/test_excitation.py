@@ -49,6 +49,7 @@ def test_planned_paths_leave_no_large_step():
     assert steps.max() <= np.radians(2.0)
 
 
+@pytest.mark.slow  # the command is asked the same in tests/cli/lab
 def test_a_cube_out_of_reach_is_said_to_be(cell):
     with pytest.raises(UserError, match=r"cube at 2 0 0.5 m with edge 0.3 m: .* could not be reached by iiwa7_r800"):
         cell.excitation().limited_space("x", Cube((2.0, 0.0, 0.5)), np.random.default_rng(0))
