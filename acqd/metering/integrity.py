@@ -19,7 +19,8 @@ _PAUSE = 0.4
 _APPROACH = 4
 """Samples before and after a flat top in which the wave moves evenly: an edge is faster."""
 _TALL = 6.0
-"""Slope at the end of a flat top times half of its samples, in quanta: of the rounded top of a parabola it is two."""
+"""Slope beside a flat top, relative to the quantum that a rounded top leaves flat: of a parabola it is two, and noise
+of a quantum doubles that."""
 _WRAP = 0.8
 """Of the range: a step this large may be a roll-over."""
 _OFFSET = 0.1
@@ -49,11 +50,10 @@ def _clipped_above(x: Floats, top: float, cycle: int) -> bool:
     at = np.flatnonzero(x == top)
     if len(at) < _FLAT:
         return False
-    steps = np.diff(x)
-    moving = np.abs(steps[steps != 0])
-    if not len(moving):
+    levels = np.unique(x)
+    if len(levels) < 2:
         return False
-    quantum = float(moving.min())
+    quantum = float(np.diff(levels).min())
     runs = np.split(at, np.flatnonzero(np.diff(at) > 1) + 1)
     hits = 0
     for run in runs:
@@ -61,7 +61,9 @@ def _clipped_above(x: Floats, top: float, cycle: int) -> bool:
         if not _FLAT <= len(run) <= _PAUSE * cycle or first < _APPROACH or last + _APPROACH >= len(x):
             continue
         before, after = x[first - _APPROACH : first], x[last + _APPROACH : last : -1]
-        hits += all(_runs_into(side, _TALL * quantum / (len(run) / 2)) for side in (before, after))
+        half = len(run) / 2
+        rounded = quantum * (half + _APPROACH / 2) / half**2  # a parabola is as steep as twice that, beside its top
+        hits += all(_runs_into(side, _TALL * rounded) for side in (before, after))
     return hits > 0
 
 
