@@ -134,6 +134,22 @@ def test_what_reads_rows_seeks_in_an_index(tmp_path):
         assert known_rows.newest(connection) == row().filetime
 
 
+def test_the_newest_row_of_a_device_is_found_without_reading_its_rows(tmp_path):
+    engine = open_database(str(tmp_path / "a.sqlite"))
+    rows = [row(k, t=1_700_000_000 + k, boot=f"b{k % 3}", device=name) for k in range(600) for name in ("a", "b")]
+    Writer(engine).write([message(one) for one in rows])
+    times = sorted(one.filetime for one in rows if one.device == "a")
+    steps = []
+    with engine.connect() as connection:
+        connection.connection.driver_connection.set_progress_handler(lambda: steps.append(1) and None, 10)
+        assert known_rows.newest(connection, "none") is None and len(steps) > 120
+        steps.clear()
+        assert known_rows.newest(connection, "a") == known_rows.newest(connection) == times[-1]
+        assert known_rows.newest(connection, "a", times[-5]) == times[-5]
+        assert connection.exec_driver_sql("SELECT max(filetime) FROM power").scalar() == times[-1]
+        assert len(steps) < 60, "fewer instructions than rows"
+
+
 @pytest.fixture
 def earlier(tmp_path):
     """A database of the schema before, with rows of all sorts."""
