@@ -102,9 +102,10 @@ class Writer:
             note_refused(written.receipts, message)
         for event in stored.events:
             note(written.receipts, event.device, topics.EVENTS, event.boot, event.seq)
-        for question in last_rows.questions([(message.topic, message.payload) for message in found.asks]):
+        if found.asks:
             with self._engine.connect() as connection:
-                written.answers[question.device] = last_rows.last_rows(connection, question)
+                for question in last_rows.questions(found.asks):
+                    written.answers[question.device] = last_rows.last_rows(connection, question)
         return written
 
     def _judged(self, rows: list[Good]) -> tuple[list[Good], list[Refused]]:
