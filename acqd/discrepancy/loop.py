@@ -41,9 +41,12 @@ def close_loop(config: CloseConfig, progress: Progress) -> Closed:
         progress("correcting the model", 0.0)
         improved, reasons = corrected(subject, selection, improved, usual, trial)
         remarks = [*remarks, *reasons]
+    after = quality(improved.errors)
+    if after.rmse < floor_W:  # no model can be better than the noise: brakes and supplies act at rest, too
+        floor_W, floor_source = after.rmse, "of the residual, which is smaller than what the power varies by at rest"
     return Closed(
         subject=subject, selection=selection, improved=improved, before=quality(errors_before),
-        after=quality(improved.errors), errors_before=errors_before, floor_W=floor_W, floor_source=floor_source,
+        after=after, errors_before=errors_before, floor_W=floor_W, floor_source=floor_source,
         reference_rmse=usual.reference_rms,
         joints=joint_level(selection.witness, subject.chosen), verdict=verdict, stages=stages_of(subject, selection),
         notes=[
