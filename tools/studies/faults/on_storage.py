@@ -17,6 +17,8 @@ from tools.studies.faults.bed import Bed
 from tools.studies.faults.fault import RESTART_S, pause
 from tools.studies.faults.on_processes import kill
 
+_WAITS_S = 30.0
+
 
 def lock(bed: Bed, chance: random.Random) -> None:
     """Somebody else's transaction holds the table."""
@@ -83,8 +85,16 @@ def spool_unreadable(bed: Bed, chance: random.Random) -> None:
 
 
 def spool_deleted(bed: Bed, chance: random.Random) -> None:
-    """Somebody deletes the spool's folder while all rows get through; a moment later the broker is away."""
+    """Somebody deletes the spool's folder while no closed file waits; a moment later the broker is away.
+
+    Rows in closed files that a person deletes are gone.
+    """
     proxy = bed.proxies["daemon"]
+    deadline = time.monotonic() + _WAITS_S
+    while len(list(_segments(bed))) > 1:
+        if time.monotonic() > deadline:
+            return
+        time.sleep(0.2)
     for folder in {path.parent for path in _segments(bed)}:
         shutil.rmtree(folder)
     proxy.mode = "silent"
