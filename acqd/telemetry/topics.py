@@ -137,11 +137,6 @@ def ask(device: str) -> str:
     return f"acqd/{device}/ask"
 
 
-def is_ask(topic: str) -> bool:
-    """Whether messages on this topic are questions of a daemon."""
-    return topic.endswith("/ask") and topic.count("/") == 2
-
-
 def receipt(device: str) -> str:
     """Which rows of the device a sink has stored; only sinks publish here."""
     return f"acqd/{device}/receipt"
