@@ -11,7 +11,6 @@ from acqd.robot.scene import load_scene
 from tests.robot.states import ROBOTS
 from tools.common import mujoco_oracle
 
-
 OUTLINED = [name for name in ROBOTS if load_description(name).joint[0].capsules]
 
 
