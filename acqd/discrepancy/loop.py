@@ -8,7 +8,14 @@ from acqd.discrepancy.closed import Closed
 from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.joints.summary import joint_level
 from acqd.discrepancy.recordings import subject_of
-from acqd.discrepancy.remarks import disagreements, drifted_level, not_added, stages_of, unused_efforts
+from acqd.discrepancy.remarks import (
+    common_load,
+    disagreements,
+    drifted_level,
+    not_added,
+    stages_of,
+    unused_efforts,
+)
 from acqd.discrepancy.repair.correcting import corrected, tried
 from acqd.discrepancy.repair.guard import improve
 from acqd.discrepancy.repair.naming import named_effects
@@ -50,7 +57,7 @@ def close_loop(config: CloseConfig, progress: Progress) -> Closed:
         reference_rmse=usual.reference_rms,
         joints=joint_level(selection.witness, subject.chosen), verdict=verdict, stages=stages_of(subject, selection),
         notes=[
-            *subject.notes, *unused_efforts(subject), *drifted_level(selection), *remarks, *not_added(improved),
-            *disagreements(selection, improved), *(scale_notes(subject) if effects else []),
+            *subject.notes, *unused_efforts(subject), *common_load(selection), *drifted_level(selection), *remarks,
+            *not_added(improved), *disagreements(selection, improved), *(scale_notes(subject) if effects else []),
         ],
     )  # fmt: skip

@@ -59,11 +59,11 @@ def test_what_predicts_better_and_does_not_reduce_the_error_is_reported_and_not_
     """A level of minutes hides an effect from the RMSE, not from the density."""
     effect = replace(found("coulomb_friction", {"torque": (0.9, 0.5)}), status="named")
     subject = SimpleNamespace(model=grey(), question="change")
-    density = SimpleNamespace(density=lambda errors, places: float(len(places)))
+    density = SimpleNamespace(density=lambda errors, places: float(len(places)), without_load=lambda errors: errors)
     for with_effect_W, status in ((1.1, "reported"), (0.9, "added")):
         errors = {0: [np.full(50, 1.0)], 1: [np.full(50, with_effect_W)]}
         monkeypatch.setattr(guard._Errors, "of", lambda _, effects, errors=errors: errors[len(effects)])
         (judged,) = improve(subject, [effect], errors[0], density, 1).effects
         assert judged.status == status
-    nothing = SimpleNamespace(density=lambda errors, places: -float(len(places)))
+    nothing = SimpleNamespace(density=lambda errors, places: -float(len(places)), without_load=lambda errors: errors)
     assert improve(subject, [effect], errors[0], nothing, 1).effects[0].status == "refused"
