@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -143,19 +144,25 @@ class _Priced:
         factors = None if tariff is None or not len(moments) else tariff.emissions(moments)
         energies = stretches.nWh[within].tolist()
         self._place = np.flatnonzero(within)
-        self.cost: dict[int, Fraction] | None = None
-        self.co2: dict[int, Fraction] | None = None
+        self.cost: dict[int, int] | None = None
+        self.co2: dict[int, int] | None = None
+        self.cost_unit = self.co2_unit = Fraction(1)
+        """What `cost` counts [EUR] and `co2` [kg]: integers add up faster than fractions, and as exactly."""
         self.unpriced: set[int] = set()
         if prices is not None and tariff is not None:
             self.unpriced = self._over_a_change(stretches, tariff)
+            scale = _common_denominator([*prices, tariff.feed_in])
+            self.cost_unit = Fraction(1, scale * NWH_PER_KWH)
             self.cost = {
-                k: Fraction(e, NWH_PER_KWH) * (price if e >= 0 else tariff.feed_in)
+                k: e * _scaled(price if e >= 0 else tariff.feed_in, scale)
                 for k, e, price in zip(self._place.tolist(), energies, prices, strict=True)
                 if k not in self.unpriced
             }
         if factors is not None:
+            scale = _common_denominator(factors)
+            self.co2_unit = Fraction(1, scale * NWH_PER_KWH)
             self.co2 = {
-                k: Fraction(max(e, 0), NWH_PER_KWH) * factor
+                k: max(e, 0) * _scaled(factor, scale)
                 for k, e, factor in zip(self._place.tolist(), energies, factors, strict=True)
             }
 
@@ -169,6 +176,14 @@ class _Priced:
             if len(set(tariff.prices(moments) or [])) > 1:
                 changed.add(k)
         return changed
+
+
+def _common_denominator(values: Sequence[Fraction]) -> int:
+    return math.lcm(*{value.denominator for value in values})
+
+
+def _scaled(value: Fraction, scale: int) -> int:
+    return value.numerator * (scale // value.denominator)
 
 
 class _Sums:
@@ -200,9 +215,9 @@ class _Sums:
             float(np.average(P[finite], weights=rows[finite])) if finite.any() else None,
             float(tops.max()) if len(tops) else None,
             self._demand(begin, end),
-            None if cost is None or not some else sum((cost.get(k, Fraction(0)) for k in chosen), Fraction(0)),
-            sum(int(nWh[k]) for k in chosen if k in self._priced.unpriced),
-            None if co2 is None or not some else sum((co2.get(k, Fraction(0)) for k in chosen), Fraction(0)),
+            None if cost is None or not some else self._priced.cost_unit * sum(cost.get(k, 0) for k in chosen),
+            sum(int(nWh[k]) for k in self._priced.unpriced if mine[k]),
+            None if co2 is None or not some else self._priced.co2_unit * sum(co2.get(k, 0) for k in chosen),
             None if self._standby is None or not some else int(nWh[mine & self._at_rest].sum()),
         )  # fmt: skip
 
