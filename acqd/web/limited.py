@@ -1,8 +1,9 @@
-"""HTTP connections, so few that strangers cannot use up the descriptors: the oldest that only wait make room."""
+"""HTTP connections, so few that strangers cannot use up the descriptors: of whoever has most, the worst makes room."""
 
 from __future__ import annotations
 
 import asyncio
+from collections import Counter
 from itertools import count
 from typing import Any
 
@@ -16,7 +17,10 @@ _numbers = count()
 
 
 class LimitedProtocol(H11Protocol):
-    """uvicorn's protocol; a new connection beyond the limit ends the oldest one that does not read, or the oldest."""
+    """uvicorn's protocol; a new connection beyond the limit ends one of the address that has most of them.
+
+    One that has not asked, or has its answer, before one that does not read, before an old one.
+    """
 
     most: int = MOST_CONNECTIONS
     request_s: float = REQUEST_S
@@ -27,7 +31,9 @@ class LimitedProtocol(H11Protocol):
         self.number = next(_numbers)
         self._asked = asyncio.get_running_loop().call_later(self.request_s, self._end_unless_asked)
         if len(self.connections) > self.most:
-            worst: Any = min(self.connections - {self}, key=_worth)
+            others: Any = self.connections - {self}
+            of = Counter(_address(each) for each in others)
+            worst = min(others, key=lambda each: (-of[_address(each)], *_worth(each)))
             worst.transport.abort()
 
     def connection_lost(self, exc: Exception | None) -> None:
@@ -40,6 +46,11 @@ class LimitedProtocol(H11Protocol):
             self.transport.abort()
 
 
+def _address(connection: Any) -> str | None:
+    return connection.client[0] if connection.client else None
+
+
 def _worth(connection: Any) -> tuple[bool, bool, int]:
-    """Half a request is worth least, then an answer that nobody reads, then an old connection."""
-    return connection.cycle is not None, not connection.flow.write_paused, connection.number
+    """Half a request is worth least, as a first or a further one, then an answer that nobody reads, then an old one."""
+    answering = connection.cycle is not None and not connection.cycle.response_complete
+    return answering, not connection.flow.write_paused, connection.number

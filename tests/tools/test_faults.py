@@ -8,9 +8,9 @@ import socket
 import subprocess
 import sys
 import threading
-from dataclasses import replace
 
 import pytest
+from msgspec.structs import replace
 
 from acqd.storage.database import open_database
 from acqd.storage.writer import Writer

@@ -14,6 +14,8 @@ from typing import Any
 import orjson
 import sqlalchemy as sa
 
+from acqd.storage import quarantined, sink_flags
+from acqd.storage.clock_witness import IMPOSSIBLE
 from acqd.storage.schema import power, quarantine
 
 _FIELDS = ("filetime", "Vrms", "Irms", "P", "S", "PF", "f", "W", "schema")
@@ -79,6 +81,15 @@ def missing(tapes: Iterable[Path], engine: sa.Engine) -> int:
     return len(_taped(tapes).keys() - stored)
 
 
+def restore(tapes: Iterable[Path], engine: sa.Engine) -> None:
+    """As a person would: rows of the tapes that wait in quarantine because of their times go where they belong."""
+    made = _taped(tapes)
+    waiting = quarantined.entries(engine, quarantined.Which(reason=IMPOSSIBLE))
+    ids = [entry.id for entry in waiting if any(_key(row) in made for row in _readable([entry.payload]))]
+    if ids:
+        quarantined.restore(engine, quarantined.Which(ids))
+
+
 def _taped(tapes: Iterable[Path]) -> dict[_Key, Any]:
     return {_key(row): row for tape in tapes for row in _rows(tape)}
 
@@ -105,7 +116,8 @@ def _differs(taped: Any, stored: Any) -> bool:
     flags = stored["flags"]
     flags = orjson.loads(flags) if isinstance(flags, str) else flags
     same_time = _moment(taped["time"]) == _moment(stored["time"])
-    return flags != taped["flags"] or not same_time or any(taped[name] != stored[name] for name in _FIELDS)
+    same_flags = [name for name in flags if name not in sink_flags.FLAGS] == taped["flags"]
+    return not same_flags or not same_time or any(taped[name] != stored[name] for name in _FIELDS)
 
 
 def _moment(time: Any) -> datetime:
