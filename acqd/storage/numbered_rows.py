@@ -62,6 +62,16 @@ def runs(connection: sa.Connection, device: str, boot: str) -> list[tuple[int, s
     return [(int(number), str(name), int(base)) for number, name, base in found]
 
 
+def of_channel(connection: sa.Connection, device: str, channel: str) -> tuple[str, tuple[int, ...]]:
+    """Condition on `id` and its parameters for the rows of a device and channel; empty where there are no runs."""
+    code = _CODES.get(channel)
+    query = "SELECT id FROM power_run WHERE device = ? AND channel = ?"
+    found = tuple(connection.exec_driver_sql(query, (device, "" if code is not None else channel)).scalars())
+    if not found:
+        return "", ()
+    return f"id & 3 = {code or 0} AND id >> 34 IN ({', '.join('?' * len(found))})", found
+
+
 def last_of_run(connection: sa.Connection, run: int, channel: str) -> tuple[int, float] | None:
     """Window within the run, and W, of the newest row of a channel that has a W."""
     query = (
