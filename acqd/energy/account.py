@@ -95,7 +95,7 @@ def account_of(
     """Sort stretches into periods; the first `skipped` buckets lie before them."""
     of_periods = _after(buckets, skipped)
     standby = standby_of(of_periods)
-    priced = _Priced(stretches, tariff)
+    priced = _Priced(stretches, tariff, boundaries[0])
     place = np.searchsorted(boundaries, stretches.start, side="right") - 1
     known = (stretches.kind == Kind.KNOWN) & (place >= 0) & (place < len(boundaries) - 1)
     sums = _Sums(of_periods, stretches, interval_s, priced, standby)
@@ -137,7 +137,7 @@ def _after(buckets: Buckets, skipped: int) -> Buckets:
 class _Priced:
     """Cost and CO2 of stretches; import and export of a quarter hour are netted, as the register nets them."""
 
-    def __init__(self, stretches: Stretches, tariff: Tariff | None) -> None:
+    def __init__(self, stretches: Stretches, tariff: Tariff | None, since: int) -> None:
         within = stretches.kind == Kind.KNOWN
         moments = stretches.start[within]
         prices = None if tariff is None or not len(moments) else tariff.prices(moments)
@@ -150,7 +150,7 @@ class _Priced:
         """What `cost` counts [EUR] and `co2` [kg]: integers add up faster than fractions, and as exactly."""
         self.unpriced: set[int] = set()
         if prices is not None and tariff is not None:
-            self.unpriced = self._over_a_change(stretches, tariff)
+            self.unpriced = self._over_a_change(stretches, tariff, since)
             scale = _common_denominator([*prices, tariff.feed_in])
             self.cost_unit = Fraction(1, scale * NWH_PER_KWH)
             self.cost = {
@@ -166,12 +166,12 @@ class _Priced:
                 for k, e, factor in zip(self._place.tolist(), energies, factors, strict=True)
             }
 
-    def _over_a_change(self, stretches: Stretches, tariff: Tariff) -> set[int]:
+    def _over_a_change(self, stretches: Stretches, tariff: Tariff, since: int) -> set[int]:
         """Stretches over a gap in which the price changes."""
         over = [k for k in self._place.tolist() if stretches.begin[k] < stretches.start[k]]
         changed = set()
         for k in over:
-            begin = max(int(stretches.begin[k]), int(stretches.start[k]) - 400 * 86_400)
+            begin = max(int(stretches.begin[k]), since)
             moments = np.arange(begin, int(stretches.start[k]) + 1, _QUARTER_S if (begin % _QUARTER_S == 0) else 60)
             if len(set(tariff.prices(moments) or [])) > 1:
                 changed.add(k)

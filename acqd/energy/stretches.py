@@ -91,7 +91,9 @@ def stretches_of(
         cut.append((int(start[0]), int(start[0]), int(end[0]), readings[0] - first, int(Kind.KNOWN)))
     for k in (np.flatnonzero(~adjacent) + 1).tolist():
         begin, at, until = int(end[k - 1]), int(start[k]), int(end[k])
-        kind = rules.kind_after_gap(int(known[k]), begin, at, until, int(energy[k - 1]))
+        if rules.of_rows(int(known[k]), int(energy[k - 1])):
+            begin = at  # the gap holds no energy
+        kind = rules.kind_after_gap(begin, at, until, int(energy[k - 1]))
         first = None if kind == Kind.KNOWN else _first(first_reading, at, until)
         if first is None:
             cut.append((begin, at, until, int(energy[k - 1]), kind))
@@ -128,12 +130,10 @@ class _Rules:
         crossed = self._crossed(start, end - 1)
         return np.where(plausible, np.where(crossed, Kind.GAP, Kind.KNOWN), Kind.JUMP)
 
-    def kind_after_gap(self, bucket: int, begin: int, start: int, end: int, energy: int) -> Kind:
+    def kind_after_gap(self, begin: int, start: int, end: int, energy: int) -> Kind:
         """Of the energy [nWh] between the end of a bucket and the end of a later one."""
         crossed = bool(self._crossed(begin, start))
         inside = bool(self._crossed(start, end - 1))
-        if crossed and not inside and self._of_rows(bucket, energy):
-            return Kind.KNOWN
         if not self._plausible(energy, self._least, self._most, end - begin):
             return Kind.JUMP
         return Kind.GAP if crossed or inside else Kind.KNOWN
@@ -150,7 +150,7 @@ class _Rules:
         first, last = (np.searchsorted(self._boundaries, at, side="right") for at in (begin, end))
         return np.asarray(last > first)
 
-    def _of_rows(self, bucket: int, energy: int) -> bool:
+    def of_rows(self, bucket: int, energy: int) -> bool:
         """Whether P of the rows explains the energy: then the gap before them holds none."""
         P, rows = float(self._buckets.P[bucket]), int(self._buckets.rows[bucket])
         expected = P * rows * self._interval / 3.6e6 * NWH_PER_KWH

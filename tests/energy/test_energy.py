@@ -60,7 +60,7 @@ def test_energy_over_a_gap_belongs_to_the_period_only_if_the_gap_does():
     assert over.kind.tolist() == [Kind.KNOWN, Kind.GAP] and over.nWh[1] == nwh(1 + 5 * one) - nwh(1 + one)
     # A daemon that was off counted nothing: the power of the rows explains the whole difference.
     off = stretches_of(buckets([1.0, 1 + one, 1 + 2 * one], minutes=[0, 1, 5]), 0.04, [T0, T0 + 180, T0 + 3600])
-    assert off.kind.tolist() == [Kind.KNOWN, Kind.KNOWN]
+    assert off.kind.tolist() == [Kind.KNOWN, Kind.KNOWN] and off.begin[1] == off.start[1]
 
 
 def test_a_register_that_was_set_back_is_no_energy_but_export_is():
