@@ -68,7 +68,7 @@ def ticks() -> CBuild:
 
 def switching() -> CBuild:
     """The search for loads that switch; equal to numpy to the last bit, so without contraction."""
-    source = _PACKAGE / "discrepancy" / "selection" / "detectors" / "switching.c"
+    source = _PACKAGE / "discrepancy" / "loads" / "switching.c"
     return CBuild("switching", (source,), ("-O2", "-std=c99", *_SHARED, "-ffp-contract=off"), SWITCHING_FALLBACK)
 
 

@@ -62,6 +62,8 @@ def _require_times(path: Path, name: str, first_ns: float, last_ns: float) -> No
 def rfc3339(utc_ns: int, digits: int = 6) -> str:
     """UTC nanoseconds as 2021-07-13T10:15:30.123456Z (RFC 3339, section 5.6), cut after `digits` decimals."""
     seconds, ns = divmod(utc_ns, 1_000_000_000)
+    if digits == 6:  # as every row has it; a format that is known is twice as fast
+        return f"{_whole_second(seconds)}.{ns // 1000:06d}Z"
     return f"{_whole_second(seconds)}.{ns // 10 ** (9 - digits):0{digits}d}Z"
 
 

@@ -118,7 +118,7 @@ def _print(result: dict[str, Any], folder: Path) -> None:
                 for name, p in effect["parameters"].items()
             ]
             alternatives = ", ".join(
-                f"{r['id']} {r['confidence']:.0%}" for r in effect["rivals"] if r["confidence"] > 0
+                f"{r['name']} {r['confidence']:.0%}" for r in effect["rivals"] if r["confidence"] >= 0.005
             )
             cells = [effect["id"], effect["where"], "\n".join(values), f"{effect['confidence']:.0%}"]
             table.add_row(*cells, f"-{effect['delta_rmse']:.2f} W", alternatives)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import signal
 import sys
 import time
@@ -91,6 +92,7 @@ def sink(
     health = SinkHealth(settings.health, worker, options.client_id, upkeep, settings.mqtt.certificates)
     health.start()
     upkeep.start()
+    gc.freeze()  # what was imported stays: collections look through the objects of rows only
     notify("READY=1")
     worker.run(lambda: stopping or (end is not None and time.monotonic() > end), health.turned)
     notify("STOPPING=1")

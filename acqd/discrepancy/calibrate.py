@@ -15,15 +15,15 @@ from acqd.atomic import complete_folder
 from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.recordings import subject_of
 from acqd.discrepancy.repair.terms import reported
-from acqd.discrepancy.repair.torque_scale import KEY, TorqueScale
+from acqd.discrepancy.repair.torque_scale import GUESSED_DRIVE_DEVIATION, KEY, TorqueScale
 from acqd.discrepancy.search import search
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.errors import UserError
 from acqd.models.bundle.bundle import require_free
 from acqd.models.effects import library
 
-_LEAST_KNOWN = 0.5
-"""Greatest relative deviation of a scale that is worth keeping: less certain than guessed drives tells nothing."""
+_LEAST_KNOWN = GUESSED_DRIVE_DEVIATION
+"""Greatest relative deviation of a scale that is worth keeping: guessed drives are known as well."""
 
 
 @dataclass(frozen=True, slots=True)

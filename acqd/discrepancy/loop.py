@@ -8,7 +8,14 @@ from acqd.discrepancy.closed import Closed
 from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.joints.summary import joint_level
 from acqd.discrepancy.recordings import subject_of
-from acqd.discrepancy.remarks import disagreements, drifted_level, not_added, stages_of, unused_efforts
+from acqd.discrepancy.remarks import (
+    common_load,
+    disagreements,
+    drifted_level,
+    not_added,
+    stages_of,
+    unused_efforts,
+)
 from acqd.discrepancy.repair.correcting import corrected, tried
 from acqd.discrepancy.repair.guard import improve
 from acqd.discrepancy.repair.naming import named_effects
@@ -41,13 +48,16 @@ def close_loop(config: CloseConfig, progress: Progress) -> Closed:
         progress("correcting the model", 0.0)
         improved, reasons = corrected(subject, selection, improved, usual, trial)
         remarks = [*remarks, *reasons]
+    after = quality(improved.errors)
+    if after.rmse < floor_W:  # no model can be better than the noise: brakes and supplies act at rest, too
+        floor_W, floor_source = after.rmse, "of the residual, which is smaller than what the power varies by at rest"
     return Closed(
         subject=subject, selection=selection, improved=improved, before=quality(errors_before),
-        after=quality(improved.errors), errors_before=errors_before, floor_W=floor_W, floor_source=floor_source,
+        after=after, errors_before=errors_before, floor_W=floor_W, floor_source=floor_source,
         reference_rmse=usual.reference_rms,
         joints=joint_level(selection.witness, subject.chosen), verdict=verdict, stages=stages_of(subject, selection),
         notes=[
-            *subject.notes, *unused_efforts(subject), *drifted_level(selection), *remarks, *not_added(improved),
-            *disagreements(selection, improved), *(scale_notes(subject) if effects else []),
+            *subject.notes, *unused_efforts(subject), *common_load(selection), *drifted_level(selection), *remarks,
+            *not_added(improved), *disagreements(selection, improved), *(scale_notes(subject) if effects else []),
         ],
     )  # fmt: skip

@@ -59,6 +59,17 @@ def drifted_level(selection: Selection) -> list[str]:
     return [f"{size} may be drift of the standby power: unchanged sessions differ by as much"]
 
 
+def common_load(selection: Selection) -> list[str]:
+    """A note of a load that both sides have, and what it may hide."""
+    load = selection.design.columns.load
+    if load is None:
+        return []
+    return [
+        f"a load of {load.size_W:.2g} W switches on this meter in the reference, too, and is taken out: a new load of "
+        "about that size would not be seen"
+    ]
+
+
 def not_added(improved: Improved) -> list[str]:
     """Notes of the effects that were selected and are not in the model, with the reason."""
     notes = []

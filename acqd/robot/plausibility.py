@@ -25,6 +25,8 @@ _COM_REACH_SHARE, _COM_LEAST_M = 0.25, 0.25
 _HEAVIEST_KG = 5000.0
 _LARGE_MARGIN = 30.0
 """Effort over holding effort of the most loaded joint; catalogue arms have 1.5 to 10."""
+_HOLDS_NOTHING = 1e-6
+"""Nm or N: below, gravity loads no joint, and the efforts cannot be compared with it."""
 _MOST_TURNS = 10.0
 """Turns either way beyond which a limit is doubtful; positioners without a stop have limits of some turns."""
 _FASTEST_DEG_S, _FASTEST_M_S = 1000.0, 10.0
@@ -50,9 +52,10 @@ def implausible(robot: RobotDescription) -> list[Finding]:
 
 
 def _reach(arm: Arm) -> float:
-    """Length of the arm from joint to joint [m]."""
+    """Length of the arm from joint to joint [m], its slides drawn out."""
     origins = joint_origins(arm, np.zeros(arm.axes))
-    return float(np.linalg.norm(np.diff(origins[1:], axis=0), axis=1).sum())
+    travel = sum(abs(joint.limits[1] - joint.limits[0]) for joint in arm.description.joint if joint.slides)
+    return float(np.linalg.norm(np.diff(origins[1:], axis=0), axis=1).sum()) + travel
 
 
 def _bodies(arm: Arm, reach: float) -> Iterator[Finding]:
@@ -107,6 +110,8 @@ def _efforts(arm: Arm) -> Iterator[Finding]:
             yield Finding(
                 "wrong", key, text, "check the rated effort, the masses and the gravity direction (-z of the base)"
             )
+    if holding.max() < _HOLDS_NOTHING:  # level slides, or axes that stand upright
+        return
     margin = float((robot.effort / np.maximum(holding, 1e-9)).min())
     if margin > _LARGE_MARGIN:
         text = f"every joint can hold {margin:.0f} times the stretched arm"

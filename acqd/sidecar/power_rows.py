@@ -11,7 +11,6 @@ from acqd.errors import UserError
 from acqd.sidecar.log_file import LogFile
 from acqd.sidecar.settings import Settings
 from acqd.storage import known_rows
-from acqd.storage.schema import power
 from acqd.timestamps import filetime, rfc3339_ms, unix_s
 
 _MARGIN_S = 5.0
@@ -65,11 +64,8 @@ class PowerRows:
         all rows of today have arrived.
         """
         latest_s = max(time.time(), end_s) + self._settings.clocks_apart_s + _MARGIN_S
-        condition = [power.c.filetime <= filetime(round(latest_s * 1e9))]
-        if self._settings.device is not None:
-            condition.append(power.c.device == self._settings.device)
         with self._engine.connect() as connection:
-            newest = known_rows.newest(connection, *condition)
+            newest = known_rows.newest(connection, self._settings.device, filetime(round(latest_s * 1e9)))
         return None if newest is None else unix_s(newest)
 
 

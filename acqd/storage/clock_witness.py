@@ -9,7 +9,7 @@ is stored then, with a flag. Otherwise the row is impossible, and waits in quara
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from typing import Literal
 
 from acqd.storage.state import Mark
@@ -75,6 +75,10 @@ class ClockWitness:
         """The time of a row, before the rows of its batch are judged."""
         if device in self._offsets or len(self._offsets) < _MOST_DEVICES:
             self._offsets[device] = utc_ns(filetime) - self._now, time.monotonic()
+
+    def all_plausible(self, filetimes: Sequence[int]) -> bool:
+        """Whether no row with one of these times has to be judged."""
+        return not filetimes or (utc_ns(min(filetimes)) >= 0 and utc_ns(max(filetimes)) - self._now <= AHEAD_NS)
 
     def judge(self, device: str, row_filetime: int, text: str, flags: Collection[str]) -> Judgement:
         """`text` is the row's time as it says it. Raises ValueError for an impossible time."""

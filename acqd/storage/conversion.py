@@ -7,12 +7,14 @@ in the old table is moved first, so that it is compared as ever.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import Any
 
+import orjson
 import sqlalchemy as sa
 
 from acqd.storage import numbered_rows
 from acqd.storage.migrations.versions.m0010_numbered_rows import COLUMNS, views
-from acqd.storage.numbered_rows import Values
+from acqd.telemetry.row import PowerRow
 
 _QUOTED = ", ".join(f'"{name}"' for name in COLUMNS)
 _AT_ONCE = 10_000
@@ -40,7 +42,7 @@ def convert(engine: sa.Engine, most: int | None = None) -> int:
                 for statement in ("DROP VIEW power", "DROP TABLE power_before", *views(before=False)):
                     connection.exec_driver_sql(statement)
                 return moved
-            numbered_rows.insert(connection, [Values(*row[1:]) for row in found])
+            numbered_rows.insert(connection, [_row(row[1:]) for row in found])
             connection.exec_driver_sql("DELETE FROM power_before WHERE rowid <= ?", (found[-1][0],))
             moved += len(found)
     return moved
@@ -52,5 +54,11 @@ def move(connection: sa.Connection, keys: Iterable[Sequence[object]]) -> None:
     for key in keys:
         row = connection.exec_driver_sql(f"SELECT {_QUOTED} FROM power_before WHERE {where}", tuple(key)).one_or_none()
         if row is not None:
-            numbered_rows.insert(connection, [Values(*row)])
+            numbered_rows.insert(connection, [_row(row)])
             connection.exec_driver_sql(f"DELETE FROM power_before WHERE {where}", tuple(key))
+
+
+def _row(values: Sequence[Any]) -> PowerRow:
+    row = PowerRow(*values)
+    row.flags = orjson.loads(values[-2])
+    return row

@@ -22,8 +22,15 @@ def _has_rows(connection: sa.Connection, device: str) -> bool:
     return connection.execute(sa.select(sa.literal(1)).where(power.c.device == device).limit(1)).scalar() is not None
 
 
-def newest(connection: sa.Connection, *conditions: sa.ColumnElement[bool]) -> int | None:
-    """`filetime` of the newest row with these conditions; None: there is none."""
-    query = sa.select(power.c.filetime).where(*conditions).order_by(power.c.filetime.desc()).limit(1)
+def newest(connection: sa.Connection, device: str | None = None, until: int = 2**63 - 1) -> int | None:
+    """`filetime` of the newest row, of a device, not later than `until`; None: there is no such row.
+
+    By the index on time, from the newest row on: SQLite would read all rows of the device and sort them.
+    """
+    c = power.c
+    query = sa.select(c.filetime).where(c.filetime <= until).order_by(c.filetime.desc()).limit(1)
+    if device is not None:
+        name = c.device.op("||")("") if connection.dialect.name == "sqlite" else c.device
+        query = query.where(name == device)
     found = connection.execute(query).scalar()
     return None if found is None else int(found)

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import sqlalchemy as sa
 
 from acqd.storage import numbered_rows
+from acqd.storage.received import Received
 from acqd.storage.schema import power
+from acqd.telemetry import topics
 from acqd.telemetry.ask import parse_ask
 from acqd.telemetry.receipts import LastRow
 from acqd.telemetry.row import CHANNELS
+
+_MOST = 500
+"""Questions of one batch that are answered: a plant that comes back after a power cut, and no stranger's flood."""
 
 
 class Asked(NamedTuple):
@@ -21,17 +26,17 @@ class Asked(NamedTuple):
     boot: str
 
 
-def questions(messages: Sequence[tuple[str, bytes]]) -> Iterator[Asked]:
-    """Those among messages (topic, payload) that this sink can answer, each once."""
+def questions(messages: Iterable[Received]) -> list[Asked]:
+    """Those among messages that this sink can answer, each once."""
     asked = []
-    for topic, payload in messages:
+    for message in messages:
         try:
-            ask = parse_ask(payload)
+            ask = parse_ask(message.payload)
         except ValueError:
             continue
         if ask.ask == "last_rows" and ask.boot:
-            asked.append(Asked(topic.split("/")[1], ask.boot))
-    yield from dict.fromkeys(asked)
+            asked.append(Asked(topics.place(message.topic).device, ask.boot))
+    return list(dict.fromkeys(asked))[:_MOST]
 
 
 def last_rows(connection: sa.Connection, asked: Asked) -> list[LastRow]:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
 from typing import NamedTuple, TypeAlias
 
 from acqd.storage import events
@@ -13,12 +13,12 @@ from acqd.telemetry.quality_row import QualityRow, parse_quality
 from acqd.telemetry.register_row import RegisterRow, parse_registers
 from acqd.telemetry.row import PowerRow, parse_row
 from acqd.telemetry.row_message import payloads_of
+from acqd.telemetry.spool import Stream
 
 Row: TypeAlias = PowerRow | QualityRow | RegisterRow
 
 
-@dataclass(frozen=True, slots=True)
-class Received:
+class Received(NamedTuple):
     """One message as it came from the broker."""
 
     topic: str
@@ -27,59 +27,85 @@ class Received:
     """Bytes of a message that is longer than the limit; its payload is cut."""
 
 
-class Parsed(NamedTuple):
-    """A message of one row; the reason where it is none."""
-
-    message: Received
-    row: Row | None
-    reason: str
+Good: TypeAlias = tuple[Received, Row]
+"""A message of one row, and the row."""
+Refused: TypeAlias = tuple[Received, str]
+"""A message that is no new row, and the reason."""
 
 
-def rows_apart(messages: Sequence[Received], refused: list[tuple[Received, str]]) -> Iterator[Received]:
-    """A message for each row; an invalid window goes to `refused` with the reason."""
+@dataclass(slots=True)
+class Sorted:
+    """Messages by what they hold."""
+
+    rows: list[Good] = field(default_factory=list)
+    refused: list[Refused] = field(default_factory=list)
+    events: list[Received] = field(default_factory=list)
+    asks: list[Received] = field(default_factory=list)
+
+
+def sort(messages: Iterable[Received]) -> Sorted:
+    """Read the rows; events and questions are set apart as they came."""
+    found = Sorted()
     for message in messages:
-        if message.oversized or not topics.is_window(message.topic):
-            yield message
-            continue
+        place = topics.place(message.topic)
         try:
-            parts = payloads_of(message.topic, message.payload)
+            if place.kind == "event":
+                found.events.append(message)
+            elif place.kind == "ask":
+                found.asks.append(message)
+            elif place.kind == "window" and not message.oversized:
+                _sort_window(message, place, found)
+            else:
+                found.rows.append((message, _row(message, place)))
         except ValueError as error:
-            refused.append((message, str(error)))
-            continue
-        for part in parts:
-            yield Received(message.topic, part)
-
-
-def parse(message: Received) -> Parsed:
-    """The row in a message of one, or why there is none."""
-    try:
-        return Parsed(message, _row(message), "")
-    except ValueError as error:
-        return Parsed(message, None, str(error))
+            found.refused.append((message, str(error)))
+    return found
 
 
 def message_row(message: Received) -> Row | PowerEvent:
     """The row or event in a message of one, whatever its time. Raises ValueError."""
-    return events.parsed_event(message) if topics.is_event(message.topic) else _row(message)
+    place = topics.place(message.topic)
+    return events.parsed_event(message) if place.kind == "event" else _row(message, place)
 
 
-def stream_channel(row: Row) -> str:
-    """What names the stream of a row in receipts, in the place of a channel."""
-    if isinstance(row, QualityRow):
-        return topics.quality_stream(row.channel)
-    return topics.register_stream(row.channel) if isinstance(row, RegisterRow) else row.channel
+def by_stream(rows: Iterable[Row]) -> dict[Stream, Sequence[Row]]:
+    """The rows of each stream, in their order."""
+    found: dict[tuple[type[Row], str, str, str], list[Row]] = {}
+    for row in rows:
+        key = row.__class__, row.device, row.channel, row.boot
+        if key in found:
+            found[key].append(row)
+        else:
+            found[key] = [row]
+    return {Stream(device, _stream_channel(kind, name), boot): of for (kind, device, name, boot), of in found.items()}
 
 
-def _row(message: Received) -> Row:
+def _sort_window(message: Received, place: topics.Place, found: Sorted) -> None:
+    """Raises ValueError for a window that is no list; what is wrong in it alone is refused alone."""
+    for payload in payloads_of(message.topic, message.payload):
+        part = Received(message.topic, payload)
+        try:
+            found.rows.append((part, _row(part, place)))
+        except ValueError as error:
+            found.refused.append((part, str(error)))
+
+
+def _row(message: Received, place: topics.Place) -> Row:
     if message.oversized:
         raise ValueError(f"message of {message.oversized} bytes is too large for a row")
-    if topics.is_quality(message.topic):
+    kind = place.kind
+    if kind == "quality":
         row: Row = parse_quality(message.payload)
-    elif topics.is_registers(message.topic):
-        row = parse_registers(message.payload)
     else:
-        row = parse_row(message.payload)
-    expected = topics.row(row.device, stream_channel(row))
-    if message.topic not in (expected, topics.window(row.device)):
+        row = parse_registers(message.payload) if kind == "registers" else parse_row(message.payload)
+    if row.device != place.device or (row.channel != place.channel and kind != "window"):
+        expected = topics.row(row.device, _stream_channel(row.__class__, row.channel))
         raise ValueError(f"payload is of {expected}, but came by another topic")
     return row
+
+
+def _stream_channel(kind: type[Row], channel: str) -> str:
+    """What names the stream of a row in receipts, in the place of a channel."""
+    if kind is QualityRow:
+        return topics.quality_stream(channel)
+    return topics.register_stream(channel) if kind is RegisterRow else channel

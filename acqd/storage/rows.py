@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
 from datetime import datetime
 from typing import Any
 
+import msgspec
 import orjson
 import sqlalchemy as sa
 
 from acqd.storage import conversion, numbered_rows
-from acqd.storage.numbered_rows import Values
 from acqd.storage.schema import power
 from acqd.storage.sink_flags import added, same_row
 from acqd.telemetry.row import PowerRow
@@ -36,13 +35,13 @@ def insert(connection: sa.Connection, rows: list[PowerRow]) -> list[int]:
 
 def _same(connection: sa.Connection, row: PowerRow) -> bool:
     """Whether the stored row differs by nothing but flags that the sink adds."""
-    values = asdict(row)
+    values = msgspec.structs.asdict(row)
     if connection.dialect.name == "postgresql":
         key = [power.c[name] == getattr(row, name) for name in _KEY]
         stored = dict(connection.execute(sa.select(power).where(*key)).mappings().one())
         values["time"] = datetime.fromisoformat(row.time)
     else:
-        stored = numbered_rows.stored_row(connection, _values(row))
+        stored = numbered_rows.stored_row(connection, row)
         stored["flags"] = orjson.loads(stored["flags"])
     if not added(row.flags) and not added(stored["flags"]):
         return False
@@ -50,10 +49,9 @@ def _same(connection: sa.Connection, row: PowerRow) -> bool:
 
 
 def _sqlite(connection: sa.Connection, rows: list[PowerRow]) -> list[int]:
-    values = [_values(row) for row in rows]
     if conversion.unfinished(connection):
-        conversion.move(connection, [one[:4] for one in values])
-    return numbered_rows.insert(connection, values)
+        conversion.move(connection, [(row.device, row.channel, row.boot, row.seq) for row in rows])
+    return numbered_rows.insert(connection, rows)
 
 
 def _postgres(connection: sa.Connection, rows: list[PowerRow]) -> list[int]:
@@ -86,12 +84,9 @@ def _copy(connection: sa.Connection, table: str, columns: str, values: Sequence[
             copy.write_row(row)
 
 
-def _values(row: PowerRow) -> Values:
-    return Values(
+def _values(row: PowerRow) -> tuple[Any, ...]:
+    return (
         row.device, row.channel, row.boot, row.seq, row.time, row.filetime,
-        row.Vrms, row.Irms, row.P, row.S, row.PF, row.f, row.W, _flags(row), row.schema,
+        row.Vrms, row.Irms, row.P, row.S, row.PF, row.f, row.W,
+        orjson.dumps(row.flags).decode() if row.flags else "[]", row.schema,
     )  # fmt: skip
-
-
-def _flags(row: PowerRow) -> str:
-    return orjson.dumps(row.flags).decode() if row.flags else "[]"

@@ -7,8 +7,9 @@ the other one goes into quarantine.
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import cast
 
 import sqlalchemy as sa
 
@@ -18,7 +19,7 @@ from acqd.storage.boot_watch import BootWatch
 from acqd.storage.clock_witness import FLAG, IMPOSSIBLE, ClockWitness
 from acqd.storage.guard import Guard
 from acqd.storage.receipted import note, note_refused
-from acqd.storage.received import Parsed, Received, Row, parse, rows_apart, stream_channel
+from acqd.storage.received import Good, Received, Refused, Row, by_stream, sort
 from acqd.telemetry import topics
 from acqd.telemetry.ranges import Ranges
 from acqd.telemetry.receipts import LastRow
@@ -78,31 +79,44 @@ class Writer:
         """
         self.guard.open()
         self.witness.look()
-        occurred = [message for message in messages if topics.is_event(message.topic)]
-        stored = events.store(self.guard.transaction, occurred, self.witness)
-        malformed = [(occurred[k], reason) for k, reason in stored.refused]
-        asked = [(message.topic, message.payload) for message in messages if topics.is_ask(message.topic)]
-        rows_only = [one for one in messages if not (topics.is_event(one.topic) or topics.is_ask(one.topic))]
-        parsed = [parse(message) for message in rows_apart(rows_only, malformed)]
-        for one in parsed:
-            if one.row is not None:
-                self.witness.hear(one.row.device, one.row.filetime)
-        written = self._write(parsed, malformed)
+        found = sort(messages)
+        stored = events.store(self.guard.transaction, found.events, self.witness)
+        unusable = [*found.refused, *((found.events[k], reason) for k, reason in stored.refused)]
+        refused = [one for one in unusable if not one[1].startswith(IMPOSSIBLE)]
+        good, impossible = self._judged(found.rows)
+        impossible += [one for one in unusable if one[1].startswith(IMPOSSIBLE)]
+        streams = by_stream(row for _, row in good)
+        self._flag_boots(streams)
+        kept = refused[: self._allowance.fitting([_size(message) for message, _ in refused])]
+        try:
+            conflicts, poison = self._store(good, [*kept, *impossible])
+        except self._engine.dialect.loaded_dbapi.Error as error:  # from COPY, which SQLAlchemy does not see
+            raise sa.exc.DBAPIError("COPY", None, error) from error
+        self._spend(kept, len(refused))
+        no_rows = conflicts + poison
+        written = Written(len(good) - no_rows, len(refused) + len(impossible) + no_rows, conflicts, len(impossible))
+        for stream, of in streams.items():
+            written.receipts[stream] = Ranges()
+            written.receipts[stream].add_all([row.seq for row in of])
+        for message, _ in [*kept, *impossible]:
+            note_refused(written.receipts, message)
         for event in stored.events:
             note(written.receipts, event.device, topics.EVENTS, event.boot, event.seq)
-        for question in last_rows.questions(asked):
+        if found.asks:
             with self._engine.connect() as connection:
-                written.answers[question.device] = last_rows.last_rows(connection, question)
+                for question in last_rows.questions(found.asks):
+                    written.answers[question.device] = last_rows.last_rows(connection, question)
         return written
 
-    def _write(self, messages: Sequence[Parsed], malformed: Sequence[tuple[Received, str]]) -> Written:
-        """`messages` of one row each; `malformed` are kept for their reasons."""
-        good: list[tuple[Received, Row]] = []
-        refused, impossible = list(malformed), []
-        for message, row, reason in messages:
-            if row is None:
-                refused.append((message, reason))
-                continue
+    def _judged(self, rows: list[Good]) -> tuple[list[Good], list[Refused]]:
+        """Rows whose time may be true, flagged where that is in doubt, and those whose time cannot."""
+        for device, ticks in {row.device: row.filetime for _, row in rows}.items():
+            self.witness.hear(device, ticks)
+        if self.witness.all_plausible([row.filetime for _, row in rows]):
+            return rows, []
+        good: list[Good] = []
+        impossible: list[Refused] = []
+        for message, row in rows:
             try:
                 judged = self.witness.judge(row.device, row.filetime, row.time, getattr(row, "flags", ()))
             except ValueError as error:
@@ -111,40 +125,25 @@ class Writer:
             if judged == "doubtful" and not isinstance(row, RegisterRow):
                 row.flags = sorted({*row.flags, FLAG})
             good.append((message, row))
-        self._flag_boots([row for _, row in good if isinstance(row, PowerRow)])
-        rows_refused = [one for one in refused if one[1].startswith(IMPOSSIBLE)]
-        refused = [one for one in refused if not one[1].startswith(IMPOSSIBLE)]
-        impossible += rows_refused
-        kept = refused[: self._allowance.fitting([_size(message) for message, _ in refused])]
-        try:
-            conflicts = self._store(good, [*kept, *impossible])
-        except self._engine.dialect.loaded_dbapi.Error as error:  # from COPY, which SQLAlchemy does not see
-            raise sa.exc.DBAPIError("COPY", None, error) from error
-        except _PoisonError as error:
-            return self._apart(messages, malformed, str(error))
-        self._spend(kept, len(refused))
-        quarantined = len(refused) + len(impossible) + conflicts
-        written = Written(len(good) - conflicts, quarantined, conflicts, len(impossible))
-        for _, row in good:
-            note(written.receipts, row.device, stream_channel(row), row.boot, row.seq)
-        for message, _ in [*kept, *impossible]:
-            note_refused(written.receipts, message)
-        return written
+        return good, impossible
 
-    def _flag_boots(self, power: Sequence[PowerRow]) -> None:
-        spans: dict[tuple[str, str], list[int]] = {}
-        for row in power:
-            span = spans.get((row.device, row.boot))
-            if span is None:
-                spans[row.device, row.boot] = [row.filetime, row.filetime]
-            elif row.filetime > span[1]:
-                span[1] = row.filetime
+    def _flag_boots(self, streams: Mapping[Stream, Sequence[Row]]) -> None:
+        power = [
+            (stream.device, stream.boot, cast(Sequence[PowerRow], of))
+            for stream, of in streams.items()
+            if isinstance(of[0], PowerRow)
+        ]
+        spans: dict[tuple[str, str], tuple[int, int]] = {}
+        for device, boot, of in power:
+            ticks = [row.filetime for row in of]
+            first, newest = spans.get((device, boot), (ticks[0], ticks[0]))
+            spans[device, boot] = min(first, *ticks), max(newest, *ticks)
         mixed = {name for name, span in spans.items() if self.boots.hear(*name, *span)}
-        for row in power if mixed else ():
-            if (row.device, row.boot) in mixed:
+        for device, boot, of in power:
+            for row in of if (device, boot) in mixed else ():
                 row.flags = sorted({*row.flags, boot_watch.FLAG})
 
-    def _spend(self, kept: list[tuple[Received, str]], refused: int) -> None:
+    def _spend(self, kept: list[Refused], refused: int) -> None:
         """Note what is kept of the malformed messages, and say once that no more are."""
         self._allowance.spend([_size(message) for message, _ in kept])
         full = len(kept) < refused
@@ -153,45 +152,39 @@ class Writer:
         if refused:
             self._full = full
 
-    def _apart(self, messages: Sequence[Parsed], malformed: Sequence[tuple[Received, str]], reason: str) -> Written:
-        """The database refuses some row of this batch for what it holds: find it, keep the others."""
-        if len(messages) == 1:
-            self._store([], [(messages[0].message, reason), *malformed])
-            written = Written(0, 1 + len(malformed))
-            note_refused(written.receipts, messages[0].message)
-            return written
-        half = len(messages) // 2
-        first, second = self._write(messages[:half], malformed), self._write(messages[half:], [])
-        for stream, stored in second.receipts.items():
-            for pair in stored:
-                first.receipts.setdefault(stream, Ranges()).add(*pair)
-        return Written(
-            first.rows + second.rows,
-            first.quarantined + second.quarantined,
-            first.conflicts + second.conflicts,
-            first.impossible + second.impossible,
-            first.receipts,
-        )
+    def _store(self, good: list[Good], apart: list[Refused]) -> tuple[int, int]:
+        """Commit rows, and what is set apart, in one transaction; how many rows conflict, and are poison.
 
-    def _store(self, good: list[tuple[Received, Row]], refused: list[tuple[Received, str]]) -> int:
-        """One transaction; the number of conflicts."""
+        The database refuses some row of the batch for what it holds: find it by halves, keep the others.
+        """
+        try:
+            return self._commit(good, apart), 0
+        except _PoisonError as error:
+            if len(good) == 1:
+                self._commit([], [(good[0][0], str(error)), *apart])
+                return 0, 1
+        half = len(good) // 2
+        first, second = self._store(good[:half], apart), self._store(good[half:], [])
+        return first[0] + second[0], first[1] + second[1]
+
+    def _commit(self, good: list[Good], apart: list[Refused]) -> int:
+        """One transaction; the number of conflicts. Raises _PoisonError for rows that no database takes."""
         dbapi = self._engine.dialect.loaded_dbapi
         with self.guard.transaction() as connection:
-            differing: list[int] = []
+            differing: list[Received] = []
             try:
-                power = [(k, row) for k, (_, row) in enumerate(good) if isinstance(row, PowerRow)]
+                power = [(message, row) for message, row in good if isinstance(row, PowerRow)]
                 if power:
                     differing = [power[k][0] for k in rows.insert(connection, [row for _, row in power])]
-                for kind, table in keyed_rows.TABLES.items():
-                    keyed = [(k, row) for k, (_, row) in enumerate(good) if isinstance(row, kind)]
+                for kind, table in keyed_rows.TABLES.items() if len(power) < len(good) else ():
+                    keyed = [(message, row) for message, row in good if isinstance(row, kind)]
                     differing += [keyed[k][0] for k in keyed_rows.insert(connection, table, [row for _, row in keyed])]
             except (sa.exc.DataError, sa.exc.IntegrityError, dbapi.DataError, dbapi.IntegrityError) as error:
                 raise _PoisonError(str(error).splitlines()[0]) from error
             except (ValueError, OverflowError) as error:  # the driver cannot even send it
                 raise _PoisonError(str(error)) from error
-            apart = [*refused, *((good[k][0], CONFLICT) for k in differing)]
-            if apart:
-                quarantining.insert(connection, apart)
+            if apart or differing:
+                quarantining.insert(connection, [*apart, *((message, CONFLICT) for message in differing)])
         return len(differing)
 
 

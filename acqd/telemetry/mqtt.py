@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import ipaddress
 import socket
 import ssl
 from dataclasses import dataclass, field
@@ -49,8 +50,11 @@ class BrokerAddress:
 
 
 def is_loopback(host: str) -> bool:
-    """Whether a host is this computer."""
-    return host == "localhost" or host == "::1" or host.startswith("127.")
+    """Whether a host is this computer: by its address, for 127.0.0.1.example.org is somebody's name."""
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
 
 
 NO_DELAY = [(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 
 class Ranges:
@@ -32,6 +32,14 @@ class Ranges:
         self._bounds[low:high] = ([] if low % 2 else [first]) + ([] if high % 2 else [end])
         self._count += (new := end - first - inside)
         return new
+
+    def add_all(self, numbers: Sequence[int]) -> None:
+        """Add all these; numbers that rise by one cost one addition."""
+        if numbers and numbers == list(range(numbers[0], numbers[0] + len(numbers))):
+            self.add(numbers[0], numbers[-1])
+            return
+        for number in numbers:
+            self.add(number, number)
 
     def remove(self, first: int, last: int) -> int:
         """Remove first..last; how many of them were in."""

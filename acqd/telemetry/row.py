@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from datetime import datetime
 from typing import Annotated, Literal, Protocol, TypeVar
 
@@ -25,8 +25,7 @@ Name = Annotated[str, Meta(min_length=1, max_length=64)]
 Integer = Annotated[int, Meta(ge=0, le=_INT64)]
 
 
-@dataclass(slots=True)
-class PowerRow:
+class PowerRow(msgspec.Struct, gc=False):
     """Field order is column order. None where a quantity does not exist in this window."""
 
     device: Name
@@ -60,6 +59,7 @@ class PowerRow:
         return _encoder.encode(self)
 
 
+_NUL = re.compile(rb"\\u0000")  # faster than `in`
 _decoder = msgspec.json.Decoder(PowerRow)
 _encoder = msgspec.json.Encoder()
 
@@ -83,7 +83,7 @@ def parse_row(payload: bytes) -> PowerRow:
 
 def decoded(decoder: msgspec.json.Decoder[_Row], payload: bytes) -> _Row:
     """What `decoder` makes of a payload with a time. Raises ValueError that says which field is wrong and why."""
-    if b"\\u0000" in payload:
+    if _NUL.search(payload):
         raise ValueError("text holds a NUL character, which no database column takes")
     try:
         row = decoder.decode(payload)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from functools import lru_cache
+from typing import Literal, NamedTuple, TypeAlias
 
 ALL_POWER = "acqd/+/+/power"
 """Every device's rows, one message each."""
@@ -35,6 +37,27 @@ _QUALITY = "/quality"
 _REGISTERS = "/registers"
 _PLAIN = re.compile(r"[/+#\0]")
 _DEVICE = re.compile(r"[A-Za-z0-9_.-]{1,64}")
+Kind: TypeAlias = Literal["power", "window", "quality", "registers", "event", "ask", "other"]
+
+
+class Place(NamedTuple):
+    """What the messages on a topic hold, and of what."""
+
+    kind: Kind
+    device: str = ""
+    channel: str = ""
+    """Empty for messages of the whole device."""
+
+
+@lru_cache(4_096)
+def place(topic: str) -> Place:
+    """By the topics that sinks subscribe to; once a topic, not once a message."""
+    match topic.split("/"):
+        case ["acqd", device, channel, "power" | "quality" | "registers" as kind]:
+            return Place(kind, device, channel)
+        case ["acqd", device, "window" | "event" | "ask" as kind]:
+            return Place(kind, device)
+    return Place("other")
 
 
 def valid_device(name: str) -> bool:
@@ -112,11 +135,6 @@ def status(device: str) -> str:
 def ask(device: str) -> str:
     """What a daemon asks the sinks, and another daemon of its name (telemetry.ask)."""
     return f"acqd/{device}/ask"
-
-
-def is_ask(topic: str) -> bool:
-    """Whether messages on this topic are questions of a daemon."""
-    return topic.endswith("/ask") and topic.count("/") == 2
 
 
 def receipt(device: str) -> str:

@@ -135,6 +135,8 @@ class Hub:
             return
         points = self._posture.points(payload)
         if points is not None:
+            if len(self._postures) > _MOST_KEPT:
+                self._postures.clear()
             self._postures[device] = now
             self._tell("posture", {"device": device, "points": points})
 

@@ -1,12 +1,12 @@
 """From blocks to files and back: the same blocks, the same rows, every gap named."""
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from acqd.archive.catalogue import contents
 from acqd.archive.coding import decode, encode

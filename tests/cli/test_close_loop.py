@@ -181,3 +181,12 @@ def test_a_withheld_term_is_named_and_comes_back(closed, tmp_path):
     assert [each["id"] for each in report["effects"]][:1] == ["coulomb_friction"]
     assert report["after"]["rmse"] < 0.9 * report["before"]["rmse"]
     assert load_bundle(tmp_path / "poor.loop" / "model").metadata["withheld"] == []
+
+
+def test_a_known_mass_calibrates_the_torques_of_the_model(closed, tmp_path):
+    folder, _ = closed
+    words = ("robot", "calibrate", folder / "now" / "ds", "--model", folder / "model", "--out", tmp_path / "scaled")
+    said = json.loads(acqd_here(*words, "--known-mass", 2.0, "--json").stdout)
+    low, high = said["torque_scale"]["ci95"]
+    assert low < said["torque_scale"]["value"] < high
+    assert load_bundle(tmp_path / "scaled").metadata["torque_scale"]["known_mass_kg"] == 2.0

@@ -38,8 +38,11 @@ def test_people_read_what_is_guessed(tmp_path, urdf):
 
 
 def test_shipped_robots_are_listed(tmp_path):
-    rows = json.loads(acqd_here("robot", "list", "--json", cwd=tmp_path).stdout)
-    assert {"name": "ur10e", "axes": 6}.items() <= rows[-3].items()
+    rows = {row["name"]: row for row in json.loads(acqd_here("robot", "list", "--json", cwd=tmp_path).stdout)}
+    assert {"axes": 6, "drives": "gains known"}.items() <= rows["ur10e"].items()
+    assert rows["ur10e"]["logs"] == ["csv", "csv", "ros"]
+    assert rows["xarm7"]["drives"] == "guessed" and "BSD" in rows["xarm7"]["sources"][0]
+    assert "gains" in acqd_here("robot", "list", cwd=tmp_path).stdout
 
 
 def test_mistakes_are_one_line_and_leave_nothing(tmp_path, urdf):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import dataclasses
 import itertools
 import signal
 import sqlite3
@@ -14,6 +13,7 @@ import numpy as np
 import psycopg
 import pytest
 import sqlalchemy as sa
+from msgspec import structs
 
 from acqd.daemon.config import Config
 from acqd.daemon.uplink import Uplink
@@ -242,8 +242,8 @@ def test_a_strangers_row_with_our_key_is_a_conflict_that_is_said(mosquitto, data
         with sink(mosquitto, engine) as running:
             with publisher(mosquitto.port) as client:
                 foreign = [
-                    dataclasses.replace(row(5, "L1"), P=-1.0),
-                    dataclasses.replace(row(6, "total"), flags=["gap"]),
+                    structs.replace(row(5, "L1"), P=-1.0),
+                    structs.replace(row(6, "total"), flags=["gap"]),
                 ]
                 await asyncio.to_thread(publish, client, [*foreign, row(7, "L1")])
                 wait_for(lambda: running.counters.rows == 3, "the stranger's rows")
@@ -274,7 +274,7 @@ def test_rows_that_were_forged_in_advance_cost_no_genuine_row(mosquitto, tmp_pat
     async def scenario():
         daemon = Daemon(tmp_path, mosquitto.port)
         await daemon.make(600)
-        forged = [dataclasses.replace(one, P=-1.0) for one in daemon.tape if one.seq >= 300]
+        forged = [structs.replace(one, P=-1.0) for one in daemon.tape if one.seq >= 300]
         forged += [row(seq, "L1", P=-1.0) for seq in (10**6, 10**9)]
         with sink(mosquitto, engine) as running, publisher(mosquitto.port) as client:
             await asyncio.to_thread(publish, client, forged)

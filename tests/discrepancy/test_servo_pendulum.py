@@ -3,16 +3,14 @@
 from pathlib import Path
 
 import numpy as np
-import orjson
 import pytest
 from scipy.signal import medfilt, savgol_filter
 
 from acqd.dataset.build import build
 from acqd.dataset.config import BuildConfig
-from acqd.discrepancy.calibrate import calibrate
 from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.loop import close_loop
-from acqd.errors import UserError
+from tests.commands import acqd_here, refused
 
 MEASURED = Path(__file__).parents[3] / "shared" / "data" / "robots" / "servo_pendulum"
 LAG_S = 0.024
@@ -83,11 +81,9 @@ def test_a_heavier_bob_is_a_payload_of_the_right_first_moment(trained):
     assert any("acqd robot calibrate" in note for note in closed.notes)
 
 
-def test_a_known_mass_gives_the_scale_and_an_impossible_one_a_line(trained):
-    config = CloseConfig(trained / "ds0.741", trained / "model", trained / "calibrated")
-    with pytest.raises(UserError, match="--known-mass 0: expected"):
-        calibrate(config, 0.0, lambda *_: None)
-    result = calibrate(config, 0.206, lambda *_: None)
-    written = orjson.loads((trained / "calibrated" / "bundle.json").read_bytes())["torque_scale"]
-    assert written["value"] == pytest.approx(result.model_kg / 0.206)
-    assert (trained / "calibrated" / "reference.safetensors").exists()
+def test_a_mass_that_shows_less_than_guessed_drives_tell_is_refused(trained):
+    words = ("robot", "calibrate", trained / "ds0.741", "--model", trained / "model", "--out", trained / "copy")
+    assert "--known-mass 0: expected" in refused(acqd_here(*words, "--known-mass", 0, cwd=trained))
+    said = refused(acqd_here(*words, "--known-mass", 0.206, cwd=trained))
+    assert "which is too uncertain; record more motion, and a larger mass" in said
+    assert not (trained / "copy").exists()

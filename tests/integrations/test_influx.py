@@ -8,9 +8,9 @@ import subprocess
 import tomllib
 import urllib.parse
 import urllib.request
-from dataclasses import replace
 
 import pytest
+from msgspec import structs
 
 from acqd.integrations.influx import Influx
 from acqd.integrations.influx_lines import event_line, line, quality_line
@@ -30,7 +30,7 @@ def take(bridge, sent):
 
 
 def test_line_of_a_row():
-    sent = replace(row(7, P=1.5, PF=None), device="hall 3,a=b", flags=["gap", 'od"d'])
+    sent = structs.replace(row(7, P=1.5, PF=None), device="hall 3,a=b", flags=["gap", 'od"d'])
     text = line(sent)
     assert text.startswith(f"power,device=hall\\ 3\\,a\\=b,channel={sent.channel} ")
     assert "P=1.5" in text and "PF=" not in text and ",seq=7i," in text and 'flags="gap od\\"d"' in text

@@ -1,20 +1,25 @@
 """Descriptions of robots, shipped and wrong ones."""
 
+import numpy as np
 import pytest
 
 from acqd.errors import InputError, UserError
 from acqd.robot import load_description
+from acqd.robot.newton_euler import Chain, frames
 from tests.robot.states import ROBOTS
 
-SHIPPED = ["fr3", "franka_panda", "iiwa7_r800", "kinova_gen3", "kuka_iiwa14", "ur10e", "ur3e", "ur5e"]
+SHIPPED = [
+    "abb_irb120", "crx10ia", "doosan_m1013", "fr3", "franka_panda", "iiwa7_r800", "kinova_gen3", "kuka_iiwa14",
+    "ur10e", "ur3e", "ur5e", "xarm6", "xarm7",
+]  # fmt: skip
 
 
-def test_eight_robots_are_shipped():
+def test_these_robots_are_shipped():
     assert ROBOTS == SHIPPED
 
 
 def test_an_unknown_robot_is_named_with_those_there_are():
-    with pytest.raises(UserError, match="robot 'r2d2' is unknown; known: fr3, franka_panda"):
+    with pytest.raises(UserError, match="robot 'r2d2' is unknown; known: abb_irb120, crx10ia"):
         load_description("r2d2")
 
 
@@ -48,3 +53,15 @@ def test_what_the_sources_call_assumed_is_marked_as_guessed(name):
 def test_drive_gains_of_the_ur10e_are_the_published_ones():
     gains = [joint.drive.effort_per_ampere for joint in load_description("ur10e").joint]
     assert gains == pytest.approx([10.0, 10.6956, 8.4566, 9.0029, 9.48, 10.1232], rel=1e-3)
+
+
+def test_bodies_of_the_m1013_are_where_its_maker_says():
+    """The maker's file gives centres of mass [m] in the base frame at zero angles."""
+    robot = load_description("doosan_m1013")
+    published = [
+        [7e-05, 0.044281, 0.143327], [-1.6e-05, 0.189372, 0.418558], [6e-06, 0.07917, 0.781807],
+        [-2.1e-05, 0.12337, 1.148], [-1.7e-05, 0.06662, 1.33103], [-0.000174, 0.034708, 1.40022],
+    ]  # fmt: skip
+    at = frames(Chain.of(robot), np.zeros((1, 6)))
+    for joint, rotation, origin, expected in zip(robot.joint, at.rotation[0], at.origin[0], published, strict=True):
+        np.testing.assert_allclose(origin + rotation @ joint.link.com, expected, atol=2e-6)

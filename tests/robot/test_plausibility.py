@@ -4,7 +4,7 @@ import pytest
 
 from acqd.robot import load_description
 from acqd.robot.plausibility import implausible
-from tests.robot.sliding import DRIVE, link, robot, scara, turn
+from tests.robot.sliding import DRIVE, link, robot, scara, slide, turn
 from tests.robot.states import ROBOTS
 
 
@@ -56,3 +56,9 @@ def test_placeholders_for_all_joints_are_doubted():
 def test_a_tensor_with_a_negative_moment_is_no_description(inertia):
     with pytest.raises(ValueError, match="negative principal moment"):
         states({"inertia": inertia})
+
+
+def test_level_slides_hold_nothing_and_are_as_long_as_their_travel():
+    body = link(40.0, (0, 0, 0), (1, 1, 1, 0, 0, 0))
+    table = robot(slide("y", [0, 1, 0], body, limits_m=[0, 0.3]), slide("x", [1, 0, 0], body, limits_m=[0, 0.4]))
+    assert [each.where for each in implausible(table)] == []

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import sqlalchemy as sa
+from msgspec import structs
 
 from acqd.storage.received import Received
 from acqd.storage.schema import power
@@ -32,7 +31,7 @@ def row(seq=0, channel="L1", t=T0, **changes) -> PowerRow:
         0.001 * seq,
         [],
     )
-    return dataclasses.replace(base, **changes)
+    return structs.replace(base, **changes)
 
 
 def message(r: PowerRow) -> Received:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import sqlite3
 
@@ -12,6 +11,7 @@ from alembic import command
 from alembic.config import Config
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec import structs
 
 from acqd.storage import conversion, known_rows
 from acqd.storage.database import MIGRATIONS, engine_for, open_database
@@ -26,7 +26,7 @@ from tests.telemetry.rows import some_rows
 
 _number = st.none() | st.floats(allow_nan=False, allow_infinity=False)
 _rows = st.builds(
-    lambda seq, changes, follows: _following(dataclasses.replace(row(seq), **changes), follows),
+    lambda seq, changes, follows: _following(structs.replace(row(seq), **changes), follows),
     st.integers(0, 3) | st.integers(0, 2**63 - 1),
     st.fixed_dictionaries(
         dict.fromkeys(("Vrms", "Irms", "P", "S", "PF", "f", "W"), _number)
@@ -46,7 +46,7 @@ def _following(one: PowerRow, follows: bool) -> PowerRow:
     if not follows or one.Vrms is None or one.Irms is None or one.P is None:
         return one
     S = one.Vrms * one.Irms
-    return dataclasses.replace(one, S=S if abs(S) < 1e300 else 0.0, PF=one.P / S if 1e-300 < abs(S) < 1e300 else None)
+    return structs.replace(one, S=S if abs(S) < 1e300 else 0.0, PF=one.P / S if 1e-300 < abs(S) < 1e300 else None)
 
 
 def _stored(engine):
@@ -56,7 +56,7 @@ def _stored(engine):
 
 
 def _sent(rows):
-    return [dataclasses.asdict(one) for one in sorted(rows, key=lambda one: (one.boot, one.seq, one.channel))]
+    return [structs.asdict(one) for one in sorted(rows, key=lambda one: (one.boot, one.seq, one.channel))]
 
 
 @pytest.fixture(scope="module")
@@ -79,9 +79,9 @@ def test_every_value_comes_back_to_the_last_bit(memory, rows):
         connection.exec_driver_sql("DELETE FROM power_stamp")
         assert module.insert(connection, rows) == []
         assert module.insert(connection, [*reversed(rows)]) == [], "the same rows again are no conflict"
-        other = [dataclasses.replace(one, W=(one.W or 0.0) + 1.0 if abs(one.W or 0.0) < 1e9 else None) for one in rows]
+        other = [structs.replace(one, W=(one.W or 0.0) + 1.0 if abs(one.W or 0.0) < 1e9 else None) for one in rows]
         assert module.insert(connection, other) == list(range(len(rows)))
-        other = [dataclasses.replace(one, time="2024-01-01T00:00:00Z") for one in rows]
+        other = [structs.replace(one, time="2024-01-01T00:00:00Z") for one in rows]
         assert module.insert(connection, other) == list(range(len(rows)))
     assert _stored(memory) == _sent(rows)
 
@@ -98,7 +98,7 @@ def test_a_row_takes_less_than_100_bytes(tmp_path):
     _, _, rows = some_rows(seconds=4.0)
     windows, ticks = len(rows) // 4, 40_000_000
     rows = [
-        dataclasses.replace(
+        structs.replace(
             one,
             seq=one.seq + k * windows,
             filetime=one.filetime + k * ticks,
@@ -134,6 +134,22 @@ def test_what_reads_rows_seeks_in_an_index(tmp_path):
         assert known_rows.newest(connection) == row().filetime
 
 
+def test_the_newest_row_of_a_device_is_found_without_reading_its_rows(tmp_path):
+    engine = open_database(str(tmp_path / "a.sqlite"))
+    rows = [row(k, t=1_700_000_000 + k, boot=f"b{k % 3}", device=name) for k in range(600) for name in ("a", "b")]
+    Writer(engine).write([message(one) for one in rows])
+    times = sorted(one.filetime for one in rows if one.device == "a")
+    steps = []
+    with engine.connect() as connection:
+        connection.connection.driver_connection.set_progress_handler(lambda: steps.append(1) and None, 10)
+        assert known_rows.newest(connection, "none") is None and len(steps) > 120
+        steps.clear()
+        assert known_rows.newest(connection, "a") == known_rows.newest(connection) == times[-1]
+        assert known_rows.newest(connection, "a", times[-5]) == times[-5]
+        assert connection.exec_driver_sql("SELECT max(filetime) FROM power").scalar() == times[-1]
+        assert len(steps) < 60, "fewer instructions than rows"
+
+
 @pytest.fixture
 def earlier(tmp_path):
     """A database of the schema before, with rows of all sorts."""
@@ -150,7 +166,7 @@ def earlier(tmp_path):
         connection.exec_driver_sql("BEGIN IMMEDIATE")
         config.attributes["connection"] = connection
         command.upgrade(config, "0009")
-        connection.execute(sa.insert(power), [dataclasses.asdict(one) for one in rows])
+        connection.execute(sa.insert(power), [structs.asdict(one) for one in rows])
         connection.exec_driver_sql("UPDATE power SET channel = 'N' WHERE seq = 0 AND channel = 'total'")
     rows[1].channel = "N"  # nobody writes such rows; nobody may lose them
     return engine, rows
@@ -176,7 +192,7 @@ def test_the_move_can_be_interrupted_and_rows_come_meanwhile(earlier, tmp_path, 
     new = row(100, t=T0 + 10)
     written = writer.write([message(one) for one in (rows[-1], rows[0], new)])
     assert written.conflicts == 0 and _stored(engine) == _sent([*rows, new])
-    assert writer.write([message(dataclasses.replace(rows[3], W=9.0))]).conflicts == 1
+    assert writer.write([message(structs.replace(rows[3], W=9.0))]).conflicts == 1
     assert count(engine, quarantine) == 1
     with engine.connect() as connection:
         assert [one.seq for one in last_rows(connection, Asked("cell1", "boot1"))] != []

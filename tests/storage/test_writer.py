@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 
 import orjson
@@ -10,6 +9,7 @@ import pytest
 import sqlalchemy as sa
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec import structs
 
 from acqd.storage.allowance import Allowance
 from acqd.storage.database import open_database
@@ -29,7 +29,7 @@ def test_rows_come_back_as_they_went_in(database):
     with engine.connect() as connection:
         stored = connection.execute(sa.select(power).order_by(power.c.seq)).mappings().all()
     for r, s in zip(sent, stored, strict=True):
-        expected = dataclasses.asdict(r)
+        expected = structs.asdict(r)
         if engine.dialect.name == "postgresql":
             assert s["time"].isoformat() == "2023-11-14T22:15:00+00:00"
         else:

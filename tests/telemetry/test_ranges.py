@@ -29,3 +29,13 @@ def test_ranges_are_a_set_of_integers(operations):
         assert {k for a, b in pairs for k in range(a, b + 1)} == plain
         assert all(b + 1 < a for (_, b), (a, _) in itertools.pairwise(pairs)), "ranges that touch are one"
     assert Ranges(ranges) == ranges
+
+
+@given(st.lists(st.integers(0, 9), max_size=6), st.lists(st.integers(0, 9) | st.just(3), max_size=6))
+def test_numbers_that_are_added_together_are_those_that_are_added_alone(before, numbers):
+    together, alone = Ranges((k, k) for k in before), Ranges((k, k) for k in before)
+    for added in (numbers, sorted(numbers), list(range(2, 2 + len(numbers)))):
+        together.add_all(added)
+        for k in added:
+            alone.add(k, k)
+        assert together == alone and len(together) == len(alone)

@@ -8,9 +8,9 @@ import socket
 import subprocess
 import sys
 import threading
-from dataclasses import replace
 
 import pytest
+from msgspec.structs import replace
 
 from acqd.storage.database import open_database
 from acqd.storage.writer import Writer
@@ -49,6 +49,7 @@ def test_rows_that_all_arrived_are_all_right(tmp_path):
 ROWS = [at(k) for k in range(6)]
 EARLIER = replace(ROWS[2], filetime=ROWS[0].filetime - 10_000_000)
 REBORN = [ROWS[4], replace(ROWS[5], boot="b2", W=0.0)]
+KILLED = [ROWS[3], ROWS[4], replace(ROWS[5], boot="b2", W=0.0035)]
 
 
 @pytest.mark.parametrize(
@@ -62,6 +63,7 @@ REBORN = [ROWS[4], replace(ROWS[5], boot="b2", W=0.0)]
         ([*ROWS[:2], replace(ROWS[4], flags=["gap"])], [*ROWS[:2], replace(ROWS[4], flags=["gap"])], {}),
         ([*ROWS[:2], EARLIER], [*ROWS[:2], EARLIER], {"backwards": 1}),
         (REBORN, REBORN, {"energy_back": 1}),
+        (KILLED, KILLED[::2], {"lost": 1}),
     ],
 )  # fmt: skip
 def test_every_kind_of_damage_is_counted(taped, stored, found, tmp_path):

@@ -8,6 +8,7 @@ import pytest
 
 from tests.commands import acqd_here
 from tests.places import ROBOT_LOGS, ROOT, needs_robot_logs
+from tools.studies.measured_robots import mill
 
 
 def loaded():
@@ -87,3 +88,13 @@ def test_a_term_withheld_from_a_measured_ur3e_is_the_first_hypothesis_with_its_s
         first = [*report["effects"], *report["hypotheses"]][0]
         assert (first["id"], first["where"]) == (term, where)
         assert first["parameters"][parameter]["value"] == pytest.approx(1.0, abs=0.25)
+
+
+@needs_robot_logs
+def test_two_axes_of_a_milling_machine_are_explained_from_their_motion_alone(tmp_path):
+    mill.write_logs(ROBOT_LOGS / "cnc_mill", tmp_path)
+    inputs = ("--power", "log", "--logs", tmp_path / "worn", "--robot", mill.DESCRIPTION, "--step", "0.1")
+    built = acqd_here("dataset", "build", *inputs, "--out", tmp_path / "ds")
+    assert built.returncode == 0, built.stderr
+    r2, _, recordings = loaded().cross_validated(tmp_path / "ds", folds=2)
+    assert recordings >= 5 and r2 > 0.5

@@ -49,7 +49,10 @@ def get(port):
         return answer
 
 
-@pytest.mark.parametrize("sent", [b"", b"GET / HT", b"GET /stream HTTP/1.1\r\nHost: localhost\r\n\r\n"])
+AGAIN = b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\nGET / HT"
+
+
+@pytest.mark.parametrize("sent", [b"", b"GET / HT", b"GET /stream HTTP/1.1\r\nHost: localhost\r\n\r\n", AGAIN])
 def test_many_clients_that_wait_do_not_keep_one_out_that_asks(port, sent, caplog):
     waiting = []
     for _ in range(100):
@@ -61,3 +64,27 @@ def test_many_clients_that_wait_do_not_keep_one_out_that_asks(port, sent, caplog
     for connection in waiting:
         connection.close()
     assert len(caplog.records) <= 10
+
+
+def test_a_viewer_outlasts_clients_that_have_their_answer_and_those_of_another_address(port):
+    viewer = socket.create_connection(("127.0.0.1", port), timeout=60)
+    viewer.sendall(b"GET /stream HTTP/1.1\r\nHost: localhost\r\n\r\n")
+    assert viewer.recv(64)
+    reading = threading.Thread(target=_drain, args=(viewer,), daemon=True)
+    reading.start()
+    others = []
+    for sent in (AGAIN, b"GET /stream HTTP/1.1\r\nHost: localhost\r\n\r\n"):
+        for _ in range(40):
+            other = socket.create_connection(("127.0.0.1", port), timeout=60, source_address=("127.0.0.2", 0))
+            with contextlib.suppress(OSError):
+                other.sendall(sent)
+            others.append(other)
+    assert b"page" in get(port) and reading.is_alive()
+    for each in (viewer, *others):
+        each.close()
+
+
+def _drain(connection):
+    with contextlib.suppress(OSError):
+        while connection.recv(65_536):
+            pass

@@ -23,6 +23,7 @@ from tools.bench import (
     accuracy,
     archive,
     at_work,
+    crowd,
     delivery,
     events,
     flicker,
@@ -58,6 +59,7 @@ _SECTIONS: dict[str, list[Callable[[], Iterator[Figure]]]] = {
     "models": [models.time_shifts, models.training_step, models.thesis_campaign],
     "work": [at_work.fmu_and_sidecar],
     "web": [web.page],
+    "crowd": [crowd.crowd],
 }
 
 

@@ -43,10 +43,10 @@ def page() -> Iterator[Figure]:
     section = "acqd web beside acqd run (three phases), headless Chromium"
     with mosquitto() as port, tempfile.TemporaryDirectory() as folder, _running(Path(folder), port) as (web, where):
         yield from _costs(section, web, where["web"], where["health"])
-        with _browser() as browser:
-            yield from _loads(section, browser, where["web"])
-            yield from _lag(section, browser, where["web"], port)
-            yield from _day(section, browser, where["web"])
+        with browser() as opened:
+            yield from loads(section, opened, where["web"])
+            yield from _lag(section, opened, where["web"], port)
+            yield from _day(section, opened, where["web"])
 
 
 @contextlib.contextmanager
@@ -75,14 +75,15 @@ def _wait(where: dict[str, int]) -> None:
     """Until daemon and page answer, and a few seconds more. Raises OperationError after a minute."""
     for path, port in (("/", where["web"]), ("/readyz", where["health"])):
         deadline = time.monotonic() + 60
-        while not _answers(port, path):
+        while not answers(port, path):
             if time.monotonic() > deadline:
                 raise OperationError(f"web: no answer at port {port}{path} after a minute")
             time.sleep(0.2)
     time.sleep(_SETTLE_S)
 
 
-def _answers(port: int, path: str) -> bool:
+def answers(port: int, path: str) -> bool:
+    """Whether a page is there."""
     with contextlib.suppress(OSError):
         connection = HTTPConnection("127.0.0.1", port, timeout=10)
         connection.request("GET", path)
@@ -104,7 +105,8 @@ def _day_of_rollups(database: str) -> None:
 
 
 @contextlib.contextmanager
-def _browser() -> Iterator[Any]:
+def browser() -> Iterator[Any]:
+    """Headless Chromium. Raises OperationError where there is none."""
     try:
         from playwright.sync_api import sync_playwright
     except ImportError:
@@ -113,22 +115,22 @@ def _browser() -> Iterator[Any]:
     if program is None:
         raise OperationError("web: no chromium is installed")
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=program, args=["--no-sandbox"])
-        yield browser
-        browser.close()
+        started = playwright.chromium.launch(executable_path=program, args=["--no-sandbox"])
+        yield started
+        started.close()
 
 
-def _loads(section: str, browser: Any, port: int) -> Iterator[Figure]:
+def loads(section: str, browser: Any, port: int) -> Iterator[Figure]:
     """First contentful paint, and bytes of everything but data."""
     paints, weight = [], 0
     for _ in range(_LOADS):
-        answers: list[Any] = []
+        responses: list[Any] = []
         page = browser.new_page()
-        page.on("response", lambda answer, kept=answers: kept.append(answer))  # playwright marks the handler
+        page.on("response", lambda answer, kept=responses: kept.append(answer))  # playwright marks the handler
         page.goto(f"http://127.0.0.1:{port}/")
         page.wait_for_function("performance.getEntriesByName('first-contentful-paint').length")
         paints.append(page.evaluate("performance.getEntriesByName('first-contentful-paint')[0].startTime"))
-        fixed = [each for each in answers if "/api/" not in each.url and "/events" not in each.url]
+        fixed = [each for each in responses if "/api/" not in each.url and "/events" not in each.url]
         weight = sum(len(each.body()) for each in fixed)
         page.close()
     yield Figure(section, f"first contentful paint, median of {_LOADS}", statistics.median(paints), "ms", "<= 1000")

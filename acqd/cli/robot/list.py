@@ -9,24 +9,46 @@ from rich.table import Table
 
 from acqd.cli.options import Json
 from acqd.cli.terminal import terminal
-from acqd.robot.description import load_description, shipped_descriptions
+from acqd.robot.description import RobotDescription, load_description, shipped_descriptions
 
 
 def show_list(json: Json = False) -> None:
-    """List the shipped robots, their axes and how many of their values are guessed.
+    """List the shipped robots: axes, masses, what is known of the drives, and which values are guessed.
+
+    With --json also the sources of each description and the kinds of logs whose columns are known.
 
     Example: acqd robot list
     """
-    rows: list[dict[str, Any]] = []
-    for name in shipped_descriptions():
-        robot = load_description(name)
-        guessed = sorted({key for joint in robot.joint for key in joint.guessed})
-        rows.append({"name": name, "title": robot.title, "axes": robot.axes, "guessed": guessed})
+    rows = [_row(load_description(name)) for name in shipped_descriptions()]
     if json:
         print(orjson.dumps(rows).decode())
         return
-    table = Table("name", "robot", "axes", "guessed")
+    table = Table("name", "robot", "axes", "moving kg", "masses within", "drives", "guessed")
     for row in rows:
-        table.add_row(row["name"], row["title"], str(row["axes"]), ", ".join(row["guessed"]))
-    console = terminal(soft_wrap=False, tables=True)
-    console.print(table)
+        mass, within = f"{row['moving_mass_kg']:.1f}", f"{100 * row['mass_deviation']:.0f} %"
+        guessed = ", ".join(row["guessed"])
+        table.add_row(row["name"], row["title"], str(row["axes"]), mass, within, row["drives"], guessed)
+    terminal(soft_wrap=False, tables=True).print(table)
+
+
+def _row(robot: RobotDescription) -> dict[str, Any]:
+    guessed = sorted({key for joint in robot.joint for key in joint.guessed})
+    return {
+        "name": robot.name,
+        "title": robot.title,
+        "axes": robot.axes,
+        "moving_mass_kg": round(sum(joint.link.mass for joint in robot.joint), 3),
+        "mass_deviation": robot.mass_deviation,
+        "drives": _drives(robot),
+        "guessed": guessed,
+        "logs": [layout.format for layout in robot.log],
+        "sources": robot.sources,
+    }
+
+
+def _drives(robot: RobotDescription) -> str:
+    """Whether the gain from current to torque is known, joint by joint."""
+    count = sum(joint.guesses_drive for joint in robot.joint)
+    if count in (0, robot.axes):
+        return "guessed" if count else "gains known"
+    return f"{count} of {robot.axes} guessed"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -92,7 +92,7 @@ def _of_database(url: str, device: str, begin_ns: int, end_ns: int) -> Iterator[
     from acqd.storage.database import read_database
     from acqd.storage.schema import power
 
-    names = [field.name for field in fields(PowerRow) if field.name != "time"]
+    names = [name for name in PowerRow.__struct_fields__ if name != "time"]
     chosen = sa.select(*(power.c[name] for name in names)).where(
         power.c.device == device, power.c.filetime >= filetime(begin_ns), power.c.filetime < filetime(end_ns)
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import socket
 import threading
@@ -23,7 +24,8 @@ Page = Callable[[str], tuple[int, str, bytes]]
 _log = logging.getLogger(__name__)
 _JSON = "application/json"
 _REQUEST_S = 2.0  # for a client to say what it wants
-_CLIENTS = 8  # at once
+_CLIENTS = 8  # at once: the oldest makes room for another one
+_ROOM_S = 1.0  # for that to happen
 
 
 class HealthServer:
@@ -75,19 +77,25 @@ class _Server(ThreadingMixIn, HTTPServer):
 
     def __init__(self, *arguments: Any) -> None:
         self._free = threading.BoundedSemaphore(_CLIENTS)
+        self._clients: dict[socket.socket, None] = {}  # in the order in which they came
         super().__init__(*arguments)
 
     def process_request(self, request: Any, client_address: Any) -> None:
-        """A thread for this client, or a closed connection when all are in use."""
+        """A thread for this client; the oldest client, which may say its request letter by letter, makes room."""
         if not self._free.acquire(blocking=False):
-            self.shutdown_request(request)
-            return
+            with contextlib.suppress(OSError, StopIteration, RuntimeError):  # it may be ending by itself
+                next(iter(self._clients)).shutdown(socket.SHUT_RDWR)
+            if not self._free.acquire(timeout=_ROOM_S):
+                self.shutdown_request(request)
+                return
+        self._clients[request] = None
         super().process_request(request, client_address)
 
     def process_request_thread(self, request: Any, client_address: Any) -> None:
         try:
             super().process_request_thread(request, client_address)
         finally:
+            del self._clients[request]
             self._free.release()
 
     def handle_error(self, request: Any, client_address: Any) -> None:  # noqa: ARG002 - the base class's signature

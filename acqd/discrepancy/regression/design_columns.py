@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acqd.arrays import Floats
+from acqd.discrepancy.loads.common import CommonLoad
 from acqd.discrepancy.regression.gram import Indices
 from acqd.discrepancy.regression.grey_box_columns import grey_box_columns
 from acqd.discrepancy.regression.scenes import Scenes
@@ -114,13 +115,15 @@ class DesignColumns:
     values: tuple[NDArray[np.float32], ...]
     """[T, p] per segment."""
     residual: tuple[Floats, ...]
-    """[T] W per segment: measured minus predicted by the base model."""
+    """[T] W per segment: measured minus predicted by the base model and the common load."""
     chosen: frozenset[str]
     """Ids of effects that compete."""
     motion: MotionRange
     """That all recordings cover."""
     named: Callable[[Scene], Floats]
     """[T, base and effects] W: the first columns, those of the base model and of all effects, in another scene."""
+    load: CommonLoad | None = None
+    """That switches on both sides."""
 
     @property
     def dynamic_range(self) -> float:

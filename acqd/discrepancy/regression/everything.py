@@ -20,12 +20,14 @@ from acqd.residual.whitening import Whitener
 _RIDGE = 1e-6
 
 
-def left_by_everything(columns: DesignColumns, whitener: Whitener, base: list[Column], weights: Floats) -> list[Floats]:
-    """[T] W per segment with weighted blocks: residuals of a fit of all columns to those blocks."""
+def left_by_everything(
+    columns: DesignColumns, whitener: Whitener, base: list[Column], weights: Floats
+) -> dict[int, Floats]:
+    """[T] W of known rows by segment with weighted blocks: residuals of a fit of all columns to those blocks."""
     beta = _fit(columns, whitener, base, weights)
     open_ = sorted({part.segment for part, weight in zip(columns.parts, weights, strict=True) if weight})
     known = {k: known_rows(columns.segments[k]) for k in open_}
-    return [columns.residual[k][known[k]] - columns.values[k][known[k]] @ beta for k in open_]
+    return {k: columns.residual[k][known[k]] - columns.values[k][known[k]] @ beta for k in open_}
 
 
 def inliers(columns: DesignColumns, whitener: Whitener, base: list[Column]) -> tuple[NDArray[np.bool_], ...]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.discrepancy.joints.witness import Witness
+from acqd.discrepancy.regression.common_load import without_common_load
 from acqd.discrepancy.regression.design_columns import DesignColumns, Part, design_columns
 from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.everything import inliers, left_by_everything, with_noise
@@ -28,6 +29,8 @@ from acqd.robot.dynamics import inertial_parameters
 
 LEAST_LEVEL_W = 1e-3
 """Standard deviation of the level of a minute, at least."""
+COMMON_LOAD = "common load"
+"""Owner of the column of a load that switches on both sides."""
 _HELD = 1e-9
 """Prior deviation that holds a withheld parameter at zero."""
 _ENDLESS = 1e3
@@ -73,7 +76,8 @@ def set_up(comparison: Comparison, progress: Callable[[float], None]) -> Setup:
     everywhere = np.ones(len(columns.parts))
     enough = len({each.recording for each in comparison.reference}) >= THRESHOLDS.fewest_recordings
     noise_weights = 1 - columns.in_question if enough else everywhere
-    left = left_by_everything(columns, Whitener.of(list(columns.residual)), base, noise_weights)
+    columns, load = without_common_load(columns, base) if enough else (columns, None)
+    left = list(left_by_everything(columns, Whitener.of(list(columns.residual)), base, noise_weights).values())
     whitener = Whitener.of(left)
     slow = Whitener.of(left, 3 * NOISE.noise_order)
     columns = with_noise(columns, whitener, base)
@@ -81,6 +85,9 @@ def set_up(comparison: Comparison, progress: Callable[[float], None]) -> Setup:
     design = replace(design, witness=Witness.of(comparison.model, arm, segments, columns.scenes))
     common = _common(design) if comparison.reference else []
     free = [*base, *(Column(k, everywhere) for k in common), *block_intercepts(columns, noise_weights)]
+    if load is not None:
+        design, indices = design.with_columns(load)
+        free.append(Column(int(indices[0]), everywhere, owner=COMMON_LOAD))
     return Setup(design, Regression(design.blocks, free), onset_gates(list(columns.parts)))
 
 

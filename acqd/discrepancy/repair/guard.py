@@ -86,8 +86,9 @@ def improve(
     errors = _Errors(base, subject)
     restored, terms = [e for e in named if e.restored], [e for e in named if not e.restored]
     predicting = helpful(terms, lambda chosen: predictive.density(errors.of(chosen), places_of(chosen)))
-    added = helpful(predicting, lambda chosen: -rms(errors.of(chosen)))
-    if rms(errors.of(added)) >= rms(errors_before) or not restored + added:
+    added = helpful(predicting, lambda chosen: -rms(predictive.without_load(errors.of(chosen))))
+    before, now = (rms(predictive.without_load(each)) for each in (errors_before, errors.of(added)))
+    if now >= before or not restored + added:
         restored, added, base, after = [], [], subject.model, errors_before
     else:
         after = errors.of(added)

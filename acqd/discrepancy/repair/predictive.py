@@ -25,6 +25,7 @@ from acqd.models.effects import library
 from acqd.models.effects.effect import effect_rows_at
 from acqd.models.effects.scene import Scene, segment_scene
 from acqd.models.greybox.model import GreyBox
+from acqd.residual.residuals import errors_of
 from acqd.residual.thresholds import NOISE
 from acqd.residual.whitening import Whitener
 
@@ -119,6 +120,8 @@ class Predictive:
     learning_rate: float
     beside: Beside | None = None
     """None where the model that is asked about is not the base of the regression."""
+    load: tuple[Floats, ...] | None = None
+    """[T] W per held-out segment, of a load that switches on both sides."""
 
     @classmethod
     def of(cls, selection: Selection, subject: Subject) -> Predictive:
@@ -126,10 +129,19 @@ class Predictive:
         levels = [column.deviation for column in selection.regression.columns if column.block_intercept]
         model = subject.model.base if isinstance(subject.model, Augmented) else subject.model
         known = subject.question == "change" and isinstance(model, GreyBox)
-        return cls(
-            selection.design.whitener, levels[0] if levels else 0.0, selection.rows.learning_rate,
-            Beside.of(selection, subject) if known else None,
-        )  # fmt: skip
+        beside = Beside.of(selection, subject) if known else None
+        load = selection.design.columns.load
+        power = None
+        if load is not None:
+            errors = errors_of(subject.model, subject.held_out)
+            if beside is not None:
+                errors = [own - lacks for own, lacks in zip(errors, beside.given(())[0], strict=True)]
+            power = tuple(load.power(errors))
+        return cls(selection.design.whitener, levels[0] if levels else 0.0, selection.rows.learning_rate, beside, power)
+
+    def without_load(self, errors: list[Floats]) -> list[Floats]:
+        """Errors [T] W of the held-out segments without the power of the common load."""
+        return errors if self.load is None else [own - on for own, on in zip(errors, self.load, strict=True)]
 
     def density(self, errors: list[Floats], effects: Collection[tuple[str, str]]) -> float:
         """Twice the log predictive density of errors [T] W of segments, up to a constant.
@@ -137,6 +149,7 @@ class Predictive:
         `effects`: ids and places of those whose power the errors are without. A normal density of the white errors,
         whose covariance is that of uncertain coefficients c: with Z their white columns, I + Z cov(c) Z' (Woodbury).
         """
+        errors = self.without_load(errors)
         if self.beside is None:
             uncertain, covariance = [np.zeros((len(each), 0)) for each in errors], np.zeros((0, 0))
         else:

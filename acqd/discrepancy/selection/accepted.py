@@ -33,7 +33,7 @@ class Hypothesis:
     margin: float
     """Evidence that the hypothesis must exceed: chance, and what the columns of earlier effects get wrong."""
     beyond_sessions: float
-    """Twice the log Bayes factor against a difference of unchanged sessions; infinite where that was not asked."""
+    """-2 log of the probability among unchanged sessions; infinite where that was not asked."""
     rms_W: float
     """While the effect acts."""
     least_W: float

@@ -111,7 +111,8 @@ def _odds(rows: Rows, selected: Selected, own: Finding, rival: Finding, gained: 
 
     A law has to explain more by what chance gives the best of many: names are preferred. What wrong columns could move
     from one to the other is a 95 % limit. Recordings that say more of the effect say more of
-    the difference too: its spread is that about the ratio of both (the ratio estimator of Cochran 1977).
+    the difference too: its spread is that about a line through zero (the regression estimator of Cochran 1977). What
+    the description of the base model contributes to the evidence is no recording's: the sum of gains may be zero.
     """
     gate = selected.gate.open
     ahead = own.evidence - rival.evidence
@@ -119,7 +120,7 @@ def _odds(rows: Rows, selected: Selected, own: Finding, rival: Finding, gained: 
         ahead += by_chance(kinds)
     differences = gained[0] - gained[1]
     count = len(differences)
-    scatter = differences - gained[0] * differences.sum() / max(float(gained[0].sum()), 1e-9)
+    scatter = differences - gained[0] * float(gained[0] @ differences) / max(float(gained[0] @ gained[0]), 1e-12)
     spread = float(scatter @ scatter) * count / max(count - 1, 1)
     of_columns = THRESHOLDS.column_error**2 * left_by(rows.design, gate, rival, [own])
     error = max(float(np.hypot(np.sqrt(spread), of_columns / THRESHOLDS.interval_width)), 1.0)

@@ -7,13 +7,14 @@ estimated, each with a prior that counts as a few sessions, so that few sessions
 - The learning rate of rows (Gruenwald 2012): the inverse of the mean square of z that any effect has in one session of
   the reference, by a base model that knows the other sessions.
 - tau, the deviation of a finding's size between sessions: the random effects of a meta-analysis, every session a study
-  (DerSimonian and Laird 1986). A finding is twice the log Bayes factor above it, by Student's t (ADR 26).
+  (DerSimonian and Laird 1986). How improbable a finding is as such a difference follows by Student's t (ADR 26).
 """
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import t as student
 
 from acqd.arrays import Floats
 from acqd.dataset.split import log_name
@@ -50,21 +51,23 @@ def learning_rate(design: Design, regression: Regression) -> float:
 
 
 def beyond_sessions(design: Design, regression: Regression, finding: Finding, gate: Floats) -> float:
-    """Twice the log Bayes factor of a finding against a difference of unchanged sessions; infinite without a reference.
+    """How improbable a finding is as a difference of unchanged sessions; infinite without a reference.
 
+    -2 log P(|t| > z), on the scale of evidence: `by_chance` asks the same of the best of many kinds (Bonferroni).
     `regression`: without the finding.
     """
     if not sessions_of(design.parts, in_question=False):
         return np.inf
     variance, freedom = variance_of_sessions(design, regression, finding, gate)
-    return float((freedom + 1) * np.log1p(1 / variance / freedom))
+    return float(-2 * (np.log(2) + student.logsf(variance**-0.5, freedom)))
 
 
 def variance_of_sessions(design: Design, regression: Regression, finding: Finding, gate: Floats) -> tuple[float, float]:
     """Variance of a finding's size where nothing has changed, in squared units of the finding, and its freedom.
 
     Of the mean of the sessions under `gate` [blocks] about that of the reference's sessions, and between
-    days, which differ as much as the sessions of a day.
+    days, which differ as much as the sessions of a day. A log is as many sessions as it is longer than those of the
+    reference: what differs between these averages out in an hour.
     """
     amplitudes, information = amplitudes_in_reference(design, regression, finding)
     weight, usual = THRESHOLDS.few_sessions, _usual_amplitude(design, finding) ** 2
@@ -72,8 +75,10 @@ def variance_of_sessions(design: Design, regression: Regression, finding: Findin
     measured = excess / information.sum() if len(amplitudes) else 0.0
     variance = (weight * usual + len(amplitudes) * measured) / (weight + len(amplitudes))
     before = len(sessions_of(design.parts, in_question=False))
-    now = len(sessions_of([part for part, open_ in zip(design.parts, gate, strict=True) if open_], in_question=True))
-    return variance * (1 / before + 1 / max(now, 1) + 1), weight + len(amplitudes)
+    rows, in_question = design.blocks.rows, design.columns.in_question
+    as_long = float(rows @ (gate * in_question)) / (float(rows @ (1 - in_question)) / before)
+    logs = len(sessions_of([part for part, open_ in zip(design.parts, gate, strict=True) if open_], in_question=True))
+    return variance * (1 / before + 1 / max(logs, as_long, 1.0) + 1), weight + len(amplitudes)
 
 
 def amplitudes_in_reference(design: Design, regression: Regression, finding: Finding) -> tuple[Floats, Floats]:

@@ -15,16 +15,16 @@ from acqd.sources.text.table import Table
 _DAY_S = 86_400.0
 _MULTIPLES = {"": 1.0, "k": 1e3, "m": 1e6, "g": 1e9}
 _RATE_UNIT = re.compile(
-    r"^\s*([+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?)\s*([kKmMgG]?)(?:hz|s/s|sa/s|sps|samples?/s\w*|)\s*$",
+    r"^\s*([+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?)\s*([kKmMgG]?)(?:hz|s/s|sa/s|sps|samples?/s\w*|)\s*$",
     re.IGNORECASE,
 )
 _TIME_UNIT = re.compile(
-    r"^\s*([+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?)\s*(s|sec|seconds?|ms|us|µs|μs|ns|)\s*$", re.IGNORECASE
+    r"^\s*([+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?)\s*(s|sec|seconds?|ms|us|µs|μs|ns|)\s*$", re.IGNORECASE
 )
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9}
 _WHEN = re.compile(
     r"^(?P<quote>'?)(?:(?P<a>\d{1,4})(?P<sign>[-/.])(?P<b>\d{1,2}|[A-Za-z]{3})[-/.](?P<c>\d{1,4})[ T_]*)?"
-    r"(?:(?P<h>\d{1,2}):(?P<m>\d{2})(?::(?P<s>\d{2})(?:[.,:](?P<f>\d+))?)?)?\s*(?P<half>[AaPp][Mm])?\s*"
+    r"(?:(?P<h>\d{1,2}):(?P<m>\d{2})(?::(?P<s>\d{2})(?:[.,:](?P<f>\d+))?)?)?\s*(?:(?P<half>[AaPp][Mm])\s*)?"
     r"(?P<zone>Z|[+-]\d{2}:?\d{2})?$"
 )
 _MONTHS = {

@@ -19,7 +19,7 @@ _BESIDE = 60  # lines in which the preamble stands beside the table
 _RUN = 3  # consecutive rows that make a table, if the file has as many
 _COMMENT = re.compile(r'^\s*"?(?:#|%|//|;(?![\d\s.,;-]*$))+\s*')
 _DIALECTS = (("\t", "."), (";", "."), (",", "."), ("\t", ","), (";", ","), ("|", "."), (" ", "."), (" ", ","))
-_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?$|[+-]?(?:nan|inf|infinity|∞)$", re.IGNORECASE)
+_NUMBER = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?$|[+-]?(?:nan|inf|infinity|∞)$", re.IGNORECASE)
 _STAMP = re.compile(
     r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}[ T_]*(?:\d{1,2}:\d{2}(?::\d{2})?.*)?$|'?\d{1,2}:\d{2}:\d{2}(?:[.,:]\d+)?$"
 )

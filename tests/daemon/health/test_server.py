@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import socket
+import threading
 from http.client import HTTPConnection
 
 import pytest
@@ -21,9 +23,9 @@ class Served:
         self.now = daemon()
         self.server = HealthServer("127.0.0.1", 0, lambda: self.now)
 
-    def get(self, path, method="GET"):
-        connection = HTTPConnection("127.0.0.1", self.server.port, timeout=10)
-        connection.request(method, path)
+    def get(self, path, method="GET", headers=None):
+        connection = HTTPConnection("127.0.0.1", self.server.port, timeout=60)
+        connection.request(method, path, headers=headers or {})
         answer = connection.getresponse()
         return answer.status, answer.read().decode()
 
@@ -60,6 +62,32 @@ def test_clients_that_say_nothing_do_not_keep_others_out(served):
     assert served.get("/healthz")[0] == 200
     for connection in silent:
         connection.close()
+
+
+def test_requests_that_come_letter_by_letter_do_not_keep_others_out(served):
+    slow, stopped = [socket.create_connection(("127.0.0.1", served.server.port)) for _ in range(12)], threading.Event()
+
+    def speak():
+        while not stopped.wait(0.2):
+            for connection in slow:
+                with contextlib.suppress(OSError):
+                    connection.sendall(b"G")
+
+    thread = threading.Thread(target=speak, daemon=True)
+    thread.start()
+    assert [served.get("/healthz")[0] for _ in range(10)] == [200] * 10
+    stopped.set()
+    thread.join()
+    for connection in slow:
+        connection.close()
+
+
+@pytest.mark.parametrize(
+    ("host", "code"),
+    [("127.0.0.1:80", 200), ("localhost", 200), ("[::1]:9", 200), ("127.0.0.1.example.org", 421), ("127.x", 421)],
+)
+def test_only_names_of_this_computer_are_answered(served, host, code):
+    assert served.get("/healthz", headers={"Host": host})[0] == code
 
 
 def test_a_port_in_use_is_said_and_does_not_stop_the_service(caplog):

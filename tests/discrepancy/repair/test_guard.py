@@ -1,9 +1,11 @@
 """The guard: held-out recordings of another motion than the reference."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 
+from acqd.discrepancy.repair import guard
 from acqd.discrepancy.repair.guard import improve
 from acqd.discrepancy.repair.predictive import Predictive
 from acqd.discrepancy.repair.terms import reported
@@ -14,6 +16,7 @@ from acqd.residual.residuals import errors_of
 from tests.builders import grey, recording
 from tests.discrepancy.independent import COMMON, extra_power, payload_torque, selected
 from tests.discrepancy.repair.test_correcting import subject_of
+from tests.discrepancy.report.subjects import found
 
 
 def rubbing(scene, random):
@@ -50,3 +53,17 @@ def test_a_base_model_that_is_wrong_in_another_motion_decides_little(robot):
     assert gain < 0.2 * plain_gain
     loaded = errors_of(Augmented.of(model, model, [payload.term]), held_out)
     assert predictive.density(loaded, {("payload", payload.term.where)}) - predictive.density(errors, ()) > 2 * gain
+
+
+def test_what_predicts_better_and_does_not_reduce_the_error_is_reported_and_not_added(monkeypatch):
+    """A level of minutes hides an effect from the RMSE, not from the density."""
+    effect = replace(found("coulomb_friction", {"torque": (0.9, 0.5)}), status="named")
+    subject = SimpleNamespace(model=grey(), question="change")
+    density = SimpleNamespace(density=lambda errors, places: float(len(places)), without_load=lambda errors: errors)
+    for with_effect_W, status in ((1.1, "reported"), (0.9, "added")):
+        errors = {0: [np.full(50, 1.0)], 1: [np.full(50, with_effect_W)]}
+        monkeypatch.setattr(guard._Errors, "of", lambda _, effects, errors=errors: errors[len(effects)])
+        (judged,) = improve(subject, [effect], errors[0], density, 1).effects
+        assert judged.status == status
+    nothing = SimpleNamespace(density=lambda errors, places: -float(len(places)), without_load=lambda errors: errors)
+    assert improve(subject, [effect], errors[0], nothing, 1).effects[0].status == "refused"

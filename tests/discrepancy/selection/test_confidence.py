@@ -96,3 +96,8 @@ def test_a_law_that_is_likelier_than_the_family_is_a_doubt(warm, monkeypatch):
     assert found.doubt is not None and not found.doubt.finding.candidate.id
     assert found.family_share < THRESHOLDS.least_confidence
     assert replace(found, doubt=None) != found
+
+
+def test_evidence_that_rests_on_the_description_is_not_lost_among_recordings(monkeypatch):
+    """Recordings that gain next to nothing in sum say nothing about the spread of the difference."""
+    assert odds(267, 128, [[0, -1, -1, 1, -3, 1], [1, 0, 0, 0, -2, 1]], monkeypatch) < 1e-3

@@ -1,10 +1,12 @@
 """Every rule between evidence and a name, on made-up findings: each test fails without its rule."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from acqd.discrepancy.selection import spread
 from acqd.discrepancy.selection.forward_selection import without
 from acqd.discrepancy.selection.judging import judged, kinds_of, left_by, margin
 from acqd.discrepancy.selection.ranking import ranked
@@ -129,3 +131,20 @@ def test_an_effect_without_a_name_explains_nothing_beside_the_others(model, robo
     assert [each.id for each in alone.effects] == ["coulomb_friction"]
     owners = {column.owner for column in alone.regression.columns}
     assert friction.key in owners and not owners & ({each.key for each in selection.effects} - {friction.key})
+
+
+def test_a_long_log_is_as_many_sessions_as_it_is_longer_than_those_of_the_reference(monkeypatch):
+    monkeypatch.setattr(spread, "amplitudes_in_reference", lambda *_: (np.array([0.3, -0.3, 0.3, -0.3]), np.ones(4)))
+    monkeypatch.setattr(spread, "_usual_amplitude", lambda *_: 0.1)
+
+    def variance(rows_per_log):
+        logs = [("a", False, 200)] * 4 + [(f"log{k}", True, rows) for k, rows in enumerate(rows_per_log)]
+        parts = [SimpleNamespace(recording=f"{name}{k}", in_question=now) for k, (name, now, _) in enumerate(logs)]
+        now = np.array([1.0 * each for _, each, _ in logs])
+        blocks = SimpleNamespace(rows=np.array([float(rows) for *_, rows in logs]))
+        design = SimpleNamespace(parts=parts, blocks=blocks, columns=SimpleNamespace(in_question=now))
+        return spread.variance_of_sessions(design, None, None, now)[0]
+
+    assert variance([800]) == pytest.approx(variance([200] * 4))
+    assert variance([200]) == pytest.approx(variance([50]))
+    assert variance([800]) < 0.7 * variance([200])

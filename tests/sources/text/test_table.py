@@ -10,6 +10,7 @@ import pytest
 from acqd.errors import InputError, UserError
 from acqd.metering import Meter, SampleBlock, StreamFormat
 from acqd.sources import ChannelMap, load_waveform
+from acqd.sources.text.table import is_number
 from tests.mains import make_mains
 from tests.sources.files import write_csv
 
@@ -136,3 +137,9 @@ def test_a_hole_in_a_csv_is_named_at_its_row(tmp_path):
     path.write_text("\n".join(lines[:2_001] + lines[2_501:]))
     with pytest.raises(InputError, match="row 2002"):
         load_waveform(path)
+
+
+def test_a_field_of_many_digits_is_looked_through_once():
+    digits = "9" * 200_000  # a search that goes back from every digit takes minutes
+    assert is_number(digits, ".") and is_number(digits + ".5e3", ".") and is_number(f"-{digits},", ",")
+    assert not is_number(digits + "x", ".") and not is_number(digits + ",1", ".")

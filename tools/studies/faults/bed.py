@@ -44,7 +44,7 @@ class Extras:
     """What some studies need besides broker, database, sink and daemon."""
 
     clock: bool = False
-    """The daemon runs under libfaketime, so that its clock can be set."""
+    """Daemon and sink run under libfaketime, so that their clocks can be set."""
     disks: bool = False
     """Spool and database have small disks, so that they can be filled."""
     sidecar: bool = False
@@ -71,9 +71,10 @@ class Bed:
         self.broker = broker(kind.broker, folder, self.port)
         self.daemon = self._service("daemon", extras.daemon_memory or unit_limit("acqd"), "run", "--tape", self.tape)
         self.sink = self._service("sink", unit_limit("acqd-sink"), "sink")
-        self.clock = FakedClock(folder) if extras.clock else None
-        if self.clock is not None:
-            self.daemon.options["env"] = os.environ | self.clock.environment()
+        self.clock, self.sink_clock = (
+            self._clock(process, name) if extras.clock else None
+            for process, name in ((self.daemon, "daemon"), (self.sink, "sink"))
+        )
         self.logs = RobotLogs(folder / "logs", folder / "model") if extras.sidecar else None
         self.sidecar: Process | None = None
         if self.logs is not None:
@@ -157,12 +158,18 @@ class Bed:
         place.mkdir(exist_ok=True)
         return postgres(self.folder, place) if self.kind.database == "postgres" else (None, f"{place / 'rows.sqlite'}")
 
+    def _clock(self, process: Process, name: str) -> FakedClock:
+        faked = FakedClock(self.folder / f"{name}.clock")
+        process.options["env"] = os.environ | faked.environment()
+        return faked
+
     def _service(self, name: str, memory: int, *command: object) -> Process:
         config, state = self.folder / f"{name}.toml", self.folder / "state"
         state.mkdir(exist_ok=True)
         config.write_text(
             f'device = "{DEVICE}"\nstate_dir = "{state}"\n[realtime]\npriority = 0\n'
             f'[mqtt]\nport = {self.proxies[name].port}\n[sink]\ndatabase = "{self.url}"\nclient_id = "faults"\n'
+            "keep_days = 30\n"
             f"[health]\nport = {free_port()}\nsink_port = {free_port()}\n"
         )
         arguments = [*ACQD, *map(str, command), "--config", str(config)]

@@ -14,7 +14,7 @@ from typing import Any
 from tools.studies.faults.bed import Bed, Extras, Kind
 from tools.studies.faults.faults import ALL, possible
 from tools.studies.faults.logs import LOG_DEVICE, LogsDone
-from tools.studies.faults.reconcile import Reconciled, missing, reconcile
+from tools.studies.faults.reconcile import Reconciled, missing, reconcile, restore
 
 _RECOVERY_S = 30.0
 """Longest time to wait for a new row in the database after a fault."""
@@ -146,12 +146,14 @@ def settle(bed: Bed) -> None:
     On a slow computer rows are still in the spool then: a daemon that starts again delivers them.
     """
     for _ in range(_STARTS):
+        restore(bed.tapes, bed.engine)
         deadline = time.monotonic() + _DRAIN_S
         while missing(bed.tapes, bed.engine) > _UNDER_WAY and time.monotonic() < deadline:
             time.sleep(0.5)
         if bed.logs is not None:
             bed.logs.settle(bed.engine, _DRAIN_S)
         bed.daemon.stop()
+        restore(bed.tapes, bed.engine)
         deadline = time.monotonic() + _LAST_S
         while (left := missing(bed.tapes, bed.engine)) and time.monotonic() < deadline:
             time.sleep(0.5)

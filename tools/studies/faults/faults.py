@@ -7,10 +7,10 @@ import signal
 from tools.studies.faults.bed import Extras, Kind
 from tools.studies.faults.by_strangers import FAULTS
 from tools.studies.faults.fault import Fault, Pick
+from tools.studies.faults.on_clocks import days_ahead, days_behind, maintained, sink_behind, stepped
 from tools.studies.faults.on_network import cut, latency, reset
 from tools.studies.faults.on_processes import (
     all_killed,
-    clock,
     fast,
     fast_stalls,
     freeze,
@@ -23,9 +23,13 @@ from tools.studies.faults.on_storage import (
     database_crash,
     database_disk_full,
     database_moved,
+    database_put_back,
     foreign_file,
     lock,
+    spool_deleted,
     spool_disk_full,
+    spool_unreadable,
+    stopped_on_a_full_disk,
 )
 
 _PROCESSES: dict[str, Pick] = {
@@ -47,7 +51,15 @@ ALL: dict[str, Fault] = {
     "spool disk full": spool_disk_full,
     "all killed": all_killed,
     "second daemon": second_daemon,
-    "clock set": clock,
+    "clock set": stepped,
+    "clock days ahead": days_ahead,
+    "clock days behind": days_behind,
+    "sink's clock behind": sink_behind,
+    "maintenance with a wrong clock": maintained,
+    "database put back": database_put_back,
+    "spool unreadable": spool_unreadable,
+    "spool deleted": spool_deleted,
+    "stopped on a full disk": stopped_on_a_full_disk,
 } | FAULTS
 for _name, _pick in _PROCESSES.items():
     ALL[f"{_name} killed"] = kill(_pick)
@@ -59,13 +71,18 @@ for _side in ("daemon", "sink"):
     ALL[f"{_side}: no route"] = cut(_side, "refuse", also_reset=True)
     ALL[f"{_side}: resets"] = reset(_side)
     ALL[f"{_side}: latency"] = latency(_side)
-_NEEDS = {"clock": ("clock set",), "disks": ("database disk full", "spool disk full")}
+_NEEDS = {
+    "clock": (
+        "clock set", "clock days ahead", "clock days behind", "sink's clock behind", "maintenance with a wrong clock",
+    ),
+    "disks": ("database disk full", "spool disk full", "stopped on a full disk"),
+}  # fmt: skip
 
 
 def possible(kind: Kind, extras: Extras) -> list[str]:
     """The faults that a bed can have."""
     without = {name for need, names in _NEEDS.items() if not getattr(extras, need) for name in names}
     without |= set() if kind.database == "postgres" else {"database crashed"}
-    without |= set() if kind.database == "sqlite" else {"database moved away"}
+    without |= set() if kind.database == "sqlite" else {"database moved away", "database put back"}
     without |= set() if extras.sidecar else {name for name in ALL if name.startswith("sidecar")}
     return [name for name in ALL if name not in without]

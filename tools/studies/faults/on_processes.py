@@ -1,4 +1,4 @@
-"""Faults of processes: killed, frozen, stalled, or with another clock."""
+"""Faults of processes: killed, frozen, stalled, or two of one name."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import time
 from contextlib import suppress
 
 from tools.studies.faults.bed import DEVICE, Bed
-from tools.studies.faults.clock import CACHE_S
 from tools.studies.faults.fault import RESTART_S, Fault, Pick, pause
 from tools.studies.faults.process import Process
 from tools.studies.faults.servers import ACQD
@@ -121,12 +120,3 @@ def second_daemon(bed: Bed, chance: random.Random) -> None:
     second.start()
     pause(chance, 3.0, 6.0)
     second.kill()
-
-
-def clock(bed: Bed, chance: random.Random) -> None:
-    """The daemon's clock is set, and later set right."""
-    assert bed.clock is not None
-    bed.clock.set(chance.choice([-1.0, -5.0, 2.0, 30.0]))
-    pause(chance, 2.0, 5.0)
-    bed.clock.set(0.0)
-    time.sleep(CACHE_S)

@@ -5,7 +5,10 @@ from __future__ import annotations
 import random
 import shutil
 import signal
-from contextlib import suppress
+import sqlite3
+import time
+from collections.abc import Iterator
+from contextlib import closing, suppress
 from pathlib import Path
 
 import sqlalchemy as sa
@@ -13,6 +16,8 @@ import sqlalchemy as sa
 from tools.studies.faults.bed import Bed
 from tools.studies.faults.fault import RESTART_S, pause
 from tools.studies.faults.on_processes import kill
+
+_WAITS_S = 30.0
 
 
 def lock(bed: Bed, chance: random.Random) -> None:
@@ -47,6 +52,56 @@ def spool_disk_full(bed: Bed, chance: random.Random) -> None:
     proxy.mode = "pass"
 
 
+def stopped_on_a_full_disk(bed: Bed, chance: random.Random) -> None:
+    """The disk of the spool is full and the broker away; the daemon is stopped, the disk freed, the daemon started."""
+    proxy = bed.proxies["daemon"]
+    bed.disks["spool"].fill()
+    proxy.mode = "refuse"
+    proxy.reset()
+    pause(chance, 1.0, 4.0)
+    bed.daemon.stop()
+    bed.disks["spool"].free()
+    bed.daemon.start()
+    pause(chance, 0.5, 1.0)
+    proxy.mode = "pass"
+
+
+def spool_unreadable(bed: Bed, chance: random.Random) -> None:
+    """Opening the segments that wait answers an error for 6 s after a start; the files are whole."""
+    proxy = bed.proxies["daemon"]
+    proxy.mode = "refuse"
+    proxy.reset()
+    pause(chance, 2.0, 4.0)
+    bed.daemon.stop()
+    segments = list(_segments(bed))
+    for path in segments:
+        path.rename(path.with_suffix(".whole"))
+        path.symlink_to(path.name)  # a loop: ELOOP, whoever asks
+    bed.daemon.start()
+    proxy.mode = "pass"
+    time.sleep(6.0)
+    for path in segments:
+        path.with_suffix(".whole").replace(path)
+
+
+def spool_deleted(bed: Bed, chance: random.Random) -> None:
+    """Somebody deletes the spool's folder while no closed file waits; a moment later the broker is away.
+
+    Rows in closed files that a person deletes are gone.
+    """
+    proxy = bed.proxies["daemon"]
+    deadline = time.monotonic() + _WAITS_S
+    while len(list(_segments(bed))) > 1:
+        if time.monotonic() > deadline:
+            return
+        time.sleep(0.2)
+    for folder in {path.parent for path in _segments(bed)}:
+        shutil.rmtree(folder)
+    proxy.mode = "silent"
+    pause(chance, 1.0, 4.0)
+    proxy.mode = "pass"
+
+
 def database_disk_full(bed: Bed, chance: random.Random) -> None:
     """Somebody else's file takes all room for the database."""
     if bed.kind.database == "sqlite":  # its log has room for megabytes where it has been longer before
@@ -66,9 +121,32 @@ def database_moved(bed: Bed, chance: random.Random) -> None:
     away.rename(path)
 
 
+def database_put_back(bed: Bed, chance: random.Random) -> None:
+    """Somebody puts a backup of the file back that is some seconds old: the daemon sends again what it lacks.
+
+    A sidecar looks which logs are done when it starts, so it is started again.
+    """
+    path = Path(str(bed.engine.url.database))
+    backup = path.with_name(f"{path.name}.backup")
+    with closing(sqlite3.connect(path)) as source, closing(sqlite3.connect(backup)) as target:
+        source.backup(target)
+    pause(chance, 1.0, 4.0)
+    backup.replace(path)
+    for name in ("-wal", "-shm"):
+        path.with_name(path.name + name).unlink(missing_ok=True)
+    bed.engine.dispose()
+    if bed.sidecar is not None:
+        bed.sidecar.stop()
+        bed.sidecar.start()
+
+
 def foreign_file(bed: Bed, chance: random.Random) -> None:
     """A file manager leaves a copy of a segment in the spool, and the daemon is started again."""
-    for folder in bed.folder.rglob("spool-*"):
-        for path in sorted(folder.glob("*.seg"))[:1]:
-            shutil.copy(path, path.with_name(f"{path.stem} (copy).seg"))
+    for path in list(_segments(bed))[:1]:
+        shutil.copy(path, path.with_name(f"{path.stem} (copy).seg"))
     kill(lambda bed: bed.daemon)(bed, chance)
+
+
+def _segments(bed: Bed) -> Iterator[Path]:
+    """Of the daemon's spool, oldest first; without the copies of `foreign_file`."""
+    return (path for path in sorted(bed.folder.rglob("spool-*/*.seg")) if path.stem.isdigit())

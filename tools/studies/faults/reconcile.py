@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Set
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
@@ -14,6 +14,8 @@ from typing import Any
 import orjson
 import sqlalchemy as sa
 
+from acqd.storage import quarantined, sink_flags
+from acqd.storage.clock_witness import IMPOSSIBLE
 from acqd.storage.schema import power, quarantine
 
 _FIELDS = ("filetime", "Vrms", "Irms", "P", "S", "PF", "f", "W", "schema")
@@ -37,7 +39,7 @@ class Reconciled:
     backwards: int
     """Rows of a boot and channel whose time or energy is less than that of the row before."""
     energy_back: int
-    """Boots whose energy begins below the end of the boot before."""
+    """Boots whose energy begins below the last stored row of the boot before."""
     quarantined: int
     contested: int = 0
     """Rows of the daemon that are in quarantine, because a forged row with their key was stored before."""
@@ -67,7 +69,7 @@ def reconcile(tapes: Iterable[Path], engine: sa.Engine, forged: Path | None = No
         wrong=wrong,
         contested=len(kept),
         quarantined=len(refused),
-        **_order(made),
+        **_order(made, stored.keys()),
     )
 
 
@@ -77,6 +79,15 @@ def missing(tapes: Iterable[Path], engine: sa.Engine) -> int:
     with engine.connect() as connection:
         stored = {tuple(row) for row in connection.execute(sa.select(*columns))}
     return len(_taped(tapes).keys() - stored)
+
+
+def restore(tapes: Iterable[Path], engine: sa.Engine) -> None:
+    """As a person would: rows of the tapes that wait in quarantine because of their times go where they belong."""
+    made = _taped(tapes)
+    waiting = quarantined.entries(engine, quarantined.Which(reason=IMPOSSIBLE))
+    ids = [entry.id for entry in waiting if any(_key(row) in made for row in _readable([entry.payload]))]
+    if ids:
+        quarantined.restore(engine, quarantined.Which(ids))
 
 
 def _taped(tapes: Iterable[Path]) -> dict[_Key, Any]:
@@ -105,15 +116,19 @@ def _differs(taped: Any, stored: Any) -> bool:
     flags = stored["flags"]
     flags = orjson.loads(flags) if isinstance(flags, str) else flags
     same_time = _moment(taped["time"]) == _moment(stored["time"])
-    return flags != taped["flags"] or not same_time or any(taped[name] != stored[name] for name in _FIELDS)
+    same_flags = [name for name in flags if name not in sink_flags.FLAGS] == taped["flags"]
+    return not same_flags or not same_time or any(taped[name] != stored[name] for name in _FIELDS)
 
 
 def _moment(time: Any) -> datetime:
     return time if isinstance(time, datetime) else datetime.fromisoformat(time)
 
 
-def _order(made: dict[_Key, Any]) -> dict[str, int]:
-    """Order and flags within and between boots, from the tape."""
+def _order(made: dict[_Key, Any], stored: Set[_Key]) -> dict[str, int]:
+    """Order and flags within and between boots, from the tape.
+
+    A killed daemon may have taped a window that reached no disk: its energy is metered by nobody else.
+    """
     boots: dict[tuple[str, str], dict[str, list[Any]]] = defaultdict(lambda: defaultdict(list))
     for row in made.values():
         boots[row["device"], row["channel"]][row["boot"]].append(row)
@@ -125,5 +140,6 @@ def _order(made: dict[_Key, Any]) -> dict[str, int]:
                 found["unflagged"] += jump and "gap" not in row["flags"] and "gap" not in before["flags"]
                 found["backwards"] += row["filetime"] <= before["filetime"] or row["seq"] <= before["seq"]
         for rows, following in pairwise(runs.values()):
-            found["energy_back"] += following[0]["W"] < rows[-1]["W"]
+            last = next((row for row in reversed(rows) if _key(row) in stored), None)
+            found["energy_back"] += last is not None and following[0]["W"] < last["W"]
     return {name: found[name] for name in ("unflagged", "backwards", "energy_back")}

@@ -9,10 +9,11 @@ from functools import cache, partial
 import numpy as np
 
 from acqd.arrays import Floats
+from acqd.discrepancy.loads import switching
 from acqd.discrepancy.regression.design_columns import Candidate
 from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.gram import Column, Indices, Regression
-from acqd.discrepancy.selection.detectors import ripple, switching
+from acqd.discrepancy.selection.detectors import ripple
 from acqd.discrepancy.selection.detectors.rhythm import rhythm
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.effects import library

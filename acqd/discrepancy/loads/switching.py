@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from acqd.arrays import Floats
-from acqd.discrepancy.selection.detectors.edges import shares_of_rows
-from acqd.discrepancy.selection.detectors.paths import lasting, likeliest
+from acqd.discrepancy.loads.edges import shares_of_rows
+from acqd.discrepancy.loads.paths import lasting, likeliest
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.residual.thresholds import NOISE
 from acqd.residual.whitening import Whitener
@@ -25,7 +25,9 @@ _SIZES = (1.0, 2.0, 4.0, 8.0, 16.0)  # starting values of the size, in standard 
 _ROUNDS = 4
 _PRICE = math.log(NOISE.block_rows)
 """Log-likelihood that a switching pays: beforehand it may happen in any row of a minute."""
-_DWELLS = (10, 100)  # shortest state in rows: equipment in use, heaters and coolers
+SLOW = 100
+"""Shortest state of heaters, coolers and compressors, rows."""
+_DWELLS = (10, SLOW)  # shortest state in rows; 10: equipment in use
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,22 +70,41 @@ class _White:
 
 
 def search(
-    residuals: list[Floats], whitener: Whitener, shapes: list[Floats] | None = None, signs: tuple[int, ...] = (1,)
+    residuals: list[Floats],
+    whitener: Whitener,
+    shapes: list[Floats] | None = None,
+    signs: tuple[int, ...] = (1,),
+    dwells: tuple[int, ...] = _DWELLS,
 ) -> States | None:
     """The likeliest states of residuals [T] W per segment; None if no switching pays its price."""
     shapes = shapes or [np.ones(len(each)) for each in residuals]
-    lost = len(whitener.taps) - 1
-    long = [k for k, each in enumerate(residuals) if len(each) > 2 * lost]  # in shorter segments the load stays off
-    if not long:
-        return None
-    everywhere, levels = residuals, shapes
-    residuals, shapes = [residuals[k] for k in long], [shapes[k] for k in long]
-    white = [_prepared(each, shape, whitener) for each, shape in zip(residuals, shapes, strict=True)]
-    unit = whitener.innovation / max(float(np.sqrt(np.mean(np.concatenate(shapes) ** 2))), 1e-9)
+    rms = float(np.sqrt(np.mean(np.concatenate(shapes) ** 2)))
+    unit = whitener.innovation / max(rms, 1e-9)
     starts = [sign * size * unit for size in _SIZES for sign in signs]
+    states = _likeliest(residuals, whitener, shapes, starts, dwells, _ROUNDS)
+    rarest = THRESHOLDS.switching_rarest
+    return states if states is not None and rarest < states.share < 1 - rarest else None
+
+
+def states_of(residuals: list[Floats], whitener: Whitener, size: float, dwell: int) -> States | None:
+    """The likeliest states of a load whose size in W is known, or None."""
+    return _likeliest(residuals, whitener, [np.ones(len(each)) for each in residuals], [size], (dwell,), 1)
+
+
+def _likeliest(
+    everywhere: list[Floats],
+    whitener: Whitener,
+    levels: list[Floats],
+    starts: list[float],
+    dwells: tuple[int, ...],
+    rounds: int,
+) -> States | None:
+    lost = len(whitener.taps) - 1
+    long = [k for k, each in enumerate(everywhere) if len(each) > 2 * lost]  # in shorter segments the load stays off
+    white = [_prepared(everywhere[k], levels[k], whitener) for k in long]
     best: _Optimum | None = None
-    for dwell in _DWELLS:
-        for found in _settle(white, starts, dwell):
+    for dwell in dwells if long else ():
+        for found in _settle(white, starts, dwell, rounds):
             if found.gain > 0 and (best is None or found.gain > best.gain):
                 best = found
     if best is None:
@@ -92,8 +113,7 @@ def search(
     for k, path in zip(long, best.paths, strict=True):
         on[k] = np.concatenate([np.full(lost, path[0]), path])
     shares, size = shares_of_rows(everywhere, whitener, levels, on, best.size)
-    states = States(on, shares, size, best.gain)
-    return states if THRESHOLDS.switching_rarest < states.share < 1 - THRESHOLDS.switching_rarest else None
+    return States(on, shares, size, best.gain)
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,12 +139,12 @@ def _prepared(residual: Floats, shape: Floats, whitener: Whitener) -> _White:
     return _White(w, level, c * z, c**2 * float(transient @ transient), c * cross)
 
 
-def _settle(white: list[_White], starts: list[float], dwell: int) -> list[_Optimum]:
+def _settle(white: list[_White], starts: list[float], dwell: int, rounds: int) -> list[_Optimum]:
     """Alternate between path and size, from every starting value."""
     sizes = np.array(starts)
     found: list[_Optimum | None] = [None] * len(starts)
     alive = np.arange(len(starts))
-    for _ in range(_ROUNDS):
+    for _ in range(rounds):
         going = []
         for k in alive:
             paths = [lasting(_path(each, float(sizes[k])), dwell) for each in white]

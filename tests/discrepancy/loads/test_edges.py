@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from acqd.discrepancy.selection.detectors.edges import shares_of_rows
+from acqd.discrepancy.loads.edges import shares_of_rows
 from acqd.residual.whitening import Whitener
 
 ROWS = 1500

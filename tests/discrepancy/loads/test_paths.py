@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from acqd.discrepancy.selection.detectors.paths import (
+from acqd.discrepancy.loads.paths import (
     lasting,
     lasting_in_numpy,
     library,

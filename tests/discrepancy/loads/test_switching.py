@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from acqd.discrepancy.selection.detectors.switching import search, walks
+from acqd.discrepancy.loads.switching import search, walks
 from acqd.residual.whitening import Whitener
 
 

@@ -1,0 +1,153 @@
+"""`acqd energy`: what a period cost, from the registers in SQL."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import orjson
+import typer
+from rich.table import Table
+
+from acqd.atomic import write_complete
+from acqd.cli.options import ConfigFile, Json, configured
+from acqd.cli.terminal import terminal
+from acqd.errors import UserError
+from acqd.extras import require
+
+if TYPE_CHECKING:
+    from zoneinfo import ZoneInfo
+
+    from acqd.energy.periods import Range
+    from acqd.energy.statement import Statement
+
+_DEFAULT_DAYS = 7
+
+
+def energy(
+    device: Annotated[list[str] | None, typer.Option(help="Device; may be repeated (default: all).")] = None,
+    begin: Annotated[
+        str | None, typer.Option("--from", help="Start in local time: 2026-11-16, 2026-11-16T06:00 (default: 7 days).")
+    ] = None,
+    to: Annotated[str | None, typer.Option(help="End in local time, not included (default: now).")] = None,
+    last: Annotated[str | None, typer.Option(help="Last complete day, week, month or year.")] = None,
+    this: Annotated[str | None, typer.Option(help="Running day, week, month or year.")] = None,
+    by: Annotated[str, typer.Option(help="hour, day, week, month, shift or total.")] = "day",
+    tariff: Annotated[Path | None, typer.Option(help="TOML file with prices and CO2 factor (docs/energy.md).")] = None,
+    zone: Annotated[
+        str | None, typer.Option(help="Zone of local time (default: the tariff's, this computer's).")
+    ] = None,
+    shifts: Annotated[str | None, typer.Option(help="Starts of the shifts: 06:00,14:00,22:00.")] = None,
+    csv: Annotated[Path | None, typer.Option(help="CSV file, exact to the last digit.")] = None,
+    html: Annotated[Path | None, typer.Option(help="HTML report with pictures.")] = None,
+    config: ConfigFile = None,
+    database: Annotated[str | None, typer.Option(help="SQLite file or URL (default: the configuration's).")] = None,
+    json: Json = False,
+) -> None:
+    """Energy, cost and CO2 of a period, split by local time; gaps are shown and never filled.
+
+    Example: acqd energy --database acqd.sqlite --last week --by day --tariff tariff.toml --html week.html
+    """
+    _check_outputs(csv, html)
+    where = database or configured(config).sink.database
+    told = _statement(where, device or (), (begin, to, last, this), by, (tariff, zone, shifts))
+    if csv is not None:
+        from acqd.energy.tables import as_csv
+
+        write_complete(csv, as_csv(told).encode())
+    if html is not None:
+        from acqd.energy.page import energy_page
+
+        energy_page(told).write(html)
+    if json:
+        from acqd.energy.tables import as_json
+
+        print(orjson.dumps({**as_json(told), "csv": csv and str(csv), "html": html and str(html)}).decode())
+        return
+    _print(told)
+    for written in (csv, html):
+        if written is not None:
+            print(f"written: {written}")
+
+
+def _check_outputs(csv: Path | None, html: Path | None) -> None:
+    if csv is not None and csv.suffix != ".csv":
+        raise UserError(f"--csv {csv}: expected a name that ends in .csv")
+    if html is not None:
+        if html.suffix not in (".html", ".htm"):
+            raise UserError(f"--html {html}: expected a name that ends in .html")
+        require("acqd energy --html", ("jinja2", "matplotlib"), "lab")
+    for path in (csv, html):
+        if path is not None and not path.absolute().parent.is_dir():
+            raise UserError(f"{path}: folder {path.absolute().parent} does not exist; create it")
+
+
+def _statement(
+    database: str,
+    devices: Sequence[str],
+    span: tuple[str | None, str | None, str | None, str | None],
+    by: str,
+    rules: tuple[Path | None, str | None, str | None],
+) -> Statement:
+    from acqd.energy.periods import SPLITS, parse_shifts, zone_of
+    from acqd.energy.statement import statement_of
+    from acqd.energy.tariff import load_tariff
+    from acqd.storage.database import read_database
+
+    split = next((each for each in SPLITS if each == by), None)
+    if split is None:
+        raise UserError(f"--by {by!r}: expected {', '.join(SPLITS)}")
+    path, zone, shifts = rules
+    given = None if path is None else load_tariff(path, zone)
+    local = zone_of(zone) if zone or given is None or given.zone is None else given.zone
+    starts = parse_shifts(shifts) if shifts else () if given is None else given.shifts
+    chosen, earlier = _ranges(*span, local)
+    return statement_of(read_database(database), devices, chosen, earlier, split, local, starts, given)
+
+
+def _ranges(
+    begin: str | None, to: str | None, last: str | None, this: str | None, zone: ZoneInfo
+) -> tuple[Range, Range]:
+    """The range that is asked for, and the one before."""
+    from acqd.energy import periods
+
+    if sum((begin is not None or to is not None, last is not None, this is not None)) > 1:
+        raise UserError("--from and --to, --last, and --this exclude one another; give one")
+    now = time.time()
+    if last is not None:
+        return periods.last_range(last, now, zone)
+    if this is not None:
+        return periods.this_range(this, now, zone)
+    end = int(now) // 900 * 900 if to is None else periods.parse_moment("--to", to, zone)
+    start = (
+        periods.days_before(end, _DEFAULT_DAYS, zone) if begin is None else periods.parse_moment("--from", begin, zone)
+    )
+    chosen = periods.Range(start, end)
+    return chosen, periods.before(chosen, zone)
+
+
+def _print(told: Statement) -> None:
+    from acqd.energy.page import HEADER, cells, comparison_text
+
+    console = terminal(tables=True)
+    for account in told.accounts:
+        title = f"{account.device} {account.channel}, local time of {told.zone.key}"
+        table = Table(*HEADER, title=title, title_justify="left")
+        for column in table.columns[1:]:
+            column.justify = "right"
+        for period in account.periods:
+            table.add_row(*cells(told, period))
+        if len(account.periods) > 1:
+            table.add_section()
+            table.add_row("all", *cells(told, account.total)[1:])
+        console.print(table)
+        if account.between_nWh:
+            kwh = account.between_nWh / 1e12
+            console.print(f"{kwh:.6f} kWh were counted where rows lack, over the end of a period: they belong to none")
+        for remark in account.remarks:
+            console.print(f"note: {remark}")
+    console.print(f"all devices: {told.total.kWh or 0.0:.3f} kWh; {comparison_text(told)}")
+    if told.capacity_EUR is not None and told.tariff is not None:
+        console.print(f"capacity price at this maximum: {told.capacity_EUR:.2f} EUR a {told.tariff.capacity_per}")

@@ -1,0 +1,123 @@
+"""The statement of several devices over a range of local time, compared with the range before."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import time
+from zoneinfo import ZoneInfo
+
+import sqlalchemy as sa
+
+from acqd.energy.account import Account, Period, sum_of
+from acqd.energy.periods import Range, Split, boundaries, label
+from acqd.energy.read import devices, read_account
+from acqd.energy.tariff import Tariff
+from acqd.errors import InputError, UserError
+
+_COMPARABLE = 0.99
+"""Least share of a range with rows for a comparison of energies; below, mean powers are compared."""
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """A range beside the one before."""
+
+    quantity: str
+    """kWh, or mean W where rows lack in one of the two."""
+    now: float
+    before: float
+    begin: int
+    """Unix s of the range before."""
+    end: int
+
+    @property
+    def change(self) -> float | None:
+        """Relative; None where the value before is 0."""
+        return None if not self.before else self.now / self.before - 1
+
+
+@dataclass(frozen=True, slots=True)
+class Statement:
+    """What `acqd energy` prints."""
+
+    chosen: Range
+    by: Split
+    zone: ZoneInfo
+    tariff: Tariff | None
+    accounts: list[Account]
+    periods: list[Period]
+    """Of all devices together."""
+    total: Period
+    before: Comparison | str
+    """The comparison, or why there can be no comparison."""
+
+    def label(self, period: Period) -> str:
+        """A period in the words of a calendar."""
+        return label(period.begin, self.by, self.zone)
+
+    @property
+    def capacity_EUR(self) -> float | None:  # noqa: N802
+        """The capacity price of the highest quarter hour, per year or month, of all devices by themselves."""
+        price = None if self.tariff is None else self.tariff.capacity_price
+        demands = [account.total.demand for account in self.accounts]
+        if price is None or None in demands:
+            return None
+        return float(price) * sum(one.W for one in demands if one is not None) / 1000
+
+
+def statement_of(
+    engine: sa.Engine, wanted: Sequence[str], chosen: Range, earlier: Range, by: Split, zone: ZoneInfo,
+    shifts: Sequence[time], tariff: Tariff | None,
+) -> Statement:  # fmt: skip
+    """Read the devices `wanted` (all, if empty). Raises UserError where one has no rows in the range."""
+    cuts = boundaries(chosen, by, zone, shifts)
+    names = _known(engine, wanted, chosen)
+    accounts = [read_account(engine, name, cuts, tariff) for name in names]
+    if not accounts:
+        raise UserError("no device has rows in this period; choose another --from and --to, or --last")
+    periods = [sum_of(together) for together in zip(*(account.periods for account in accounts), strict=True)]
+    total = sum_of([account.total for account in accounts]) if len(accounts) > 1 else accounts[0].total
+    if len(accounts) == 1:
+        periods = accounts[0].periods
+    return Statement(
+        chosen, by, zone, tariff, accounts, periods, total,
+        _compare(engine, [account.device for account in accounts], total, earlier),
+    )  # fmt: skip
+
+
+def _known(engine: sa.Engine, wanted: Sequence[str], chosen: Range) -> list[str]:
+    known = devices(engine)
+    if not known:
+        raise UserError("the database has no rows of power; `acqd sink` stores them")
+    for name in wanted:
+        if name not in known:
+            raise UserError(f"--device {name!r}: the database has {', '.join(known)}")
+    if wanted:
+        return list(dict.fromkeys(wanted))
+    return [name for name in known if _has_rows(engine, name, chosen)]
+
+
+def _has_rows(engine: sa.Engine, device: str, chosen: Range) -> bool:
+    from acqd.storage.buckets import channels
+
+    with engine.connect() as connection:
+        return bool(channels(connection, device, chosen.begin, chosen.end))
+
+
+def _compare(engine: sa.Engine, names: Sequence[str], total: Period, earlier: Range) -> Comparison | str:
+    try:
+        cuts = [earlier.begin, earlier.end]
+        before = sum_of([read_account(engine, name, cuts, None).total for name in names])
+    except InputError:
+        raise
+    except UserError:
+        return "no rows of the period before"
+    if total.kWh is None or before.kWh is None:
+        return "no energy is known of one of the two periods"
+    shares = [one.known_s / (one.end - one.begin) for one in (total, before)]
+    if min(shares) >= _COMPARABLE:
+        return Comparison("kWh", total.kWh, before.kWh, earlier.begin, earlier.end)
+    if total.mean_W is None or before.mean_W is None:
+        return "rows lack in one of the two periods"
+    return Comparison("mean W", total.mean_W, before.mean_W, earlier.begin, earlier.end)

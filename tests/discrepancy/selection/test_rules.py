@@ -1,0 +1,104 @@
+"""Rules of the search on made-up evidence: onsets, laws in the place of names, effects that become superfluous."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from acqd.discrepancy.regression.design_columns import Candidate
+from acqd.discrepancy.regression.onset import Gate
+from acqd.discrepancy.selection import forward_selection as search
+from acqd.discrepancy.selection.accepted import Hypothesis, Selected, Unknown
+from acqd.discrepancy.selection.forward_selection import Limits, _Doubt, _likeliest, _settled, _State, _Step
+from acqd.discrepancy.selection.ranking import Finding, Rows
+from acqd.models.effects.places import Place
+
+MARGIN = 30.0
+ALWAYS, LATER = Gate("all of it", np.ones(4)), Gate("from r_2 on", np.array([0.0, 0.0, 1.0, 1.0]), "r_2")
+
+
+def finding(name, evidence):
+    label = "" if name else "a torque that depends on the angle of joint 1"
+    return Finding(
+        Candidate(name, label or "flange", np.zeros(1, dtype=int), key=name or label), np.ones(1), np.ones(1), evidence
+    )
+
+
+def hypothesis(of):
+    return Hypothesis(of, MARGIN, np.inf, 5.0, 0.1, "candidate")
+
+
+def effect(name, evidence):
+    own = finding(name, evidence)
+    return Selected(own, ALWAYS, Place("flange", (0,), ()), {}, hypothesis(own), None, ())
+
+
+class Regression:
+    def on(self, blocks):
+        return self
+
+    def without(self, owner):
+        return self
+
+    def with_columns(self, blocks, columns):
+        return self
+
+
+@pytest.fixture
+def state(monkeypatch):
+    """Of two effects, with margins of 30."""
+    monkeypatch.setattr(search, "margin", lambda *_: MARGIN)
+    design = SimpleNamespace(witness=None, columns=SimpleNamespace(candidates=[]), blocks=None)
+    rows = Rows(design, Regression(), 1.0)
+    return _State(rows, rows, (ALWAYS, LATER), 40, (effect("payload", 400.0), effect("copper_loss", 90.0)))
+
+
+@pytest.mark.parametrize(("later", "start"), [(199.0 + MARGIN, None), (201.0 + MARGIN, "r_2")])
+def test_an_onset_has_to_explain_more_by_the_margin(later, start, state, monkeypatch):
+    evidence = {None: 200.0, "r_2": later}
+    monkeypatch.setattr(search, "ranked", lambda rows, gate, pool: [finding("payload", evidence[started(gate)])])
+    gate, (best, *_) = _likeliest(state.rows, state, [])
+    assert gate.start == start and best.evidence == evidence[start]
+
+
+def started(gate):
+    return None if gate.all() else "r_2"
+
+
+@pytest.mark.parametrize(("law", "outdone"), [(499.0 + MARGIN, False), (501.0 + MARGIN, True)])
+def test_a_law_that_exceeds_the_leader_by_the_margin_is_a_doubt(law, outdone, state, monkeypatch):
+    monkeypatch.setattr(search, "judged", lambda rows, gate, found, *_: hypothesis(found))
+    best = sorted([finding("payload", 500.0), finding("", law)], key=lambda each: -each.evidence)
+    fits = {"payload": SimpleNamespace(rows=state.rows, finding=best[1])}
+    step = _Step._judged(state, state.rows, ALWAYS, best, fits, {}, {})
+    assert step.outdone is outdone and step.leader.id == "payload"
+
+
+@pytest.mark.parametrize(("law", "names"), [(429.0, ["payload", "copper_loss"]), (431.0, [])])
+def test_names_have_to_explain_as_much_above_their_margins_as_the_law_in_their_place(law, names, state, monkeypatch):
+    """The two names explain 490 less their margins of 60."""
+    before = replace(state, effects=())
+    doubt = _Doubt(before, state.rows, Unknown(finding("", law + MARGIN), ALWAYS, MARGIN), True, ())
+    monkeypatch.setattr(search, "learning_rate", lambda *_: 1.0)
+    monkeypatch.setattr(search, "session_columns", lambda *_: [])
+    monkeypatch.setattr(search, "kinds_of", lambda *_: 40)
+    monkeypatch.setattr(search, "_grown", lambda *_: replace(state, doubts=(doubt,)))
+    monkeypatch.setattr(search, "_settled", lambda grown: grown)
+    setup = SimpleNamespace(design=state.rows.design, regression=Regression(), gates=[ALWAYS])
+    selection = search.select(setup, Limits(max_effects=1), lambda _: None)
+    assert [each.id for each in selection.effects] == names
+    assert (selection.unknown is None) is bool(names)
+
+
+@pytest.mark.parametrize(("left", "names"), [(MARGIN - 1, ["copper_loss"]), (MARGIN + 1, ["payload", "copper_loss"])])
+def test_an_effect_below_the_margin_beside_later_ones_is_removed(left, names, state, monkeypatch):
+    evidence = {"payload": left, "copper_loss": 400.0}
+
+    def again(rows, gate, candidates):
+        return [finding(each.id, evidence[each.id]) for each in candidates]
+
+    monkeypatch.setattr(search, "ranked", again)
+    monkeypatch.setattr(search, "without", lambda rows, selected: rows)
+    monkeypatch.setattr(search, "_with_effects", lambda before, effects: replace(before, effects=effects))
+    assert [each.id for each in _settled(state).effects] == names
