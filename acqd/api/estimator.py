@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -41,7 +41,8 @@ class PowerRegressor(RegressorMixin, BaseEstimator):  # type: ignore[misc]
     X [T, axes + signals] are angles, then the logged signals named in `signals`; rows are `step_s` apart. `groups`
     tells recordings apart, because velocities and the state of a network do not cross from one to the next; without
     it, all rows are one recording. Rows must stay in the order of time: cross-validation has to keep whole recordings
-    (`GroupKFold`) and to hand their names on (scikit-learn's metadata routing), and X may not be shuffled.
+    (`GroupKFold`), and X may not be shuffled. With scikit-learn's metadata routing enabled, `params={"groups": names}`
+    of `cross_val_score` reaches the folds, fit and score; without it, scikit-learn keeps the names from the estimator.
 
     >>> frame = Dataset("ds").to_pandas().query("valid")
     >>> X, y = frame[[f"q{k}" for k in range(1, 7)]], frame["P"]
@@ -49,6 +50,10 @@ class PowerRegressor(RegressorMixin, BaseEstimator):  # type: ignore[misc]
     >>> model.score(X, y, groups=frame["recording"]) > 0.9
     True
     """
+
+    __metadata_request__fit: ClassVar = {"groups": True}  # scikit-learn's name for the default of set_fit_request
+    __metadata_request__predict: ClassVar = {"groups": True}
+    __metadata_request__score: ClassVar = {"groups": True}
 
     def __init__(
         self,

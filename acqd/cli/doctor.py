@@ -45,7 +45,9 @@ def doctor(
     if json:
         print(orjson.dumps([asdict(finding) | {"runbook": _link(finding)} for finding in findings]).decode())
     else:
-        table = Table("check", "", "finding", "what to do")
+        table = Table("check", "")
+        for name in ("finding", "what to do"):
+            table.add_column(name, overflow="fold")  # a port or a path is never cut
         for finding in findings:
             shown = f"[{_COLOUR[finding.state]}]{finding.state}[/]"
             table.add_row(finding.check, shown, escape(finding.finding), escape(finding.advice))

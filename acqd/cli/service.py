@@ -32,14 +32,20 @@ def install(
     services: Annotated[
         list[str] | None, typer.Option("--with", help=f"{', '.join(SERVICES)}, or all; may be repeated.")
     ] = None,
-    device: Annotated[str, typer.Option(help="Name of the device, and of its user at the broker.")] = "box",
+    device: Annotated[
+        str | None,
+        typer.Option(help="Name of the device, and of its user at the broker (default: the installed, or box)."),
+    ] = None,
     rights: Annotated[
         list[str] | None, typer.Option("--rights", help="raw-network or serial, as the source needs them.")
     ] = None,
     archive: Annotated[
         str | None, typer.Option(help="Keep all samples in this folder, on another disk for instance.")
     ] = None,
-    broker: Annotated[bool, typer.Option(help="Passwords and access rules for mosquitto on this computer.")] = True,
+    broker: Annotated[
+        bool | None,
+        typer.Option("--broker/--no-broker", help="Passwords and access rules for mosquitto on this computer."),
+    ] = None,
     program: Annotated[str | None, typer.Option(help="Path of the command acqd (default: this one).")] = None,
     start: Annotated[bool, typer.Option(help="Enable and start the services.")] = True,
     root: _RootOption = Path("/"),
@@ -47,14 +53,14 @@ def install(
 ) -> None:
     """Create user, folders, units, capabilities, the broker's password and access rules. May be repeated.
 
-    Configuration that exists stays as it is. Default: daemon, sink and maintain.
+    What is installed stays: configuration, device, services, rights. At first: daemon, sink and maintain.
 
     Example: sudo acqd service install --device hall-3 --rights raw-network --archive /srv/waveforms
     """
-    chosen = tuple(services or ("daemon", "sink", "maintain"))
+    chosen = tuple(services or ())
     if "all" in chosen:
         chosen = tuple(SERVICES)
-    if not valid_device(device):
+    if device is not None and not valid_device(device):
         raise UserError(f"--device {device!r}: expected letters, digits, . _ -")
     path = program or default_program(shutil.which(sys.argv[0]) or sys.argv[0])
     system = Root(root)

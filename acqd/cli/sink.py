@@ -19,7 +19,7 @@ from acqd.cli import quarantine
 from acqd.cli.completeness_table import show_completeness
 from acqd.cli.options import ConfigFile, Host, Json, Port, configured
 from acqd.cli.terminal import terminal
-from acqd.daemon.config import Config
+from acqd.daemon.config import SERVICES_STATE, Config
 from acqd.daemon.health.sink import SinkHealth
 from acqd.daemon.notify import notify
 from acqd.errors import OperationError, UserError
@@ -158,15 +158,19 @@ def completeness_command(
 ) -> None:
     """Report for one day which rows are stored, which are missing, and why; exit 1 when rows were lost.
 
+    Rows in the spool of state_dir (default /var/lib/acqd) wait: run it on the daemon's computer.
+
     Example: acqd sink completeness --day yesterday --config /etc/acqd/acqd.toml
     """
     from acqd.storage.completeness import completeness, day_of
     from acqd.storage.database import open_database
     from acqd.storage.gaps import Cause
+    from acqd.storage.waiting import rows_in_spools, with_waiting
 
+    settings = configured(config)
     now = datetime.now(UTC)
     wanted = day_of(day, now)
-    engine = open_database(database or configured(config).sink.database, create=False)
+    engine = open_database(database or settings.sink.database, create=False)
     with Progress(console=terminal(stderr=True), transient=True) as shown:
         bar = shown.add_task(f"rows of {wanted}", total=1.0)
         report = completeness(engine, wanted, now, device, lambda done: shown.update(bar, completed=done))
@@ -174,6 +178,12 @@ def completeness_command(
         raise UserError(f"--device {device!r}: the database has no rows of this device on {wanted} or before")
     if not report:
         raise OperationError(f"the database has no rows and no roll-ups until {wanted}: is it the right one?")
+    spools = settings.state_dir or SERVICES_STATE
+    if any(gap.cause == Cause.lost for one in report for gap in one.gaps) and spools.is_dir():
+        try:
+            report = with_waiting(report, rows_in_spools(spools))
+        except OperationError as error:
+            terminal(stderr=True).print(f"note: {error}")
     if json:
         print(orjson.dumps([asdict(one) | {"missing": one.missing} for one in report]).decode())
     else:

@@ -76,7 +76,10 @@ def _login(config: Config, address: BrokerAddress, tls: ssl.SSLContext | None) -
     except (OSError, ValueError) as error:
         if config.broker.embedded:
             return Finding("broker", "ok", "embedded, not running now")
-        return Finding("broker", "warn", f"{address}: {error}", "start it, or set [mqtt] host and port")
+        reason = getattr(error, "strerror", None) or error
+        return Finding(
+            "broker", "warn", f"{address} does not answer ({reason})", "start it, or set [mqtt] host and port"
+        )
     if not answers:
         return Finding(
             "broker", "fail", f"{address} hangs up or does not answer", "is a broker there? does it want TLS?"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import platform
-import resource
 import shutil
 import sys
 from collections.abc import Iterator
@@ -15,6 +14,7 @@ from acqd.daemon.broker_checks import broker_checks
 from acqd.daemon.compiler_checks import compiled_c
 from acqd.daemon.config import Config
 from acqd.daemon.finding import Finding
+from acqd.daemon.privilege_checks import privilege_checks
 from acqd.daemon.source_checks import source_checks
 from acqd.daemon.spool_checks import spool_checks
 from acqd.errors import UserError
@@ -31,7 +31,7 @@ def all_checks(config: Config) -> list[Finding]:
     """Every check, in reading order."""
     return [
         *_host(),
-        *_privileges(config),
+        *privilege_checks(config),
         *_clock(),
         *compiled_c(),
         *(finding for source in config.sources for finding in source_checks(source)),
@@ -55,24 +55,6 @@ def _host() -> Iterator[Finding]:
         good = governor == "performance"
         advice = "" if good else "cpupower frequency-set -g performance"
         yield Finding("cpu governor", "ok" if good else "warn", governor, advice)
-
-
-def _privileges(config: Config) -> Iterator[Finding]:
-    for check, limit, unlimited, advice in (
-        ("real-time priority", resource.RLIMIT_RTPRIO, config.realtime.priority, "LimitRTPRIO=99 / ulimit -r 99"),
-        (
-            "locked memory",
-            resource.RLIMIT_MEMLOCK,
-            resource.RLIM_INFINITY,
-            "LimitMEMLOCK=infinity / ulimit -l unlimited",
-        ),
-    ):
-        value = resource.getrlimit(limit)[0]
-        enough = os.geteuid() == 0 or value == resource.RLIM_INFINITY or (value >= unlimited > 0)
-        if enough:
-            yield Finding(check, "ok", "root" if os.geteuid() == 0 else "permitted")
-        else:
-            yield Finding(check, "warn", f"limit {value}: MAIN_FAST runs at normal priority or may page", advice)
 
 
 def _clock() -> Iterator[Finding]:

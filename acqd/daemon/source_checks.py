@@ -10,6 +10,7 @@ from pathlib import Path
 
 from acqd.daemon.finding import Finding
 from acqd.daemon.modbus_sections import MetersSection, ModbusSection
+from acqd.daemon.privilege_checks import NET_ADMIN, NET_RAW, raw_network_access
 from acqd.daemon.source_sections import (
     AdsSection,
     EthercatSection,
@@ -18,7 +19,6 @@ from acqd.daemon.source_sections import (
     SourceSection,
 )
 
-_NET_ADMIN, _NET_RAW = 12, 13  # bits of capabilities(7)
 _LIBRARIES = {
     "ethercat": ["pysoem"],
     "ads": ["pyads"],
@@ -33,9 +33,9 @@ def source_checks(source: SourceSection) -> Iterator[Finding]:
     """Findings about the configured source, in reading order. A device is asked for a TCP connection at most."""
     yield from _libraries(source.kind)
     if isinstance(source, EthercatSection | SampledValuesSection):
-        needed = [_NET_RAW] if isinstance(source, SampledValuesSection) else [_NET_RAW, _NET_ADMIN]
+        needed = [NET_RAW] if isinstance(source, SampledValuesSection) else [NET_RAW, NET_ADMIN]
         yield _interface(source.interface)
-        yield _capabilities(needed)
+        yield raw_network_access(needed)
     elif isinstance(source, AdsSection):
         yield _reachable("source", source.host, _ADS_PORT, "is the TwinCAT PC on, and its firewall open for 48898?")
     elif isinstance(source, ModbusSection | MetersSection):
@@ -65,19 +65,6 @@ def _interface(name: str) -> Finding:
         if (state / "carrier").read_text().strip() != "1":
             return Finding("source interface", "warn", f"{name} has no link", "check cable and power")
     return Finding("source interface", "ok", f"{name} is up")
-
-
-def _capabilities(needed: list[int]) -> Finding:
-    status = Path("/proc/self/status").read_text()
-    held = int(next(line for line in status.splitlines() if line.startswith("CapEff")).split()[1], 16)
-    names = {_NET_RAW: "CAP_NET_RAW", _NET_ADMIN: "CAP_NET_ADMIN"}
-    lacking = [names[bit] for bit in needed if not held >> bit & 1]
-    if not lacking:
-        return Finding("raw network access", "ok", "permitted to this user")
-    advice = (
-        f"AmbientCapabilities={' '.join(lacking)} in the service's unit (docs/sources.md); as root this check passes"
-    )
-    return Finding("raw network access", "warn", f"{' and '.join(lacking)} missing for this user", advice)
 
 
 def _reachable(check: str, host: str, port: int, advice: str) -> Finding:

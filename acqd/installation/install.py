@@ -13,6 +13,7 @@ from pathlib import Path
 from acqd.errors import OperationError, UserError
 from acqd.installation.broker_access import VIEWER, new_password, with_passwords
 from acqd.installation.plan import SERVICES, File, Wanted, files_of, users_of
+from acqd.installation.present import kept, present_in, to_start
 
 _PASSWORDS = "/etc/mosquitto/acqd.passwords"
 _TIMER_STAMP = "/var/lib/systemd/timers/stamp-acqd-maintain.timer"
@@ -91,10 +92,13 @@ class Root:
 def install(wanted: Wanted, root: Root, *, start: bool) -> None:
     """Users and folders, configuration, units, access to the broker; `start`: enable the services and start them.
 
-    What a person may have edited stays as it is: configuration, passwords and access rules. Raises UserError,
-    OperationError.
+    What a person may have edited stays as it is: configuration, passwords and access rules. So do the device, services,
+    rights and folders that are installed. Raises UserError, OperationError.
     """
     _require_rights(root)
+    present = present_in(root.at)
+    started = to_start(wanted, present)
+    wanted = kept(wanted, present)
     if wanted.broker and root.group("mosquitto") is None:
         raise UserError("mosquitto is not installed: apt-get install mosquitto, or --no-broker for a broker elsewhere")
     wanted = replace(wanted, passwords=_missing_passwords(wanted, root))
@@ -112,7 +116,7 @@ def install(wanted: Wanted, root: Root, *, start: bool) -> None:
         root.run("systemctl", "daemon-reload")
         if wanted.broker:
             root.run("systemctl", "restart", "mosquitto.service", needed=False)
-        _start(_started(wanted.services), root)
+        _start(_started(started), root)
 
 
 def remove(root: Root, *, purge: bool) -> None:
@@ -122,7 +126,7 @@ def remove(root: Root, *, purge: bool) -> None:
     """
     _require_rights(root)
     _stop(root)
-    wanted = Wanted("acqd", tuple(SERVICES), drop_ins=("raw-network", "serial"), archive="/anywhere")
+    wanted = Wanted("acqd", tuple(SERVICES), drop_ins=("raw-network", "serial"), archive="/anywhere", broker=True)
     for file in reversed(files_of(wanted)):
         if not file.keep or file.path.startswith("/etc/mosquitto"):
             root.remove(file.path)
@@ -196,7 +200,7 @@ def _write_passwords(wanted: Wanted, root: Root) -> None:
     """The broker's file of passwords, which `remove` deletes: of all users of this installation."""
     path = root.at(_PASSWORDS)
     lines = path.read_text(encoding="utf-8") if path.exists() else ""
-    kept = [line for line in lines.splitlines() if line.partition(":")[0] not in wanted.passwords]
+    others = [line for line in lines.splitlines() if line.partition(":")[0] not in wanted.passwords]
     files = {user: root.at(f"/etc/acqd/{user}.password") for user in (*users_of(wanted), VIEWER)}
     passwords = {user: file.read_text(encoding="utf-8").strip() for user, file in files.items()}
-    root.write(File(_PASSWORDS, with_passwords("\n".join(kept), passwords), 0o640, "mosquitto"))
+    root.write(File(_PASSWORDS, with_passwords("\n".join(others), passwords), 0o640, "mosquitto"))

@@ -39,6 +39,7 @@ SERVICES = {
     "opcua": Service(("acqd-opcua.service",), "acqd-opcua.service", "bridge", BRIDGE),
     **{f"bridge-{kind}": _bridge(kind) for kind in ("homeassistant", "influx", "plain", "sparkplug")},
 }
+DEFAULT_SERVICES = ("daemon", "sink", "maintain")
 _DROP_INS = {"raw-network": "acqd-raw-network.conf", "serial": "acqd-serial.conf"}
 _SYSUSERS = 'u acqd - "acqd power metering" /var/lib/acqd /usr/sbin/nologin\n'
 _TMPFILES = "d /etc/acqd 0750 root acqd -\nd /var/lib/acqd 0750 acqd acqd -\nd /var/cache/acqd 0750 acqd acqd -\n"
@@ -67,16 +68,16 @@ class Wanted:
 
     program: str
     """Path of the command acqd."""
-    services: tuple[str, ...] = ("daemon", "sink", "maintain")
-    """Names in SERVICES."""
-    device: str = "box"
-    """Name of the device, which is also its user at the broker."""
+    services: tuple[str, ...] = ()
+    """Names in SERVICES; empty: those that are installed, or DEFAULT_SERVICES."""
+    device: str | None = None
+    """Name of the device, which is also its user at the broker; None: the installed one, or box."""
     drop_ins: tuple[str, ...] = ()
     """raw-network, serial: rights that a source needs."""
     archive: str | None = None
     """Folder for samples outside of the state folder, absolute; the daemon keeps them then."""
-    broker: bool = True
-    """Passwords and access rules for a mosquitto on this computer."""
+    broker: bool | None = None
+    """Passwords and access rules for a mosquitto on this computer; None: as installed, at first with them."""
     passwords: dict[str, str] = field(default_factory=dict, repr=False)
     """New passwords by user of the broker."""
 
@@ -120,12 +121,12 @@ def users_of(wanted: Wanted) -> list[str]:
 
 def user_of(wanted: Wanted, service: str) -> str:
     """The broker's user of a service: the device's name, or one that is common to all devices."""
-    return SERVICES[service].user or wanted.device
+    return SERVICES[service].user or wanted.device or "box"
 
 
 def _service_files(wanted: Wanted, service: str) -> list[File]:
     user, toml = user_of(wanted, service), SERVICES[service].toml
-    config = configuration(user if wanted.broker else None, wanted.device, wanted.archive)
+    config = configuration(user if wanted.broker else None, wanted.device or "box", wanted.archive)
     made = [File(f"/etc/acqd/{toml}.toml", config, 0o640, "acqd", keep=True)]
     for unit in SERVICES[service].units:
         text = shared_text(f"systemd/{unit}").replace("/opt/acqd/.venv/bin/acqd", wanted.program)

@@ -55,7 +55,7 @@ def open_database(url: str, *, create: bool = True) -> sa.Engine:
     engine = engine_for(url)
     path = engine.url.database
     if not create and engine.dialect.name == "sqlite" and path and not Path(path).exists():
-        raise UserError(f"database {Path(path).absolute()} does not exist; check the folder you are in, or --database")
+        raise UserError(f"database {Path(path).absolute()} does not exist; check its path and the folder you are in")
     prepare(engine)
     return engine
 
@@ -87,7 +87,7 @@ def read_database(url: str) -> sa.Engine:
     engine = engine_for(url, impatient=True)
     path = engine.url.database
     if engine.dialect.name == "sqlite" and path and not Path(path).exists():
-        raise UserError(f"database {Path(path).absolute()} does not exist; check the folder you are in, or --database")
+        raise UserError(f"database {Path(path).absolute()} does not exist; check its path and the folder you are in")
     return engine
 
 

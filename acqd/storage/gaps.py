@@ -25,6 +25,8 @@ class Cause(StrEnum):
     """The clock was set: the time is missing, the rows are not."""
     lost = "lost"
     """Rows were numbered and are not stored: on their way, dropped, or lost."""
+    waiting = "waiting"
+    """Rows are in the spool of a daemon on this computer."""
     no_rows = "no rows"
     """Nothing after the last row: the daemon does not run, or its rows are still on their way."""
 
@@ -63,6 +65,8 @@ class Gap:
     cause: Cause
     boot: str
     """Of the row after the gap; empty at the end of the day."""
+    first_seq: int | None = None
+    """Number of the first missing row, where rows of this boot are missing."""
 
 
 def gaps_of(breaks: Iterable[Break], span: Span, interval: int) -> list[Gap]:
@@ -99,7 +103,7 @@ def _before_boot(row: Break, reached: int, interval: int, *, continued: bool) ->
     middle = row.filetime - numbered * interval
     parts = [
         _gap(reached, middle, missing - numbered, Cause.restart, row.boot),
-        _gap(middle, row.filetime, numbered, cause, row.boot),
+        _gap(middle, row.filetime, numbered, cause, row.boot, row.seq - numbered),
     ]
     return [part for part in parts if part.rows]
 
@@ -110,7 +114,7 @@ def _within_boot(row: Break, interval: int) -> list[Gap]:
     missing, begin = row.seq - row.seq_before - 1, row.filetime_before + interval
     if missing:
         cause = Cause.not_metered if "gap" in _flags(row) else Cause.lost
-        return [_gap(begin, row.filetime, missing, cause, row.boot)]
+        return [_gap(begin, row.filetime, missing, cause, row.boot, row.seq_before + 1)]
     if row.filetime - begin > interval:
         return [_gap(begin, row.filetime, 0, Cause.clock_step, row.boot)]
     return []
@@ -120,8 +124,8 @@ def _flags(row: Break) -> frozenset[str]:
     return frozenset(json.loads(row.flags))
 
 
-def _gap(begin: int, end: int, rows: int, cause: Cause, boot: str) -> Gap:
-    return Gap(_stamp(begin), _stamp(max(begin, end)), rows, cause, boot)
+def _gap(begin: int, end: int, rows: int, cause: Cause, boot: str, first_seq: int | None = None) -> Gap:
+    return Gap(_stamp(begin), _stamp(max(begin, end)), rows, cause, boot, first_seq)
 
 
 def _stamp(ticks: int) -> str:

@@ -58,7 +58,7 @@ def test_a_grey_box_predicts_recordings_that_it_has_not_seen(folder):
 
     X, y, groups = rows_of("ds")
     with config_context(enable_metadata_routing=True):
-        model = regressor("grey-box", robot="ur10e").set_fit_request(groups=True).set_score_request(groups=True)
+        model = regressor("grey-box", robot="ur10e")
         scores = cross_val_score(model, X, y, cv=GroupKFold(2), params={"groups": groups})
     assert min(scores) > 0.95, scores
     assert clone(model).get_params() == model.get_params()

@@ -189,3 +189,46 @@ def test_mosquitto_grants_what_the_rules_say(root, mosquitto):
 def test_passwords_are_salted():
     one, other = password_line("a", "secret"), password_line("a", "secret")
     assert one != other and re.fullmatch(r"a:\$7\$101\$[\w+/=]{16}\$[\w+/=]{88}", one)
+
+
+def test_a_repeated_installation_keeps_device_services_rights_and_archive(root):
+    wanted = ("--device", "hall-3", "--rights", "raw-network", "--archive", "/srv/waveforms")
+    installed(root, *wanted, "--with", "daemon", "--with", "web")
+    before = contents(root)
+    assert installed(root) == installed(root, *wanted) == "nothing to do\n"
+    assert contents(root) == before
+    for unit in ("acqd", "acqd-web"):  # an update refreshes every unit that is there
+        (root / f"etc/systemd/system/{unit}.service").write_text("of an earlier version")
+    installed(root)
+    assert contents(root) == before
+    installed(root, "--with", "sidecar")
+    assert 'device = "hall-3"' in (root / "etc/acqd/sidecar.toml").read_text()
+    assert not (root / "etc/acqd/box.password").exists() and not (root / "etc/acqd/sink.toml").exists()
+    assert acqd_here("service", "remove", "--root", root).returncode == 0
+    installed(root)  # the configuration that is left names the device
+    assert "hall-3.password" in (root / "etc/systemd/system/acqd.service.d/password.conf").read_text()
+
+
+def test_what_contradicts_the_kept_configuration_is_refused_and_changes_nothing(root):
+    installed(root, "--device", "hall-3")
+    before = contents(root)
+    another = refused(acqd_here("service", "install", "--device", "box", "--root", root))
+    assert "hall-3 is installed here" in another and "[mqtt] username" in another
+    assert "[archive]" in refused(acqd_here("service", "install", "--archive", "/srv/x", "--root", root))
+    assert contents(root) == before
+    config = root / "etc/acqd/acqd.toml"
+    config.write_text(config.read_text().replace('"hall-3"', '"hall-4"'))  # the remedy that the message names
+    installed(root, "--device", "hall-4")
+    assert "hall-4.password" in (root / "etc/systemd/system/acqd.service.d/password.conf").read_text()
+    assert "hall-4:$7$" in (root / "etc/mosquitto/acqd.passwords").read_text()
+    config.write_text("device = \n")
+    assert "no TOML" in refused(acqd_here("service", "install", "--root", root))
+
+
+def test_an_installation_without_a_broker_stays_without(root):
+    (root / "etc" / "group").write_text("root:x:0:\n")
+    installed(root, "--device", "hall-3", "--no-broker")
+    assert installed(root) == "nothing to do\n"
+    assert acqd_here("service", "remove", "--root", root).returncode == 0
+    installed(root)
+    assert not (root / "etc/mosquitto").exists() and not list((root / "etc/systemd/system").glob("*.d"))

@@ -7,11 +7,13 @@ from datetime import UTC, date, datetime, timedelta
 
 import pytest
 
+from acqd.cli.completeness_table import _share
 from acqd.errors import UserError
 from acqd.storage.completeness import completeness, day_of
 from acqd.storage.database import open_database
 from acqd.storage.maintain import Retention, maintain
 from acqd.storage.writer import Writer
+from acqd.telemetry.spool import Spool, SpooledRow, Stream
 from tests.commands import acqd_here, refused
 from tests.storage.rows import message, row
 
@@ -114,8 +116,36 @@ def test_the_command_reports_lost_rows_with_exit_1(tmp_path):
     [one] = json.loads(done.stdout)
     assert one["stored"] == 19 and one["missing"] == 1 and one["gaps"][0]["cause"] == "lost"
     shown = acqd_here("sink", "completeness", "--day", "2023-11-15", "--database", path)
-    assert "95.0000 %" in shown.stdout and "lost" in shown.stdout
+    assert "95.00 %" in shown.stdout and "lost" in shown.stdout
     assert "no rows of this device" in refused(
         acqd_here("sink", "completeness", "--day", "2023-11-15", "--database", path, "--device", "x")
     )
     assert "does not exist" in refused(acqd_here("sink", "completeness", "--database", tmp_path / "b.sqlite"))
+
+
+def test_rows_that_wait_in_the_spool_are_not_lost(tmp_path, monkeypatch):
+    path, state = tmp_path / "a.sqlite", tmp_path / "state"
+    last = [k for k in range(86_400 - 20, 86_400) if k not in range(86_385, 86_390)]
+    store(open_database(str(path)), [at(k, channel=name) for k in last for name in ("L1", "total")])
+    spool = Spool(state / "spool-cell1")
+    streams = [Stream("cell1", name, "boot1") for name in ("L1", "total")]
+    for k in range(86_385, 86_390):
+        spool.append([SpooledRow(stream, k, b"row") for stream in streams if k > 86_385 or stream.channel == "L1"])
+    config = tmp_path / "acqd.toml"
+    config.write_text(f'state_dir = "{state}"\n')
+    monkeypatch.setenv("COLUMNS", "80")
+    command = ("sink", "completeness", "--day", "2023-11-15", "--database", path, "--config", config)
+    done = acqd_here(*command, "--json")
+    found = {one["channel"]: [(gap["rows"], gap["cause"]) for gap in one["gaps"]] for one in json.loads(done.stdout)}
+    assert found == {"L1": [(5, "waiting")], "total": [(4, "waiting"), (1, "lost")]}
+    assert done.returncode == 1
+    spool.append([SpooledRow(streams[1], 86_385, b"row")])  # the daemon still holds the spool
+    shown = acqd_here(*command)
+    assert shown.returncode == 0, shown.stderr
+    [line] = [line for line in shown.stdout.splitlines() if "waiting" in line]  # the gap of both channels, once
+    assert "L1 total" in line and "23:59:45.000" in line and "23:59:50.000" in line and " 5 " in line
+    spool.close()
+
+
+def test_a_share_says_100_only_for_a_complete_day():
+    assert _share(2_159_999, 2_160_000) == "99.99 %" and _share(7, 7) == "100.00 %" and _share(0, 0) == "-"

@@ -10,7 +10,7 @@ from alembic.autogenerate import compare_metadata
 from alembic.runtime.migration import MigrationContext
 
 from acqd.errors import UserError
-from acqd.storage.database import open_database
+from acqd.storage.database import open_database, read_database
 from acqd.storage.schema import metadata
 from tests.storage.rows import count
 
@@ -70,3 +70,10 @@ def test_a_file_that_is_no_database_is_named_and_left_alone(tmp_path):
     with pytest.raises(UserError, match=r"a\.sqlite"):
         open_database(str(path))
     assert path.read_bytes().startswith(b"not a database")
+
+
+@pytest.mark.parametrize("opened", [lambda url: open_database(url, create=False), read_database])
+def test_a_database_that_is_away_is_named_without_an_option_of_some_command(tmp_path, opened):
+    with pytest.raises(UserError, match=r"nosuch\.sqlite does not exist") as caught:
+        opened(str(tmp_path / "nosuch.sqlite"))
+    assert " --" not in str(caught.value)  # the name came with --power, or from a configuration

@@ -207,7 +207,12 @@ RUNBOOK = (
 
 def entry_for(sentence: str) -> Entry | None:
     """The line of the runbook for a problem or note of /status, or for `doctor: CHECK`."""
-    return next((entry for entry in RUNBOOK if entry.pattern.search(sentence)), None)
+    of_doctor = sentence.startswith("doctor: ")
+    for entry in RUNBOOK:
+        match = entry.pattern.search(sentence)
+        if match is not None and match[0].startswith("doctor: ") == of_doctor:  # words of /status are no checks
+            return entry
+    return None
 
 
 def links_for(sentences: Iterable[str]) -> dict[str, str]:

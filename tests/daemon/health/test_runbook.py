@@ -56,3 +56,9 @@ def test_every_check_of_the_doctor_has_an_entry():
     assert len(named) > 10
     never_bad = {"python", "training", "FMU export"}
     assert {name for name in named if entry_for(f"doctor: {name}") is None} == never_bad
+
+
+def test_a_check_of_the_doctor_is_not_explained_by_a_sentence_of_the_status():
+    assert entry_for("doctor: spool").anchor == "state-dir"
+    assert entry_for("doctor: no rows") is None
+    assert entry_for("spool 93 % full; rows will be dropped").anchor == "spool"
