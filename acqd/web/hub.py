@@ -141,7 +141,7 @@ class Hub:
             self._tell("posture", {"device": device, "points": points})
 
     def _tell(self, event: str, data: object) -> None:
-        text = b"event: %s\ndata: %s\n\n" % (event.encode(), orjson.dumps(data))
+        text = _event(event, data)
         if event in _KEPT:
             device = data.get("device", "") if isinstance(data, dict) else ""
             self._state[f"{event} {device}"] = text
@@ -162,10 +162,10 @@ class Hub:
                     self._tell("rows", rows)
 
     async def _beat(self) -> None:
-        """A comment now and then: a viewer that has gone is noticed."""
+        """The time of this computer now and then: a viewer's clock may be wrong, and one that has gone is noticed."""
         while True:
+            self._tell("beat", {"time": time.time()})
             await asyncio.sleep(_BEAT_S)
-            self._tell("beat", {})
 
     async def events(self) -> AsyncIterator[bytes]:
         """What one viewer gets, from now on."""
@@ -173,7 +173,7 @@ class Hub:
         kept = list(self._state.values())  # there may be more than the queue holds
         self._viewers.add(queue)
         try:
-            yield b"retry: 1000\n\n"
+            yield b"retry: 1000\n\n" + _event("beat", {"time": time.time()})
             for text in kept:
                 yield text
             while not self._ended:
@@ -191,3 +191,7 @@ class Hub:
     def viewers(self) -> int:
         """How many look on."""
         return len(self._viewers)
+
+
+def _event(name: str, data: object) -> bytes:
+    return b"event: %s\ndata: %s\n\n" % (name.encode(), orjson.dumps(data))

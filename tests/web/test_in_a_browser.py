@@ -49,10 +49,20 @@ def publisher(mosquitto):
     client.loop_stop()
 
 
-def send(client, seq, P):
-    sent = row(seq, t=time.time() - 0.04, P=P)
+def send(client, seq, P, age_s=0.04, **changes):
+    sent = row(seq, t=time.time() - age_s, P=P, **changes)
     client.publish(f"acqd/{sent.device}/L1/power", sent.to_json()).wait_for_publish(LIMIT_S)
     return sent
+
+
+def sends_until(page, selector, text, send_one):
+    """Send rows until the page says `text`: it says so while rows arrive."""
+    for _ in range(600):
+        send_one()
+        if text in page.inner_text(selector):
+            return
+        time.sleep(0.1)
+    raise AssertionError(page.inner_text(selector))
 
 
 def shows(page, selector, text):
@@ -74,14 +84,19 @@ def test_numbers_are_those_of_the_rows_and_come_back_after_a_restart(mosquitto, 
             page.goto(settings.address)
             shows(page, "#summary", "most 77.0")
             shows(page, "#state", "waiting")
+            sends_until(page, "#state", "catching up, 6", lambda: send(publisher, 7, 55.0, age_s=63.0, boot="earlier"))
+            shows(page, "#now", " s ago")
             sent = send(publisher, 1000, 123.456)
             shows(page, "[data-of=P]", "123.5")
             assert page.get_attribute("#big", "data-seq") == str(sent.seq)
+            send(publisher, 8, 56.0, age_s=62.0, boot="earlier")  # the rest of the backlog
+            sends_until(page, "#now", "Now", lambda: send(publisher, 1001, 123.456))
+            assert page.get_attribute("#big", "data-seq") == "1001"
             shows(page, "#summary", "most 123.5")
             assert page.errors == []
             served.stop()
             served = Served(settings)
-            for seq in range(1001, 1601):  # until the browser has connected again
+            for seq in range(1002, 1602):  # until the browser has connected again
                 send(publisher, seq, 200.31)
                 if page.inner_text("[data-of=P]") == "200.3":
                     break

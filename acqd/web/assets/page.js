@@ -3,9 +3,9 @@ const $ = (id) => document.getElementById(id);
 const RANGES = [["1 min", 60], ["10 min", 600], ["1 h", 3600], ["6 h", 21600], ["24 h", 86400]];
 const DIGITS = { P: 1, Vrms: 1, Irms: 3, S: 1, PF: 3, f: 3, W: 4 };
 const DASH = { L1: [], L2: [8, 4], L3: [2, 3], total: [], predicted: [10, 3, 2, 3] };
-const POINTS = 1500, PIXELS = 600, UNIX_OF_FILETIME = 11644473600, QUIET_S = 3;
+const POINTS = 1500, PIXELS = 600, UNIX_OF_FILETIME = 11644473600, QUIET_S = 3, STEADY_MS = 5000;
 const view = { device: "", seconds: 60, quantity: "P" };
-let latest = {}, series = { time: [], channels: {} }, waiting = [], loading = 0, plot = null, lastRow = 0, broker = true, delayMs = null;
+let latest = {}, series = { time: [], channels: {} }, waiting = [], loading = 0, plot = null, lastRow = 0, broker = true, serverAheadMs = 0, behind = null;
 let predicted = [], drawn = 0;
 const onDevice = [], visible = new WeakMap();
 
@@ -26,10 +26,22 @@ function large(node, value, digits) {
 }
 const energy = (kWh) => Math.abs(kWh) < 1 ? [kWh * 1000, "Wh"] : Math.abs(kWh) < 1000 ? [kWh, "kWh"] : [kWh / 1000, "MWh"];
 const unixOf = (row) => row.filetime / 1e7 - UNIX_OF_FILETIME;
+const serverMs = () => Date.now() + serverAheadMs;
+const lagMs = (row) => serverMs() - 1000 * unixOf(row);
+
+// rows of one start of a daemon are in the order of their numbers, whatever was done to the clock ("boot.1" follows
+// "boot"); those of two starts in the order of time, unless the older one is from the future
+function newer(row, before) {
+  if (!before) return true;
+  const [start, step] = row.boot.split("."), [startBefore, stepBefore] = before.boot.split(".");
+  if (start === startBefore) return step === stepBefore ? row.seq >= before.seq : +(step ?? 0) > +(stepBefore ?? 0);
+  return row.filetime >= before.filetime || lagMs(before) < -1000 * QUIET_S;
+}
 
 function choose(device) {
   view.device = device;
   latest = {};
+  behind = null;
   predicted = [];
   put($("device"), device);
   load();
@@ -48,11 +60,10 @@ function onRows(rows) {
   for (const row of rows) {
     known(row.device);
     if (row.device !== view.device) continue;
-    latest[row.channel] = row;
+    if (newer(row, latest[row.channel])) latest[row.channel] = row;
     if (loading) waiting.push(row);
     else append(row);
     lastRow = performance.now();
-    delayMs = Date.now() - 1000 * unixOf(row);
   }
   requestAnimationFrame(numbers);
 }
@@ -206,17 +217,35 @@ function summary() {
   put($("summary"), `${name}: least ${least.toFixed(digits)}, mean ${mean.toFixed(digits)}, most ${most.toFixed(digits)}; ${values.length} points${series.from ? ` from ${series.from}, then live` : ""}`);
 }
 
+// old rows that come faster than time passes are a backlog; a distance that stays is one of two clocks
+function distance(lag) {
+  const now = performance.now();
+  if (Math.abs(lag) < 1000 * QUIET_S) {
+    if (behind?.catchingUp) load();
+    behind = null;
+    return ["fine", "live", "Now"];
+  }
+  behind ??= { at: now, lag };
+  if (now - behind.at > STEADY_MS) behind = { at: now, lag, clocks: Math.abs(lag - behind.lag) < 1000 };
+  behind.catchingUp = lag > 0 && !behind.clocks;
+  const size = `${(Math.abs(lag) / 1000).toFixed(0)} s`;
+  if (behind.catchingUp) return ["open", `catching up, ${size} behind`, `${size} ago`];
+  return ["open", `rows arrive, but the clocks of device and acqd web differ by ${size}`, "Newest row"];
+}
+
 function state() {
-  const quiet = (performance.now() - lastRow) / 1000;
-  const bad = !broker || events.readyState !== EventSource.OPEN;
-  const [kind, words] = bad ? ["bad", broker ? "no connection to acqd web; trying again" : "acqd web has no connection to the broker"]
-    : !lastRow || quiet > QUIET_S ? ["open", `waiting for rows${lastRow ? ` for ${quiet.toFixed(0)} s` : ""}`] : ["fine", "live"];
+  const main = latest.total ?? latest.L1, lag = main ? lagMs(main) : 0, quiet = (performance.now() - lastRow) / 1000;
+  const bad = !broker || events.readyState !== EventSource.OPEN, silent = !main || quiet > QUIET_S;
+  const old = main ? `Last row, ${Math.max(quiet, lag / 1000).toFixed(0)} s ago` : "Now";
+  const [kind, words, heading] = bad ? ["bad", broker ? "no connection to acqd web; trying again" : "acqd web has no connection to the broker", silent ? old : "Now"]
+    : silent ? ["open", `waiting for rows${main ? ` for ${quiet.toFixed(0)} s` : ""}`, old] : distance(lag);
+  put($("now"), heading);
   $("state").className = kind;
   if (put($("state"), words)) {
-    const anchor = bad && !broker ? "broker-away" : bad ? "no-answer" : kind === "open" && lastRow ? "no-rows" : "";
+    const anchor = bad && !broker ? "broker-away" : bad ? "no-answer" : silent && main ? "no-rows" : "";
     if (anchor) $("state").append(" ", Object.assign(document.createElement("a"), { href: `/runbook#${anchor}`, textContent: "what to do" }));
   }
-  if (kind === "fine" && delayMs !== null) put($("delay"), `The newest row is ${Math.round(delayMs)} ms old (a row is 40 ms long and is made when it ends).`);
+  if (kind === "fine") put($("delay"), `The newest row is ${Math.round(lag)} ms old (a row is 40 ms long and is made when it ends).`);
 }
 
 for (const [name, seconds] of RANGES) {
@@ -237,6 +266,7 @@ addEventListener("resize", () => plot && plot.setSize({ width: $("chart").client
 const events = new EventSource("/events");
 let seen = false;
 events.onopen = () => { if (seen) load(); seen = true; };
+events.addEventListener("beat", (event) => { serverAheadMs = 1000 * JSON.parse(event.data).time - Date.now(); });
 events.addEventListener("rows", (event) => onRows(JSON.parse(event.data)));
 events.addEventListener("broker", (event) => {
   const was = broker;
