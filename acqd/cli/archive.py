@@ -12,7 +12,7 @@ from rich.table import Table
 from acqd.archive.catalogue import Contents, Gap, contents
 from acqd.archive.export import stretches, written
 from acqd.archive.verify import Checked, verified
-from acqd.cli.options import ConfigFile, Json, utc_option
+from acqd.cli.options import ConfigFile, Json, config_file, utc_option
 from acqd.cli.terminal import terminal
 from acqd.daemon.archive.replay import chosen
 from acqd.daemon.config import load_config
@@ -30,6 +30,7 @@ def place_of(folder: Path | None, config: Path | None) -> Path:
     """Folder of the archive that a command means. Raises UserError."""
     if folder is not None:
         return folder
+    config = config_file(config)
     if config is None:
         raise UserError("which archive? Give its folder, or --config FILE")
     loaded = load_config(config)

@@ -33,10 +33,11 @@ def jitter(
 
     Example: acqd jitter --duration 60
     """
-    source = configured(config).sources[0]
+    settings = configured(config)
+    source = settings.sources[0]
     if isinstance(source, MetersSection):
         raise UserError('jitter: source.kind = "meters" reads registers; it has no MAIN_FAST whose cycle could jitter')
-    realtime = configured(config).realtime.settings()
+    realtime = settings.realtime.settings()
     summary, histogram, refused, slow_us = asyncio.run(_measure(source.spec(), realtime, duration))
     if json:
         bins = {str(us): int(histogram[us]) for us in np.flatnonzero(histogram)}

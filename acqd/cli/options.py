@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from acqd.cli.terminal import terminal
 from acqd.errors import UserError
 
 if TYPE_CHECKING:  # most commands read no acqd.toml, and its models take a third of a second to build
@@ -15,7 +16,9 @@ if TYPE_CHECKING:  # most commands read no acqd.toml, and its models take a thir
     from acqd.telemetry.mqtt import BrokerAddress
 
 Json = Annotated[bool, typer.Option("--json", help="Machine-readable output on stdout.")]
-ConfigFile = Annotated[Path | None, typer.Option("--config", "-c", help="acqd.toml to take settings from.")]
+ConfigFile = Annotated[
+    Path | None, typer.Option("--config", "-c", help="Default: ./acqd.toml, else /etc/acqd/acqd.toml.")
+]
 Host = Annotated[str | None, typer.Option(help="Broker host (default 127.0.0.1, or the config's).")]
 Port = Annotated[int | None, typer.Option(min=1, max=65535, help="Broker port (default 1883, or the config's).")]
 
@@ -34,10 +37,27 @@ def utc_option(option: str, text: str | None) -> int | None:
     return (since // timedelta(microseconds=1)) * 1000
 
 
+def config_file(given: Path | None) -> Path | None:
+    """The file that the command line names, else the one where a command looks; which one is said on stderr."""
+    if given is not None:
+        return given
+    from acqd.daemon.config_place import found_config
+
+    path, sentence = found_config()
+    if sentence:
+        terminal(stderr=True).print(f"acqd: {sentence}")
+    return path
+
+
 def configured(path: Path | None, host: str | None = None, port: int | None = None) -> Config:
-    """The configuration file, or the defaults, with host and port of the command line."""
+    """The configuration file, or the defaults, with host and port of the command line.
+
+    A broker that the command line names gets no password of a file that it does not name.
+    """
     from acqd.daemon.config import Config, load_config
 
+    if host is None and port is None:
+        path = config_file(path)
     config = load_config(path) if path else Config()
     if host is not None:
         config.mqtt.host = host

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from acqd.cli.options import ConfigFile, Json
+from acqd.cli.options import ConfigFile, Json, config_file
 from acqd.cli.serve import announce, demonstration_port, serve
 from acqd.daemon.config import Config, load_config
 from acqd.errors import UserError
@@ -29,7 +29,7 @@ def run(
 ) -> None:
     """Meter a source and publish the rows.
 
-    Without --config: simulated source, embedded broker, SQLite file acqd.sqlite, live numbers.
+    Without any acqd.toml, or with --database or --port: simulated source, embedded broker, SQLite file, live numbers.
 
     Example: acqd run --config config/acqd.toml
     """
@@ -37,6 +37,8 @@ def run(
         raise UserError("--database is for a run without --config: with one, acqd sink stores the rows")
     if device is not None and not valid_device(device):
         raise UserError(f"--device {device!r}: expected 1 to 64 letters, digits, dots, dashes or underscores")
+    if database is None and port is None:
+        config = config_file(config)
     settings = load_config(config) if config else Config.demonstration(port or demonstration_port())
     settings.device = device or settings.device
     settings.mqtt.port = port or settings.mqtt.port

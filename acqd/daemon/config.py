@@ -15,6 +15,7 @@ from acqd.daemon import nominal
 from acqd.daemon.alarms_section import AlarmsSection
 from acqd.daemon.archive_section import ArchiveSection
 from acqd.daemon.box_section import BoxSection
+from acqd.daemon.config_place import as_installed
 from acqd.daemon.correction_section import CorrectionSection
 from acqd.daemon.events.section import EventsSection
 from acqd.daemon.health.section import HealthSection
@@ -253,6 +254,7 @@ def load_config(path: Path) -> Config:
     state = os.environ.get("STATE_DIRECTORY")
     if config.state_dir is None and state:
         config.state_dir = Path(state)
+    as_installed(config, path)
     return config
 
 

@@ -10,7 +10,7 @@ import orjson
 import typer
 
 from acqd.cli.lab.options import Effects, LabFile, Robot, Scene, Seed, settings_from
-from acqd.cli.options import ConfigFile, Json
+from acqd.cli.options import Json
 from acqd.cli.terminal import terminal
 from acqd.errors import UserError
 
@@ -28,7 +28,9 @@ def execute(
     seed: Seed = None,
     effect: Effects = None,
     settings: LabFile = None,
-    config: ConfigFile = None,
+    config: Annotated[
+        Path | None, typer.Option("--config", "-c", help="acqd.toml for --live; must be named here.")
+    ] = None,
     json: Json = False,
 ) -> None:
     """Execute a trajectory with random speed and blending, meter its power, and balance its energy.
