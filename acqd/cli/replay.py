@@ -21,6 +21,7 @@ from acqd.daemon.events.of_recording import event_settings
 from acqd.daemon.playback import Playback, play
 from acqd.daemon.playback_report import PlaybackReport
 from acqd.errors import UserError
+from acqd.report.digits import quantity
 from acqd.sources import ChannelMap
 from acqd.sources.load import load_recording
 from acqd.sources.recording.inspect import inspect as inspected
@@ -192,18 +193,18 @@ def _refuse_others(context: typer.Context) -> None:
 def _print(report: PlaybackReport) -> None:
     console = terminal(tables=True)
     for file in dict.fromkeys(line.file for line in report.channels):
-        table = Table("", "windows", "Vrms [V]", "Irms [A]", "P [W]", "f [Hz]", "W", "flagged")
+        table = Table("", "windows", "Vrms", "Irms", "P", "f", "W", "flagged")
         table.title, table.title_justify = file, "left"
         for line in (line for line in report.channels if line.file == file):
-            cells = (line.Vrms, line.Irms, line.P, line.f)
-            shown = ["-" if value is None else f"{value:.6g}" for value in cells]
+            cells = ((line.Vrms, "V"), (line.Irms, "A"), (line.P, "W"), (line.f, "Hz"))
+            shown = [quantity(value, unit, 6 if unit == "Hz" else 5) for value, unit in cells]
             flagged = " ".join(f"{name}:{count}" for name, count in sorted(line.flagged.items()))
             table.add_row(line.channel, str(line.windows), *shown, energy(line.W), flagged)
         phases = [line for line in report.channels if line.file == file]
         if len(phases) > 1:
             P = sum(line.P for line in phases if line.P is not None)
             table.add_section()
-            table.add_row("total", "", "-", "-", f"{P:.6g}", "-", energy(sum(line.W for line in phases)), "")
+            table.add_row("total", "", "-", "-", quantity(P, "W"), "-", energy(sum(line.W for line in phases)), "")
         console.print(table)
     console.print(
         f"{report.rows} rows from {report.recorded_s:.2f} s of waveform in {report.elapsed_s:.2f} s "

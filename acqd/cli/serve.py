@@ -11,16 +11,17 @@ from typing import Any
 import orjson
 from rich.live import Live
 
-from acqd.cli.table import power_table
+from acqd.cli.table import energy, power_table
 from acqd.cli.terminal import terminal
 from acqd.daemon.config import Config
 from acqd.daemon.service import Service
 from acqd.daemon.tape import Tape
 from acqd.errors import UserError
+from acqd.report.digits import quantity
 from acqd.telemetry.ports import check_port, free_port
 
 _DEFAULT_PORT = 1883
-_UNITS = {"Vrms": "V", "Irms": "A", "P": "W", "PF": "", "f": "Hz", "W": "kWh"}
+_UNITS = {"Vrms": "V", "Irms": "A", "P": "W", "PF": "", "f": "Hz"}
 
 
 def serve(
@@ -68,10 +69,8 @@ def announce(settings: Config, what: str, *, json: bool) -> None:
 
 
 def _line(summary: dict[str, Any]) -> str:
-    shown = (
-        f"{name} {'-' if summary[name] is None else f'{summary[name]:.6g}'} {unit}" for name, unit in _UNITS.items()
-    )
-    text = "  ".join(part.rstrip() for part in shown)
+    shown = [f"{name} {quantity(summary[name], unit)}" for name, unit in _UNITS.items()]
+    text = "  ".join([*shown, f"W {energy(summary['W'])}"])
     return f"{summary['time']} {summary['device']} {summary['channel']:5} {text}  {' '.join(summary['flags'])}"
 
 

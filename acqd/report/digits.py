@@ -7,6 +7,7 @@ import math
 FEWEST_FOR_INTERVAL = 5
 """Recordings: resampling fewer of them says next to nothing about others."""
 _MOST_DECIMALS = 6
+_PREFIXES = {-3: "n", -2: "µ", -1: "m", 0: "", 1: "k", 2: "M", 3: "G", 4: "T"}
 
 
 def number(value: float, digits: int = 3) -> str:
@@ -66,6 +67,18 @@ def duration(seconds: float) -> str:
 def percent(share: float) -> str:
     """A share as a percentage of two significant digits at least."""
     return f"{100 * share:.0f} %" if abs(share) >= 0.1 or share == 0 else f"{100 * share:.2g} %"
+
+
+def quantity(value: float | None, unit: str, digits: int = 5) -> str:
+    """A value with the prefix that suits its unit, as 13.367 MW; "-" for None and what is not finite."""
+    if value is None or not math.isfinite(value):
+        return "-"
+    if not value:
+        return f"0 {unit}".rstrip()
+    size = float(f"{abs(value):.{digits - 1}e}")  # 999999.9 is 1.0000 M
+    power = min(max(math.floor(math.log10(size) / 3), -3), 4) if unit else 0
+    scaled = value / 1000.0**power
+    return f"{scaled:.{_decimals(size / 1000.0**power, digits)}f} {_PREFIXES[power]}{unit}".rstrip()
 
 
 def _decimals(size: float, digits: int) -> int:
