@@ -51,7 +51,8 @@ def test_the_command_of_the_footer_holds_no_credentials():
 
 @pytest.mark.parametrize(
     ("value", "unit", "text"),
-    [(13366900.0, "W", "13.367 MW"), (230.0123, "V", "230.01 V"), (0.00123, "A", "1.2300 mA"), (-1500, "W", "-1.5000 kW"),
+    [(13366900.0, "W", "13.367 MW"), (230.0123, "V", "230.01 V"), (0.00123, "A", "1.2300 mA"),
+     (-1500, "W", "-1.5000 kW"),
      (999999.9, "W", "1.0000 MW"), (0.9, "", "0.90000"), (0.0, "W", "0 W"), (None, "W", "-"), (float("nan"), "W", "-")],
 )  # fmt: skip
 def test_large_and_small_values_have_prefixes(value, unit, text):
