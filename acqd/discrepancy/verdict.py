@@ -23,8 +23,8 @@ def settled(
     """The verdict, and notes about it.
 
     An effect with a name is found. A structure is unknown if its law predicts recordings that took no part, or in an
-    error that has grown. Nothing is left where no
-    hypothesis passed, the error has not grown, and the recordings are long enough to prove an absence.
+    error that has grown. Nothing is left where no hypothesis passed, the error has not grown, and the recordings are
+    long enough to prove an absence.
     """
     if improved.named:
         return "effects_found", []
@@ -34,6 +34,9 @@ def settled(
         if grown or (trial is not None and trial.predicts):
             return "unknown_structure", []
         return "not_identifiable", [f"what follows an unnamed cause is in an error that has not grown ({sizes})"]
+    if selection.withdrawn:
+        more = f"{selection.withdrawn} explains more than every name, and unchanged sessions differ by it, too"
+        return "not_identifiable", [more]
     if improved.hypotheses:
         return "not_identifiable", []
     if usual.reference and grown:

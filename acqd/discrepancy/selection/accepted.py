@@ -158,6 +158,8 @@ class Selection:
     unknown: Unknown | None = None
     table: tuple[Hypothesis, ...] = ()
     """Of the step that ended the search."""
+    withdrawn: str = ""
+    """A law, in words, that explains more than the names in its place, and that unchanged sessions differ by, too."""
 
     @property
     def design(self) -> Design:

@@ -16,7 +16,7 @@ from acqd.discrepancy.regression.design_columns import Candidate
 from acqd.discrepancy.regression.gram import Column
 from acqd.discrepancy.regression.onset import Gate
 from acqd.discrepancy.regression.setup import Setup
-from acqd.discrepancy.selection.accepted import Hypothesis, Selected, Selection, Unknown
+from acqd.discrepancy.selection.accepted import Hypothesis, Selected, Selection, Unknown, unnamed
 from acqd.discrepancy.selection.detectors.candidates import Detection, detect
 from acqd.discrepancy.selection.judging import best_of_each, judged, kinds_of, margin
 from acqd.discrepancy.selection.ranking import Finding, Rows, ranked
@@ -81,15 +81,16 @@ def select(setup: Setup, limits: Limits, progress: Callable[[str], None]) -> Sel
     regression = setup.regression.with_columns(setup.design.blocks, session_columns(setup.design, setup.regression))
     rows = Rows(setup.design, regression, rate)
     state = _State(rows, rows, tuple(setup.gates), kinds_of(setup.design.columns.candidates))
-    state = _settled(_grown(state, limits, progress))
+    state, withdrawn = _settled(_grown(state, limits, progress)), ""
     for doubt in state.doubts[:1]:
         number = len(doubt.before.effects)
         names = sum(each.net for each in state.effects[number:])
         if _explained_by_law(doubt, limits) > names:
             unknown = doubt.law if doubt.passes else None
+            withdrawn = "" if doubt.passes else unnamed(doubt.law.finding.candidate.label)
             state = replace(doubt.before, rows=doubt.rows, unknown=unknown, table=doubt.table)
     rows = replace(state.rows, regression=state.rows.regression.on(state.rows.design.blocks))
-    return Selection(rows, setup.design.witness, state.effects, state.unknown, state.table)
+    return Selection(rows, setup.design.witness, state.effects, state.unknown, state.table, withdrawn)
 
 
 def _grown(state: _State, limits: Limits, progress: Callable[[str], None]) -> _State:

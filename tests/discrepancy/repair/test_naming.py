@@ -101,9 +101,18 @@ def test_the_verdict_follows_from_names_laws_and_the_growth_of_the_error(
     effects = [replace(CERTAIN, status="added")] if named else []
     effects += [CERTAIN.without_name("refused", "a better prediction")] if refused else []
     subject = SimpleNamespace(held_out=new, fit_s=fit_s)
-    selection = SimpleNamespace(unknown=Unknown(None, None, 15.0) if unknown else None)
+    selection = SimpleNamespace(unknown=Unknown(None, None, 15.0) if unknown else None, withdrawn="")
     trial = None if predicts is None else Trial(model, None, errors, None, None, 0.0, predicts)
     assert settled(subject, selection, Improved(model, tuple(effects), errors), errors, usual, trial)[0] == verdict
+
+
+def test_names_in_whose_place_sessions_may_stand_leave_no_absence():
+    model = grey()
+    usual = usual_of(recordings(model, 8, 6.0, 0)[1])
+    new, errors = recordings(model, 6, 6.0, 3)
+    subject, selection = SimpleNamespace(held_out=new, fit_s=600), SimpleNamespace(unknown=None, withdrawn="a law")
+    verdict, notes = settled(subject, selection, Improved(model, (), errors), errors, usual, None)
+    assert verdict == "not_identifiable" and notes[0].startswith("a law explains more than every name")
 
 
 def test_two_effects_that_help_only_together_stay():
