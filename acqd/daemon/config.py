@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import logging
 import os
 import socket
 import tomllib
@@ -17,6 +18,7 @@ from acqd.daemon.archive_section import ArchiveSection
 from acqd.daemon.box_section import BoxSection
 from acqd.daemon.config_place import as_installed
 from acqd.daemon.correction_section import CorrectionSection
+from acqd.daemon.earlier_files import without_effect
 from acqd.daemon.events.section import EventsSection
 from acqd.daemon.health.section import HealthSection
 from acqd.daemon.homeassistant_section import HomeAssistantSection
@@ -40,6 +42,9 @@ from acqd.telemetry.topics import valid_device
 
 if TYPE_CHECKING:  # SQLAlchemy is slow to import, and a daemon that is started again must not wait for it
     from acqd.storage.maintain import Retention
+
+
+_log = logging.getLogger(__name__)
 
 
 class MeteringSection(Section):
@@ -247,6 +252,9 @@ def load_config(path: Path) -> Config:
         raise InputError(path, f"is not valid TOML: {error}{hint}") from None
     if "boxes" in data:
         raise InputError(path, "unknown key boxes; several sources are written as [[source]] tables")
+    data, notes = without_effect(data)
+    for note in notes:
+        _log.warning("%s: %s", path, note)
     try:
         config = Config.model_validate(data)
     except ValidationError as error:

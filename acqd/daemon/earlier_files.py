@@ -1,0 +1,31 @@
+"""Configuration files of earlier versions: what has no effect any more is left out, with a note."""
+
+from __future__ import annotations
+
+from typing import Any, get_args
+
+from acqd.daemon.source_sections import SECTIONS
+
+
+def without_effect(data: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
+    """The file's content without keys of other kinds of source that have their default, and a note for each.
+
+    The first version wrote the keys of all kinds into one block. A key of another kind with another value stays: a
+    person meant something by it, and is told.
+    """
+    source = data.get("source")
+    if not isinstance(source, dict):
+        return data, []
+    kind = source.get("kind", "simulated")
+    kinds = {get_args(section.model_fields["kind"].annotation)[0]: section for section in SECTIONS}
+    if not isinstance(kind, str) or kind not in kinds:
+        return data, []
+    notes = {}
+    for key, value in source.items():
+        if key in kinds[kind].model_fields:
+            continue
+        fields = [section.model_fields[key] for section in kinds.values() if key in section.model_fields]
+        if any(type(field.default) is type(value) and field.default == value for field in fields):
+            notes[key] = f"source.{key} is a default of another kind than {kind} and has no effect; delete it"
+    kept = {key: value for key, value in source.items() if key not in notes}
+    return {**data, "source": kept}, list(notes.values())
