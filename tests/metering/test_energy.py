@@ -6,6 +6,8 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from acqd.metering import Meter, SampleBlock, StreamFormat
 from acqd.metering.energy import EnergyRegister, no_load_W
@@ -43,6 +45,24 @@ def test_a_year_of_energy_loses_nothing():
     exact = Fraction(window) * Fraction(unit)
     assert abs(before / float(exact * 788_400_000) - 1) < 1e-15
     assert abs((register.reading()[0][0] - before) / float(exact) - 1) < 1e-6 and after > before
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    counts=st.lists(
+        st.tuples(*[st.integers(-800 * 32_768**2, 800 * 32_768**2) | st.integers(-3, 3)] * 2), min_size=2, max_size=12
+    ),
+    start=st.integers(0, 2**40) | st.integers(2**53 - 9, 2**70),
+    creep=st.sampled_from([0.0, 2.0, 1e9]),
+)
+def test_windows_added_together_read_as_windows_added_one_by_one(counts, start, creep):
+    unit = EnergyRegister.kwh_per_count(0.0225, 0.000281, 20_000.0)
+    begin = [(start * unit, 0.0), (0.25, start * unit)]
+    together, singly = (EnergyRegister([unit, unit * 1.1], begin, creep_kWh=creep * unit) for _ in range(2))
+    columns = together.add(np.array(counts, float).T)
+    readings = np.array([singly.add_window([float(sum_) for sum_ in window]) for window in counts]).T
+    assert np.array_equal(np.concatenate((columns.imported, columns.exported)), readings)
+    assert together.state() == singly.state()
 
 
 def test_import_and_export_are_kept_apart():
