@@ -21,7 +21,7 @@ _LONGEST_S = 0.25
 def trusted_motion(
     time: Floats, q: Floats, valid: NDArray[np.bool_], robot: RobotDescription
 ) -> tuple[Floats, NDArray[np.bool_], MotionQuality]:
-    """Angles [T, axes], smoothed where they are coarse, whose doubtful rows are bridged, which rows [T] are valid, and what was found.
+    """Angles [T, axes], bridged where doubtful, smoothed where coarse; which rows [T] are valid; what was found.
 
     `time` [T] s is even. Raises ValueError that says what no motion of this robot can be.
     """
