@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from acqd.dataset.column_check import check_columns, to_check
+from acqd.dataset.column_check import check_columns, check_order, to_check
 from acqd.dataset.config import BuildConfig, BuildReport
 from acqd.dataset.cut import AUTO, automatic_length, cut, cut_at_rests
 from acqd.dataset.growing import Existing, existing
@@ -46,6 +46,7 @@ def build(config: BuildConfig, progress: _Progress) -> BuildReport:
     if stream is not None:
         require_drawn(stream)
     logs = read_logs(config.logs, robot, before.logs, before.names, lambda share: progress("reading logs", share))
+    check_order(logs.kept, robot)
     if to_check(logs.kept, robot):
         logs.keep(lambda log: check_columns(log, robot), lambda _: None)
     logs.notes += uncommon_columns(logs.kept)

@@ -15,6 +15,11 @@ def motion_notes(logs: list[RobotLog]) -> list[str]:
         return [f"{log.path}: {'; '.join(log.quality.sentences())}" for log in faulty]
     worst = max(faulty, key=lambda log: log.quality.bad_share)
     notes = [f"{log.path}: {log.quality.rebuilt.sentence()}" for log in faulty if log.quality.rebuilt][:1]
+    smooth = [log for log in faulty if log.quality.smoothing]
+    if smooth:
+        log = max(smooth, key=lambda log: log.quality.smoothing.longest_s if log.quality.smoothing else 0.0)
+        assert log.quality.smoothing is not None
+        notes.append(f"the motion of {len(smooth)} logs is smoothed; {log.path}: {log.quality.smoothing.sentence()}")
     if worst.quality.bad:
         left_out = sum(log.quality.bad for log in faulty)
         share = left_out / max(sum(log.quality.moving for log in logs), 1)

@@ -60,6 +60,8 @@ class Regressors:
     """[T] where the log tells the motion; None: everywhere."""
     age_error_s: float = 0.0
     """By how much all poses may be older than their stamps."""
+    coarse: bool = False
+    """Whether the poses had to be smoothed so much that fast motion is lost."""
 
     @property
     def searched(self) -> NDArray[np.int64]:
@@ -123,8 +125,9 @@ def regressors_of(log: RobotLog, robot: RobotDescription, torque: TorqueSource |
         columns.append(_brake_columns(np.interp(grid, time, log.signals["brake"][rows])))
         events = columns[-1].shape[1]
     known = _known(grid, time)
+    coarse = log.quality.smoothing is not None and log.quality.smoothing.coarse
     return Regressors(
-        float(time[0]), np.column_stack(columns), power, essential, events, known, log.quality.age_error_s
+        float(time[0]), np.column_stack(columns), power, essential, events, known, log.quality.age_error_s, coarse
     )
 
 

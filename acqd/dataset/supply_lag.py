@@ -25,6 +25,7 @@ _LONGEST_S = 0.06
 _CANDIDATES_S = np.linspace(0.0, 0.075, 7)  # the outer ones keep the spline's end conditions away from _LONGEST_S
 _MODEL_ERROR_S = 0.004  # of the supply's lag: the regression is not the robot (tools/studies/alignment)
 _UNKNOWN_ERROR_S = 0.01  # of USUAL_LAG_S
+_COARSE_ERROR_S = 0.015  # of USUAL_LAG_S, where only smoothed motion tells the lags
 _MAX_RECORDINGS = 16
 _MIN_RECORDINGS = 3
 _FIRST_STEPS, _STEPS = 8, 3
@@ -67,6 +68,8 @@ def supply_lag(
     scale_W = min(fit.scale_W for fit in fits)
     inflation = float(np.median([fit.inflation for fit in fits]))
     mean, error, at_end = _posterior(np.array([biweight_loss(fit.residual, scale_W) / inflation for fit in fits]))
+    if any(regressors[k].coarse for k in chosen):  # what the smoothing hides looks like a longer supply lag
+        mean, error, at_end = USUAL_LAG_S, _COARSE_ERROR_S, False
     error = float(np.hypot(error, _LONGEST_S / 3 if at_end else _MODEL_ERROR_S))
     middles = np.array([float(np.median(fit.lags_s)) for fit in fits])
     at, usual, low, high = np.interp([mean, USUAL_LAG_S, mean - error, mean + error], _CANDIDATES_S, middles)
@@ -78,6 +81,8 @@ def supply_lag(
 def _overlaps(regressors: list[Regressors], power: PowerStream, lags: list[Lag]) -> list[tuple[int, Overlap]]:
     """Credible recordings with power, thinned out evenly, and their indices."""
     credible = [k for k, lag in enumerate(lags) if lag.credible]
+    fine = [k for k in credible if not regressors[k].coarse]
+    credible = fine if len(fine) >= _MIN_RECORDINGS else credible
     thinned = credible[:: max(1, -(-len(credible) // _MAX_RECORDINGS))]
     found = [(k, overlap(regressors[k], power, 0.0, lags[k])) for k in thinned]
     return [(k, single) for k, single in found if single is not None]

@@ -12,6 +12,7 @@ from acqd.errors import UserError
 from acqd.robot.description import RobotDescription
 from acqd.robot.garbled import FEW, beyond_limit, impossible_jump, limits, reach
 from acqd.robot.motion import MotionQuality, bridged, doubtful_rows, unwrapped
+from acqd.robot.resolution import resolution, smoothed, smoothing_of
 
 _LONGEST_S = 0.25
 """Angles are not interpolated between known rows that are farther apart."""
@@ -20,7 +21,7 @@ _LONGEST_S = 0.25
 def trusted_motion(
     time: Floats, q: Floats, valid: NDArray[np.bool_], robot: RobotDescription
 ) -> tuple[Floats, NDArray[np.bool_], MotionQuality]:
-    """Angles [T, axes] whose doubtful rows are bridged, which rows [T] are valid, and what was found.
+    """Angles [T, axes], bridged where doubtful, smoothed where coarse; which rows [T] are valid; what was found.
 
     `time` [T] s is even. Raises ValueError that says what no motion of this robot can be.
     """
@@ -37,13 +38,16 @@ def trusted_motion(
     jump = impossible_jump(stamps, angles, robot)
     if jump is not None:
         raise ValueError(f"row {int(known[jump[0] + 1]) + 1}: {jump[1]}; are rows of several recordings mixed?")
-    doubts = doubtful_rows(stamps, angles, robot.speed)
+    q_step = np.array([resolution(angle) for angle in angles.T])
+    doubts = doubtful_rows(stamps, angles, robot.speed, q_step)
     names = [robot.joint[axis].name for axis in np.flatnonzero((angles != q[known]).any(axis=0))]
     mended, unknown = bridged(stamps, angles, doubts.any, _LONGEST_S)
+    smoothing = smoothing_of(stamps, mended, q_step, robot.speed)
+    mended = mended if smoothing is None else smoothed(stamps, mended, smoothing.windows_s)
     filled, usable = q.copy(), valid.copy()
     filled[known] = mended
     usable[known[unknown]] = False
-    return filled, usable, doubts.quality(unwrapped=tuple(names))
+    return filled, usable, doubts.quality(unwrapped=tuple(names), smoothing=smoothing)
 
 
 def require_power(P: Floats, valid: NDArray[np.bool_], step_ns: float) -> None:

@@ -16,6 +16,7 @@ from acqd.robot.description import LogColumns, RobotDescription
 from acqd.robot.garbled import BEYOND, FEW, beyond_limit, clock_restart, garbled_rows, impossible_jump, limits, reach
 from acqd.robot.log_layout import PER_AXIS, Columns, layout_of, twice, why_not
 from acqd.robot.motion import MotionQuality, doubtful_rows, unwrapped
+from acqd.robot.resolution import resolution, smoothed, smoothing_of
 from acqd.robot.table import Table, read_table
 from acqd.robot.tool_point import check_tool_point
 from acqd.rounded_times import Rebuilt, rebuilt_times, shared_stamps
@@ -26,6 +27,8 @@ _DAY_S = 86_400.0
 _NAMED_ROWS = 5
 _MOVED = 0.05
 """rad or m that a joint covers at least in a log in which its speed, torque and current cannot stay zero."""
+_FEW_SHARED = 0.25
+"""Share of rows up to which rows of one stamp can be spared."""
 _MANY_ROWS = 200
 """Rows over which no measured torque or current of a moving joint has one value only."""
 _TITLES = {"qd": "speed", "tau": "torque", "current": "current", "temperature": "temperature"}
@@ -132,6 +135,9 @@ def _with_distinct_times(log: RobotLog) -> tuple[RobotLog, Rebuilt | None]:
     if not shared:
         return log, None
     rebuilt = rebuilt_times(since, shared)
+    few = shared < _FEW_SHARED * len(since)
+    if few and (rebuilt is None or rebuilt.stamp_s == 0.0):
+        return log, None  # digits about as wide as the rows: one row of each stamp is used, and its time is doubted
     if rebuilt is None:
         raise InputError(
             log.path,
@@ -158,7 +164,8 @@ def _unwrapped(log: RobotLog, robot: RobotDescription) -> RobotLog:
 def _trusted(log: RobotLog, robot: RobotDescription, wrapped: tuple[str, ...], rebuilt: Rebuilt | None) -> RobotLog:
     """The log without rows whose pose is not that of their time, and without quantities that are not measured."""
     stamps, rows = in_time(log)
-    doubts = doubtful_rows(stamps, log.q[rows], robot.speed)
+    q_step = np.array([resolution(angle) for angle in log.q[rows].T])
+    doubts = doubtful_rows(stamps, log.q[rows], robot.speed, q_step)
     moves = np.ptp(log.q, axis=0) > _MOVED
     known = {name: values for name in _TITLES if (values := getattr(log, name)) is not None and len(values)}
     stuck = {name: axes for name, values in known.items() if (axes := _stuck(name, values, moves)).any()}
@@ -166,7 +173,13 @@ def _trusted(log: RobotLog, robot: RobotDescription, wrapped: tuple[str, ...], r
         f"the {_TITLES[name]} of {'every joint' if axes.all() else robot.joint[int(axes.argmax())].name}"
         for name, axes in stuck.items()
     )
-    quality = doubts.quality(unwrapped=wrapped, unmeasured=unmeasured, rebuilt=rebuilt)
+    good = ~doubts.any
+    smoothing = smoothing_of(stamps[good], log.q[rows[good]], q_step, robot.speed)
+    if smoothing:
+        angles = log.q.copy()
+        angles[rows[good]] = smoothed(stamps[good], log.q[rows[good]], smoothing.windows_s)
+        log = replace(log, q=angles)
+    quality = doubts.quality(unwrapped=wrapped, unmeasured=unmeasured, rebuilt=rebuilt, smoothing=smoothing)
     gone: dict[str, Any] = dict.fromkeys(stuck)
     log = replace(log, quality=quality, **gone)
     if not quality.bad:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from acqd.arrays import Floats
 from acqd.numerics import mad_sigma, runs_of_true
+from acqd.robot.resolution import Smoothing
 from acqd.rounded_times import Rebuilt
 
 Flags = NDArray[np.bool_]
@@ -74,6 +75,8 @@ class MotionQuality:
     """Quantities that do not change while the arm moves: "the torque of every joint"."""
     rebuilt: Rebuilt | None = None
     """How the times of rows that share a stamp were put right."""
+    smoothing: Smoothing | None = None
+    """How finely positions and times are written, where the positions had to be smoothed."""
 
     @property
     def bad(self) -> int:
@@ -92,7 +95,7 @@ class MotionQuality:
         A recorder that is faster than the controller stamps a new pose up to one of its rows late; stamps with few
         digits may be cut off or rounded.
         """
-        stamp_s = self.rebuilt.error_s if self.rebuilt else 0.0
+        stamp_s = self.rebuilt.error_s if self.rebuilt else self.smoothing.age_error_s if self.smoothing else 0.0
         share = self.repeated / max(self.moving, 1)
         return stamp_s + (self.row_s * (1 - share) if share > _HELD_SHARE else 0.0)
 
@@ -108,11 +111,14 @@ class MotionQuality:
             "unwrapped": list(self.unwrapped),
             "unmeasured": list(self.unmeasured),
             "shared_stamps": self.rebuilt.shared if self.rebuilt else 0,
+            "smoothed_over_ms": round(1000 * self.smoothing.longest_s) if self.smoothing else 0,
         }
 
     def sentences(self) -> list[str]:
         """What a user should know; empty for a clean log."""
         found = [*([self.rebuilt.sentence()] if self.rebuilt else []), *self.left_out()]
+        if self.smoothing:
+            found.append(self.smoothing.sentence())
         if self.unwrapped:
             found.append(f"unwrapped where they jump by whole turns: {', '.join(self.unwrapped)}")
         found += [f"{each} never changes while the arm moves, and counts as not measured" for each in self.unmeasured]
@@ -157,28 +163,48 @@ class Doubts:
         return self.repeated | self.old | self.early
 
     def quality(
-        self, *, unwrapped: tuple[str, ...] = (), unmeasured: tuple[str, ...] = (), rebuilt: Rebuilt | None = None
+        self,
+        *,
+        unwrapped: tuple[str, ...] = (),
+        unmeasured: tuple[str, ...] = (),
+        rebuilt: Rebuilt | None = None,
+        smoothing: Smoothing | None = None,
     ) -> MotionQuality:
         """Counts of the rows."""
         repeated, old, early = (int(flags.sum()) for flags in (self.repeated, self.old, self.early))
         return MotionQuality(
-            len(self.old), self.moving, repeated, old, early, self.age_s, self.row_s, unwrapped, unmeasured, rebuilt
+            len(self.old),
+            self.moving,
+            repeated,
+            old,
+            early,
+            self.age_s,
+            self.row_s,
+            unwrapped,
+            unmeasured,
+            rebuilt,
+            smoothing,
         )
 
 
-def doubtful_rows(time: Floats, q: Floats, speed: Floats) -> Doubts:
-    """Rows of angles [T, axes] at rising times [T] s that cannot be trusted; `speed` [axes]: the speed limits."""
+def doubtful_rows(time: Floats, q: Floats, speed: Floats, q_step: Floats | None = None) -> Doubts:
+    """Rows of angles [T, axes] at rising times [T] s that cannot be trusted; `speed` [axes]: the speed limits.
+
+    `q_step` [axes]: how finely angles are written (robot.resolution).
+    """
     x = q / speed
+    step = np.zeros(q.shape[1]) if q_step is None else q_step / speed
     rows = len(time)
-    repeated, old, early = _repeated(time, x), np.zeros(rows, bool), np.zeros(rows, bool)
+    repeated, old, early = _repeated(time, x, step), np.zeros(rows, bool), np.zeros(rows, bool)
     kept = np.flatnonzero(~repeated)
     moves = _speeds(time, x) > _MOVING
     row_s = _usual_step(time[kept], moves[kept])
+    written = float(np.linalg.norm(step))
     ages: list[Floats] = []
     if len(kept) >= _LEAST_ROWS:
         for newer, flags in ((False, old), (True, early)):
             for _ in range(_PASSES):
-                wrong, age = _not_at_their_time(time[kept], x[kept], row_s, newer=newer)
+                wrong, age = _not_at_their_time(time[kept], x[kept], row_s, written, newer=newer)
                 if not wrong.any():
                     break
                 flags[kept[wrong]] = True
@@ -207,7 +233,7 @@ def _speeds(time: Floats, x: Floats) -> Floats:
     return np.asarray(np.linalg.norm(x[after] - x[before], axis=1) / (time[after] - time[before]))
 
 
-def _repeated(time: Floats, x: Floats) -> Flags:
+def _repeated(time: Floats, x: Floats, step: Floats) -> Flags:
     """[T] rows that repeat the row before although the arm moved meanwhile."""
     equal = np.concatenate([[False], (x[1:] == x[:-1]).all(axis=1)])
     repeated = np.zeros(len(time), bool)
@@ -221,7 +247,7 @@ def _repeated(time: Floats, x: Floats) -> Flags:
     across = np.linalg.norm(speed, axis=1)
     steps = np.abs(moved)
     resolution = np.where(steps > 0, steps, np.inf).min(axis=0)
-    finite = np.where(np.isfinite(resolution), resolution, 0.0)
+    finite = np.maximum(np.where(np.isfinite(resolution), resolution, 0.0), step)
     caught_up = (across > _MOVING) & (across >= _CAUGHT_UP * around) & (steps > _RESOLUTIONS * finite).any(axis=1)
     held = np.flatnonzero(caught_up & (np.diff(first) > 1))
     for start, end in zip(first[held] + 1, first[held + 1], strict=True):
@@ -229,10 +255,11 @@ def _repeated(time: Floats, x: Floats) -> Flags:
     return repeated
 
 
-def _not_at_their_time(time: Floats, x: Floats, row_s: float, *, newer: bool) -> tuple[Flags, Floats]:
+def _not_at_their_time(time: Floats, x: Floats, row_s: float, written: float, *, newer: bool) -> tuple[Flags, Floats]:
     """[T] rows whose pose is older (or newer) than their stamp, the worst of any five, and the age of all [T] s.
 
-    The pose is compared with the cubic through two neighbours on either side.
+    The pose is compared with the cubic through two neighbours on either side. `written`: the step in which poses are
+    written.
     """
     wrong, ages = np.zeros(len(time), bool), np.zeros(len(time))
     if len(time) < _LEAST_ROWS:
@@ -261,6 +288,7 @@ def _not_at_their_time(time: Floats, x: Floats, row_s: float, *, newer: bool) ->
     noise = mad_sigma(along[judged], 0.0)
     old = _OLD if row_s < _COARSE_S else _OLD_COARSE
     jitter = _CLEARLY * mad_sigma(age[judged], 0.0)
+    noise = max(noise, written / np.sqrt(12))
     limit = np.maximum(max(old * row_s, _LEAST_AGE_S, jitter), _CLEARLY * noise / np.maximum(speed, _MOVING))
     late = -age if newer else age
     bad = judged & (late > limit) & (np.abs(along) > old * row_s * fast) & (across < _ALONG * np.abs(along))

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from acqd.dataset.build import BuildConfig, build
-from acqd.dataset.column_check import check_columns
+from acqd.dataset.column_check import check_columns, check_order
 from acqd.errors import InputError, UserError
 from acqd.robot.description import load_description
 from acqd.robot.log import read_log
@@ -43,3 +43,19 @@ def test_two_joints_exchanged_in_all_columns_are_named():
         check_columns(log, robot)
         with pytest.raises(InputError, match="with shoulder_pan and elbow exchanged"):
             check_columns(replace(log, q=log.q[:, swap], current=log.current[:, swap]), robot)
+
+
+@needs_robot_logs
+@pytest.mark.parametrize(
+    ("order", "remedy"),
+    [
+        ([0, 2, 1, 3, 4, 5], "with shoulder_lift and elbow exchanged"),
+        ([1, 2, 0, 3, 4, 5], "shoulder_pan from column 3, shoulder_lift from column 1, elbow from column 2"),
+    ],
+)
+def test_an_order_that_single_logs_do_not_show_is_refused_for_all_of_them(order, remedy):
+    robot = load_description("ur10e")
+    logs = [read_log(path, robot) for path in sorted((ROBOT_LOGS / "ur10e").glob("ur-20_02*.csv"))[:5]]
+    check_order(logs, robot)
+    with pytest.raises(UserError, match=remedy):
+        check_order([replace(log, q=log.q[:, order], current=log.current[:, order]) for log in logs], robot)

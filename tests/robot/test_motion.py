@@ -114,7 +114,7 @@ def test_a_continuous_joint_that_wraps_reads_as_the_joint_that_does_not():
     robot = load_description("kinova_gen3")
     wraps, plain = (read_log(COMPLAINTS / f"log_continuous_joint_{name}.csv", robot) for name in ("wraps", "unwrapped"))
     np.testing.assert_allclose(np.diff(wraps.q, axis=0), np.diff(plain.q, axis=0), atol=1e-6)
-    assert "joint_3" in wraps.quality.sentences()[0] and plain.quality.sentences() == []
+    assert "joint_3" in wraps.quality.unwrapped and plain.quality.unwrapped == ()
 
 
 @needs_robot_logs
