@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 import tracemalloc
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -275,3 +276,18 @@ def test_comtrade_without_phase_letters(waveforms):
     waveform = load_waveform(waveforms / "ion7650_3ph_60hz" / "source" / "keating_1999.CFG")
     assert waveform.form.phases == 3 and waveform.form.f_nominal == 60.0
     assert waveform.form.rate == pytest.approx(30_707.24, abs=0.01)
+
+
+@pytest.mark.parametrize(("factor", "refused"), [(1.0, False), (1e-3, False), (2.0, True)])
+def test_times_that_contradict_the_rate_are_refused_unless_their_unit_explains_them(tmp_path, factor, refused):
+    one = Recording(make_mains(50.0, seconds=0.2, phases=1, rate=10_000.0))
+    data = b"".join(
+        struct.pack("<IIhh", n + 1, round(n * 100_000 * factor), *map(int, row)) for n, row in enumerate(one.codes)
+    )
+    (tmp_path / "r.cfg").write_bytes(replace(one, tail=("0.001",)).header())
+    (tmp_path / "r.dat").write_bytes(data)
+    if refused:
+        with pytest.raises(InputError, match=r"10000 samples/s, the times of its samples 5000; .*--rate"):
+            load_waveform(tmp_path / "r.cfg")
+    given = ChannelMap(rate=10_000.0) if refused else ChannelMap()
+    assert load_waveform(tmp_path / "r.cfg", given).form.rate == 10_000

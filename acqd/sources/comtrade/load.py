@@ -14,6 +14,7 @@ from acqd.sources.recording.channel import Channel, Column, Recording
 from acqd.sources.waveform import ChannelMap
 
 _STEP_SLACK = 0.05  # of a period: how far times may be from an even step
+_DECADE_SLACK = 0.03  # of a power of ten: 7 %
 _LONGEST_PAUSE_S = 86_400.0
 _MOST_PAUSES = 0.001  # share of the samples: more jumps are no pauses, but times that mean nothing
 
@@ -73,7 +74,15 @@ def _clock(
         raise InputError(path, "has times that do not rise; give --rate")
     slack = _STEP_SLACK * step + 2 * header.tick_s
     if rate and len(header.segments) == 1 and abs(float(np.median(steps)) - step) > slack:
-        return rate, []  # the unit of its times is wrong: the header's rate holds
+        # Times in another unit differ by a power of ten, and the header's rate holds; else nobody knows which is right.
+        decades = np.log10(float(np.median(steps)) / step)
+        if given.rate is None and abs(decades - round(decades)) > _DECADE_SLACK:
+            raise InputError(
+                path,
+                f"its header says {rate:g} samples/s, the times of its samples {1 / float(np.median(steps)):g}; "
+                "say which is right with --rate",
+            )
+        return rate, []
     uneven = np.flatnonzero(np.abs(steps - step) > slack).tolist()
     pauses = [at for at in uneven if rate and step < steps[at] < _LONGEST_PAUSE_S]
     if pauses and len(pauses) > max(len(header.segments), _MOST_PAUSES * len(times)):

@@ -164,7 +164,9 @@ def _word(word: str, quantity: str, rest: list[str]) -> list[Reading]:
         if numbered:
             phase = letters.index(numbered["a"]) + 1
             found.append(Reading("phase", _letter(numbered["quantity"]), family, (phase,), numbered["middle"]))
-        if pair and pair["a"] != pair["b"] and (pair["quantity"] or quantity or len(word) <= 4):
+        # Without a quantity, only digits may follow: BAY1 and BANK are no voltages from B to A.
+        plain = pair is not None and len(word) <= 4 and not re.search(r"\D", pair["after"])
+        if pair and pair["a"] != pair["b"] and (pair["quantity"] or quantity or plain):
             phases = (letters.index(pair["a"]) + 1, letters.index(pair["b"]) + 1)
             found.append(Reading("line", _letter(pair["quantity"]), family, phases, pair["before"] + pair["after"]))
         if single is None or (family == "123" and single["before"]):

@@ -18,6 +18,7 @@ from acqd.sources.recording.units import UnknownUnitError, unit_of
 _ALONE = ("abc", "123")
 """Families whose letters mean phases also where one of the three is missing."""
 NO_PHASE = "its name says no phase"
+DISAGREE = "its name and its phase field"
 
 
 def roles_of(channels: list[Channel]) -> list[Role]:
@@ -41,6 +42,8 @@ def _candidates(channel: Channel) -> list[Reading]:
         return [Reading("residual", named[0].quantity if named else "")]
     if not field:
         return named
+    if _contradicts(named, field):
+        return [Reading("unknown", next((one.quantity for one in named if one.quantity), UNKNOWN))]
     agreeing = [replace(one, family=other.family) for one in named for other in field if _same(one, other)]
     lines = [one for one in named if one.kind == "line"]
     if agreeing:  # recorders without a word for two phases write VAB of phase A
@@ -56,6 +59,16 @@ def _candidates(channel: Channel) -> list[Reading]:
         return [Reading("unknown", quantity)]
     groups = [one.group for one in named] or [""]
     return [replace(one, quantity=quantity, group=groups[0]) for one in field]
+
+
+def _contradicts(named: list[Reading], field: list[Reading]) -> bool:
+    """Whether the name says another phase than the field in the field's own letters: VB of phase C, although B is also
+    the third of R Y B."""
+    of_name, of_field = ({(one.family, one.phases) for one in many if one.kind == "phase"} for many in (named, field))
+    families = {family for family, _ in of_name & of_field}
+    shared = {family for family, _ in of_name} & {family for family, _ in of_field} & set(_ALONE)
+    lines = any(one.kind == "line" for one in named)
+    return bool(shared) and not families and not lines
 
 
 def _same(one: Reading, other: Reading) -> bool:
@@ -100,7 +113,7 @@ def _role(channel: Channel, found: list[Reading], whole: set[_Key]) -> Role:
         return Role("unknown", quantity, evidence=(*evidence, "its name may mean two phases"))
     one = best[0]
     if one.kind == "unknown":
-        why = f"its name and its phase field {channel.phase} disagree" if channel.phase.strip() else NO_PHASE
+        why = f"{DISAGREE} {channel.phase} disagree" if channel.phase.strip() else NO_PHASE
         return Role("unknown", quantity, evidence=(*evidence, why))
     return Role(one.kind, quantity, one.phases, one.group, (*evidence, f"name {channel.name}"))
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from acqd.errors import InputError
 from acqd.sources.recording.channel import Recording, Role
-from acqd.sources.recording.roles import NO_PHASE
+from acqd.sources.recording.roles import DISAGREE, NO_PHASE
 from acqd.sources.recording.units import UnknownUnitError, unit_of
 from acqd.sources.waveform import LINES, ChannelMap, position, positions
 
@@ -75,9 +75,11 @@ def _mapped_lines(recording: Recording, columns: dict[str, str], lines: list[str
 
 def chosen(recording: Recording, roles: list[Role]) -> Selection:
     """The channels that roles name. Raises InputError."""
+    # A phase that would be left out because its channel is called otherwise is no smaller number of phases.
+    doubtful = any(role.evidence and role.evidence[-1].startswith(DISAGREE) for role in roles)
     for grouping in (_no_group, _by_name, _by_circuit, _by_both):
         found = _in_groups(recording, roles, grouping)
-        if found is not None:
+        if found is not None and not doubtful:
             return found
     lacking = recording.advice and {role.quantity for role in roles} < {"u", "i", ""}
     advice = f"; {recording.advice}" if lacking else ""

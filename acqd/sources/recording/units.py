@@ -118,7 +118,10 @@ def split_label(label: str) -> tuple[str, str]:
     `U_S` the voltage of phase S, `t_s` a time in s.
     """
     text = label.strip().strip('"').strip()
-    if (found := _BRACKETS.match(text)) and found.group(2):
+    found = _BRACKETS.match(text)
+    if factor := _factor(text if found is None else found.group(1)):
+        return text, factor  # no unit, so it is refused: the numbers may be multiplied already, or not
+    if found and found.group(2):
         inner = found.group(2)
         if _is_unit(inner) or _looks_like_unit(inner):
             return found.group(1).strip() or text, inner
@@ -127,6 +130,27 @@ def split_label(label: str) -> tuple[str, str]:
     if tail and _is_unit(tail.group(2)) and not _is_phase(tail.group(1), tail.group(2)):
         return tail.group(1).strip(), tail.group(2)
     return text, ""
+
+
+_FACTOR = re.compile(
+    r"(?:^|[\w\s)\]])[\s_(\[]*([*x×/]\s?(\d+(?:[.,]\d+)?)|(?<=[\s_(\[])(\d+)\s?[x×*])\s*[)\]]?(?:[\s_(\[]|$)"
+)
+_CODES = re.compile(r"(?i)(?:^|[\W_])(raw|adc|counts?|lsb|digits?|codes?)(?:$|[\W_])")
+
+
+def _factor(label: str) -> str:
+    """A factor in a name, such as `u1 x10`, `u1*1000`, `u1_x100 (V)`; empty for a factor of 1."""
+    found = _FACTOR.search(label)
+    if found is None or (found.group(1)[0] == "x" and found.start(1) and label[found.start(1) - 1].isalnum()):
+        return ""
+    number = float((found.group(2) or found.group(3)).replace(",", "."))
+    return "" if number == 1 else found.group(1)
+
+
+def codes_word(name: str) -> str:
+    """The word of a name that says that its numbers are codes of a converter (`adc_u1`, `u1_raw`); else empty."""
+    found = _CODES.search(name)
+    return found.group(1) if found else ""
 
 
 def _is_unit(text: str) -> bool:
@@ -141,6 +165,8 @@ def _looks_like_unit(text: str) -> bool:
     """A text in brackets that stands for a unit, known or not: `[bar]`, `[pu]`, `[Gauss]`; `(L1)`, `(CT 2)` do not."""
     if re.search(r"[\d.]\s*[*x×/]|[*x×/]\s*[\d.]|^[x×*]", text) and re.search(r"(?i)[va]", text):
         return True  # a scale beside a unit, `x100 V`, `V/10`: the reader refuses it
+    if "%" in text:
+        return True
     if re.search(r"\s|\d$", text):
         return False
     return re.fullmatch(r"(?i)[lnabcrst]|[a-c][a-cn]|[cvpt][tc]|ph.*|ch.*|rms.*|ac|dc|raw", text) is None

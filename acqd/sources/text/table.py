@@ -10,7 +10,7 @@ import csv
 import re
 from dataclasses import dataclass, field
 
-from acqd.sources.recording.units import UnknownUnitError, split_label, unit_of
+from acqd.sources.recording.units import UnknownUnitError, codes_word, split_label, unit_of
 from acqd.sources.text.layout import Layout, key_of
 
 HEAD_LINES = 400
@@ -140,6 +140,7 @@ def _read_header(table: Table, lines: list[str], layout: Layout) -> None:
     for k, name in enumerate(table.names):
         if not table.units[k]:
             table.names[k], table.units[k] = split_label(name)
+            table.units[k] = table.units[k] or codes_word(name)
 
 
 def _header_rows(table: Table, rows: list[list[str]], candidates: list[int], layout: Layout) -> list[str]:

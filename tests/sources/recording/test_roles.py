@@ -88,6 +88,7 @@ def test_what_the_unit_says_wins_over_the_name_and_contradictions_are_refused():
      ("IA IB IC VS", "has i1 but no u1"), ("VA VB VC IA IC", "u2 but no i2"),
      ("VA VB VC IA1 IB1 IC1 IA2 IB2 IC2", "two columns for i1"), ("U12 U32 I1 I3", "has i1 but no u1"),
      ("U_alpha U_beta I_alpha I_beta", "no voltage and current pair"), ("Vgrid Vload Igrid", "two columns for u1"),
+     ("VA|kV|A VC|kV|B VB|kV|C IA|A|A IC|A|B IB|A|C", "its name and its phase field B disagree"),
      ("VA|kV|B IA", "its name and its phase field B disagree"), ("VA_MAG|kV VA|kV|N IA", "has i1 but no u1")],
 )  # fmt: skip
 def test_what_stays_ambiguous_is_refused_with_a_line_to_type(text, why):
@@ -105,6 +106,17 @@ def test_a_scale_beside_a_unit_is_refused_and_never_cut_off(unit):
     assert split_label(f"u1 [{unit}]") == ("u1", unit)
     with pytest.raises(UnknownUnitError):
         unit_of(unit)
+
+
+@pytest.mark.parametrize("label", ["u1 (V) x10", "u1*1000", "u1_x100", "u1 x10 (V)", "u1 [% of 230V]", "u1 100x"])
+def test_a_factor_in_a_name_is_refused_and_one_of_1_is_not(label):
+    with pytest.raises(UnknownUnitError):
+        unit_of(split_label(label)[1])
+    assert split_label("Channel 2 x1 (V)")[1] == "V" and split_label("CH1 Ux2")[1] == ""
+
+
+def test_the_name_of_a_bay_is_no_voltage_between_lines():
+    assert metered("BAY1_VA|kV BAY1_VB|kV BAY1_VC|kV BAY1_IA|A BAY1_IB|A BAY1_IC|A")["u2"] == "BAY1_VB"
 
 
 def test_inputs_of_an_oscilloscope_are_no_phases():

@@ -110,7 +110,16 @@ def test_units_of_a_header_count(tmp_path, header, u, i, t):
 
 
 @pytest.mark.parametrize(
-    "header", ["time,u1 [bar],i1", "time,u1 [Gauss],i1 [A]", "time,u1 [MV],i1", "time,u1 [A],i1 [A]"]
+    "header",
+    [
+        "time,u1 [bar],i1",
+        "time,u1 [Gauss],i1 [A]",
+        "time,u1 [MV],i1",
+        "time,u1 [A],i1 [A]",
+        "time,u1 x10,i1",
+        "time,adc_u1,i1",
+        "time,u1_raw,i1",
+    ],
 )
 def test_a_unit_that_is_none_is_refused_until_the_user_says_the_scale(tmp_path, header):
     path = tmp_path / "a.csv"
