@@ -40,6 +40,14 @@ def place_of(folder: Path | None, config: Path | None) -> Path:
     return place
 
 
+def _contents_of(
+    folder: Path | None, config: Path | None, device: str | None, since: str | None, until: str | None
+) -> Contents:
+    """What the archive holds of a device between two times. Raises UserError."""
+    begin, end = utc_option("--from", since), utc_option("--to", until)
+    return contents(place_of(folder, config), device, begin, end)
+
+
 @app.command("list")
 def list_(
     folder: Folder = None,
@@ -53,8 +61,7 @@ def list_(
 
     Example: acqd archive list /var/lib/acqd/archive-box --from 2026-12-31T22:00:00Z
     """
-    begin, end = utc_option("--from", since), utc_option("--to", until)
-    there = contents(place_of(folder, config), device, begin, end)
+    there = _contents_of(folder, config, device, since, until)
     if json:
         print(orjson.dumps(_as_json(there)).decode())
         return
@@ -93,8 +100,7 @@ def verify(
 
     Example: acqd archive verify --config /etc/acqd/acqd.toml
     """
-    begin, end = utc_option("--from", since), utc_option("--to", until)
-    there = contents(place_of(folder, config), device, begin, end)
+    there = _contents_of(folder, config, device, since, until)
     checks = [verified(segment) for segment in there.segments]
     bad = [check for check in checks if check.faults]
     if json:
