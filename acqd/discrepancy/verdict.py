@@ -8,6 +8,7 @@ from acqd.discrepancy.repair.correcting import Trial
 from acqd.discrepancy.repair.guard import Improved
 from acqd.discrepancy.repair.usual_error import UsualError
 from acqd.discrepancy.selection.accepted import Selection, Verdict
+from acqd.discrepancy.selection.beyond_reference import only_beyond_reference
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.residual.residuals import rms
 
@@ -31,6 +32,9 @@ def settled(
     grown = usual.exceeded_by(subject.held_out, errors_before)
     sizes = f"{rms(errors_before):.2f} W RMS, {usual.lowest_W:.2f} W in the reference"
     if selection.unknown is not None:
+        if only_beyond_reference(selection):
+            beyond = "what follows an unnamed cause shows only in faster motion than the reference has"
+            return "not_identifiable", [f"{beyond}: record a reference at these speeds"]
         if grown or (trial is not None and trial.predicts):
             return "unknown_structure", []
         return "not_identifiable", [f"what follows an unnamed cause is in an error that has not grown ({sizes})"]

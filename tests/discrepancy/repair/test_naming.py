@@ -76,25 +76,27 @@ def test_an_error_beyond_the_spread_of_the_reference_has_grown():
 
 
 @pytest.mark.parametrize(
-    ("named", "refused", "unknown", "predicts", "now_W", "fit_s", "verdict"),
+    ("named", "refused", "unknown", "predicts", "now_W", "fit_s", "beyond", "verdict"),
     [
-        (True, False, False, None, 16.0, 600, "effects_found"),
-        (True, False, True, None, 16.0, 600, "effects_found"),
-        (False, True, False, None, 6.0, 600, "not_identifiable"),
-        (False, True, True, None, 16.0, 600, "unknown_structure"),
-        (False, False, True, None, 16.0, 600, "unknown_structure"),
-        (False, False, True, None, 6.0, 600, "not_identifiable"),
-        (False, False, True, 6.0, 6.0, 600, "not_identifiable"),
-        (False, False, True, 12.0, 6.0, 600, "unknown_structure"),
-        (False, False, False, None, 16.0, 600, "not_identifiable"),
-        (False, False, False, None, 6.0, 600, "nothing_left"),
-        (False, False, False, None, 6.0, 60, "not_identifiable"),
+        (True, False, False, None, 16.0, 600, False, "effects_found"),
+        (True, False, True, None, 16.0, 600, False, "effects_found"),
+        (False, True, False, None, 6.0, 600, False, "not_identifiable"),
+        (False, True, True, None, 16.0, 600, False, "unknown_structure"),
+        (False, False, True, None, 16.0, 600, False, "unknown_structure"),
+        (False, False, True, None, 6.0, 600, False, "not_identifiable"),
+        (False, False, True, 6.0, 6.0, 600, False, "not_identifiable"),
+        (False, False, True, 12.0, 6.0, 600, False, "unknown_structure"),
+        (False, False, False, None, 16.0, 600, False, "not_identifiable"),
+        (False, False, False, None, 6.0, 600, False, "nothing_left"),
+        (False, False, False, None, 6.0, 60, False, "not_identifiable"),
+        (False, False, True, 12.0, 16.0, 600, True, "not_identifiable"),
     ],
 )
 def test_the_verdict_follows_from_names_laws_and_the_growth_of_the_error(
-    named, refused, unknown, predicts, now_W, fit_s, verdict
+    named, refused, unknown, predicts, now_W, fit_s, beyond, verdict, monkeypatch
 ):
-    """`predicts`: what the law gains on held-out recordings; 7.8 by chance."""
+    """`predicts`: what the law gains on held-out recordings; 7.8 by chance. `beyond`: in faster motion only."""
+    monkeypatch.setattr("acqd.discrepancy.verdict.only_beyond_reference", lambda _: beyond)
     model = grey()
     usual = usual_of(recordings(model, 8, 6.0, 0)[1])
     new, errors = recordings(model, 6, now_W, 3)
