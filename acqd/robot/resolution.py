@@ -117,13 +117,10 @@ class Smoothing:
         axis = int(self.windows_s.argmax())
         if self.time_step_s:
             causes.append(f"times are only written to {self.time_step_s:.3g} s, or cut off there")
-        elif self.jitter_s:
-            causes.append(f"times do not fit the motion: they scatter by {1000 * self.jitter_s:.2g} ms")
         if self.q_step[axis] ** 2 / 12 > _COUNTS * float(self.from_times[axis]):
             causes.append(f"positions are only written to {self.q_step[axis]:.2g} (rad, or m where an axis slides)")
-        digits = "write more digits" if self.time_step_s or not self.jitter_s else "record with the controller's times"
         lost = ", which hides fast motion" if self.coarse else ""
-        return f"{' and '.join(causes)}: smoothed over up to {self.longest_s:.2g} s{lost}; {digits}"
+        return f"{' and '.join(causes)}: smoothed over up to {self.longest_s:.2g} s{lost}; write more digits"
 
 
 def smoothing_of(time: Floats, q: Floats, q_step: Floats, speed: Floats) -> Smoothing | None:
@@ -138,7 +135,10 @@ def smoothing_of(time: Floats, q: Floats, q_step: Floats, speed: Floats) -> Smoo
     near = steps < _GAP_S
     if not near.any():
         return None
+    time_step_s = resolution(np.round(time - time[0], 7))
     jitter_s = _jitter(time, q, q_step, speed)
+    if not _CUT * time_step_s < jitter_s < time_step_s:
+        jitter_s = time_step_s = 0.0  # hard starts between rows look alike
     velocity = np.diff(q, axis=0)[near] / steps[near, None]
     from_times = np.mean(velocity**2, axis=0) * jitter_s**2
     moved = np.ptp(q, axis=0) > _STEPS_MOVED * q_step
@@ -148,8 +148,7 @@ def smoothing_of(time: Floats, q: Floats, q_step: Floats, speed: Floats) -> Smoo
     lengths = np.where((needed > _SHORTEST_S) & moved, np.minimum(needed, _LONGEST_S), 0.0)
     if not lengths.any():
         return None
-    written = resolution(np.round(time - time[0], 7))
-    return Smoothing(lengths, q_step, jitter_s, written if _CUT * written < jitter_s < written else 0.0, from_times)
+    return Smoothing(lengths, q_step, jitter_s, time_step_s, from_times)
 
 
 def _jitter(time: Floats, q: Floats, q_step: Floats, speed: Floats) -> float:

@@ -58,7 +58,7 @@ def fine(recordings, tmp_path_factory):
 
 @needs_robot_logs
 @pytest.mark.parametrize(("digits", "time_digits"), [(3, 9), (2, 9), (9, 2)])
-def test_the_lag_of_coarse_logs_is_that_of_fine_ones_within_its_interval(recordings, fine, tmp_path, digits, time_digits):
+def test_coarse_logs_have_the_lag_of_fine_ones_within_its_interval(recordings, fine, tmp_path, digits, time_digits):
     logs, placements = placed(recordings, tmp_path, digits, time_digits)
     assert all("only written to" in log.quality.sentences()[0] for log in logs)
     for placement, right_s in zip(placements, fine, strict=True):
