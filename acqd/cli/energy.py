@@ -52,21 +52,21 @@ def energy(
     """
     _check_outputs(csv, html)
     where = database or configured(config).sink.database
-    told = _statement(where, device or (), (begin, to, last, this), by, (tariff, zone, shifts))
+    bill = _statement(where, device or (), (begin, to, last, this), by, (tariff, zone, shifts))
     if csv is not None:
         from acqd.energy.tables import as_csv
 
-        write_complete(csv, as_csv(told).encode())
+        write_complete(csv, as_csv(bill).encode())
     if html is not None:
         from acqd.energy.page import energy_page
 
-        energy_page(told).write(html)
+        energy_page(bill).write(html)
     if json:
         from acqd.energy.tables import as_json
 
-        print(orjson.dumps({**as_json(told), "csv": csv and str(csv), "html": html and str(html)}).decode())
+        print(orjson.dumps({**as_json(bill), "csv": csv and str(csv), "html": html and str(html)}).decode())
         return
-    _print(told)
+    _print(bill)
     for written in (csv, html):
         if written is not None:
             print(f"written: {written}")
@@ -128,26 +128,26 @@ def _ranges(
     return chosen, periods.before(chosen, zone)
 
 
-def _print(told: Statement) -> None:
+def _print(bill: Statement) -> None:
     from acqd.energy.page import HEADER, cells, comparison_text
 
     console = terminal(tables=True)
-    for account in told.accounts:
-        title = f"{account.device} {account.channel}, local time of {told.zone.key}"
+    for account in bill.accounts:
+        title = f"{account.device} {account.channel}, local time of {bill.zone.key}"
         table = Table(*HEADER, title=title, title_justify="left")
         for column in table.columns[1:]:
             column.justify = "right"
         for period in account.periods:
-            table.add_row(*cells(told, period))
+            table.add_row(*cells(bill, period))
         if len(account.periods) > 1:
             table.add_section()
-            table.add_row("all", *cells(told, account.total)[1:])
+            table.add_row("all", *cells(bill, account.total)[1:])
         console.print(table)
         if account.between_nWh:
             kwh = account.between_nWh / 1e12
             console.print(f"{kwh:.6f} kWh were counted where rows lack, over the end of a period: they belong to none")
         for remark in account.remarks:
             console.print(f"note: {remark}")
-    console.print(f"all devices: {told.total.kWh or 0.0:.3f} kWh; {comparison_text(told)}")
-    if told.capacity_EUR is not None and told.tariff is not None:
-        console.print(f"capacity price at this maximum: {told.capacity_EUR:.2f} EUR a {told.tariff.capacity_per}")
+    console.print(f"all devices: {bill.total.kWh or 0.0:.3f} kWh; {comparison_text(bill)}")
+    if bill.capacity_EUR is not None and bill.tariff is not None:
+        console.print(f"capacity price at this maximum: {bill.capacity_EUR:.2f} EUR a {bill.tariff.capacity_per}")

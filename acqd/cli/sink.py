@@ -19,7 +19,8 @@ from acqd.cli import quarantine
 from acqd.cli.completeness_table import show_completeness
 from acqd.cli.options import ConfigFile, Host, Json, Port, configured
 from acqd.cli.terminal import terminal
-from acqd.daemon.config import SERVICES_STATE, Config
+from acqd.daemon.config import Config
+from acqd.daemon.config_place import SERVICES_STATE
 from acqd.daemon.health.sink import SinkHealth
 from acqd.daemon.notify import notify
 from acqd.errors import OperationError, UserError

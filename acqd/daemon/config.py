@@ -104,10 +104,6 @@ class SinkSection(Section):
         return Retention(self.keep_days, self.keep_1min_days, self.keep_quarantine_days)
 
 
-SERVICES_STATE = Path("/var/lib/acqd")
-"""State folder of the installed services (`StateDirectory=acqd`)."""
-
-
 class Config(Section):
     """The whole file."""
 

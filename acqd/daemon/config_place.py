@@ -11,6 +11,8 @@ if TYPE_CHECKING:
 
 PLACES = (Path("acqd.toml"), Path("/etc/acqd/acqd.toml"))
 """Where a command without --config looks, in this order."""
+SERVICES_STATE = Path("/var/lib/acqd")
+"""State folder of the installed services (`StateDirectory=acqd`)."""
 _CREDENTIAL = Path("$CREDENTIALS_DIRECTORY/mqtt.password")
 
 
@@ -38,7 +40,7 @@ def as_installed(config: Config, path: Path) -> None:
     folder = path.absolute().parent
     if folder.parts[-2:] != ("etc", "acqd"):
         return
-    state = folder.parents[1] / "var/lib/acqd"
+    state = folder.parents[1] / SERVICES_STATE.relative_to("/")
     by_hand = "STATE_DIRECTORY" not in os.environ
     if by_hand and config.state_dir is None and _exists(state):
         config.state_dir = state

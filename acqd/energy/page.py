@@ -19,24 +19,24 @@ _MOST_BARS = 400
 _BEFORE, _AFTER, _MUTED = "#b45309", "#1d6fa5", "#9aa5b1"
 
 
-def energy_page(told: Statement) -> Page:
+def energy_page(bill: Statement) -> Page:
     """The page, not yet written."""
     page = Page(
-        f"Energy of {', '.join(one.device for one in told.accounts)}",
-        simulated=any(one.simulated for one in told.accounts),
+        f"Energy of {', '.join(one.device for one in bill.accounts)}",
+        simulated=any(one.simulated for one in bill.accounts),
     )
-    page.verdict(_verdict(told))
+    page.verdict(_verdict(bill))
     page.text(
-        f"From {_shown(told, told.chosen.begin)} to {_shown(told, told.chosen.end)}, local time of {told.zone.key}. "
+        f"From {_shown(bill, bill.chosen.begin)} to {_shown(bill, bill.chosen.end)}, local time of {bill.zone.key}. "
         "Energies are differences of the register, so what rows lack of it is not lost; time without rows is shown, "
         "and never filled."
     )
-    page.heading(f"By {told.by}")
-    page.figure(_bars(told), "Energy of the periods; grey: share of the time without rows")
-    page.table(HEADER, [cells(told, one) for one in told.periods])
-    for account in told.accounts if len(told.accounts) > 1 else []:
+    page.heading(f"By {bill.by}")
+    page.figure(_bars(bill), "Energy of the periods; grey: share of the time without rows")
+    page.table(HEADER, [cells(bill, one) for one in bill.periods])
+    for account in bill.accounts if len(bill.accounts) > 1 else []:
         page.heading(account.device)
-        page.table(HEADER, [cells(told, one) for one in account.periods])
+        page.table(HEADER, [cells(bill, one) for one in account.periods])
     page.heading("Check of the sums")
     page.text("The energy of the periods, over gaps, and steps of the register are the register's difference.")
     page.table(
@@ -45,7 +45,7 @@ def energy_page(told: Statement) -> Page:
             (one.device, *map(exact_kwh, (
                 sum(period.nWh or 0 for period in one.periods), one.between_nWh, one.jumps_nWh, one.register_nWh,
             )))
-            for one in told.accounts
+            for one in bill.accounts
         ],
     )  # fmt: skip
     return page
@@ -54,12 +54,12 @@ def energy_page(told: Statement) -> Page:
 HEADER = ("period", "kWh", "mean", "peak", "15 min", "cost", "CO2", "standby", "without rows")
 
 
-def cells(told: Statement, one: Period) -> tuple[str, ...]:
+def cells(bill: Statement, one: Period) -> tuple[str, ...]:
     """A row of the table, on the page and in the terminal."""
     share = standby_share(one)
     missing = one.missing_s if one.missing_s >= 1 else 0.0
     return (
-        told.label(one),
+        bill.label(one),
         _energy(one), watts(one.mean_W), watts(one.max_W), watts(one.demand.W if one.demand else None), euros(one),
         "-" if one.co2_kg is None else f"{number(float(one.co2_kg))} kg", "-" if share is None else percent(share),
         duration(missing) if missing else "",
@@ -82,9 +82,9 @@ def euros(one: Period) -> str:
     return "-" if one.cost is None else f"{'>= ' if one.unpriced_nWh else ''}{float(one.cost):.2f} EUR"
 
 
-def comparison_text(told: Statement) -> str:
+def comparison_text(bill: Statement) -> str:
     """The comparison with the range before, in words."""
-    before = told.before
+    before = bill.before
     if not isinstance(before, Comparison):
         return before
     change = "" if before.change is None else f", {100 * before.change:+.1f} %"
@@ -93,20 +93,20 @@ def comparison_text(told: Statement) -> str:
     return f"{number(before.before, 4)} {unit} before{change}{why}"
 
 
-def _verdict(told: Statement) -> Verdict:
-    total, share = told.total, standby_share(told.total)
-    between = sum(one.between_nWh for one in told.accounts)
-    figures = [KeyFigure("energy", f"{_energy(total)} kWh", comparison_text(told))]
+def _verdict(bill: Statement) -> Verdict:
+    total, share = bill.total, standby_share(bill.total)
+    between = sum(one.between_nWh for one in bill.accounts)
+    figures = [KeyFigure("energy", f"{_energy(total)} kWh", comparison_text(bill))]
     if total.cost is not None:
-        figures.append(KeyFigure("cost", euros(total), told.tariff.name if told.tariff else ""))
+        figures.append(KeyFigure("cost", euros(total), bill.tariff.name if bill.tariff else ""))
     if total.co2_kg is not None:
         figures.append(KeyFigure("CO2", f"{number(float(total.co2_kg))} kg"))
     if share is not None and total.standby_nWh is not None:
         figures.append(KeyFigure("standby", percent(share), f"{total.standby_nWh / NWH_PER_KWH:.3f} kWh at rest"))
-    capacity = told.capacity_EUR
-    if capacity is not None and told.tariff is not None:
-        figures.append(KeyFigure("capacity", f"{capacity:.2f} EUR", f"a {told.tariff.capacity_per}, at this maximum"))
-    steps = [remark for one in told.accounts for remark in one.remarks]
+    capacity = bill.capacity_EUR
+    if capacity is not None and bill.tariff is not None:
+        figures.append(KeyFigure("capacity", f"{capacity:.2f} EUR", f"a {bill.tariff.capacity_per}, at this maximum"))
+    steps = [remark for one in bill.accounts for remark in one.remarks]
     if between:
         steps.append(f"{exact_kwh(between)} kWh were counted over gaps, and belong to no single period")
     missing = total.missing_s
@@ -115,15 +115,15 @@ def _verdict(told: Statement) -> Verdict:
     return Verdict("fine", f"{_energy(total)} kWh", "Rows of the whole time are there.", figures, steps)
 
 
-def _shown(told: Statement, at: int) -> str:
-    return f"{datetime.fromtimestamp(at, told.zone):%Y-%m-%d %H:%M}"
+def _shown(bill: Statement, at: int) -> str:
+    return f"{datetime.fromtimestamp(at, bill.zone):%Y-%m-%d %H:%M}"
 
 
-def _bars(told: Statement) -> Figure:
+def _bars(bill: Statement) -> Figure:
     """Energy per period, with what is standby, and below it the share of time without rows."""
     from matplotlib.figure import Figure
 
-    periods = told.periods[-_MOST_BARS:]
+    periods = bill.periods[-_MOST_BARS:]
     figure = Figure(figsize=(9, 4.2))
     energy, gaps = figure.subplots(2, 1, sharex=True, height_ratios=(4, 1))
     place = range(len(periods))
@@ -136,7 +136,7 @@ def _bars(told: Statement) -> Figure:
     gaps.set_ylim(0, 100)
     gaps.set_ylabel("no rows [%]")
     step = max(1, -(-len(periods) // 12))
-    labels = [told.label(one) for one in periods][::step]
+    labels = [bill.label(one) for one in periods][::step]
     gaps.set_xticks(list(place)[::step], labels, rotation=30, ha="right", fontsize=8)
     for axes in (energy, gaps):
         axes.grid(axis="y", alpha=0.4)

@@ -1,6 +1,6 @@
 """The energy register cut into stretches between readings, each counted in whole nWh, so that sums are exact.
 
-A row belongs to the period in which its window begins. What the register counted where rows lack can be told of a
+A row belongs to the period in which its window begins. What the register counted where rows lack is known of a
 period only if the gap lies within it; otherwise it stays a stretch of its own, and so does a jump of the register that
 no power explains. Periods, gaps and jumps together are the last reading minus the first, to the last digit.
 """
