@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from acqd.arrays import Floats
+from acqd.discrepancy.ability.ability import Ability
 from acqd.discrepancy.joints.summary import JointLevel
 from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.repair.correction import Correction
@@ -33,6 +34,8 @@ class Closed:
     """W: error of the same model on the reference recordings."""
     joints: JointLevel | None
     verdict: Verdict
+    ability: Ability
+    """What these recordings could tell."""
     stages: frozenset[Stage]
     """Stages that ran."""
     notes: list[str]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from acqd.discrepancy.ability.ability import Ability
 from acqd.discrepancy.closed import Closed
 from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.joints.summary import joint_level
@@ -51,8 +52,10 @@ def close_loop(config: CloseConfig, progress: Progress) -> Closed:
     after = quality(improved.errors)
     if after.rmse < floor_W:  # no model can be better than the noise: brakes and supplies act at rest, too
         floor_W, floor_source = after.rmse, "of the residual, which is smaller than what the power varies by at rest"
+    unexplained = selection.keeping(set())
+    ability = Ability.of(unexplained.rows, unexplained.design.columns.in_question)
     return Closed(
-        subject=subject, selection=selection, improved=improved, before=quality(errors_before),
+        ability=ability, subject=subject, selection=selection, improved=improved, before=quality(errors_before),
         after=after, errors_before=errors_before, floor_W=floor_W, floor_source=floor_source,
         reference_rmse=usual.reference_rms,
         joints=joint_level(selection.witness, subject.chosen), verdict=verdict, stages=stages_of(subject, selection),

@@ -71,7 +71,7 @@ def subject_of(config: CloseConfig, progress: Callable[[str, float], None]) -> S
     reference, notes = _reference(config, data, same=same)
     fit, held_out = _hold_out(data.segments, unseen, same=same)
     withheld = frozenset(bundle.metadata.get("withheld", ()))
-    carrier = _carrier_in(bundle, model) if not withheld else None
+    carrier = carrier_in(bundle, model) if not withheld else None
     if carrier is None:
         what = "fitting a grey box for the effects"
         progress(what, 0.0)
@@ -253,7 +253,7 @@ def _switching(segments: list[Segment], names: set[str]) -> float:
     return sum(float(np.abs(np.diff(values)).sum()) for segment in chosen for values in segment.signals.values())
 
 
-def _carrier_in(bundle: Bundle, model: Predictor) -> GreyBox | None:
+def carrier_in(bundle: Bundle, model: Predictor) -> GreyBox | None:
     """The grey box that the bundle holds; None for a network without one."""
     base = getattr(model, "base", model)
     return carrier_of(bundle, base) if isinstance(base, GreyBox) or "carrier" in bundle.metadata else None

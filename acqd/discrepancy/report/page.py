@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from acqd.discrepancy.ability.ability import Ability, table_of
+from acqd.discrepancy.ability.smallest import POWER
 from acqd.discrepancy.closed import Closed
 from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.repair.correction import Correction
@@ -42,6 +44,7 @@ def write_report(path: Path, config: CloseConfig, closed: Closed) -> None:
         _correction(page, closed.correction)
     _rest(page, closed)
     _evidence(page, closed)
+    _ability(page, closed.ability)
     for name, value in _sources(config, closed).items():
         page.detail(name, value)
     page.write(path)
@@ -102,6 +105,20 @@ def _evidence(page: Page, closed: Closed) -> None:
     caption = f"Residual along recorded quantities: {colours}line: mean, band: RMS."
     page.figure(figures.along(closed), caption)
     page.lines(charts.correlation(closed), "Autocorrelation of the residual: what one row says about later rows.")
+
+
+def _ability(page: Page, ability: Ability) -> None:
+    header, *rows = table_of(ability)
+    if not rows:
+        return
+    page.heading("What these recordings can tell")
+    page.text(
+        f"An effect of the size below is told from nothing with a probability of {percent(POWER)}. A rival is told "
+        "apart from the size behind its name on; without a size, no minutes of this motion suffice."
+    )
+    page.table(header, rows)
+    if ability.unseen:
+        page.text(f"Not judged: {'; '.join(f'{name} ({why})' for name, why in ability.unseen)}.")
 
 
 def _effect(page: Page, closed: Closed, each: Reported, index: int) -> None:

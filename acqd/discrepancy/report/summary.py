@@ -50,6 +50,7 @@ def as_json(config: CloseConfig, closed: Closed) -> dict[str, Any]:
         "joint_level": None if closed.joints is None else closed.joints.as_text(),
         "joints": [] if closed.joints is None else closed.joints.as_json(),
         "hypotheses": [each.as_json() for each in closed.hypotheses],
+        "ability": closed.ability.as_json(),
         "next": next_steps(closed),
         "notes": closed.notes,
         "model": {"name": subject.bundle.metadata["name"], "bundle": str(config.bundle)},

@@ -20,9 +20,8 @@ from acqd.discrepancy.selection.accepted import Hypothesis, Selected, Selection,
 from acqd.discrepancy.selection.detectors.candidates import Detection, detect
 from acqd.discrepancy.selection.judging import best_of_each, judged, kinds_of, margin
 from acqd.discrepancy.selection.ranking import Finding, Rows, ranked
-from acqd.discrepancy.selection.session_columns import session_columns
+from acqd.discrepancy.selection.session_columns import with_sessions
 from acqd.discrepancy.selection.shape_fit import ShapeFit, fit_shape
-from acqd.discrepancy.selection.spread import learning_rate
 from acqd.discrepancy.selection.supply_response import with_loaded_laws
 from acqd.models.effects import library
 
@@ -77,9 +76,7 @@ class _Doubt:
 
 def select(setup: Setup, limits: Limits, progress: Callable[[str], None]) -> Selection:
     """Select effects one after the other, and compare the list with laws that outdid one of them."""
-    rate = learning_rate(setup.design, setup.regression)
-    regression = setup.regression.with_columns(setup.design.blocks, session_columns(setup.design, setup.regression))
-    rows = Rows(setup.design, regression, rate)
+    rows = with_sessions(setup)
     state = _State(rows, rows, tuple(setup.gates), kinds_of(setup.design.columns.candidates))
     state, withdrawn = _settled(_grown(state, limits, progress)), ""
     for doubt in state.doubts[:1]:

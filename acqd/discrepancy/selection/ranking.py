@@ -186,6 +186,11 @@ def _within(precision: Floats, h: Floats, theta: Floats, low: Floats, high: Floa
     return np.clip(theta, low, high)
 
 
+def prior_of(design: Design, candidate: Candidate) -> Floats:
+    """[k] prior deviations of a candidate's parameters."""
+    return _deviations(candidate, prior_deviations(design, candidate.indices))
+
+
 def prior_deviations(design: Design, indices: Indices) -> Floats:
     """[indices] coefficient with which a column draws `largest_change` of the dynamic range (RMS) in question."""
     squares = np.zeros(len(indices))

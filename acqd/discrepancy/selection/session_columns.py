@@ -11,14 +11,22 @@ import numpy as np
 from acqd.discrepancy.regression.design_columns import Candidate
 from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.gram import Column, Regression
-from acqd.discrepancy.selection.ranking import Finding
-from acqd.discrepancy.selection.spread import clock_deviation_s, sessions_of, variance_of_sessions
+from acqd.discrepancy.regression.setup import Setup
+from acqd.discrepancy.selection.ranking import Finding, Rows
+from acqd.discrepancy.selection.spread import clock_deviation_s, learning_rate, sessions_of, variance_of_sessions
 from acqd.models.effects import library
 
 LEVEL = "level of the session"
 """Owner of the level's column."""
 CLOCK = "clock of the session"
 """Owner of the clock's column."""
+
+
+def with_sessions(setup: Setup) -> Rows:
+    """What a search starts from: rows with a learning rate, and the columns of sessions."""
+    columns = session_columns(setup.design, setup.regression)
+    rate = learning_rate(setup.design, setup.regression)
+    return Rows(setup.design, setup.regression.with_columns(setup.design.blocks, columns), rate)
 
 
 def session_columns(design: Design, regression: Regression) -> list[Column]:

@@ -39,7 +39,7 @@ def learning_rate(design: Design, regression: Regression) -> float:
     if columns:
         used = np.unique(np.concatenate(columns))
         for blocks in sessions_of(design.parts, in_question=False).values():
-            competition = regression.compete(used, _gate(design, blocks), 1 - design.columns.in_question)
+            competition = regression.compete(used, gate_of(design, blocks), 1 - design.columns.in_question)
             information = np.diag(competition.schur)
             known = information > LEAST_POWER
             if known.any():
@@ -70,15 +70,21 @@ def variance_of_sessions(design: Design, regression: Regression, finding: Findin
     reference: what differs between these averages out in an hour.
     """
     amplitudes, information = amplitudes_in_reference(design, regression, finding)
-    weight, usual = THRESHOLDS.few_sessions, _usual_amplitude(design, finding) ** 2
+    usual = usual_amplitude(design, finding, power_rms(design, finding))
+    return variance_of(design, amplitudes, information, usual, gate), THRESHOLDS.few_sessions + len(amplitudes)
+
+
+def variance_of(design: Design, amplitudes: Floats, information: Floats, usual: float, gate: Floats) -> float:
+    """The variance by sizes in single sessions of the reference [sessions] and their information [sessions]."""
+    weight = THRESHOLDS.few_sessions
     excess = max(float(information @ amplitudes**2) - len(amplitudes), 0.0)
     measured = excess / information.sum() if len(amplitudes) else 0.0
-    variance = (weight * usual + len(amplitudes) * measured) / (weight + len(amplitudes))
+    variance = (weight * usual**2 + len(amplitudes) * measured) / (weight + len(amplitudes))
     before = len(sessions_of(design.parts, in_question=False))
     rows, in_question = design.blocks.rows, design.columns.in_question
     as_long = float(rows @ (gate * in_question)) / (float(rows @ (1 - in_question)) / before)
     logs = len(sessions_of([part for part, open_ in zip(design.parts, gate, strict=True) if open_], in_question=True))
-    return variance * (1 / before + 1 / max(logs, as_long, 1.0) + 1), weight + len(amplitudes)
+    return variance * (1 / before + 1 / max(logs, as_long, 1.0) + 1)
 
 
 def amplitudes_in_reference(design: Design, regression: Regression, finding: Finding) -> tuple[Floats, Floats]:
@@ -90,7 +96,7 @@ def amplitudes_in_reference(design: Design, regression: Regression, finding: Fin
     candidate = finding.candidate
     pairs = []
     for blocks in sessions_of(design.parts, in_question=False).values():
-        competition = regression.compete(candidate.indices, _gate(design, blocks), 1 - design.columns.in_question)
+        competition = regression.compete(candidate.indices, gate_of(design, blocks), 1 - design.columns.in_question)
         schur, products = part_of(competition.schur, competition.products, np.arange(len(candidate.indices)), candidate)
         known = float(finding.coefficients @ schur @ finding.coefficients)
         if acts(schur) and known > LEAST_POWER:
@@ -99,14 +105,17 @@ def amplitudes_in_reference(design: Design, regression: Regression, finding: Fin
     return values[:, 0], values[:, 1]
 
 
-def _usual_amplitude(design: Design, finding: Finding) -> float:
-    """Deviation between sessions that is usual, in units of the finding: a share of the range, or of a second."""
+def usual_amplitude(design: Design, finding: Finding, rms_W: float) -> float:
+    """Deviation between sessions that is usual, in units of the finding: a share of the range, or of a second.
+
+    `rms_W`: of the finding while it acts.
+    """
     if finding.candidate.id and library()[finding.candidate.id].acts_on == "clock":
         slopes = [slope(design.columns.scenes[k]) for k, side in enumerate(design.columns.scenes.in_question) if side]
         usual_W = clock_deviation_s(design) * float(np.sqrt(np.mean(np.concatenate(slopes) ** 2)))
         return usual_W / max(power_rms(design, finding, acting_share=0.0), 1e-9)
     usual_W = THRESHOLDS.usual_difference * design.columns.dynamic_range
-    return usual_W / max(power_rms(design, finding), 1e-9)
+    return usual_W / max(rms_W, 1e-9)
 
 
 def clock_deviation_s(design: Design) -> float:
@@ -147,7 +156,8 @@ def sessions_of(parts: list[Part] | tuple[Part, ...], *, in_question: bool) -> d
     return {name: np.array(blocks) for name, blocks in sessions.items()}
 
 
-def _gate(design: Design, blocks: NDArray[np.int64]) -> Floats:
+def gate_of(design: Design, blocks: NDArray[np.int64]) -> Floats:
+    """[all blocks] 1 for some blocks."""
     gate = np.zeros(len(design.parts))
     gate[blocks] = 1.0
     return gate

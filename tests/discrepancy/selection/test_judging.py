@@ -133,9 +133,8 @@ def test_an_effect_without_a_name_explains_nothing_beside_the_others(model, robo
     assert friction.key in owners and not owners & ({each.key for each in selection.effects} - {friction.key})
 
 
-def test_a_long_log_is_as_many_sessions_as_it_is_longer_than_those_of_the_reference(monkeypatch):
-    monkeypatch.setattr(spread, "amplitudes_in_reference", lambda *_: (np.array([0.3, -0.3, 0.3, -0.3]), np.ones(4)))
-    monkeypatch.setattr(spread, "_usual_amplitude", lambda *_: 0.1)
+def test_a_long_log_is_as_many_sessions_as_it_is_longer_than_those_of_the_reference():
+    amplitudes, information = np.array([0.3, -0.3, 0.3, -0.3]), np.ones(4)
 
     def variance(rows_per_log):
         logs = [("a", False, 200)] * 4 + [(f"log{k}", True, rows) for k, rows in enumerate(rows_per_log)]
@@ -143,7 +142,7 @@ def test_a_long_log_is_as_many_sessions_as_it_is_longer_than_those_of_the_refere
         now = np.array([1.0 * each for _, each, _ in logs])
         blocks = SimpleNamespace(rows=np.array([float(rows) for *_, rows in logs]))
         design = SimpleNamespace(parts=parts, blocks=blocks, columns=SimpleNamespace(in_question=now))
-        return spread.variance_of_sessions(design, None, None, now)[0]
+        return spread.variance_of(design, amplitudes, information, 0.1, now)
 
     assert variance([800]) == pytest.approx(variance([200] * 4))
     assert variance([200]) == pytest.approx(variance([50]))

@@ -83,12 +83,11 @@ def test_names_have_to_explain_as_much_above_their_margins_as_the_law_in_their_p
     """The two names explain 490 less their margins of 60."""
     before = replace(state, effects=())
     doubt = _Doubt(before, state.rows, Unknown(finding("", law + MARGIN), ALWAYS, MARGIN), passes, ())
-    monkeypatch.setattr(search, "learning_rate", lambda *_: 1.0)
-    monkeypatch.setattr(search, "session_columns", lambda *_: [])
+    monkeypatch.setattr(search, "with_sessions", lambda _: state.rows)
     monkeypatch.setattr(search, "kinds_of", lambda *_: 40)
     monkeypatch.setattr(search, "_grown", lambda *_: replace(state, doubts=(doubt,)))
     monkeypatch.setattr(search, "_settled", lambda grown: grown)
-    setup = SimpleNamespace(design=state.rows.design, regression=Regression(), gates=[ALWAYS])
+    setup = SimpleNamespace(gates=[ALWAYS], design=state.rows.design)
     selection = search.select(setup, Limits(max_effects=1), lambda _: None)
     assert [each.id for each in selection.effects] == names
     assert (selection.unknown is None) is (bool(names) or not passes)

@@ -1,0 +1,53 @@
+"""`acqd robot ability`: what recordings of a motion can tell, before they are made."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import orjson
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from acqd.cli.options import Json
+from acqd.cli.progress import progress
+from acqd.cli.terminal import terminal
+from acqd.extras import require
+
+
+def ability(
+    model: Annotated[Path, typer.Argument(metavar="BUNDLE", help="Grey-box model of the robot as it is.")],
+    motion: Annotated[
+        Path | None,
+        typer.Option(metavar="DS", help="Dataset with the motion (default the motion that the model remembers)."),
+    ] = None,
+    minutes: Annotated[
+        float | None, typer.Option(min=0.5, help="Minutes to record of that motion (default as long as it is).")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Show the smallest size of every effect that recordings of a motion can tell, and which effects look alike.
+
+    The power of the recordings to come is predicted by the model, with the residual of its reference.
+
+    Example: acqd robot ability ds0.models/grey-box-everything-s1 --minutes 10
+    """
+    require("acqd robot ability", ("scipy",), "loop")
+    from acqd.discrepancy.ability.ability import table_of
+    from acqd.discrepancy.beforehand import beforehand
+
+    with progress(Console(stderr=True)) as shown:
+        planned = beforehand(model, motion, minutes, shown)
+    if json:
+        print(orjson.dumps(planned.as_json(), option=orjson.OPT_SERIALIZE_NUMPY).decode())
+        return
+    console = terminal(soft_wrap=False, tables=True)
+    header, *rows = table_of(planned.ability)
+    table = Table(*header)
+    for row in rows:
+        table.add_row(*row)
+    console.print(f"{planned.minutes:.1f} min of the motion of {planned.motion}; told from nothing in 95 %")
+    console.print(table)
+    for name, why in planned.ability.unseen:
+        console.print(f"not judged: {name} ({why})")

@@ -1,0 +1,114 @@
+"""What recordings could tell: a certificate for people and for report.json."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from acqd.arrays import Floats
+from acqd.discrepancy.ability.pairs import Rival, rivals_of
+from acqd.discrepancy.ability.smallest import POWER, Smallest, smallest_sizes
+from acqd.discrepancy.selection.ranking import Rows
+from acqd.models.effects import library
+from acqd.report.digits import number
+
+HELPS = {
+    "rows": "more minutes",
+    "sessions": "more unchanged recordings in the reference: they differ by nearly as much",
+    "relevance": "nothing: smaller sizes do not matter",
+    "bounds": "another motion: the size that would show exceeds what physics permits",
+    "motion": "another motion: the effect never acts in this one",
+}
+"""What would make the smallest size smaller, by what limits it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ability:
+    """What can be told of every effect."""
+
+    places: tuple[tuple[Smallest, tuple[Rival, ...]], ...]
+    """Of every effect with one parameter, place by place and shape by shape, with its rivals."""
+    unseen: tuple[tuple[str, str], ...]
+    """Ids of effects without columns in these recordings, and why."""
+
+    @classmethod
+    def of(cls, rows: Rows, gate: Floats, longer: float = 1.0) -> Ability:
+        """Of recordings under a gate [blocks]; `longer`: times the recorded minutes."""
+        effects = smallest_sizes(rows, gate, longer)
+        return cls(tuple(zip(effects, rivals_of(rows, gate, effects), strict=True)), _unseen(rows, effects))
+
+    @property
+    def easiest(self) -> dict[str, tuple[Smallest, tuple[Rival, ...]]]:
+        """By id of the effect: the place and shape with the smallest power that can be told from nothing."""
+        best: dict[str, tuple[Smallest, tuple[Rival, ...]]] = {}
+        for place, rivals in self.places:
+            if place.rms_W is None:
+                continue
+            known = best.get(place.candidate.id)
+            if known is None or (known[0].rms_W or 0.0) > place.rms_W:
+                best[place.candidate.id] = place, rivals
+        return best
+
+    def as_json(self) -> dict[str, Any]:
+        """For report.json and `--json`."""
+        return {
+            "power": POWER,
+            "effects": [_place_json(place, rivals) for place, rivals in self.places],
+            "not_judged": [{"id": name, "because": why} for name, why in self.unseen],
+        }
+
+
+def confused(place: Smallest, rivals: tuple[Rival, ...]) -> list[Rival]:
+    """Rivals that an effect of the smallest size is not told apart from; without a size, none is asked."""
+    return [each for each in rivals if place.size is not None and (each.size is None or each.size > place.size)]
+
+
+def table_of(ability: Ability) -> list[list[str]]:
+    """A header, and a row per effect at its easiest place."""
+    rows = [["effect", "where it shows best", "smallest", "power [W RMS]", "limited by", "not told apart from"]]
+    for name, (place, rivals) in ability.easiest.items():
+        assert place.size is not None and place.rms_W is not None
+        parameter, unit = place.parameter
+        size = f"{parameter} {number(place.size)} {unit if unit != '-' else ''}".rstrip()
+        others = [
+            each.id if each.size is None else f"{each.id} below {number(each.size)}" for each in confused(place, rivals)
+        ]
+        rows.append([name, place.candidate.label, size, number(place.rms_W), place.limited_by, ", ".join(others)])
+    return rows
+
+
+def _place_json(place: Smallest, rivals: tuple[Rival, ...]) -> dict[str, Any]:
+    name, unit = place.parameter
+    return {
+        "id": place.candidate.id,
+        "where": place.candidate.label,
+        "shape": dict(place.shape),
+        "parameter": name,
+        "unit": unit,
+        "smallest": place.size,
+        "rms_W": place.rms_W,
+        "limited_by": place.limited_by,
+        "would_help": HELPS[place.limited_by],
+        "rivals": [
+            {"id": r.id, "where": r.where, "explains": r.explains, "told_apart_from": r.size}
+            for r in confused(place, rivals)
+        ],
+    }
+
+
+def _unseen(rows: Rows, effects: list[Smallest]) -> tuple[tuple[str, str], ...]:
+    """Effects that were searched for and have no column of one parameter here."""
+    judged = {each.candidate.id for each in effects}
+    return tuple(
+        (name, _why(effect.detected, effect.needs))
+        for name, effect in library().items()
+        if name in rows.design.columns.chosen and name not in judged
+    )
+
+
+def _why(detected: str, needs: tuple[str, ...]) -> str:
+    if detected:
+        return "its columns are detected in the residual, so that no size can be stated beforehand"
+    if needs:
+        return f"the recordings lack {' and '.join(needs)}"
+    return "this robot or this question has no place for it"

@@ -1,0 +1,168 @@
+"""The smallest size at which the rules name an effect with a power of 95 %, by the columns and the noise of the loop.
+
+An effect of size theta has the product h = s theta with the residual, s the precision of its size with all other
+columns projected out. Its estimate scatters by white noise, 1/s, and by what unchanged sessions differ by (`spread`).
+Each rule of the selection asks for a least size; the estimate stays above with a probability of 95 % from 1.645
+standard errors more (Neyman and Pearson 1933). The largest of these sizes decides, and its rule says what would help:
+more rows, more sessions of the reference, or nothing because smaller sizes do not matter (ADR 48).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.stats import norm
+from scipy.stats import t as student
+
+from acqd.arrays import Floats
+from acqd.discrepancy.regression.design_columns import Candidate
+from acqd.discrepancy.regression.design_matrix import Design
+from acqd.discrepancy.regression.gram import LEAST_POWER, Competition, Indices
+from acqd.discrepancy.selection.judging import kinds_of
+from acqd.discrepancy.selection.ranking import Finding, Rows, bounds_of, part_of, posterior, prior_of
+from acqd.discrepancy.selection.spread import gate_of, power_rms, sessions_of, usual_amplitude, variance_of
+from acqd.discrepancy.thresholds import THRESHOLDS
+from acqd.discrepancy.thresholds.chance import by_chance
+
+POWER = 0.95
+"""Probability with which an effect of the stated size passes the rules."""
+_SURE = float(norm.ppf(POWER))
+LimitedBy = Literal["rows", "sessions", "relevance", "bounds", "motion"]
+"""Noise of the rows; differences of unchanged sessions; sizes that do not matter; physics; columns that never act."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Smallest:
+    """What can be told of an effect at a place, in a shape."""
+
+    candidate: Candidate
+    size: float | None
+    """In the unit of the effect's parameter; None: no possible size can be named."""
+    rms_W: float | None
+    """While the effect acts, at that size."""
+    limited_by: LimitedBy
+    precision: float
+    """Of the size, inverse variance in white noise, with every other column projected out."""
+
+    @property
+    def parameter(self) -> tuple[str, str]:
+        """Name and unit."""
+        assert self.candidate.variant is not None
+        parameter = self.candidate.variant.place.parameters[0]
+        return parameter.name, parameter.unit
+
+    @property
+    def shape(self) -> Mapping[str, float]:
+        """Parameters that are not linear."""
+        assert self.candidate.variant is not None
+        return self.candidate.variant.shape
+
+
+def single_effects(rows: Rows) -> list[Candidate]:
+    """Effects of one parameter: what differs at several places at once differs at each of them."""
+    return [each for each in rows.design.columns.candidates if each.id and each.size == 1]
+
+
+def competition_of(rows: Rows, gate: Floats, candidates: list[Candidate]) -> tuple[Indices, Competition]:
+    """Columns of candidates, and their Schur complement under a gate [blocks]."""
+    used = np.unique(np.concatenate([each.indices for each in candidates]))
+    return used, rows.regression.compete(used, gate)
+
+
+def smallest_sizes(rows: Rows, gate: Floats, longer: float = 1.0) -> list[Smallest]:
+    """Of all effects with one parameter under a gate [blocks]; `longer`: times the recorded minutes.
+
+    Empty where no effect has columns.
+    """
+    candidates = single_effects(rows)
+    if not candidates:
+        return []
+    design = rows.design
+    used, competition = competition_of(rows, gate, candidates)
+    owns = [np.searchsorted(used, each.indices) for each in candidates]
+    sizes = list(_in_sessions(rows, used, candidates, owns))
+    kinds = kinds_of(design.columns.candidates)
+    weights = gate * longer
+    found = []
+    for number, (candidate, own) in enumerate(zip(candidates, owns, strict=True)):
+        schur, _ = part_of(competition.schur, competition.products, own, candidate)
+        white = float(schur[0, 0])
+        if white < LEAST_POWER:
+            found.append(Smallest(candidate, None, None, "motion", 0.0))
+            continue
+        precision = rows.learning_rate * white * longer
+        at_joints = design.at_joints(candidate, weights)
+        if at_joints is not None:
+            precision += float(at_joints.precision[0, 0])
+        unit = Finding(candidate, np.ones(1), np.zeros(1), 0.0)
+        found.append(_smallest(design, unit, precision, _variance(design, unit, sizes, number, weights), kinds))
+    return found
+
+
+def _smallest(design: Design, unit: Finding, precision: float, spread: tuple[float, float], kinds: int) -> Smallest:
+    """Of a finding of size 1; `spread`: variance between sessions, and its degrees of freedom."""
+    candidate = unit.candidate
+    variance, freedom = spread
+    error = float(np.sqrt(1 / precision + variance))
+    rms = power_rms(design, unit)
+    least_W = THRESHOLDS.least_share_of_range * design.columns.dynamic_range
+    improbable = float(student.isf(np.exp(-by_chance(kinds) / 2) / 2, freedom))
+    least: dict[LimitedBy, float] = {
+        "rows": _with_evidence(design, candidate, precision, by_chance(kinds)),
+        "sessions": improbable * float(np.sqrt(variance)),
+        "relevance": least_W / max(rms, 1e-12),
+    }
+    limit = max(least, key=lambda rule: least[rule])
+    size = least[limit] + _SURE * error
+    low, high = bounds_of(candidate)
+    if size >= max(-float(low[0]), float(high[0])):
+        return Smallest(candidate, None, None, "bounds", precision)
+    return Smallest(candidate, size, size * rms, limit, precision)
+
+
+def _with_evidence(design: Design, candidate: Candidate, precision: float, least: float) -> float:
+    """The size whose expected product has the least evidence, the choice among places and shapes paid."""
+    D, S = prior_of(design, candidate), np.array([[precision]])
+    low, high = np.array([-np.inf]), np.array([np.inf])
+    asked = least + 2 * np.log(candidate.tried)
+
+    def short(z: float) -> float:
+        _, _, evidence = posterior(S, np.array([z * np.sqrt(precision)]), D, low, high)
+        return float(evidence - asked)
+
+    upper = 10.0
+    while short(upper) < 0:
+        upper *= 2
+    return float(brentq(short, 0.0, upper)) / float(np.sqrt(precision))
+
+
+def _variance(
+    design: Design, unit: Finding, sizes: list[tuple[Floats, Floats]], number: int, weights: Floats
+) -> tuple[float, float]:
+    """Variance of a size between sessions, and its degrees of freedom; 0 without a reference to differ from."""
+    if not sizes:
+        return 0.0, 1.0
+    pairs = [(amplitude[number], known[number]) for amplitude, known in sizes if known[number] > LEAST_POWER]
+    values = np.array(pairs).reshape(-1, 2)
+    usual = usual_amplitude(design, unit, power_rms(design, unit))
+    variance = variance_of(design, values[:, 0], values[:, 1], usual, weights)
+    return variance, THRESHOLDS.few_sessions + len(values)
+
+
+def _in_sessions(
+    rows: Rows, used: Indices, candidates: list[Candidate], owns: list[Indices]
+) -> Iterator[tuple[Floats, Floats]]:
+    """Per session of the reference: sizes [candidates] by generalised least squares, and their information."""
+    design = rows.design
+    for blocks in sessions_of(design.parts, in_question=False).values():
+        competition = rows.regression.compete(used, gate_of(design, blocks), 1 - design.columns.in_question)
+        pairs = [
+            part_of(competition.schur, competition.products, own, candidate)
+            for candidate, own in zip(candidates, owns, strict=True)
+        ]
+        known = np.array([schur[0, 0] for schur, _ in pairs])
+        yield np.array([float(h[0]) for _, h in pairs]) / np.maximum(known, LEAST_POWER), known

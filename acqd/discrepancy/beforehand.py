@@ -1,0 +1,94 @@
+"""Before recording: what the motion of a dataset can tell, with the model and the noise of the reference.
+
+The power of the recordings to come is unknown. The model predicts it, and the residual that the model has on its
+reference lies on it, so that columns, noise and differences between sessions are those of the loop (ADR 48).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from acqd.discrepancy.ability.ability import Ability
+from acqd.discrepancy.recordings import carrier_in
+from acqd.discrepancy.regression.setup import Comparison, set_up
+from acqd.discrepancy.selection.session_columns import with_sessions
+from acqd.errors import UserError
+from acqd.models.bundle.reference import load_reference
+from acqd.models.bundle.restore import open_model
+from acqd.models.effects import library
+from acqd.models.metrics import predictions
+from acqd.models.predictor import Predictor
+from acqd.models.segments import Segment, load_dataset
+from acqd.residual.residuals import errors_of, without_known_effects
+from acqd.robot.description import load_description
+
+_LATER_S = 86_400.0
+"""The next session is on another day."""
+
+
+@dataclass(frozen=True, slots=True)
+class Beforehand:
+    """What recordings of a motion can tell."""
+
+    ability: Ability
+    motion: str
+    minutes: float
+
+    def as_json(self) -> dict[str, Any]:
+        """For `--json`."""
+        return {"motion": self.motion, "minutes": self.minutes, **self.ability.as_json()}
+
+
+def beforehand(
+    bundle: Path, motion: Path | None, minutes: float | None, progress: Callable[[str, float], None]
+) -> Beforehand:
+    """Of the motion of a dataset, or of that which the bundle remembers. Raises UserError, InputError."""
+    opened, model = open_model(bundle)
+    reference = load_reference(bundle)
+    if not reference:
+        raise UserError(f"{bundle}: the model remembers no recordings, so that their noise is unknown; train it again")
+    carrier = carrier_in(opened, model)
+    if carrier is None:
+        raise UserError(f"{bundle}: the model has no grey box for the torques of effects; train --network grey-box")
+    robot = load_description(opened.metadata["description"])
+    segments = reference if motion is None else _same_robot(motion, model, robot.axes)
+    planned = without_known_effects(model, _planned(model, reference, segments))
+    setup = set_up(
+        Comparison(
+            model=carrier, robot=robot, in_question=planned, reference=without_known_effects(model, reference),
+            chosen=frozenset(library()), withheld=frozenset(opened.metadata.get("withheld", ())),
+        ),
+        lambda share: progress("computing the columns of all effects", share),
+    )  # fmt: skip
+    recorded = sum(len(segment.P) for segment in segments) * model.step_s / 60
+    asked = recorded if minutes is None else minutes
+    ability = Ability.of(with_sessions(setup), setup.gates[0].open, asked / recorded)
+    return Beforehand(ability, str(bundle if motion is None else motion), asked)
+
+
+def _same_robot(motion: Path, model: Predictor, axes: int) -> list[Segment]:
+    data = load_dataset(motion)
+    if data.axes != axes or abs(data.step_s - model.step_s) > 1e-9:
+        raise UserError(
+            f"{motion} has {data.axes} axes and rows of {data.step_s} s, the model has {axes} axes and rows of "
+            f"{model.step_s} s: name a dataset of this robot, built with the model's step"
+        )
+    return data.segments
+
+
+def _planned(model: Predictor, reference: list[Segment], motion: list[Segment]) -> list[Segment]:
+    """Recordings of a motion on another day: predicted power with the reference's residual, in its order."""
+    noise = np.concatenate(errors_of(model, reference))
+    later = max(segment.start_s for segment in reference) - min(segment.start_s for segment in motion) + _LATER_S
+    planned, begin = [], 0
+    for segment, predicted in zip(motion, predictions(model, motion), strict=True):
+        rows = (begin + np.arange(len(predicted))) % len(noise)
+        begin += len(predicted)
+        name = f"planned {segment.recording}"
+        planned.append(replace(segment, recording=name, P=predicted + noise[rows], start_s=segment.start_s + later))
+    return planned

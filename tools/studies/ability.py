@@ -1,0 +1,133 @@
+"""Judges what `acqd robot ability` promises: effects of twice the smallest size are named, of half of it are not.
+
+    python -m tools.studies.ability BUNDLE DS [--places 1] [--seed 7] [--json]
+
+DS holds unchanged recordings of the robot of BUNDLE. For every effect that the certificate states a size for, the power
+of the effect at a place that is drawn at random is added to the recordings, and the loop searches. The power is that of
+the effect's own equation (simulated), so that the study judges the certificate and not the library.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+from acqd.discrepancy.ability.ability import Ability
+from acqd.discrepancy.ability.smallest import Smallest
+from acqd.discrepancy.config import CloseConfig
+from acqd.discrepancy.recordings import Subject, subject_of
+from acqd.discrepancy.repair.naming import named_effects
+from acqd.discrepancy.search import search
+from acqd.models.effects import library
+from acqd.models.effects.effect import effect_rows_at
+from acqd.models.effects.scene import segment_scene
+from acqd.models.segments import Segment
+from tools.common.tables import show, verdict
+
+FACTORS = (0.5, 2.0)
+"""Times the smallest size."""
+
+
+def options() -> argparse.Namespace:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("bundle", type=Path)
+    parser.add_argument("dataset", type=Path)
+    parser.add_argument("--places", type=int, default=1, help="places and shapes per effect (default 1)")
+    parser.add_argument("--seed", type=int, default=7)
+    parser.add_argument("--json", action="store_true")
+    return parser.parse_args()
+
+
+def certificate(config: CloseConfig, subject: Subject) -> Ability:
+    """What the loop says about unchanged recordings."""
+    _, selection = search(config, subject, _silent)
+    without = selection.keeping(set())
+    return Ability.of(without.rows, without.design.columns.in_question)
+
+
+def drawn(ability: Ability, places: int, seed: int) -> Iterator[Smallest]:
+    """Places and shapes of every effect with a size."""
+    rng = np.random.default_rng(seed)
+    by_effect: dict[str, list[Smallest]] = {}
+    for place, _ in ability.places:
+        if place.size is not None:
+            by_effect.setdefault(place.candidate.id, []).append(place)
+    for known in by_effect.values():
+        for number in rng.permutation(len(known))[:places]:
+            yield known[number]
+
+
+def case(config: CloseConfig, subject: Subject, place: Smallest, factor: float) -> dict[str, Any]:
+    """The names that the loop gives where an effect has `factor` times its smallest size."""
+    assert place.size is not None and place.rms_W is not None
+    changed = replace(
+        subject,
+        fit=[_with_effect(subject, s, place, factor * place.size) for s in subject.fit],
+        held_out=[_with_effect(subject, s, place, factor * place.size) for s in subject.held_out],
+    )
+    delay, selection = search(config, changed, _silent)
+    named = [each for each in named_effects(changed, selection, delay, _silent) if each.status == "named"]
+    names = [[each.term.id, *(name for name, _ in each.family)] for each in named]
+    return {
+        "effect": place.candidate.id, "where": place.candidate.label, "shape": dict(place.shape), "factor": factor,
+        "size": factor * place.size, "rms_W": factor * place.rms_W, "limited_by": place.limited_by,
+        "named": names, "right": any(place.candidate.id in each for each in names),
+    }  # fmt: skip
+
+
+def _with_effect(subject: Subject, segment: Segment, place: Smallest, size: float) -> Segment:
+    candidate = place.candidate
+    assert candidate.variant is not None
+    scene = segment_scene(subject.carrier, segment)
+    weights = candidate.weights(np.array([size]))
+    columns = candidate.variant.place.columns
+    power = effect_rows_at(library()[candidate.id], scene, place.shape, columns, weights) @ weights
+    return replace(segment, P=segment.P + power)
+
+
+def _silent(_what: str, _share: float) -> None:
+    """No progress of a single search."""
+
+
+def main() -> None:
+    """Print a line per case, and the shares."""
+    given = options()
+    with TemporaryDirectory() as folder:
+        config = CloseConfig(given.dataset, given.bundle, Path(folder) / "loop")
+        subject = subject_of(config, _silent)
+        wanted = [
+            (place, f) for place in drawn(certificate(config, subject), given.places, given.seed) for f in FACTORS
+        ]
+        results = [
+            case(config, subject, place, factor)
+            for place, factor in track(wanted, "effects", console=Console(stderr=True))
+        ]
+    if given.json:
+        print(json.dumps(results))
+        return
+    table = Table("effect", "where", "times", "size", "W RMS", "limited by", "named", "right")
+    for each in results:
+        names = "; ".join(" or ".join(family) for family in each["named"])
+        sizes = [f"{each[key]:.3g}" for key in ("factor", "size", "rms_W")]
+        table.add_row(
+            each["effect"], each["where"], *sizes, each["limited_by"], names, verdict(each["right"], "yes", "no")
+        )
+    show(table, width=160)
+    for factor in FACTORS:
+        right = [each["right"] for each in results if each["factor"] == factor]
+        print(f"{factor:g} times the smallest size: {sum(right)} of {len(right)} named rightly")
+
+
+if __name__ == "__main__":
+    main()
