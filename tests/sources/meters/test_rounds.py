@@ -84,7 +84,7 @@ def test_a_first_reading_that_is_none_does_not_become_the_energy(mark):
         judge.expect(good() | {"total.W": expected})
         judged = [judge.judge(good() | {"total.W": W}, k * SECOND) for k, W in enumerate(readings)]
         W = [one.values["total.W"] for one in judged]
-        assert W == ([None, 12_245.1, 12_245.1] if expected == mark else [None, None, 12_245.1])
+        assert W[1:] == ([12_245.1, 12_245.1] if expected == mark else [None, 12_245.1]) and W[0] is None
         assert not any("meter_reset" in one.flags for one in judged)
 
 
