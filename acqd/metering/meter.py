@@ -7,6 +7,7 @@ blocks, and honest about what a gap, a start in mid-stream or a dead mains leave
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -20,7 +21,7 @@ from acqd.metering.held import HeldFrequency
 from acqd.metering.interval import interval_sums
 from acqd.metering.jump import whole_cycle
 from acqd.metering.kernel import Kernel, why_not
-from acqd.metering.kernel.kernel import Metered
+from acqd.metering.kernel.kernel import LiveMetered, Metered
 from acqd.metering.kernel.layout import ENERGY, IRMS, POWER, REACTIVE, VRMS
 from acqd.metering.marks import flag_window, mark_phases
 from acqd.metering.packed import State
@@ -146,14 +147,36 @@ class Meter:
         batches, done = [], 0
         while done < len(piece.seq):
             usual = self._kernel.meter(piece, done)
-            if usual is None:
-                self._kernel.give_back()
-                batches.append(self._reference(piece.window(done)))
-            else:
+            if usual is not None:
                 windows = slice(done, done + usual.rows.shape[1])
                 batches.append(self._of_kernel(piece.seq[windows], piece.utc_ns[windows], piece.flags[windows], usual))
+            elif (quiet := self._quiet(self._kernel, piece, done)) is not None:
+                batches.append(quiet)
+            else:
+                self._kernel.give_back()
+                batches.append(self._reference(piece.window(done)))
             done += len(batches[-1])
         return WindowBatch.join(batches)
+
+    def _quiet(self, kernel: Kernel, piece: Piece, first: int) -> WindowBatch | None:
+        """The windows from number `first` on that follow one without mains and have none; None for no window."""
+        codes, found = piece.codes, list[LiveMetered]()
+        if (piece.first and not first) or not codes.flags.c_contiguous:
+            return None
+        for begin, end in pairwise(piece.bounds[first:].tolist()):
+            metered = kernel.meter_quiet(codes, begin, end, self.energy)
+            if metered is None:
+                break
+            found.append(metered)
+        if not found:
+            return None
+        windows = slice(first, first + len(found))
+        flags = [[set(names) for names in piece.flags[windows]] for _ in self._phases]
+        for k, one in enumerate(found):
+            mark_phases(flags, k, one.mark)
+        Vrms, Irms, P, Q1, imported, exported = np.concatenate([one.quantities for one in found], axis=2)
+        f = np.array([one.f for one in found])
+        return WindowBatch(piece.seq[windows], piece.utc_ns[windows], Vrms, Irms, P, f, imported, exported, Q1, flags)
 
     def _live(self, kernel: Kernel, window: LiveWindow) -> WindowBatch:
         """Meter the one window that a block of a running stream completes."""

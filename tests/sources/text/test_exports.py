@@ -173,9 +173,7 @@ def written(tmp_path, head, *columns):
     return path
 
 
-@pytest.mark.parametrize(
-    "line", ["Sample Rate [kS/s],10", "Sampling interval (us),100", "dt (ms),0.1"]
-)
+@pytest.mark.parametrize("line", ["Sample Rate [kS/s],10", "Sampling interval (us),100", "dt (ms),0.1"])
 def test_a_line_above_the_table_may_have_its_unit_in_the_name(tmp_path, line):
     assert_metered(load_waveform(written(tmp_path, f"{line}\nVoltage [V],Current [A]", U, I)))
 
