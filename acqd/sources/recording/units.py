@@ -127,6 +127,10 @@ def split_label(label: str) -> tuple[str, str]:
         if _is_unit(inner) or _looks_like_unit(inner):
             return found.group(1).strip() or text, inner
         return text, ""
+    if (alone := re.fullmatch(r"(?i)in\s+(\S+)", text)) and _is_unit(alone.group(1)):
+        return text, alone.group(1)
+    if input_ := re.fullmatch(r"(?i)(ch(?:annel)?\s?\d+)([VA])", text):  # CH1V of Rigol
+        return input_.group(1), input_.group(2)
     if glued := _GLUED.match(text):  # U1mV, but not UA: a prefix tells a unit from a phase
         return glued.group(1), glued.group(2) or glued.group(3)
     tail = _TAIL.match(text)

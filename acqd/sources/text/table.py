@@ -131,6 +131,9 @@ def _read_header(table: Table, lines: list[str], layout: Layout) -> None:
     rows = [split_row(line, table.separator) for line in above]
     for line, row in zip(above, rows, strict=True):
         _note(table, line, row[: min(layout.columns)] if layout.columns else row)
+    for text in (text for row in rows for text in row):
+        if beside := re.fullmatch(r"(?i)tinc\s*=\s*(\S+)", text):  # Rigol: CH1V,CH2V,t0 = -0.1, tInc = 1e-05,
+            table.stray["increment"] = beside[1].rstrip("s")
     candidates = [k for k in range(table.first - 1, -1, -1) if any(rows[k])]
     if layout.names_row:
         candidates = [layout.names_row - 1]
@@ -237,7 +240,7 @@ def _named(table: Table, keys: tuple[str, ...]) -> list[str]:
     """Values of the first of these lines of the preamble."""
     for key in keys:
         if values := table.preamble.get(key_of(key)):
-            return _aligned([_bare(value) if value else "" for value in _filled(values)], table.width)
+            return _aligned([_bare(value.removeprefix("Analog:")) for value in _filled(values)], table.width)
     return []
 
 

@@ -194,6 +194,15 @@ def test_units_above_the_names_or_glued_to_them_count(tmp_path, head):
     assert_metered(load_waveform(written(tmp_path, head, T, U / 1e3, I * 1e3)))
 
 
+@pytest.mark.parametrize(
+    ("head", "timed"),
+    [("CH1V,CH2A,t0 = -0.1, tInc = 1e-04,", False), ("in s,C1 in V,C2 in A", True),
+     ("Record Length,Analog:2000\nSample Interval,Analog:1.0E-04\nVertical Units,Analog:V,A\nSource,CH1,CH2\nSecond,Volt,Ampere", True)],  # noqa: E501
+)  # fmt: skip
+def test_what_makers_write_in_a_header_of_their_own_is_read(tmp_path, head, timed):
+    assert_metered(load_waveform(written(tmp_path, head, *((T, U, I) if timed else (U, I)))))
+
+
 @pytest.mark.parametrize("name", ["u1 (x100)", "u1 (100x)", "u1 [10^3 V]", "u1 [10^3V]"])
 def test_a_scale_in_brackets_is_refused(tmp_path, name):
     with pytest.raises(InputError, match=r"--u-scale"):
