@@ -154,7 +154,10 @@ class _Lines:
 
     def count(self, fields: list[str], letter: str) -> int:
         """Number of channels of a kind, from `36,20A,16D`: each has a line, so the header limits it."""
-        text = next((field[:-1] for field in fields[1:] if field[-1:].upper() == letter), "0")
+        text = next((field[:-1] for field in fields[1:] if field[-1:].upper() == letter), "")
+        if not text and letter == "A":
+            raise self.wrong(f"{','.join(fields)!r} has no number of analog channels; expected a line like 36,20A,16D")
+        text = text or "0"
         count, left = self.number(text), len(self._lines) - self._number
         if not 0 <= count <= left:
             raise self.wrong(f"announces {text}{letter} channels, but {left} lines follow")

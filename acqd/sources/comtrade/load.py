@@ -78,7 +78,9 @@ def _clock(
     rates = {segment.rate for segment in header.segments}
     if len(rates) > 1:
         listed = ", ".join(f"{segment.rate:g} Hz" for segment in header.segments)
-        raise InputError(path, f"changes its sampling rate ({listed}); one constant rate is needed")
+        raise InputError(
+            path, f"changes its sampling rate ({listed}); one constant rate is needed: export the part of one rate"
+        )
     rate = rates.pop()
     times = samples.times()
     if times is None or len(times) < 2 or times[-1] <= 0:
