@@ -181,17 +181,21 @@ def _currents(found: Phasors, expected_W: float | None) -> list[WiringFinding]:
             return []  # a load that feeds back, or all transformers reversed: nothing here tells which
     if best.spread > _ALIKE_deg or not (best.draws or expected_W is not None):
         return _lone_reversal(healthy)
-    if not best.changed:
-        return []
+    return [_named(best, candidates, expected_W is not None)] if best.changed else []
+
+
+def _named(best: _Wiring, candidates: Sequence[_Wiring], known: bool) -> WiringFinding:
+    """The best wiring, and what explains the phasors as well unless the power is `known`."""
     found = best.finding()
-    if best.against and expected_W is None:
-        return [replace(found, text=f"{found.text} (unless the load feeds back)")]
-    against = next((one for one in candidates if one.against), None)
-    if against is None or best.order == (0, 1, 2) or not _LAGS_deg[0] < against.common < _LAGS_deg[1]:
-        return [found]
+    if known or best.order == (0, 1, 2):
+        return (
+            replace(found, text=f"{found.text} (unless the load feeds back)") if best.against and not known else found
+        )
+    against = next(one for one in candidates if one.against)
+    if not _LAGS_deg[0] < against.common < _LAGS_deg[1]:
+        return found
     text = f"{found.text}, or all three currents are reversed: the power of the load decides"
-    tie = against.cost - best.cost < _TIE
-    return [WiringFinding(text) if tie else replace(found, text=text)]
+    return WiringFinding(text) if against.cost - best.cost < _TIE else replace(found, text=text)
 
 
 def _lone_reversal(healthy: _Wiring) -> list[WiringFinding]:
