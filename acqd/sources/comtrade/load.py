@@ -65,6 +65,8 @@ def _other_rate(steps: Floats, step: float, tick_s: float) -> float | None:
     """
     usual = float(np.median(steps))
     even = steps[np.abs(steps - usual) <= _STEP_SLACK * usual + 2 * tick_s]  # without the pauses
+    if not len(even):
+        return None  # times that mean nothing
     mean = float(even.mean())
     rounded = 0.51 * tick_s if np.ptp(even) < 0.5 * tick_s else 2 * tick_s / len(even)
     agree = abs(mean - step) <= _RATE_SLACK * step + rounded

@@ -39,12 +39,15 @@ def hints(names: list[str], codes: Codes, scale: NDArray[np.float64], roles_by_n
     `roles_by_name`: nobody has said with --map what the channels are.
     """
     found = []
-    peak = np.abs(np.stack([codes.min(axis=0), codes.max(axis=0)]).astype(np.float64)).max(axis=0) * np.abs(scale)
     part = codes[:_LOOK].astype(np.float64) * scale
-    rms = np.sqrt((part * part).mean(axis=0))
+    with np.errstate(over="ignore"):  # whatever a damaged header gives as a scale
+        rms, peak = np.sqrt((part * part).mean(axis=0)), np.abs(part).max(axis=0)
     for first, quantity, unit, low, high in ((0, "u", "V", _DEAD_V, _MOST_V), (1, "i", "A", _DEAD_A, _MOST_A)):
         ask = f"(--{quantity}-scale)?"
         dead = [k for k in range(first, len(names), 2) if peak[k] < low]
+        for k in dead:  # the whole recording, only where its first samples hold nothing
+            peak[k] = abs(scale[k]) * max(float(codes[:, k].max()), -float(codes[:, k].min()))
+        dead = [k for k in dead if peak[k] < low]
         if dead:
             listed, most = ", ".join(names[k] for k in dead), peak[dead].max()
             found.append(f"{listed}: never above {most:.3g} {unit}; is nothing connected, or is the scale wrong {ask}")
@@ -52,7 +55,7 @@ def hints(names: list[str], codes: Codes, scale: NDArray[np.float64], roles_by_n
         if large:
             listed, most = ", ".join(names[k] for k in large), rms[large].max()
             found.append(f"{listed}: {most:.3g} {unit}, more than any network has; is the scale wrong {ask}")
-    if roles_by_name and len(names) == 6:
+    if roles_by_name and len(names) == 6 and rms.max() <= _MOST_V:
         found += _line_voltages(names[0::2], part[:, 0::2])
     return found
 

@@ -230,7 +230,7 @@ def factors(table: Table) -> list[str]:
     """Lines above the table that name factors other than 1; exports differ in whether their numbers have them."""
     found = []
     for key, values in table.preamble.items():
-        numbers = [text for text in values if is_number(text, ".") or is_number(text, ",")]
+        numbers = [text for text in values if "∞" not in text and (is_number(text, ".") or is_number(text, ","))]
         if _FACTOR.search(key) and any(float(text.replace(",", ".")) not in (0.0, 1.0) for text in numbers):
             found.append(f"{key} {', '.join(numbers)}")
     return found
