@@ -117,7 +117,7 @@ def test_what_no_supply_has_or_the_other_registers_contradict_is_null(wrong, nul
     assert {name for name, value in judged.values.items() if value is None} == {null}
 
 
-def test_mains_without_a_frequency_are_none():
+def test_a_frequency_of_zero_beside_mains_is_null():
     assert RoundJudge(230.0).judge(good() | {"f": 0.0}, 0).values["f"] is None
     dead = good() | {f"L{k}.{n}": 0.0 for k in (1, 2, 3) for n in ("Vrms", "Irms", "P", "S", "PF")}
     assert RoundJudge(230.0).judge(dead | {"total.P": 0.0, "total.S": 0.0, "f": 0.0}, 0).values["f"] == 0.0
