@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import permutations, product
 
 import numpy as np
@@ -40,6 +40,9 @@ _EQUAL, _SAME_LOAD_deg = 0.6, 8.0
 """Currents so alike [share of the largest] with angles so alike in another order are one load, and not three."""
 _REVERSED, _MOVED = 3.0, 0.9
 """Cost of a reversed transformer, and of one in the place of another: fewer mistakes are likelier."""
+_ALL_REVERSED, _TIE = 4.5, 1.5
+"""Cost of three transformers that are mounted against the flow, which is one mistake; and the difference of costs up to
+which nothing tells that from a rotated set."""
 _POWER = 0.15
 """How near the power must be to the expected one [share of S] to decide."""
 
@@ -178,7 +181,21 @@ def _currents(found: Phasors, expected_W: float | None) -> list[WiringFinding]:
             return []  # a load that feeds back, or all transformers reversed: nothing here tells which
     if best.spread > _ALIKE_deg or not (best.draws or expected_W is not None):
         return _lone_reversal(healthy)
-    return [best.finding()] if best.changed else []
+    return [_named(best, candidates, expected_W is not None)] if best.changed else []
+
+
+def _named(best: _Wiring, candidates: Sequence[_Wiring], known: bool) -> WiringFinding:
+    """The best wiring, and what explains the phasors as well unless the power is `known`."""
+    found = best.finding()
+    if known or best.order == (0, 1, 2):
+        return (
+            replace(found, text=f"{found.text} (unless the load feeds back)") if best.against and not known else found
+        )
+    against = next(one for one in candidates if one.against)
+    if not _LAGS_deg[0] < against.common < _LAGS_deg[1]:
+        return found
+    text = f"{found.text}, or all three currents are reversed: the power of the load decides"
+    return WiringFinding(text) if against.cost - best.cost < _TIE else replace(found, text=text)
 
 
 def _lone_reversal(healthy: _Wiring) -> list[WiringFinding]:
@@ -213,7 +230,8 @@ class _Wiring:
         around = (self.lag - self.common + 180) % 360 - 180
         self.spread = float(np.abs(around).max())
         moved = sum(a != k for k, a in enumerate(order))
-        mistakes = sum(one < 0 for one in sign) * _REVERSED + moved * _MOVED
+        self.against = order == (0, 1, 2) and max(sign) < 0
+        mistakes = _ALL_REVERSED if self.against else sum(one < 0 for one in sign) * _REVERSED + moved * _MOVED
         low, high = _LAGS_deg
         unusual = max(0.0, (low - self.common) / _BELOW_deg, (self.common - high) / _ABOVE_deg)
         self.cost = mistakes + (self.spread / 8) ** 2 + min(unusual, 20.0) ** 2

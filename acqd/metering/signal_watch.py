@@ -1,21 +1,31 @@
 """The samples of a running stream, looked at a few times a second: are they measurements?
 
 A stage before the meter, which leaves the samples as they are and adds flags to blocks. A look at all channels takes as
-long as dozens of windows in the kernel, so not every window gets one: what a look finds holds until the next.
+long as dozens of windows in the kernel, so not every window gets one: what a look finds holds until the next. Between
+two looks, extremes are counted: a channel that stays at its extremes for longer than at the last look, or comes near
+both ends of 16 bits, has a look of its own.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from acqd.metering.block import SampleBlock, StreamFormat
+from acqd.metering.block import Codes, SampleBlock, StreamFormat
 from acqd.metering.integrity import flags_of
 from acqd.metering.packed import State
 
 _EVERY_S = 0.4
 """Between two looks."""
+_LONGER, _FEW = 2.0, 4
+"""Times the samples at the extremes of a channel at the last look, and so many more: it may be clipped."""
+_FORGET = 0.7
+"""What is left of that after a block: loads that switch on and off are no reason for a look each time."""
+_END = 30_000
+"""Codes of 16 bits that roll over come near both ends."""
 
 
 class SignalWatch:
@@ -27,19 +37,57 @@ class SignalWatch:
         self._every = round(_EVERY_S * form.rate)
         self._next = 0
         self._flags: frozenset[str] = frozenset()
+        self._pause = self._every  # samples to the next look at a fault
+        self._most: list[float] = []  # share of the samples at the extremes of each channel that is no reason to look
 
     def state(self) -> State:
-        """When the next look is due, and what the newest has found."""
-        return {"next": self._next, "flags": sorted(self._flags)}
+        """When the next look is due, what the newest has found, and what is usual."""
+        return {"next": self._next, "flags": sorted(self._flags), "pause": self._pause, "most": self._most}
 
     def restore(self, state: State) -> None:
         """Go on where `state` was taken."""
         self._next, self._flags = int(state["next"]), frozenset(state["flags"])
+        self._pause = int(state.get("pause", self._every))
+        self._most = [float(share) for share in state.get("most", [])]
 
     def apply(self, block: SampleBlock) -> SampleBlock:
-        """The block, with the flags of the newest look at a block with a whole cycle."""
-        if (block.index >= self._next or block.lost) and len(block.codes) >= self._cycle:
-            self._next = block.index + self._every
-            newest = block.codes[-2 * self._cycle :]
-            self._flags = flags_of(np.ascontiguousarray(newest, dtype=np.float64), self._cycle)
-        return replace(block, flags=block.flags | self._flags) if self._flags else block
+        """The block, with what was found in it, or holds since the newest look before it."""
+        if block.lost:
+            self._next = block.index
+        flags, size, codes = self._flags, 2 * self._cycle, block.codes
+        if len(codes) >= self._cycle:
+            flags = frozenset()
+            for at in range(0, max(len(codes) - self._cycle, 0) + 1, size):
+                # The last stretch takes the rest of the block.
+                end = at + size if len(codes) - at - size >= self._cycle else len(codes)
+                self._examine(codes[at:end], block.index + at)
+                flags |= self._flags
+        return replace(block, flags=block.flags | flags) if flags else block
+
+    def _examine(self, codes: Codes, index: int) -> None:
+        """Look at some cycles [samples, channels] where a look is due, or where they stand out."""
+        due, faulty = index >= self._next, bool(self._flags)
+        if faulty and not due:
+            return
+        channels = np.ascontiguousarray(codes.T)
+        most, least = channels.max(axis=1), channels.min(axis=1)
+        extreme = channels == most[:, None]
+        extreme |= channels == least[:, None]
+        shares = [int(np.count_nonzero(one)) / len(codes) for one in extreme]
+        if due or self._stands_out(shares, most, least, len(codes)):
+            self._flags = flags_of(np.ascontiguousarray(codes, dtype=np.float64), self._cycle)
+            # A fault is looked at again after twice the time: it is flagged for at most twice as long as it lasts.
+            self._pause = min(2 * self._pause, self._every) if faulty else len(codes)
+            self._next = index + (self._pause if self._flags else self._every)
+        if not self._flags:
+            known = self._most or [0.0] * len(shares)
+            self._most = [max(_LONGER * now, _FORGET * usual) for now, usual in zip(shares, known, strict=True)]
+
+    def _stands_out(self, shares: list[float], most: NDArray[Any], least: NDArray[Any], samples: int) -> bool:
+        """Whether a fault may have come since the last look."""
+        slack = _FEW / samples
+        if not self._most or any(now > usual + slack for now, usual in zip(shares, self._most, strict=True)):
+            return True
+        if self.form.bits != 16 or most.max() <= _END:
+            return False
+        return bool(((most > _END) & (least < -_END)).any())

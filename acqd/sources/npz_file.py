@@ -61,7 +61,7 @@ def load(path: Path, given: ChannelMap) -> Recording:
     simulated = "simulated" in data and _number(path, data, "simulated") != 0
     return Recording(
         path, "NPZ of " + ("values" if physical else "codes"), channels, samples, column, rate, start, f_nominal,
-        simulated, noun="channel", full_scale=not physical,
+        simulated, noun="channel", full_scale=not physical, declared=True,
     )  # fmt: skip
 
 

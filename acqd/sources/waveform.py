@@ -52,6 +52,11 @@ class ChannelMap:
             if not equals or key not in (*QUANTITIES, *LINES) or not column.strip():
                 keys = ", ".join((*QUANTITIES, *LINES[:3]))
                 raise UserError(f"{option}: {item!r} is not like u1=COLUMN (keys {keys})")
+            if column.strip() == "?":
+                raise UserError(
+                    f"{option}: {key}=? is a place to fill in; put the name or the number of a column there "
+                    "(acqd replay --inspect FILE lists them)"
+                )
             if key in columns:
                 raise UserError(f"{option}: {key} stands twice ({columns[key]} and {column.strip()}); expected once")
             columns[key] = column.strip()

@@ -76,6 +76,16 @@ def test_a_reversed_transformer_of_a_single_phase_load_is_named():
     assert "i2 is reversed" in examine(Phasors(230 * TURN, I))[0].text
 
 
+@pytest.mark.parametrize("lag", [20.0, 35.0, 50.0, 70.0])
+def test_three_reversed_transformers_are_never_hidden_by_another_wiring(lag):
+    I = -5 * TURN * np.exp(-1j * np.radians(lag))  # noqa: E741
+    found = Phasors(230 * TURN, I)
+    [finding] = examine(found)
+    assert "i1 and i2 and i3 are reversed" in finding.text or "or all three currents are reversed" in finding.text
+    [known] = examine(found, 3 * 230 * 5 * np.cos(np.radians(lag)))
+    assert known.sign == (-1, -1, -1) and "or" not in known.text.split()
+
+
 def test_phasors_of_samples_are_those_of_the_wave():
     t = np.arange(40_000) / 20_000
     angle = 2 * np.pi * 50.07 * t  # nominal 50 Hz: the pieces are turned

@@ -104,18 +104,37 @@ def blocks_of(codes, size=800):
     return [SampleBlock(codes[k : k + size], k, k * 50_000) for k in range(0, len(codes) - size + 1, size)]
 
 
-def test_flags_come_within_ten_windows_and_go():
+def test_flags_come_at_once_and_go():
     codes = make_mains(50.0, seconds=1.5, phases=3).codes
     limit = 0.7 * codes[:, 3].max()
     codes[10_000:20_000, 3] = np.clip(codes[10_000:20_000, 3], -limit, limit)
     watch = SignalWatch(FORM)
     flags = [watch.apply(block).flags for block in blocks_of(codes)]
     flagged = [k for k, named in enumerate(flags) if named == {"clipped"}]
-    assert 12 <= flagged[0] <= 23 and 24 <= flagged[-1] <= 35
+    assert flagged[0] == 13 and 24 <= flagged[-1] <= 35
     assert flagged == list(range(flagged[0], flagged[-1] + 1))
     plain = blocks_of(codes)[0]
     assert SignalWatch(FORM).apply(plain) is plain
     assert SignalWatch(FORM).apply(replace(plain, codes=plain.codes[:100])).flags == frozenset()
+
+
+@pytest.mark.parametrize("fault", ["clipped", "rollover"])
+@pytest.mark.parametrize("block", [800, 8_000])
+def test_a_burst_between_two_looks_is_flagged(fault, block):
+    codes = make_mains(50.0, seconds=3.2, phases=3).codes.astype(np.int32)
+    burst = slice(25_600, 27_200)  # two windows
+    if fault == "clipped":
+        limit = 0.7 * codes[:, 3].max()
+        codes[burst, 3] = np.clip(codes[burst, 3], -limit, limit)
+    else:
+        codes[:, 2] = codes[:, 2] * 30_500 // codes[:, 2].max()
+        codes[burst, 2] = codes[burst, 2] * 7 // 6
+    watch = SignalWatch(FORM)
+    flags = [watch.apply(one).flags for one in blocks_of(codes.astype(np.int16), block)]
+    named = [k for k, one in enumerate(flags) if one == {fault}]
+    first, last = burst.start // block, (burst.stop - 1) // block
+    assert set(range(first, last + 1)) <= set(named) and len(named) <= 2 * (last - first + 1)
+    assert all(one in ({fault}, frozenset()) for one in flags)
 
 
 def test_no_recording_is_flagged_live(waveforms):

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 import soundfile
 
+from acqd.errors import InputError
 from acqd.metering import Meter, SampleBlock
-from acqd.sources import load_waveform
+from acqd.sources import ChannelMap, load_waveform
 from tests.commands import acqd_here
 from tests.mains import make_mains
 from tests.sources.comtrade import Recording
@@ -57,6 +58,34 @@ def test_no_rates_a_comma_and_markers_without_colons(tmp_path):
     cff = b"--- file type CFG ---\r\n" + header + b"--- file type DAT BINARY %d ---\r\n" % len(data) + data
     (tmp_path / "a.cff").write_bytes(cff)
     assert load_waveform(tmp_path / "a.cff").form.rate == pytest.approx(20_000)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [(b"\r\n50\r\n", b"\r\n50 Hz\r\n"), (b"\r\n50\r\n", b"\r\n50;\r\n"), (b"\r\n20000,", b"\r\n20000Hz,"),
+     (b"Station", b"\r\n\r\nStation"), (b"\r\n", b"\r\n\r\n"), (b"25/06/2007,19", b"2007-06-25,19"),
+     (b"25/06/2007,19", b"2007/06/25 19"), (b"57.789757", b"57,789757")],
+)  # fmt: skip
+def test_what_recorders_write_otherwise_is_read(tmp_path, old, new):
+    recording = Recording(make_mains(50.0, seconds=0.2))
+    path = recording.write(tmp_path)
+    assert old in path.read_bytes()
+    path.write_bytes(path.read_bytes().replace(old, new))
+    waveform = load_waveform(path)
+    assert waveform.start_utc_ns == 1_182_798_837_789_757_000 and waveform.form.f_nominal == 50.0
+
+
+@pytest.mark.parametrize(("rate", "right"), [(12_800.0, True), (14_400.0, True), (12_820.0, False), (12_300.0, False)])
+def test_a_rate_that_the_times_contradict_is_refused(tmp_path, rate, right):
+    """12,800 and 14,400 samples/s have steps of 78.125 and 69.44 us, which are printed as whole ones."""
+    mains = make_mains(50.0, seconds=0.3, rate=rate if right else 12_800.0)
+    path = replace(Recording(mains), segments=((rate, len(mains.codes)),)).write(tmp_path)
+    if right:
+        assert load_waveform(path).form.rate == rate
+    else:
+        with pytest.raises(InputError, match=r"its header says 12[83]\d\d+ samples/s.*--rate"):
+            load_waveform(path)
+        assert load_waveform(path, ChannelMap(rate=12_800.0)).form.rate == 12_800.0
 
 
 @pytest.mark.parametrize("subtype", ["PCM_16", "PCM_24"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, get_args
@@ -14,6 +15,8 @@ FileType = Literal["ASCII", "BINARY", "BINARY32", "FLOAT32"]
 SIMULATED = "simulated"
 """Name of the recorder in files that hold the samples of a simulation."""
 _KNOWN = (1991, 1999, 2001, 2013)
+_UNIT = re.compile(r"\s*(hz|;)\s*$", re.IGNORECASE)
+"""What recorders write behind a frequency or a rate."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +110,7 @@ def _segments(lines: _Lines) -> list[Segment]:
     segments = []
     for _ in range(max(1, int(lines.first_number()))):
         rate, end, *_ = lines.fields(2)
-        segments.append(Segment(lines.number(rate or "0"), int(lines.number(end or "0"))))
+        segments.append(Segment(lines.number(_UNIT.sub("", rate) or "0"), int(lines.number(end or "0"))))
     return segments
 
 
@@ -116,7 +119,9 @@ class _Lines:
 
     def __init__(self, path: Path, text: str) -> None:
         self._path = path
-        self._lines = text.replace("\x1a", "").splitlines()
+        self._lines = text.replace("\x1a", "").lstrip("\ufeff\r\n \t").splitlines()
+        if not any(line.strip() for line in self._lines[1:12:2]):  # a blank line after every line
+            self._lines = self._lines[::2]
         self._number = 0
 
     def next(self) -> str:
@@ -136,7 +141,7 @@ class _Lines:
 
     def first_number(self) -> float:
         """The number that is alone in a line, which may end with a comma; 0 where the line is empty."""
-        return self.number(self.next().partition(",")[0].strip() or "0")
+        return self.number(_UNIT.sub("", self.next().partition(",")[0]).strip() or "0")
 
     def number(self, text: str) -> float:
         try:
@@ -149,7 +154,10 @@ class _Lines:
 
     def count(self, fields: list[str], letter: str) -> int:
         """Number of channels of a kind, from `36,20A,16D`: each has a line, so the header limits it."""
-        text = next((field[:-1] for field in fields[1:] if field[-1:].upper() == letter), "0")
+        text = next((field[:-1] for field in fields[1:] if field[-1:].upper() == letter), "")
+        if not text and letter == "A":
+            raise self.wrong(f"{','.join(fields)!r} has no number of analog channels; expected a line like 36,20A,16D")
+        text = text or "0"
         count, left = self.number(text), len(self._lines) - self._number
         if not 0 <= count <= left:
             raise self.wrong(f"announces {text}{letter} channels, but {left} lines follow")

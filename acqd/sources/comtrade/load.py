@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from acqd.arrays import Floats
 from acqd.errors import InputError
 from acqd.sources.comtrade.files import parts
 from acqd.sources.comtrade.header import SIMULATED, AnalogChannel, Header, read_header
@@ -14,6 +15,7 @@ from acqd.sources.recording.channel import Channel, Column, Recording
 from acqd.sources.waveform import ChannelMap
 
 _STEP_SLACK = 0.05  # of a period: how far times may be from an even step
+_RATE_SLACK = 1e-3  # how far the mean step may be from the header's rate: 0.05 Hz of the mains
 _DECADE_SLACK = 0.03  # of a power of ten: 7 %
 _LONGEST_PAUSE_S = 86_400.0
 _MOST_PAUSES = 0.001  # share of the samples: more jumps are no pauses, but times that mean nothing
@@ -56,6 +58,21 @@ def _channel(channel: AnalogChannel) -> Channel:
     return Channel(channel.name, channel.unit, channel.phase, channel.circuit, ratio, channel.skew_us * 1e-6)
 
 
+def _other_rate(steps: Floats, step: float, tick_s: float) -> float | None:
+    """Samples/s that the times say, where that is another rate than the header's; None where both agree.
+
+    Recorders round every time to a tick, or the step, whose mean is half a tick off then.
+    """
+    usual = float(np.median(steps))
+    even = steps[np.abs(steps - usual) <= _STEP_SLACK * usual + 2 * tick_s]  # without the pauses
+    if not len(even):
+        return None  # times that mean nothing
+    mean = float(even.mean())
+    rounded = 0.51 * tick_s if np.ptp(even) < 0.5 * tick_s else 2 * tick_s / len(even)
+    agree = abs(mean - step) <= _RATE_SLACK * step + rounded
+    return None if agree or mean <= 0 else 1 / mean
+
+
 def _clock(
     path: Path, header: Header, samples: Samples, given: ChannelMap, notes: list[str]
 ) -> tuple[float | None, list[tuple[int, int]]]:
@@ -63,7 +80,9 @@ def _clock(
     rates = {segment.rate for segment in header.segments}
     if len(rates) > 1:
         listed = ", ".join(f"{segment.rate:g} Hz" for segment in header.segments)
-        raise InputError(path, f"changes its sampling rate ({listed}); one constant rate is needed")
+        raise InputError(
+            path, f"changes its sampling rate ({listed}); one constant rate is needed: export the part of one rate"
+        )
     rate = rates.pop()
     times = samples.times()
     if times is None or len(times) < 2 or times[-1] <= 0:
@@ -73,13 +92,13 @@ def _clock(
     if step <= 0:
         raise InputError(path, "has times that do not rise; give --rate")
     slack = _STEP_SLACK * step + 2 * header.tick_s
-    if rate and len(header.segments) == 1 and abs(float(np.median(steps)) - step) > slack:
+    if rate and len(header.segments) == 1 and (other := _other_rate(steps, step, header.tick_s)):
         # Times in another unit differ by a power of ten, and the header's rate holds; else nobody knows which is right.
-        decades = np.log10(float(np.median(steps)) / step)
-        if given.rate is None and abs(decades - round(decades)) > _DECADE_SLACK:
+        decades = np.log10(other / rate)
+        if given.rate is None and (round(decades) == 0 or abs(decades - round(decades)) > _DECADE_SLACK):
             raise InputError(
                 path,
-                f"its header says {rate:g} samples/s, the times of its samples {1 / float(np.median(steps)):g}; "
+                f"its header says {rate:g} samples/s, the times of its samples {other:g}; "
                 "say which is right with --rate",
             )
         return rate, []

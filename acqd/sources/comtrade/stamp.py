@@ -8,7 +8,8 @@ from datetime import UTC, datetime
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _DATE = re.compile(r"(\d{1,2})[/.-](\d{1,2})[/.-](\d{2,4})$")
-_TIME = re.compile(r"(\d{1,2}):(\d{1,2}):(\d{1,2})(?:\.(\d{1,12}))?$")
+_YEAR_FIRST = re.compile(r"(\d{4})[/.-](\d{1,2})[/.-](\d{1,2})(?=$|[ T,])")
+_TIME = re.compile(r"(\d{1,2}):(\d{1,2}):(\d{1,2})(?:[.,](\d{1,12}))?$")
 _OFFSET = re.compile(r"([+-]?)(\d{1,2})(?:[hH](\d{1,2})?)?$")
 _PIVOT = 70  # two-digit years from here on are 19xx
 
@@ -20,6 +21,10 @@ def utc_ns(line: str, month_first: bool, offset_s: int = 0) -> int | None:
     """
     if not line.strip(" ,\t"):
         return None
+    year_first = _YEAR_FIRST.match(line.strip())
+    if year_first is not None:  # as ISO 8601 writes dates
+        year, month, day = year_first.groups()
+        line, month_first = f"{day}/{month}/{year},{line.strip()[year_first.end() :].lstrip(' T,')}", False
     date, _, time = (part.strip() for part in line.partition(","))
     days, clock = _DATE.match(date), _TIME.match(time)
     if days is None or clock is None:

@@ -148,6 +148,7 @@ class Meter:
         verdict = judge(self.profile, values, self.settings.nominal_voltage)
         if not verdict.faults:
             self._trusted = verdict.judged
+            self._judge.expect(values)
             return ""
         advice = explain(self.profile, self._access.plan, answers, self.settings.nominal_voltage)
         return (

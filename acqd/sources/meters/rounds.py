@@ -21,6 +21,12 @@ _VOLTS = 2.0
 """Of the nominal voltage: no supply holds more for a second (EN 50160: swells below 1.2 kV stay under 1.7)."""
 _HERTZ = (40.0, 70.0)
 _PF = 1.05
+_PF_BELOW = 0.15
+"""How far |PF| may be below |P| / S; above it a meter may show the one of the fundamentals (IEC 61557-12)."""
+_PARTS = 0.3
+"""Share of the sum of S by which the total of P may differ from the phases: registers of a round differ in time."""
+_DEAD = 0.05
+"""Of the nominal voltage: below it there are no mains, and no f."""
 _SLACK = 0.1  # share of V x I by which P and S may be larger: resolution, and times that differ
 _SMALL_VA = 25.0  # below this the meters' resolution says more than the load
 _LARGEST = 1e10  # A, W, VA or kWh: floats that mean nothing are larger
@@ -37,6 +43,8 @@ _JUMP_POWER = 20.0  # times the largest apparent power seen, plus 10 kW: faster 
 class _Counter:
     """One energy register."""
 
+    first: float | None = None
+    """Reading before the first accepted one: both must agree, because either may be no measurement."""
     last: float | None = None
     """Last accepted reading of the register [kWh]."""
     at_ns: int = 0
@@ -70,11 +78,16 @@ class RoundJudge:
         high = sum(value == (1 << 16 * width) - 1 for value, width in raw)
         return (len(raw) >= _FEW and not any(value for value, _ in raw)) or 2 * high > len(raw)
 
+    def expect(self, values: dict[str, float | None]) -> None:
+        """A round that makes no row: the first energies of `judge` have to follow its own."""
+        for name, value in values.items():
+            if name.endswith((".W", ".W_export")) and value is not None:
+                self._counters.setdefault(name, _Counter()).first = value
+
     def contradicts(self, values: dict[str, float | None]) -> bool:
         """Whether powers, voltages and currents cannot be of the same moment: another read may agree."""
         known = dict(values)
-        for channel in _CHANNELS:
-            _drop_contradicting(channel, known)
+        self._drop_contradicting(known)
         return known != values
 
     def judge(self, values: dict[str, float | None], now_ns: int) -> Judged:
@@ -83,9 +96,11 @@ class RoundJudge:
         for name, value in values.items():
             if value is not None and self._impossible(name, value):
                 known[name] = None
-        for channel in _CHANNELS:
-            _drop_contradicting(channel, known)
+        self._drop_contradicting(known)
         flags = {INVALID} if known != values else set()
+        alive = max(known.get(f"L{k}.Vrms") or 0.0 for k in (1, 2, 3)) > _DEAD * self.nominal_voltage
+        if known.get("f") == 0 and alive:
+            known["f"] = None  # a meter that does not measure f
         self._most_VA = max(
             self._most_VA, *(known.get(f"L{k}.S") or _product(f"L{k}", known) or 0.0 for k in (1, 2, 3))
         )
@@ -93,6 +108,12 @@ class RoundJudge:
             if name.endswith((".W", ".W_export")):
                 known[name] = self._counted(name, known[name], now_ns, flags)
         return Judged(known, frozenset(flags))
+
+    def _drop_contradicting(self, known: dict[str, float | None]) -> None:
+        for channel in _CHANNELS:
+            _drop_powers(channel, known, _DEAD * self.nominal_voltage)
+            _drop_power_factor(channel, known)
+        _drop_total(known)
 
     def _impossible(self, name: str, value: float) -> bool:
         kind = name.rpartition(".")[2]
@@ -110,6 +131,9 @@ class RoundJudge:
         if value is None:
             return None
         certain = value > 0 or name != "total.W" or self._confirmed(counter, now_ns)
+        if counter.last is None and counter.first is not None:
+            certain = self._continues(counter.first, value, 0.0)
+            counter.first = value
         fresh = counter.last is None and certain
         if fresh or (counter.last is not None and self._follows(counter, value, now_ns)):
             counter.last = value if counter.last is None else max(value, counter.last)
@@ -137,19 +161,43 @@ class RoundJudge:
     def _follows(self, counter: _Counter, value: float, now_ns: int) -> bool:
         """Whether a reading may come after the last accepted one."""
         assert counter.last is not None
-        hours = max(now_ns - counter.at_ns, 0) / 3.6e12
+        return self._continues(counter.last, value, max(now_ns - counter.at_ns, 0) / 3.6e12)
+
+    def _continues(self, before: float, value: float, hours: float) -> bool:
         most = _JUMP_kWh + hours * (10.0 + _JUMP_POWER * self._most_VA / 1000)
-        return -(1e-3 + _STEP * counter.last) <= value - counter.last <= most + _STEP * counter.last
+        return -(1e-3 + _STEP * before) <= value - before <= most + _STEP * before
 
 
-def _drop_contradicting(channel: str, known: dict[str, float | None]) -> None:
+def _drop_power_factor(channel: str, known: dict[str, float | None]) -> None:
+    """|PF| is not below |P| / S."""
+    P, S, PF = (known.get(f"{channel}.{name}") for name in ("P", "S", "PF"))
+    if P is None or PF is None or S is None or abs(S) < 4 * _SMALL_VA:
+        return
+    if abs(PF) < abs(P / S) - _PF_BELOW:
+        known[f"{channel}.PF"] = None
+
+
+def _drop_total(known: dict[str, float | None]) -> None:
+    """The total of P is the sum of the phases."""
+    phases = [f"L{k}" for k in (1, 2, 3) if f"L{k}.Vrms" in known]
+    P, VA = [known.get(f"{name}.P") for name in phases], [_product(name, known) for name in phases]
+    total = known.get("total.P")
+    if len(phases) < 2 or total is None or None in P or None in VA:
+        return
+    apart = abs(total - sum(p for p in P if p is not None))
+    if apart > _PARTS * sum(va for va in VA if va is not None) + 4 * _SMALL_VA:
+        known["total.P"] = None
+
+
+def _drop_powers(channel: str, known: dict[str, float | None], dead_V: float) -> None:
     """|P| and S are at most V x I, and |P| at most S: the value that stands alone becomes null."""
     product, S = _product(channel, known), known.get(f"{channel}.S")
     P = known.get(f"{channel}.P")
     S = None if S is None else abs(S)
     if P is not None and product is not None and _above(abs(P), product):
         if S is not None and not _above(abs(P), S) and channel != "total":
-            known[f"{channel}.Irms"] = None  # P and S agree: it is the current
+            volts = known[f"{channel}.Vrms"] or 0.0
+            known[f"{channel}.{'Irms' if volts > dead_V else 'Vrms'}"] = None  # P and S agree
             return
         known[f"{channel}.P"] = P = None
     if S is not None and product is not None and _above(S, product):

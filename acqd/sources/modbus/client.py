@@ -136,7 +136,8 @@ class ModbusClient:
     async def _ask(self, client: Any, unit: int, read: Read) -> bytes:
         """One read. On a serial line nothing names the request that an answer is for.
 
-        So after a time-out the unit is asked again only when its late answer has passed.
+        So after a time-out the unit is asked again only when its late answer has passed. A gateway with transaction
+        ids of its own names no request either: its late answers end with the connection.
         """
         if not self.link.host:
             await asyncio.sleep(max(0.0, self._late.pop(unit, 0.0) - time.monotonic()))
@@ -146,6 +147,8 @@ class ModbusClient:
         except ModbusError as error:
             if error.code is None and not self.link.host:
                 self._late[unit] = begun + _LATE * max(time.monotonic() - begun, self.link.timeout_s)
+            elif error.code is None and not self._line.exact:
+                client.close()
             raise
 
     async def _connect(self) -> None:

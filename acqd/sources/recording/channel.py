@@ -109,5 +109,7 @@ class Recording:
     """What a channel of this format is called."""
     full_scale: bool = False
     """The format says that integers are codes of a converter, whatever their scale."""
+    declared: bool = False
+    """The format itself says which channel is which phase."""
     advice: str = ""
     """What to export instead of a file of this format that lacks voltages or currents."""

@@ -43,6 +43,8 @@ _RESIDUAL = re.compile(
     r"^(?:3[uvi][0o]?|[uvi](?:n|ne|ng|e|g|gnd|pe|o|0|res\w*|resid\w*|earth|sum|neut\w*|ef|sef)\d?"
     r"|neut\w*|neutral\w*|res|resid\w*|earth|ground|gnd|erde|sef|n|pe|zero|sum|summe|nul\w*)$"
 )
+_BETWEEN = re.compile(r"^([uv]?(ll|ltl|l2l|pp|ptp|delta)|verk\w*|compos\w*|concat\w*|compuest\w*)$")
+"""Words that say "between lines" without saying between which."""
 _NEUTRAL = ("n", "e", "g", "pe")
 
 
@@ -70,6 +72,8 @@ def readings(name: str) -> list[Reading]:
         return [Reading("unknown", quantity)] if quantity else []  # an input of an instrument is no phase
     core = [word for word in plain if word not in _FILLER]
     found = _designated(core, quantity)
+    if any(_BETWEEN.match(word) for word in words) or max(words.count(word) for word in ("line", "phase", "ph")) > 1:
+        found = [one for one in found if one.kind == "line"] or [Reading("unknown", quantity or "u")]
     if found:
         return found
     if (len(core) == 1 and core[0] in _QUANTITY) or (not core and quantity):

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from acqd.errors import InputError
 from acqd.sources.recording.channel import Recording, Role
+from acqd.sources.recording.label import FAMILIES
 from acqd.sources.recording.roles import DISAGREE, NO_PHASE
 from acqd.sources.recording.units import UnknownUnitError, unit_of
 from acqd.sources.waveform import LINES, ChannelMap, position, positions
@@ -115,6 +116,9 @@ def _in_groups(recording: Recording, roles: list[Role], grouping: _Grouping) -> 
     if not whole:
         return _across(recording, groups)
     best = max(len(found.currents) for found in whole.values())
+    names = {name.rpartition("|")[2] for name in whole}
+    if best == 1 and len(names) > 1 and any(names <= set(family) for family in FAMILIES):
+        return None  # IRA, IRB, IRC: of phase R of three feeders, or of three phases of one that is called R
     selection = next(found for found in whole.values() if len(found.currents) == best)
     return Selection(selection.voltages, selection.currents, _left_out(recording, roles, selection))
 
@@ -185,7 +189,9 @@ def _ambiguity(recording: Recording, roles: list[Role]) -> str:
             f"--u-scale or --i-scale: {try_it}"
         )
     if lone := next((key for key in sorted(counts) if _partner(key) not in counts and len(key) == 2), None):
-        return f"has {lone} but no {_partner(lone)}; power needs both: --map u1=...,i1=..., {try_it}"
+        unknown = [role for role in roles if role.kind == "unknown" and role.quantity == "u"]
+        lines = " (u12=...,u23=... for voltages between lines)" if lone[0] == "i" and len(unknown) > 1 else ""
+        return f"has {lone} but no {_partner(lone)}; power needs both: --map u1=...,i1=...{lines}, {try_it}"
     if any(len(key) == 3 for key in counts):
         return (
             "has voltages between lines; they need two or three of them and the currents of three lines: "

@@ -108,6 +108,7 @@ def _name(lower: str) -> Unit | None:
 
 
 _BRACKETS = re.compile(r"^(.*?)\s*[\[\(\{<]\s*([^\[\]\(\)\{\}<>]*?)\s*[\]\)\}>]\s*$")
+_GLUED = re.compile(r"^(.*[A-Za-z0-9])(?:(?<=\d)([uµμ][VA])|([mk][VA]))$")
 _TAIL = re.compile(r"^(.+?)(?:\s+in\s+|\s*/\s*|\s*,\s*|_|\s+)([^\s_/,]+)$", re.IGNORECASE)
 
 
@@ -126,6 +127,12 @@ def split_label(label: str) -> tuple[str, str]:
         if _is_unit(inner) or _looks_like_unit(inner):
             return found.group(1).strip() or text, inner
         return text, ""
+    if (alone := re.fullmatch(r"(?i)in\s+(\S+)", text)) and _is_unit(alone.group(1)):
+        return text, alone.group(1)
+    if input_ := re.fullmatch(r"(?i)(ch(?:annel)?\s?\d+)([VA])", text):  # CH1V of Rigol
+        return input_.group(1), input_.group(2)
+    if glued := _GLUED.match(text):  # U1mV, but not UA: a prefix tells a unit from a phase
+        return glued.group(1), glued.group(2) or glued.group(3)
     tail = _TAIL.match(text)
     if tail and _is_unit(tail.group(2)) and not _is_phase(tail.group(1), tail.group(2)):
         return tail.group(1).strip(), tail.group(2)
@@ -163,7 +170,9 @@ def _is_unit(text: str) -> bool:
 
 def _looks_like_unit(text: str) -> bool:
     """A text in brackets that stands for a unit, known or not: `[bar]`, `[pu]`, `[Gauss]`; `(L1)`, `(CT 2)` do not."""
-    if re.search(r"[\d.]\s*[*x×/]|[*x×/]\s*[\d.]|^[x×*]", text) and re.search(r"(?i)[va]", text):
+    if re.fullmatch(r"[*x×]\s?[\d.,]+|[\d.,]+\s?[*x×]", text):
+        return True
+    if re.search(r"[\d.]\s*[*x×/^]|[*x×/]\s*[\d.]|^[x×*]", text) and re.search(r"(?i)[va]", text):
         return True  # a scale beside a unit, `x100 V`, `V/10`: the reader refuses it
     if "%" in text:
         return True

@@ -11,7 +11,8 @@ from acqd.sources.sampled_values.settings import SampledValuesSettings
 from acqd.sources.sampled_values.wire import PacketSocket
 
 _LISTEN_S = 1.5
-_RATE_S = 3.5  # at least two wraps of smpCnt lie inside
+_RATE_S = 10.0  # at most, for two equal wraps of smpCnt, which come once a second: frames may be lost at some
+_PIECE_S = 0.2
 _POLL_S = 0.005
 
 
@@ -24,6 +25,11 @@ class Stream:
     wrapped: list[int] = field(default_factory=list)
     """smpCnt before each wrap."""
     last: int | None = None
+
+    @property
+    def counted(self) -> bool:
+        """Whether two wraps in a row were equal."""
+        return len(self.wrapped) >= 2 and self.wrapped[-1] == self.wrapped[-2]
 
     def note(self, frame: bytes) -> None:
         """Follow smpCnt of one more frame."""
@@ -40,7 +46,9 @@ def find_stream(wire: PacketSocket, settings: SampledValuesSettings) -> tuple[St
     stream = _chosen(streams, settings, wire.interface)
     rate = settings.rate or _announced(stream.layout)
     if rate is None:
-        _listen(wire, _RATE_S, streams)
+        end = time.monotonic() + _RATE_S
+        while not stream.counted and time.monotonic() < end:
+            _listen(wire, _PIECE_S, streams)
         rate = _counted(stream)
     if max(settings.channels) >= stream.layout.asdus[0].values:
         raise UserError(
@@ -112,7 +120,7 @@ def _announced(layout: FrameLayout) -> float | None:
 
 def _counted(stream: Stream) -> float:
     """The rate at which smpCnt wraps; two equal wraps are asked for, since a frame may be lost at one."""
-    if len(stream.wrapped) >= 2 and stream.wrapped[-1] == stream.wrapped[-2]:
+    if stream.counted:
         return float(stream.wrapped[-1] + 1)
     raise UserError(
         f"source.rate: the sampling rate of {stream.layout.svid!r} cannot be counted "

@@ -137,12 +137,18 @@ def _date(table: Table, layout: Layout) -> tuple[int | None, tuple[str, ...]]:
     return start_of(stamp)
 
 
+def announced(table: Table, layout: Layout) -> int | None:
+    """Number of rows that the lines above the table announce; None: they do not."""
+    match = re.search(r"(?:^|:)\s*(\d+)(?:[.,]0*)?(?:e\+?(\d))?\s*$", _value(table, layout.samples).lower())
+    return None if match is None else int(match[1]) * 10 ** int(match[2] or 0)
+
+
 def _value(table: Table, keys: tuple[str, ...]) -> str:
     """The first value of the first of these lines."""
     for key in keys:
         for value in table.preamble.get(key_of(key), ()):
             if value:
-                return value
+                return re.sub(r"^[A-Za-z]+:\s*(?=[\d.+-])", "", value)  # Siglent: `Analog:1.0E-04`
     return ""
 
 

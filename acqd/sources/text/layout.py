@@ -35,6 +35,8 @@ class Layout:
     """Keys of the sampling rate."""
     offset: tuple[str, ...] = ()
     """Keys of the time of the first sample [units of the increment]."""
+    samples: tuple[str, ...] = ()
+    """Keys of the number of rows."""
     date: tuple[str, ...] = ()
     """Keys of the date, or of date and time, of the first sample."""
     clock: tuple[str, ...] = ()

@@ -18,11 +18,12 @@ from acqd.sources.recording.clock import Clock, of_times
 from acqd.sources.recording.units import TIME_NAMES, UnknownUnitError, unit_of
 from acqd.sources.text import clock
 from acqd.sources.text.layout import Layout, find_layout, key_of, recognised
-from acqd.sources.text.table import HEAD_LINES, Table, find_table, is_number, split_row
+from acqd.sources.text.table import HEAD_LINES, Table, factors, find_table, is_number, split_row
 from acqd.sources.text_file import encoding_of
 from acqd.sources.waveform import ChannelMap
 
 _HEAD_BYTES = 1 << 20
+_SAME_RATE = 5e-3  # how far the rate above a table may be from that of its times: increments are printed with 3 digits
 _INDEX = ("sequence", "index", "sample", "samples", "no", "nr", "n", "point", "points", "number", "xindex")
 _TIMES = (*(key_of(name) for name in TIME_NAMES), "xvalue", "timesec", "timeaxis", "abstime", "reltime")
 
@@ -133,11 +134,31 @@ class _Export:
                 self.text.path, column * factor, self._quantum(times[0]) * factor, given, self.table.first + 1
             )
             start = said.start_utc_ns if said.start_utc_ns is not None else found.start_utc_ns
-            found = Clock(said.rate, start, (*found.notes, *said.notes))
+            doubt = () if given.rate else self._other_rate(found.rate, said.rate, times[0])
+            found = Clock(said.rate, start, (*found.notes, *said.notes, *doubt))
         elif times:
             found = self._of_stamps(times, given)
         recording.rate, recording.start_utc_ns = found.rate, found.start_utc_ns
         recording.notes += found.notes
+        recording.notes += [
+            f"its header has a factor that is not applied: {text} (--u-scale and --i-scale apply one)"
+            for text in factors(self.table)
+        ]
+        rows = clock.announced(self.table, self.layout)
+        if rows and rows != recording.samples:
+            recording.notes.append(f"its header announces {rows} rows, the table has {recording.samples} (cut off?)")
+
+    def _other_rate(self, above: float | None, column: float | None, k: int) -> tuple[str, ...]:
+        """A remark where lines above the table say another rate than the column of times, which holds if it has a unit.
+
+        Raises InputError where it has none: either may be right.
+        """
+        if not above or not column or abs(above / column - 1) < _SAME_RATE:
+            return ()
+        said = f"its header says {above:g} samples/s, its time column {column:g}"
+        if self._time_unit(self.table.units[k]) is None:
+            raise InputError(self.text.path, f"{said}; name the unit of the times, like time [ms], or give --rate")
+        return (f"{said}, which holds (--rate overrules it)",)
 
     def column(self, number: int) -> Column:
         """Samples of one column."""

@@ -19,6 +19,8 @@ _BESIDE = 60  # lines in which the preamble stands beside the table
 _RUN = 3  # consecutive rows that make a table, if the file has as many
 _COMMENT = re.compile(r'^\s*"?(?:#|%|//|;(?![\d\s.,;-]*$))+\s*')
 _DIALECTS = (("\t", "."), (";", "."), (",", "."), ("\t", ","), (";", ","), ("|", "."), (" ", "."), (" ", ","))
+_KEY_UNIT = re.compile(r"(.+?)\s*[\[(]\s*([^\[\]()]+?)\s*[\])]\s*$")
+"""A key of the preamble with the unit of its value: `Sample Rate [kS/s]`."""
 _NUMBER = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?$|[+-]?(?:nan|inf|infinity|∞)$", re.IGNORECASE)
 _STAMP = re.compile(
     r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}[ T_]*(?:\d{1,2}:\d{2}(?::\d{2})?.*)?$|'?\d{1,2}:\d{2}:\d{2}(?:[.,:]\d+)?$"
@@ -129,6 +131,9 @@ def _read_header(table: Table, lines: list[str], layout: Layout) -> None:
     rows = [split_row(line, table.separator) for line in above]
     for line, row in zip(above, rows, strict=True):
         _note(table, line, row[: min(layout.columns)] if layout.columns else row)
+    for text in (text for row in rows for text in row):
+        if beside := re.fullmatch(r"(?i)tinc\s*=\s*(\S+)", text):  # Rigol: CH1V,CH2V,t0 = -0.1, tInc = 1e-05,
+            table.stray["increment"] = beside[1].rstrip("s")
     candidates = [k for k in range(table.first - 1, -1, -1) if any(rows[k])]
     if layout.names_row:
         candidates = [layout.names_row - 1]
@@ -159,6 +164,9 @@ def _header_rows(table: Table, rows: list[list[str]], candidates: list[int], lay
                 if at < len(row) and key_of(name) in ("start", "increment") and is_number(row[at], ".")
             }
             continue
+        above = number + 1 < len(candidates) and _picked(rows[candidates[number + 1]], layout)
+        if above and not table.units and len(_filled(above)) == table.width and _are_units(above[: table.width]):
+            table.units = _padded([_bare(text) for text in above], table.width)  # units above the names
         return row
     return []
 
@@ -206,17 +214,33 @@ def _note(table: Table, line: str, row: list[str]) -> None:
     values = [text for text in row[1:] if text]
     if values and row[0] and ":" not in row[0]:
         table.preamble.setdefault(key_of(row[0]), row[1:])
+        if bracketed := _KEY_UNIT.match(row[0]):
+            given = [f"{text} {bracketed[2]}" if is_number(text, table.decimal) else text for text in row[1:]]
+            table.preamble.setdefault(key_of(bracketed[1]), given)
         return
     match = re.match(r"\s*\"?([^:=]+?)\"?\s*[:=]\s*(.+?)\s*$", line)
     if match:
         table.preamble.setdefault(key_of(match.group(1)), split_row(match.group(2).strip(), table.separator))
 
 
+_FACTOR = re.compile(r"multipl|factor|faktor|attenuation|gain|verst.rk|ratio|bersetzung|^(y)?scal(e|ing)(s)?$|skalier")
+
+
+def factors(table: Table) -> list[str]:
+    """Lines above the table that name factors other than 1; exports differ in whether their numbers have them."""
+    found = []
+    for key, values in table.preamble.items():
+        numbers = [text for text in values if "∞" not in text and (is_number(text, ".") or is_number(text, ","))]
+        if _FACTOR.search(key) and any(float(text.replace(",", ".")) not in (0.0, 1.0) for text in numbers):
+            found.append(f"{key} {', '.join(numbers)}")
+    return found
+
+
 def _named(table: Table, keys: tuple[str, ...]) -> list[str]:
     """Values of the first of these lines of the preamble."""
     for key in keys:
         if values := table.preamble.get(key_of(key)):
-            return _aligned([_bare(value) if value else "" for value in _filled(values)], table.width)
+            return _aligned([_bare(value.removeprefix("Analog:")) for value in _filled(values)], table.width)
     return []
 
 

@@ -77,6 +77,17 @@ def test_a_meter_that_starts_with_zero_has_no_energy_until_that_lasts():
     assert W[0] is None and W[-1] == 0.01 and W[-2] == 0.0
 
 
+@pytest.mark.parametrize("mark", [0.0, 9_999_999.9, 21_474_836.47, 3.0])
+def test_a_first_reading_that_is_none_does_not_become_the_energy(mark):
+    for expected, readings in ((mark, [12_245.0, 12_245.1, 12_245.1]), (12_245.0, [mark, 12_245.0, 12_245.1])):
+        judge = RoundJudge(230.0)
+        judge.expect(good() | {"total.W": expected})
+        judged = [judge.judge(good() | {"total.W": W}, k * SECOND) for k, W in enumerate(readings)]
+        W = [one.values["total.W"] for one in judged]
+        assert W[1:] == ([12_245.1, 12_245.1] if expected == mark else [None, 12_245.1]) and W[0] is None
+        assert not any("meter_reset" in one.flags for one in judged)
+
+
 def test_an_outage_of_hours_is_no_jump():
     judge = RoundJudge(230.0)
     assert judge.judge(good(), 0).values["total.W"] == 1000.0
@@ -95,6 +106,8 @@ def test_whatever_the_register_says_the_energy_only_rises(readings, step_s):
     ("wrong", "null"),
     [({"L1.P": -214_748_364.8}, "L1.P"), ({"total.P": 3e6}, "total.P"), ({"L2.Vrms": 6553.5}, "L2.Vrms"),
      ({"f": 6.5}, "f"), ({"f": 655.35}, "f"), ({"L1.PF": 32.767}, "L1.PF"), ({"L1.Irms": 0.0}, "L1.Irms"),
+     ({"L2.Vrms": 0.0}, "L2.Vrms"), ({"L2.PF": 0.0}, "L2.PF"), ({"total.PF": 0.1}, "total.PF"),
+     ({"total.P": 0.0}, "total.P"), ({"total.P": -1242.0}, "total.P"), ({"total.P": 414.0}, "total.P"),
      ({"L3.S": 9e5}, "L3.S"), ({"L1.Vrms": -0.1}, "L1.Vrms"), ({"total.W_export": -5.0}, "total.W_export")],
 )  # fmt: skip
 def test_what_no_supply_has_or_the_other_registers_contradict_is_null(wrong, null):
@@ -104,10 +117,17 @@ def test_what_no_supply_has_or_the_other_registers_contradict_is_null(wrong, nul
     assert {name for name, value in judged.values.items() if value is None} == {null}
 
 
+def test_a_frequency_of_zero_beside_mains_is_null():
+    assert RoundJudge(230.0).judge(good() | {"f": 0.0}, 0).values["f"] is None
+    dead = good() | {f"L{k}.{n}": 0.0 for k in (1, 2, 3) for n in ("Vrms", "Irms", "P", "S", "PF")}
+    assert RoundJudge(230.0).judge(dead | {"total.P": 0.0, "total.S": 0.0, "f": 0.0}, 0).values["f"] == 0.0
+
+
 def test_regeneration_distortion_and_idle_meters_are_not_contradicted():
     judge = RoundJudge(230.0)
     regenerating = good() | {f"L{k}.P": -414.0 for k in (1, 2, 3)} | {"total.P": -1242.0}
     rectifier = good() | {f"L{k}.{n}": v for k in (1, 2, 3) for n, v in (("P", 150.0), ("S", 180.0), ("PF", 0.83))}
+    rectifier |= {"total.P": 450.0, "total.S": 540.0}
     idle = (
         good()
         | {f"L{k}.{n}": 0.0 for k in (1, 2, 3) for n in ("Irms", "P", "S", "PF")}

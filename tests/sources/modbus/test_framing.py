@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import itertools
 import logging
 import os
 import pty
@@ -147,20 +149,26 @@ def test_an_answer_that_comes_late_is_not_the_answer_to_the_next_request():
     meter.close()
 
 
-def gateway(change):
-    """A TCP server that changes transaction id and unit of its answers."""
+def gateway(change, opened=lambda: None):
+    """A TCP server that changes transaction id and unit of its answers; `opened` with every connection."""
     server = socket.create_server(("127.0.0.1", 0))
 
-    def run():
-        peer, _ = server.accept()
-        number = 0
+    numbers = itertools.count()
+
+    def serve(peer):
+        opened()
         while data := peer.recv(260):
+            number = next(numbers)
             tid, _, _, unit = struct.unpack(">HHHB", data[:7])
             first, count = struct.unpack(">HH", data[8:12])
             body = bytes([data[7], 2 * count]) + b"".join(struct.pack(">H", first + k) for k in range(count))
             for new_tid, new_unit, payload in change(number, tid, unit, body):
                 peer.sendall(struct.pack(">HHHB", new_tid & 0xFFFF, 0, len(payload) + 1, new_unit) + payload)
-            number += 1
+
+    def run():
+        with contextlib.suppress(OSError):
+            while True:
+                serve(server.accept()[0])
 
     threading.Thread(target=run, daemon=True).start()
     return server
@@ -194,6 +202,28 @@ def test_an_answer_to_an_earlier_request_is_passed_over_by_its_transaction_id():
         return [*held, (tid, unit, body)] if number == 2 else [(tid, unit, body)]
 
     server = gateway(late)
+    client = ModbusClient(ModbusLink("127.0.0.1", server.getsockname()[1], timeout_s=0.3))
+    client.read(5, [(4, 0, 2)])
+    with pytest.raises(ModbusError):
+        client.read(5, [(4, 10, 2)])
+    for first in (20, 30):
+        [data] = client.read(5, [(4, first, 2)])
+        assert struct.unpack(">2H", data)[0] == first
+    client.close()
+    server.close()
+
+
+@pytest.mark.parametrize("own", [lambda n, t: 0x7000 + n, lambda n, t: 0])
+def test_a_late_answer_of_a_gateway_with_ids_of_its_own_shifts_no_read(own):
+    held = []
+
+    def late(number, tid, unit, body):
+        if number == 1:
+            held.append((own(number, tid), unit, body))
+            return []
+        return [*held, (own(number, tid), unit, body)]
+
+    server = gateway(late, held.clear)
     client = ModbusClient(ModbusLink("127.0.0.1", server.getsockname()[1], timeout_s=0.3))
     client.read(5, [(4, 0, 2)])
     with pytest.raises(ModbusError):

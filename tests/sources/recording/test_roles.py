@@ -89,6 +89,9 @@ def test_what_the_unit_says_wins_over_the_name_and_contradictions_are_refused():
      ("VA VB VC IA1 IB1 IC1 IA2 IB2 IC2", "two columns for i1"), ("U12 U32 I1 I3", "has i1 but no u1"),
      ("U_alpha U_beta I_alpha I_beta", "no voltage and current pair"), ("Vgrid Vload Igrid", "two columns for u1"),
      ("VA|kV|A VC|kV|B VB|kV|C IA|A|A IC|A|B IB|A|C", "its name and its phase field B disagree"),
+     ("IRA IRB IRC URA URB URC", "two columns for u1|three columns for [ui]1"),
+     ("VLL_A VLL_B VLL_C IA IB IC", "has i1 but no u1.*u12="), ("U1_verkettet U2_verkettet I1 I2", "has i1 but no u1"),
+     ("V_line_to_line_A V_line_to_line_B IA IB", "has i1 but no u1.*u12="), ("Vpp_A IA", "has i1 but no u1"),
      ("VA|kV|B IA", "its name and its phase field B disagree"), ("VA_MAG|kV VA|kV|N IA", "has i1 but no u1")],
 )  # fmt: skip
 def test_what_stays_ambiguous_is_refused_with_a_line_to_type(text, why):

@@ -164,3 +164,53 @@ def test_an_increment_that_is_none_is_named(tmp_path, increment):
     path.write_text(WRITERS["yokogawa"][0](ENGLISH, T, U, I).replace("1e-04", increment))
     with pytest.raises(InputError, match="its increment is"):
         load_waveform(path)
+
+
+def written(tmp_path, head, *columns):
+    path = tmp_path / "a.csv"
+    rows = [",".join(f"{value:.9g}" for value in row) for row in zip(*columns, strict=True)]
+    path.write_text("\n".join([head, *rows]) + "\n")
+    return path
+
+
+@pytest.mark.parametrize("line", ["Sample Rate [kS/s],10", "Sampling interval (us),100", "dt (ms),0.1"])
+def test_a_line_above_the_table_may_have_its_unit_in_the_name(tmp_path, line):
+    assert_metered(load_waveform(written(tmp_path, f"{line}\nVoltage [V],Current [A]", U, I)))
+
+
+def test_what_the_header_says_is_held_against_the_table(tmp_path):
+    path = written(tmp_path, "Sample rate,20000\nSamples,3000\ntime [s],u1,i1", T, U, I)
+    notes = " ".join(load_waveform(path).notes)
+    assert "its header says 20000 samples/s, its time column 10000, which holds" in notes
+    assert "announces 3000 rows, the table has 2000" in notes
+    path = written(tmp_path, "Sample rate,10000\ntime,u1,i1", T * 1e3, U, I)
+    with pytest.raises(InputError, match=r"10000 samples/s, its time column 10; name the unit"):
+        load_waveform(path)
+    assert_metered(load_waveform(path, ChannelMap(rate=RATE)))
+
+
+@pytest.mark.parametrize("head", ["s,kV,mA\ntime,u1,i1", "t,U1kV,I1mA", "t_s,UL1kV,IL1mA"])
+def test_units_above_the_names_or_glued_to_them_count(tmp_path, head):
+    assert_metered(load_waveform(written(tmp_path, head, T, U / 1e3, I * 1e3)))
+
+
+@pytest.mark.parametrize(
+    ("head", "timed"),
+    [("CH1V,CH2A,t0 = -0.1, tInc = 1e-04,", False), ("in s,C1 in V,C2 in A", True),
+     ("Record Length,Analog:2000\nSample Interval,Analog:1.0E-04\nVertical Units,Analog:V,A\nSource,CH1,CH2\nSecond,Volt,Ampere", True)],  # noqa: E501
+)  # fmt: skip
+def test_what_makers_write_in_a_header_of_their_own_is_read(tmp_path, head, timed):
+    assert_metered(load_waveform(written(tmp_path, head, *((T, U, I) if timed else (U, I)))))
+
+
+@pytest.mark.parametrize("name", ["u1 (x100)", "u1 (100x)", "u1 [10^3 V]", "u1 [10^3V]"])
+def test_a_scale_in_brackets_is_refused(tmp_path, name):
+    with pytest.raises(InputError, match=r"--u-scale"):
+        load_waveform(written(tmp_path, f"time,{name},i1", T, U, I))
+
+
+@pytest.mark.parametrize(("line", "said"), [("Multiplier,1000,0.001", True), ("Probe Attenuation,1,1", False),
+                                             ("Vertical Scale,100,5", False), ("CT ratio,40", True)])  # fmt: skip
+def test_a_factor_above_the_table_is_named(tmp_path, line, said):
+    notes = " ".join(load_waveform(written(tmp_path, f"{line}\ntime,u1,i1", T, U, I)).notes)
+    assert ("a factor that is not applied" in notes) == said

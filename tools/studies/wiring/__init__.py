@@ -1,0 +1,1 @@
+"""How often is a wrong wiring named, and a right one left alone?"""
