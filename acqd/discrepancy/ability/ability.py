@@ -21,6 +21,9 @@ HELPS = {
 }
 """What would make the smallest size smaller, by what limits it."""
 
+_IN_WORDS, _RIVALS = 5, 3
+"""Effects in a sentence, rivals in a cell."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ability:
@@ -63,17 +66,38 @@ def confused(place: Smallest, rivals: tuple[Rival, ...]) -> list[Rival]:
     return [each for each in rivals if place.size is not None and (each.size is None or each.size > place.size)]
 
 
+def smallest_in_words(ability: Ability) -> str:
+    """Effects that show best, with their smallest sizes; "" where no size can be stated."""
+    places = sorted((place for place, _ in ability.easiest.values()), key=lambda place: place.rms_W or 0.0)
+    return ", ".join(f"{each.candidate.id} {_size(each)}" for each in places[:_IN_WORDS])
+
+
+def _size(place: Smallest) -> str:
+    assert place.size is not None
+    _, unit = place.parameter
+    return f"{number(place.size)} {unit if unit != '-' else ''}".rstrip()
+
+
 def table_of(ability: Ability) -> list[list[str]]:
     """A header, and a row per effect at its easiest place."""
     rows = [["effect", "where it shows best", "smallest", "power [W RMS]", "limited by", "not told apart from"]]
     for name, (place, rivals) in ability.easiest.items():
         assert place.size is not None and place.rms_W is not None
-        parameter, unit = place.parameter
-        size = f"{parameter} {number(place.size)} {unit if unit != '-' else ''}".rstrip()
-        others = [
-            each.id if each.size is None else f"{each.id} below {number(each.size)}" for each in confused(place, rivals)
-        ]
-        rows.append([name, place.candidate.label, size, number(place.rms_W), place.limited_by, ", ".join(others)])
+        parameter, _ = place.parameter
+        near = confused(place, rivals)
+        others = [each.id if each.size is None else f"{each.id} below {number(each.size)}" for each in near[:_RIVALS]]
+        if len(near) > _RIVALS:
+            others.append(f"{len(near) - _RIVALS} more")
+        rows.append(
+            [
+                name,
+                place.candidate.label,
+                f"{parameter} {_size(place)}",
+                number(place.rms_W),
+                place.limited_by,
+                ", ".join(others),
+            ]
+        )
     return rows
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from acqd.discrepancy.ability.ability import smallest_in_words
 from acqd.discrepancy.closed import Closed
 from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.repair.terms import Reported, described
@@ -121,6 +122,8 @@ def next_steps(closed: Closed) -> list[str]:
             steps.append(f"look for what has changed at: {changed_place(each)}; to confirm it: {effect.experiment}")
     if closed.verdict in ("unknown_structure", "not_identifiable") and (wander := wandering(closed)):
         steps.append(wander)
+    if closed.verdict in ("nothing_left", "not_identifiable") and (sizes := smallest_in_words(closed.ability)):
+        steps.append(f"smaller effects than these may be there all the same: {sizes}")
     if closed.verdict == "unknown_structure" or closed.correction is not None:
         steps.append(
             "ask what was changed in the cell, and log what may be the cause together with the power; "
