@@ -37,7 +37,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def coarse_pictures() -> Iterator[None]:
-    """Reports of many tests hold pictures that nobody looks at: few pixels, no ticks, no second drawing to trim them.
+    """Reports of many tests hold pictures that nobody looks at: few pixels, no ticks, nothing laid out or trimmed.
 
     The commands that tests start as processes, and tests/report, make them as users get them.
     """
@@ -50,9 +50,10 @@ def coarse_pictures() -> Iterator[None]:
         figure.set_layout_engine("none")
         for axes in figure.axes:
             axes.set_axis_off()
+            axes.set_title(axes.get_title(), y=1.0)  # where it is: no search for a place above all ticks
         whole(figure, to, **how | {"dpi": 20, "bbox_inches": None})
 
-    with mock.patch.object(Figure, "savefig", coarse):
+    with mock.patch.object(Figure, "savefig", coarse), mock.patch.object(Figure, "tight_layout"):
         yield
 
 

@@ -8,6 +8,7 @@ manipulators, 1980). Models use it at run time, where no robot library is instal
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -145,7 +146,7 @@ class _Joint:
         if k in chain.sliding:
             place = place[:, None] + (rotation @ axis)[:, None] * q
             return cls(place, rotation, None, np.ones(1), np.zeros(1), slides=True)
-        basis = None if axis[2] == 1.0 else _with_z(axis)
+        basis = None if axis[2] == 1.0 else _with_z(tuple(axis.tolist()))
         fixed = rotation if basis is None else rotation @ basis
         return cls(place, fixed, basis, np.cos(q), np.sin(q), slides=False)
 
@@ -271,11 +272,15 @@ def _about_z(v: Floats, cosine: Floats, sine: Floats) -> Floats:
     return turned
 
 
-def _with_z(axis: Floats) -> Floats:
-    """A rotation [3, 3] that turns z into a unit vector [3]."""
-    x = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
+@lru_cache(maxsize=256)  # an arm has few axes, and asks for their rotations in every call
+def _with_z(axis: tuple[float, float, float]) -> Floats:
+    """A rotation [3, 3] that turns z into a unit vector, read-only."""
+    z = np.array(axis)
+    x = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
     x /= np.linalg.norm(x)
-    return np.column_stack((x, np.cross(axis, x), axis))
+    basis = np.column_stack((x, np.cross(z, x), z))
+    basis.flags.writeable = False
+    return basis
 
 
 def _tensor(six: Floats) -> Floats:
@@ -291,8 +296,11 @@ def _axis_rotation(axis: Floats, angle: Floats) -> Floats:
     return np.asarray(np.eye(3) + sine * K + rest * (K @ K))
 
 
+@lru_cache(maxsize=1024)  # of the joints and links of a few robots, whose chains are made again and again
 def rotation_of(rpy_deg: tuple[float, float, float]) -> Floats:
-    """Rotation [3, 3]: roll about x, then pitch about y, then yaw about z of the fixed frame (URDF)."""
+    """Rotation [3, 3], read-only: roll about x, then pitch about y, then yaw about z of the fixed frame (URDF)."""
     rpy = np.radians(rpy_deg)
     roll, pitch, yaw = (_axis_rotation(np.eye(3)[k], rpy[k : k + 1])[0] for k in range(3))
-    return np.asarray(yaw @ pitch @ roll)
+    rotation = np.asarray(yaw @ pitch @ roll)
+    rotation.flags.writeable = False
+    return rotation

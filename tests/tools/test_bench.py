@@ -6,12 +6,12 @@ import json
 
 import pytest
 
-from tools.bench import __main__ as bench
-from tools.bench import quality
-
 
 def test_the_cost_of_everything_live_is_printed_beside_the_peer(tmp_path, monkeypatch, capsys):
     pytest.importorskip("pqopen", reason="needs pqopen-lib")
+    from tools.bench import __main__ as bench  # here, because its sections import torch
+    from tools.bench import quality
+
     monkeypatch.setitem(bench._SECTIONS, "cost", [lambda: quality.cost(1)])
     bench.bench(only=["cost"], out=tmp_path / "bench.json")
     figures = {figure["name"]: figure for figure in json.loads((tmp_path / "bench.json").read_text())}
