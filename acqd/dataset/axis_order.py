@@ -41,7 +41,7 @@ _EDGE = 2
 """Rows at either end of a piece whose accelerations are one-sided."""
 _SIGN_SPEED = 0.02  # rad/s, width of the smoothed sign of the speed
 _RESOLVED = 0.02
-"""Share of the scatter of torques or power below which residuals are not distinguished: no description is that exact."""
+"""Share of the scatter of torques or power below which residuals count alike: no description is that exact."""
 _TORQUE_SCALE = (0.5, 2.0)
 """Logged over computed torque."""
 _GUESSED_SCALE = (0.2, 5.0)

@@ -55,6 +55,8 @@ class Reported:
     """Together with the family; at least `confidence`."""
     doubt: Unknown | None = None
     """An unnamed alternative that is likelier than the family."""
+    possible: bool = True
+    """Whether physics permits the sizes."""
     restored: bool = False
     """The effect came back as parameters that the grey box had been denied, not as a term."""
     status: Status = "named"
@@ -112,6 +114,10 @@ def reported(selection: Selection, selected: Selected, scale: TorqueScale) -> Re
         term=term, hypothesis=selected.hypothesis, confidence=sure.share, alternatives=sure.rivals,
         start=selected.gate.start, consistency=sure.agreeing, recordings=len({part.recording for part in open_}),
         family=sure.family, family_confidence=sure.family_share, doubt=sure.doubt,
+        possible=all(
+            each.low <= value <= each.high
+            for each, value in zip(selected.place.parameters, certain.coefficients, strict=True)
+        ),
     )  # fmt: skip
 
 
