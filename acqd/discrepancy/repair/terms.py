@@ -23,6 +23,8 @@ from acqd.models.effects.effect import Effect
 from acqd.models.effects.places import Parameter, Place
 from acqd.models.greybox.model import GreyBox
 
+FIRST_MOMENT = "first moment about the last axis"
+"""Parameter of a report: of a mass beside the last axis."""
 _UNITS = {
     "_W": "W", "_V": "V", "_m": "m", "_rad_s": "rad/s", "_s": "s", "minutes": "min", "_hour": "s/h"
 }  # fmt: skip
@@ -154,7 +156,7 @@ def _first_moment(selected: Selected, certain: Intervals, scale: TorqueScale, mo
     if half is None:
         return {}
     true, wide = scale.corrected(value, _with_columns(effect.simplified(selected.place), value, half), "kg m")
-    return {"first moment about the last axis": _shown(true, "kg m", wide)}
+    return {FIRST_MOMENT: _shown(true, "kg m", wide)}
 
 
 def _with_columns(simplification: float, value: float, half: float) -> float:
