@@ -23,7 +23,7 @@ _LOGS_CHECKED = 6
 _MIN_DEVIATION_NM = 2.0  # standard deviation; joints with less are not compared
 _MIN_CORRELATION = 0.6  # of logged with computed torque, median over the joints
 _CLEARLY = 0.2
-"""Median correlation that an exchange must gain: two joints that move alike gain 0.15 in a real log of a Gen3."""
+"""Median correlation that an exchange must gain: two joints that move alike gain 0.17 in a real log of a Gen3."""
 _THINNED = 3
 """Every third row is compared: neighbours tell the same."""
 _STEP_S = 0.04
