@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from acqd.dataset.column_check import check_columns, check_order, to_check
+from acqd.dataset.column_check import check_columns, judge_logs, judge_recordings, to_check
 from acqd.dataset.config import BuildConfig, BuildReport
 from acqd.dataset.cut import AUTO, automatic_length, cut, cut_at_rests
 from acqd.dataset.growing import Existing, existing
@@ -46,9 +46,9 @@ def build(config: BuildConfig, progress: _Progress) -> BuildReport:
     if stream is not None:
         require_drawn(stream)
     logs = read_logs(config.logs, robot, before.logs, before.names, lambda share: progress("reading logs", share))
-    check_order(logs.kept, robot)
     if to_check(logs.kept, robot):
         logs.keep(lambda log: check_columns(log, robot), lambda _: None)
+    by_torque = judge_logs(logs.kept, robot)
     logs.notes += uncommon_columns(logs.kept)
     _cut(logs, config, robot, before)
     if stream is None:
@@ -64,6 +64,7 @@ def build(config: BuildConfig, progress: _Progress) -> BuildReport:
     logs.notes += small_power(powers)
     _require_placements(alignment)
     merged = _merge_all(config, logs.kept, powers, alignment)
+    logs.notes += judge_recordings([each.recording for each in merged if each.recording], robot, by_torque)
     logs.notes += alignment.notes
     if alignment.line is None and config.lag_s is None and stream is not None and len(logs.kept) >= _MIN_FOR_CLOCK:
         logs.notes.append("the logs' lags lie on no common clock line, so each has its own: are they of two robots?")

@@ -25,6 +25,9 @@ _LONGEST_S = 0.06
 _CANDIDATES_S = np.linspace(0.0, 0.075, 7)  # the outer ones keep the spline's end conditions away from _LONGEST_S
 _MODEL_ERROR_S = 0.004  # of the supply's lag: the regression is not the robot (tools/studies/alignment)
 _UNKNOWN_ERROR_S = 0.01  # of USUAL_LAG_S
+_FEW_RECORDINGS = 6
+"""Fewer leave the supply's lag as uncertain as a usual one: the regression errs by another amount on each motion. With
+three real ones of a UR10e the lag is 20 ms too long."""
 _COARSE_ERROR_S = 0.015  # of USUAL_LAG_S, where only smoothed motion tells the lags
 _MAX_RECORDINGS = 16
 _MIN_RECORDINGS = 3
@@ -70,7 +73,8 @@ def supply_lag(
     mean, error, at_end = _posterior(np.array([biweight_loss(fit.residual, scale_W) / inflation for fit in fits]))
     if any(regressors[k].coarse for k in chosen):  # what the smoothing hides looks like a longer supply lag
         mean, error, at_end = USUAL_LAG_S, _COARSE_ERROR_S, False
-    error = float(np.hypot(error, _LONGEST_S / 3 if at_end else _MODEL_ERROR_S))
+    misfit = _MODEL_ERROR_S if len(chosen) >= _FEW_RECORDINGS else _UNKNOWN_ERROR_S
+    error = float(np.hypot(error, _LONGEST_S / 3 if at_end else misfit))
     middles = np.array([float(np.median(fit.lags_s)) for fit in fits])
     at, usual, low, high = np.interp([mean, USUAL_LAG_S, mean - error, mean + error], _CANDIDATES_S, middles)
     nearest = fits[int(np.abs(_CANDIDATES_S - mean).argmin())]

@@ -14,9 +14,10 @@ import orjson
 from acqd.atomic import complete_folder
 from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.recordings import subject_of
-from acqd.discrepancy.repair.terms import reported
+from acqd.discrepancy.repair.terms import FIRST_MOMENT, reported
 from acqd.discrepancy.repair.torque_scale import GUESSED_DRIVE_DEVIATION, KEY, TorqueScale
 from acqd.discrepancy.search import search
+from acqd.discrepancy.selection.accepted import Selected, Selection
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.errors import UserError
 from acqd.models.bundle.bundle import require_free
@@ -25,6 +26,8 @@ from acqd.models.effects import library
 _LEAST_KNOWN = GUESSED_DRIVE_DEVIATION
 """Greatest relative deviation of a scale that is worth keeping: guessed drives are known as well."""
 
+_SAY_CENTRE = ", or say with --centre how far beyond the flange its centre is"
+
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
@@ -32,7 +35,7 @@ class Calibration:
 
     known_kg: float
     model_kg: float
-    """The mass in the scale of the model."""
+    """The mass in the scale of the model; where the lever is known, the mass that has the first moment it sees."""
     scale: TorqueScale
     where: str
     out: Path
@@ -47,8 +50,16 @@ class Calibration:
         }  # fmt: skip
 
 
-def calibrate(config: CloseConfig, known_kg: float, progress: Callable[[str, float], None]) -> Calibration:
+def calibrate(
+    config: CloseConfig,
+    known_kg: float,
+    progress: Callable[[str, float], None],
+    centre_m: float | None = None,
+) -> Calibration:
     """The torques of the model `config.bundle` over the true ones, by recordings with `known_kg` at the flange.
+
+    `centre_m`: how far beyond the flange the centre of the mass is. Where the flange is beside the last axis, gravity
+    shows mass times lever, which is known much better than both.
 
     The model must have learned from recordings without the mass, or the mass be there while the tool is on. The copy
     of the bundle at `config.out` holds the scale. Raises UserError where the mass does not show.
@@ -65,16 +76,26 @@ def calibrate(config: CloseConfig, known_kg: float, progress: Callable[[str, flo
             "larger mass, arm stretched out, against a model of recordings without the mass (--model)"
         )
     found = reported(selection, payloads[0], TorqueScale(1.0, 0.0))
-    mass = found.term.parameters["mass"]
-    value, (low, high) = mass["value"], mass["ci95"]
+    lever_m = _lever(selection, payloads[0], centre_m)
+    moment = found.term.parameters.get(FIRST_MOMENT)
+    seen, per = (moment, lever_m) if moment and lever_m else (found.term.parameters["mass"], 1.0)
+    value, low, high = (each / per for each in (seen["value"], *seen["ci95"]))
     scale = TorqueScale(value / known_kg, (high - low) / 2 / THRESHOLDS.interval_width / known_kg)
     if scale.value <= 0 or scale.deviation > _LEAST_KNOWN * scale.value:
         raise UserError(
             f"{config.dataset}: the model sees {value:.3g} kg ({low:.3g} to {high:.3g} kg) for {known_kg:g} kg, which "
-            "is too uncertain; record more motion, and a larger mass"
+            f"is too uncertain; record more motion, and a larger mass{'' if lever_m or not moment else _SAY_CENTRE}"
         )
     _write(config, known_kg, scale)
     return Calibration(known_kg, value, scale, found.term.where, config.out)
+
+
+def _lever(selection: Selection, payload: Selected, centre_m: float | None) -> float | None:
+    """m from the last axis to a mass at `centre_m` beyond the flange; None where the mass is on the axis."""
+    if centre_m is None:
+        return None
+    model = selection.design.columns.model
+    return library()[payload.id].lever(model, payload.place, dict(payload.shape) | {"centre_of_mass_m": centre_m})
 
 
 def _write(config: CloseConfig, known_kg: float, scale: TorqueScale) -> None:

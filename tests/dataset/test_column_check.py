@@ -2,11 +2,13 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from acqd.dataset.build import BuildConfig, build
-from acqd.dataset.column_check import check_columns, check_order
-from acqd.errors import InputError, UserError
+from acqd.dataset.column_check import check_columns, judge_logs, judge_recordings
+from acqd.dataset.merge import Recording
+from acqd.errors import UserError
 from acqd.robot.description import load_description
 from acqd.robot.log import read_log
 from tests.campaigns import quiet
@@ -34,28 +36,77 @@ def test_mixed_up_columns_are_named(cell, tmp_path):
     assert not (tmp_path / "ds").exists()
 
 
-@needs_robot_logs
-def test_two_joints_exchanged_in_all_columns_are_named():
+ORDERS = [
+    ([2, 1, 0, 3, 4, 5], "with shoulder_pan and elbow exchanged"),
+    ([0, 2, 1, 3, 4, 5], "with shoulder_lift and elbow exchanged"),
+    ([0, 1, 2, 4, 3, 5], "with wrist_1 and wrist_2 exchanged"),
+    ([0, 1, 2, 3, 5, 4], "with wrist_2 and wrist_3 exchanged"),
+    ([1, 2, 0, 3, 4, 5], "shoulder_pan from column 3, shoulder_lift from column 1, elbow from column 2"),
+    ([1, 2, 3, 4, 5, 0], "shoulder_pan from column 6, shoulder_lift from column 1, elbow from column 2"),
+    ([1, 0, 2, 4, 3, 5], "shoulder_pan from column 2, shoulder_lift from column 1, wrist_1 from column 5"),
+]
+
+
+@pytest.fixture(scope="module")
+def ur10e():
     robot = load_description("ur10e")
-    swap = [2, 1, 0, 3, 4, 5]
-    for name in ("ur-20_02_05-20sec_12harm", "ur-20_02_12-40sec_12harm"):
-        log = read_log(ROBOT_LOGS / "ur10e" / f"{name}.csv", robot)
-        check_columns(log, robot)
-        with pytest.raises(InputError, match="with shoulder_pan and elbow exchanged"):
-            check_columns(replace(log, q=log.q[:, swap], current=log.current[:, swap]), robot)
+    return robot, [read_log(path, robot) for path in sorted((ROBOT_LOGS / "ur10e").glob("ur-20_02*.csv"))[:5]]
 
 
 @needs_robot_logs
-@pytest.mark.parametrize(
-    ("order", "remedy"),
-    [
-        ([0, 2, 1, 3, 4, 5], "with shoulder_lift and elbow exchanged"),
-        ([1, 2, 0, 3, 4, 5], "shoulder_pan from column 3, shoulder_lift from column 1, elbow from column 2"),
-    ],
-)
-def test_an_order_that_single_logs_do_not_show_is_refused_for_all_of_them(order, remedy):
-    robot = load_description("ur10e")
-    logs = [read_log(path, robot) for path in sorted((ROBOT_LOGS / "ur10e").glob("ur-20_02*.csv"))[:5]]
-    check_order(logs, robot)
+@pytest.mark.parametrize(("order", "remedy"), ORDERS)
+def test_columns_in_another_order_are_refused_with_the_order_by_currents(ur10e, order, remedy):
+    robot, logs = ur10e
     with pytest.raises(UserError, match=remedy):
-        check_order([replace(log, q=log.q[:, order], current=log.current[:, order]) for log in logs], robot)
+        judge_logs([replace(log, q=log.q[:, order], current=log.current[:, order]) for log in logs], robot)
+
+
+@needs_robot_logs
+def test_currents_of_five_logs_confirm_the_order(ur10e):
+    robot, logs = ur10e
+    assert judge_logs(logs, robot).unsure == frozenset()
+
+
+def by_power(robot, logs, order=range(6)):
+    """What the power of the logs' measured currents says of angles in that order."""
+    gain = np.array([joint.drive.effort_per_ampere for joint in robot.joint])
+    recordings = []
+    for log in logs:
+        grid = np.arange(log.time[0], log.time[-1], 0.04)
+        q, qd, current = (
+            np.column_stack([np.interp(grid, log.time, column) for column in values.T])
+            for values in (log.q, log.qd, log.current)
+        )
+        columns = {f"q{axis + 1}": q[:, column] for axis, column in enumerate(order)}
+        columns["P"] = 36 + (gain * current * qd).sum(axis=1) + (0.7 * current**2).sum(axis=1)
+        stamps = np.rint(1e9 * grid).astype(np.int64)
+        recordings.append(Recording(log.path.stem, stamps, columns, np.ones(len(grid), bool)))
+    return judge_recordings(recordings, robot, None)
+
+
+@needs_robot_logs
+@pytest.mark.parametrize(("order", "remedy"), [ORDERS[0], ORDERS[2], ORDERS[5]])
+def test_columns_in_another_order_are_refused_with_the_order_by_power(ur10e, order, remedy):
+    with pytest.raises(UserError, match=remedy):
+        by_power(*ur10e, order)
+
+
+@needs_robot_logs
+def test_joints_that_the_power_cannot_tell_apart_are_named(ur10e):
+    line = "the order of wrist_2 and wrist_3 is not confirmed by these logs (by their power): check the columns"
+    assert by_power(*ur10e) == [line]
+    assert "wrist_2 and wrist_3 is not confirmed" in by_power(*ur10e, ORDERS[3][0])[0]
+    robot, logs = ur10e
+    assert by_power(robot, [log.part(np.arange(500), log.path) for log in logs[:1]]) == [
+        "the order of the joints is not confirmed by these logs (by their power): check the columns"
+    ]
+
+
+@needs_robot_logs
+@pytest.mark.parametrize("name", ["ur10e", "kinova_gen3"])
+def test_no_real_log_is_refused_for_its_order(name):
+    robot = load_description(name)
+    for path in sorted((ROBOT_LOGS / name).glob("*.csv"))[4:12]:
+        log = read_log(path, robot)
+        judge_logs([log], robot)
+        check_columns(log, robot)

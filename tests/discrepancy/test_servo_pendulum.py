@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import orjson
 import pytest
 from scipy.signal import medfilt, savgol_filter
 
@@ -81,9 +82,17 @@ def test_a_heavier_bob_is_a_payload_of_the_right_first_moment(trained):
     assert any("acqd robot calibrate" in note for note in closed.notes)
 
 
+def test_a_known_mass_at_a_known_place_calibrates_the_drives(trained):
+    words = ("robot", "calibrate", trained / "ds0.741", "--model", trained / "model", "--known-mass", 0.206)
+    done = acqd_here(*words, "--centre", 0, "--out", trained / "calibrated", "--json", cwd=trained)
+    scale = orjson.loads(done.stdout)["torque_scale"]
+    low, high = scale["ci95"]
+    assert low < 1.0 < high and high - low < 0.7 * scale["value"]
+
+
 def test_a_mass_that_shows_less_than_guessed_drives_tell_is_refused(trained):
     words = ("robot", "calibrate", trained / "ds0.741", "--model", trained / "model", "--out", trained / "copy")
     assert "--known-mass 0: expected" in refused(acqd_here(*words, "--known-mass", 0, cwd=trained))
     said = refused(acqd_here(*words, "--known-mass", 0.206, cwd=trained))
-    assert "which is too uncertain; record more motion, and a larger mass" in said
+    assert "which is too uncertain; record more motion, and a larger mass, or say with --centre" in said
     assert not (trained / "copy").exists()

@@ -26,6 +26,14 @@ def calibrate(
             "there while the tool is on).",
         ),
     ] = None,
+    centre: Annotated[
+        float | None,
+        typer.Option(
+            metavar="M",
+            help="How far beyond the flange the centre of the mass is; needed where the flange is beside the last axis "
+            "(a pendulum), because gravity shows mass times lever.",
+        ),
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="Bundle with the scale (default BUNDLE-calibrated).")] = None,
     json: Json = False,
 ) -> None:
@@ -43,7 +51,7 @@ def calibrate(
     target = out or bundle.with_name(f"{bundle.name}-calibrated")
     config = CloseConfig(dataset=dataset, bundle=bundle, out=target)
     with Console(stderr=True).status("comparing with the model"):
-        result = measure(config, known_mass, lambda _what, _share: None)
+        result = measure(config, known_mass, lambda _what, _share: None, centre)
     said = result.as_json()
     if json:
         print(orjson.dumps(said).decode())

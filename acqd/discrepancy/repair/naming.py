@@ -42,6 +42,8 @@ def named_or_not(effect: Reported) -> Reported:
     rival, share = max(effect.alternatives, key=lambda pair: pair[1], default=("", 0.0))
     if effect.hypothesis is not None and share > effect.confidence:  # beside later effects, another one leads
         return effect.without_name("hypothesis", f"more evidence than {rival}")
+    if not effect.possible:
+        return effect.without_name("hypothesis", "a size within its physical bounds")
     if effect.may_be_nothing:
         return effect.without_name("hypothesis", "a size whose 95 % interval excludes zero")
     return effect

@@ -23,6 +23,8 @@ from acqd.models.effects.effect import Effect
 from acqd.models.effects.places import Parameter, Place
 from acqd.models.greybox.model import GreyBox
 
+FIRST_MOMENT = "first moment about the last axis"
+"""Parameter of a report: of a mass beside the last axis."""
 _UNITS = {
     "_W": "W", "_V": "V", "_m": "m", "_rad_s": "rad/s", "_s": "s", "minutes": "min", "_hour": "s/h"
 }  # fmt: skip
@@ -55,6 +57,8 @@ class Reported:
     """Together with the family; at least `confidence`."""
     doubt: Unknown | None = None
     """An unnamed alternative that is likelier than the family."""
+    possible: bool = True
+    """Whether physics permits the sizes."""
     restored: bool = False
     """The effect came back as parameters that the grey box had been denied, not as a term."""
     status: Status = "named"
@@ -112,6 +116,10 @@ def reported(selection: Selection, selected: Selected, scale: TorqueScale) -> Re
         term=term, hypothesis=selected.hypothesis, confidence=sure.share, alternatives=sure.rivals,
         start=selected.gate.start, consistency=sure.agreeing, recordings=len({part.recording for part in open_}),
         family=sure.family, family_confidence=sure.family_share, doubt=sure.doubt,
+        possible=all(
+            each.low <= value <= each.high
+            for each, value in zip(selected.place.parameters, certain.coefficients, strict=True)
+        ),
     )  # fmt: skip
 
 
@@ -148,7 +156,7 @@ def _first_moment(selected: Selected, certain: Intervals, scale: TorqueScale, mo
     if half is None:
         return {}
     true, wide = scale.corrected(value, _with_columns(effect.simplified(selected.place), value, half), "kg m")
-    return {"first moment about the last axis": _shown(true, "kg m", wide)}
+    return {FIRST_MOMENT: _shown(true, "kg m", wide)}
 
 
 def _with_columns(simplification: float, value: float, half: float) -> float:

@@ -323,7 +323,8 @@ def _with_detections(state: _State) -> tuple[Rows, dict[str, Detection], list[Ca
     for number, detection in enumerate(detect(rows.design, rows.regression, state.gates[0].open, known)):
         design, indices = rows.design.with_columns(detection.columns)
         rows = rows.on(design)
-        candidate = detection.candidate(indices, f"{detection.name} detected {len(known)}.{number}")
+        key = f"{detection.name} detected {len(known)}.{number}"
+        candidate = detection.candidate(indices, key, design.columns.model)
         detections[candidate.key] = detection
         candidates.append(candidate)
     return rows, detections, candidates

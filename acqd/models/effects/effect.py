@@ -87,8 +87,8 @@ class Effect(ABC):
         """Relative standard deviation of the columns at a place, by what the equation leaves out."""
         return self.simplification
 
-    def detected_place(self, shape: Shape) -> Place:
-        """Place of a detected effect. Raises NotImplementedError for other effects."""
+    def detected_place(self, shape: Shape, model: GreyBox) -> Place:
+        """Place of a detected effect in the arm of `model`. Raises NotImplementedError for other effects."""
         raise NotImplementedError(f"{self.id} is not detected in the residual")
 
     def fixed_shape(self, scenes: Sequence[Scene]) -> dict[str, float]:

@@ -11,6 +11,8 @@ import numpy as np
 from acqd.arrays import Floats
 from acqd.models.greybox.parameters import SLIDING_UNITS
 
+MOST_TIMES = 20.0
+"""Change of a friction or loss, over the described one: grease at -20 degC is five to ten times as stiff."""
 Shape: TypeAlias = Mapping[str, float]
 """Parameters that are not linear: a speed, a centre of mass, a joint number."""
 
@@ -86,7 +88,7 @@ def per_joint(axes: int, like: Parameter, first: int = 0, nominal: Floats | None
         yield Place("all joints", everywhere, (like,), np.ones((axes, 1)))
     elif known.any():
         even = bool((known == known[0]).all())
-        common = own[0] if even else Parameter(f"{like.name}, relative", "-", -1.0, deviation=1.0)
+        common = own[0] if even else Parameter(f"{like.name}, relative", "-", -1.0, MOST_TIMES, 1.0)
         yield Place("all joints", everywhere, (common,), np.ones((axes, 1)) if even else known[:, None])
     free = tuple(replace(each, name=f"{like.name} joint {k + 1}") for k, each in enumerate(own))
     yield Place("each joint", everywhere, free)
@@ -94,7 +96,11 @@ def per_joint(axes: int, like: Parameter, first: int = 0, nominal: Floats | None
 
 def _of_described(like: Parameter, joint: int, known: Floats) -> Parameter:
     usual = known[joint] if known[joint] > 0 else known.mean()
-    return replace(like, low=-float(known[joint]), deviation=float(usual) if usual > 0 else np.inf)
+    if usual <= 0:
+        return replace(like, low=-float(known[joint]))
+    return replace(
+        like, low=-float(known[joint]), high=min(like.high, MOST_TIMES * float(usual)), deviation=float(usual)
+    )
 
 
 def in_units_of(place: Place, sliding: Collection[int]) -> Place:

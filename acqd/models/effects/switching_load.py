@@ -8,6 +8,7 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.models.effects.effect import Effect
+from acqd.models.effects.limits import LARGEST_LOAD_W
 from acqd.models.effects.places import Parameter, Place, Shape
 from acqd.models.effects.scene import Scene
 from acqd.models.greybox.model import GreyBox
@@ -32,9 +33,9 @@ class SwitchingLoad(Effect):
         """No places before detection."""
         return iter(())
 
-    def detected_place(self, shape: Shape) -> Place:
+    def detected_place(self, shape: Shape, model: GreyBox) -> Place:
         """The cabinet."""
-        return Place("cabinet", (0,), (Parameter("power", "W", 0.0),))
+        return Place("cabinet", (0,), (Parameter("power", "W", 0.0, LARGEST_LOAD_W),))
 
     def c_constants(self, carrier: GreyBox, shape: Shape) -> dict[str, float | Floats]:
         """Share of the time in which the load is on."""

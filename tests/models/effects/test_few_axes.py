@@ -9,6 +9,7 @@ from acqd.models.effects.scene import segment_scene
 from acqd.models.greybox.model import GreyBox
 from acqd.models.greybox.parameters import Layout, prior
 from acqd.robot.arm import Arm
+from acqd.robot.description import load_description
 from acqd.robot.dynamics import inertial_parameters
 from acqd.robot.newton_euler import Chain
 from tests.models.motions import STEP, angles, segment
@@ -50,3 +51,72 @@ def test_an_effect_has_finite_columns_and_its_places_name_them(scene, identity):
     for variant in effect.variants(scene):
         assert all(0 <= column < columns.shape[1] for column in variant.columns), variant
     assert isinstance(effect.c_constants(scene.model, dict(effect.shapes[0])), dict)
+
+
+DETECTED_SHAPE = {"joint": 1.0, "periods_per_turn": 100.0, "share_of_time": 0.5}
+
+
+def places_of(effect, scene):
+    return [effect.detected_place(DETECTED_SHAPE, scene.model)] if effect.detected else effect.places(scene)
+
+
+def arm_scene():
+    machine = load_description("ur10e")
+    layout = Layout(machine.axes, ("brake", "tool"), ())
+    values = prior(layout, machine, inertial_parameters(Arm(machine)), 30.0, STEP).mean
+    signals = {name: (np.arange(120) % 50 < 25).astype(float) for name in ("brake", "tool")}
+    moved = segment(1, "train", 0.5 * angles(120, 6, 3), np.full(120, 50.0), signals=signals)
+    moved.channels["Vrms"] = np.full(120, 230.0)
+    return segment_scene(GreyBox(Chain.of(machine), layout, values, STEP), moved)
+
+
+@pytest.mark.parametrize("identity", sorted(library()))
+def test_every_parameter_at_every_place_has_physical_bounds_on_both_sides(scene, identity):
+    effect = library()[identity]
+    if not effect.detected and not effect.possible(scene):
+        pytest.skip("the recording has not what it needs")
+    for place in places_of(effect, scene):
+        for each in place.parameters:
+            assert np.isfinite([each.low, each.high]).all() and each.low <= 0.0 < each.high, (place.where, each)
+
+
+IMPOSSIBLE = {
+    "brake_holding": {"power": 400.0},
+    "brake_release": {"power 20-60 ms": 5e3},
+    "clock_drift": {"power later by": 3.0},
+    "clock_offset": {"power later by": -2.0},
+    "contact_force": {"force up": 2e3},
+    "copper_loss": {"loss": 1e4},
+    "coulomb_friction": {"torque": 2e3},
+    "gear_ripple": {"sine": -400.0},
+    "gravity_bias": {"mass": -60.0},
+    "line_voltage": {"exponent": 8.0, "power per relative voltage": 5e5},
+    "load_dependent_friction": {"share of the load": 1.5},
+    "mechanical_power": {"lost share": 3.44, "share": -2.71, "share lost beside the motor": 3.44},
+    "meter_gain": {"gain error": -1.2},
+    "meter_saturation": {"share lost above": 2.0},
+    "offset_shift": {"power": -60.0},
+    "payload": {"mass": 120.0},
+    "process_load": {"power": -5.0},
+    "regeneration_clipping": {"share": 3.0},
+    "stribeck_friction": {"torque": 2e3},
+    "supply_efficiency": {"loss at 100 W": 117.0},
+    "thermal_friction": {"cold coefficient": 1e5},
+    "thermostat": {"power": -5.0},
+    "tool_actuation": {"power": 1e4},
+    "viscous_friction": {"coefficient": 1e5},
+}
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return arm_scene()
+
+
+@pytest.mark.parametrize("identity", sorted(library()))
+def test_what_no_arm_of_thirty_kilograms_does_is_out_of_bounds(arm, identity):
+    """The table has every effect: a new effect needs a line."""
+    parameters = [each for place in places_of(library()[identity], arm) for each in place.parameters]
+    for name, value in IMPOSSIBLE[identity].items():
+        [*concerned] = (each for each in parameters if each.name == name)
+        assert concerned and not any(each.low < value < each.high for each in concerned), (name, concerned)

@@ -21,6 +21,7 @@ from acqd.models.effects.effect import Effect, effect_rows
 from acqd.models.effects.places import Shape, Variant
 from acqd.models.effects.scene import Scene
 from acqd.models.effects.substeps import averaged
+from acqd.models.greybox.model import GreyBox
 from acqd.residual.whitening import Whitener
 
 
@@ -49,11 +50,11 @@ class Detection:
         """Id of the effect, or the label."""
         return self.effect.id if self.effect else self.label
 
-    def candidate(self, indices: Indices, key: str) -> Candidate:
-        """The hypothesis, once the design holds its columns at `indices`."""
+    def candidate(self, indices: Indices, key: str, model: GreyBox) -> Candidate:
+        """The hypothesis in the arm of `model`, once the design holds its columns at `indices`."""
         if self.effect is None:
             return Candidate("", self.label, indices, detected=True, cost=self.cost, tried=self.tried, key=key)
-        place = self.effect.detected_place(self.shape)
+        place = self.effect.detected_place(self.shape, model)
         variant = Variant(place, place.columns, self.shape)
         return Candidate(
             self.effect.id, place.where, indices, variant, detected=True, cost=self.cost, tried=self.tried, key=key

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from acqd.arrays import Floats
 from acqd.models.effects.effect import Effect
+from acqd.models.effects.limits import LARGEST_BRAKE_W
 from acqd.models.effects.places import Parameter, Place, Shape
 from acqd.models.effects.scene import Scene
 
@@ -29,4 +30,5 @@ class BrakeHolding(Effect):
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """The brakes."""
-        yield Place("brakes", (0,), (Parameter("power", "W"),))
+        most_W = LARGEST_BRAKE_W * scene.axes
+        yield Place("brakes", (0,), (Parameter("power", "W", -most_W, most_W, whole_low=0.0),))

@@ -10,6 +10,7 @@ import numpy as np
 from acqd.arrays import Floats
 from acqd.models.effects.effect import Effect
 from acqd.models.effects.events import bins, edges, since
+from acqd.models.effects.limits import LARGEST_INRUSH_W
 from acqd.models.effects.places import Parameter, Place, Shape
 from acqd.models.effects.scene import Scene
 from acqd.models.greybox.model import GreyBox
@@ -38,7 +39,9 @@ class BrakeRelease(Effect):
     def places(self, scene: Scene) -> Iterator[Place]:
         """The brakes, with the power in every interval."""
         names = [f"power {max(low, 0) * 1000:.0f}-{high * 1000:.0f} ms" for low, high in pairwise(_LIMITS_S)]
-        yield Place("brakes", tuple(range(len(names))), tuple(Parameter(name, "W") for name in names))
+        most_W = LARGEST_INRUSH_W * scene.axes
+        powers = tuple(Parameter(name, "W", -most_W, most_W) for name in names)
+        yield Place("brakes", tuple(range(len(names))), powers)
 
     def c_constants(self, carrier: GreyBox, shape: Shape) -> dict[str, float | Floats]:
         """Limits of the intervals, s."""

@@ -9,6 +9,7 @@ import numpy as np
 from acqd.arrays import Floats
 from acqd.models.effects.clocks import later, slope
 from acqd.models.effects.effect import Effect
+from acqd.models.effects.limits import LARGEST_DRIFT_S_H
 from acqd.models.effects.places import Parameter, Place, Shape
 from acqd.models.effects.scene import Scene
 from acqd.models.effects.substeps import averaged
@@ -40,4 +41,4 @@ class ClockDrift(Effect):
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """The clocks."""
-        yield Place("clocks", (0,), (Parameter("power later by", "s/h"),))
+        yield Place("clocks", (0,), (Parameter("power later by", "s/h", -LARGEST_DRIFT_S_H, LARGEST_DRIFT_S_H),))

@@ -9,6 +9,7 @@ import numpy as np
 from acqd.arrays import Floats
 from acqd.models.effects.clocks import later, slope
 from acqd.models.effects.effect import Effect
+from acqd.models.effects.limits import LARGEST_OFFSET_S
 from acqd.models.effects.places import Parameter, Place, Shape
 from acqd.models.effects.scene import Scene
 
@@ -34,4 +35,4 @@ class ClockOffset(Effect):
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """The clocks."""
-        yield Place("clocks", (0,), (Parameter("power later by", "s"),))
+        yield Place("clocks", (0,), (Parameter("power later by", "s", -LARGEST_OFFSET_S, LARGEST_OFFSET_S),))

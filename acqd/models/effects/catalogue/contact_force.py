@@ -9,6 +9,7 @@ import numpy as np
 from acqd.arrays import Floats
 from acqd.models.effects.bodies import GRAVITY, weight_power
 from acqd.models.effects.effect import Effect
+from acqd.models.effects.limits import Limits
 from acqd.models.effects.places import Parameter, Place, Shape
 from acqd.models.effects.scene import Scene
 from acqd.models.greybox.model import GreyBox
@@ -50,9 +51,10 @@ class ContactForce(Effect):
         """No places before detection."""
         return iter(())
 
-    def detected_place(self, shape: Shape) -> Place:
+    def detected_place(self, shape: Shape, model: GreyBox) -> Place:
         """The flange."""
-        return Place("flange", (0,), (Parameter("force up", "N"),))
+        most_N = Limits.of(model).lifting_force
+        return Place("flange", (0,), (Parameter("force up", "N", -most_N, most_N),))
 
     def c_constants(self, carrier: GreyBox, shape: Shape) -> dict[str, float | Floats]:
         """The flange [3] m in the last link's frame, and the share of time."""

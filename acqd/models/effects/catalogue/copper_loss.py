@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from acqd.arrays import Floats
 from acqd.models.effects.effect import Effect
+from acqd.models.effects.limits import Limits
 from acqd.models.effects.places import Parameter, Place, Shape, per_joint
 from acqd.models.effects.scene import Scene
 
@@ -31,4 +32,5 @@ class CopperLoss(Effect):
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """Joints; all of them in the proportions of the described loss."""
-        yield from per_joint(scene.axes, Parameter("loss", "W/Nm^2"), nominal=scene.model.group("copper"))
+        most = Limits.of(scene.model).copper
+        yield from per_joint(scene.axes, Parameter("loss", "W/Nm^2", -most, most), nominal=scene.model.group("copper"))

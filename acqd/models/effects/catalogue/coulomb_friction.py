@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from acqd.arrays import Floats
 from acqd.models.effects.effect import Effect
+from acqd.models.effects.limits import Limits
 from acqd.models.effects.places import Parameter, Place, Shape, per_joint
 from acqd.models.effects.scene import Scene
 from acqd.models.greybox.model import direction
@@ -34,4 +35,5 @@ class CoulombFriction(Effect):
     def places(self, scene: Scene) -> Iterator[Place]:
         """Joints; all of them in the proportions of the described friction, which cannot become negative."""
         known = scene.model.group("coulomb")
-        yield from per_joint(scene.axes, Parameter("torque", "Nm"), nominal=known)
+        most = Limits.of(scene.model).friction
+        yield from per_joint(scene.axes, Parameter("torque", "Nm", -most, most), nominal=known)

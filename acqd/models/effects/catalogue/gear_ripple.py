@@ -8,6 +8,7 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.models.effects.effect import Effect
+from acqd.models.effects.limits import Limits
 from acqd.models.effects.places import Parameter, Place, Shape
 from acqd.models.effects.scene import Scene
 from acqd.models.greybox.model import GreyBox
@@ -42,9 +43,11 @@ class GearRipple(Effect):
         """No places before detection."""
         return iter(())
 
-    def detected_place(self, shape: Shape) -> Place:
+    def detected_place(self, shape: Shape, model: GreyBox) -> Place:
         """The joint of the ripple."""
-        return Place(f"joint {int(shape['joint'])}", (0, 1), (Parameter("sine", "Nm"), Parameter("cosine", "Nm")))
+        most = Limits.of(model).ripple(int(shape["joint"]) - 1)
+        both = tuple(Parameter(name, "Nm", -most, most) for name in ("sine", "cosine"))
+        return Place(f"joint {int(shape['joint'])}", (0, 1), both)
 
     def c_constants(self, carrier: GreyBox, shape: Shape) -> dict[str, float | Floats]:
         """Joint (from 0) and periods per turn."""

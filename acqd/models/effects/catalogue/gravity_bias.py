@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from acqd.arrays import Floats
 from acqd.models.effects.bodies import centres_of, link_centres, link_power, moments_about, point_mass, weight_power
 from acqd.models.effects.effect import Effect
+from acqd.models.effects.limits import Limits
 from acqd.models.effects.places import Parameter, Place, Shape
 from acqd.models.effects.scene import Scene
 from acqd.models.greybox.model import GreyBox
@@ -75,14 +77,19 @@ class GravityBias(Effect):
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """Links from the second on: a weight; below the wrist also a mass, at the centre or beside the centre."""
-        masses = scene.model.group("inertial")[::10]
+        masses, limits = scene.model.group("inertial")[::10], Limits.of(scene.model)
         upper, weights = _upper_links(scene.axes), scene.axes - 1
         for k in range(1, scene.axes):
             usual_kg = _USUAL_SHARE * float(masses[k]) + _USUAL_KG
-            mass = Parameter("mass", "kg", deviation=usual_kg)
-            yield Place(f"link {k + 1}, weight only" if k in upper else f"link {k + 1}", (k - 1,), (mass,))
+            weight = Parameter("mass", "kg", -limits.arm_kg, limits.arm_kg, usual_kg)
+            yield Place(f"link {k + 1}, weight only" if k in upper else f"link {k + 1}", (k - 1,), (weight,))
             if k in upper:
-                moments = (Parameter(f"first moment {side}", "kg m", deviation=usual_kg * _BESIDE_M) for side in "xy")
+                # a fitted link has the mass of its neighbours within the usual deviation
+                mass = replace(weight, low=max(weight.low, -float(masses[k]) - usual_kg))
+                most = limits.moment_kg_m
+                moments = (
+                    Parameter(f"first moment {side}", "kg m", -most, most, usual_kg * _BESIDE_M) for side in "xy"
+                )
                 own, first = weights + k - 1, weights + len(upper) + 2 * (k - 1)
                 yield Place(f"link {k + 1}", (own,), (mass,))
                 yield Place(f"link {k + 1}, beside its centre", (own, first, first + 1), (mass, *moments))

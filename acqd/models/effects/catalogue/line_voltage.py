@@ -8,6 +8,7 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.models.effects.effect import Effect
+from acqd.models.effects.limits import LARGEST_EXPONENT, LARGEST_LOAD_W, LEAST_EXPONENT
 from acqd.models.effects.places import Parameter, Place, Shape
 from acqd.models.effects.scene import Scene
 from acqd.models.greybox.model import GreyBox
@@ -43,8 +44,9 @@ class LineVoltage(Effect):
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """All loads, or a constant load."""
-        yield Place("all loads", (0,), (Parameter("exponent", "-"),))
-        yield Place("a constant load", (1,), (Parameter("power per relative voltage", "W"),))
+        yield Place("all loads", (0,), (Parameter("exponent", "-", LEAST_EXPONENT, LARGEST_EXPONENT),))
+        most_W = LARGEST_EXPONENT * LARGEST_LOAD_W
+        yield Place("a constant load", (1,), (Parameter("power per relative voltage", "W", -most_W, most_W),))
 
     def fixed_shape(self, scenes: Sequence[Scene]) -> dict[str, float]:
         """The nominal voltage of the recordings."""

@@ -39,5 +39,5 @@ class LoadDependentFriction(Effect):
     def places(self, scene: Scene) -> Iterator[Place]:
         """Joints."""
         yield from per_joint(
-            scene.axes, Parameter("share of the load", "-", high=_SELF_LOCKING, deviation=_USUAL_SHARE, whole_low=0.0)
+            scene.axes, Parameter("share of the load", "-", -_SELF_LOCKING, _SELF_LOCKING, _USUAL_SHARE, whole_low=0.0)
         )

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from acqd.arrays import Floats
 from acqd.models.effects.effect import Effect
+from acqd.models.effects.limits import LARGEST_GAIN, LEAST_GAIN
 from acqd.models.effects.places import Parameter, Place, Shape
 from acqd.models.effects.scene import Scene
 
@@ -33,4 +34,4 @@ class MeterGain(Effect):
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """The meter."""
-        yield Place("meter", (0,), (Parameter("gain error", "-", deviation=_USUAL_ERROR),))
+        yield Place("meter", (0,), (Parameter("gain error", "-", LEAST_GAIN, LARGEST_GAIN, _USUAL_ERROR),))

@@ -8,8 +8,12 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.models.effects.effect import Effect
+from acqd.models.effects.limits import LARGEST_LOAD_W
 from acqd.models.effects.places import Parameter, Place, Shape
 from acqd.models.effects.scene import Scene
+
+_STANDBY_ERROR_W = 5.0
+"""Of the fitted standby power: a removed load takes no more than that."""
 
 
 class OffsetShift(Effect):
@@ -32,4 +36,5 @@ class OffsetShift(Effect):
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """The cabinet."""
-        yield Place("cabinet", (0,), (Parameter("power", "W"),))
+        standby_W = max(float(scene.model.group("standby")[0]), 0.0)
+        yield Place("cabinet", (0,), (Parameter("power", "W", -standby_W - _STANDBY_ERROR_W, LARGEST_LOAD_W),))

@@ -10,6 +10,7 @@ import numpy as np
 from acqd.arrays import Floats
 from acqd.models.effects.bodies import first_moment_power, first_moments, point_mass, point_mass_power
 from acqd.models.effects.effect import Effect
+from acqd.models.effects.limits import Limits
 from acqd.models.effects.places import Parameter, Place, Shape
 from acqd.models.effects.scene import Scene
 from acqd.models.greybox.model import GreyBox
@@ -56,8 +57,10 @@ class Payload(Effect):
     def places(self, scene: Scene) -> Iterator[Place]:
         """The flange: on its axis, beside its axis, or on its axis with the tool."""
         usual_kg = _SHARE_OF_ARM * float(scene.model.group("inertial")[::10].sum())
-        mass = Parameter("mass", "kg", deviation=usual_kg)
-        moments = tuple(Parameter(f"first moment {side}", "kg m", deviation=usual_kg * _BESIDE_M) for side in "xy")
+        limits = Limits.of(scene.model)
+        mass = Parameter("mass", "kg", -limits.arm_kg, limits.payload_kg, usual_kg)
+        most = limits.moment_kg_m
+        moments = tuple(Parameter(f"first moment {side}", "kg m", -most, most, usual_kg * _BESIDE_M) for side in "xy")
         yield Place("flange", (0,), (mass,))
         yield Place("flange, beside its axis", (0, 2, 3), (mass, *moments))
         if "tool" in scene.signals:

@@ -9,6 +9,7 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.models.effects.effect import Effect
+from acqd.models.effects.limits import Limits
 from acqd.models.effects.places import Parameter, Place, Shape, per_joint
 from acqd.models.effects.scene import Scene
 from acqd.models.greybox.model import direction
@@ -39,5 +40,6 @@ class StribeckFriction(Effect):
     def places(self, scene: Scene) -> Iterator[Place]:
         """Joints."""
         usual = float(np.maximum(scene.model.group("coulomb"), 0.0).mean())
-        torque = Parameter("torque", "Nm", deviation=usual if usual > 0 else np.inf, whole_low=0.0)
+        most = Limits.of(scene.model).friction
+        torque = Parameter("torque", "Nm", -most, most, usual if usual > 0 else np.inf, whole_low=0.0)
         yield from per_joint(scene.axes, torque)

@@ -9,6 +9,7 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.models.effects.effect import Effect
+from acqd.models.effects.limits import LARGEST_LOSS_W
 from acqd.models.effects.places import Parameter, Place, Shape
 from acqd.models.effects.scene import Scene
 
@@ -39,4 +40,4 @@ class SupplyEfficiency(Effect):
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """The supply."""
-        yield Place("supply", (0,), (Parameter("loss at 100 W", "W", 0.0, deviation=_USUAL_LOSS_W),))
+        yield Place("supply", (0,), (Parameter("loss at 100 W", "W", 0.0, LARGEST_LOSS_W, _USUAL_LOSS_W),))

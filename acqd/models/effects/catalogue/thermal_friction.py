@@ -9,6 +9,7 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.models.effects.effect import Effect
+from acqd.models.effects.limits import Limits
 from acqd.models.effects.places import Parameter, Place, Shape, per_joint
 from acqd.models.effects.scene import Scene
 
@@ -41,4 +42,6 @@ class ThermalFriction(Effect):
     def places(self, scene: Scene) -> Iterator[Place]:
         """Joints; all of them in the proportions of the described friction, which cannot become negative."""
         known = scene.model.group("viscous")
-        yield from per_joint(scene.axes, Parameter("cold coefficient", "Nm s/rad", whole_low=0.0), nominal=known)
+        most = Limits.of(scene.model).viscous
+        cold = Parameter("cold coefficient", "Nm s/rad", -most, most, whole_low=0.0)
+        yield from per_joint(scene.axes, cold, nominal=known)

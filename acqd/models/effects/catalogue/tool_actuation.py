@@ -10,6 +10,7 @@ import numpy as np
 from acqd.arrays import Floats
 from acqd.models.effects.effect import Effect
 from acqd.models.effects.events import bins, edges, since
+from acqd.models.effects.limits import LARGEST_TOOL_W
 from acqd.models.effects.places import Parameter, Place, Shape
 from acqd.models.effects.scene import Scene
 from acqd.models.greybox.model import GreyBox
@@ -39,7 +40,7 @@ class ToolActuation(Effect):
     def places(self, scene: Scene) -> Iterator[Place]:
         """The tool, without and with the pulse."""
         names = [f"pulse {max(low, 0) * 1000:.0f}-{high * 1000:.0f} ms" for low, high in pairwise(_LIMITS_S)]
-        power, pulse = Parameter("power", "W"), tuple(Parameter(name, "W") for name in names)
+        power, *pulse = (Parameter(name, "W", -LARGEST_TOOL_W, LARGEST_TOOL_W) for name in ("power", *names))
         yield Place("tool", (0,), (power,))
         yield Place("tool", (0, 1, 2, 3, 4), (power, *pulse))
 

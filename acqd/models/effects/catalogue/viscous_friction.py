@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from acqd.arrays import Floats
 from acqd.models.effects.effect import Effect
+from acqd.models.effects.limits import Limits
 from acqd.models.effects.places import Parameter, Place, Shape, per_joint
 from acqd.models.effects.scene import Scene
 
@@ -33,4 +34,5 @@ class ViscousFriction(Effect):
     def places(self, scene: Scene) -> Iterator[Place]:
         """Joints; all of them in the proportions of the described friction, which cannot become negative."""
         known = scene.model.group("viscous")
-        yield from per_joint(scene.axes, Parameter("coefficient", "Nm s/rad"), nominal=known)
+        most = Limits.of(scene.model).viscous
+        yield from per_joint(scene.axes, Parameter("coefficient", "Nm s/rad", -most, most), nominal=known)

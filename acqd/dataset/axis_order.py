@@ -1,0 +1,243 @@
+"""Whether the columns of all axes are in the order of the robot's axes: judged by torques, currents or power.
+
+Columns in another order, in angles, speeds and currents alike, are a possible motion of the robot. What contradicts
+them is physics: gravity and inertia of the described body belong to the joints in their order, friction does not. The
+same regression is fitted in each order, and residuals are compared block by block (Q. H. Vuong, Likelihood ratio tests
+for model selection and non-nested hypotheses, Econometrica 57, 1989). Where neither order is clearly better, the order
+is not confirmed, and a line says so.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+from acqd.arrays import Floats
+from acqd.numerics import runs_of_true
+from acqd.robot.description import RobotDescription
+from acqd.robot.inertia import inverse_dynamics
+
+Order: TypeAlias = tuple[int, ...]
+"""For each axis, the column that holds its values."""
+
+_CLEARLY = 3.0
+"""Standard errors of the mean difference of two orders' log likelihoods."""
+_GAIN = 0.2
+"""Nats a row that another order must gain before logs are refused. In real logs of a UR10e and a Kinova Gen3 no order
+gains more than 0.1 with a clear difference; two wrist joints exchanged gain 0.4 to 0.8 by currents."""
+_GAIN_BY_POWER = 0.1
+"""The same for the power, in which friction hides more: two wrist joints exchanged gain 0.18, the last two 0.03."""
+_FEWEST_BLOCKS = 10
+"""Blocks from which on their scatter is known."""
+_BLOCK_S = 2.0
+_MOST_ROWS = 1500
+_EDGE = 2
+"""Rows at either end of a piece whose accelerations are one-sided."""
+_SIGN_SPEED = 0.02  # rad/s, width of the smoothed sign of the speed
+_RESOLVED = 0.02
+"""Share of the scatter of torques or power below which residuals count alike: no description is that exact."""
+_TORQUE_SCALE = (0.5, 2.0)
+"""Logged over computed torque."""
+_GUESSED_SCALE = (0.2, 5.0)
+"""The same for currents of drives whose torque constant is guessed."""
+_MOST_STEPS = 4
+
+
+@dataclass(frozen=True, slots=True)
+class OrderSample:
+    """A piece of motion without gaps, and what witnesses the order of its axes."""
+
+    q: Floats
+    """[T, axes] rad or m, `step_s` apart."""
+    seen: Floats
+    """[T, axes] Nm or N, or [T] W."""
+    step_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class OrderJudgement:
+    """What the witnesses say of the order of the columns."""
+
+    better: Order | None
+    """The order that fits clearly better than the columns as logged; None if none does."""
+    unsure: frozenset[Order] = frozenset()
+    """Other orders that do not fit clearly worse."""
+
+    def text(self, robot: RobotDescription) -> str:
+        """The line on the order that fits better; `better` is not None."""
+        assert self.better is not None
+        moved = [axis for axis, column in enumerate(self.better) if axis != column]
+        names = [robot.joint[axis].name for axis in moved]
+        what = f"with {names[0]} and {names[1]} exchanged"
+        if len(moved) > 2:
+            columns = (f"{robot.joint[axis].name} from column {self.better[axis] + 1}" for axis in moved)
+            what = f"with {', '.join(columns)}"
+        return (
+            f"{robot.name} explains them better {what}: the columns of these joints are in another order, as in "
+            "messages that sort joints by name; write them in the order of the axes"
+        )
+
+    def note(self, robot: RobotDescription, witness: str) -> str:
+        """The line on axes whose order is not confirmed; empty if all are."""
+        groups = _groups(self.unsure)
+        if not groups:
+            return ""
+        named = "; ".join(_listed([robot.joint[axis].name for axis in group]) for group in groups)
+        what = "the joints" if len(groups[0]) == robot.axes else named
+        return f"the order of {what} is not confirmed by these logs ({witness}): check the columns"
+
+    def together(self, other: OrderJudgement) -> OrderJudgement:
+        """The judgement of two witnesses: an order that either rules out is ruled out."""
+        return OrderJudgement(None, self.unsure & other.unsure)
+
+
+def judge_order(robot: RobotDescription, samples: Sequence[OrderSample], *, guessed: bool = False) -> OrderJudgement:
+    """Compares the columns as logged with exchanges and cycles of two and three axes, and all axes turned or reversed.
+
+    `guessed`: the torques are currents times guessed torque constants.
+    """
+    axes = robot.axes
+    logged = tuple(range(axes))
+    if axes == 1:
+        return OrderJudgement(None)
+    others = [order for order in _orders(axes) if order != logged]
+    fit = _Fit(robot, samples, _GUESSED_SCALE if guessed else _TORQUE_SCALE)
+    if fit.blocks < _FEWEST_BLOCKS:
+        return OrderJudgement(None, frozenset(others))
+    gains = {order: fit.gain(logged, order) for order in others}
+    best = max(gains, key=lambda order: gains[order][0] if gains[order][1] > _CLEARLY else -np.inf)
+    least = _GAIN_BY_POWER if samples[0].seen.ndim == 1 else _GAIN
+    if gains[best][1] > _CLEARLY and gains[best][0] > least:
+        return OrderJudgement(_climbed(fit, best))
+    return OrderJudgement(None, frozenset(order for order, (_, errors) in gains.items() if errors > -_CLEARLY))
+
+
+def pieces(q: Floats, seen: Floats, known: NDArray[np.bool_], step_s: float) -> Iterator[OrderSample]:
+    """The runs of known rows [T] of angles [T, axes] and witnesses that are long enough."""
+    for start, end in runs_of_true(known):
+        if (end - start) * step_s >= _BLOCK_S and end - start > 4 * _EDGE:
+            yield OrderSample(q[start:end], seen[start:end], step_s)
+
+
+class _Fit:
+    """Residuals of the same rows in any order of the axes."""
+
+    def __init__(self, robot: RobotDescription, samples: Sequence[OrderSample], scale: tuple[float, float]) -> None:
+        self._robot, self._scale = robot, scale
+        rows = sum(len(sample.q) for sample in samples)
+        thin = max(1, -(-rows // _MOST_ROWS))
+        parts = []
+        blocks: list[NDArray[np.int64]] = []
+        number = 0
+        for sample in samples:
+            qd = np.gradient(sample.q, sample.step_s, axis=0)
+            qdd = np.gradient(qd, sample.step_s, axis=0)
+            some = np.arange(_EDGE, len(sample.q) - _EDGE, thin)
+            parts.append((sample.q[some], qd[some], qdd[some], sample.seen[some]))
+            block = number + (some * sample.step_s / _BLOCK_S).astype(np.int64)
+            blocks.append(block)
+            number = int(block[-1]) + 1 if len(block) else number
+        self._known: dict[Order, Floats] = {}
+        self._block = np.concatenate(blocks) if blocks else np.zeros(0, np.int64)
+        self.blocks = len(np.unique(self._block))
+        if self.blocks:
+            self._q, self._qd, self._qdd, self._seen = (np.concatenate(each) for each in zip(*parts, strict=True))
+
+    def gain(self, one: Order, other: Order) -> tuple[float, float]:
+        """Mean log likelihood [nats a row] that `other` gains over `one`, and its number of standard errors."""
+        difference = self._log_likelihood(other) - self._log_likelihood(one)
+        counts = np.bincount(self._block)
+        sums = np.bincount(self._block, difference)[counts > 0]
+        error = float(np.std(sums)) * np.sqrt(len(sums))
+        return float(difference.mean()), float(sums.sum()) / max(error, 1e-9)
+
+    def _log_likelihood(self, order: Order) -> Floats:
+        """[T] of normal residuals whose deviation is their own."""
+        if order not in self._known:
+            columns = list(order)
+            q, qd, qdd = self._q[:, columns], self._qd[:, columns], self._qdd[:, columns]
+            tau = inverse_dynamics(self._robot, q, qd, qdd)
+            by_power = self._seen.ndim == 1
+            left = self._power_left(tau, qd, qdd)[:, None] if by_power else self._torque_left(tau, qd, qdd, columns)
+            variance = (left**2).mean(axis=0) + (_RESOLVED * self._seen.std(axis=0)) ** 2 + 1e-12
+            self._known[order] = np.asarray(-0.5 * (np.log(variance) + left**2 / variance).sum(axis=1))
+        return self._known[order]
+
+    def _torque_left(self, tau: Floats, qd: Floats, qdd: Floats, columns: list[int]) -> Floats:
+        """[T, columns]: what computed torque, friction, rotor inertia and an offset leave of the witnesses."""
+        left = np.zeros_like(tau)
+        for axis, column in enumerate(columns):
+            seen = self._seen[:, column]
+            own = (tau[:, axis], np.tanh(qd[:, axis] / _SIGN_SPEED), qd[:, axis], qdd[:, axis], np.ones(len(tau)))
+            X = np.column_stack(own)
+            weights = np.linalg.lstsq(X, seen, rcond=None)[0]
+            possible = float(np.clip(weights[0], *self._scale))
+            if possible != weights[0]:
+                rest = seen - possible * X[:, 0]
+                weights = np.concatenate([[possible], np.linalg.lstsq(X[:, 1:], rest, rcond=None)[0]])
+            left[:, column] = seen - X @ weights
+        return left
+
+    def _power_left(self, tau: Floats, qd: Floats, qdd: Floats) -> Floats:
+        """[T]: what mechanical power, friction, copper losses and rotors leave of the power; no weight is negative."""
+        turned = tau * np.tanh(qd / _SIGN_SPEED)
+        rotors = qd * qdd
+        X = np.column_stack(
+            [np.ones(len(tau)), (tau * qd).sum(axis=1), np.abs(qd), qd**2, tau**2, np.abs(tau * qd)]
+            + [np.maximum(sign * each, 0.0) for each in (turned, rotors) for sign in (1, -1)]
+        )
+        scale = np.sqrt((X**2).mean(axis=0)) + 1e-12
+        weights, _ = nnls(X / scale, self._seen)
+        return np.asarray(self._seen - X / scale @ weights)
+
+
+def _climbed(fit: _Fit, order: Order) -> Order:
+    """The order from which no further exchange gains clearly: several pairs may be exchanged."""
+    for _ in range(_MOST_STEPS):
+        after = [_exchanged(order, *pair) for pair in itertools.combinations(range(len(order)), 2)]
+        gains = [fit.gain(order, each) for each in after]
+        best = int(np.argmax([gain if errors > _CLEARLY else -np.inf for gain, errors in gains]))
+        if gains[best][0] <= 0 or gains[best][1] <= _CLEARLY:
+            break
+        order = after[best]
+    return order
+
+
+def _exchanged(order: Order, one: int, other: int) -> Order:
+    changed = list(order)
+    changed[one], changed[other] = changed[other], changed[one]
+    return tuple(changed)
+
+
+def _orders(axes: int) -> list[Order]:
+    """Exchanges of two columns, cycles of three, all columns turned by any number, and reversed."""
+    orders = [tuple(np.roll(range(axes), turn).tolist()) for turn in range(1, axes)]
+    orders.append(tuple(reversed(range(axes))))
+    for count in (2, 3):
+        for chosen in itertools.combinations(range(axes), count):
+            for turn in range(1, count):
+                order = list(range(axes))
+                for k, axis in enumerate(chosen):
+                    order[axis] = chosen[(k + turn) % count]
+                orders.append(tuple(order))
+    return list(dict.fromkeys(orders))
+
+
+def _groups(orders: Iterable[Order]) -> list[tuple[int, ...]]:
+    """Sets of axes that some of the orders move, joined where they share an axis."""
+    groups: list[set[int]] = []
+    for order in orders:
+        moved = {axis for axis, column in enumerate(order) if axis != column}
+        apart = [group for group in groups if not group & moved]
+        groups = [*apart, moved.union(*(group for group in groups if group & moved))]
+    return sorted(tuple(sorted(group)) for group in groups)
+
+
+def _listed(names: list[str]) -> str:
+    return f"{', '.join(names[:-1])} and {names[-1]}"
