@@ -190,3 +190,25 @@ def test_a_known_mass_calibrates_the_torques_of_the_model(closed, tmp_path):
     low, high = said["torque_scale"]["ci95"]
     assert low < said["torque_scale"]["value"] < high
     assert load_bundle(tmp_path / "scaled").metadata["torque_scale"]["known_mass_kg"] == 2.0
+
+
+@pytest.mark.long(seconds=8)
+def test_ability_says_beforehand_what_the_motion_of_the_reference_can_tell(closed, tmp_path):
+    folder, report = closed
+    done = acqd_here("robot", "ability", folder / "model", "--minutes", 60, "--json")
+    assert done.returncode == 0, done.stderr
+    said = json.loads(done.stdout)
+    assert said["minutes"] == 60 and said["power"] == 0.95
+    planned = {(each["id"], each["where"]): each for each in said["effects"]}
+    recorded = {(each["id"], each["where"]): each for each in report["ability"]["effects"]}
+    for key in (("payload", "flange"), ("coulomb_friction", "joint 2")):
+        assert 0 < planned[key]["smallest"] < recorded[key]["smallest"]  # an hour tells more than four minutes
+    payload = next(each for each in report["effects"] if each["id"] == "payload")
+    assert payload["parameters"]["mass"]["value"] > recorded["payload", "flange"]["smallest"]
+    page = (folder / "now" / "ds.loop" / "report.html").read_text()
+    assert "What these recordings can tell" in page
+    forgetful = tmp_path / "forgetful"
+    shutil.copytree(folder / "model", forgetful)
+    (forgetful / "reference.safetensors").unlink()
+    done = acqd_here("robot", "ability", forgetful)
+    assert done.returncode == 2 and "remembers no recordings" in done.stderr and "Traceback" not in done.stderr
