@@ -22,7 +22,7 @@ from acqd.storage.schema import power, power_event, power_quality, quarantine
 from acqd.telemetry.broker import free_port
 from acqd.telemetry.mqtt import BrokerAddress
 from acqd.telemetry.quality_row import quality_rows
-from acqd.telemetry.spool import Readings
+from acqd.telemetry.spool import Readings, Spool, SpooledRow, Stream
 from tests.commands import ACQD
 from tests.metering.quality.waves import metered, three_phases
 from tests.storage.rows import count, row
@@ -392,6 +392,20 @@ def test_no_register_goes_back_after_a_kill(mosquitto, tmp_path):
 def boots(folder):
     with sqlite3.connect(folder / "a.sqlite") as connection:
         return connection.execute("SELECT count(DISTINCT boot) FROM power_register").fetchone()[0]
+
+
+def test_rows_under_the_name_before_a_change_of_device_are_counted_by_the_daemon(tmp_path):
+    old = Spool(tmp_path / "spool-old")
+    old.append([SpooledRow(Stream("old", "L1", "b"), 0, b"{}")])
+    old.close()
+
+    async def scenario():
+        daemon = Daemon(tmp_path, free_port())
+        tasks = daemon.uplink.tasks()
+        await until(lambda: daemon.uplink.counters().left_behind.startswith("1 rows of device old wait"), "the name")
+        await daemon.stop(tasks)
+
+    finish(scenario())
 
 
 def test_rows_that_the_broker_refuses_and_acknowledges_wait_and_are_named(mosquitto, tmp_path, monkeypatch):

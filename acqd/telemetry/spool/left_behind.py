@@ -21,7 +21,8 @@ def left_behind(state_dir: Path, device: str) -> str:
     Only reads. What cannot be read is named, too.
     """
     try:
-        others = [path for path in sorted(state_dir.glob(f"{_PREFIX}*")) if path != folder_of(state_dir, device)]
+        mine = folder_of(state_dir, device)
+        others = [path for path in sorted(state_dir.glob(f"{_PREFIX}*")) if path.is_dir() and path != mine]
     except OSError:
         return ""
     for folder in others:
