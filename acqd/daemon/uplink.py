@@ -40,6 +40,10 @@ _NO_SINK_S = 60.0
 _RIGHTS_S = 0.5
 _REFUSED_S = 10.0
 """Access rules are changed by hand."""
+_AGAIN_S = 5.0
+"""Without receipts, rules that change during a connection are known by asking again only."""
+_LATE_S = 2.0
+"""Receipts that come later than this raise the question whether rows arrive."""
 _AT_ONCE = 16
 """Topics of one question: fewer than the messages that any broker takes at once."""
 _LEFT_BEHIND_S = 60.0
@@ -231,18 +235,26 @@ class Uplink:
             await asyncio.sleep(_LEFT_BEHIND_S)
 
     async def _watch_rights(self) -> None:
-        """Ask the broker, once for each connection and kind of topic, whether it takes what it acknowledges."""
+        """Ask the broker, for each connection and kind of topic, whether it takes what it acknowledges.
+
+        Where no receipt says that rows arrive, or none comes, ask again and again.
+        """
         asked: set[str] = set()
+        asked_at = time.monotonic()
         connection = self._connector.reconnects
         while True:
             await asyncio.sleep(_RIGHTS_S)
             if self._connector.reconnects != connection:
                 connection, asked = self._connector.reconnects, set()
+            doubtful = self._config.spool.until == "acknowledged" or self._delivery.receipt_lag_s > _LATE_S
+            if doubtful and time.monotonic() - asked_at > _AGAIN_S:
+                asked = set()
             examples = self._delivery.examples
             if self._connector.state != "connected" or set(examples) <= asked:
                 continue
             some = sorted(set(examples) - asked)[:_AT_ONCE]
             messages = [replace(examples[topic], tag=None) for topic in some]
+            asked_at = time.monotonic()
             found = await refused(
                 self._config.mqtt.address(), f"acqd-{self._config.device}-{self.name.me.boot}-rights",
                 self._config.device, messages,

@@ -412,6 +412,7 @@ def test_rows_that_the_broker_refuses_and_acknowledges_wait_and_are_named(mosqui
     """An access rule, MQTT 3.1.1, nobody who sends receipts."""
     monkeypatch.setattr("acqd.daemon.uplink._RIGHTS_S", 0.02)
     monkeypatch.setattr("acqd.daemon.uplink._REFUSED_S", 0.1)
+    monkeypatch.setattr("acqd.daemon.uplink._AGAIN_S", 0.1)
     rules = mosquitto.folder / "acl"
     rules.write_text("topic readwrite acqd/+/status\n")
     mosquitto.stop()
@@ -433,6 +434,9 @@ def test_rows_that_the_broker_refuses_and_acknowledges_wait_and_are_named(mosqui
             await until(lambda: not daemon.uplink.rights_trouble, "the broker takes rows again")
             await until(lambda: stored(engine) == taped(daemon), "every row is stored")
         await daemon.delivered()
+        rules.write_text("topic readwrite acqd/+/status\n")
+        mosquitto.process.send_signal(signal.SIGHUP)
+        await until(lambda: daemon.uplink.rights_trouble, "a refusal by rules that changed during the connection")
         await daemon.stop(tasks)
 
     finish(scenario())

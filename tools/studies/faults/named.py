@@ -109,7 +109,6 @@ def _refused_rows(bed: Bed, _fault: ExitStack) -> None:
         f"topic readwrite acqd/{DEVICE}/receipt\n"
     )
     bed.broker.send(signal.SIGHUP)
-    bed.proxies["daemon"].reset()  # rights are asked for each connection
 
 
 def _renamed(bed: Bed, _fault: ExitStack) -> None:
