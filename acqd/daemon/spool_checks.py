@@ -8,6 +8,7 @@ from pathlib import Path
 
 from acqd.daemon.config import Config
 from acqd.daemon.finding import Finding
+from acqd.telemetry.spool.left_behind import folder_of, left_behind
 
 
 def spool_checks(config: Config) -> Iterator[Finding]:
@@ -19,9 +20,11 @@ def spool_checks(config: Config) -> Iterator[Finding]:
         yield Finding("spool", "warn", "no state_dir: rows wait in memory, at most 32 MB", advice)
         return
     folder = _existing(config.state_dir)
-    there = sum(path.stat().st_size for path in (config.state_dir / f"spool-{config.device}").glob("*.seg"))
+    there = sum(path.stat().st_size for path in folder_of(config.state_dir, config.device).glob("*.seg"))
     free, needed = shutil.disk_usage(folder).free, config.spool.max_mb * 1e6 - there
     text = f"{there / 1e6:.0f} of {config.spool.max_mb:g} MB, until {config.spool.until}"
+    if left := left_behind(config.state_dir, config.device):
+        yield Finding("spool", "warn", left.partition(": was")[0], left.partition("? ")[2] or left)
     if free < needed:
         advice = f"{free / 1e6:.0f} MB are free at {folder}: make room or lower [spool] max_mb"
         yield Finding("spool", "warn", text, advice)

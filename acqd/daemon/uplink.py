@@ -32,6 +32,7 @@ from acqd.telemetry.register_row import OnceAMinute, register_row
 from acqd.telemetry.rights import refused
 from acqd.telemetry.row import PowerRow
 from acqd.telemetry.spool import Readings, Spool, SpooledRow, Stream, confirm
+from acqd.telemetry.spool.left_behind import folder_of, left_behind
 
 _log = logging.getLogger(__name__)
 _SYNC_S = 0.8  # at most 1 s of rows is at risk when the power fails
@@ -39,8 +40,14 @@ _NO_SINK_S = 60.0
 _RIGHTS_S = 0.5
 _REFUSED_S = 10.0
 """Access rules are changed by hand."""
+_AGAIN_S = 5.0
+"""Without receipts, rules that change during a connection are known by asking again only."""
+_LATE_S = 2.0
+"""Receipts that come later than this raise the question whether rows arrive."""
 _AT_ONCE = 16
 """Topics of one question: fewer than the messages that any broker takes at once."""
+_LEFT_BEHIND_S = 60.0
+"""Spools of other names change when somebody starts a daemon there."""
 _ANSWER_S = 5.0
 """How long the first row after a power cut waits for a sink that knows the last rows before it."""
 
@@ -53,7 +60,7 @@ class Uplink:
     ) -> None:
         """`devices`: those whose rows will come; `me`: this run. Raises UserError when the spool cannot be used."""
         self._config = config
-        folder = config.state_dir / f"spool-{config.device}" if config.state_dir is not None else None
+        folder = folder_of(config.state_dir, config.device) if config.state_dir is not None else None
         self._spool = Spool(folder, config.spool.limits())
         me = me or claimant(config.state_dir, uuid.uuid4().hex[:12], take_name=False)
         self.name = Name(me)
@@ -79,6 +86,7 @@ class Uplink:
         self._folder = folder
         self._register_times = OnceAMinute()
         self._sync_failed = self._warned = False
+        self._left_behind = ""
         self._alone_since = time.monotonic()
         self.latest = self.counters()
         """The counters, at most a second old; for other threads than the event loop's."""
@@ -105,6 +113,8 @@ class Uplink:
         if self._folder is None:
             _log.info("no state_dir: rows that are not delivered wait in memory only")
         tasks = [asyncio.create_task(self._connector.run()), asyncio.create_task(self._sync())]
+        if self._config.state_dir is not None:
+            tasks.append(asyncio.create_task(self._watch_other_names(self._config.state_dir)))
         if not self._config.broker.embedded:  # that one has no access rules
             self._delivery.doubt()
             tasks.append(asyncio.create_task(self._watch_rights()))
@@ -189,7 +199,9 @@ class Uplink:
             damaged_bytes=spool.damaged_bytes,
             disk_trouble=spool.trouble,
             reading_trouble=spool.reading_trouble,
+            left_behind=self._left_behind,
             unreceipted_s=round(delivery.unreceipted_s, 3),
+            receipt_lag_s=round(delivery.receipt_lag_s, 3),
             connected=connector.state == "connected",
             broker_trouble=self.name.trouble or connector.trouble,
             rights_trouble=self.rights_trouble,
@@ -212,19 +224,37 @@ class Uplink:
                 self._sync_failed = True
             await asyncio.sleep(max(0.0, begun + _SYNC_S - time.monotonic()))
 
+    async def _watch_other_names(self, state_dir: Path) -> None:
+        """Name rows that wait under another name, as they do where the device was renamed."""
+        while True:
+            self._left_behind = await asyncio.to_thread(left_behind, state_dir, self._config.device)
+            if self._left_behind:
+                self._says.trouble("spool", self._left_behind, self._left_behind)
+            else:
+                self._says.fine("spool", "no rows wait under another name any more")
+            await asyncio.sleep(_LEFT_BEHIND_S)
+
     async def _watch_rights(self) -> None:
-        """Ask the broker, once for each connection and kind of topic, whether it takes what it acknowledges."""
+        """Ask the broker, for each connection and kind of topic, whether it takes what it acknowledges.
+
+        Where no receipt says that rows arrive, or none comes, ask again and again.
+        """
         asked: set[str] = set()
+        asked_at = time.monotonic()
         connection = self._connector.reconnects
         while True:
             await asyncio.sleep(_RIGHTS_S)
             if self._connector.reconnects != connection:
                 connection, asked = self._connector.reconnects, set()
+            doubtful = self._config.spool.until == "acknowledged" or self._delivery.receipt_lag_s > _LATE_S
+            if doubtful and time.monotonic() - asked_at > _AGAIN_S:
+                asked = set()
             examples = self._delivery.examples
             if self._connector.state != "connected" or set(examples) <= asked:
                 continue
             some = sorted(set(examples) - asked)[:_AT_ONCE]
             messages = [replace(examples[topic], tag=None) for topic in some]
+            asked_at = time.monotonic()
             found = await refused(
                 self._config.mqtt.address(), f"acqd-{self._config.device}-{self.name.me.boot}-rights",
                 self._config.device, messages,

@@ -49,15 +49,29 @@ class DatabaseAwayError(UserError):
 def open_database(url: str, *, create: bool = True) -> sa.Engine:
     """Engine for `url` (or a plain path: SQLite), with the schema brought up to date.
 
-    Raises UserError for a URL, path or server that cannot be used, and for a SQLite file that is not
-    there without `create`.
+    Raises UserError for a URL, path or server that cannot be used; without `create`, for a SQLite file that is not
+    there and for a server's database without tables, as an empty replica is: only the sink makes them.
     """
     engine = engine_for(url)
     path = engine.url.database
     if not create and engine.dialect.name == "sqlite" and path and not Path(path).exists():
         raise UserError(f"database {Path(path).absolute()} does not exist; check its path and the folder you are in")
+    if not create and engine.dialect.name != "sqlite":
+        _check_tables(engine)
     prepare(engine)
     return engine
+
+
+def _check_tables(engine: sa.Engine) -> None:
+    try:
+        with engine.connect() as connection:
+            there = sa.inspect(connection).has_table("power")
+    except sa.exc.DBAPIError:
+        return  # `prepare` says why
+    if not there:
+        raise UserError(
+            f"database {shown(engine.url)} has no tables of acqd: empty, or another one; a sink makes them at its start"
+        )
 
 
 def prepare(engine: sa.Engine) -> None:

@@ -31,6 +31,10 @@ class TelemetryCounters:
     """Why the disk takes no rows, else empty."""
     reading_trouble: str
     """Why rows that wait cannot be read back, else empty."""
+    left_behind: str
+    """Which rows wait in the spool of another name, else empty."""
+    receipt_lag_s: float
+    """How long the oldest row under way has waited for its receipt while a sink is online [s]."""
     unreceipted_s: float
     """How long no receipt has come while a sink is online [s]."""
     connected: bool

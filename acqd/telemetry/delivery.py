@@ -38,6 +38,8 @@ _PATIENCE_S = (5.0, 60.0)
 _QUIET_S = 1.0
 """The backlog pauses so long while a sink works through what the broker had kept for it."""
 _WAIT_S = 0.5
+_LATELY_S = 10.0
+"""How long rows that are sent again say that receipts are late."""
 
 
 class Delivery:
@@ -77,6 +79,7 @@ class Delivery:
         self._heard = self._unreceipted_since = -1e9
         self._quiet_until = -1e9
         self._patience = _PATIENCE_S[0]
+        self._overdue = (-1e9, 0.0)
         self._more = False
         self._backlog_open = True
         self.sent = self.resent = self.delivered = 0
@@ -264,9 +267,20 @@ class Delivery:
     @property
     def unreceipted_s(self) -> float:
         """How long no receipt has come for rows that were sent, while a sink says that it is there [s]."""
-        if self._until == "acknowledged" or not self._online or not self._sinks or not len(self._flying):
+        return max(0.0, self._now() - self._unreceipted_since) if self._receipts_due else 0.0
+
+    @property
+    def receipt_lag_s(self) -> float:
+        """How long the oldest row under way has waited for its receipt, while a sink says that it is there [s]."""
+        if not self._receipts_due:
             return 0.0
-        return max(0.0, self._now() - self._unreceipted_since)
+        now = self._now()
+        overdue_at, overdue_s = self._overdue
+        return max(self._flying.oldest_s(now), overdue_s if now - overdue_at < _LATELY_S else 0.0)
+
+    @property
+    def _receipts_due(self) -> bool:
+        return self._until != "acknowledged" and self._online and bool(self._sinks) and len(self._flying) > 0
 
     def __len__(self) -> int:
         """Messages that wait: rows that are not delivered, states that are not sent."""
@@ -300,6 +314,7 @@ class Delivery:
         now = self._now()
         if late := self._flying.overdue(now, self._patience):
             self.resent += late
+            self._overdue = now, self._patience
             self._patience = min(2 * self._patience, _PATIENCE_S[1])
             self._position = self.spool.start
         if now < self._quiet_until:

@@ -57,6 +57,11 @@ class InFlight:
                     group.rows[stream].remove(first, last)
         return settled
 
+    def oldest_s(self, now: float) -> float:
+        """Time since the oldest row under way was sent, to within the second of its group; 0: none is [s]."""
+        lasts = (group.last for group in self._groups if any(len(rows) for rows in group.rows.values()))
+        return max(0.0, now - next(lasts, now))
+
     def overdue(self, now: float, patience_s: float) -> int:
         """Forget rows that were sent longer ago than `patience_s`; how many, so that they are sent again."""
         before = self._count

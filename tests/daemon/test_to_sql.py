@@ -22,7 +22,7 @@ from acqd.storage.schema import power, power_event, power_quality, quarantine
 from acqd.telemetry.broker import free_port
 from acqd.telemetry.mqtt import BrokerAddress
 from acqd.telemetry.quality_row import quality_rows
-from acqd.telemetry.spool import Readings
+from acqd.telemetry.spool import Readings, Spool, SpooledRow, Stream
 from tests.commands import ACQD
 from tests.metering.quality.waves import metered, three_phases
 from tests.storage.rows import count, row
@@ -394,10 +394,25 @@ def boots(folder):
         return connection.execute("SELECT count(DISTINCT boot) FROM power_register").fetchone()[0]
 
 
+def test_rows_under_the_name_before_a_change_of_device_are_counted_by_the_daemon(tmp_path):
+    old = Spool(tmp_path / "spool-old")
+    old.append([SpooledRow(Stream("old", "L1", "b"), 0, b"{}")])
+    old.close()
+
+    async def scenario():
+        daemon = Daemon(tmp_path, free_port())
+        tasks = daemon.uplink.tasks()
+        await until(lambda: daemon.uplink.counters().left_behind.startswith("1 rows of device old wait"), "the name")
+        await daemon.stop(tasks)
+
+    finish(scenario())
+
+
 def test_rows_that_the_broker_refuses_and_acknowledges_wait_and_are_named(mosquitto, tmp_path, monkeypatch):
     """An access rule, MQTT 3.1.1, nobody who sends receipts."""
     monkeypatch.setattr("acqd.daemon.uplink._RIGHTS_S", 0.02)
     monkeypatch.setattr("acqd.daemon.uplink._REFUSED_S", 0.1)
+    monkeypatch.setattr("acqd.daemon.uplink._AGAIN_S", 0.1)
     rules = mosquitto.folder / "acl"
     rules.write_text("topic readwrite acqd/+/status\n")
     mosquitto.stop()
@@ -419,6 +434,9 @@ def test_rows_that_the_broker_refuses_and_acknowledges_wait_and_are_named(mosqui
             await until(lambda: not daemon.uplink.rights_trouble, "the broker takes rows again")
             await until(lambda: stored(engine) == taped(daemon), "every row is stored")
         await daemon.delivered()
+        rules.write_text("topic readwrite acqd/+/status\n")
+        mosquitto.process.send_signal(signal.SIGHUP)
+        await until(lambda: daemon.uplink.rights_trouble, "a refusal by rules that changed during the connection")
         await daemon.stop(tasks)
 
     finish(scenario())

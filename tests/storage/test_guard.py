@@ -10,6 +10,7 @@ import sys
 import pytest
 import sqlalchemy as sa
 
+from acqd.errors import UserError
 from acqd.storage.database import DatabaseAwayError, engine_for, open_database, prepare, transaction
 from acqd.storage.schema import database_state
 from acqd.storage.writer import Writer
@@ -66,6 +67,15 @@ def test_another_database_and_an_empty_one_are_named_and_take_no_row(database):
     with pytest.raises(DatabaseAwayError, match="its tables are gone"):
         writer.write([message(row(1))])
     assert count(engine) == 1
+
+
+def test_a_command_makes_no_tables_in_an_empty_replica(postgres):
+    with pytest.raises(UserError, match="has no tables of acqd: empty"):
+        open_database(postgres, create=False)
+    with engine_for(postgres).connect() as connection:
+        assert not sa.inspect(connection).get_table_names()
+    open_database(postgres)
+    assert open_database(postgres, create=False)
 
 
 def test_a_commit_of_the_sink_is_on_the_disk_before_it_returns(tmp_path):

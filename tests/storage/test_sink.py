@@ -121,6 +121,18 @@ def test_a_backlog_larger_than_a_batch_arrives(mosquitto, tmp_path):
         wait_for(lambda: count(engine) == 400, "a backlog of eight batches")
 
 
+def test_a_commit_that_does_not_end_is_a_lag(mosquitto, tmp_path):
+    engine = open_database(f"sqlite:///{tmp_path / 'test.sqlite'}")
+    with running_sink(BrokerAddress(port=mosquitto.port), engine) as sink, publisher(mosquitto.port) as client:
+        go_on, write = threading.Event(), sink._writer.write
+        sink._writer.write = lambda messages: go_on.wait(LIMIT_S) and write(messages)
+        client.publish(message(row(0)).topic, message(row(0)).payload, qos=1)
+        wait_for(lambda: sink.counters.lag_s > 0.6, "the lag grows while the commit lasts")
+        assert sink.counters.rows == 0
+        go_on.set()
+        wait_for(lambda: count(engine) == 1, "the row is stored")
+
+
 def test_several_sinks_share_the_work(mosquitto, database):
     engine = open_database(database)
     address = BrokerAddress(port=mosquitto.port)

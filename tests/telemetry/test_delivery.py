@@ -138,6 +138,25 @@ def test_what_a_receipt_leaves_out_is_sent_again_after_a_while():
     assert bench.take_all() == []
 
 
+def test_receipts_that_come_late_are_known_before_and_after_rows_are_sent_again():
+    bench = Bench()
+    bench.box.begin()
+    bench.make(1)
+    bench.take_all()
+    bench.now += 3
+    assert bench.box.receipt_lag_s == 0, "nobody says that a sink is there"
+    bench.sink(retained=True)
+    assert bench.box.receipt_lag_s == 3
+    bench.now += 3
+    bench.take_all()
+    assert bench.box.resent == 1 and bench.box.receipt_lag_s == 5
+    bench.receipt(0, 0)
+    bench.now += 11
+    bench.make(1)
+    bench.take_all()
+    assert bench.box.receipt_lag_s == 0
+
+
 def test_a_new_connection_and_a_new_sink_get_everything_that_waits():
     bench = Bench()
     bench.make(5)

@@ -20,6 +20,7 @@ from tools.studies.faults import disk
 from tools.studies.faults.bed import Extras, Kind
 from tools.studies.faults.faults import possible
 from tools.studies.faults.memory import how, limited, unit_limit
+from tools.studies.faults.named import Named
 from tools.studies.faults.proxy import Proxy
 from tools.studies.faults.reconcile import missing, reconcile
 
@@ -130,6 +131,18 @@ def campaign(*options):
     assert figures["lost"] <= 4 * figures["daemon kills"] and figures["not recovered"] == figures["died"] == 0
     assert figures["wrong"] == figures["duplicated"] == figures["unflagged"] == figures["backwards"] == 0
     return figures
+
+
+@pytest.mark.slow
+def test_the_status_names_every_fault_in_time():
+    command = [sys.executable, "-m", "tools.studies.faults", "--named", "--json"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, check=False)
+    assert [one for one in json.loads(done.stdout) if not one["good"]] == []
+
+
+@pytest.mark.parametrize(("seconds", "good"), [(0.3, True), (10.0, True), (10.1, False), (None, False)])
+def test_a_fault_that_is_named_late_or_never_fails(seconds, good):
+    assert Named("x", seconds, "").good == good
 
 
 @pytest.mark.long(seconds=12)

@@ -131,6 +131,18 @@ RUNBOOK = (
         r"^(no receipt|rows refused)",
     ),
     _entry(
+        "receipts-late",
+        "`receipts late: ...`",
+        "`acqd status` of the sink: is its database slow? Else the broker: its load, its subscribers",
+        r"^receipts late",
+    ),
+    _entry(
+        "left-behind",
+        "`spool: N rows of device ... wait in ..., and nobody delivers them`",
+        "the device was renamed: start acqd with the old `device` until `acqd status` says 0 wait, then rename again",
+        r"^spool: .*(nobody delivers|of another name)",
+    ),
+    _entry(
         "unreadable",
         "`spool: ... cannot be read: ...`",
         "the disk, share or mount of `state_dir`; no row is deleted, they are tried again",

@@ -49,6 +49,10 @@ class Delivery:
     """Why the disk takes no rows."""
     reading_trouble: str = ""
     """Why rows that wait cannot be read back."""
+    left_behind: str = ""
+    """Which rows wait in the spool of another name."""
+    receipt_lag_s: float = 0.0
+    """How long the oldest row under way has waited for its receipt while a sink is online [s]."""
     unreceipted_s: float = 0.0
     """How long no receipt has come while a sink is online [s]."""
     rights_trouble: str = ""

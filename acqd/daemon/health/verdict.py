@@ -117,11 +117,17 @@ def _delivery_problems(delivery: Delivery) -> list[str]:
         problems.append(f"spool: {delivery.disk_trouble}")
     if delivery.reading_trouble:
         problems.append(f"spool: {delivery.reading_trouble}")
+    if delivery.left_behind:
+        problems.append(f"spool: {delivery.left_behind}")
     if delivery.rights_trouble:
         problems.append(f"rows refused: {delivery.rights_trouble}")
     elif delivery.unreceipted_s > UNRECEIPTED_S:
         problems.append(
             f"no receipt for {delivery.unreceipted_s:.0f} s although a sink is online: does the broker refuse the rows?"
+        )
+    elif delivery.receipt_lag_s > LAG_S:
+        problems.append(
+            f"receipts late: rows wait {delivery.receipt_lag_s:.1f} s for theirs; sink, database or broker is slow"
         )
     if delivery.old_after_s and delivery.spool_age_s and delivery.spool_age_s > delivery.old_after_s:
         problems.append(f"spool: rows have waited for {delivery.spool_age_s / 86_400:.1f} days")

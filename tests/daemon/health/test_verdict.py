@@ -27,6 +27,8 @@ def test_a_service_that_works_is_ready_without_a_word(snapshot):
         (daemon(delivery=Delivery(reading_trouble="a.seg cannot be read: Input/output error")), True, "cannot be read"),
         (daemon(delivery=Delivery(unreceipted_s=56.0)), True, "no receipt for 56 s"),
         (daemon(delivery=Delivery(rights_trouble="acqd/c/L1/power", unreceipted_s=56.0)), True, "rows refused: acqd/c"),
+        (daemon(delivery=Delivery(receipt_lag_s=3.1)), True, "receipts late: rows wait 3.1 s"),
+        (daemon(delivery=Delivery(left_behind="3 rows of device old wait")), True, "spool: 3 rows of device old"),
         (daemon(certificate_trouble="certificate /a.pem ends in 3 days"), True, "ends in 3 days"),
         (sink(boots_trouble="two daemons publish as device c"), True, "name taken: two daemons"),
         (daemon(delivery=Delivery(spool_age_s=3e6, old_after_s=2.6e6)), True, "34.7 days"),

@@ -1,6 +1,7 @@
 """Real processes, real faults: kills, hangs, cuts, locks; every row taped where it is made and looked for in SQL.
 
     python -m tools.studies.faults [--short] [--faults 60] [--seed 1] [--bed mosquitto+sqlite] [--plain] [--json]
+    python -m tools.studies.faults --named [--only "device renamed"] [--json]
 
 The daemon has the simulated source. Daemon, sink and sidecar reach the broker through a TCP proxy that cuts, delays and
 resets. All have the memory limits of their units. Disks are filled where this is root with a loop device, the daemon's
@@ -34,6 +35,7 @@ from tools.studies.faults.bed import BROKERS, DATABASES, Extras, Kind
 from tools.studies.faults.campaign import Outcome, Plan, forget, run
 from tools.studies.faults.faults import ALL
 from tools.studies.faults.memory import how
+from tools.studies.faults.named import CASES, measure
 
 _BEDS = [Kind(broker, database) for broker in BROKERS for database in DATABASES]
 _SHORT = [Kind("mosquitto", "sqlite")]
@@ -50,6 +52,9 @@ def faults(
     only: Annotated[list[str] | None, typer.Option(help=f"Faults: {', '.join(ALL)}.")] = None,
     plain: Annotated[bool, typer.Option("--plain", help="No faked clock, no full disks, no sidecar.")] = False,
     seed: Annotated[int, typer.Option(help="Order, moments and durations of the faults.")] = 1,
+    named: Annotated[
+        bool, typer.Option("--named", help="How long until the status names each fault; --only: parts of names.")
+    ] = False,
     keep: Annotated[Path | None, typer.Option(help="Keep tapes, logs and databases in this new folder.")] = None,
     json: Annotated[bool, typer.Option("--json", help="Machine-readable output on stdout.")] = False,
 ) -> None:
@@ -58,6 +63,8 @@ def faults(
     Example: python -m tools.studies.faults --short --seed 7
     """
     end_in_order()
+    if named:
+        raise SystemExit(_name(only or [], keep, json=json))
     kinds = kinds_of(bed) if bed else _SHORT if short else _BEDS
     count = count or (10 if short else 60)
     unknown = set(only or []) - set(ALL)
@@ -90,6 +97,34 @@ def faults(
     else:
         show(_beds(outcomes), _kinds_of_fault(outcomes), width=150)
     raise SystemExit(0 if all(map(_good, outcomes)) else 1)
+
+
+def _name(parts: list[str], keep: Path | None, *, json: bool) -> int:
+    """Measure in how many seconds the status names each fault; 1 where one is not named in time."""
+    console = Console(stderr=True)
+    able = _extras(console)
+    wanted = [case for case in CASES if not parts or any(part in case.fault for part in parts)]
+    possible = [case for case in wanted if not case.need or getattr(able, case.need)]
+    if not possible:
+        raise UserError(f"--only: expected parts of {', '.join(case.fault for case in CASES)}")
+    place = keep or Path(tempfile.mkdtemp(prefix="acqd-named-"))
+    done = []
+    for k, case in enumerate(possible):
+        done.append(measure(case, place / str(k)))
+        console.print(f"{case.fault}: {done[-1].seconds} s", highlight=False)
+        if keep is None:
+            forget(place / str(k))
+    if keep is None:
+        forget(place)
+    if json:
+        print(json_.dumps([asdict(one) | {"good": one.good} for one in done]))
+    else:
+        table = Table("fault", "named after s", "", "sentence")
+        for one in done:
+            seconds = "-" if one.seconds is None else f"{one.seconds:.1f}"
+            table.add_row(one.fault, seconds, "PASS" if one.good else "FAIL", one.sentence)
+        show(table, width=200)
+    return 0 if all(one.good for one in done) else 1
 
 
 def _extras(console: Console) -> Extras:

@@ -10,6 +10,7 @@ from pathlib import Path
 import orjson
 import sqlalchemy as sa
 
+from acqd.daemon.health.section import HealthSection
 from acqd.storage.database import open_database
 from acqd.storage.schema import power
 from acqd.telemetry.ports import free_port
@@ -66,6 +67,7 @@ class Bed:
             file.touch()
         self.disks = _disks(folder) if extras.disks else {}
         self.port = free_port()
+        self.health = HealthSection(port=free_port(), sink_port=free_port())
         self.proxies = {name: Proxy(self.port) for name in ("daemon", "sink", "sidecar")}
         self.database, self.url = self._storage()
         self.broker = broker(kind.broker, folder, self.port)
@@ -170,7 +172,7 @@ class Bed:
             f'device = "{DEVICE}"\nstate_dir = "{state}"\n[realtime]\npriority = 0\n'
             f'[mqtt]\nport = {self.proxies[name].port}\n[sink]\ndatabase = "{self.url}"\nclient_id = "faults"\n'
             "keep_days = 30\n"
-            f"[health]\nport = {free_port()}\nsink_port = {free_port()}\n"
+            f"[health]\nport = {self.health.port}\nsink_port = {self.health.sink_port}\n"
         )
         arguments = [*ACQD, *map(str, command), "--config", str(config)]
         return Process(limited(arguments, memory), self.folder / f"{name}.log", options={"cwd": self.folder})

@@ -1,0 +1,58 @@
+"""Rows in spools of other names: a daemon that was renamed opens another folder, and nobody delivers the old one."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from acqd.telemetry.spool.segment import SUFFIX, Segment, number_of
+
+_PREFIX = "spool-"
+
+
+def folder_of(state_dir: Path, device: str) -> Path:
+    """Where the daemon of this name keeps its rows."""
+    return state_dir / f"{_PREFIX}{device}"
+
+
+def left_behind(state_dir: Path, device: str) -> str:
+    """Which rows wait below `state_dir` in the spool of another name that no daemon has open, and the remedy; or "".
+
+    Only reads. What cannot be read is named, too.
+    """
+    try:
+        mine = folder_of(state_dir, device)
+        others = [path for path in sorted(state_dir.glob(f"{_PREFIX}*")) if path.is_dir() and path != mine]
+    except OSError:
+        return ""
+    for folder in others:
+        old = folder.name.removeprefix(_PREFIX)
+        try:
+            rows = 0 if _in_use(folder) else _waiting(folder)
+        except OSError as error:
+            return f"the spool of another name, {folder}, cannot be read: {error.strerror}"
+        if rows:
+            return (
+                f"{rows} rows of device {old} wait in {folder}, and nobody delivers them: was the device renamed? "
+                f'Start acqd with device = "{old}" until they are delivered, or delete the folder'
+            )
+    return ""
+
+
+def _in_use(folder: Path) -> bool:
+    """Whether a daemon has the spool open, by the kernel's list of locks (proc_locks(5)). Raises OSError.
+
+    To try the lock could make a daemon fail that starts in the same moment.
+    """
+    try:
+        inode = os.stat(folder / "lock").st_ino
+    except FileNotFoundError:
+        return False
+    lines = [line.split() for line in Path("/proc/locks").read_text().splitlines()]
+    return any("FLOCK" in words and any(word.endswith(f":{inode}") for word in words) for words in lines)
+
+
+def _waiting(folder: Path) -> int:
+    """Rows that are not delivered. Raises OSError."""
+    files = [path for path in sorted(folder.iterdir()) if path.suffix == SUFFIX and number_of(path) is not None]
+    return sum(len(rows) for path in files for rows in Segment.open(path).pending.values())
