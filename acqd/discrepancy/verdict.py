@@ -32,7 +32,8 @@ def settled(
     grown = usual.exceeded_by(subject.held_out, errors_before)
     sizes = f"{rms(errors_before):.2f} W RMS, {usual.lowest_W:.2f} W in the reference"
     if selection.unknown is not None:
-        if only_beyond_reference(selection):
+        unknown = selection.unknown
+        if only_beyond_reference(selection.rows, unknown.gate.open, unknown.finding, unknown.margin):
             beyond = "what follows an unnamed cause shows only in faster motion than the reference has"
             return "not_identifiable", [f"{beyond}: record a reference at these speeds"]
         if grown or (trial is not None and trial.predicts):

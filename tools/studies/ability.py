@@ -13,6 +13,7 @@ import argparse
 import json
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -71,11 +72,8 @@ def drawn(ability: Ability, places: int, seed: int) -> Iterator[Smallest]:
 def case(config: CloseConfig, subject: Subject, place: Smallest, factor: float) -> dict[str, Any]:
     """The names that the loop gives where an effect has `factor` times its smallest size."""
     assert place.size is not None and place.rms_W is not None
-    changed = replace(
-        subject,
-        fit=[_with_effect(subject, s, place, factor * place.size) for s in subject.fit],
-        held_out=[_with_effect(subject, s, place, factor * place.size) for s in subject.held_out],
-    )
+    add = partial(_with_effect, subject, place, factor * place.size, _remembered(subject, place))
+    changed = replace(subject, fit=[add(s) for s in subject.fit], held_out=[add(s) for s in subject.held_out])
     delay, selection = search(config, changed, _silent)
     named = [each for each in named_effects(changed, selection, delay, _silent) if each.status == "named"]
     names = [[each.term.id, *(name for name, _ in each.family)] for each in named]
@@ -86,10 +84,20 @@ def case(config: CloseConfig, subject: Subject, place: Smallest, factor: float) 
     }  # fmt: skip
 
 
-def _with_effect(subject: Subject, segment: Segment, place: Smallest, size: float) -> Segment:
+def _remembered(subject: Subject, place: Smallest) -> dict[str, float]:
+    """The start of the session, and what an effect takes from all of its recordings."""
+    segments = [*subject.fit, *subject.held_out]
+    fixed = library()[place.candidate.id].fixed_shape([segment_scene(subject.carrier, s) for s in segments])
+    return {"origin_s": min(segment.start_s for segment in segments), **fixed}
+
+
+def _with_effect(
+    subject: Subject, place: Smallest, size: float, remembered: dict[str, float], segment: Segment
+) -> Segment:
     candidate = place.candidate
     assert candidate.variant is not None
     scene = segment_scene(subject.carrier, segment)
+    scene.memory.update(remembered)
     weights = candidate.weights(np.array([size]))
     columns = candidate.variant.place.columns
     power = effect_rows_at(library()[candidate.id], scene, place.shape, columns, weights) @ weights

@@ -8,7 +8,9 @@ from acqd.discrepancy.delay import Delay
 from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.repair.terms import Reported, clock_term, reported
 from acqd.discrepancy.repair.torque_scale import torque_scale
-from acqd.discrepancy.selection.accepted import Selection, unnamed
+from acqd.discrepancy.selection.accepted import Selected, Selection, unnamed
+from acqd.discrepancy.selection.beyond_reference import only_beyond_reference
+from acqd.discrepancy.selection.forward_selection import without
 from acqd.discrepancy.thresholds import THRESHOLDS
 
 
@@ -22,11 +24,20 @@ def named_effects(
     for selected in selection.effects:
         progress(f"confidence of {selected.id}", 0.0)
         judged[selected.key] = named_or_not(reported(selection, selected, scale))
+        if judged[selected.key].status == "named" and _only_beyond_reference(selection, selected):
+            lacks = "evidence at speeds that the reference has, too"
+            judged[selected.key] = judged[selected.key].without_name("hypothesis", lacks)
     named = {key for key, each in judged.items() if each.status == "named"}
     if named and len(named) < len(judged):  # sizes beside an effect without a name are not those of the report
         alone = selection.keeping(named)
         judged |= {each.key: named_or_not(reported(alone, each, scale)) for each in alone.effects}
     return [*effects, *judged.values()]
+
+
+def _only_beyond_reference(selection: Selection, selected: Selected) -> bool:
+    """Whether an effect passes only in motion that is faster than any in the reference (ADR 54)."""
+    rows = without(selection.rows, selected)
+    return only_beyond_reference(rows, selected.gate.open, selected.finding, selected.hypothesis.margin)
 
 
 def named_or_not(effect: Reported) -> Reported:

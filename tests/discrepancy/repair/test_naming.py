@@ -96,7 +96,7 @@ def test_the_verdict_follows_from_names_laws_and_the_growth_of_the_error(
     named, refused, unknown, predicts, now_W, fit_s, beyond, verdict, monkeypatch
 ):
     """`predicts`: what the law gains on held-out recordings; 7.8 by chance. `beyond`: in faster motion only."""
-    monkeypatch.setattr("acqd.discrepancy.verdict.only_beyond_reference", lambda _: beyond)
+    monkeypatch.setattr("acqd.discrepancy.verdict.only_beyond_reference", lambda *_: beyond)
     model = grey()
     usual = usual_of(recordings(model, 8, 6.0, 0)[1])
     new, errors = recordings(model, 6, now_W, 3)

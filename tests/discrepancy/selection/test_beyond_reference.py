@@ -21,5 +21,6 @@ def test_what_shows_in_faster_motion_only_is_no_verdict(structure, only_beyond, 
     before = [recording(model, k, at_high_speed, rows=600, seed=1, slower=6.0) for k in range(6)]
     after = [recording(model, k, structure, rows=600, seed=2, start_s=1e9 + 5000) for k in range(6)]
     _, selection = selected(model, robot, after, before, COMMON - {"payload"})
-    assert selection.unknown is not None, [row.as_text() for row in selection.table]
-    assert only_beyond_reference(selection) is only_beyond
+    unknown = selection.unknown
+    assert unknown is not None, [row.as_text() for row in selection.table]
+    assert only_beyond_reference(selection.rows, unknown.gate.open, unknown.finding, unknown.margin) is only_beyond
