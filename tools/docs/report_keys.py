@@ -39,6 +39,10 @@ KEYS: dict[str, tuple[str, str]] = {
     "joint_level": ("text or null", "what torques or currents say, in words"),
     "joints": ("list", "torque residual before and after, for each joint"),
     "hypotheses": ("list", "leading effects with evidence, limit, and what is missing; also without a verdict"),
+    "ability": (
+        "`{power, effects, not_judged}`",
+        "smallest size of every effect that these recordings tell, and rivals",
+    ),
     "next": ("list of text", "what to do, most useful first"),
     "notes": ("list of text", "remarks on recordings and model"),
     "model": ("`{name, bundle}`", "the model that was asked about"),
