@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from acqd.discrepancy.repair import naming
 from acqd.discrepancy.repair.correcting import Trial
 from acqd.discrepancy.repair.guard import Improved, helpful
 from acqd.discrepancy.repair.naming import named_or_not
@@ -49,6 +50,18 @@ def test_an_effect_has_a_name_or_a_reason(effect, missing):
     assert (judged.status, judged.missing) == (("hypothesis", missing) if missing else ("named", ""))
     rows = Improved(None, (judged,), []).hypotheses
     assert [row.missing for row in rows] == ([(missing,)] if missing else [])
+
+
+@pytest.mark.parametrize(("beyond", "status"), [(True, "hypothesis"), (False, "named")])
+def test_a_name_needs_evidence_at_speeds_that_the_reference_has(beyond, status, monkeypatch):
+    for name, value in (("torque_scale", None), ("without", None), ("reported", CERTAIN)):
+        monkeypatch.setattr(naming, name, lambda *_, value=value: value)
+    monkeypatch.setattr(naming, "only_beyond_reference", lambda *_: beyond)
+    gate, row = SimpleNamespace(open=None), SimpleNamespace(margin=15.0)
+    effect = SimpleNamespace(id="coulomb_friction", key="friction", gate=gate, finding=None, hypothesis=row)
+    selection = SimpleNamespace(effects=(effect,), rows=None)
+    (judged,) = naming.named_effects(None, selection, None, lambda *_: None)
+    assert judged.status == status and ("speeds that the reference has" in judged.missing) is beyond
 
 
 def recordings(model, count, size_W, seed):
@@ -103,7 +116,8 @@ def test_the_verdict_follows_from_names_laws_and_the_growth_of_the_error(
     effects = [replace(CERTAIN, status="added")] if named else []
     effects += [CERTAIN.without_name("refused", "a better prediction")] if refused else []
     subject = SimpleNamespace(held_out=new, fit_s=fit_s)
-    selection = SimpleNamespace(unknown=Unknown(None, None, 15.0) if unknown else None, withdrawn="")
+    law = Unknown(None, SimpleNamespace(open=None), 15.0) if unknown else None
+    selection = SimpleNamespace(rows=None, unknown=law, withdrawn="")
     trial = None if predicts is None else Trial(model, None, errors, None, None, 0.0, predicts)
     assert settled(subject, selection, Improved(model, tuple(effects), errors), errors, usual, trial)[0] == verdict
 
