@@ -53,8 +53,9 @@ def coarse_pictures() -> Iterator[None]:
             axes.set_title(axes.get_title(), y=1.0)  # where it is: no search for a place above all ticks
         whole(figure, to, **how | {"dpi": 20, "bbox_inches": None})
 
+    @wraps(Figure.tight_layout)  # pyplot copies the method's name and documentation
     def as_it_is(figure: Figure, **_how: Any) -> None:
-        """Without a layout. A function, because pyplot copies the method's name and documentation."""
+        return None
 
     with mock.patch.object(Figure, "savefig", coarse), mock.patch.object(Figure, "tight_layout", as_it_is):
         yield
