@@ -24,7 +24,7 @@ def spool_checks(config: Config) -> Iterator[Finding]:
     free, needed = shutil.disk_usage(folder).free, config.spool.max_mb * 1e6 - there
     text = f"{there / 1e6:.0f} of {config.spool.max_mb:g} MB, until {config.spool.until}"
     if left := left_behind(config.state_dir, config.device):
-        yield Finding("spool", "warn", left.partition(": was")[0], left.partition("? ")[2] or left)
+        yield Finding("spool", "warn", left.what, left.remedy)
     if free < needed:
         advice = f"{free / 1e6:.0f} MB are free at {folder}: make room or lower [spool] max_mb"
         yield Finding("spool", "warn", text, advice)

@@ -227,8 +227,9 @@ class Uplink:
     async def _watch_other_names(self, state_dir: Path) -> None:
         """Name rows that wait under another name, as they do where the device was renamed."""
         while True:
-            self._left_behind = await asyncio.to_thread(left_behind, state_dir, self._config.device)
-            if self._left_behind:
+            found = await asyncio.to_thread(left_behind, state_dir, self._config.device)
+            self._left_behind = "" if found is None else str(found)
+            if found is not None:
                 self._says.trouble("spool", self._left_behind, self._left_behind)
             else:
                 self._says.fine("spool", "no rows wait under another name any more")

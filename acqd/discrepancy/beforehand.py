@@ -56,7 +56,7 @@ def beforehand(
     if carrier is None:
         raise UserError(f"{bundle}: the model has no grey box for the torques of effects; train --network grey-box")
     robot = load_description(opened.metadata["description"])
-    segments = reference if motion is None else _same_robot(motion, model, robot.axes)
+    segments = reference if motion is None else _same_robot(motion, model, opened.metadata["robot"])
     planned = without_known_effects(model, _planned(model, reference, segments))
     setup = set_up(
         Comparison(
@@ -67,15 +67,16 @@ def beforehand(
     )  # fmt: skip
     recorded = sum(len(segment.P) for segment in segments) * model.step_s / 60
     asked = recorded if minutes is None else minutes
-    ability = Ability.of(with_sessions(setup), setup.gates[0].open, asked / recorded)
+    ability = Ability.planned(with_sessions(setup), setup.gates[0].open, asked / recorded)
     return Beforehand(ability, str(bundle if motion is None else motion), asked)
 
 
-def _same_robot(motion: Path, model: Predictor, axes: int) -> list[Segment]:
+def _same_robot(motion: Path, model: Predictor, name: str) -> list[Segment]:
+    """The recordings of a dataset of the model's robot. Raises UserError, InputError."""
     data = load_dataset(motion)
-    if data.axes != axes or abs(data.step_s - model.step_s) > 1e-9:
+    if data.robot != name or abs(data.step_s - model.step_s) > 1e-9:
         raise UserError(
-            f"{motion} has {data.axes} axes and rows of {data.step_s} s, the model has {axes} axes and rows of "
+            f"{motion} is of {data.robot} with rows of {data.step_s} s, the model of {name} with rows of "
             f"{model.step_s} s: name a dataset of this robot, built with the model's step"
         )
     return data.segments

@@ -6,6 +6,8 @@ import logging
 import os
 import queue
 import threading
+import time
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -48,8 +50,7 @@ class Committer:
         self._thread = threading.Thread(target=self._run, name="committer", daemon=True)
         self._failure: Exception | None = None
         self.readable = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
-        self.busy = 0
-        """Batches that are not committed."""
+        self._under_way: deque[Batch] = deque()
         self.trouble = ""
         """Why the database takes nothing, else empty."""
         self.returns = 0
@@ -61,9 +62,19 @@ class Committer:
         """Whether another batch may be submitted."""
         return self.busy <= _AHEAD
 
+    @property
+    def busy(self) -> int:
+        """Batches that are not committed."""
+        return len(self._under_way)
+
+    @property
+    def waits_s(self) -> float:
+        """How long the oldest of them has waited for its commit; 0: there is none [s]."""
+        return time.monotonic() - self._under_way[0].begun if self._under_way else 0.0
+
     def submit(self, batch: Batch) -> None:
         """Have a batch written; it is tried until the database takes it."""
-        self.busy += 1
+        self._under_way.append(batch)
         self._todo.put(batch)
 
     def done(self) -> list[tuple[Batch, Written]]:
@@ -78,7 +89,8 @@ class Committer:
         finished = []
         while not self._done.empty():
             finished.append(self._done.get())
-        self.busy -= len(finished)
+        for _ in finished:
+            self._under_way.popleft()
         if self._failure is not None:
             raise self._failure
         return finished

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import logging
 import time
-from collections import deque
 from collections.abc import Callable
 
 import orjson
@@ -72,7 +71,6 @@ class Sink:
         self._arrived: list[Publish] = []
         self._held = self._under_way = 0
         self._since = self._fed = 0.0
-        self._begun: deque[float] = deque()
         self._announced = False
         self._said: set[str] = set()
         self.counters = SinkCounters()
@@ -190,7 +188,6 @@ class Sink:
             count += 1
         batch, self._arrived = self._arrived[:count], self._arrived[count:]
         received = [Received(message.topic, message.payload, message.oversized) for message in batch]
-        self._begun.append(self._since)
         committer.submit(Batch(received, [message.number for message in batch], self.counters.reconnects, self._since))
 
     def _answer(self, subscriber: Subscriber, committer: Committer) -> None:
@@ -222,7 +219,6 @@ class Sink:
                 _log.error("%s", trouble)
             (self._said.add if trouble else self._said.discard)(subject)
         for batch, written in done:
-            self._begun.popleft()
             malformed = written.quarantined - written.conflicts - written.impossible
             count = self._quarantining.count
             count(malformed, "%d malformed messages put into quarantine")
@@ -237,8 +233,8 @@ class Sink:
             counters.conflicts += written.conflicts
             counters.batches += 1
             counters.last_commit = time.monotonic()
-        if self._begun and not committer.trouble:  # a commit that does not end says nothing by itself
-            counters.lag_s = max(counters.lag_s, time.monotonic() - self._begun[0])
+        if not committer.trouble:  # a commit that does not end says nothing by itself
+            counters.lag_s = max(counters.lag_s, committer.waits_s)
         return done
 
     def _announce(self, subscriber: Subscriber) -> None:

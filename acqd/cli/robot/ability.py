@@ -45,6 +45,8 @@ def ability(
     console = terminal(soft_wrap=False, tables=True)
     header, *rows = table_of(planned.ability)
     table = Table(*header)
+    table.columns[0].no_wrap, table.columns[0].min_width = True, max(len(row[0]) for row in [header, *rows])
+    table.columns[-1].overflow = "fold"
     for row in rows:
         table.add_row(*row)
     console.print(f"{planned.minutes:.1f} min of the motion of {planned.motion}; told from nothing in 95 %")

@@ -140,7 +140,7 @@ RUNBOOK = (
         "left-behind",
         "`spool: N rows of device ... wait in ..., and nobody delivers them`",
         "the device was renamed: start acqd with the old `device` until `acqd status` says 0 wait, then rename again",
-        r"^spool: .*(nobody delivers|of another name)",
+        r"^spool: .*(nobody delivers|of another name wait)",
     ),
     _entry(
         "unreadable",

@@ -57,7 +57,9 @@ def verdict(snapshot: Snapshot) -> Verdict:
         notes.append("the clock is not synchronised: rows are flagged; enable chrony or systemd-timesyncd")
     problems += _sink_problems(snapshot)
     problems += [snapshot.certificate_trouble] if snapshot.certificate_trouble else []
-    _counted(snapshot.quarantined or 0, seen.quarantined, "messages are in quarantine", problems, notes)
+    late = f", {snapshot.impossible} of them rows whose time cannot be true: is a device's clock wrong?"
+    waiting = f"messages are in quarantine{late if snapshot.impossible else ''}"
+    _counted(snapshot.quarantined or 0, seen.quarantined, waiting, problems, notes)
     _counted(snapshot.recalls, seen.recalls, "times the database was found in an earlier state", problems, notes)
     return Verdict(snapshot.alive, problems, notes)
 

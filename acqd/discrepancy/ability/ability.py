@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import zip_longest
 from typing import Any
 
 from acqd.arrays import Floats
@@ -10,10 +11,11 @@ from acqd.discrepancy.ability.pairs import Rival, rivals_of
 from acqd.discrepancy.ability.smallest import POWER, Smallest, smallest_sizes
 from acqd.discrepancy.selection.ranking import Rows
 from acqd.models.effects import library
+from acqd.models.effects.effect import Effect
 from acqd.report.digits import number
 
 HELPS = {
-    "rows": "more minutes",
+    "rows": "more minutes, here and in the reference; for a constant load or a clock more sessions",
     "sessions": "more unchanged recordings in the reference: they differ by nearly as much",
     "relevance": "nothing: smaller sizes do not matter",
     "bounds": "another motion: the size that would show exceeds what physics permits",
@@ -27,18 +29,27 @@ _IN_WORDS, _RIVALS = 5, 3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ability:
-    """What can be told of every effect."""
+    """What recordings show of every effect."""
 
     places: tuple[tuple[Smallest, tuple[Rival, ...]], ...]
     """Of every effect with one parameter, place by place and shape by shape, with its rivals."""
     unseen: tuple[tuple[str, str], ...]
     """Ids of effects without columns in these recordings, and why."""
+    twice: tuple[float | None, ...] = ()
+    """Per place the size with twice the minutes; empty where nobody asks, as in recordings that are made."""
 
     @classmethod
-    def of(cls, rows: Rows, gate: Floats, longer: float = 1.0) -> Ability:
-        """Of recordings under a gate [blocks]; `longer`: times the recorded minutes."""
+    def of(cls, rows: Rows, gate: Floats) -> Ability:
+        """Of recordings under a gate [blocks]."""
+        return cls.planned(rows, gate, 1.0, doubled=False)
+
+    @classmethod
+    def planned(cls, rows: Rows, gate: Floats, longer: float, *, doubled: bool = True) -> Ability:
+        """Of recordings to come: `longer` times the minutes under the gate; `doubled`: also of twice as many."""
         effects = smallest_sizes(rows, gate, longer)
-        return cls(tuple(zip(effects, rivals_of(rows, gate, effects), strict=True)), _unseen(rows, effects))
+        places = tuple(zip(effects, rivals_of(rows, gate, effects, longer), strict=True))
+        twice = tuple(each.size for each in smallest_sizes(rows, gate, 2 * longer)) if doubled else ()
+        return cls(places, _unseen(rows, effects), twice)
 
     @property
     def easiest(self) -> dict[str, tuple[Smallest, tuple[Rival, ...]]]:
@@ -56,7 +67,10 @@ class Ability:
         """For report.json and `--json`."""
         return {
             "power": POWER,
-            "effects": [_place_json(place, rivals) for place, rivals in self.places],
+            "effects": [
+                _place_json(place, rivals) | ({"with_twice_the_minutes": twice} if self.twice else {})
+                for (place, rivals), twice in zip_longest(self.places, self.twice)
+            ],
             "not_judged": [{"id": name, "because": why} for name, why in self.unseen],
         }
 
@@ -80,7 +94,9 @@ def _size(place: Smallest) -> str:
 
 def table_of(ability: Ability) -> list[list[str]]:
     """A header, and a row per effect at its easiest place."""
-    rows = [["effect", "where it shows best", "smallest", "power [W RMS]", "limited by", "not told apart from"]]
+    twice = {place.candidate.key: size for (place, _), size in zip(ability.places, ability.twice, strict=False)}
+    more = ["twice the minutes"] if twice else []
+    rows = [["effect", "where it shows best", "smallest", *more, "power [W RMS]", "limited by", "not told apart from"]]
     for name, (place, rivals) in ability.easiest.items():
         assert place.size is not None and place.rms_W is not None
         parameter, _ = place.parameter
@@ -93,6 +109,7 @@ def table_of(ability: Ability) -> list[list[str]]:
                 name,
                 place.candidate.label,
                 f"{parameter} {_size(place)}",
+                *([number(size) if (size := twice[place.candidate.key]) is not None else "-"] if twice else []),
                 number(place.rms_W),
                 place.limited_by,
                 ", ".join(others),
@@ -123,16 +140,17 @@ def _place_json(place: Smallest, rivals: tuple[Rival, ...]) -> dict[str, Any]:
 def _unseen(rows: Rows, effects: list[Smallest]) -> tuple[tuple[str, str], ...]:
     """Effects that were searched for and have no column of one parameter here."""
     judged = {each.candidate.id for each in effects}
+    present = {each.id for each in rows.design.columns.candidates}
     return tuple(
-        (name, _why(effect.detected, effect.needs))
+        (name, "several parameters at each of its places" if name in present else _absent(rows, effect))
         for name, effect in library().items()
         if name in rows.design.columns.chosen and name not in judged
     )
 
 
-def _why(detected: str, needs: tuple[str, ...]) -> str:
-    if detected:
+def _absent(rows: Rows, effect: Effect) -> str:
+    if effect.detected:
         return "its columns are detected in the residual, so that no size can be stated beforehand"
-    if needs:
-        return f"the recordings lack {' and '.join(needs)}"
+    if not all(effect.possible(scene) for scene in rows.design.columns.scenes):
+        return f"the recordings lack {' and '.join(effect.needs)}"
     return "this robot or this question has no place for it"

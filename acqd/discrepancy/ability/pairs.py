@@ -22,7 +22,7 @@ from acqd.discrepancy.ability.smallest import POWER, Smallest, competition_of
 from acqd.discrepancy.regression.design_columns import Candidate
 from acqd.discrepancy.regression.gram import LEAST_POWER, Competition, Indices
 from acqd.discrepancy.selection.judging import kinds_of
-from acqd.discrepancy.selection.ranking import Rows, part_of, prior_of
+from acqd.discrepancy.selection.ranking import Rows, acts, part_of, prior_of
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.discrepancy.thresholds.chance import by_chance
 
@@ -40,12 +40,12 @@ class Rival:
     """Of the effect, from which the two are told apart; None: from no size on, they are a family."""
 
 
-def rivals_of(rows: Rows, gate: Floats, effects: list[Smallest]) -> list[tuple[Rival, ...]]:
+def rivals_of(rows: Rows, gate: Floats, effects: list[Smallest], longer: float = 1.0) -> list[tuple[Rival, ...]]:
     """Per effect its rivals, one for each other effect of the library, the closest first."""
     candidates = [each for each in rows.design.columns.candidates if each.id]
     if not effects:
         return []
-    used, competition = competition_of(rows, gate, candidates)
+    used, competition = competition_of(rows, gate, candidates, longer)
     explained = _explained(rows, used, competition, effects, candidates)
     kinds = kinds_of(rows.design.columns.candidates)
     return [_closest(effect, candidates, shares, kinds) for effect, shares in zip(effects, explained.T, strict=True)]
@@ -75,7 +75,7 @@ def _explained(
     for number, candidate in enumerate(candidates):
         own = np.searchsorted(used, candidate.indices)
         schur, _ = part_of(competition.schur, competition.products, own, candidate)
-        if np.diag(schur).min() < LEAST_POWER:
+        if not acts(schur):
             continue
         whole = schur + np.diag(prior_of(rows.design, candidate) ** -2.0 / rows.learning_rate)
         theirs = cross[own] if candidate.mix is None else candidate.mix.T @ cross[own]

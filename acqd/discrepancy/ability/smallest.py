@@ -1,4 +1,4 @@
-"""The smallest size at which the rules name an effect with a power of 95 %, by the columns and the noise of the loop.
+"""The smallest size of an effect that passes the selection's rules with a power of 95 %, by the loop's own columns.
 
 An effect of size theta has the product h = s theta with the residual, s the precision of its size with all other
 columns projected out. Its estimate scatters by white noise, 1/s, and by what unchanged sessions differ by (`spread`).
@@ -9,7 +9,7 @@ more rows, more sessions of the reference, or nothing because smaller sizes do n
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -21,10 +21,10 @@ from scipy.stats import t as student
 from acqd.arrays import Floats
 from acqd.discrepancy.regression.design_columns import Candidate
 from acqd.discrepancy.regression.design_matrix import Design
-from acqd.discrepancy.regression.gram import LEAST_POWER, Competition, Indices
+from acqd.discrepancy.regression.gram import Competition, Indices
 from acqd.discrepancy.selection.judging import kinds_of
-from acqd.discrepancy.selection.ranking import Finding, Rows, bounds_of, part_of, posterior, prior_of
-from acqd.discrepancy.selection.spread import gate_of, power_rms, sessions_of, usual_amplitude, variance_of
+from acqd.discrepancy.selection.ranking import Finding, Rows, acts, bounds_of, part_of, posterior, prior_of
+from acqd.discrepancy.selection.spread import power_rms, sessions_of, variances_of_sessions
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.discrepancy.thresholds.chance import by_chance
 
@@ -37,7 +37,7 @@ LimitedBy = Literal["rows", "sessions", "relevance", "bounds", "motion"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Smallest:
-    """What can be told of an effect at a place, in a shape."""
+    """What recordings show of an effect at a place, in a shape."""
 
     candidate: Candidate
     size: float | None
@@ -67,39 +67,40 @@ def single_effects(rows: Rows) -> list[Candidate]:
     return [each for each in rows.design.columns.candidates if each.id and each.size == 1]
 
 
-def competition_of(rows: Rows, gate: Floats, candidates: list[Candidate]) -> tuple[Indices, Competition]:
-    """Columns of candidates, and their Schur complement under a gate [blocks]."""
+def competition_of(rows: Rows, gate: Floats, candidates: list[Candidate], longer: float) -> tuple[Indices, Competition]:
+    """Columns of candidates, and their Schur complement under a gate [blocks] that counts `longer` times."""
     used = np.unique(np.concatenate([each.indices for each in candidates]))
-    return used, rows.regression.compete(used, gate)
+    return used, rows.regression.compete(used, gate, 1 + (longer - 1) * gate)
 
 
 def smallest_sizes(rows: Rows, gate: Floats, longer: float = 1.0) -> list[Smallest]:
     """Of all effects with one parameter under a gate [blocks]; `longer`: times the recorded minutes.
 
+    More minutes say more of what differs within them; the level of the session stays as uncertain as the prior says.
     Empty where no effect has columns.
     """
     candidates = single_effects(rows)
     if not candidates:
         return []
-    design = rows.design
-    used, competition = competition_of(rows, gate, candidates)
-    owns = [np.searchsorted(used, each.indices) for each in candidates]
-    sizes = list(_in_sessions(rows, used, candidates, owns))
+    design, weights = rows.design, longer * gate
+    used, competition = competition_of(rows, gate, candidates, longer)
+    units = [Finding(candidate, np.ones(1), np.zeros(1), 0.0) for candidate in candidates]
+    spreads = [(0.0, 1.0)] * len(units)  # without a reference to differ from
+    if sessions_of(design.parts, in_question=False):
+        spreads = variances_of_sessions(design, rows.regression, units, weights)
     kinds = kinds_of(design.columns.candidates)
-    weights = gate * longer
     found = []
-    for number, (candidate, own) in enumerate(zip(candidates, owns, strict=True)):
-        schur, _ = part_of(competition.schur, competition.products, own, candidate)
-        white = float(schur[0, 0])
-        if white < LEAST_POWER:
-            found.append(Smallest(candidate, None, None, "motion", 0.0))
+    for unit, spread in zip(units, spreads, strict=True):
+        own = np.searchsorted(used, unit.candidate.indices)
+        schur, _ = part_of(competition.schur, competition.products, own, unit.candidate)
+        if not acts(schur):
+            found.append(Smallest(unit.candidate, None, None, "motion", 0.0))
             continue
-        precision = rows.learning_rate * white * longer
-        at_joints = design.at_joints(candidate, weights)
+        precision = rows.learning_rate * float(schur[0, 0])
+        at_joints = design.at_joints(unit.candidate, weights)
         if at_joints is not None:
             precision += float(at_joints.precision[0, 0])
-        unit = Finding(candidate, np.ones(1), np.zeros(1), 0.0)
-        found.append(_smallest(design, unit, precision, _variance(design, unit, sizes, number, weights), kinds))
+        found.append(_smallest(design, unit, precision, spread, kinds))
     return found
 
 
@@ -138,31 +139,3 @@ def _with_evidence(design: Design, candidate: Candidate, precision: float, least
     while short(upper) < 0:
         upper *= 2
     return float(brentq(short, 0.0, upper)) / float(np.sqrt(precision))
-
-
-def _variance(
-    design: Design, unit: Finding, sizes: list[tuple[Floats, Floats]], number: int, weights: Floats
-) -> tuple[float, float]:
-    """Variance of a size between sessions, and its degrees of freedom; 0 without a reference to differ from."""
-    if not sizes:
-        return 0.0, 1.0
-    pairs = [(amplitude[number], known[number]) for amplitude, known in sizes if known[number] > LEAST_POWER]
-    values = np.array(pairs).reshape(-1, 2)
-    usual = usual_amplitude(design, unit, power_rms(design, unit))
-    variance = variance_of(design, values[:, 0], values[:, 1], usual, weights)
-    return variance, THRESHOLDS.few_sessions + len(values)
-
-
-def _in_sessions(
-    rows: Rows, used: Indices, candidates: list[Candidate], owns: list[Indices]
-) -> Iterator[tuple[Floats, Floats]]:
-    """Per session of the reference: sizes [candidates] by generalised least squares, and their information."""
-    design = rows.design
-    for blocks in sessions_of(design.parts, in_question=False).values():
-        competition = rows.regression.compete(used, gate_of(design, blocks), 1 - design.columns.in_question)
-        pairs = [
-            part_of(competition.schur, competition.products, own, candidate)
-            for candidate, own in zip(candidates, owns, strict=True)
-        ]
-        known = np.array([schur[0, 0] for schur, _ in pairs])
-        yield np.array([float(h[0]) for _, h in pairs]) / np.maximum(known, LEAST_POWER), known

@@ -12,6 +12,8 @@ estimated, each with a prior that counts as a few sessions, so that few sessions
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
@@ -39,7 +41,7 @@ def learning_rate(design: Design, regression: Regression) -> float:
     if columns:
         used = np.unique(np.concatenate(columns))
         for blocks in sessions_of(design.parts, in_question=False).values():
-            competition = regression.compete(used, gate_of(design, blocks), 1 - design.columns.in_question)
+            competition = regression.compete(used, _gate(design, blocks), 1 - design.columns.in_question)
             information = np.diag(competition.schur)
             known = information > LEAST_POWER
             if known.any():
@@ -69,9 +71,20 @@ def variance_of_sessions(design: Design, regression: Regression, finding: Findin
     days, which differ as much as the sessions of a day. A log is as many sessions as it is longer than those of the
     reference: what differs between these averages out in an hour.
     """
-    amplitudes, information = amplitudes_in_reference(design, regression, finding)
-    usual = usual_amplitude(design, finding, power_rms(design, finding))
-    return variance_of(design, amplitudes, information, usual, gate), THRESHOLDS.few_sessions + len(amplitudes)
+    return variances_of_sessions(design, regression, [finding], gate)[0]
+
+
+def variances_of_sessions(
+    design: Design, regression: Regression, findings: Sequence[Finding], gate: Floats
+) -> list[tuple[float, float]]:
+    """The same of several findings, whose columns are projected once a session."""
+    return [
+        (
+            variance_of(design, amplitudes, information, _usual_amplitude(design, finding), gate),
+            THRESHOLDS.few_sessions + len(amplitudes),
+        )
+        for finding, (amplitudes, information) in zip(findings, _amplitudes(design, regression, findings), strict=True)
+    ]
 
 
 def variance_of(design: Design, amplitudes: Floats, information: Floats, usual: float, gate: Floats) -> float:
@@ -87,35 +100,34 @@ def variance_of(design: Design, amplitudes: Floats, information: Floats, usual: 
     return variance * (1 / before + 1 / max(logs, as_long, 1.0) + 1)
 
 
-def amplitudes_in_reference(design: Design, regression: Regression, finding: Finding) -> tuple[Floats, Floats]:
-    """[sessions] the finding's size in single sessions of the reference, in units of itself, and their information.
+def _amplitudes(design: Design, regression: Regression, findings: Sequence[Finding]) -> list[tuple[Floats, Floats]]:
+    """Per finding [sessions] its size in single sessions of the reference, in units of itself, and their information.
 
     By generalised least squares in one session, with a base model that knows the reference only. The information is
     the inverse variance of an amplitude in white noise.
     """
-    candidate = finding.candidate
-    pairs = []
+    used = np.unique(np.concatenate([finding.candidate.indices for finding in findings]))
+    owns = [np.searchsorted(used, finding.candidate.indices) for finding in findings]
+    pairs: list[list[tuple[float, float]]] = [[] for _ in findings]
     for blocks in sessions_of(design.parts, in_question=False).values():
-        competition = regression.compete(candidate.indices, gate_of(design, blocks), 1 - design.columns.in_question)
-        schur, products = part_of(competition.schur, competition.products, np.arange(len(candidate.indices)), candidate)
-        known = float(finding.coefficients @ schur @ finding.coefficients)
-        if acts(schur) and known > LEAST_POWER:
-            pairs.append((float(finding.coefficients @ products) / known, known))
-    values = np.array(pairs).reshape(-1, 2)
-    return values[:, 0], values[:, 1]
+        competition = regression.compete(used, _gate(design, blocks), 1 - design.columns.in_question)
+        for finding, own, found in zip(findings, owns, pairs, strict=True):
+            schur, products = part_of(competition.schur, competition.products, own, finding.candidate)
+            known = float(finding.coefficients @ schur @ finding.coefficients)
+            if acts(schur) and known > LEAST_POWER:
+                found.append((float(finding.coefficients @ products) / known, known))
+    values = [np.array(each).reshape(-1, 2) for each in pairs]
+    return [(each[:, 0], each[:, 1]) for each in values]
 
 
-def usual_amplitude(design: Design, finding: Finding, rms_W: float) -> float:
-    """Deviation between sessions that is usual, in units of the finding: a share of the range, or of a second.
-
-    `rms_W`: of the finding while it acts.
-    """
+def _usual_amplitude(design: Design, finding: Finding) -> float:
+    """Deviation between sessions that is usual, in units of the finding: a share of the range, or of a second."""
     if finding.candidate.id and library()[finding.candidate.id].acts_on == "clock":
         slopes = [slope(design.columns.scenes[k]) for k, side in enumerate(design.columns.scenes.in_question) if side]
         usual_W = clock_deviation_s(design) * float(np.sqrt(np.mean(np.concatenate(slopes) ** 2)))
         return usual_W / max(power_rms(design, finding, acting_share=0.0), 1e-9)
     usual_W = THRESHOLDS.usual_difference * design.columns.dynamic_range
-    return usual_W / max(rms_W, 1e-9)
+    return usual_W / max(power_rms(design, finding), 1e-9)
 
 
 def clock_deviation_s(design: Design) -> float:
@@ -156,8 +168,7 @@ def sessions_of(parts: list[Part] | tuple[Part, ...], *, in_question: bool) -> d
     return {name: np.array(blocks) for name, blocks in sessions.items()}
 
 
-def gate_of(design: Design, blocks: NDArray[np.int64]) -> Floats:
-    """[all blocks] 1 for some blocks."""
+def _gate(design: Design, blocks: NDArray[np.int64]) -> Floats:
     gate = np.zeros(len(design.parts))
     gate[blocks] = 1.0
     return gate

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import dataclass
 from pathlib import Path
 
 from acqd.telemetry.spool.segment import SUFFIX, Segment, number_of
@@ -10,33 +11,51 @@ from acqd.telemetry.spool.segment import SUFFIX, Segment, number_of
 _PREFIX = "spool-"
 
 
+@dataclass(frozen=True, slots=True)
+class LeftBehind:
+    """Rows of another name, or why they are not known."""
+
+    what: str
+    remedy: str
+
+    def __str__(self) -> str:
+        return f"{self.what}: {self.remedy}"
+
+
 def folder_of(state_dir: Path, device: str) -> Path:
     """Where the daemon of this name keeps its rows."""
     return state_dir / f"{_PREFIX}{device}"
 
 
-def left_behind(state_dir: Path, device: str) -> str:
-    """Which rows wait below `state_dir` in the spool of another name that no daemon has open, and the remedy; or "".
+def left_behind(state_dir: Path, device: str) -> LeftBehind | None:
+    """Rows that wait below `state_dir` in the spool of another name that no daemon has open; None: there are none.
 
     Only reads. What cannot be read is named, too.
     """
+    mine = folder_of(state_dir, device)
     try:
-        mine = folder_of(state_dir, device)
-        others = [path for path in sorted(state_dir.glob(f"{_PREFIX}*")) if path.is_dir() and path != mine]
-    except OSError:
-        return ""
+        entries = sorted(state_dir.iterdir()) if state_dir.exists() else []
+    except OSError as error:
+        return _unreadable(state_dir, error)
+    others = [path for path in entries if path.name.startswith(_PREFIX) and path.is_dir() and path != mine]
     for folder in others:
         old = folder.name.removeprefix(_PREFIX)
         try:
             rows = 0 if _in_use(folder) else _waiting(folder)
         except OSError as error:
-            return f"the spool of another name, {folder}, cannot be read: {error.strerror}"
+            return _unreadable(folder, error)
         if rows:
-            return (
-                f"{rows} rows of device {old} wait in {folder}, and nobody delivers them: was the device renamed? "
-                f'Start acqd with device = "{old}" until they are delivered, or delete the folder'
+            return LeftBehind(
+                f"{rows} rows of device {old} wait in {folder}, and nobody delivers them",
+                f'was the device renamed? Start acqd with device = "{old}" until they are delivered, or delete it',
             )
-    return ""
+    return None
+
+
+def _unreadable(folder: Path, error: OSError) -> LeftBehind:
+    return LeftBehind(
+        f"whether rows of another name wait in {folder} cannot be read", f"{error.strerror}; check its rights"
+    )
 
 
 def _in_use(folder: Path) -> bool:

@@ -35,6 +35,7 @@ def test_a_service_that_works_is_ready_without_a_word(snapshot):
         (daemon(delivery=Delivery(dropped=7)), True, "7 messages were dropped"),
         (daemon(delivery=Delivery(dropped=8), acknowledged=Acknowledged(dropped=7)), True, "8 messages were dropped"),
         (sink(quarantined=3), True, "3 messages are in quarantine"),
+        (sink(quarantined=3, impossible=2), True, "3 messages are in quarantine, 2 of them rows whose time cannot be"),
         (daemon(broker=Link(True, 9, "connections end within seconds: ...")), True, "name taken"),
         (sink(recalls=1), True, "earlier state"),
         (sink(clock_trouble="this computer's clock was set back"), True, "clock"),

@@ -203,7 +203,7 @@ def _sink_behind(bed: Bed, _fault: ExitStack) -> None:
 
 
 def _idle_subscribers(bed: Bed, fault: ExitStack) -> None:
-    """Clients that subscribe to all rows and read nothing, and a broker that gets a tenth of its time."""
+    """Clients that subscribe to all rows and read nothing, and a way to the sink that takes 3 s."""
     for k in range(_IDLE):
         client = paho.Client(CallbackAPIVersion.VERSION2, client_id=f"idle{k}")
         client.connect("127.0.0.1", bed.port)
@@ -231,7 +231,7 @@ CASES = (
     Case("SQLite file replaced", _replaced, "sink", "was replaced|another database|earlier state"),
     Case("spool cannot be read", _unreadable, "daemon", "^spool: .*cannot be (read|opened)"),
     Case("spool's disk full, broker away", _spool_full, "daemon", "^spool: .*[Nn]o space", need="disks"),
-    Case("daemon's clock two days ahead", _daemon_ahead, "sink", "in quarantine", need="clock"),
-    Case("sink's clock two days behind", _sink_behind, "sink", "this computer's clock|in quarantine", need="clock"),
+    Case("daemon's clock two days ahead", _daemon_ahead, "sink", "in quarantine, .*clock", need="clock"),
+    Case("sink's clock two days behind", _sink_behind, "sink", "this computer's clock", need="clock"),
     Case("broker silent", _broker_silent, "daemon", "broker away"),
 )
