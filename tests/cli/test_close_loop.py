@@ -203,10 +203,17 @@ def test_ability_says_beforehand_what_the_motion_of_the_reference_can_tell(close
     recorded = {(each["id"], each["where"]): each for each in report["ability"]["effects"]}
     for key in (("payload", "flange"), ("coulomb_friction", "joint 2")):
         assert 0 < planned[key]["smallest"] < recorded[key]["smallest"]  # an hour tells more than four minutes
+        assert 0 < planned[key]["with_twice_the_minutes"] <= planned[key]["smallest"]
     payload = next(each for each in report["effects"] if each["id"] == "payload")
     assert payload["parameters"]["mass"]["value"] > recorded["payload", "flange"]["smallest"]
     page = (folder / "now" / "ds.loop" / "report.html").read_text()
     assert "What these recordings can tell" in page
+    named = json.loads((folder / "model" / "bundle.json").read_text())
+    other = tmp_path / "other"
+    shutil.copytree(folder / "model", other)
+    (other / "bundle.json").write_text(json.dumps(named | {"robot": "another"}))
+    done = acqd_here("robot", "ability", other, "--motion", folder / "now" / "ds")
+    assert done.returncode == 2 and "the model of another" in done.stderr
     forgetful = tmp_path / "forgetful"
     shutil.copytree(folder / "model", forgetful)
     (forgetful / "reference.safetensors").unlink()
