@@ -8,10 +8,10 @@ import numpy as np
 
 from acqd.errors import UserError
 from acqd.lab.effects import check_axes
-from acqd.lab.motion.excitation import Cube, Excitation
-from acqd.lab.motion.program import Planner
 from acqd.lab.plant.parameters import PlantParameters, load_plant, true_robot
 from acqd.lab.settings import LabSettings
+from acqd.motion.excitation import Cube, Excitation
+from acqd.motion.program import Planner
 from acqd.robot.arm import Arm
 from acqd.robot.collision import CollisionChecker
 from acqd.robot.description import RobotDescription, load_description

@@ -17,11 +17,11 @@ from acqd.lab.effects import make_effects
 from acqd.lab.instruments.data_recorder import ControllerClock, Recorded, record
 from acqd.lab.instruments.full_speed_plc import FullSpeedDaemon
 from acqd.lab.instruments.mains import Mains, Metered
-from acqd.lab.motion.controller import RATE, Controller, Motion, Step, Wait
 from acqd.lab.plant import Effect, Plant, Situation, Stretch
 from acqd.lab.schedule import session_start_s
 from acqd.metering import WindowBatch
 from acqd.metering.block import Codes
+from acqd.motion.controller import RATE, Controller, Motion, Step, Wait
 
 _CHUNK_MS = 10_000  # length of the waveform pieces, which bounds memory
 

@@ -11,8 +11,8 @@ from pydantic import Field, field_validator, model_validator
 from acqd.lab.effects import EffectSpec
 from acqd.lab.instruments.data_recorder import ControllerClock, RecorderSettings
 from acqd.lab.instruments.mains import MainsSettings
-from acqd.lab.motion.excitation import Cube
-from acqd.lab.motion.program import MotionParameters
+from acqd.motion.excitation import Cube
+from acqd.motion.program import MotionParameters
 from acqd.robot.description import Section
 from acqd.robot.joint import Vector
 from acqd.section import ARRAY, FileName

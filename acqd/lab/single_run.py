@@ -15,14 +15,14 @@ from acqd.lab.cell import MOTION, Cell, build_cell
 from acqd.lab.instruments.data_recorder import log_suffix
 from acqd.lab.instruments.mains import Mains
 from acqd.lab.instruments.row_file import RowFile
-from acqd.lab.motion.controller import Controller, Motion, Phase, Wait
-from acqd.lab.motion.replayed_log import motion_of
-from acqd.lab.motion.trajectory import read_trajectory
 from acqd.lab.report.execution import execution_report
 from acqd.lab.session import Session, SessionTruth, windows_within
 from acqd.lab.settings import LabSettings
 from acqd.metering import WindowBatch
 from acqd.metering.block import Codes
+from acqd.motion.controller import Controller, Motion, Phase, Wait
+from acqd.motion.replayed_log import motion_of
+from acqd.motion.trajectory import read_trajectory
 from acqd.robot.collision import require_free
 from acqd.robot.log import read_log
 from acqd.robot.table import read_table

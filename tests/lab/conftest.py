@@ -5,8 +5,8 @@ import pytest
 
 from acqd.lab.cell import build_cell
 from acqd.lab.effects import parse_effect
-from acqd.lab.motion.excitation import Cube
 from acqd.lab.settings import LabSettings
+from acqd.motion.excitation import Cube
 from tests.campaigns import campaign_config, measure
 
 SMALL = {"limited": 3, "all_space": 2, "session": 2, "limited_sources": 2, "all_space_sources": 2}

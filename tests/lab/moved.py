@@ -6,9 +6,9 @@ import numpy as np
 
 from acqd.lab.cell import build_cell
 from acqd.lab.effects import make_effects, parse_effect
-from acqd.lab.motion.controller import Controller, Move, SwitchTool, Wait
 from acqd.lab.plant import Plant, Stretch
 from acqd.lab.settings import LabSettings
+from acqd.motion.controller import Controller, Move, SwitchTool, Wait
 from acqd.robot import load_description
 
 IIWA = load_description("iiwa7_r800")

@@ -5,8 +5,8 @@ import pytest
 
 from acqd.lab.effects import known_effects, make_effects, parse_effect
 from acqd.lab.instruments.data_recorder import ControllerClock
-from acqd.lab.motion.controller import Controller, Move, Phase, Wait
 from acqd.lab.plant import Plant, Stretch
+from acqd.motion.controller import Controller, Move, Phase, Wait
 from acqd.robot.dynamics import mechanical_energy
 from acqd.robot.kinematics import forward_kinematics
 from tests.lab.moved import CELL, CLEAN, IIWA, MOTION, VOLTAGE, power_of, run

@@ -4,8 +4,8 @@ import numpy as np
 
 from acqd.lab.cell import build_cell
 from acqd.lab.effects import parse_effect
-from acqd.lab.motion.controller import Wait
 from acqd.lab.settings import LabSettings
+from acqd.motion.controller import Wait
 
 
 def test_an_effect_goes_on_after_the_last_recording(tmp_path):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from acqd.lab.motion.excitation import TOOL_DOWN
+from acqd.motion.excitation import TOOL_DOWN
 from acqd.robot import load_description
 from acqd.robot.arm import Arm
 from acqd.robot.kinematics import Pose, flange_jacobian, forward_kinematics, inverse_kinematics, joint_origins, unwound

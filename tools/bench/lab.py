@@ -11,8 +11,8 @@ import numpy as np
 
 from acqd.lab.campaign.trajectory_set import draw
 from acqd.lab.cell import MOTION, build_cell
-from acqd.lab.motion.controller import RATE, Controller
 from acqd.lab.settings import LabSettings
+from acqd.motion.controller import RATE, Controller
 from tools.bench.report import Figure
 from tools.common import mujoco_oracle
 from tools.common.commands import acqd_json

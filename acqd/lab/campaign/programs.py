@@ -6,11 +6,11 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.lab.campaign.folders import Folders
+from acqd.lab.campaign.use_case import Assembly
 from acqd.lab.cell import MOTION, Cell
-from acqd.lab.motion.controller import Controller, Step
-from acqd.lab.motion.trajectory import Trajectory, read_trajectory
-from acqd.lab.motion.use_case import Assembly
 from acqd.lab.schedule import RecordingPlan
+from acqd.motion.controller import Controller, Step
+from acqd.motion.trajectory import Trajectory, read_trajectory
 
 _TWIN_PERIOD_MS = 40
 

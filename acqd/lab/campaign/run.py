@@ -15,8 +15,8 @@ from acqd.lab.campaign.manifest import write_manifest, write_truth
 from acqd.lab.campaign.run_session import run_session
 from acqd.lab.campaign.summary import CampaignReport, metered_powers, summarise
 from acqd.lab.campaign.trajectory_set import MANIFEST, TrajectorySet, draw, write
+from acqd.lab.campaign.use_case import Assembly
 from acqd.lab.cell import build_cell
-from acqd.lab.motion.use_case import Assembly
 from acqd.lab.report.campaign import campaign_report
 from acqd.lab.schedule import SessionPlan, plan_sessions
 from acqd.lab.settings import CampaignSettings

@@ -16,10 +16,10 @@ from acqd.lab.campaign.programs import Programs
 from acqd.lab.cell import Cell, build_cell
 from acqd.lab.instruments.data_recorder import log_suffix
 from acqd.lab.instruments.row_file import RowFile
-from acqd.lab.motion.controller import Phase, Wait
 from acqd.lab.schedule import SessionPlan, reserved_s
 from acqd.lab.session import RecordingTruth, Session, SessionTruth, windows_within
 from acqd.lab.settings import CampaignSettings
+from acqd.motion.controller import Phase, Wait
 
 _FIRST_PAUSE_S = 3.0  # standby at the start of a session, for `standby_W`
 

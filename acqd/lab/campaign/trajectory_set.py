@@ -11,8 +11,8 @@ import orjson
 
 from acqd import __version__
 from acqd.lab.cell import Cell
-from acqd.lab.motion.excitation import Tally
-from acqd.lab.motion.trajectory import Trajectory, write_trajectory
+from acqd.motion.excitation import Tally
+from acqd.motion.trajectory import Trajectory, write_trajectory
 
 MANIFEST = "trajectories.json"
 _LIMITED, _ALL = 101, 102  # streams of random numbers

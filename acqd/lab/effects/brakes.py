@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from acqd.arrays import Floats
-from acqd.lab.motion.controller import RATE
 from acqd.lab.plant.situation import Effect, Situation
+from acqd.motion.controller import RATE
 
 
 class BrakeRelease(Effect):

@@ -8,10 +8,10 @@ import numpy as np
 from scipy.signal import lfilter
 
 from acqd.arrays import Floats
-from acqd.lab.motion.controller import RATE
 from acqd.lab.plant.mechanics import direction
 from acqd.lab.plant.parameters import per_axis
 from acqd.lab.plant.situation import Effect, Situation
+from acqd.motion.controller import RATE
 
 
 def only_axis(axis: float, axes: int) -> Floats:

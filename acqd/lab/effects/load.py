@@ -8,8 +8,8 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.errors import UserError
-from acqd.lab.motion.controller import RATE
 from acqd.lab.plant.situation import Effect, Situation
+from acqd.motion.controller import RATE
 from acqd.robot.arm import Arm
 from acqd.robot.dynamics import gravity_torque
 from acqd.robot.kinematics import flange_jacobian

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.lab.motion.controller import RATE
+from acqd.motion.controller import RATE
 from acqd.robot.description import LogColumns, RobotDescription
 
 

@@ -18,9 +18,9 @@ from acqd.lab.instruments.wave_tables import (
     resample,
     voltage_table,
 )
-from acqd.lab.motion.controller import RATE
 from acqd.metering import StreamFormat
 from acqd.metering.block import CODE_MAX, CODE_MIN, Codes
+from acqd.motion.controller import RATE
 from acqd.robot.description import Section
 from acqd.section import KEY
 from acqd.sources import el3783

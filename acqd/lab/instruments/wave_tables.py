@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acqd.arrays import Floats
-from acqd.lab.motion.controller import RATE
+from acqd.motion.controller import RATE
 from acqd.sources import el3783
 
 PER_MS = round(el3783.RATE / RATE)

@@ -6,8 +6,8 @@ import numpy as np
 from scipy.signal import lfilter
 
 from acqd.arrays import Floats
-from acqd.lab.motion.controller import RATE
 from acqd.lab.plant.parameters import ControllerLoad, DcLink, DriveLosses, Supply
+from acqd.motion.controller import RATE
 from acqd.robot.description import Drive
 
 _DT = 1.0 / RATE

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.lab.motion.controller import RATE
+from acqd.motion.controller import RATE
 
 
 class Ledger:

@@ -7,8 +7,8 @@ import itertools
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.lab.motion.controller import RATE, Motion
 from acqd.lab.plant.parameters import PlantParameters, per_axis
+from acqd.motion.controller import RATE, Motion
 from acqd.robot.arm import Arm, Payload
 from acqd.robot.dynamics import inverse_dynamics, mechanical_energy
 

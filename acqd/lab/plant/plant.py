@@ -9,12 +9,12 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.lab.instruments.data_recorder import Recorded
-from acqd.lab.motion.controller import Motion
 from acqd.lab.plant.electrics import DcStorage, Motors, PowerSupply, Standby
 from acqd.lab.plant.ledger import Ledger, row_sum
 from acqd.lab.plant.mechanics import GearFriction, RigidBody
 from acqd.lab.plant.parameters import PlantParameters
 from acqd.lab.plant.situation import Effect, Situation, Stretch
+from acqd.motion.controller import Motion
 from acqd.robot.arm import Arm
 
 

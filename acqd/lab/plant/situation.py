@@ -11,8 +11,8 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.lab.instruments.data_recorder import ControllerClock, Recorded
-from acqd.lab.motion.controller import RATE, Motion
 from acqd.lab.plant.parameters import PlantParameters
+from acqd.motion.controller import RATE, Motion
 from acqd.robot.arm import Arm
 
 

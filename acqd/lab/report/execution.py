@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 
 from acqd.arrays import Floats
 from acqd.lab.cell import Cell
-from acqd.lab.motion.controller import RATE
 from acqd.lab.session import SessionTruth, windows_within
+from acqd.motion.controller import RATE
 from acqd.report import KeyFigure, Page, Verdict
 from acqd.report.bars import Bar, ranked
 from acqd.report.digits import number, percent

@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from acqd.arrays import Floats
-from acqd.lab.motion.excitation import Cube
-from acqd.lab.motion.trajectory import Trajectory
+from acqd.motion.excitation import Cube
+from acqd.motion.trajectory import Trajectory
 from acqd.robot.arm import Arm
 from acqd.robot.collision import dense_path
 from acqd.robot.kinematics import forward_kinematics, joint_origins

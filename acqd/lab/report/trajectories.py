@@ -7,9 +7,9 @@ from pathlib import Path
 from acqd.arrays import Floats
 from acqd.lab.campaign.trajectory_set import TrajectorySet
 from acqd.lab.cell import MOTION, Cell
-from acqd.lab.motion.controller import RATE, Controller
-from acqd.lab.motion.trajectory import Trajectory
 from acqd.lab.report import figures
+from acqd.motion.controller import RATE, Controller
+from acqd.motion.trajectory import Trajectory
 from acqd.report import KeyFigure, Page, Verdict
 
 

@@ -23,11 +23,11 @@ from acqd.lab.cell import MAINS, Cell, build_cell
 from acqd.lab.instruments.data_recorder import Recorded, log_suffix
 from acqd.lab.instruments.full_speed_plc import FullSpeedDaemon
 from acqd.lab.instruments.mains import Mains
-from acqd.lab.motion.controller import Motion, Phase, Wait
 from acqd.lab.plant import Stretch
 from acqd.lab.schedule import SessionPlan, plan_sessions
 from acqd.lab.session import Session
 from acqd.lab.settings import CampaignSettings
+from acqd.motion.controller import Motion, Phase, Wait
 from acqd.robot.log import RobotLog, read_log
 
 _RATE = 1000.0

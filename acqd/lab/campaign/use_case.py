@@ -9,10 +9,10 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.errors import UserError
-from acqd.lab.motion.chain import Move
-from acqd.lab.motion.controller import Phase, Step, SwitchTool, Wait
-from acqd.lab.motion.excitation import TOOL_DOWN
-from acqd.lab.motion.program import Planner
+from acqd.motion.chain import Move
+from acqd.motion.controller import Phase, Step, SwitchTool, Wait
+from acqd.motion.excitation import TOOL_DOWN
+from acqd.motion.program import Planner
 from acqd.robot.arm import Arm
 from acqd.robot.kinematics import Pose, inverse_kinematics
 

@@ -9,11 +9,11 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.errors import UserError
-from acqd.lab.motion.chain import Chain, Move, plan_chain
-from acqd.lab.motion.controller import Step, Wait
-from acqd.lab.motion.excitation import CHECK_STEP, planned_path
-from acqd.lab.motion.path_planning import find_path
-from acqd.lab.motion.trajectory import Trajectory
+from acqd.motion.chain import Chain, Move, plan_chain
+from acqd.motion.controller import Step, Wait
+from acqd.motion.excitation import CHECK_STEP, planned_path
+from acqd.motion.path_planning import find_path
+from acqd.motion.trajectory import Trajectory
 from acqd.robot.arm import Arm
 from acqd.robot.collision import CollisionChecker, dense_path
 from acqd.robot.kinematics import forward_kinematics

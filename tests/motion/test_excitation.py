@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from acqd.errors import UserError
-from acqd.lab.motion.controller import RATE, Controller
-from acqd.lab.motion.excitation import Cube, Excitation, planned_path
+from acqd.motion.controller import RATE, Controller
+from acqd.motion.excitation import Cube, Excitation, planned_path
 from acqd.robot.collision import CollisionChecker
 from acqd.robot.kinematics import forward_kinematics
 from acqd.robot.scene import Box, Scene

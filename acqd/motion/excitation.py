@@ -8,8 +8,8 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.errors import UserError
-from acqd.lab.motion.chain import Move, plan_chain
-from acqd.lab.motion.trajectory import Trajectory
+from acqd.motion.chain import Move, plan_chain
+from acqd.motion.trajectory import Trajectory
 from acqd.robot.arm import Arm
 from acqd.robot.collision import CollisionChecker, dense_path, require_free
 from acqd.robot.kinematics import Pose, inverse_kinematics, unwound

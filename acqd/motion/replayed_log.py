@@ -8,7 +8,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from acqd.arrays import Floats
 from acqd.errors import InputError
-from acqd.lab.motion.controller import RATE, Motion
+from acqd.motion.controller import RATE, Motion
 from acqd.robot.description import RobotDescription
 from acqd.robot.log import RobotLog, require_rising
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acqd.lab.motion.profile import fastest_profile
+from acqd.motion.profile import fastest_profile
 
 positive = st.floats(0.05, 5.0)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from acqd.errors import InputError
-from acqd.lab.motion.trajectory import read_trajectory, write_trajectory
+from acqd.motion.trajectory import read_trajectory, write_trajectory
 from tests.lab.moved import IIWA
 
 

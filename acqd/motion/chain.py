@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.lab.motion.profile import Profile, fastest_profile
+from acqd.motion.profile import Profile, fastest_profile
 
 _TOLERANCE = 1e-9
 

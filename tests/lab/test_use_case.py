@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from acqd.errors import UserError
-from acqd.lab.motion.controller import Controller
-from acqd.lab.motion.excitation import planned_path
-from acqd.lab.motion.program import Planner
-from acqd.lab.motion.use_case import Assembly
+from acqd.lab.campaign.use_case import Assembly
+from acqd.motion.controller import Controller
+from acqd.motion.excitation import planned_path
+from acqd.motion.program import Planner
 from acqd.robot.collision import CollisionChecker
 from acqd.robot.scene import Box, Scene
 from tests.lab.moved import IIWA

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from acqd.lab.motion.chain import Move, plan_chain
+from acqd.motion.chain import Move, plan_chain
 from tests.lab.moved import IIWA
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acqd.arrays import Floats
-from acqd.lab.motion.chain import Chain, Move, plan_chain
+from acqd.motion.chain import Chain, Move, plan_chain
 from acqd.robot.description import RobotDescription
 
 RATE = 1000

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from acqd.errors import UserError
-from acqd.lab.motion.controller import Controller
-from acqd.lab.motion.excitation import planned_path
-from acqd.lab.motion.program import Planner
-from acqd.lab.motion.trajectory import Trajectory
+from acqd.motion.controller import Controller
+from acqd.motion.excitation import planned_path
+from acqd.motion.program import Planner
+from acqd.motion.trajectory import Trajectory
 from acqd.robot.arm import Arm
 from acqd.robot.collision import CollisionChecker, dense_path
 from acqd.robot.scene import Box, Scene

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from acqd.lab.motion.chain import Move
-from acqd.lab.motion.controller import RATE, Controller, Phase, SwitchTool, Wait
+from acqd.motion.chain import Move
+from acqd.motion.controller import RATE, Controller, Phase, SwitchTool, Wait
 from tests.lab.moved import IIWA
 
 

@@ -1,1 +1,0 @@
-"""Motion of the virtual robot: trajectories, programs, path planning, controller."""

@@ -1,0 +1,1 @@
+"""Motion of a robot: trajectories, programs, path planning, time profiles, the controller that executes them."""
