@@ -30,6 +30,10 @@ def close_loop(
     reference: Annotated[
         Path | None, typer.Option(help="Dataset to compare with (default: what the bundle remembers).")
     ] = None,
+    further: Annotated[
+        list[Path] | None,
+        typer.Option("--with", metavar="DS", help="Dataset of a later session in question, too; may be repeated."),
+    ] = None,
     max_effects: Annotated[int, typer.Option(min=1, max=24, help="Largest number of effects.")] = 5,
     only: Annotated[list[str] | None, typer.Option(help="Search only for this effect; may be repeated.")] = None,
     exclude: Annotated[list[str] | None, typer.Option(help="Do not search for this effect; may be repeated.")] = None,
@@ -60,24 +64,25 @@ def close_loop(
     require("acqd close-loop", LOOP, "loop")
     if watch and since is not None:
         raise UserError("--since is for a single run; --watch judges every recording that its model has not seen")
+    if watch and further:
+        raise UserError("--with is for a single run; --watch judges the recordings of one dataset as they come")
     if not watch and (every is not None or false_alarm is not None):
         raise UserError("--every and --false-alarm are for --watch")
+    _require_known(explain or [])
     from acqd.dataset.places import default_folder
     from acqd.discrepancy.config import CloseConfig
     from acqd.discrepancy.loop import close_loop as run
+    from acqd.discrepancy.report.belief import changed_belief
     from acqd.discrepancy.report.summary import as_json
     from acqd.discrepancy.report.way import way_of
     from acqd.discrepancy.report.write import require_writable, write_all
-    from acqd.models.effects import library
 
-    for name in explain or ():
-        if name not in library():
-            raise UserError(f"--explain {name}: no such effect; the effects are {', '.join(library())}")
-    folder = out or default_folder(dataset, "watch" if watch else "loop")
+    folder = out or default_folder(dataset, "watch" if watch else "loop-with" if further else "loop")
     since_s = None if since is None else since.replace(tzinfo=UTC).timestamp()
     config = CloseConfig(
-        dataset, model, folder, reference, max_effects, tuple(only or ()), tuple(exclude or ()), seed, robot, since_s
-    )
+        dataset, model, folder, reference, max_effects, tuple(only or ()), tuple(exclude or ()), seed, robot, since_s,
+        tuple(further or ()),
+    )  # fmt: skip
     if watch:
         from acqd.cli.watch_loop import watch_loop
 
@@ -90,11 +95,12 @@ def close_loop(
         show_step("drawing", 0.9)
         write_all(config, closed)
     result = as_json(config, closed)
-    for note in closed.notes:
+    changes = changed_belief(default_folder(dataset, "loop"), result) if further else []
+    for note in [*closed.notes, *changes]:
         console.print(f"acqd: {note}")
     ways = {name: way_of(closed, name) for name in explain or ()}
     if json:
-        more = {"out": str(folder)} | ({"ways": ways} if ways else {})
+        more = {"out": str(folder), "changed_belief": changes} | ({"ways": ways} if ways else {})
         print(orjson.dumps(result | more, option=orjson.OPT_SERIALIZE_NUMPY).decode())
         return
     _print(result, folder)
@@ -102,6 +108,14 @@ def close_loop(
         console.print(f"{name}:")
         for line in lines:
             console.print(f"  {line}")
+
+
+def _require_known(names: list[str]) -> None:
+    from acqd.models.effects import library
+
+    for name in names:
+        if name not in library():
+            raise UserError(f"--explain {name}: no such effect; the effects are {', '.join(library())}")
 
 
 def _print(result: dict[str, Any], folder: Path) -> None:

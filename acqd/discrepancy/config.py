@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,3 +24,24 @@ class CloseConfig:
     """Description; None: the bundle's."""
     since_s: float | None = None
     """UTC (Unix s); recordings that end before are left out."""
+    further: tuple[Path, ...] = ()
+    """More datasets in question, each a session with gears that began at a temperature of their own."""
+
+    def as_json(self) -> dict[str, Any]:
+        """What was asked for, for report.json; `from_json` reads it again."""
+        return {
+            "dataset": str(self.dataset), "with": [str(path) for path in self.further], "model": str(self.bundle),
+            "reference": None if self.reference is None else str(self.reference), "max_effects": self.max_effects,
+            "only": list(self.only), "exclude": list(self.exclude), "seed": self.seed, "robot": self.robot,
+            "since_s": self.since_s,
+        }  # fmt: skip
+
+    @classmethod
+    def from_json(cls, asked: dict[str, Any], out: Path) -> CloseConfig:
+        """The same run once more. Raises KeyError, TypeError for what `as_json` did not write."""
+        return cls(
+            Path(asked["dataset"]), Path(asked["model"]), out,
+            None if asked["reference"] is None else Path(asked["reference"]), asked["max_effects"],
+            tuple(asked["only"]), tuple(asked["exclude"]), asked["seed"], asked["robot"], asked["since_s"],
+            tuple(Path(path) for path in asked["with"]),
+        )  # fmt: skip

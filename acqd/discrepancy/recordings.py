@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -58,7 +59,7 @@ class Subject:
 def subject_of(config: CloseConfig, progress: Callable[[str, float], None]) -> Subject:
     """Open the model and the datasets. Raises UserError, InputError."""
     bundle, model = open_model(config.bundle)
-    data, copies = _without_copies(_since(load_dataset(config.dataset), config.since_s))
+    data, copies = _without_copies(_since(_together(config), config.since_s))
     _require_same_robot(config, bundle, model, data)
     robot = load_description(config.robot or bundle.metadata["description"])
     strangers = _strangers(config, bundle, data, robot)
@@ -82,6 +83,32 @@ def subject_of(config: CloseConfig, progress: Callable[[str, float], None]) -> S
         question="change" if reference else "structure", fit=fit, held_out=held_out, reference=reference,
         withheld=withheld, chosen=_chosen(config), notes=[*strangers, *copies, *remarks, *notes],
     )  # fmt: skip
+
+
+def _together(config: CloseConfig) -> Dataset:
+    """All datasets in question as one. Raises UserError, InputError."""
+    data = load_dataset(config.dataset)
+    if not config.further:
+        return data
+    parts, folders = [data], [config.dataset]
+    for path in config.further:
+        if any(path.resolve() == other.resolve() for other in folders):
+            raise UserError(f"--with {path}: these recordings are in question already; name other recordings")
+        folders.append(path)
+        more = load_dataset(path)
+        for what, own, other in (
+            ("robot", data.robot, more.robot), ("step_s", data.step_s, more.step_s),
+            ("axes", data.axes, more.axes), ("power", data.measured, more.measured),
+        ):  # fmt: skip
+            if own != other:
+                raise UserError(f"--with {path}: {what} {other}, but {config.dataset} has {own}; name like recordings")
+        parts.append(more)
+    segments = [
+        replace(segment, session=f"session {k}", recording=f"s{k} {segment.recording}" if k else segment.recording)
+        for k, part in enumerate(parts) for segment in part.segments
+    ]  # fmt: skip
+    digest = hashlib.sha256("".join(part.digest for part in parts).encode()).hexdigest()
+    return replace(data, digest=digest, segments=segments)
 
 
 def _require_same_robot(config: CloseConfig, bundle: Bundle, model: Predictor, data: Dataset) -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
+import numpy as np
+
 from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.delay import Delay, beyond_reference, corrected, find_delay
 from acqd.discrepancy.recordings import Subject
@@ -22,8 +24,21 @@ Progress = Callable[[str, float], None]
 
 def search(config: CloseConfig, subject: Subject, progress: Progress) -> tuple[Delay | None, Selection]:
     """The delay between power and motion, if there is one, and the effects that the selection finds after it."""
-    delay, unexplained = _without_delay(_without_known_power(subject))
-    return delay, _select(config, unexplained, progress)
+    delay, rest = unexplained(subject)
+    return delay, _select(config, rest, progress)
+
+
+def begins_of(segments: list[Segment]) -> dict[str, float]:
+    """UTC of the start of every session, s."""
+    begins: dict[str, float] = {}
+    for segment in segments:
+        begins[segment.session] = min(segment.start_s, begins.get(segment.session, np.inf))
+    return begins
+
+
+def unexplained(subject: Subject) -> tuple[Delay | None, Subject]:
+    """The delay between power and motion, and the recordings without the power that the model knows, after it."""
+    return _without_delay(_without_known_power(subject))
 
 
 def clock_effects() -> set[str]:
@@ -58,7 +73,7 @@ def _select(config: CloseConfig, subject: Subject, progress: Progress) -> Select
     comparison = Comparison(
         model=subject.carrier, robot=subject.robot, in_question=subject.fit, reference=subject.reference,
         chosen=subject.chosen, withheld=subject.withheld,
-        begins_s=min(segment.start_s for segment in [*subject.fit, *subject.held_out]),
+        begins=begins_of([*subject.fit, *subject.held_out]),
     )  # fmt: skip
     setup = set_up(comparison, lambda share: progress(what, share))
     return select(setup, Limits(config.max_effects), lambda text: progress(text, 0.0))

@@ -18,6 +18,9 @@ from acqd.models.features import padded
 from acqd.models.greybox.model import GreyBox
 from acqd.models.predictor import Beyond, Predictor
 
+ORIGIN = "origin_s"
+"""Keys of a shape that begin so hold UTC of the start of a session."""
+
 
 @dataclass(frozen=True, slots=True)
 class Term:
@@ -45,6 +48,11 @@ class Term:
         """[T] W of the effect."""
         effect = holdable()[self.id]
         return effect_rows_at(effect, scene, self.shape, self.columns, self.coefficients) @ self.coefficients
+
+    def session_start(self, at_s: float) -> float | None:
+        """UTC of the start of the session that a time belongs to, s; None where no session is known."""
+        starts = sorted(value for key, value in self.shape.items() if key.startswith(ORIGIN))
+        return max((start for start in starts if start <= at_s), default=starts[0] if starts else None)
 
     def as_json(self) -> dict[str, Any]:
         """For bundle.json."""
@@ -137,8 +145,9 @@ class Augmented(Predictor):
     def _powers(self, scene: Scene, start_s: float | None) -> Floats:
         powers = []
         for term in self.terms:
-            if start_s is not None and "origin_s" in term.shape:  # every term keeps its session start
-                scene.memory["origin_s"] = term.shape["origin_s"]
+            origin_s = None if start_s is None else term.session_start(start_s)
+            if origin_s is not None:
+                scene.memory["origin_s"] = origin_s
             powers.append(term.rows(scene))
         if start_s is not None:  # an effect with a later start
             t = start_s + self.step_s * np.arange(scene.rows)

@@ -51,6 +51,8 @@ class Segment:
     """Hash of the recording's power and angles: the same recording under any name, at any date."""
     lag_within_s: float = 0.0
     """Half the width of the 95 % interval of the lag between power and motion, s; 0 for a lag that was given."""
+    session: str = ""
+    """Of recordings in question from several sessions: each session starts with gears of its own temperature."""
 
     def around(self, radius: int) -> Floats:
         """Angles [T + 2 radius, axes] rad: the known ones before and after; beyond these the motion fades."""

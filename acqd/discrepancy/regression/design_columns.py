@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -153,16 +153,16 @@ def design_columns(
     chosen: frozenset[str],
     withheld: frozenset[str],
     progress: Callable[[float], None],
-    begins_s: float | None = None,
+    begins: Mapping[str, float] | None = None,
 ) -> DesignColumns:
     """Columns of the base model, of the chosen effects and of all alternatives.
 
     `segments`: with whether they are in question; `withheld`: groups of parameters that the model was denied;
-    `begins_s`: UTC of the start of the session in question, where its first recordings are held out.
+    `begins`: UTC of the start of the sessions in question, where their first recordings are held out.
     """
     scenes = Scenes(model, segments)
     ranges, effects = _surveyed(scenes, [effect for name, effect in library().items() if name in chosen])
-    _remember_common(scenes, effects, begins_s)
+    _remember_common(scenes, effects, begins or {})
     named = partial(_named_rows, arm=arm, effects=effects, withheld=withheld)
     values: list[NDArray[np.float32]] = []
     residual: list[Floats] = []
@@ -226,14 +226,14 @@ def _surveyed(scenes: Scenes, effects: list[Effect]) -> tuple[Ranges, list[Effec
     return Ranges.of(surveys, scenes.in_question), effects
 
 
-def _remember_common(scenes: Scenes, effects: list[Effect], begins_s: float | None) -> None:
-    """What is the same in all scenes: fixed shapes, and the start of a side's session for effects of the clock."""
-    for side in (True, False):
-        own = [k for k, question in enumerate(scenes.in_question) if question == side]
-        starts = [scenes.segments[k].start_s for k in own] + ([begins_s] if side and begins_s is not None else [])
-        origin = min(starts, default=0.0)
-        for k in own:
-            scenes.remember(k, {"origin_s": origin})
+def _remember_common(scenes: Scenes, effects: list[Effect], begins: Mapping[str, float]) -> None:
+    """What is the same in all scenes: fixed shapes, and the start of the session for effects of the clock."""
+    sessions = [(side, segment.session) for side, segment in zip(scenes.in_question, scenes.segments, strict=True)]
+    origins = {(True, name): start_s for name, start_s in begins.items()}
+    for session, segment in zip(sessions, scenes.segments, strict=True):
+        origins[session] = min(segment.start_s, origins.get(session, np.inf))
+    for k, session in enumerate(sessions):
+        scenes.remember(k, {"origin_s": origins[session]})
     for effect in effects:
         fixed = effect.fixed_shape(scenes)
         for k in range(len(scenes)):

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -50,8 +50,8 @@ class Comparison:
     """Ids of effects that compete."""
     withheld: frozenset[str]
     """Groups of the model's parameters that are held at zero."""
-    begins_s: float | None = None
-    """UTC of the start of the session in question, held-out recordings included; None: of its first recording here."""
+    begins: Mapping[str, float] = field(default_factory=dict)
+    """UTC of the start of the sessions in question by name, held-out recordings included."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +69,7 @@ def set_up(comparison: Comparison, progress: Callable[[float], None]) -> Setup:
     arm = Arm(comparison.robot)
     segments = [(each, False) for each in comparison.reference] + [(each, True) for each in comparison.in_question]
     columns = design_columns(
-        comparison.model, arm, segments, comparison.chosen, comparison.withheld, progress, comparison.begins_s
+        comparison.model, arm, segments, comparison.chosen, comparison.withheld, progress, comparison.begins
     )
     columns = columns.with_withheld(comparison.withheld)
     base = _base(columns, arm, comparison)

@@ -17,7 +17,7 @@ from acqd.discrepancy.selection.confidence import confidence
 from acqd.discrepancy.selection.shape_interval import Fit
 from acqd.discrepancy.selection.uncertainty import Intervals, intervals
 from acqd.discrepancy.thresholds import THRESHOLDS
-from acqd.models.augmented import Term
+from acqd.models.augmented import ORIGIN, Term
 from acqd.models.effects import library
 from acqd.models.effects.effect import Effect
 from acqd.models.effects.places import Parameter, Place
@@ -100,8 +100,7 @@ def reported(selection: Selection, selected: Selected, scale: TorqueScale) -> Re
     shape = dict(selected.shape)
     design = selection.design
     if library()[selected.id].follows_clock:
-        scenes = design.columns.scenes
-        shape["origin_s"] = scenes[scenes.in_question.index(True)].memory["origin_s"]
+        shape |= _session_starts(selection)
     open_ = [part for part, acts in zip(design.parts, selected.gate.open, strict=True) if acts]
     if selected.gate.start is not None:
         shape["begin_s"] = min(part.start_s for part in open_)  # the key that bundles have
@@ -121,6 +120,14 @@ def reported(selection: Selection, selected: Selected, scale: TorqueScale) -> Re
             for each, value in zip(selected.place.parameters, certain.coefficients, strict=True)
         ),
     )  # fmt: skip
+
+
+def _session_starts(selection: Selection) -> dict[str, float]:
+    """UTC of the start of the sessions in question, s, in the keys of a bundle."""
+    scenes = selection.design.columns.scenes
+    asked = [scene for scene, side in zip(scenes, scenes.in_question, strict=True) if side]
+    origins = sorted({float(scene.memory["origin_s"]) for scene in asked})
+    return {f"{ORIGIN}_{k}" if k else ORIGIN: origin for k, origin in enumerate(origins)}
 
 
 def _parameters(selected: Selected, certain: Intervals, scale: TorqueScale, model: GreyBox) -> dict[str, Any]:

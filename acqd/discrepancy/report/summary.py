@@ -57,6 +57,7 @@ def as_json(config: CloseConfig, closed: Closed) -> dict[str, Any]:
         "model": {"name": subject.bundle.metadata["name"], "bundle": str(config.bundle)},
         "dataset": str(config.dataset),
         "seed": config.seed,
+        "asked": config.as_json(),
         "thresholds": thresholds_of(OF_THE_LOOP, closed.stages),
     }
 

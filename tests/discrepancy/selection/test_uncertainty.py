@@ -77,7 +77,7 @@ def test_a_cold_coefficient_is_that_of_the_start_of_the_session_also_where_its_f
     reference = [recording(model, k, seed=1) for k in range(6)]
     new = [recording(model, k, cold, seed=2, start_s=begins_s) for k in range(2, 8)]
     only = frozenset(COMMON | {"thermal_friction", "viscous_friction"})
-    comparison = Comparison(model, robot, new, reference, only, frozenset(), begins_s)
+    comparison = Comparison(model, robot, new, reference, only, frozenset(), {"": begins_s})
     selection = select(set_up(comparison, lambda _: None), Limits(), lambda _: None)
     assert selection.effects[0].id == "thermal_friction"
     term = reported(selection, selection.effects[0], TorqueScale(1.0, 0.0)).term
