@@ -29,7 +29,7 @@ class _Command:
         if self.group:
             app.add_typer(module.app, name=self.name, rich_help_panel=self.panel)
         else:
-            app.command(self.name, rich_help_panel=self.panel)(getattr(module, plain))
+            app.command(self.name, rich_help_panel=self.panel)(getattr(module, (self.room or plain).rpartition(".")[2]))
 
 
 _MEASURE, _DATA, _MODELS, _SERVICE = "Measure", "Data", "Models", "Service"
@@ -53,6 +53,7 @@ _COMMANDS = (
     _Command("compare", _MODELS, room="models.compare"),
     _Command("predict", _MODELS, room="models.predict"),
     _Command("close-loop", _MODELS),
+    _Command("next", _MODELS, room="next_motion"),
     _Command("fleet", _MODELS),
     _Command("export-fmu", _MODELS),
     _Command("export-onnx", _MODELS),

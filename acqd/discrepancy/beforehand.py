@@ -27,6 +27,8 @@ from acqd.models.segments import Segment, load_dataset
 from acqd.residual.residuals import errors_of, without_known_effects
 from acqd.robot.description import load_description
 
+PLANNED = "planned "
+"""Names of recordings that are not made yet begin so."""
 _LATER_S = 86_400.0
 """The next session is on another day."""
 
@@ -57,7 +59,7 @@ def beforehand(
         raise UserError(f"{bundle}: the model has no grey box for the torques of effects; train --network grey-box")
     robot = load_description(opened.metadata["description"])
     segments = reference if motion is None else _same_robot(motion, model, opened.metadata["robot"])
-    planned = without_known_effects(model, _planned(model, reference, segments))
+    planned = without_known_effects(model, with_planned_power(model, reference, segments))
     setup = set_up(
         Comparison(
             model=carrier, robot=robot, in_question=planned, reference=without_known_effects(model, reference),
@@ -82,7 +84,7 @@ def _same_robot(motion: Path, model: Predictor, name: str) -> list[Segment]:
     return data.segments
 
 
-def _planned(model: Predictor, reference: list[Segment], motion: list[Segment]) -> list[Segment]:
+def with_planned_power(model: Predictor, reference: list[Segment], motion: list[Segment]) -> list[Segment]:
     """Recordings of a motion on another day: predicted power with the reference's residual, in its order."""
     noise = np.concatenate(errors_of(model, reference))
     later = max(segment.start_s for segment in reference) - min(segment.start_s for segment in motion) + _LATER_S
@@ -90,6 +92,6 @@ def _planned(model: Predictor, reference: list[Segment], motion: list[Segment]) 
     for segment, predicted in zip(motion, predictions(model, motion), strict=True):
         rows = (begin + np.arange(len(predicted))) % len(noise)
         begin += len(predicted)
-        name = f"planned {segment.recording}"
+        name = f"{PLANNED}{segment.recording}"
         planned.append(replace(segment, recording=name, P=predicted + noise[rows], start_s=segment.start_s + later))
     return planned

@@ -172,6 +172,18 @@ class Competition:
     """[own] coefficients without candidates."""
 
 
+@dataclass(frozen=True, slots=True)
+class Moments:
+    """What blocks say of columns, whatever their power is: products of the regression's columns and of candidates."""
+
+    normal: Floats
+    """[own, own] without priors."""
+    cross: Floats
+    """[own, c]."""
+    squares: Floats
+    """[c, c]."""
+
+
 @dataclass(slots=True)
 class _Cross:
     """Sums of products of candidates over blocks."""
@@ -226,6 +238,11 @@ class Regression:
             schur=cross.squares - cross.own.T @ projection, products=cross.products - cross.own.T @ beta,
             projection=projection, beta=beta,
         )  # fmt: skip
+
+    def moments(self, candidates: Indices, gate: Floats, weights: Floats) -> Moments:
+        """Sums over weighted blocks; candidates count under `gate` [blocks]. Sums of several sets of blocks add."""
+        cross = self._add_cross(None, candidates, gate * weights)
+        return Moments(self._add_normal(None, weights)[0], cross.own, cross.squares)
 
     def _solved(self, weights: Floats) -> tuple[tuple[Floats, bool], Floats]:
         """Cholesky factor of the normal matrix, and the coefficients; those of the latest weights are kept."""

@@ -68,8 +68,9 @@ def variance_of_sessions(design: Design, regression: Regression, finding: Findin
     """Variance of a finding's size where nothing has changed, in squared units of the finding, and its freedom.
 
     Of the mean of the sessions under `gate` [blocks] about that of the reference's sessions, and between
-    days, which differ as much as the sessions of a day. A log is as many sessions as it is longer than those of the
-    reference: what differs between these averages out in an hour.
+    days, which differ as much as the sessions of a day; recordings that were added from another session are of another
+    day. A log is as many sessions as it is longer than those of the reference: what differs between these averages out
+    in an hour.
     """
     return variances_of_sessions(design, regression, [finding], gate)[0]
 
@@ -96,8 +97,10 @@ def variance_of(design: Design, amplitudes: Floats, information: Floats, usual: 
     before = len(sessions_of(design.parts, in_question=False))
     rows, in_question = design.blocks.rows, design.columns.in_question
     as_long = float(rows @ (gate * in_question)) / (float(rows @ (1 - in_question)) / before)
-    logs = len(sessions_of([part for part, open_ in zip(design.parts, gate, strict=True) if open_], in_question=True))
-    return variance * (1 / before + 1 / max(logs, as_long, 1.0) + 1)
+    open_ = [part for part, acting in zip(design.parts, gate, strict=True) if acting]
+    logs = len(sessions_of(open_, in_question=True))
+    days = len({design.columns.segments[part.segment].session for part in open_ if part.in_question})
+    return variance * (1 / before + 1 / max(logs, as_long, 1.0) + 1 / max(days, 1))
 
 
 def _amplitudes(design: Design, regression: Regression, findings: Sequence[Finding]) -> list[tuple[Floats, Floats]]:

@@ -1,0 +1,79 @@
+"""`acqd next`: the motion that decides between the causes which a report leaves open."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import orjson
+import typer
+from rich.table import Table
+
+from acqd.cli.options import Json
+from acqd.cli.progress import progress
+from acqd.cli.terminal import terminal
+from acqd.errors import UserError
+from acqd.extras import LOOP, require
+
+
+def next_motion(
+    report: Annotated[Path, typer.Argument(metavar="REPORT", help="Folder of a report, from acqd close-loop.")],
+    minutes: Annotated[float, typer.Option(min=0.5, max=30, help="Longest duration of the program.")] = 3.0,
+    cause: Annotated[
+        list[str] | None,
+        typer.Option(help="Compare this effect; may be repeated (default: what the report leaves open)."),
+    ] = None,
+    workspace: Annotated[
+        tuple[float, float, float, float, float, float] | None,
+        typer.Option(metavar="X Y Z X Y Z", help="Two corners of a box that the flange stays in, m."),
+    ] = None,
+    scene: Annotated[str, typer.Option(help="Obstacles: a shipped scene, or a TOML file with boxes.")] = "free",
+    limit_speed: Annotated[
+        float, typer.Option(min=1, max=100, help="Percent of the robot's speed limits; never above measured speeds.")
+    ] = 50.0,
+    seed: Annotated[int, typer.Option(min=0, help="Of the random pieces of motion.")] = 1,
+    out: Annotated[Path | None, typer.Option(help="Folder for program and report (default REPORT.next).")] = None,
+    json: Json = False,
+) -> None:
+    """Design the recording that decides: a program of a few minutes, its picture, and what to expect after it.
+
+    The program keeps the limits of the robot, measured positions and speeds, and free of collisions with itself and the
+    boxes of the scene. A person has to check the program before anything moves.
+
+    Example: acqd next ds.loop --minutes 3 --limit-speed 50
+    """
+    require("acqd next", LOOP, "loop")
+    from acqd.dataset.places import default_folder
+    from acqd.experiment.design import Asked, as_json, next_motion
+    from acqd.experiment.page import headline, steps, table
+    from acqd.experiment.written import require_writable, write_all
+
+    box = (
+        None
+        if workspace is None
+        else (*map(min, workspace[:3], workspace[3:]), *map(max, workspace[:3], workspace[3:]))
+    )
+    if box is not None and any(box[k] == box[k + 3] for k in range(3)):
+        raise UserError("--workspace: two corners with different x, y and z, in m in the frame of the base")
+    folder = out or default_folder(report, "next")
+    require_writable(folder)
+    console = terminal(stderr=True)
+    with progress(console) as show_step:
+        designed = next_motion(
+            report, Asked(minutes, box, scene, limit_speed / 100, tuple(cause or ()), seed), show_step
+        )
+        show_step("drawing", 0.95)
+        write_all(folder, designed)
+    if json:
+        print(orjson.dumps(as_json(designed) | {"out": str(folder)}).decode())
+        return
+    screen = terminal(tables=True)
+    screen.print(headline(designed))
+    header, rows = table(designed)
+    shown = Table(*header)
+    for row in rows:
+        shown.add_row(*row)
+    screen.print(shown)
+    for step in steps(designed):
+        screen.print(f"next: {step}")
+    screen.print(f"program and report: {folder}")

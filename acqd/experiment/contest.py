@@ -1,0 +1,224 @@
+"""How likely the loop is to name the right one of a few causes, by what recordings say of their columns.
+
+The rules are those of the selection. With all other columns projected out, a cause of size theta has the precision s
+of its size, and a rival explains the share rho^2 of it (`ability.pairs`). The cause is told
+
+- from nothing, if its estimate passes what evidence and differences of unchanged sessions ask (`ability.smallest`);
+- from a rival, if u^2 (1 - kappa^2 / (1 - rho^2)), and what the rival pays more, exceed 2 log(kinds / pi). There
+  u^2 = s theta^2 (1 - rho^2) is twice the expected log Bayes factor between the two, which scatters by 2 u (Vuong
+  1989).
+
+The closest rival decides: the distance to it, in standard deviations, is the criterion of T-optimal designs (Atkinson
+and Fedorov 1975). A design is worth the expected log probability of the right name, over the causes by what they are
+believed and over their sizes by their posterior, so that a large effect does not hide a small one (ADR 49).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+from scipy.special import log_ndtr
+from scipy.stats import t as student
+
+from acqd.arrays import Floats
+from acqd.discrepancy.regression.design_columns import Candidate
+from acqd.discrepancy.regression.gram import LEAST_POWER, Indices, Moments
+from acqd.discrepancy.thresholds import THRESHOLDS
+from acqd.discrepancy.thresholds.chance import by_chance
+
+_NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(7)
+"""Of sizes, for a normal posterior."""
+_NEVER = -8.0
+"""Standard deviations of what no program of this length can tell: the other causes decide which one is best."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cause:
+    """A cause that is compared."""
+
+    candidate: Candidate
+    weights: Floats
+    """[columns] of the candidate's columns, of size 1; several parameters keep their fitted proportions."""
+    size: float
+    """Posterior mean, in the unit of the parameter; 1 for several parameters."""
+    deviation: float
+    """Posterior standard deviation."""
+    bounds: tuple[float, float]
+    """Physical bounds of the size."""
+    prior: float
+    """Prior deviation of the size."""
+    evidence: float
+    """Twice the log Bayes factor against nothing in the recordings so far."""
+    believed: float
+    """Share of belief among the causes that are compared."""
+    between_sessions: tuple[float, float]
+    """Variance of the size where nothing has changed, and its degrees of freedom."""
+
+    def sizes(self) -> tuple[Floats, Floats]:
+        """Sizes [n] of the posterior within the bounds of the parameter, and their weights [n]."""
+        return np.clip(self.size + self.deviation * _NODES, *self.bounds), _WEIGHTS / _WEIGHTS.sum()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Contest:
+    """Causes, and everything that might be said in their place."""
+
+    causes: tuple[Cause, ...]
+    rivals: tuple[Candidate, ...]
+    used: Indices
+    """Columns of causes and rivals; moments have these."""
+    groups: tuple[_Group, ...]
+    same_kind: NDArray[np.bool_]
+    """[rivals, causes] whether a rival is another place or shape of a cause."""
+    precision: Floats
+    """[own] of the priors of the regression's columns."""
+    learning_rate: float
+    kinds: int
+
+    @classmethod
+    def of(
+        cls, causes: tuple[Cause, ...], rivals: Sequence[Candidate], priors: Sequence[Floats], precision: Floats,
+        learning_rate: float, kinds: int,
+    ) -> Contest:  # fmt: skip
+        """`priors`: per rival [parameters] its prior deviations; `precision` [own] of the regression's columns."""
+        used = np.unique(np.concatenate([each.indices for each in [*rivals, *(cause.candidate for cause in causes)]]))
+        same = np.array([[rival.kind == cause.candidate.kind for cause in causes] for rival in rivals])
+        return cls(
+            causes, tuple(rivals), used, _grouped(used, rivals, priors), same.reshape(len(rivals), len(causes)),
+            precision, learning_rate, kinds,
+        )  # fmt: skip
+
+    def log_probabilities(self, moments: Moments) -> Floats:
+        """[causes] expected log probability that the loop names a cause where that is what has changed."""
+        return np.array([float(weights @ log_ndtr(z)) for z, weights in self._distances(moments)])
+
+    def probabilities(self, moments: Moments) -> Floats:
+        """[causes] probability that the loop names a cause where that is what has changed."""
+        return np.array([float(weights @ np.exp(log_ndtr(z))) for z, weights in self._distances(moments)])
+
+    def score(self, moments: Moments) -> float:
+        """What a design is worth: the expected log probability of the right name."""
+        return float(np.array([cause.believed for cause in self.causes]) @ self.log_probabilities(moments))
+
+    def closest(self, moments: Moments) -> list[str]:
+        """Per cause what is said most easily in its place; "" where nothing explains any of it."""
+        return [
+            _name(self.rivals[int(shares.argmax())]) if shares.max(initial=0.0) > 0 else ""
+            for shares in self.explained(moments).T
+        ]
+
+    def explained(self, moments: Moments) -> Floats:
+        """[rivals, causes] share of a cause's evidence that a rival explains."""
+        return self._rivals(self._schur(moments))[0]
+
+    def _schur(self, moments: Moments) -> Floats:
+        normal = moments.normal.copy()
+        diagonal = np.diag_indices(len(normal))
+        normal[diagonal] += self.precision + 1e-9 * np.maximum(normal[diagonal], 1e-9)
+        left: Floats = moments.squares - moments.cross.T @ cho_solve(cho_factor(normal), moments.cross)
+        return left
+
+    def _distances(self, moments: Moments) -> list[tuple[Floats, Floats]]:
+        """Per cause: distance to the closest failure in standard deviations, and weight, of every size."""
+        schur = self._schur(moments)
+        explained, complexity = self._rivals(schur)
+        return [
+            (self._distance(schur, cause, shares, complexity), cause.sizes()[1])
+            for cause, shares in zip(self.causes, explained.T, strict=True)
+        ]
+
+    def _distance(self, schur: Floats, cause: Cause, explained: Floats, complexity: Floats) -> Floats:
+        """[sizes]; `explained` [rivals] share of the cause's evidence, `complexity` [rivals] what a rival pays."""
+        theta = np.abs(cause.sizes()[0])
+        power = float(cause.weights @ self._crossed(schur, cause)[self._own(cause)])
+        if power < LEAST_POWER:
+            return np.full(len(theta), _NEVER)
+        precision = self.learning_rate * power
+        variance, freedom = cause.between_sessions
+        chance = by_chance(self.kinds)
+        pays = 2 * np.log(cause.candidate.tried) + np.log1p(cause.prior**2 * precision)
+        improbable = float(student.isf(np.exp(-chance / 2) / 2, freedom))
+        least = max(float(np.sqrt((chance + pays) / precision)), improbable * float(np.sqrt(variance)))
+        alone = (theta - least) / np.sqrt(1 / precision + variance)
+        near = explained > 0
+        left = np.maximum(1 - explained[near], 1e-9)
+        u = theta[:, None] * np.sqrt(precision * left)
+        net = u**2 * (1 - THRESHOLDS.column_error**2 / left) + complexity[near] - pays - chance
+        beside = (net / np.maximum(2 * u, 1e-9)).min(axis=1, initial=np.inf)
+        return np.asarray(np.maximum(np.minimum(alone, beside), _NEVER))
+
+    def _own(self, cause: Cause) -> Indices:
+        return np.asarray(np.searchsorted(self.used, cause.candidate.indices))
+
+    def _crossed(self, schur: Floats, cause: Cause) -> Floats:
+        """[used] products of all columns with the power of a cause of size 1."""
+        return np.asarray(schur[:, self._own(cause)] @ cause.weights)
+
+    def _rivals(self, schur: Floats) -> tuple[Floats, Floats]:
+        """[rivals, causes] share of a cause's evidence that a rival explains, 0 for other places of the same effect.
+
+        And [rivals] what a rival pays for its parameters, places and shapes: log det(I + D S D) + 2 log(tried).
+        """
+        cross = np.column_stack([self._crossed(schur, cause) for cause in self.causes])
+        power = np.array([cause.weights @ cross[self._own(cause), k] for k, cause in enumerate(self.causes)])
+        shares, pays = np.zeros((len(self.rivals), len(self.causes))), np.zeros(len(self.rivals))
+        for group in self.groups:
+            own = group.columns
+            block, product = schur[own[:, :, None], own[:, None, :]], cross[own]
+            if group.mix is not None:
+                block, product = group.mix.mT @ block @ group.mix, group.mix.mT @ product
+            acting = np.diagonal(block, axis1=1, axis2=2).min(axis=1) >= LEAST_POWER
+            whole, drawn = block[acting] + group.pull[acting] / self.learning_rate, product[acting]
+            shares[group.rivals[acting]] = np.einsum("npc,npc->nc", drawn, np.linalg.solve(whole, drawn))
+            free = np.linalg.slogdet(self.learning_rate * whole)[1] - np.linalg.slogdet(group.pull[acting])[1]
+            pays[group.rivals[acting]] = free + group.tried[acting]
+        shares[self.same_kind] = 0.0
+        return np.clip(shares / np.maximum(power, LEAST_POWER), 0.0, 1.0), pays
+
+
+@dataclass(frozen=True, slots=True)
+class _Group:
+    """Rivals with the same numbers of columns and of parameters, whose equations are solved together."""
+
+    rivals: Indices
+    columns: Indices
+    """[n, k] indices into the used columns."""
+    mix: Floats | None
+    """[n, k, p] of columns per parameter; None: every column has a parameter of its own."""
+    pull: Floats
+    """[n, p, p] precision of the prior."""
+    tried: Floats
+    """[n] 2 log of the places and shapes of the same kind."""
+
+
+def _grouped(used: Indices, rivals: Sequence[Candidate], priors: Sequence[Floats]) -> tuple[_Group, ...]:
+    sizes = [(len(rival.indices), rival.size, rival.mix is None) for rival in rivals]
+    groups = []
+    for size in dict.fromkeys(sizes):
+        members = [number for number, own in enumerate(sizes) if own == size]
+        mix = None if size[2] else np.array([rivals[k].mix for k in members])
+        groups.append(
+            _Group(
+                np.array(members), np.searchsorted(used, [rivals[k].indices for k in members]), mix,
+                np.array([np.diag(priors[k] ** -2.0) for k in members]),
+                2 * np.log([rivals[k].tried for k in members]),
+            )
+        )  # fmt: skip
+    return tuple(groups)
+
+
+def _name(candidate: Candidate) -> str:
+    return f"{candidate.id} ({candidate.label})" if candidate.id else candidate.label
+
+
+def together(parts: list[Moments]) -> Moments:
+    """Moments of several sets of blocks."""
+    return Moments(
+        sum((part.normal for part in parts[1:]), parts[0].normal),
+        sum((part.cross for part in parts[1:]), parts[0].cross),
+        sum((part.squares for part in parts[1:]), parts[0].squares),
+    )

@@ -1,0 +1,184 @@
+"""The next recording: a program of pieces that decides between the causes that a report leaves open (ADR 49)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from acqd.arrays import Floats
+from acqd.discrepancy.regression.gram import Moments
+from acqd.errors import UserError
+from acqd.experiment.choice import chosen, d_optimal, filled
+from acqd.experiment.contest import Cause, Contest, together
+from acqd.experiment.pieces import Piece, motion_of, pieces_of
+from acqd.experiment.planned import planned
+from acqd.experiment.question import Question, opened, question_of
+from acqd.experiment.space import Space
+from acqd.models.effects import library
+from acqd.motion.controller import Motion, Step
+from acqd.robot.arm import Arm
+from acqd.robot.scene import load_scene
+
+WARM_S = 7200.0
+"""Work before a warm session: longer than gears take to warm up."""
+_COLD_S = 60.0
+"""Age of a cold session in the middle of a short program."""
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What the engineer asked for."""
+
+    minutes: float = 3.0
+    workspace: tuple[float, ...] | None = None
+    """x, y, z from, x, y, z to, m, of the flange."""
+    scene: str = "free"
+    share_of_speed: float = 0.5
+    causes: tuple[str, ...] = ()
+    """Ids of the causes to compare; empty: what the report leaves open."""
+    seed: int = 1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outlook:
+    """What a motion of the same length promises, per cause."""
+
+    named: Floats
+    """[causes] probability that the loop names the cause where that is what has changed."""
+    closest: list[str]
+    """[causes] what is said most easily in its place."""
+
+    def right(self, causes: tuple[Cause, ...]) -> float:
+        """Probability of the right name, over the causes by what they are believed."""
+        return float(np.array([cause.believed for cause in causes]) @ self.named)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Designed:
+    """A program, and what it promises."""
+
+    question: Question
+    asked: Asked
+    space: Space
+    cold: bool
+    """Whether the session has to begin with cold gears."""
+    causes: tuple[Cause, ...]
+    pieces: tuple[Piece, ...]
+    steps: tuple[Step, ...]
+    motion: Motion
+    so_far: Outlook
+    after: Outlook
+    random: Outlook
+    """After random motion of the thesis' kind of the same length."""
+    for_parameters: Outlook
+    """After a D-optimal motion for the model's parameters of the same length, from the same pieces."""
+
+
+def next_motion(report: Path, asked: Asked, progress: Progress) -> Designed:
+    """Design the recording that decides. Raises UserError, InputError."""
+    question = question_of(report, progress)
+    subject = question.subject
+    space = Space.of(
+        Arm(subject.robot), load_scene(asked.scene), [*subject.reference, *subject.fit], subject.data.step_s,
+        asked.share_of_speed, asked.workspace,
+    )  # fmt: skip
+    progress("planning pieces of motion", 0.0)
+    pieces = {piece.name: piece for piece in pieces_of(space, asked.seed)}
+    if not any(piece.seconds <= 60 * asked.minutes for piece in pieces.values()):
+        raise UserError(
+            f"{subject.robot.name}: no motion of {asked.minutes:g} min keeps limits, workspace and obstacles; "
+            "allow a larger workspace, more speed or more minutes"
+        )
+    sessions = [_session(question, space, pieces, asked, progress, cold=False)]
+    known = library()
+    ids = [cause.candidate.id for cause in sessions[0].contest.causes]
+    if any(name in known and known[name].follows_clock for name in ids):
+        sessions.append(_session(question, space, pieces, asked, progress, cold=True))
+    best = max(sessions, key=lambda session: session.worth)
+    names = best.program
+    steps = tuple(step for name in names for step in pieces[name].steps)
+    motion = motion_of(space, steps)
+    broken = space.broken_limit(motion)
+    assert broken is None, f"a sequence of free pieces breaks a limit: {broken}"
+    progress("comparing with random motion", 0.9)
+    seconds, total_s = best.seconds, motion.seconds
+    random = filled([name for name, piece in pieces.items() if piece.random], seconds, total_s)
+    parameters = chosen(d_optimal(best.contest), best.so_far, best.pieces, seconds, total_s)
+    return Designed(
+        question, asked, space, best.cold, best.contest.causes, tuple(pieces[name] for name in names), steps, motion,
+        best.outlook([]), best.outlook(names), best.outlook(random), best.outlook(parameters),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Session:
+    """A session to come, with the best program for its gears."""
+
+    cold: bool
+    contest: Contest
+    so_far: Moments
+    pieces: Mapping[str, Moments]
+    seconds: Mapping[str, float]
+    program: list[str]
+
+    @property
+    def worth(self) -> float:
+        """Of the program."""
+        return self.contest.score(self._after(self.program))
+
+    def outlook(self, program: list[str]) -> Outlook:
+        """What the recordings so far and a program promise."""
+        moments = self._after(program)
+        return Outlook(self.contest.probabilities(moments), self.contest.closest(moments))
+
+    def _after(self, program: list[str]) -> Moments:
+        return together([self.so_far, *(self.pieces[name] for name in program)])
+
+
+def _session(
+    question: Question, space: Space, pieces: Mapping[str, Piece], asked: Asked, progress: Progress, *, cold: bool
+) -> _Session:
+    age_s = _COLD_S if cold else WARM_S
+    subject = question.subject
+    model = subject.model
+    to_come = planned(space, list(pieces.values()), model, subject.reference, age_s)
+    open_ = opened(question, to_come, age_s, asked.causes, progress)
+    contest = open_.contest
+    so_far = open_.moments_of(open_.so_far)
+    moments = {name: open_.moments_of(weights) for name, weights in open_.pieces.items()}
+    seconds = {name: pieces[name].seconds for name in moments}
+    progress("choosing pieces of motion", 0.5)
+    program = chosen(contest.score, so_far, moments, seconds, 60 * asked.minutes)
+    return _Session(cold, contest, so_far, moments, seconds, program)
+
+
+def as_json(designed: Designed) -> dict[str, Any]:
+    """For next.json and `--json`."""
+    outlooks = {
+        "now": designed.so_far, "designed": designed.after, "random": designed.random,
+        "d_optimal": designed.for_parameters,
+    }  # fmt: skip
+    causes = []
+    for number, cause in enumerate(designed.causes):
+        causes.append(
+            {
+                "id": cause.candidate.id, "where": cause.candidate.label, "evidence": cause.evidence,
+                "believed": cause.believed,
+                "named_if_true": {name: float(each.named[number]) for name, each in outlooks.items()},
+                "closest": {name: each.closest[number] for name, each in outlooks.items()},
+            }
+        )  # fmt: skip
+    return {
+        "report": str(designed.question.report),
+        "robot": designed.question.subject.robot.name,
+        "seconds": designed.motion.seconds,
+        "begins": "cold" if designed.cold else "warm",
+        "right_name": {name: each.right(designed.causes) for name, each in outlooks.items()},
+        "causes": causes,
+        "pieces": [{"name": piece.name, "seconds": piece.seconds} for piece in designed.pieces],
+    }

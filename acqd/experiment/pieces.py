@@ -1,0 +1,136 @@
+"""Pieces of motion that a program is chosen from; each begins and ends at home, so that any sequence of them is free.
+
+Every kind shows another part of an effect: turns of one joint at three speeds tell friction laws from losses, holds
+tell gravity, short strokes tell inertia, rests tell what acts without motion, and random motion (thesis, 5.1) has some
+of all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from acqd.arrays import Floats
+from acqd.experiment.space import Space
+from acqd.motion.chain import Move
+from acqd.motion.controller import BrakeSettings, Controller, Motion, Step, Wait
+from acqd.robot.dynamics import gravity_torque
+
+SPEEDS = {"slow": 0.1, "half speed": 0.4, "full speed": 1.0}
+"""Shares of the greatest speed of a joint."""
+_TURN, _STROKE = 1.2, 0.15
+"""rad: longest turn of one joint to a side, and a short stroke."""
+_PIECE_S = 6.0
+"""A piece repeats its turns until this time has passed."""
+_HOLD_S, _REST_S = 4.0, 14.0
+"""A rest is longer than brakes wait before they close."""
+_HOLDS, _RANDOM, _RANDOM_MOVES = 6, 18, 5
+_BRIEF_S = 0.4
+"""At home, between two pieces."""
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """A part of a program, from home to home."""
+
+    name: str
+    """What moves, for people."""
+    random: bool
+    """Whether the piece is motion of the thesis' kind."""
+    steps: tuple[Step, ...]
+    seconds: float
+
+
+def pieces_of(space: Space, seed: int) -> list[Piece]:
+    """All pieces that keep the limits."""
+    random = np.random.default_rng(seed)
+    pieces = []
+    for name, moves in _kinds(space, random):
+        piece = _piece(space, name, moves)
+        if piece is not None:
+            pieces.append(piece)
+    return pieces
+
+
+def motion_of(space: Space, steps: tuple[Step, ...], brakes: BrakeSettings | None = None) -> Motion:
+    """A program from home, executed at 1 kHz."""
+    return Controller(space.arm.description, space.home, brakes).run(list(steps))
+
+
+def _piece(space: Space, name: str, steps: list[Step]) -> Piece | None:
+    """None for motion that exceeds a limit or collides."""
+    whole = (*steps, Move(space.home, *_rates(space, space.home - _end(space, steps))), Wait(_BRIEF_S))
+    motion = motion_of(space, whole)
+    return None if space.broken_limit(motion) else Piece(name, name.startswith("random"), whole, motion.seconds)
+
+
+def _kinds(space: Space, random: np.random.Generator) -> Iterator[tuple[str, list[Step]]]:
+    postures = {"home": space.home, **_extremes(space)}
+    for where, posture in postures.items():
+        for axis, joint in enumerate(space.arm.description.joint):
+            for speed, share in SPEEDS.items():
+                yield f"{joint.name} {speed} from {where}", _turns(space, posture, axis, share, _TURN)
+    for axis, joint in enumerate(space.arm.description.joint):
+        yield f"{joint.name} short strokes", _turns(space, space.home, axis, 1.0, _STROKE)
+    for number in range(_HOLDS):
+        posture = space.postures[random.integers(len(space.postures))]
+        yield f"hold {number + 1}", [_to(space, space.home, posture), Wait(_HOLD_S)]
+    for where, posture in postures.items():
+        yield f"hold {where}", [_to(space, space.home, posture), Wait(_HOLD_S)]
+    yield "rest", [Wait(_REST_S)]
+    for number in range(_RANDOM):
+        yield f"random {number + 1}", _random(space, random)
+
+
+def _extremes(space: Space) -> dict[str, Floats]:
+    """Measured postures with the greatest and the least torque against gravity."""
+    load = np.linalg.norm(gravity_torque(space.arm, space.postures), axis=1)
+    return {"stretched": space.postures[load.argmax()], "folded": space.postures[load.argmin()]}
+
+
+def _turns(space: Space, posture: Floats, axis: int, share: float, reach: float) -> list[Step]:
+    """One joint to and fro about a posture until the time of a piece has passed, within measured positions."""
+    low = max(posture[axis] - reach, space.low[axis])
+    high = min(posture[axis] + reach, space.high[axis])
+    one_way = (high - low) / (share * space.speed[axis]) + share * space.speed[axis] / space.acceleration[axis]
+    ends = np.tile(posture, (2, 1))
+    ends[:, axis] = high, low
+    steps: list[Step] = [_to(space, space.home, posture)]
+    position = posture
+    for k in range(max(2, 2 * round(_PIECE_S / one_way / 2))):
+        end = ends[k % 2]
+        steps.append(_to(space, position, end, share))
+        position = end
+    steps.append(_to(space, position, posture))
+    return steps
+
+
+def _random(space: Space, random: np.random.Generator) -> list[Step]:
+    """Measured positions in random order, with random speed and blending."""
+    chosen = space.postures[random.integers(len(space.postures), size=_RANDOM_MOVES)]
+    starts = [space.home, *chosen[:-1]]
+    return [
+        _to(space, start, end, float(random.uniform(0.2, 1.0)), float(random.uniform(0.5, 1.0)))
+        for start, end in zip(starts, chosen, strict=True)
+    ]
+
+
+def _to(space: Space, start: Floats, end: Floats, share: float = 1.0, blend_after: float = 1.0) -> Move:
+    return Move(end, *_rates(space, end - start, share), blend_after=blend_after)
+
+
+def _rates(space: Space, distance: Floats, share: float = 1.0) -> tuple[float, float]:
+    """Relative speed and acceleration that keep the measured ones of all joints; blends add two accelerations."""
+    robot = space.arm.description
+    moves = np.abs(distance) > 1e-9
+    if not moves.any():
+        return share, share
+    speed = share * float((space.speed / robot.speed)[moves].min())
+    return speed, float((space.acceleration / robot.acceleration)[moves].min()) / 2
+
+
+def _end(space: Space, steps: list[Step]) -> Floats:
+    targets = [step.target for step in steps if isinstance(step, Move)]
+    return targets[-1] if targets else space.home

@@ -1,0 +1,237 @@
+"""What a report leaves open: the recordings so far, and the causes that the next recording has to decide between."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import orjson
+
+from acqd.arrays import Floats
+from acqd.discrepancy.beforehand import PLANNED
+from acqd.discrepancy.config import CloseConfig
+from acqd.discrepancy.recordings import Subject, subject_of
+from acqd.discrepancy.regression.design_columns import Candidate
+from acqd.discrepancy.regression.gram import Column, Moments, Regression
+from acqd.discrepancy.regression.setup import Comparison, set_up
+from acqd.discrepancy.search import begins_of, unexplained
+from acqd.discrepancy.selection.judging import best_of_each, kinds_of
+from acqd.discrepancy.selection.ranking import Finding, Rows, bounds_of, prior_of, ranked
+from acqd.discrepancy.selection.session_columns import CLOCK, LEVEL, with_sessions
+from acqd.discrepancy.selection.spread import variances_of_sessions
+from acqd.discrepancy.thresholds import THRESHOLDS
+from acqd.discrepancy.thresholds.chance import by_chance
+from acqd.errors import InputError, UserError
+from acqd.experiment.contest import Cause, Contest
+from acqd.models.effects import library
+from acqd.models.segments import Segment
+
+CAUSES = 6
+"""That are compared at most."""
+_FEWEST = 3
+"""Where one leads."""
+_SETTLED = 0.95
+"""Confidence of a name that asks no question; a family is always one."""
+_RIVALS = 3
+"""Of every kind, the closest places and shapes, by the recordings so far and by all pieces of motion."""
+_SESSIONS = (LEVEL, CLOCK)
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """A run of the loop, as its report remembers it."""
+
+    report: Path
+    config: CloseConfig
+    subject: Subject
+    """Without the power that the model knows, and without a delay that was corrected."""
+    verdict: str
+    named: tuple[tuple[str, str], ...]
+    """Ids and places of the effects that the report has named and does not doubt."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Open:
+    """The recordings so far beside pieces of motion to come, and the causes that are compared."""
+
+    rows: Rows
+    so_far: Floats
+    """[blocks] 1 for recordings that exist."""
+    pieces: dict[str, Floats]
+    """Name of a piece -> [blocks] 1 for its blocks."""
+    contest: Contest
+
+    def moments_of(self, weights: Floats) -> Moments:
+        """What some blocks say; their random intercepts are projected out."""
+        gate = self.rows.design.columns.in_question
+        return without_intercepts(self.rows.regression, self.contest, gate, weights)
+
+
+def question_of(report: Path, progress: Progress) -> Question:
+    """Open the folder of a closing report. Raises UserError, InputError."""
+    file = report / "report.json"
+    try:
+        told = orjson.loads(file.read_bytes())
+        config = CloseConfig.from_json(told["asked"], report)
+        named = tuple(
+            (str(each["id"]), str(each["where"])) for each in told["effects"]
+            if each["confidence"] >= _SETTLED and not each["family"]["members"]
+        )  # fmt: skip
+        verdict = str(told["verdict"])
+    except OSError as error:
+        raise UserError(
+            f"{file} cannot be read ({error.strerror}); name the folder that acqd close-loop has written"
+        ) from None
+    except (ValueError, KeyError, TypeError):
+        raise InputError(file, "is no report of acqd close-loop, or an older one; run acqd close-loop again") from None
+    subject = subject_of(config, progress)
+    if not subject.reference:
+        raise UserError(
+            f"{report}: the loop had no reference to compare with; close the loop on later recordings first"
+        )
+    return Question(report, config, unexplained(subject)[1], verdict, named)
+
+
+def opened(
+    question: Question, planned: list[Segment], age_s: float, asked: tuple[str, ...], progress: Progress
+) -> Open:
+    """The design of all recordings, with planned pieces `age_s` after the start of their session.
+
+    `asked`: ids of the causes to compare; empty: those that the loop cannot yet choose between. Raises UserError.
+    """
+    subject = question.subject
+    in_question = [*subject.fit, *planned]
+    begins = begins_of([*subject.fit, *subject.held_out])
+    begins |= {segment.session: segment.start_s - age_s for segment in planned}
+    what = "computing the columns of all effects"
+    setup = set_up(
+        Comparison(
+            model=subject.carrier, robot=subject.robot, in_question=in_question, reference=subject.reference,
+            chosen=subject.chosen, withheld=subject.withheld, begins=begins,
+        ),
+        lambda share: progress(what, share),
+    )  # fmt: skip
+    rows = with_sessions(setup)
+    parts = rows.design.parts
+    names = [part.recording.removeprefix(PLANNED) if part.recording.startswith(PLANNED) else "" for part in parts]
+    so_far = np.array([name == "" for name in names]) * 1.0
+    pieces = {name: np.array([other == name for other in names]) * 1.0 for name in dict.fromkeys(names) if name}
+    rows = _with_session_to_come(rows, 1 - so_far)
+    gate = rows.design.columns.in_question
+    rows = _with_named(rows, gate, so_far, question.named)
+    known = {name for name, _ in question.named}
+    candidates = [each for each in rows.design.columns.candidates if each.id not in known]
+    findings = best_of_each(ranked(rows, gate, candidates, so_far))
+    causes = _causes(rows, gate * so_far, _leading(findings, rows, asked))
+    return Open(rows, so_far, pieces, _contest(rows, gate, so_far, causes, candidates))
+
+
+def without_intercepts(regression: Regression, contest: Contest, gate: Floats, weights: Floats) -> Moments:
+    """Moments of weighted blocks without the columns that live in one block only: these are projected out."""
+    moments = regression.moments(contest.used, gate, weights)
+    own = np.array([column.block_intercept for column in regression.columns])
+    acting = own & (np.diag(moments.normal) > 0)
+    scale = np.diag(moments.normal)[acting] + regression.precision[acting]
+    to_own, to_cross = moments.normal[np.ix_(acting, ~own)], moments.cross[acting]
+    return Moments(
+        moments.normal[np.ix_(~own, ~own)] - to_own.T @ (to_own / scale[:, None]),
+        moments.cross[~own] - to_own.T @ (to_cross / scale[:, None]),
+        moments.squares - to_cross.T @ (to_cross / scale[:, None]),
+    )
+
+
+def _with_session_to_come(rows: Rows, gate: Floats) -> Rows:
+    """A session to come has a level and a clock of its own, as the session in question has."""
+    more = [replace(column, gate=gate) for column in rows.regression.columns if column.owner in _SESSIONS]
+    return replace(rows, regression=rows.regression.with_columns(rows.design.blocks, more))
+
+
+def _with_named(rows: Rows, gate: Floats, so_far: Floats, named: tuple[tuple[str, str], ...]) -> Rows:
+    """Effects that have a name are free columns; one that was detected in the residual has no column beforehand."""
+    for name, where in named:
+        own = [each for each in rows.design.columns.candidates if (each.id, each.label) == (name, where)]
+        findings = ranked(rows, gate, own, so_far)
+        if findings:
+            best = findings[0].candidate
+            columns = [Column(int(index), gate, owner=best.key) for index in best.indices]
+            rows = replace(rows, regression=rows.regression.with_columns(rows.design.blocks, columns))
+    return rows
+
+
+def _leading(findings: list[Finding], rows: Rows, asked: tuple[str, ...]) -> list[Finding]:
+    """What the loop would not yet tell apart: within the margin of the leader (ADR 26), or else the first few.
+
+    Clocks are no causes here: another session has other clocks.
+    """
+    for name in asked:
+        if name not in library():
+            raise UserError(f"--cause {name}: no such effect; the effects are {', '.join(library())}")
+        if all(finding.candidate.id != name for finding in findings):
+            raise UserError(f"--cause {name}: has no column in these recordings; acqd robot ability says why")
+    if asked:
+        return [finding for finding in findings if finding.candidate.id in asked]
+    causes = [each for each in findings if not each.candidate.id or library()[each.candidate.id].acts_on != "clock"]
+    if not causes:
+        raise UserError("nothing that acqd knows acts in these recordings; record another motion")
+    least = causes[0].evidence - _margin(causes[0].evidence, rows)
+    near = [finding for finding in causes if finding.evidence >= least]
+    return (near if len(near) > 1 else causes[:_FEWEST])[:CAUSES]
+
+
+def _margin(evidence: float, rows: Rows) -> float:
+    kinds = kinds_of(rows.design.columns.candidates)
+    return by_chance(kinds) + THRESHOLDS.column_error**2 * max(evidence, 0.0)
+
+
+def _causes(rows: Rows, gate: Floats, leading: list[Finding]) -> tuple[Cause, ...]:
+    """With a belief that falls to `chance` a margin behind the leader, as the loop's own rule does."""
+    spreads = variances_of_sessions(rows.design, rows.regression, leading, gate)
+    first = max(finding.evidence for finding in leading)
+    behind = np.array([(first - finding.evidence) / _margin(first, rows) for finding in leading])
+    believed = THRESHOLDS.chance**behind
+    believed /= believed.sum()
+    causes = []
+    for finding, (variance, freedom), share in zip(leading, spreads, believed.tolist(), strict=True):
+        candidate, theta = finding.candidate, finding.coefficients
+        length = float(theta[0]) if len(theta) == 1 else 1.0
+        weights = candidate.weights(np.ones(1) if len(theta) == 1 else theta)
+        low, high = bounds_of(candidate)
+        relative = float(np.max(finding.deviation / np.maximum(np.abs(theta), 1e-12)))
+        causes.append(
+            Cause(
+                candidate, weights, length, float(finding.deviation[0]) if len(theta) == 1 else relative,
+                (float(low[0]), float(high[0])) if len(theta) == 1 else (-np.inf, np.inf),
+                float(prior_of(rows.design, candidate)[0]) if len(theta) == 1 else 1.0, finding.evidence, share,
+                # of the finding as it is; in units of its size
+                (variance * length**2, freedom),
+            )
+        )  # fmt: skip
+    return tuple(causes)
+
+
+def _contest(
+    rows: Rows, gate: Floats, so_far: Floats, causes: tuple[Cause, ...], candidates: list[Candidate]
+) -> Contest:
+    """With the closest rivals of every kind, by the recordings so far and by all pieces together."""
+    kinds = kinds_of(rows.design.columns.candidates)
+    everything = _compared(rows, causes, candidates, kinds)
+    keep: set[int] = set()
+    for weights in (so_far, np.ones(len(so_far))):
+        moments = without_intercepts(rows.regression, everything, gate, weights)
+        for shares in everything.explained(moments).T:
+            taken: dict[str, int] = {}
+            for number in np.argsort(-shares).tolist():
+                kind = candidates[number].kind
+                if shares[number] > 0 and taken.get(kind, 0) < _RIVALS:
+                    taken[kind] = taken.get(kind, 0) + 1
+                    keep.add(number)
+    return _compared(rows, causes, [candidates[number] for number in sorted(keep)], kinds)
+
+
+def _compared(rows: Rows, causes: tuple[Cause, ...], rivals: list[Candidate], kinds: int) -> Contest:
+    own = np.array([not column.block_intercept for column in rows.regression.columns])
+    priors = [prior_of(rows.design, rival) for rival in rivals]
+    return Contest.of(causes, rivals, priors, rows.regression.precision[own], rows.learning_rate, kinds)

@@ -1,0 +1,124 @@
+"""Where a designed motion may go and how fast: measured positions and speeds, limits of the robot, obstacles.
+
+The model has learned where and how fast the robot has moved, and a name must show at speeds of the reference (ADR 54).
+A motion beyond both would ask the model what it cannot know.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from acqd.arrays import Floats
+from acqd.errors import UserError
+from acqd.models.segments import Segment
+from acqd.motion.controller import RATE, Motion
+from acqd.robot.arm import Arm
+from acqd.robot.collision import CollisionChecker
+from acqd.robot.dynamics import inverse_dynamics
+from acqd.robot.kinematics import forward_kinematics
+from acqd.robot.scene import Scene
+
+_CHECK_S = 0.02
+"""Between two configurations that are checked: at 1 m/s 2 cm, less than the radius of a capsule."""
+_USUAL = 99.5
+"""Percentile of measured speeds and accelerations that counts as their limit: single rows may be wrong."""
+_POSTURES = 400
+"""Measured positions that are drawn from."""
+
+
+@dataclass(frozen=True, slots=True)
+class Space:
+    """What a designed motion has to keep."""
+
+    arm: Arm
+    checker: CollisionChecker
+    postures: Floats
+    """[N, axes] rad: measured positions that are free of collisions and in the workspace."""
+    home: Floats
+    """[axes] rad: where every piece of motion begins and ends."""
+    speed: Floats
+    """[axes] rad/s."""
+    acceleration: Floats
+    """[axes] rad/s^2."""
+    workspace: tuple[float, ...] | None
+    """x, y, z from, x, y, z to, m: box that the flange stays in; None: anywhere."""
+
+    @classmethod
+    def of(
+        cls, arm: Arm, scene: Scene, segments: list[Segment], step_s: float, share: float,
+        workspace: tuple[float, ...] | None,
+    ) -> Space:  # fmt: skip
+        """From measured motion; `share` of the robot's speed limits. Raises UserError where nothing remains."""
+        robot = arm.description
+        if not any(joint.capsules for joint in robot.joint):
+            raise UserError(
+                f"{robot.name}: the description has no capsules, so that collisions cannot be excluded; "
+                "add capsules to the links (docs/robots.md)"
+            )
+        rates = [segment.motion(step_s)[1:] for segment in segments]
+        speed, acceleration = (
+            np.percentile(np.abs(np.concatenate([rate[k] for rate in rates])), _USUAL, axis=0) for k in (0, 1)
+        )
+        q = np.concatenate([segment.q for segment in segments])
+        q = q[np.linspace(0, len(q) - 1, min(_POSTURES, len(q))).astype(int)]
+        checker = CollisionChecker(arm, scene)
+        inside = _within(arm, q, workspace) & np.array([not checker.collides(row) for row in q])
+        if not inside.any():
+            raise UserError(
+                f"none of {len(q)} measured positions of {robot.name} lies in the workspace and is free of collisions "
+                f"in scene {scene.name}; give the box in m in the frame of the base, or another scene"
+            )
+        free = q[inside]
+        spread = np.maximum(np.ptp(free, axis=0), 1e-6)
+        home = free[np.argmin((((free - np.median(free, axis=0)) / spread) ** 2).sum(axis=1))]
+        return cls(
+            arm, checker, free, home, np.minimum(share * robot.speed, speed),
+            np.minimum(robot.acceleration, acceleration), workspace,
+        )  # fmt: skip
+
+    @property
+    def low(self) -> Floats:
+        """[axes] rad: least measured positions within the limits."""
+        return np.asarray(np.maximum(self.postures.min(axis=0), self.arm.description.lower))
+
+    @property
+    def high(self) -> Floats:
+        """[axes] rad: greatest measured positions within the limits."""
+        return np.asarray(np.minimum(self.postures.max(axis=0), self.arm.description.upper))
+
+    def broken_limit(self, motion: Motion) -> str | None:
+        """The first limit that a motion exceeds, in words; None: it keeps all of them.
+
+        Positions, speeds and accelerations of the axes, torques of the described arm (without a payload), collisions
+        and the workspace.
+        """
+        robot, slack = self.arm.description, 1 + 1e-6
+        rows = slice(None, None, int(_CHECK_S * RATE))
+        q, qd, qdd = motion.q[rows], motion.qd[rows], motion.qdd[rows]
+        torque = inverse_dynamics(self.arm, q, qd, qdd)
+        for axis, joint in enumerate(robot.joint):
+            values = {
+                "position": max(
+                    motion.q[:, axis].max() - robot.upper[axis], robot.lower[axis] - motion.q[:, axis].min()
+                )
+                <= 1e-9,
+                "speed": np.abs(motion.qd[:, axis]).max() <= self.speed[axis] * slack,
+                "acceleration": np.abs(motion.qdd[:, axis]).max() <= self.acceleration[axis] * slack,
+                "torque": np.abs(torque[:, axis]).max() <= robot.effort[axis] * slack,
+            }
+            for what, kept in values.items():
+                if not kept:
+                    return f"{what} of {joint.name}"
+        if not _within(self.arm, q, self.workspace).all():
+            return "workspace"
+        return "collision" if self.checker.path_collides(q) else None
+
+
+def _within(arm: Arm, q: Floats, box: tuple[float, ...] | None) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """[T] whether the flange is in a box."""
+    if box is None:
+        return np.ones(len(q), dtype=bool)
+    position, _ = forward_kinematics(arm, q)
+    return np.asarray(((position >= box[:3]) & (position <= box[3:])).all(axis=1))
