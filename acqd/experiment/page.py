@@ -15,6 +15,7 @@ from acqd.report import KeyFigure, Page, Verdict
 from acqd.report.bars import Bar, Bars
 from acqd.report.digits import number, percent
 from acqd.report.lines import Chart, Line, Panel
+from acqd.report.verdict import Tone
 from acqd.robot.kinematics import forward_kinematics
 
 _SHOWN_PER_S = 20
@@ -76,27 +77,21 @@ def share(value: float) -> str:
 
 def tile(designed: Designed) -> Verdict:
     """On top of the page."""
-    gain = designed.after.right(designed.causes) - designed.so_far.right(designed.causes)
+    now, after, random = (each.right(designed.causes) for each in (designed.so_far, designed.after, designed.random))
     figures = [
-        KeyFigure("with the recordings so far", share(designed.so_far.right(designed.causes)), "right name"),
-        KeyFigure("after the designed motion", share(designed.after.right(designed.causes)), "right name"),
-        KeyFigure("after random motion", share(designed.random.right(designed.causes)), "of the same length"),
+        KeyFigure("with the recordings so far", share(now), "right name"),
+        KeyFigure("after the designed motion", share(after), "right name"),
+        KeyFigure("after random motion", share(random), "of the same length"),
     ]
     causes = "; ".join(name_of(cause) for cause in designed.causes)
-    now = designed.so_far.right(designed.causes)
-    if now >= _SURE:
-        return Verdict("fine", headline(designed), f"Compared are: {causes}.", figures)
-    return Verdict(
-        "open" if gain < _WORTH_IT else "found",
-        headline(designed),
-        f"Compared are: {causes}.",
-        figures,
-        steps(designed),
-    )
+    tone: Tone = "fine" if now >= _SURE else "open" if after - now < _WORTH_IT else "found"
+    return Verdict(tone, headline(designed), f"Compared are: {causes}.", figures, steps(designed))
 
 
 def steps(designed: Designed) -> list[str]:
-    """What to do, with the lines to type."""
+    """What to do, with the lines to type; nothing where no recording has to decide."""
+    if designed.so_far.right(designed.causes) >= _SURE:
+        return []
     dataset, description = designed.question.config.dataset, designed.question.subject.data.description
     return [
         "have a person check the program, and run it at reduced speed first",

@@ -121,8 +121,9 @@ def opened(
     pieces = {name: np.array([other == name for other in names]) * 1.0 for name in dict.fromkeys(names) if name}
     rows = _with_session_to_come(rows, 1 - so_far)
     gate = rows.design.columns.in_question
-    rows = _with_named(rows, gate, so_far, question.named)
-    known = {name for name, _ in question.named}
+    named = tuple(each for each in question.named if each[0] not in asked)
+    rows = _with_named(rows, gate, so_far, named)
+    known = {name for name, _ in named}
     candidates = [each for each in rows.design.columns.candidates if each.id not in known]
     findings = best_of_each(ranked(rows, gate, candidates, so_far))
     causes = _causes(rows, gate * so_far, _leading(findings, rows, asked))

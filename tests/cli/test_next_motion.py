@@ -1,0 +1,84 @@
+"""`acqd next` and `acqd close-loop --with` as a user runs them."""
+
+import json
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from acqd.robot import load_description
+from acqd.robot.log import read_log
+from tests.builders import recording, write_dataset
+from tests.commands import acqd_here
+from tests.discrepancy.independent import added_payload
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("nowhere",), "acqd close-loop has written"),
+        (("{old}",), "run acqd close-loop again"),
+        (("{loop}", "--workspace", *"000000"), "two corners"),
+        (("{loop}", "--workspace", *"555666"), "lies in the workspace"),
+        (("{loop}", "--scene", "nosuch"), "nosuch"),
+        (("{loop}", "--out", "{ds}"), "choose another --out"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_2(closed, tmp_path, arguments, said):
+    folder, _ = closed
+    (tmp_path / "old").mkdir()
+    (tmp_path / "old" / "report.json").write_text(json.dumps({"verdict": "nothing_left", "effects": []}))
+    places = {"loop": folder / "now" / "ds.loop", "ds": folder / "now" / "ds", "old": tmp_path / "old"}
+    out = () if "--out" in arguments else ("--out", tmp_path / "next")
+    done = acqd_here("next", *(each.format(**places) for each in arguments), *out)
+    assert done.returncode == 2
+    assert said in done.stderr and len(done.stderr.strip().splitlines()) == 1
+    assert not (tmp_path / "next").exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [({}, "in question already"), ({"robot": "ur3e"}, "robot ur3e"), ({"step_s": 0.1}, "step_s 0.1")],
+)
+def test_sessions_that_do_not_belong_together_are_refused(closed, tmp_path, change, said):
+    folder, _ = closed
+    ds = folder / "now" / "ds"
+    other = ds
+    if change:
+        other = tmp_path / "other"
+        shutil.copytree(ds, other)
+        manifest = json.loads((other / "manifest.json").read_text()) | change
+        (other / "manifest.json").write_text(json.dumps(manifest))
+    done = acqd_here("close-loop", ds, "--with", other, "--model", folder / "model", "--out", tmp_path / "out")
+    assert done.returncode == 2 and said in done.stderr and len(done.stderr.strip().splitlines()) == 1
+
+
+@pytest.mark.slow
+def test_a_program_is_written_whole_and_promises_more_than_random_motion(closed, model, tmp_path):
+    """A faint payload, in recordings of one joint's motion: other causes look alike."""
+    folder, _ = closed
+    faint = [
+        replace(each, recording=f"f{k}")
+        for k, each in enumerate(
+            recording(model, k, lambda scene, random: 0.04 * added_payload(scene, random), seed=7, start_s=1e9 + 9e4)
+            for k in range(4)
+        )
+    ]
+    ds = write_dataset(tmp_path / "few", faint)
+    done = acqd_here("close-loop", ds, "--model", folder / "model", "--json")
+    assert done.returncode == 0, done.stderr
+    done = acqd_here(
+        *("next", f"{ds}.loop", "--minutes", 1, "--limit-speed", 100, "--cause", "payload", "--cause", "gravity_bias"),
+        *("--out", tmp_path / "next", "--json"),
+    )
+    assert done.returncode == 0, done.stderr
+    designed = json.loads(done.stdout)
+    right = designed["right_name"]
+    assert right["designed"] >= right["random"] and right["designed"] > right["now"]
+    assert designed["seconds"] <= 60
+    robot = load_description("ur10e")
+    q = read_log(tmp_path / "next" / "motion.csv", robot).q
+    assert (q >= robot.lower).all() and (q <= robot.upper).all() and np.ptp(q) > 0.1
+    for name in ("next.html", "next.json", "program.script"):
+        assert (tmp_path / "next" / name).stat().st_size > 300

@@ -1,0 +1,117 @@
+"""Which cause a motion tells from which, on made-up columns."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from acqd.discrepancy.regression.design_columns import Candidate
+from acqd.discrepancy.regression.gram import Moments
+from acqd.experiment.choice import chosen, d_optimal, filled
+from acqd.experiment.contest import Cause, Contest, together
+
+CAUSE = Candidate("payload", "flange", np.array([0]), key="payload 0")
+RIVAL = Candidate("gravity_bias", "link 6", np.array([1]), key="gravity_bias 0")
+OTHER_PLACE = Candidate("payload", "beside the axis", np.array([2]), key="payload 1")
+BASE = np.array([[50.0]])
+
+
+def cause(size=1.0, deviation=1e-6, between=0.0):
+    return Cause(CAUSE, np.ones(1), size, deviation, (-10.0, 10.0), 1.0, 50.0, 1.0, (between, 10.0))
+
+
+def contest(rivals=(RIVAL,), learning_rate=1.0, **more):
+    priors = [np.full(len(rival.indices), 10.0) for rival in rivals]
+    return Contest.of((cause(**more),), rivals, priors, np.array([1e-6]), learning_rate, 20)
+
+
+def moments(rows, alike, used):
+    """Of `rows` with unit columns, whose cosine with the first is `alike`; base column apart."""
+    squares = rows * np.where(np.eye(used, dtype=bool), 1.0, alike)
+    return Moments(rows * BASE, np.zeros((1, used)), squares)
+
+
+def probability(compared, of):
+    return float(compared.probabilities(of)[0])
+
+
+def test_more_rows_make_a_name_likelier_up_to_certainty():
+    values = [probability(contest(), moments(rows, 0.5, 2)) for rows in (1, 20, 60, 2000)]
+    assert values == sorted(values) and values[0] < 0.01 and values[-1] > 0.999
+
+
+def test_a_rival_that_looks_alike_keeps_a_name_from_being_likely():
+    apart, alike = (probability(contest(), moments(100, share, 2)) for share in (0.3, 0.995))
+    assert apart > 0.99
+    assert alike < 0.01
+    assert contest().closest(moments(100, 0.995, 2)) == ["gravity_bias (link 6)"]
+
+
+def test_no_number_of_rows_tells_columns_apart_that_differ_by_less_than_their_error():
+    assert probability(contest(), moments(1e6, 0.995, 2)) < 0.01
+
+
+def test_another_place_of_the_same_effect_is_no_rival():
+    assert probability(contest(rivals=(OTHER_PLACE,)), moments(100, 0.999, 2)) > 0.99
+
+
+def test_sizes_that_unchanged_sessions_differ_by_are_not_named():
+    assert probability(contest(between=1.0), moments(2000, 0.3, 2)) < 0.1
+
+
+def test_a_rival_with_many_parameters_pays_for_them():
+    many = Candidate("", "a curve", np.arange(1, 9), key="a curve")
+    one = contest()
+    several = contest(rivals=(many,))
+    squares = 60 * np.eye(9)
+    squares[0, 1] = squares[1, 0] = 60 * 0.85
+    costly = Moments(60 * BASE, np.zeros((1, 9)), squares)
+    cheap = Moments(60 * BASE, np.zeros((1, 2)), squares[:2, :2])
+    assert probability(several, costly) > probability(one, cheap)
+
+
+def test_what_the_model_explains_already_counts_for_nothing():
+    hidden = Moments(100 * np.eye(1), np.full((1, 2), 100.0), 100 * np.ones((2, 2)))
+    assert probability(contest(), hidden) < 1e-6
+
+
+@pytest.mark.parametrize("share", [0.5, 0.05])
+def test_rows_count_with_the_learning_rate(share):
+    full = probability(contest(), moments(100 * share, 0.5, 2))
+    assert probability(contest(learning_rate=share), moments(100, 0.5, 2)) == pytest.approx(full, rel=0.05, abs=0.02)
+
+
+def test_the_program_prefers_motion_in_which_the_causes_differ():
+    compared = contest()
+    pieces = {"alike": moments(20, 0.999, 2), "apart": moments(20, 0.2, 2), "idle": moments(1e-9, 0.0, 2)}
+    seconds = {"alike": 10.0, "apart": 10.0, "idle": 10.0}
+    program = chosen(compared.score, moments(5, 0.99, 2), pieces, seconds, 35.0)
+    assert program == ["apart"] * 3
+
+
+def test_a_program_keeps_its_time_and_uses_short_pieces_for_the_rest():
+    pieces = {"long": moments(40, 0.2, 2), "short": moments(0.5, 0.2, 2)}
+    program = chosen(contest().score, moments(9, 0.5, 2), pieces, {"long": 30.0, "short": 5.0}, 41.0)
+    assert sorted(program) == ["long", "short", "short"]
+    assert filled(["long", "short"], {"long": 30.0, "short": 5.0}, 41.0) == ["long", "short", "short"]
+
+
+def test_identification_asks_for_other_motion_than_discrimination():
+    compared = contest()
+    excites = Moments(5000 * BASE, np.zeros((1, 2)), moments(1, 0.999, 2).squares)
+    pieces = {"excites": excites, "apart": moments(20, 0.2, 2)}
+    seconds = {"excites": 10.0, "apart": 10.0}
+    assert chosen(d_optimal(compared), moments(1, 0.9, 2), pieces, seconds, 10.0) == ["excites"]
+    assert chosen(compared.score, moments(1, 0.9, 2), pieces, seconds, 10.0) == ["apart"]
+
+
+def test_moments_of_independent_blocks_add():
+    both = together([moments(10, 0.5, 2), moments(30, 0.5, 2)])
+    assert np.allclose(both.squares, moments(40, 0.5, 2).squares) and np.allclose(both.normal, 40 * BASE)
+
+
+def test_uncertain_sizes_make_a_name_less_certain():
+    sure, unsure = contest(size=1.0), contest(size=1.0, deviation=0.5)
+    at = moments(150, 0.3, 2)
+    assert probability(unsure, at) < probability(sure, at)
+    assert replace(unsure.causes[0], deviation=0.0).sizes()[0] == pytest.approx(np.ones(7))
