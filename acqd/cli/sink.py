@@ -64,7 +64,7 @@ def sink(
     if embedded:
         die_with_parent()
     # `acqd run` hands its configuration over on stdin: other users can read arguments, and it holds passwords.
-    settings = Config.model_validate_json(sys.stdin.read()) if embedded else configured(config, host, port)
+    settings = Config.model_validate_json(sys.stdin.read()) if embedded else configured(config, host, port, "sink")
     engine = engine_for(database or settings.sink.database, impatient=True)
     prepared = False
     with contextlib.suppress(DatabaseAwayError):  # the sink says so, and retries

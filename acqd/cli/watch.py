@@ -40,7 +40,7 @@ def watch(
     """
     import aiomqtt
 
-    address = broker_address(config, host, port)
+    address = broker_address(config, host, port, "web")
     try:
         asyncio.run(_watch(address, duration, count, json))
     except aiomqtt.MqttError as error:
