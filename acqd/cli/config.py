@@ -130,8 +130,8 @@ def upgrade(
     backups = [] if dry_run else carry_out(plan)
     lines = unified_diff(plan.before.splitlines(), plan.after.splitlines(), str(plan.path), "after", n=0, lineterm="")
     if json:
-        told = {"file": str(plan.path), "changed": plan.needed and not dry_run, "notes": plan.notes}
-        print(orjson.dumps(told | {"backups": [str(one) for one in backups], "diff": list(lines)}).decode())
+        report = {"file": str(plan.path), "changed": plan.needed and not dry_run, "notes": plan.notes}
+        print(orjson.dumps(report | {"backups": [str(one) for one in backups], "diff": list(lines)}).decode())
         return
     told = [*plan.notes, *(lines if dry_run else ()), *(f"before: {backup}" for backup in backups)]
     if plan.merged:

@@ -30,7 +30,7 @@ def broker_checks(config: Config) -> Iterator[Finding]:
         return
     yield from _secrets(config)
     try:
-        address = config.mqtt.address()
+        address = config.mqtt.address(warn=False)
         tls = address.tls_context()
     except UserError as error:
         yield Finding("broker", "fail", str(error), "see [mqtt] in the configuration")
@@ -64,7 +64,7 @@ def _other_logins(config: Config) -> Iterator[Finding]:
     """The other services of this computer, each with its user."""
     for service in config.mqtt.users.keys() - config.mqtt.without_password:
         try:
-            address = config.mqtt.of(service).address()
+            address = config.mqtt.of(service).address(warn=False)
             yield _login(config, address, address.tls_context())
         except UserError as error:
             yield Finding("broker", "fail", f"mqtt.{service}: {error}", "see [mqtt] in the configuration")

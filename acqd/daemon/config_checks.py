@@ -30,7 +30,7 @@ def _logins(config: Config) -> Iterator[Finding]:
             continue
         who = f"as {login.username}" if login.username else "without a user"
         try:
-            address = login.address()
+            address = login.address(warn=False)
             why = certificates.trouble(login.certificates)
         except UserError as error:
             yield Finding(name, "fail", f"{who}: {error}", "is its file there, and may this user read it (sudo)?")

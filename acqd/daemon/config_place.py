@@ -54,13 +54,18 @@ def as_installed(config: Config, path: Path) -> None:
     if by_hand and "://" not in database and not Path(database).is_absolute():
         config.sink.database = str(state / database)
     if "CREDENTIALS_DIRECTORY" not in os.environ:
-        for login in (config.mqtt, *config.mqtt.users.values()):
-            _find_credentials(login, config.mqtt, folder)
+        shared = config.mqtt.password_file
+        for user in config.mqtt.users.values():
+            if user.password is None and user.password_file is None:
+                user.password_file = shared  # another file for every user
+        logins: list[MqttSection | BrokerUser] = [config.mqtt, *config.mqtt.users.values()]
+        for login in logins:
+            _find_credentials(login, folder)
 
 
-def _find_credentials(login: MqttSection | BrokerUser, mqtt: MqttSection, folder: Path) -> None:
+def _find_credentials(login: MqttSection | BrokerUser, folder: Path) -> None:
     """Replace what systemd would pass by the files that it reads: USER.password, and others by their name."""
-    password = login.password_file if login.password is not None or login.password_file else mqtt.password_file
+    password = login.password_file
     if password is not None and in_credentials(password):
         for name in (f"{login.username}.password", password.name):
             if _exists(folder / name):

@@ -6,7 +6,7 @@ from typing import Any
 
 from acqd.daemon.config import SECRET, Config
 
-_NO_VALUE = (None, "", [], {})
+_NO_VALUE: tuple[object, ...] = (None, "", [], {})
 
 
 def values_of(config: Config) -> dict[str, Any]:

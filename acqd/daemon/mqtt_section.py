@@ -92,12 +92,10 @@ class MqttSection(Section):
     @property
     def without_password(self) -> list[Service]:
         """Services whose password systemd would pass, outside of a unit and without its file: they are not here."""
-        files = {name: user.password_file or self.password_file for name, user in self.users.items()}
-        return [
-            name
-            for name, path in files.items()
-            if self.users[name].password is None and path and in_credentials(path) and _CREDENTIALS[1:] not in os.environ
-        ]
+        if _CREDENTIALS[1:] in os.environ:
+            return []
+        files = {name: self.of(name).password_file for name in self.users}
+        return [name for name, path in files.items() if path is not None and in_credentials(path)]
 
     def of(self, service: Service) -> MqttSection:
         """The section as one service uses it: with the service's user, password and client certificate."""
@@ -124,12 +122,12 @@ class MqttSection(Section):
                     found.append(path)
         return found
 
-    def address(self) -> BrokerAddress:
-        """Where and how to connect. Raises UserError for an unreadable password file."""
+    def address(self, *, warn: bool = True) -> BrokerAddress:
+        """Where and how to connect; `warn`: of a password in clear text. Raises UserError for an unreadable file."""
         password = self.password if self.password_file is None else _secret(self.password_file)
         files = {name: _expanded(name, getattr(self, name)) for name in ("ca_file", "cert_file", "key_file")}
         address = BrokerAddress(self.host, self.port, self.username, password, self.uses_tls, **files)
-        if address.exposes_password:
+        if warn and address.exposes_password:
             _log.warning("the password goes to %s in clear text; set tls = true in [mqtt]", self.host)
         return address
 

@@ -48,10 +48,10 @@ def planned(path: Path) -> Upgrade:
     for key in (
         set(data.get("source", {})) - set(kept.get("source", {})) if isinstance(data.get("source"), dict) else ()
     ):
-        document["source"].remove(key)  # type: ignore[union-attr]
+        document["source"].remove(key)
     notes = [note.replace("has no effect; delete it", "had no effect") for note in dropped]
     if "queue" in data.get("mqtt", {}):
-        document["mqtt"].remove("queue")  # type: ignore[union-attr]
+        document["mqtt"].remove("queue")
         notes.append("mqtt.queue had no effect: rows wait in the spool")
     together = merged(path, config)
     users = missing_users(config, path.parent)
@@ -113,9 +113,9 @@ def _set(document: tomlkit.TOMLDocument, values: Mapping[str, Any]) -> None:
             document.add(section, tomlkit.table())
         table = document[section] if section else document
         if value is None:
-            table.pop(name, None)  # type: ignore[union-attr]
-        elif name in table:  # type: ignore[operator]
-            table[name] = value  # type: ignore[index]
+            table.pop(name, None)
+        elif name in table:
+            table[name] = value
         else:
             _add(table, name, value)
 

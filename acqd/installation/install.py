@@ -40,32 +40,47 @@ def update(program: str, root: Root) -> None:
     present = present_in(root.at)
     if not present.services:
         raise UserError(f"no service of acqd is installed below {root.folder}; acqd service install is the first step")
-    running = [unit for unit in _started(present.services) if root.active(unit)]
+    units = running(root, present.services)
     _carry_out(kept(Wanted(program), present), present, root)
     if root.live:
         _reload(root)
-    for unit in running:
+    for unit in units:
         root.run("systemctl", "restart", unit)
         root.done.append(f"restarted {unit}")
 
 
 def _carry_out(wanted: Wanted, present: Present, root: Root) -> None:
     """Write what is wanted."""
-    if wanted.broker and root.group("mosquitto") is None:
-        raise UserError("mosquitto is not installed: apt-get install mosquitto, or --no-broker for a broker elsewhere")
+    if wanted.broker:
+        require_broker(root)
     wanted = replace(wanted, passwords=_missing_passwords(wanted, root))
-    made = files_of(wanted)
-    first = [file for file in made if file.path.startswith(("/etc/sysusers.d", "/etc/tmpfiles.d"))]
-    for file in first:
-        root.write(file)
-    root.rooted("systemd-sysusers", "acqd.conf")
-    root.rooted("systemd-tmpfiles", "--create", "acqd.conf")
-    for file in made:
+    make_user(wanted, root)
+    for file in files_of(wanted):
         root.write(file)
     if wanted.broker:
         _write_passwords(wanted, root)
     for name in present.links:  # an upgraded configuration keeps these names for units of an earlier version
         root.remove(f"/etc/acqd/{name}.toml")
+
+
+def make_user(wanted: Wanted, root: Root) -> None:
+    """The user acqd and the folders."""
+    for file in files_of(wanted):
+        if file.path.startswith(("/etc/sysusers.d", "/etc/tmpfiles.d")):
+            root.write(file)
+    root.rooted("systemd-sysusers", "acqd.conf")
+    root.rooted("systemd-tmpfiles", "--create", "acqd.conf")
+
+
+def require_broker(root: Root) -> None:
+    """Raises UserError where there is no mosquitto whose users could be made."""
+    if root.group("mosquitto") is None:
+        raise UserError("mosquitto is not installed: apt-get install mosquitto, or --no-broker for a broker elsewhere")
+
+
+def running(root: Root, services: Sequence[str]) -> list[str]:
+    """Units of services that run now."""
+    return [unit for unit in _started(services) if root.active(unit)]
 
 
 def _reload(root: Root) -> None:
