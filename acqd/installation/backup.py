@@ -44,8 +44,8 @@ def back_up(root: Root, path: Path) -> Manifest:
     bridges = {name for name in present.services if name.startswith("bridge-")}  # they share a unit
     manifest = Manifest(
         version=metadata.version("acqd"), made=f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}", computer=socket.gethostname(),
-        services=[name for name in present.services if name in present.enabled or name not in bridges], rights=list(present.drop_ins), archive=present.archive,
-        broker=bool(present.broker), databases=[], left_out=[],
+        services=[name for name in present.services if name in present.enabled or name not in bridges],
+        rights=list(present.drop_ins), archive=present.archive, broker=bool(present.broker), databases=[], left_out=[],
     )  # fmt: skip
     with writing(path, manifest) as writer:
         databases = _files(writer, root, config)

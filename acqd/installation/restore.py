@@ -86,10 +86,18 @@ def _exchange(staging: Staging) -> list[str]:
             source.rename(target)
             moved.append((source, target))
     except OSError as error:
-        for source, target in reversed(moved):
-            target.rename(source)
-        raise OperationError(f"{error.filename}: {error.strerror}; everything is as it was") from None
+        stuck = [str(target) for source, target in reversed(moved) if not _renamed(target, source)]
+        state_now = f"still to be renamed by hand: {', '.join(stuck)}" if stuck else "everything is as it was"
+        raise OperationError(f"{error.filename}: {error.strerror}; {state_now}") from None
     return [f"moved {path} to {place}" for path, place in aside.items()] + [f"restored {path}" for path in renamed]
+
+
+def _renamed(source: Path, target: Path) -> bool:
+    try:
+        source.rename(target)
+    except OSError:
+        return False
+    return True
 
 
 def _aside(path: Path, state: Path, stamp: str) -> Path:
