@@ -17,6 +17,8 @@ from acqd.web.history import Span, history
 from tests.storage.rows import T0, message, row
 
 THURSDAY = datetime(2023, 11, 16, 6, tzinfo=UTC).timestamp()
+
+
 @pytest.fixture(scope="module")
 def engine(tmp_path_factory):
     """Nine days of 0.6 kWh an hour until Thursday, 07:00 of Berlin's winter, a row an hour."""
