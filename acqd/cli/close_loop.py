@@ -39,7 +39,8 @@ def close_loop(
     seed: Annotated[int, typer.Option(help="Seed of a grey box that is fitted again; no verdict depends on it.")] = 1,
     robot: Annotated[str | None, typer.Option(help="Robot description (default: the bundle's).")] = None,
     since: Annotated[
-        datetime | None, typer.Option(help="Leave out recordings that ended before (UTC).", formats=_TIMES)
+        datetime | None,
+        typer.Option("--from", "--since", help="Leave out recordings that ended before (UTC).", formats=_TIMES),
     ] = None,
     watch: Annotated[
         bool, typer.Option("--watch", help="Keep running, and judge new recordings of the dataset.")
@@ -59,7 +60,7 @@ def close_loop(
     """
     require("acqd close-loop", LOOP, "loop")
     if watch and since is not None:
-        raise UserError("--since is for a single run; --watch judges every recording that its model has not seen")
+        raise UserError("--from is for a single run; --watch judges every recording that its model has not seen")
     if not watch and (every is not None or false_alarm is not None):
         raise UserError("--every and --false-alarm are for --watch")
     from acqd.dataset.places import default_folder

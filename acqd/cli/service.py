@@ -125,7 +125,7 @@ def backup(
 ) -> None:
     """Write configuration, passwords, certificates, spool, registers and SQLite databases into one file.
 
-    The services may run. The file holds passwords: only its owner may read it. Samples of [archive] are not in it.
+    The services may run. The file holds passwords: only its owner may read it. Samples of the archive are not in it.
 
     Example: sudo acqd service backup --out /mnt/backup/hall-3.tar.gz
     """
