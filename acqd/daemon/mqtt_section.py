@@ -104,7 +104,7 @@ class MqttSection(Section):
             return self
         changed = user.model_dump(exclude_none=True)
         if user.password is not None or user.password_file is not None:
-            changed = {"password": None, "password_file": None} | changed
+            changed = dict.fromkeys(("password", "password_file")) | changed
         return self.model_copy(update=changed)
 
     @property

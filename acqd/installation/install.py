@@ -27,7 +27,7 @@ def install(wanted: Wanted, root: Root, *, start: bool) -> None:
     present = present_in(root.at)
     _carry_out(kept(wanted, present), present, root)
     if root.live and start:
-        _reload(root)
+        reload(root)
         _start(_started(to_start(wanted, present)), root)
 
 
@@ -43,7 +43,7 @@ def update(program: str, root: Root) -> None:
     units = running(root, present.services)
     _carry_out(kept(Wanted(program), present), present, root)
     if root.live:
-        _reload(root)
+        reload(root)
     for unit in units:
         root.run("systemctl", "restart", unit)
         root.done.append(f"restarted {unit}")
@@ -83,7 +83,7 @@ def running(root: Root, services: Sequence[str]) -> list[str]:
     return [unit for unit in _started(services) if root.active(unit)]
 
 
-def _reload(root: Root) -> None:
+def reload(root: Root) -> None:
     """Have systemd and the broker read what has changed."""
     root.run("systemctl", "daemon-reload")
     if root.at(_PASSWORDS).exists():

@@ -13,7 +13,7 @@ from pathlib import Path
 from acqd.errors import OperationError, UserError
 from acqd.installation.backup import SAMPLES, STATE
 from acqd.installation.backup_file import Manifest, manifest_of
-from acqd.installation.install import install, make_user, require_broker, running
+from acqd.installation.install import install, make_user, reload, require_broker, running
 from acqd.installation.plan import Wanted
 from acqd.installation.present import present_in
 from acqd.installation.root import Root
@@ -67,6 +67,8 @@ def restore(root: Root, path: Path, program: str, *, overwrite: bool) -> Verifie
         archive = manifest.archive if manifest.archive == present_in(root.at).configured_archive else None
         wanted = Wanted(program, tuple(manifest.services), None, tuple(manifest.rights), archive, manifest.broker)
         install(wanted, root, start=False)
+    if root.live:
+        reload(root)
     for unit in units:
         root.run("systemctl", "start", unit)
     return Verified(manifest, rows)
