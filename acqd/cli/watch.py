@@ -95,7 +95,7 @@ async def _rows(address: BrokerAddress, count: int | None) -> None:
 
 
 def _end_if_cancelled() -> None:
-    """Raises CancelledError that aiomqtt has replaced: its disconnection may fail while a cancellation is on its way."""
+    """Raises the CancelledError that aiomqtt has replaced: a cancelled connection may fail to disconnect."""
     task = asyncio.current_task()
     if task is not None and task.cancelling():
         raise asyncio.CancelledError

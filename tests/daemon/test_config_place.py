@@ -44,9 +44,8 @@ def test_an_installed_file_has_the_folder_and_the_password_of_its_unit(installed
 
 def test_every_service_logs_in_with_its_user(installed, caplog):
     text = installed.read_text()
-    installed.write_text(
-        text + 'sink = { username = "acqd-sink" }\nweb = { username = "viewer", password = "plain" }\n'
-    )
+    users = 'sink = { username = "acqd-sink" }\nweb = { username = "viewer", password = "plain" }\n'
+    installed.write_text(text + users)
     for name in ("acqd-sink", "mqtt"):
         (installed.parent / f"{name}.password").write_text(f"of {name}\n")
     logins = {name: load_config(installed, name).mqtt.address() for name in ("daemon", "sink", "web", "bridge")}
