@@ -12,9 +12,11 @@ from pathlib import Path
 from typing import Any
 
 import tomlkit
+from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import Table
 
 from acqd.daemon.config import parsed_config, read_toml
+from acqd.daemon.config_values import differences
 from acqd.daemon.earlier_files import without_effect
 from acqd.errors import InputError
 from acqd.installation.earlier_layout import merged, missing_users
@@ -39,29 +41,37 @@ class Upgrade:
 
 
 def planned(path: Path) -> Upgrade:
-    """The file in the form of this version. Raises InputError for a file that cannot be read or merged."""
+    """The file in the form of this version. Raises InputError for a file that cannot be read, merged or rewritten."""
+    try:
+        return _planned(path)
+    except (TOMLKitError, AttributeError, KeyError, TypeError) as error:  # TOML that the library cannot edit in place
+        raise InputError(path, f"is written in a way that cannot be edited here ({error}); edit it by hand") from None
+
+
+def _planned(path: Path) -> Upgrade:
     data = read_toml(path)
     config = parsed_config(data, path)
     before = path.read_text(encoding="utf-8-sig")
     document = tomlkit.parse(before)
     kept, dropped = without_effect(data)
-    for key in (
-        set(data.get("source", {})) - set(kept.get("source", {})) if isinstance(data.get("source"), dict) else ()
-    ):
-        document["source"].remove(key)
+    if isinstance(source := data.get("source"), dict):
+        for key in source.keys() - kept["source"].keys():
+            del document["source"][key]
     notes = [note.replace("has no effect; delete it", "had no effect") for note in dropped]
     if "queue" in data.get("mqtt", {}):
-        document["mqtt"].remove("queue")
+        del document["mqtt"]["queue"]
         notes.append("mqtt.queue had no effect: rows wait in the spool")
     together = merged(path, config)
-    users = missing_users(config, path.parent)
-    _set(document, together.values | users)
+    values = together.values | missing_users(config, path.parent)
+    _set(document, values)
     notes += together.notes
-    for key, user in (together.values | users).items():
+    for key, user in values.items():
         if key.startswith("mqtt.") and isinstance(user, dict):
             notes.append(f"{key}: the service logs in as {user.get('username', 'the daemon')}")
     after = tomlkit.dumps(document)
-    parsed_config(dict(tomlkit.parse(after).unwrap()), path)
+    rewritten = parsed_config(dict(tomlkit.parse(after).unwrap()), path)
+    if other := {key for key, _, _ in differences(config, rewritten)} - values.keys() - {"mqtt.queue"}:
+        raise InputError(path, f"cannot be rewritten without changing {', '.join(sorted(other))}; edit it by hand")
     return Upgrade(path, before, after, tuple(notes), together.files)
 
 
@@ -129,4 +139,4 @@ def _add(table: Any, name: str, value: Any) -> None:
     if last and not isinstance(table[last[0]], Table):
         table.value._insert_after(last[0], name, tomlkit.item(item))
     else:
-        table.add(name, item)
+        table[name] = item

@@ -82,6 +82,15 @@ def test_keys_without_effect_go_and_comments_stay(tmp_path):
     assert file.read_text() == '# mine\n[source]\nkind = "simulated"\npower = 90.0  # W\n[mqtt]\n'
 
 
+def test_keys_with_dots_are_rewritten_too(five):
+    dotted = 'mqtt.host = "10.0.0.5"\nmqtt.queue = 500\nmqtt.username = "hall-3"\ndevice = "hall-3"\n'
+    (five / "acqd.toml").write_text(dotted + 'mqtt.password_file = "$CREDENTIALS_DIRECTORY/mqtt.password"\n')
+    done = acqd_here("config", "upgrade", five / "acqd.toml")
+    assert done.returncode == 0, done.stderr
+    assert "queue" not in (five / "acqd.toml").read_text()
+    assert load_config(five / "acqd.toml", "sink").mqtt.username == "acqd-sink"
+
+
 def test_diff_names_what_differs_and_no_secret(five, tmp_path):
     appended(five / "acqd.toml", 'port = 1884\n[web]\ntoken = "abc"\n')
     other = tmp_path / "other.toml"
