@@ -33,7 +33,8 @@ def commands():
     """Every command of the page once, as a list of words without `acqd`."""
     typed = re.findall(r"`acqd ([^`]+)`", PAGE)
     typed += re.findall(r"(?m)^(?:sudo )?acqd (.+?)(?: {2,}#.*)?$", "\n".join(re.findall(r"(?s)```sh\n(.*?)```", PAGE)))
-    return [shlex.split(one) for one in dict.fromkeys(typed)]
+    once = {re.sub(r" --config \S+", "", one): one for one in typed}  # with and without --config: one of them
+    return [shlex.split(one) for one in once.values()]
 
 
 @pytest.fixture
