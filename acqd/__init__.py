@@ -22,11 +22,15 @@ _MODULES = {
     "acqd.errors": ("InputError", "OperationError", "UserError"),
 }
 _PLACES = {name: module for module, names in _MODULES.items() for name in names}
-__all__ = sorted([*_PLACES, "__version__"])
+_ROOMS = {"datasets": "acqd.api.datasets"}
+"""Names that are modules."""
+__all__ = sorted([*_PLACES, *_ROOMS, "__version__"])
 
 
 def __getattr__(name: str) -> object:
     """Import a public name when it is first used."""
+    if name in _ROOMS:
+        return import_module(_ROOMS[name])
     if name not in _PLACES:
         raise AttributeError(f"module 'acqd' has no attribute {name!r}")
     value = getattr(import_module(_PLACES[name]), name)

@@ -1,3 +1,4 @@
+from acqd.api import datasets as datasets
 from acqd.api.dataset import Dataset as Dataset
 from acqd.api.logs import RobotLog as RobotLog
 from acqd.api.logs import read_log as read_log

@@ -44,6 +44,13 @@ def run_here(work: Callable[[Task], Any], tasks: list[Task], jobs: int, tick: Ca
                 future.cancel()
 
 
+def run_in_turn(work: Callable[[Task], Any], tasks: list[Task], tick: Callable[[], None]) -> Iterator[Any]:
+    """Yield results one after the other in this process: for callers whose `__main__` no worker may import again."""
+    for task in tasks:
+        yield work(task)
+        tick()
+
+
 def _start_ray(ray: Any, address: str | None) -> None:
     """Connect to a cluster, or start one: a busy machine may need more than the half minute that Ray waits for a node.
 

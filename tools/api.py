@@ -24,7 +24,11 @@ def listing() -> list[str]:
     lines: list[str] = []
     for name in acqd.__all__:
         value = getattr(acqd, name)
-        if inspect.isclass(value):
+        if inspect.ismodule(value):
+            own = {key: one for key, one in vars(value).items() if getattr(one, "__module__", "") == value.__name__}
+            shown = {key: one for key, one in own.items() if inspect.isfunction(one) and not key.startswith("_")}
+            lines += [f"{name}.{key}{_signature(one)}" for key, one in sorted(shown.items())]
+        elif inspect.isclass(value):
             lines += _of_class(name, value)
         elif callable(value):
             lines.append(f"{name}{_signature(value)}")

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal, cast
 
+from acqd.api.html import table
 from acqd.api.places import Place, path_of
 from acqd.api.robot import Robot
 from acqd.extras import require
@@ -129,11 +130,20 @@ class Dataset:
     def to_pandas(self) -> pandas.DataFrame:
         """The same as a data frame."""
         require("to_pandas", ("pandas",), "pandas")
-        frame: Any = self.to_arrow().to_pandas()
-        return frame
+        return cast("pandas.DataFrame", self.to_arrow().to_pandas())
 
     def __repr__(self) -> str:
         return f"Dataset({str(self.path)!r})"
+
+    def _repr_html_(self) -> str:
+        """For notebooks: the recordings with their parts and lengths."""
+        origin = "simulated" if self.measured == "simulated" else f"power: {self.measured}"
+        caption = f"{self.path.name}: {self.robot}, {len(self.recordings)} recordings, {origin}"
+        rows = [
+            (str(entry["name"]), str(entry["split"]), f"{entry['rows'] * self.step_s:.1f}")
+            for entry in self._manifest["recordings"]
+        ]
+        return table(caption, ("recording", "split", "length [s]"), rows)
 
 
 def _name_of(robot: Robot | Place) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar, TypeAlias
 
 import numpy as np
 
@@ -29,7 +29,13 @@ from acqd.models.training import NAMES, fit
 from acqd.robot.description import load_description
 
 if TYPE_CHECKING:
+    import pandas
+    from numpy.typing import ArrayLike
+    from sklearn.utils import Tags
+
     from acqd.arrays import Floats
+
+    Table: TypeAlias = ArrayLike | pandas.DataFrame | pandas.Series
 
 _VALIDATION = 0.15  # of the rows, where all are one recording
 _MIN_ROWS = 4  # of a recording: two parts, and a difference in each
@@ -73,7 +79,7 @@ class PowerRegressor(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         self.epochs = epochs
         self.seed = seed
 
-    def fit(self, X: Any, y: Any, groups: Any = None) -> PowerRegressor:
+    def fit(self, X: Table, y: Table, groups: Table | None = None) -> PowerRegressor:
         """Fit to angles X [T, axes + signals] and power y [T]. Raises ValueError, UserError."""
         X, y = validate_data(self, X, y, dtype=np.float64, ensure_min_samples=_MIN_ROWS, y_numeric=True)
         if self.network not in NAMES:
@@ -90,7 +96,7 @@ class PowerRegressor(RegressorMixin, BaseEstimator):  # type: ignore[misc]
             self.predictor_ = fit(config, data, lambda *_: None).predictor
         return self
 
-    def predict(self, X: Any, groups: Any = None) -> Floats:
+    def predict(self, X: Table, groups: Table | None = None) -> Floats:
         """Power [T] W of angles and signals X [T, axes + signals]."""
         check_is_fitted(self, "predictor_")
         X = validate_data(self, X, dtype=np.float64, reset=False)
@@ -102,7 +108,7 @@ class PowerRegressor(RegressorMixin, BaseEstimator):  # type: ignore[misc]
             power[rows] = model.recording(X[rows, : model.axes], signals[rows])
         return power
 
-    def score(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> float:
+    def score(self, X: Table, y: Table, sample_weight: ArrayLike | None = None, groups: Table | None = None) -> float:
         """Coefficient of determination R^2 of the prediction."""
         return float(r2_score(y, self.predict(X, groups), sample_weight=sample_weight))
 
@@ -117,13 +123,13 @@ class PowerRegressor(RegressorMixin, BaseEstimator):  # type: ignore[misc]
             raise ValueError(f"X has {axes} joint angles, but {self.robot} has {expected} joints")
         return self.robot
 
-    def _segments(self, X: Floats, y: Floats, groups: Any, axes: int) -> Iterator[Segment]:
+    def _segments(self, X: Floats, y: Floats, groups: Table | None, axes: int) -> Iterator[Segment]:
         for number, rows in enumerate(_recordings(groups, len(X))):
             signals = {name: X[rows, axes + k] for k, name in enumerate(self.signals)}
             name = f"r{number:04d}"
             yield Segment(name, name, "other", "train", X[rows, :axes], y[rows], None, signals)
 
-    def __sklearn_tags__(self) -> Any:
+    def __sklearn_tags__(self) -> Tags:
         """Rows are a sequence: scores on the shuffled toy data of scikit-learn's checks are poor."""
         tags = super().__sklearn_tags__()
         tags.regressor_tags.poor_score = True
@@ -131,7 +137,7 @@ class PowerRegressor(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         return tags
 
 
-def _recordings(groups: Any, rows: int) -> list[slice]:
+def _recordings(groups: Table | None, rows: int) -> list[slice]:
     """Slices of consecutive rows with the same group. Raises ValueError for another length."""
     if groups is None:
         return [slice(0, rows)]
@@ -148,7 +154,7 @@ def _recordings(groups: Any, rows: int) -> list[slice]:
     return [slice(first, last) for first, last in pairwise(edges)]
 
 
-def _require_motion(robot: str, step_s: float, q: Floats, groups: Any) -> None:
+def _require_motion(robot: str, step_s: float, q: Floats, groups: Table | None) -> None:
     """Raises ValueError where angles [T, axes] are no motion of the robot: shuffled, mixed, or in degrees."""
     if not robot:
         return

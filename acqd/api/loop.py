@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import Any
 
 from acqd.api.dataset import Dataset
+from acqd.api.html import table
 from acqd.api.models import Model
 from acqd.api.places import Place, path_of
+from acqd.api.records import Effect, Parameter, Report, Verdict
 from acqd.dataset.places import default_folder
 from acqd.extras import LOOP, require
 
@@ -21,22 +22,34 @@ class LoopResult:
 
     path: Path
     """Folder of the report."""
-    report: dict[str, Any]
+    report: Report
     """Contents of report.json."""
 
     @property
-    def verdict(self) -> str:
+    def verdict(self) -> Verdict:
         """effects_found, nothing_left, unknown_structure or not_identifiable."""
-        return str(self.report["verdict"])
+        return self.report["verdict"]
 
     @property
-    def effects(self) -> list[dict[str, Any]]:
+    def effects(self) -> list[Effect]:
         """Effects that were found, each with id, where, parameters, confidence and rivals."""
         return list(self.report["effects"])
 
     def model(self) -> Model:
         """The repaired model."""
         return Model(self.path / "model")
+
+    def _repr_html_(self) -> str:
+        """For notebooks: the verdict, and every effect with its parameters."""
+        before, after = (self.report[key]["rmse"] for key in ("before", "after"))
+        simulated = ", simulated" if self.report["measured"] == "simulated" else ""
+        caption = f"{self.verdict.replace('_', ' ')}: RMSE {before:.2f} W before, {after:.2f} W after{simulated}"
+        rows = [
+            (effect["id"], effect["where"], _in_words(effect["parameters"]), f"{effect['confidence']:.0%}",
+             ", ".join(f"{rival['name']} {rival['confidence']:.0%}" for rival in effect["rivals"]) or "none")
+            for effect in self.effects
+        ]  # fmt: skip
+        return table(caption, ("effect", "where", "size (95 % interval)", "confidence", "rivals"), rows)
 
 
 def close_loop(
@@ -85,6 +98,14 @@ def close_loop(
     require_writable(config.out)
     write_all(config, close(config, lambda *_: None))
     return LoopResult(config.out, orjson.loads((config.out / "report.json").read_bytes()))
+
+
+def _in_words(parameters: dict[str, Parameter]) -> str:
+    parts = []
+    for name, one in parameters.items():
+        ends = "" if one["ci95"] is None else f" ({one['ci95'][0]:.3g} to {one['ci95'][1]:.3g})"
+        parts.append(f"{name} {one['value']:.3g} {one['unit']}{ends}")
+    return "; ".join(parts)
 
 
 def _folder(dataset: Dataset | Place) -> Path:

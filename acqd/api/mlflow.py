@@ -21,6 +21,7 @@ try:
     import mlflow.pyfunc
     import pandas
     from mlflow.models import ModelSignature
+    from mlflow.models.model import ModelInfo
     from mlflow.types import ColSpec, DataType, Schema
 except ModuleNotFoundError:
     raise UserError("a model of MLflow needs mlflow-skinny and pandas: pip install 'acqd[mlflow]'") from None
@@ -34,7 +35,11 @@ class PowerModel:
     def __init__(self, model: Model) -> None:
         self.model = model
 
-    def predict(self, model_input: Any, params: dict[str, Any] | None = None) -> Any:  # noqa: ARG002 - MLflow's call
+    def predict(
+        self,
+        model_input: pandas.DataFrame,
+        params: dict[str, object] | None = None,  # noqa: ARG002 - MLflow's call
+    ) -> pandas.DataFrame:
         """A DataFrame with the mains power `P` [W], one row for each row of the input.
 
         Input: a DataFrame with the joint angles q1 ... [rad], rows `step_s` apart in the order of time; the logged
@@ -67,15 +72,15 @@ def save_model(bundle: Model | Place, path: Place, **more: Any) -> None:
     mlflow.pyfunc.save_model(str(path), **_arguments(_opened(bundle)), **more)
 
 
-def log_model(bundle: Model | Place, name: str = "power", **more: Any) -> Any:
+def log_model(bundle: Model | Place, name: str = "power", **more: Any) -> ModelInfo:
     """Log a bundle to the active run of MLflow, with metrics of its test split; returns MLflow's ModelInfo.
 
     `more`: what `mlflow.pyfunc.log_model` takes, `registered_model_name` for one. Raises UserError, InputError.
     """
     model = _opened(bundle)
     logged = mlflow.pyfunc.log_model(name=name, **_arguments(model), **more)
-    metrics = model.metadata.get("metrics", {}).get("test") or {}
-    numbers = {key: float(value) for key, value in metrics.items() if isinstance(value, int | float)}
+    metrics = model.metadata["metrics"]["test"] if "metrics" in model.metadata else None
+    numbers = {key: float(value) for key, value in (metrics or {}).items() if isinstance(value, int | float)}
     mlflow.log_metrics({f"test_{key}": value for key, value in numbers.items() if np.isfinite(value)})
     return logged
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal, cast
 
 import numpy as np
 
 from acqd.api.dataset import Dataset
 from acqd.api.places import Place, path_of
+from acqd.api.records import Metadata
 from acqd.dataset.places import default_models
 from acqd.errors import UserError
 from acqd.extras import require
@@ -32,9 +33,9 @@ class Model:
         self.bundle, self.predictor = read(self.path)
 
     @property
-    def metadata(self) -> dict[str, Any]:
-        """bundle.json: kind, robot, inputs, metrics, envelope, provenance."""
-        return self.bundle.metadata
+    def metadata(self) -> Metadata:
+        """bundle.json: kind, robot, metrics, and further keys (inputs, envelope, provenance)."""
+        return cast("Metadata", self.bundle.metadata)
 
     @property
     def axes(self) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, cast
 
 from acqd.api.places import Place
 from acqd.arrays import Floats
@@ -42,8 +42,7 @@ class Rows:
     def to_pandas(self) -> pandas.DataFrame:
         """The same as a data frame with `time` as its index. Raises UserError without pandas."""
         require("to_pandas", ("pandas",), "pandas")
-        frame: Any = self.to_arrow().to_pandas().set_index("time")
-        return frame
+        return cast("pandas.DataFrame", self.to_arrow().to_pandas().set_index("time"))
 
 
 def read_rows(source: Place, *, device: str | None = None, channel: str | None = None) -> Rows:

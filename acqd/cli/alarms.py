@@ -35,7 +35,7 @@ def alarms(context: typer.Context, config: ConfigFile = None, host: Host = None,
     from acqd.integrations.alarms.service import Alarms
     from acqd.integrations.service import serve
 
-    settings = configured(config, host, port)
+    settings = configured(config, host, port, "bridge")
     if not settings.alarms.webhooks and not settings.alarms.mail_to:
         raise UserError(_NOBODY)
     with Alarms(settings.alarms) as service:
@@ -48,7 +48,7 @@ def list_command(config: ConfigFile = None, host: Host = None, port: Port = None
 
     Example: acqd alarms list --config /etc/acqd/acqd.toml
     """
-    active = asyncio.run(_active(broker_address(config, host, port)))
+    active = asyncio.run(_active(broker_address(config, host, port, "web")))
     if json:
         print(orjson.dumps(active).decode())
     else:
@@ -74,7 +74,7 @@ def acknowledge_command(
 
     Example: acqd alarms acknowledge cell-1/residual --by Ada
     """
-    address = broker_address(config, host, port)
+    address = broker_address(config, host, port, "operator")
     if key not in {alarm["key"] for alarm in asyncio.run(_active(address))}:
         raise UserError(f"{key!r} is no active alarm; acqd alarms list shows the keys")
     name = by or getpass.getuser()

@@ -35,7 +35,7 @@ def homeassistant(
     from acqd.integrations.homeassistant.removal import Removal
     from acqd.integrations.service import serve
 
-    settings = configured(config, host, port)
+    settings = configured(config, host, port, "bridge")
     section, address = settings.homeassistant, settings.mqtt.address()
     name = f"acqd-homeassistant-{socket.gethostname()}"
     if remove:
@@ -58,7 +58,7 @@ def influx(config: ConfigFile = None, host: Host = None, port: Port = None, json
     from acqd.integrations.influx import Influx, check_url
     from acqd.integrations.service import serve
 
-    settings = configured(config, host, port)
+    settings = configured(config, host, port, "bridge")
     section = settings.influx
     check_url(section.url)
     with Influx(section.url, section.token, section.measurement, section.waiting, section.quality) as bridge:
@@ -78,7 +78,7 @@ def plain(config: ConfigFile = None, host: Host = None, port: Port = None, json:
     from acqd.integrations.plain import Plain
     from acqd.integrations.service import serve
 
-    settings = configured(config, host, port)
+    settings = configured(config, host, port, "bridge")
     bridge = Plain(settings.plain.prefix, every_row=settings.plain.every_row, quality=settings.plain.quality)
     _show(serve(settings.mqtt.address(), bridge, f"acqd-plain-{socket.gethostname()}"), json=json)
 
@@ -92,7 +92,7 @@ def sparkplug(config: ConfigFile = None, host: Host = None, port: Port = None, j
     from acqd.integrations.service import serve
     from acqd.integrations.sparkplug.node import Node
 
-    settings = configured(config, host, port)
+    settings = configured(config, host, port, "bridge")
     section = settings.sparkplug
     node = Node(section.group, section.node, section.stale_s, quality=section.quality)
     _show(serve(settings.mqtt.address(), node, f"acqd-sparkplug-{section.group}-{section.node}", qos=0), json=json)

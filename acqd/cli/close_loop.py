@@ -43,7 +43,8 @@ def close_loop(
     seed: Annotated[int, typer.Option(help="Seed of a grey box that is fitted again; no verdict depends on it.")] = 1,
     robot: Annotated[str | None, typer.Option(help="Robot description (default: the bundle's).")] = None,
     since: Annotated[
-        datetime | None, typer.Option(help="Leave out recordings that ended before (UTC).", formats=_TIMES)
+        datetime | None,
+        typer.Option("--from", "--since", help="Leave out recordings that ended before (UTC).", formats=_TIMES),
     ] = None,
     watch: Annotated[
         bool, typer.Option("--watch", help="Keep running, and judge new recordings of the dataset.")
@@ -63,7 +64,7 @@ def close_loop(
     """
     require("acqd close-loop", LOOP, "loop")
     if watch and since is not None:
-        raise UserError("--since is for a single run; --watch judges every recording that its model has not seen")
+        raise UserError("--from is for a single run; --watch judges every recording that its model has not seen")
     if watch and further:
         raise UserError("--with is for a single run; --watch judges the recordings of one dataset as they come")
     if not watch and (every is not None or false_alarm is not None):

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module, metadata
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,7 +17,9 @@ class _Command:
 
     name: str
     panel: str
-    """Heading in the help."""
+    """Step of the work, in the help."""
+    about: str
+    """What it is for, in 23 letters at most."""
     group: bool = False
     """The module holds a tree of subcommands named `app`, not a function of the command's name."""
     room: str = ""
@@ -27,53 +30,71 @@ class _Command:
         plain = self.name.replace("-", "_")
         module = import_module(f"acqd.cli.{self.room or plain}")
         if self.group:
-            app.add_typer(module.app, name=self.name, rich_help_panel=self.panel)
+            app.add_typer(module.app, name=self.name)
         else:
-            app.command(self.name, rich_help_panel=self.panel)(getattr(module, (self.room or plain).rpartition(".")[2]))
+            app.command(self.name)(getattr(module, (self.room or plain).rpartition(".")[2]))
 
 
-_MEASURE, _DATA, _MODELS, _SERVICE = "Measure", "Data", "Models", "Service"
+_SET_UP, _MEASURE, _COUNT = "set up", "measure", "count"
+_RECORD, _MODEL, _EXPLAIN, _HAND_ON = "record", "model", "explain", "hand on"
 _COMMANDS = (
-    _Command("run", _MEASURE),
-    _Command("watch", _MEASURE),
-    _Command("web", _MEASURE),
-    _Command("replay", _MEASURE),
-    _Command("capture", _MEASURE),
-    _Command("archive", _MEASURE, group=True),
-    _Command("conformance", _MEASURE),
-    _Command("en50160", _DATA),
-    _Command("energy", _DATA),
-    _Command("ethercat", _MEASURE, group=True),
-    _Command("modbus", _MEASURE, group=True),
-    _Command("sink", _DATA, group=True),
-    _Command("lab", _DATA, group=True),
-    _Command("dataset", _DATA, group=True),
-    _Command("robot", _MODELS, group=True),
-    _Command("train", _MODELS, room="models.train"),
-    _Command("compare", _MODELS, room="models.compare"),
-    _Command("predict", _MODELS, room="models.predict"),
-    _Command("close-loop", _MODELS),
-    _Command("next", _MODELS, room="next_motion"),
-    _Command("fleet", _MODELS),
-    _Command("export-fmu", _MODELS),
-    _Command("export-onnx", _MODELS),
-    _Command("sidecar", _MODELS),
-    _Command("config", _SERVICE, group=True),
-    _Command("service", _SERVICE, group=True),
-    _Command("opcua", _SERVICE),
-    _Command("status", _SERVICE),
-    _Command("doctor", _SERVICE),
-    _Command("jitter", _SERVICE),
-    _Command("alarms", _SERVICE, group=True),
-    _Command("bridge", _SERVICE, group=True),
-    _Command("broker", _SERVICE),
+    _Command("config", _SET_UP, "acqd.toml: check, diff", group=True),
+    _Command("service", _SET_UP, "install, update, backup", group=True),
+    _Command("doctor", _SET_UP, "is this computer fit?"),
+    _Command("jitter", _SET_UP, "how late tasks wake"),
+    _Command("ethercat", _SET_UP, "terminals on the wire", group=True),
+    _Command("modbus", _SET_UP, "meters on a bus", group=True),
+    _Command("broker", _SET_UP, "a broker to try out"),
+    _Command("conformance", _SET_UP, "limits of the standards"),
+    _Command("run", _MEASURE, "the daemon, or a demo"),
+    _Command("watch", _MEASURE, "live values here"),
+    _Command("web", _MEASURE, "live page in a browser"),
+    _Command("status", _MEASURE, "is everything all right?"),
+    _Command("replay", _MEASURE, "a recorded waveform"),
+    _Command("capture", _MEASURE, "the newest samples"),
+    _Command("archive", _MEASURE, "samples kept: export", group=True),
+    _Command("sink", _COUNT, "rows from MQTT into SQL", group=True),
+    _Command("energy", _COUNT, "kWh and cost of periods"),
+    _Command("en50160", _COUNT, "a week of the voltage"),
+    _Command("lab", _RECORD, "virtual robot and mains", group=True),
+    _Command("dataset", _RECORD, "power and motion merged", group=True),
+    _Command("robot", _MODEL, "descriptions of robots", group=True),
+    _Command("train", _MODEL, "a model of the power", room="models.train"),
+    _Command("compare", _MODEL, "models on one data set", room="models.compare"),
+    _Command("predict", _MODEL, "power of a robot's log", room="models.predict"),
+    _Command("close-loop", _EXPLAIN, "the cause of a residual"),
+    _Command("next", _EXPLAIN, "the motion that decides", room="next_motion"),
+    _Command("fleet", _EXPLAIN, "the loop, many robots"),
+    _Command("sidecar", _EXPLAIN, "logs as they arrive"),
+    _Command("alarms", _HAND_ON, "by webhook and mail", group=True),
+    _Command("bridge", _HAND_ON, "Home Assistant, Influx", group=True),
+    _Command("opcua", _HAND_ON, "rows for OPC UA clients"),
+    _Command("export-fmu", _HAND_ON, "a model for FMI tools"),
+    _Command("export-onnx", _HAND_ON, "a network as ONNX"),
 )
+_ABOUT = "Energy twin measurement chain: 20 kHz samples in, trustworthy power rows out."
+
+
+class _OnAScreen(TyperGroup):
+    """Help in the order of work, two commands a line: it fits a terminal of 80 columns and 24 lines."""
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:  # versions of Typer have click's classes in other modules
+        """Write a block for each step of the work."""
+        name = ctx.command_path
+        lines = [f"Usage: {name} COMMAND ...      {name} COMMAND --help has an example", "", _ABOUT, ""]
+        for panel in dict.fromkeys(command.panel for command in _COMMANDS):
+            cells = [f"{one.name:12}{one.about:24}" for one in _COMMANDS if one.panel == panel]
+            titles = [panel, *[""] * len(cells)]
+            lines += [f"{titles[k]:8}{''.join(cells[k : k + 2])}".rstrip() for k in range(0, len(cells), 2)]
+        lines += [f"{name} --version; {name} --install-completion: commands and options by the TAB key"]
+        formatter.write("\n".join(lines))
 
 
 def command_tree(arguments: Sequence[str] = ()) -> typer.Typer:
     """The commands that `arguments` of the command line can mean: one if they start with its name, otherwise all."""
     app = typer.Typer(
-        help="Energy twin measurement chain: 20 kHz samples in, trustworthy power rows out.",
+        help=_ABOUT,
+        cls=_OnAScreen,
         no_args_is_help=True,
         pretty_exceptions_enable=False,
         rich_markup_mode="rich",
@@ -95,4 +116,4 @@ def _acqd(
         bool, typer.Option("--version", help="Show the version.", callback=_show_version, is_eager=True)
     ] = False,
 ) -> None:
-    """Energy twin measurement chain: 20 kHz samples in, trustworthy power rows out."""
+    """The program `acqd`."""

@@ -9,15 +9,13 @@ import orjson
 import typer
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
+from acqd.cli.findings_table import findings_table
 from acqd.cli.options import ConfigFile, Json, configured
 from acqd.cli.phasor_diagram import print_wiring
 from acqd.daemon.config import Config
 from acqd.daemon.finding import Finding
 from acqd.daemon.health.runbook import entry_for
-
-_COLOUR = {"ok": "green", "warn": "yellow", "fail": "red"}
 
 
 def doctor(
@@ -45,14 +43,8 @@ def doctor(
     if json:
         print(orjson.dumps([asdict(finding) | {"runbook": _link(finding)} for finding in findings]).decode())
     else:
-        table = Table("check", "")
-        for name in ("finding", "what to do"):
-            table.add_column(name, overflow="fold")  # a port or a path is never cut
-        for finding in findings:
-            shown = f"[{_COLOUR[finding.state]}]{finding.state}[/]"
-            table.add_row(finding.check, shown, escape(finding.finding), escape(finding.advice))
         console = Console()
-        console.print(table)
+        console.print(findings_table(findings))
         for finding in findings:
             _advise(console, finding)
     if any(finding.state == "fail" for finding in findings):

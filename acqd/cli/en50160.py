@@ -22,13 +22,17 @@ if TYPE_CHECKING:
     from acqd.en50160.statistics import EventClass, Statistic
 
 
+_LONGEST = timedelta(days=366)
+
+
 def en50160(
     declared_voltage: Annotated[float, typer.Option(min=1, max=1e6, help="Un in V: 100 % of the limits.")],
     device: Annotated[str | None, typer.Option(help="Device; needed where the database has several.")] = None,
     begin: Annotated[
         str | None, typer.Option("--from", help="Start, UTC (default: seven days before the end).")
     ] = None,
-    days: Annotated[float, typer.Option(min=0.01, max=366, help="Length of the period.")] = 7.0,
+    to: Annotated[str | None, typer.Option(help="End, UTC, not included (default: --days after the start).")] = None,
+    days: Annotated[float, typer.Option(min=0.01, max=366, help="Length of the period without --from and --to.")] = 7.0,
     f_nominal: Annotated[float, typer.Option(help="50 or 60 Hz.")] = 50.0,
     out: Annotated[Path | None, typer.Option(help="HTML report with pictures.")] = None,
     config: ConfigFile = None,
@@ -50,8 +54,8 @@ def en50160(
     from acqd.storage.database import read_database
 
     engine = read_database(database or configured(config).sink.database)
-    start = _start(begin, days)
-    period = read_period(engine, _device(engine, device), start, start + timedelta(days=days))
+    start, end = _span(begin, to, days)
+    period = read_period(engine, _device(engine, device), start, end)
     statistics, events = statistics_of(period, declared_voltage, f_nominal), event_classes(period)
     if out is not None:
         from acqd.en50160.page import week_page
@@ -73,16 +77,28 @@ def en50160(
         raise typer.Exit(1)
 
 
-def _start(text: str | None, days: float) -> datetime:
-    if text is None:
+def _span(begin: str | None, to: str | None, days: float) -> tuple[datetime, datetime]:
+    """The period: between two times, or so many days after or before one of them, or before now. Raises UserError."""
+    length = timedelta(days=days)
+    if begin is not None:
+        start = _moment("--from", begin)
+        end = start + length if to is None else _moment("--to", to)
+    else:
         now = datetime.now(UTC)
-        return now.replace(minute=now.minute // 10 * 10, second=0, microsecond=0) - timedelta(days=days)
+        end = now.replace(minute=now.minute // 10 * 10, second=0, microsecond=0) if to is None else _moment("--to", to)
+        start = end - length
+    if not start < end <= start + _LONGEST:
+        raise UserError(f"--to {to!r}: expected a time up to {_LONGEST.days} days after the start, {start.isoformat()}")
+    return start, end
+
+
+def _moment(option: str, text: str) -> datetime:
     try:
         moment = datetime.fromisoformat(text)
     except ValueError:
-        raise UserError(f"--from {text!r}: expected a time like 2026-11-16 or 2026-11-16T00:00:00Z") from None
+        raise UserError(f"{option} {text!r}: expected a time like 2026-11-16 or 2026-11-16T00:00:00Z") from None
     if not 1971 <= moment.year < 2200:
-        raise UserError(f"--from {text!r}: expected a time between 1971 and 2199")
+        raise UserError(f"{option} {text!r}: expected a time between 1971 and 2199")
     return moment if moment.tzinfo else moment.replace(tzinfo=UTC)
 
 

@@ -25,7 +25,7 @@ def opcua(config: ConfigFile = None, host: Host = None, port: Port = None, json:
 
     # it warns of every client without encryption, and logs what we say better
     logging.getLogger("asyncua").setLevel(logging.CRITICAL)
-    settings = configured(config, host, port)
+    settings = configured(config, host, port, "bridge")
     server = OpcUaServer(settings.opcua)
     relay = Relay(settings.mqtt.address(), server, f"acqd-opcua-{socket.gethostname()}")
 

@@ -13,6 +13,7 @@ from acqd.errors import UserError
 
 if TYPE_CHECKING:  # most commands read no acqd.toml, and its models take a third of a second to build
     from acqd.daemon.config import Config
+    from acqd.daemon.mqtt_section import Service
     from acqd.telemetry.mqtt import BrokerAddress
 
 Json = Annotated[bool, typer.Option("--json", help="Machine-readable output on stdout.")]
@@ -49,8 +50,10 @@ def config_file(given: Path | None) -> Path | None:
     return path
 
 
-def configured(path: Path | None, host: str | None = None, port: int | None = None) -> Config:
-    """The configuration file, or the defaults, with host and port of the command line.
+def configured(
+    path: Path | None, host: str | None = None, port: int | None = None, service: Service = "daemon"
+) -> Config:
+    """The configuration file, or the defaults, with host and port of the command line and the user of `service`.
 
     A broker that the command line names gets no password of a file that it does not name.
     """
@@ -58,7 +61,7 @@ def configured(path: Path | None, host: str | None = None, port: int | None = No
 
     if host is None and port is None:
         path = config_file(path)
-    config = load_config(path) if path else Config()
+    config = load_config(path, service) if path else Config()
     if host is not None:
         config.mqtt.host = host
     if port is not None:
@@ -66,6 +69,6 @@ def configured(path: Path | None, host: str | None = None, port: int | None = No
     return config
 
 
-def broker_address(path: Path | None, host: str | None, port: int | None) -> BrokerAddress:
+def broker_address(path: Path | None, host: str | None, port: int | None, service: Service = "daemon") -> BrokerAddress:
     """How to reach the broker."""
-    return configured(path, host, port).mqtt.address()
+    return configured(path, host, port, service).mqtt.address()

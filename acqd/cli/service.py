@@ -1,25 +1,31 @@
-"""`acqd service`: services of systemd, installed and removed."""
+"""`acqd service`: services of systemd, installed, updated, backed up, restored and removed."""
 
 from __future__ import annotations
 
 import shutil
 import sys
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
 import orjson
 import typer
+from rich.console import Console
+from rich.table import Table
 
 from acqd.cli.options import Json
 from acqd.errors import UserError
-from acqd.installation.install import Root
 from acqd.installation.install import install as carry_out
 from acqd.installation.install import remove as undo
+from acqd.installation.install import update as refresh
 from acqd.installation.plan import SERVICES, Wanted, default_program
+from acqd.installation.root import Root
 from acqd.telemetry.topics import valid_device
 
 app = typer.Typer(help="The services of systemd.", no_args_is_help=True)
 _RootOption = Annotated[Path, typer.Option("--root", help="Folder with the files of another system.")]
+_ProgramOption = Annotated[str | None, typer.Option(help="Path of the command acqd (default: this one).")]
+_BackupFile = Annotated[Path, typer.Argument(metavar="FILE", help="Written by acqd service backup.")]
 
 
 @app.callback()
@@ -46,7 +52,7 @@ def install(
         bool | None,
         typer.Option("--broker/--no-broker", help="Passwords and access rules for mosquitto on this computer."),
     ] = None,
-    program: Annotated[str | None, typer.Option(help="Path of the command acqd (default: this one).")] = None,
+    program: _ProgramOption = None,
     start: Annotated[bool, typer.Option(help="Enable and start the services.")] = True,
     root: _RootOption = Path("/"),
     json: Json = False,
@@ -62,11 +68,115 @@ def install(
         chosen = tuple(SERVICES)
     if device is not None and not valid_device(device):
         raise UserError(f"--device {device!r}: expected letters, digits, . _ -")
-    path = program or default_program(shutil.which(sys.argv[0]) or sys.argv[0])
+    path = _program(program)
     system = Root(root)
     wanted = Wanted(path, chosen, device, tuple(rights or ()), archive, broker)
     carry_out(wanted, system, start=start)
     _report(system, json)
+
+
+@app.command()
+def status(root: _RootOption = Path("/"), json: Json = False) -> None:
+    """Show the installed services: do they run, since when, with which file and user; exit 1 when one does not run.
+
+    `acqd status` asks the services themselves how they are.
+
+    Example: acqd service status
+    """
+    from acqd.installation.state import states
+
+    found = states(Root(root))
+    if json:
+        print(orjson.dumps([asdict(one) | {"fine": one.fine} for one in found]).decode())
+    elif not found:
+        print(f"no service of acqd is installed below {root}")
+    else:
+        table = Table("service", "unit", "starts", "state", "configuration", "user at the broker")
+        for column in table.columns:
+            column.overflow = "fold"
+        for one in found:
+            state = f"{one.state}, {one.since}" if one.since else one.state
+            table.add_row(one.service, one.unit, "yes" if one.enabled else "no", state, one.configuration, one.user)
+        Console().print(table)
+    if not all(one.fine for one in found):
+        raise typer.Exit(1)
+
+
+@app.command()
+def update(program: _ProgramOption = None, root: _RootOption = Path("/"), json: Json = False) -> None:
+    """Bring units, rights and folders up to this version of acqd, and restart what runs.
+
+    Device, configuration, passwords and access rules stay.
+
+    Example: sudo acqd service update
+    """
+    system = Root(root)
+    refresh(_program(program), system)
+    _report(system, json)
+
+
+@app.command()
+def backup(
+    out: Annotated[
+        Path | None, typer.Option("--out", help="File to write (default: here, with computer and date).")
+    ] = None,
+    root: _RootOption = Path("/"),
+    json: Json = False,
+) -> None:
+    """Write configuration, passwords, certificates, spool, registers and SQLite databases into one file.
+
+    The services may run. The file holds passwords: only its owner may read it. Samples of the archive are not in it.
+
+    Example: sudo acqd service backup --out /mnt/backup/hall-3.tar.gz
+    """
+    from acqd.installation.backup import back_up, default_name
+
+    path = out or default_name()
+    manifest = back_up(Root(root), path)
+    size = path.stat().st_size
+    if json:
+        told = {"file": str(path), "bytes": size, "files": len(manifest.entries), "left_out": manifest.left_out}
+        print(orjson.dumps(told | {"databases": manifest.databases}).decode())
+        return
+    print(f"{path}: {len(manifest.entries)} files and folders, {size / 1e6:.1f} MB")
+    print(f"acqd service restore {path} --check reads it and compares")
+    print("".join(f"not in it: {one}\n" for one in manifest.left_out), end="")
+
+
+@app.command()
+def restore(
+    file: _BackupFile,
+    check: Annotated[bool, typer.Option("--check", help="Read and verify everything, and restore nothing.")] = False,
+    yes: Annotated[
+        bool, typer.Option("--yes", help="Stop what runs, and move what is there aside (*.before-DATE).")
+    ] = False,
+    program: _ProgramOption = None,
+    root: _RootOption = Path("/"),
+    json: Json = False,
+) -> None:
+    """Put a backup in place: verified first, complete or not at all. Refuses to replace anything without --yes.
+
+    Example: sudo acqd service restore /mnt/backup/hall-3.tar.gz --check
+    """
+    from acqd.installation.restore import restore as put_in_place
+    from acqd.installation.restore import verify
+
+    system = Root(root)
+    verified = verify(system, file) if check else put_in_place(system, file, _program(program), overwrite=yes)
+    manifest = verified.manifest
+    if json:
+        told: dict[str, object] = {"made": manifest.made, "computer": manifest.computer, "version": manifest.version}
+        told |= {"files": len(manifest.entries), "rows": verified.rows, "left_out": manifest.left_out}
+        print(orjson.dumps(told | {"done": system.done}).decode())
+        return
+    lines = [f"backup of {manifest.computer}, {manifest.made}: {len(manifest.entries)} files and folders"]
+    lines += [f"{path}: {rows} rows" for path, rows in verified.rows.items()]
+    lines += [f"not in it: {one}" for one in manifest.left_out]
+    lines += ["everything is as it was stored; nothing was restored"] if check else system.done
+    print("\n".join(lines))
+    if not check:
+        chosen = "".join(f" --with {name}" for name in manifest.services if name.startswith("bridge-"))
+        print(f"acqd service install{chosen} starts the services; acqd service status shows them")
 
 
 @app.command()
@@ -82,6 +192,11 @@ def remove(
     system = Root(root)
     undo(system, purge=purge)
     _report(system, json)
+
+
+def _program(given: str | None) -> str:
+    """The command acqd, as units name it."""
+    return given or default_program(shutil.which(sys.argv[0]) or sys.argv[0])
 
 
 def _report(system: Root, json: bool) -> None:

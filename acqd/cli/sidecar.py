@@ -52,7 +52,7 @@ def sidecar(
     from acqd.sidecar.worker import Worker
     from acqd.storage.database import open_database
 
-    settings = configured(config, host, port)
+    settings = configured(config, host, port, "sidecar")
     url = database or settings.sink.database
     logging.getLogger("watchfiles").setLevel(logging.WARNING)  # it logs every change
 

@@ -9,11 +9,12 @@ import sys
 import time
 from dataclasses import asdict, replace
 from datetime import UTC, datetime
+from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
 import orjson
 import typer
-from rich.progress import Progress
+from rich.progress import Progress, TaskID
 
 from acqd.cli import quarantine
 from acqd.cli.completeness_table import show_completeness
@@ -64,7 +65,7 @@ def sink(
     if embedded:
         die_with_parent()
     # `acqd run` hands its configuration over on stdin: other users can read arguments, and it holds passwords.
-    settings = Config.model_validate_json(sys.stdin.read()) if embedded else configured(config, host, port)
+    settings = Config.model_validate_json(sys.stdin.read()) if embedded else configured(config, host, port, "sink")
     engine = engine_for(database or settings.sink.database, impatient=True)
     prepared = False
     with contextlib.suppress(DatabaseAwayError):  # the sink says so, and retries
@@ -101,6 +102,10 @@ def sink(
     health.stop()
     if json or not embedded:
         _report(worker, json)
+
+
+def _advance(shown: Progress, bar: TaskID, done: float) -> None:
+    shown.update(bar, completed=done)
 
 
 def _report(worker: Sink, json: bool) -> None:
@@ -151,34 +156,39 @@ def maintain_command(
 
 @app.command("completeness")
 def completeness_command(
-    day: Annotated[str, typer.Option(help="YYYY-MM-DD, today or yesterday (UTC).")] = "yesterday",
+    day: Annotated[str | None, typer.Option(help="YYYY-MM-DD, today or yesterday (UTC; default).")] = None,
+    first: Annotated[str | None, typer.Option("--from", help="Several days: the first, as in --day.")] = None,
+    to: Annotated[str | None, typer.Option("--to", help="Several days: after the last (default: today).")] = None,
     device: Annotated[str | None, typer.Option(help="This device only.")] = None,
     config: ConfigFile = None,
     database: Database = None,
     json: Json = False,
 ) -> None:
-    """Report for one day which rows are stored, which are missing, and why; exit 1 when rows were lost.
+    """Report for one day, or several, which rows are stored, which are missing, and why; exit 1 when rows were lost.
 
     Rows in the spool of state_dir (default /var/lib/acqd) wait: run it on the daemon's computer.
 
     Example: acqd sink completeness --day yesterday --config /etc/acqd/acqd.toml
     """
-    from acqd.storage.completeness import completeness, day_of
+    from acqd.storage.completeness import completeness, days_between
     from acqd.storage.database import open_database
     from acqd.storage.gaps import Cause
     from acqd.storage.waiting import rows_in_spools, with_waiting
 
     settings = configured(config)
     now = datetime.now(UTC)
-    wanted = day_of(day, now)
+    wanted = days_between(day, first, to, now)
     engine = open_database(database or settings.sink.database, create=False)
     with Progress(console=terminal(stderr=True), transient=True) as shown:
-        bar = shown.add_task(f"rows of {wanted}", total=1.0)
-        report = completeness(engine, wanted, now, device, lambda done: shown.update(bar, completed=done))
+        report = []
+        for one_day in wanted:
+            bar = shown.add_task(f"rows of {one_day}", total=1.0)
+            report += completeness(engine, one_day, now, device, partial(_advance, shown, bar))
+            shown.remove_task(bar)
     if device is not None and not report:
-        raise UserError(f"--device {device!r}: the database has no rows of this device on {wanted} or before")
+        raise UserError(f"--device {device!r}: the database has no rows of this device on {wanted[-1]} or before")
     if not report:
-        raise OperationError(f"the database has no rows and no roll-ups until {wanted}: is it the right one?")
+        raise OperationError(f"the database has no rows and no roll-ups until {wanted[-1]}: is it the right one?")
     spools = settings.state_dir or SERVICES_STATE
     if any(gap.cause == Cause.lost for one in report for gap in one.gaps) and spools.is_dir():
         try:
@@ -188,6 +198,7 @@ def completeness_command(
     if json:
         print(orjson.dumps([asdict(one) | {"missing": one.missing} for one in report]).decode())
     else:
-        show_completeness(report, wanted.isoformat())
+        for one_day in wanted:
+            show_completeness([one for one in report if one.day == one_day.isoformat()], one_day.isoformat())
     if any(gap.cause == Cause.lost for one in report for gap in one.gaps):
         raise typer.Exit(1)

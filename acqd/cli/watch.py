@@ -40,7 +40,7 @@ def watch(
     """
     import aiomqtt
 
-    address = broker_address(config, host, port)
+    address = broker_address(config, host, port, "web")
     try:
         asyncio.run(_watch(address, duration, count, json))
     except aiomqtt.MqttError as error:
@@ -87,10 +87,18 @@ async def _rows(address: BrokerAddress, count: int | None) -> None:
                     if seen == count:
                         return
         except aiomqtt.MqttError as error:
+            _end_if_cancelled()
             if not connected:
                 raise
             print(f"acqd: broker {address}: {error}; trying again", file=sys.stderr)
             await asyncio.sleep(_RETRY_S)
+
+
+def _end_if_cancelled() -> None:
+    """Raises the CancelledError that aiomqtt has replaced: a cancelled connection may fail to disconnect."""
+    task = asyncio.current_task()
+    if task is not None and task.cancelling():
+        raise asyncio.CancelledError
 
 
 def _payloads(topic: str, payload: bytes) -> list[bytes]:
@@ -129,6 +137,7 @@ async def _until_lost(address: BrokerAddress, live: Live, watched: Watched, coun
                 if watched.summaries == count:
                     return True
     except aiomqtt.MqttError as error:
+        _end_if_cancelled()
         if not watched.was_connected:
             raise
         watched.lost(str(error))

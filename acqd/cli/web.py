@@ -44,7 +44,7 @@ def web(
     if embedded:
         die_with_parent()
     # `acqd run` hands its configuration over on stdin, as to the sink
-    chosen = Config.model_validate_json(sys.stdin.read()) if embedded else configured(config, host, port)
+    chosen = Config.model_validate_json(sys.stdin.read()) if embedded else configured(config, host, port, "web")
     given = {"host": listen, "port": web_port, "token": token}
     section = chosen.web.model_copy(update={name: value for name, value in given.items() if value is not None})
     check_port(section.host, section.port, "page")

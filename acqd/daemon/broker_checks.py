@@ -30,7 +30,7 @@ def broker_checks(config: Config) -> Iterator[Finding]:
         return
     yield from _secrets(config)
     try:
-        address = config.mqtt.address()
+        address = config.mqtt.address(warn=False)
         tls = address.tls_context()
     except UserError as error:
         yield Finding("broker", "fail", str(error), "see [mqtt] in the configuration")
@@ -46,15 +46,28 @@ def broker_checks(config: Config) -> Iterator[Finding]:
     if address.tls and (why := _of_server(address)):
         yield Finding("certificates", "warn", f"of the broker: {why}", "make another one on the broker's computer")
     yield _login(config, address, tls)
+    yield from _other_logins(config)
     if is_loopback(address.host) and not config.broker.embedded:
         yield from _delay()
 
 
 def _secrets(config: Config) -> Iterator[Finding]:
-    for key in ("password_file", "key_file"):
-        path: Path | None = getattr(config.mqtt, key)
-        if path is not None and path.is_file() and path.stat().st_mode & _OPEN_TO_ALL:
-            yield Finding("secrets", "warn", f"every user may open mqtt.{key}", "chmod o= it, or use LoadCredential")
+    logins = {"mqtt": config.mqtt} | {f"mqtt.{name}": config.mqtt.of(name) for name in config.mqtt.users}
+    for name, login in logins.items():
+        for key in ("password_file", "key_file"):
+            path: Path | None = getattr(login, key)
+            if path is not None and path.is_file() and path.stat().st_mode & _OPEN_TO_ALL:
+                yield Finding("secrets", "warn", f"every user may open {name}.{key}", "chmod o= it, or LoadCredential")
+
+
+def _other_logins(config: Config) -> Iterator[Finding]:
+    """The other services of this computer, each with its user."""
+    for service in config.mqtt.users.keys() - config.mqtt.without_password:
+        try:
+            address = config.mqtt.of(service).address(warn=False)
+            yield _login(config, address, address.tls_context())
+        except UserError as error:
+            yield Finding("broker", "fail", f"mqtt.{service}: {error}", "see [mqtt] in the configuration")
 
 
 def _login(config: Config, address: BrokerAddress, tls: ssl.SSLContext | None) -> Finding:

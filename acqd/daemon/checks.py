@@ -36,7 +36,7 @@ def all_checks(config: Config) -> list[Finding]:
         *compiled_c(),
         *(finding for source in config.sources for finding in source_checks(source)),
         *broker_checks(config),
-        _database(config),
+        database_check(config),
         _disk(config),
         *spool_checks(config),
         *archive_checks(config),
@@ -69,7 +69,8 @@ def _clock() -> Iterator[Finding]:
     )
 
 
-def _database(config: Config) -> Finding:
+def database_check(config: Config) -> Finding:
+    """Whether the database can be used."""
     from acqd.storage.inspect import inspect_database  # SQLAlchemy is slow to import: only when needed
 
     database = config.sink.database

@@ -25,7 +25,7 @@ from acqd.daemon.homeassistant_section import HomeAssistantSection
 from acqd.daemon.influx_section import InfluxSection
 from acqd.daemon.instance import name_of_host
 from acqd.daemon.modbus_sections import MetersSection
-from acqd.daemon.mqtt_section import MqttSection
+from acqd.daemon.mqtt_section import MqttSection, Service
 from acqd.daemon.opcua_section import OpcUaSection
 from acqd.daemon.quality_section import QualitySection
 from acqd.daemon.registers_section import RegistersSection
@@ -235,10 +235,24 @@ def _boxes(tables: list[Any]) -> list[Any]:
     ]
 
 
-def load_config(path: Path) -> Config:
-    """Read and check a configuration file. Raises InputError with one line per mistake."""
+def load_config(path: Path, service: Service = "daemon") -> Config:
+    """Read and check a configuration file, which logs in at the broker as `service` does.
+
+    Raises InputError with one line per mistake.
+    """
+    config = parsed_config(read_toml(path), path)
+    state = os.environ.get("STATE_DIRECTORY")
+    if config.state_dir is None and state:
+        config.state_dir = Path(state)
+    as_installed(config, path)
+    config.mqtt = config.mqtt.of(service)
+    return config
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """The tables of a file. Raises InputError."""
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
         raise InputError(path, "no such file; config/acqd.toml in the source tree is a complete example") from None
     except (OSError, UnicodeDecodeError) as error:
@@ -246,20 +260,19 @@ def load_config(path: Path) -> Config:
     except (ValueError, RecursionError) as error:  # ValueError: also numbers of more than 4300 digits
         hint = "; several sources are all written as [[source]]" if "'source'" in str(error) else ""
         raise InputError(path, f"is not valid TOML: {error}{hint}") from None
+
+
+def parsed_config(data: dict[str, Any], path: Path) -> Config:
+    """The configuration that tables mean; `path` is named by messages. Raises InputError with one line per mistake."""
     if "boxes" in data:
         raise InputError(path, "unknown key boxes; several sources are written as [[source]] tables")
     data, notes = without_effect(data)
     for note in notes:
         _log.warning("%s: %s", path, note)
     try:
-        config = Config.model_validate(data)
+        return Config.model_validate(data)
     except ValidationError as error:
         raise InputError(path, "; ".join(_complaint(fault) for fault in error.errors())) from None
-    state = os.environ.get("STATE_DIRECTORY")
-    if config.state_dir is None and state:
-        config.state_dir = Path(state)
-    as_installed(config, path)
-    return config
 
 
 def _complaint(fault: Any) -> str:
@@ -294,7 +307,7 @@ def _complaint(fault: Any) -> str:
 def _got(key: str, value: Any) -> str:
     """What the file says instead, unless that may be a secret: a password, or anything in the place of a section."""
     name = key.rpartition(".")[2]
-    plain = isinstance(value, (str, int, float)) and "." in key and name not in _SECRET
+    plain = isinstance(value, (str, int, float)) and "." in key and name not in SECRET
     shown = str(value).lower() if isinstance(value, bool) else f"{value!r:.60}"  # as TOML writes it
     return f" (got {shown})" if plain or (key in ("device", "state_dir") and isinstance(value, str)) else ""
 
@@ -305,7 +318,8 @@ _KINDS: dict[str, type[Section]] = {
 
 
 _CORRECTIONS = [f"source.correction.{name}" for name in CorrectionSection.model_fields]
-_SECRET = {"password", "password_file", "database", "username", "token", "url", "webhooks", "smtp_password"}
+SECRET = {"password", "password_file", "database", "username", "token", "url", "webhooks", "smtp_password"}
+"""Keys whose values are not shown."""
 _NET_ID = "expected six numbers like 5.12.34.56.1.1"
 _EXPECTED = {
     "source.ams_net_id": _NET_ID,

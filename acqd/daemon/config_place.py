@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from acqd.daemon.mqtt_section import USERS, BrokerUser, MqttSection, in_credentials
+
 if TYPE_CHECKING:
     from acqd.daemon.config import Config
+
+_log = logging.getLogger(__name__)
 
 PLACES = (Path("acqd.toml"), Path("/etc/acqd/acqd.toml"))
 """Where a command without --config looks, in this order."""
 SERVICES_STATE = Path("/var/lib/acqd")
 """State folder of the installed services (`StateDirectory=acqd`)."""
-_CREDENTIAL = Path("$CREDENTIALS_DIRECTORY/mqtt.password")
 
 
 def found_config() -> tuple[Path | None, str]:
@@ -40,6 +44,8 @@ def as_installed(config: Config, path: Path) -> None:
     folder = path.absolute().parent
     if folder.parts[-2:] != ("etc", "acqd"):
         return
+    if path.stem in USERS and not path.is_symlink():
+        _log.warning("%s is of an earlier version: acqd config upgrade merges it into acqd.toml", path)
     state = folder.parents[1] / SERVICES_STATE.relative_to("/")
     by_hand = "STATE_DIRECTORY" not in os.environ
     if by_hand and config.state_dir is None and _exists(state):
@@ -47,9 +53,28 @@ def as_installed(config: Config, path: Path) -> None:
     database = config.sink.database
     if by_hand and "://" not in database and not Path(database).is_absolute():
         config.sink.database = str(state / database)
-    secret = folder / f"{config.mqtt.username}.password"
-    if "CREDENTIALS_DIRECTORY" not in os.environ and config.mqtt.password_file == _CREDENTIAL and _exists(secret):
-        config.mqtt.password_file = secret
+    if "CREDENTIALS_DIRECTORY" not in os.environ:
+        shared = config.mqtt.password_file
+        for user in config.mqtt.users.values():
+            if user.password is None and user.password_file is None:
+                user.password_file = shared  # another file for every user
+        logins: list[MqttSection | BrokerUser] = [config.mqtt, *config.mqtt.users.values()]
+        for login in logins:
+            _find_credentials(login, folder)
+
+
+def _find_credentials(login: MqttSection | BrokerUser, folder: Path) -> None:
+    """Replace what systemd would pass by the files that it reads: USER.password, and others by their name."""
+    password = login.password_file
+    if password is not None and in_credentials(password):
+        for name in (f"{login.username}.password", password.name):
+            if _exists(folder / name):
+                login.password_file = folder / name
+                break
+    for key in ("cert_file", "key_file"):
+        path = getattr(login, key)
+        if path is not None and in_credentials(path) and _exists(folder / path.name):
+            setattr(login, key, folder / path.name)
 
 
 def _exists(path: Path) -> bool:

@@ -16,8 +16,29 @@ from acqd.section import FileName, Section
 from acqd.telemetry.mqtt import BrokerAddress
 
 _log = logging.getLogger(__name__)
+Service = Literal["daemon", "sink", "sidecar", "web", "bridge", "operator"]
+"""Who logs in at the broker: the daemon with the user of [mqtt], everybody else with a user of [mqtt] or the same."""
+USERS: tuple[Service, ...] = ("sink", "sidecar", "web", "bridge", "operator")
+"""Keys of [mqtt] that are users."""
 _CREDENTIALS = "$CREDENTIALS_DIRECTORY"
 """Folder of systemd's LoadCredential, at the beginning of a path."""
+
+
+class BrokerUser(Section):
+    """The user of one service at the broker, where the broker knows the service by another name than the daemon."""
+
+    username: str
+    password: str | None = Field(default=None, repr=False)
+    password_file: FileName | None = None
+    cert_file: FileName | None = None
+    key_file: FileName | None = None
+
+    @model_validator(mode="after")
+    def _not_contradictory(self) -> BrokerUser:
+        _one_password(self)
+        if (self.cert_file is None) != (self.key_file is None):
+            raise ValueError("a client certificate needs cert_file and key_file")
+        return self
 
 
 class MqttSection(Section):
@@ -36,6 +57,14 @@ class MqttSection(Section):
     ca_file: FileName | None = None
     cert_file: FileName | None = None
     key_file: FileName | None = None
+    sink: BrokerUser | None = None
+    sidecar: BrokerUser | None = None
+    web: BrokerUser | None = None
+    """Also of `acqd watch`."""
+    bridge: BrokerUser | None = None
+    """Of all bridges, the OPC UA server and the alarms."""
+    operator: BrokerUser | None = None
+    """Of a person who acknowledges alarms."""
     queue: Annotated[int, Field(ge=100, le=10_000_000)] | None = None
     """Without effect since rows wait in the spool; kept so that older files are still read."""
 
@@ -46,9 +75,37 @@ class MqttSection(Section):
             raise ValueError(f"tls is false, but {named[0]} is set: delete one of the two")
         if self.key_file is not None and self.cert_file is None:
             raise ValueError("key_file is set without cert_file: a client certificate needs both")
-        if self.password is not None and self.password_file is not None:
-            raise ValueError("password and password_file are set: delete one of the two")
+        _one_password(self)
+        own = self.password is not None or (self.password_file is not None and not in_credentials(self.password_file))
+        for service, user in self.users.items():
+            if own and user.password is None and user.password_file is None and user.username != self.username:
+                raise ValueError(
+                    f"{service}.username is set without {service}.password_file: the password of [mqtt] is another's"
+                )
         return self
+
+    @property
+    def users(self) -> dict[Service, BrokerUser]:
+        """Services that have a user besides the daemon's."""
+        return {name: user for name in USERS if (user := getattr(self, name)) is not None}
+
+    @property
+    def without_password(self) -> list[Service]:
+        """Services whose password systemd would pass, outside of a unit and without its file: they are not here."""
+        if _CREDENTIALS[1:] in os.environ:
+            return []
+        files = {name: self.of(name).password_file for name in self.users}
+        return [name for name, path in files.items() if path is not None and in_credentials(path)]
+
+    def of(self, service: Service) -> MqttSection:
+        """The section as one service uses it: with the service's user, password and client certificate."""
+        user = self.users.get(service)
+        if user is None:
+            return self
+        changed = user.model_dump(exclude_none=True)
+        if user.password is not None or user.password_file is not None:
+            changed = dict.fromkeys(("password", "password_file")) | changed
+        return self.model_copy(update=changed)
 
     @property
     def uses_tls(self) -> bool:
@@ -65,19 +122,29 @@ class MqttSection(Section):
                     found.append(path)
         return found
 
-    def address(self) -> BrokerAddress:
-        """Where and how to connect. Raises UserError for an unreadable password file."""
+    def address(self, *, warn: bool = True) -> BrokerAddress:
+        """Where and how to connect; `warn`: of a password in clear text. Raises UserError for an unreadable file."""
         password = self.password if self.password_file is None else _secret(self.password_file)
         files = {name: _expanded(name, getattr(self, name)) for name in ("ca_file", "cert_file", "key_file")}
         address = BrokerAddress(self.host, self.port, self.username, password, self.uses_tls, **files)
-        if address.exposes_password:
+        if warn and address.exposes_password:
             _log.warning("the password goes to %s in clear text; set tls = true in [mqtt]", self.host)
         return address
 
 
+def in_credentials(path: Path) -> bool:
+    """Whether systemd passes the file to its unit."""
+    return path.parts[:1] == (_CREDENTIALS,)
+
+
+def _one_password(section: MqttSection | BrokerUser) -> None:
+    if section.password is not None and section.password_file is not None:
+        raise ValueError("password and password_file are set: delete one of the two")
+
+
 def _expanded(key: str, path: Path | None) -> Path | None:
     """A path below $CREDENTIALS_DIRECTORY as a real one. Raises UserError without that folder."""
-    if path is None or path.parts[:1] != (_CREDENTIALS,):
+    if path is None or not in_credentials(path):
         return path
     folder = os.environ.get(_CREDENTIALS[1:])
     if folder is None:

@@ -9,7 +9,8 @@ import secrets
 
 from acqd.installation.shared_files import shared_text
 
-SINK, SIDECAR, BRIDGE, VIEWER = "acqd-sink", "acqd-sidecar", "acqd-bridge", "viewer"
+SINK, SIDECAR, BRIDGE = "acqd-sink", "acqd-sidecar", "acqd-bridge"
+VIEWER, OPERATOR = "viewer", "operator"
 _ITERATIONS = 101  # mosquitto's
 
 

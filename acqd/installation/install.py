@@ -2,91 +2,19 @@
 
 from __future__ import annotations
 
-import os
 import shutil
-import subprocess
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import replace
-from pathlib import Path
 
 from acqd.errors import OperationError, UserError
-from acqd.installation.broker_access import VIEWER, new_password, with_passwords
+from acqd.installation.broker_access import new_password, with_passwords
 from acqd.installation.plan import SERVICES, File, Wanted, files_of, users_of
-from acqd.installation.present import kept, present_in, to_start
+from acqd.installation.present import Present, kept, present_in, to_start
+from acqd.installation.root import Root
 
 _PASSWORDS = "/etc/mosquitto/acqd.passwords"
 _TIMER_STAMP = "/var/lib/systemd/timers/stamp-acqd-maintain.timer"
 _DATA = ("/etc/acqd", "/var/lib/acqd", "/var/cache/acqd")
-
-
-class Root:
-    """The system that is changed: this computer, or a folder that holds the files of another one."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self.live = folder == Path("/")
-        self.done: list[str] = []
-        """What was changed, in words."""
-
-    def at(self, path: str) -> Path:
-        """An absolute path below the root."""
-        return self.folder / path.lstrip("/")
-
-    def run(self, *command: str, needed: bool = True) -> None:
-        """Run a program of the system. Raises UserError without the program, OperationError when it fails."""
-        if shutil.which(command[0]) is None:
-            if needed:
-                raise UserError(f"{command[0]} is not here: acqd service needs systemd and its tools")
-            return
-        result = subprocess.run(command, capture_output=True, text=True, check=False)
-        if result.returncode and needed:
-            reason = (result.stderr.strip().splitlines() or ["failed"])[-1]
-            raise OperationError(f"{' '.join(command)}: {reason}")
-
-    def succeeds(self, *command: str) -> bool:
-        """Run a program of the system, and say whether it ended with 0."""
-        return subprocess.run(command, capture_output=True, check=False).returncode == 0
-
-    def rooted(self, program: str, *arguments: str) -> None:
-        """Run systemd-sysusers or systemd-tmpfiles on this root."""
-        self.run(program, *([] if self.live else [f"--root={self.folder}"]), *arguments)
-
-    def write(self, file: File) -> None:
-        """Write a file unless it is there as wanted, or is to be kept."""
-        path = self.at(file.path)
-        if path.exists() and (file.keep or path.read_text(encoding="utf-8") == file.text):
-            if file.path.endswith(".acl") and path.read_text(encoding="utf-8") != file.text:
-                self.done.append(f"kept {file.path}, which differs from the rules of this version: compare them")
-            return
-        path.parent.mkdir(parents=True, exist_ok=True)
-        new = path.with_name(f".{path.name}.new")
-        with open(os.open(new, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w", encoding="utf-8") as out:
-            out.write(file.text)
-        group = self.group(file.group)
-        if group is not None:
-            os.chown(new, 0, group)
-        new.chmod(file.mode)
-        new.replace(path)
-        self.done.append(f"wrote {file.path}")
-
-    def group(self, name: str) -> int | None:
-        """Number of a group of this root; None for one that it has not."""
-        with suppress(OSError):
-            for line in self.at("/etc/group").read_text(encoding="utf-8").splitlines():
-                if line.startswith(f"{name}:"):
-                    return int(line.split(":")[2])
-        return None
-
-    def remove(self, path: str) -> None:
-        """Delete a file, and its folder of drop-ins when that is empty then."""
-        target = self.at(path)
-        if target.exists():
-            target.unlink()
-            self.done.append(f"removed {path}")
-        if target.parent.name.endswith(".d"):
-            with suppress(OSError):
-                target.parent.rmdir()
 
 
 def install(wanted: Wanted, root: Root, *, start: bool) -> None:
@@ -95,28 +23,71 @@ def install(wanted: Wanted, root: Root, *, start: bool) -> None:
     What a person may have edited stays as it is: configuration, passwords and access rules. So do the device, services,
     rights and folders that are installed. Raises UserError, OperationError.
     """
-    _require_rights(root)
+    root.require_rights()
     present = present_in(root.at)
-    started = to_start(wanted, present)
-    wanted = kept(wanted, present)
-    if wanted.broker and root.group("mosquitto") is None:
-        raise UserError("mosquitto is not installed: apt-get install mosquitto, or --no-broker for a broker elsewhere")
+    _carry_out(kept(wanted, present), present, root)
+    if root.live and start:
+        reload(root)
+        _start(_started(to_start(wanted, present)), root)
+
+
+def update(program: str, root: Root) -> None:
+    """Units, rights and folders of this version for what is installed; what runs is restarted.
+
+    Device, credentials and configuration stay. Raises UserError where nothing is installed, OperationError.
+    """
+    root.require_rights()
+    present = present_in(root.at)
+    if not present.services:
+        raise UserError(f"no service of acqd is installed below {root.folder}; acqd service install is the first step")
+    units = running(root, present.services)
+    _carry_out(kept(Wanted(program), present), present, root)
+    if root.live:
+        reload(root)
+    for unit in units:
+        root.run("systemctl", "restart", unit)
+        root.done.append(f"restarted {unit}")
+
+
+def _carry_out(wanted: Wanted, present: Present, root: Root) -> None:
+    """Write what is wanted."""
+    if wanted.broker:
+        require_broker(root)
     wanted = replace(wanted, passwords=_missing_passwords(wanted, root))
-    made = files_of(wanted)
-    first = [file for file in made if file.path.startswith(("/etc/sysusers.d", "/etc/tmpfiles.d"))]
-    for file in first:
-        root.write(file)
-    root.rooted("systemd-sysusers", "acqd.conf")
-    root.rooted("systemd-tmpfiles", "--create", "acqd.conf")
-    for file in made:
+    make_user(wanted, root)
+    for file in files_of(wanted):
         root.write(file)
     if wanted.broker:
         _write_passwords(wanted, root)
-    if root.live and start:
-        root.run("systemctl", "daemon-reload")
-        if wanted.broker:
-            root.run("systemctl", "restart", "mosquitto.service", needed=False)
-        _start(_started(started), root)
+    for name in present.links:  # an upgraded configuration keeps these names for units of an earlier version
+        root.remove(f"/etc/acqd/{name}.toml")
+
+
+def make_user(wanted: Wanted, root: Root) -> None:
+    """The user acqd and the folders."""
+    for file in files_of(wanted):
+        if file.path.startswith(("/etc/sysusers.d", "/etc/tmpfiles.d")):
+            root.write(file)
+    root.rooted("systemd-sysusers", "acqd.conf")
+    root.rooted("systemd-tmpfiles", "--create", "acqd.conf")
+
+
+def require_broker(root: Root) -> None:
+    """Raises UserError where there is no mosquitto whose users could be made."""
+    if root.group("mosquitto") is None:
+        raise UserError("mosquitto is not installed: apt-get install mosquitto, or --no-broker for a broker elsewhere")
+
+
+def running(root: Root, services: Sequence[str]) -> list[str]:
+    """Units of services that run now."""
+    return [unit for unit in _started(services) if root.active(unit)]
+
+
+def reload(root: Root) -> None:
+    """Have systemd and the broker read what has changed."""
+    root.run("systemctl", "daemon-reload")
+    if root.at(_PASSWORDS).exists():
+        root.run("systemctl", "restart", "mosquitto.service", needed=False)
 
 
 def remove(root: Root, *, purge: bool) -> None:
@@ -124,7 +95,7 @@ def remove(root: Root, *, purge: bool) -> None:
 
     Raises UserError, OperationError.
     """
-    _require_rights(root)
+    root.require_rights()
     _stop(root)
     wanted = Wanted("acqd", tuple(SERVICES), drop_ins=("raw-network", "serial"), archive="/anywhere", broker=True)
     for file in reversed(files_of(wanted)):
@@ -181,19 +152,11 @@ def _start(units: Sequence[str], root: Root) -> None:
         )
 
 
-def _require_rights(root: Root) -> None:
-    if os.geteuid() != 0:
-        raise UserError("acqd service changes users and system files: run it with sudo")
-    if not root.folder.is_dir():
-        raise UserError(f"{root.folder} is not a folder; choose another --root")
-
-
 def _missing_passwords(wanted: Wanted, root: Root) -> dict[str, str]:
     """New passwords of users of the broker that have none yet."""
     if not wanted.broker:
         return {}
-    users = [*users_of(wanted), VIEWER]
-    return {user: new_password() for user in users if not root.at(f"/etc/acqd/{user}.password").exists()}
+    return {user: new_password() for user in users_of(wanted) if not root.at(f"/etc/acqd/{user}.password").exists()}
 
 
 def _write_passwords(wanted: Wanted, root: Root) -> None:
@@ -201,6 +164,6 @@ def _write_passwords(wanted: Wanted, root: Root) -> None:
     path = root.at(_PASSWORDS)
     lines = path.read_text(encoding="utf-8") if path.exists() else ""
     others = [line for line in lines.splitlines() if line.partition(":")[0] not in wanted.passwords]
-    files = {user: root.at(f"/etc/acqd/{user}.password") for user in (*users_of(wanted), VIEWER)}
+    files = {user: root.at(f"/etc/acqd/{user}.password") for user in users_of(wanted)}
     passwords = {user: file.read_text(encoding="utf-8").strip() for user, file in files.items()}
     root.write(File(_PASSWORDS, with_passwords("\n".join(others), passwords), 0o640, "mosquitto"))

@@ -8,7 +8,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from acqd.errors import UserError
-from acqd.installation.broker_access import BRIDGE, SIDECAR, SINK, VIEWER, broker_configuration
+from acqd.installation.broker_access import BRIDGE, OPERATOR, SIDECAR, SINK, VIEWER, broker_configuration
 from acqd.installation.shared_files import shared_text
 
 
@@ -19,26 +19,27 @@ class Service:
     units: tuple[str, ...]
     enabled: str
     """The unit that is enabled and started."""
-    toml: str
-    """Name of its configuration in /etc/acqd."""
-    user: str | None = None
-    """The broker's user; None: the device."""
+    login: str
+    """Key of [mqtt] in acqd.toml with its user at the broker; daemon: [mqtt] itself."""
 
 
 def _bridge(kind: str) -> Service:
-    return Service(("acqd-bridge@.service",), f"acqd-bridge@{kind}.service", "bridge", BRIDGE)
+    return Service(("acqd-bridge@.service",), f"acqd-bridge@{kind}.service", "bridge")
 
 
 SERVICES = {
-    "daemon": Service(("acqd.service",), "acqd.service", "acqd"),
-    "sink": Service(("acqd-sink.service",), "acqd-sink.service", "sink", SINK),
-    "maintain": Service(("acqd-maintain.service", "acqd-maintain.timer"), "acqd-maintain.timer", "sink", SINK),
-    "sidecar": Service(("acqd-sidecar.service",), "acqd-sidecar.service", "sidecar", SIDECAR),
-    "web": Service(("acqd-web.service",), "acqd-web.service", "web", VIEWER),
-    "alarms": Service(("acqd-alarms.service",), "acqd-alarms.service", "bridge", BRIDGE),
-    "opcua": Service(("acqd-opcua.service",), "acqd-opcua.service", "bridge", BRIDGE),
+    "daemon": Service(("acqd.service",), "acqd.service", "daemon"),
+    "sink": Service(("acqd-sink.service",), "acqd-sink.service", "sink"),
+    "maintain": Service(("acqd-maintain.service", "acqd-maintain.timer"), "acqd-maintain.timer", "sink"),
+    "sidecar": Service(("acqd-sidecar.service",), "acqd-sidecar.service", "sidecar"),
+    "web": Service(("acqd-web.service",), "acqd-web.service", "web"),
+    "alarms": Service(("acqd-alarms.service",), "acqd-alarms.service", "bridge"),
+    "opcua": Service(("acqd-opcua.service",), "acqd-opcua.service", "bridge"),
     **{f"bridge-{kind}": _bridge(kind) for kind in ("homeassistant", "influx", "plain", "sparkplug")},
 }
+LOGINS = {"sink": SINK, "sidecar": SIDECAR, "web": VIEWER, "bridge": BRIDGE, "operator": OPERATOR}
+"""Users at the broker besides the device, by key of [mqtt]."""
+CONFIGURATION = "/etc/acqd/acqd.toml"
 DEFAULT_SERVICES = ("daemon", "sink", "maintain")
 _DROP_INS = {"raw-network": "acqd-raw-network.conf", "serial": "acqd-serial.conf"}
 _SYSUSERS = 'u acqd - "acqd power metering" /var/lib/acqd /usr/sbin/nologin\n'
@@ -78,6 +79,8 @@ class Wanted:
     """Folder for samples outside of the state folder, absolute; the daemon keeps them then."""
     broker: bool | None = None
     """Passwords and access rules for a mosquitto on this computer; None: as installed, at first with them."""
+    earlier: tuple[str, ...] = ()
+    """Logins whose services have a configuration file of that name, as an earlier version wrote them."""
     passwords: dict[str, str] = field(default_factory=dict, repr=False)
     """New passwords by user of the broker."""
 
@@ -111,31 +114,43 @@ def files_of(wanted: Wanted) -> list[File]:
             File(f"/etc/acqd/{user}.password", f"{password}\n", 0o600, keep=True)
             for user, password in wanted.passwords.items()
         ]
-    return list({file.path: file for file in made}.values())  # maintenance shares the sink's configuration
+    return list({file.path: file for file in made}.values())  # services share the configuration
 
 
 def users_of(wanted: Wanted) -> list[str]:
-    """Users of the broker that the services need."""
-    return list(dict.fromkeys(user_of(wanted, service) for service in wanted.services))
+    """Users of the broker: of the services, and of people who look and acknowledge."""
+    return list(dict.fromkeys([*(user_of(wanted, service) for service in wanted.services), VIEWER, OPERATOR]))
 
 
 def user_of(wanted: Wanted, service: str) -> str:
     """The broker's user of a service: the device's name, or one that is common to all devices."""
-    return SERVICES[service].user or wanted.device or "box"
+    return LOGINS.get(SERVICES[service].login) or wanted.device or "box"
+
+
+def configuration_of(login: str, earlier: tuple[str, ...]) -> str:
+    """The configuration file of services with this login: the common one, or one of an earlier version."""
+    return f"/etc/acqd/{login}.toml" if login in earlier else CONFIGURATION
 
 
 def _service_files(wanted: Wanted, service: str) -> list[File]:
-    user, toml = user_of(wanted, service), SERVICES[service].toml
-    config = configuration(user if wanted.broker else None, wanted.device or "box", wanted.archive)
-    made = [File(f"/etc/acqd/{toml}.toml", config, 0o640, "acqd", keep=True)]
+    path = configuration_of(SERVICES[service].login, wanted.earlier)
+    made = [
+        File(
+            path,
+            configuration(wanted.device or "box", wanted.archive, users=bool(wanted.broker)),
+            0o640,
+            "acqd",
+            keep=True,
+        )
+    ]
     for unit in SERVICES[service].units:
         text = shared_text(f"systemd/{unit}").replace("/opt/acqd/.venv/bin/acqd", wanted.program)
-        text = text.replace("/etc/acqd/acqd.toml", f"/etc/acqd/{toml}.toml")
+        text = text.replace(CONFIGURATION, path)
         text = re.sub(r"^(Documentation=file:|# Installed by hand:).*\n", "", text, flags=re.MULTILINE)
         made.append(File(f"/etc/systemd/system/{unit}", text))
         if wanted.broker and unit.endswith(".service"):
             drop_in = f"/etc/systemd/system/{unit}.d/password.conf"
-            made.append(File(drop_in, _CREDENTIAL.format(user=user)))
+            made.append(File(drop_in, _CREDENTIAL.format(user=user_of(wanted, service))))
     return made
 
 
@@ -147,16 +162,18 @@ def _check_archive(folder: str) -> None:
         raise UserError(f"--archive {folder}: the service does not see {', '.join(_HIDDEN)}; choose another folder")
 
 
-def configuration(user: str | None, device: str, archive: str | None = None) -> str:
-    """acqd.toml with every key; with the user of the broker, where the password is, and where samples are kept."""
+def configuration(device: str, archive: str | None = None, *, users: bool) -> str:
+    """acqd.toml with every key; with the users of the broker, where passwords are, and where samples are kept."""
     text = files("acqd.daemon").joinpath("acqd.toml").read_text(encoding="utf-8")
     text = re.sub(r'^(# )?device = "[^"]*"', f'device = "{device}"', text, count=1, flags=re.MULTILINE)
     if archive is not None:
         text = re.sub(r"^(\[archive\].*\n)enabled = false", r"\1enabled = true", text, count=1, flags=re.MULTILINE)
         text = re.sub(r'^# folder = "[^"]*"', f'folder = "{archive}"', text, count=1, flags=re.MULTILINE)
-    if user is None:
+    if not users:
         return text
-    text = re.sub(r'^# username = "[^"]*"', f'username = "{user}"', text, count=1, flags=re.MULTILINE)
+    text = re.sub(r'^# username = "[^"]*"', f'username = "{device}"', text, count=1, flags=re.MULTILINE)
+    for login, user in LOGINS.items():
+        text = re.sub(rf"^# {login} = {{.*}}", f'{login} = {{ username = "{user}" }}', text, flags=re.MULTILINE)
     return re.sub(r"^# (password_file = .*)", r"\1", text, count=1, flags=re.MULTILINE)
 
 

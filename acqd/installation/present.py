@@ -10,10 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from acqd.errors import InputError, UserError
-from acqd.installation.plan import DEFAULT_SERVICES, SERVICES, Wanted
+from acqd.installation.plan import CONFIGURATION, DEFAULT_SERVICES, LOGINS, SERVICES, Wanted
 
 _UNITS = "/etc/systemd/system"
-_DAEMON = "/etc/acqd/acqd.toml"
 _DROP_INS = f"{_UNITS}/acqd.service.d"
 _CREDENTIAL = "$CREDENTIALS_DIRECTORY/mqtt.password"  # what an installation with a broker writes into acqd.toml
 
@@ -36,11 +35,21 @@ class Present:
     """Folder of samples in the daemon's configuration; None: the daemon keeps none, or has no configuration."""
     configured: bool
     """Whether the daemon has a configuration."""
+    earlier: tuple[str, ...]
+    """Logins whose services have a configuration file of that name, as an earlier version wrote them."""
+    links: tuple[str, ...]
+    """Logins whose earlier file is merged, with a link to acqd.toml in its place for units of the earlier version."""
+    without_user: tuple[str, ...]
+    """Logins that the configuration gives the daemon's name, though the password is their unit's."""
 
 
 def present_in(at: Callable[[str], Path]) -> Present:
     """Read the units and the daemon's configuration; `at` places a path below the root. Raises InputError."""
-    config = _configuration(at(_DAEMON))
+    config = _configuration(at(CONFIGURATION))
+
+    def file_of(login: str) -> Path:
+        return at(f"/etc/acqd/{login}.toml")
+
     services = tuple(name for name, one in SERVICES.items() if at(f"{_UNITS}/{one.units[0]}").exists())
     links = {link.name for link in at(_UNITS).glob("*.wants/acqd*")}
     mqtt, archive = _table(config, "mqtt"), _table(config, "archive")
@@ -60,6 +69,9 @@ def present_in(at: Callable[[str], Path]) -> Present:
         broker=broker,
         configured_archive=archive.get("folder") if archive.get("enabled") else None,
         configured=config is not None,
+        earlier=tuple(name for name in LOGINS if (path := file_of(name)).is_file() and not path.is_symlink()),
+        links=tuple(name for name in LOGINS if file_of(name).is_symlink()),
+        without_user=tuple(name for name in LOGINS if mqtt.get("password_file") == _CREDENTIAL and name not in mqtt),
     )
 
 
@@ -68,19 +80,27 @@ def kept(wanted: Wanted, present: Present) -> Wanted:
     device = wanted.device or present.device or "box"
     if present.device not in (None, device):
         raise UserError(
-            f"--device {device}: {present.device} is installed here, and {_DAEMON} stays as it is; "
+            f"--device {device}: {present.device} is installed here, and {CONFIGURATION} stays as it is; "
             f"leave --device out, or write {device} for device and [mqtt] username there first"
         )
     if wanted.archive and present.configured and wanted.archive != present.configured_archive:
         raise UserError(
-            f"--archive {wanted.archive}: {_DAEMON} stays as it is and does not keep samples there; "
+            f"--archive {wanted.archive}: {CONFIGURATION} stays as it is and does not keep samples there; "
             f'write enabled = true and folder = "{wanted.archive}" into its [archive] first'
+        )
+    services = tuple(dict.fromkeys((*_asked(wanted, present), *present.services)))
+    unknown = {SERVICES[name].login for name in services} & set(present.without_user) - set(present.earlier)
+    if unknown:
+        raise UserError(
+            f"{CONFIGURATION} has no user of the broker for {', '.join(sorted(unknown))}: "
+            f"acqd config upgrade {CONFIGURATION} adds what is missing"
         )
     broker = wanted.broker if wanted.broker is not None else present.broker is not False
     return replace(
         wanted,
         device=device,
-        services=tuple(dict.fromkeys((*_asked(wanted, present), *present.services))),
+        services=services,
+        earlier=present.earlier,
         drop_ins=tuple(dict.fromkeys((*present.drop_ins, *wanted.drop_ins))),
         archive=wanted.archive or present.archive,
         broker=broker,

@@ -28,6 +28,9 @@ _Key = tuple[str, str]  # device, channel
 _Row = tuple[str, str, str, int, int, str]  # device, channel, boot, seq, filetime, flags
 
 
+_MOST_DAYS = timedelta(days=366)
+
+
 @dataclass(frozen=True, slots=True)
 class Completeness:
     """One channel of one device over one day (UTC)."""
@@ -95,17 +98,29 @@ class _Stream:
         return max(self.distances.most_common(1)[0][0], 1) * 10_000 if self.distances else _NOMINAL_TICKS
 
 
-def day_of(text: str, now: datetime) -> date:
-    """YYYY-MM-DD, `today` or `yesterday` (UTC). Raises UserError."""
+def days_between(day: str | None, first: str | None, to: str | None, now: datetime) -> list[date]:
+    """One day (yesterday, if nothing is given), or those from `first` until the one before `to`. Raises UserError."""
+    if first is None and to is None:
+        return [day_of(day or "yesterday", now)]
+    if day is not None or first is None:
+        raise UserError("--day is for one day, --from and --to are for several: give --day, or --from")
+    begin, end = day_of(first, now, "--from"), now.date() if to is None else day_of(to, now, "--to")
+    if not timedelta(0) < end - begin <= _MOST_DAYS:
+        raise UserError(f"--from {first}: expected a day before {end}, and {_MOST_DAYS.days} days at most")
+    return [begin + timedelta(days=number) for number in range((end - begin).days)]
+
+
+def day_of(text: str, now: datetime, option: str = "--day") -> date:
+    """YYYY-MM-DD, `today` or `yesterday` (UTC). Raises UserError, which names `option`."""
     words = {"today": now.date(), "yesterday": now.date() - timedelta(days=1)}
     if text in words:
         return words[text]
     try:
         day = date.fromisoformat(text)
     except ValueError:
-        raise UserError(f"--day {text!r}: expected YYYY-MM-DD, today or yesterday (UTC)") from None
+        raise UserError(f"{option} {text!r}: expected YYYY-MM-DD, today or yesterday (UTC)") from None
     if day > now.date():
-        raise UserError(f"--day {text}: this day has not begun (UTC)")
+        raise UserError(f"{option} {text}: this day has not begun (UTC)")
     return day
 
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import time
 from collections.abc import AsyncIterator, Callable
 from dataclasses import asdict
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +25,8 @@ from acqd.storage.database import read_database
 from acqd.web.access import Access
 from acqd.web.answers import HEADERS, NOT_KEPT, as_response
 from acqd.web.archived import second
+from acqd.web.energy import EnergyOfDays
+from acqd.web.export import lines
 from acqd.web.history import Span, devices, history
 from acqd.web.hub import Hub
 from acqd.web.loop_routes import LoopRoutes
@@ -47,6 +51,7 @@ class Site:
         self.hub = Hub(settings.broker, self._posture)
         self._scope = Scope(settings.health)
         self._loop = LoopRoutes(settings, self._database)
+        self._days = EnergyOfDays(settings.section.tariff)
         self._engine: sa.Engine | None = None
         self._assets = {path.name for path in _ASSETS.iterdir() if path.suffix in _SUFFIXES}
 
@@ -56,7 +61,8 @@ class Site:
             "/": self._page, "/events": self._events, "/assets/{name}": self._asset, "/runbook": self._runbook,
             "/report": self._report, "/api/history": self._history, "/api/devices": self._devices,
             "/api/health": self._health, "/api/window": self._window, "/api/predictions": self._predictions,
-            "/api/course": self._course, "/api/report": self._newest,
+            "/api/course": self._course, "/api/report": self._newest, "/api/energy": self._energy,
+            "/api/export": self._export,
         }  # fmt: skip
         routes = [*(Route(path, endpoint) for path, endpoint in gets.items()), *self._loop.routes()]
         hosts = frozenset({self._settings.host, "127.0.0.1", "localhost", "[::1]"})
@@ -101,12 +107,28 @@ class Site:
         return await self._answer(lambda engine: {"devices": devices(engine)})
 
     async def _history(self, request: Request) -> Response:
-        query = request.query_params
         try:
-            span = Span(query.get("device", ""), float(query.get("seconds", "60")), query.get("quantity", "P"))
+            span = _span(request)
         except ValueError as error:
             return as_response({"error": str(error)}, 400)
         return await self._answer(lambda engine: history(engine, span))
+
+    async def _energy(self, request: Request) -> Response:
+        return await self._answer(lambda engine: self._days.of(engine, request.query_params.get("device", "")))
+
+    async def _export(self, request: Request) -> Response:
+        try:
+            span = _span(request)
+            engine = await asyncio.to_thread(self._database)
+        except ValueError as error:
+            return as_response({"error": str(error)}, 400)
+        except UserError:
+            return as_response({"error": _NO_DATABASE}, 503)
+        end = span.end or time.time()
+        begin = datetime.fromtimestamp(end - span.seconds, UTC)
+        name = "".join(c for c in span.device if c.isalnum() or c in "-_.") or "acqd"
+        attached = {"content-disposition": f'attachment; filename="{name}-{begin:%Y%m%dT%H%M%SZ}.csv"'}
+        return StreamingResponse(lines(engine, span, end), headers=NOT_KEPT | attached, media_type="text/csv")
 
     async def _predictions(self, _: Request) -> Response:
         posture = {"robot": self._posture.robot, "note": self._posture.note}
@@ -147,6 +169,14 @@ class Site:
         return as_response(
             {"services": [asdict(each) for each in answers if each is not None], "page": page, "runbook": links}
         )
+
+
+def _span(request: Request) -> Span:
+    """What a request asks for. Raises ValueError."""
+    query = request.query_params
+    end = query.get("end")
+    seconds = float(query.get("seconds", "60"))
+    return Span(query.get("device", ""), seconds, query.get("quantity", "P"), None if end is None else float(end))
 
 
 def _said(answer: Answer) -> list[str]:

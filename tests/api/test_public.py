@@ -59,7 +59,8 @@ def test_the_types_name_what_the_package_exports():
     imported = {
         (alias.asname, node.module) for node in stub.body if isinstance(node, ast.ImportFrom) for alias in node.names
     }
-    exported = {(name, acqd._PLACES[name]) for name in acqd.__all__ if name != "__version__"}
+    rooms = {(name, place.rpartition(".")[0]) for name, place in acqd._ROOMS.items()}
+    exported = {(name, place) for name, place in acqd._PLACES.items()} | rooms
     assert imported == exported
     assert set(dir(acqd)) >= {name for name, _ in exported}
     with pytest.raises(AttributeError, match="no_such_name"):

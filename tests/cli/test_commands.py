@@ -8,6 +8,7 @@ import typer.main
 from rich import markup
 
 from acqd.cli.commands import command_tree
+from tests.commands import acqd_here
 
 
 def names(app):
@@ -28,6 +29,32 @@ def test_a_command_line_has_the_command_that_it_starts_with():
         assert names(command_tree([name, "--json"])) == {name}
     for line in ([], ["--help"], ["--version"], ["snik"]):
         assert names(command_tree(line)) == everything
+
+
+def test_help_fits_a_terminal_and_is_in_the_order_of_work():
+    lines = acqd_here("--help").stdout.splitlines()
+    assert len(lines) < 24 and max(map(len, lines[1:-1])) <= 80  # the others have the name of the program
+    shown = [line[at : at + 12].strip() for line in lines[4:-1] for at in (8, 44)]
+    assert sorted(filter(None, shown)) == sorted(names(command_tree()))
+    steps = [line[:8].strip() for line in lines[4:-1] if line[0] != " "]
+    assert steps == ["set up", "measure", "count", "record", "model", "explain", "hand on"]
+
+
+def options(command, path="acqd"):
+    """Every option that starts with --, by command."""
+    yield from ((path, p) for p in command.params if p.param_type_name == "option")
+    for name, each in getattr(command, "commands", {}).items():
+        yield from options(each, f"{path} {name}")
+
+
+def test_times_have_one_name():
+    found = list(options(typer.main.get_command(command_tree())))
+    assert len(found) > 300
+    other = {"--since", "--until", "--begin", "--end", "--after", "--before", "--stop"}
+    assert [(path, one.opts) for path, one in found if one.opts[0] in other] == []
+    both = {path: {one.opts[0] for where, one in found if where == path} for path, _ in found}
+    ends = [path for path, opts in both.items() if "--to" in opts]
+    assert len(ends) >= 7 and all("--from" in both[path] for path in ends)
 
 
 def test_help_keeps_its_brackets():

@@ -9,6 +9,7 @@ import pytest
 
 from acqd.daemon import config_place
 from acqd.daemon.config import load_config
+from acqd.errors import UserError
 from acqd.storage.database import open_database
 from acqd.telemetry.broker import free_port
 from tests.commands import acqd_here, refused
@@ -39,6 +40,28 @@ def test_an_installed_file_has_the_folder_and_the_password_of_its_unit(installed
     config = load_config(installed)
     assert config.sink.database == "acqd.sqlite" and str(config.mqtt.password_file).startswith("$")
     assert str(config.state_dir) == "/var/lib/other"
+
+
+def test_every_service_logs_in_with_its_user(installed, caplog):
+    text = installed.read_text()
+    users = 'sink = { username = "acqd-sink" }\nweb = { username = "viewer", password = "plain" }\n'
+    installed.write_text(text + users)
+    for name in ("acqd-sink", "mqtt"):
+        (installed.parent / f"{name}.password").write_text(f"of {name}\n")
+    logins = {name: load_config(installed, name).mqtt.address() for name in ("daemon", "sink", "web", "bridge")}
+    assert {name: (one.username, one.password) for name, one in logins.items()} == {
+        "daemon": ("hall-3", "right"), "sink": ("acqd-sink", "of acqd-sink"), "web": ("viewer", "plain"),
+        "bridge": ("hall-3", "right"),
+    }  # fmt: skip
+    (installed.parent / "acqd-sink.password").unlink()  # not installed here: the daemon's password is no substitute
+    (installed.parent / "mqtt.password").unlink()
+    config = load_config(installed)
+    assert config.mqtt.without_password == ["sink"]
+    with pytest.raises(UserError, match="no credentials here"):
+        config.mqtt.of("sink").address()
+    (installed.parent / "sink.toml").write_text(text)
+    load_config(installed.parent / "sink.toml")
+    assert "sink.toml is of an earlier version: acqd config upgrade" in caplog.text
 
 
 def test_commands_find_the_configuration_and_say_which(installed, tmp_path):

@@ -128,6 +128,7 @@ def test_bad_input_is_one_line(database, tmp_path):
     for done, said in (
         (report(database, "--device", "cell9"), "--device 'cell9': no 10 min values; the database has those of cell1"),
         (report(database, "--from", "yesterday"), "--from 'yesterday': expected a time like"),
+        (report(database, "--from", "2025-06-16", "--to", "2025-06-15"), "--to '2025-06-15': expected a time up to"),
         (report(database, "--from", "2024-01-01"), "no 10 min values of power quality from 2024-01-01"),
         (report(database, "--out", tmp_path / "week.pdf"), "a report ends in .html"),
         (report(tmp_path / "none.sqlite"), "does not exist"),

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-import os
+import json
 import re
-import shutil
 import stat
 import subprocess
 
@@ -14,37 +13,11 @@ import pytest
 
 from acqd.daemon.config import load_config
 from acqd.installation.broker_access import password_line
-from acqd.installation.plan import SERVICES
+from acqd.installation.plan import LOGINS, SERVICES
 from tests.commands import acqd_here, refused
+from tests.installation.roots import NEEDS, contents, installed
 
-pytestmark = [
-    pytest.mark.skipif(os.geteuid() != 0, reason="users and owners need root"),
-    pytest.mark.skipif(shutil.which("systemd-sysusers") is None, reason="no systemd here"),
-]
-
-
-def contents(root):
-    """Files with their text, mode and owners."""
-    by_the_way = (".pwd.lock", "passwd-", "group-", "shadow-", "gshadow-")
-    files = [path for path in sorted(root.rglob("*")) if path.is_file() and path.name not in by_the_way]
-    return {
-        f"/{path.relative_to(root)}": (path.read_bytes(), stat.S_IMODE(path.stat().st_mode), path.stat().st_gid)
-        for path in files
-    }
-
-
-def installed(root, *options):
-    done = acqd_here("service", "install", "--root", root, "--program", "/bin/true", *options)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
-
-
-@pytest.fixture
-def root(tmp_path):
-    """A system where mosquitto is installed."""
-    (tmp_path / "etc").mkdir()
-    (tmp_path / "etc" / "group").write_text("root:x:0:\nmosquitto:x:117:\n")
-    return tmp_path
+pytestmark = NEEDS
 
 
 def test_an_installation_has_user_folders_units_and_access(root):
@@ -66,9 +39,7 @@ def test_an_installation_has_user_folders_units_and_access(root):
     assert b"CAP_NET_RAW" in files["/etc/systemd/system/acqd.service.d/raw-network.conf"][0]
     assert b"ExecStart=/bin/true run --config /etc/acqd/acqd.toml" in files["/etc/systemd/system/acqd.service"][0]
     assert "/etc/systemd/system/acqd-sidecar.service" not in files
-    text = (root / "etc/acqd/acqd.toml").read_text().replace("$CREDENTIALS_DIRECTORY/mqtt", f"{root}/etc/acqd/hall-3")
-    (root / "acqd.toml").write_text(text)
-    settings = load_config(root / "acqd.toml")
+    settings = load_config(root / "etc/acqd/acqd.toml")
     assert settings.device == settings.mqtt.username == "hall-3"
 
 
@@ -77,11 +48,12 @@ def test_every_service_logs_in_as_a_user_that_the_access_rules_know(root):
     rules = (root / "etc/mosquitto/acqd.acl").read_text()
     for name, service in SERVICES.items():
         unit = next(unit for unit in service.units if unit.endswith(".service"))
-        user = service.user or "box"
+        user = LOGINS.get(service.login, "box")
         drop_in = (root / f"etc/systemd/system/{unit}.d/password.conf").read_text()
         assert f"LoadCredential=mqtt.password:/etc/acqd/{user}.password\n" in drop_in
-        assert f'username = "{user}"' in (root / f"etc/acqd/{service.toml}.toml").read_text(), name
-        assert f"/etc/acqd/{service.toml}.toml" in (root / f"etc/systemd/system/{unit}").read_text()
+        address = load_config(root / "etc/acqd/acqd.toml", service.login).mqtt.address()
+        assert (address.username, address.password) == (user, (root / f"etc/acqd/{user}.password").read_text().strip())
+        assert "--config /etc/acqd/acqd.toml" in (root / f"etc/systemd/system/{unit}").read_text(), name
         assert f"user {user}\n" in rules or user == "box"  # a device's rules are a pattern of its name
         assert f"{user}:$7$" in (root / "etc/mosquitto/acqd.passwords").read_text()
 
@@ -107,8 +79,7 @@ def test_removal_keeps_rows_and_configuration_unless_purged(root):
     left = set(contents(root)) - set(before)
     assert left == {
         "/etc/passwd", "/etc/shadow", "/etc/gshadow", "/var/lib/acqd/acqd.sqlite",
-        *(f"/etc/acqd/{name}.toml" for name in ("acqd", "bridge", "sidecar", "sink", "web")),
-        *(f"/etc/acqd/{name}.password" for name in ("box", "acqd-bridge", "acqd-sidecar", "acqd-sink", "viewer")),
+        "/etc/acqd/acqd.toml", *(f"/etc/acqd/{user}.password" for user in ("box", *LOGINS.values())),
     }  # fmt: skip
     assert not list((root / "etc/systemd/system").iterdir())
     assert acqd_here("service", "remove", "--purge", "--root", root).returncode == 0
@@ -124,7 +95,7 @@ def test_an_installation_after_a_removal_lets_the_same_users_in(root):
     assert acqd_here("service", "remove", "--root", root).returncode == 0
     installed(root)
     again = {line.partition(":")[0] for line in (root / "etc/mosquitto/acqd.passwords").read_text().splitlines()}
-    assert users == again == {"box", "acqd-sink", "viewer"}
+    assert users == again == {"box", "acqd-sink", "viewer", "operator"}
     assert (root / "etc/acqd/box.password").read_text() == password
 
 
@@ -202,8 +173,8 @@ def test_a_repeated_installation_keeps_device_services_rights_and_archive(root):
     installed(root)
     assert contents(root) == before
     installed(root, "--with", "sidecar")
-    assert 'device = "hall-3"' in (root / "etc/acqd/sidecar.toml").read_text()
-    assert not (root / "etc/acqd/box.password").exists() and not (root / "etc/acqd/sink.toml").exists()
+    assert "acqd-sidecar:$7$" in (root / "etc/mosquitto/acqd.passwords").read_text()
+    assert not (root / "etc/acqd/box.password").exists() and not (root / "etc/acqd/sidecar.toml").exists()
     assert acqd_here("service", "remove", "--root", root).returncode == 0
     installed(root)  # the configuration that is left names the device
     assert "hall-3.password" in (root / "etc/systemd/system/acqd.service.d/password.conf").read_text()
@@ -232,3 +203,22 @@ def test_an_installation_without_a_broker_stays_without(root):
     assert acqd_here("service", "remove", "--root", root).returncode == 0
     installed(root)
     assert not (root / "etc/mosquitto").exists() and not list((root / "etc/systemd/system").glob("*.d"))
+
+
+def test_update_writes_the_units_of_this_version_and_keeps_device_and_credentials(root):
+    assert "no service of acqd" in refused(acqd_here("service", "update", "--root", root))
+    installed(root, "--device", "hall-3")
+    before = contents(root)
+    (root / "etc/systemd/system/acqd.service").write_text("of an earlier version")
+    done = acqd_here("service", "update", "--root", root, "--program", "/bin/true")
+    assert done.stdout == "wrote /etc/systemd/system/acqd.service\n" and contents(root) == before
+
+
+def test_status_names_unit_file_and_user_of_every_service(root):
+    installed(root, "--device", "hall-3", "--with", "daemon", "--with", "web")
+    done = acqd_here("service", "status", "--root", root, "--json")
+    assert {(one["unit"], one["user"], one["configuration"]) for one in json.loads(done.stdout)} == {
+        ("acqd.service", "hall-3", "/etc/acqd/acqd.toml"),
+        ("acqd-web.service", "viewer", "/etc/acqd/acqd.toml"),
+    }
+    assert done.returncode == 0 and "acqd-web.service" in acqd_here("service", "status", "--root", root).stdout

@@ -121,6 +121,12 @@ def test_the_command_reports_lost_rows_with_exit_1(tmp_path):
         acqd_here("sink", "completeness", "--day", "2023-11-15", "--database", path, "--device", "x")
     )
     assert "does not exist" in refused(acqd_here("sink", "completeness", "--database", tmp_path / "b.sqlite"))
+    several = ("sink", "completeness", "--from", "2023-11-14", "--to", "2023-11-17", "--database", path)
+    assert [one["day"] for one in json.loads(acqd_here(*several, "--json").stdout)] == ["2023-11-15", "2023-11-16"]
+    assert "2023-11-16 (UTC)" in acqd_here(*several).stdout
+    assert "--day is for one day" in refused(acqd_here(*several, "--day", "today"))
+    turned = ("sink", "completeness", "--from", "today", "--to", "2023-11-17")
+    assert "expected a day before" in refused(acqd_here(*turned))
 
 
 def test_rows_that_wait_in_the_spool_are_not_lost(tmp_path, monkeypatch):

@@ -71,6 +71,19 @@ def shows(page, selector, text):
     expect(page.locator(selector).first).to_contain_text(text, timeout=_PATIENCE_MS)
 
 
+def past_by_keyboard(page):
+    """From live to the past and back without a mouse."""
+    page.focus("#earlier")
+    page.keyboard.press("Enter")
+    shows(page, "#summary", "from power")
+    page.wait_for_function("!document.getElementById('summary').textContent.includes('live')")
+    assert "end=" in page.get_attribute("#csv", "href") and page.input_value("#to")
+    page.focus("#live")
+    page.keyboard.press("Enter")
+    shows(page, "#summary", "then live")
+    assert "end=" not in page.get_attribute("#csv", "href")
+
+
 def test_numbers_are_those_of_the_rows_and_come_back_after_a_restart(mosquitto, publisher, tmp_path):
     database = str(tmp_path / "power.sqlite")
     begun = time.time()
@@ -93,6 +106,14 @@ def test_numbers_are_those_of_the_rows_and_come_back_after_a_restart(mosquitto, 
             sends_until(page, "#now", "Now", lambda: send(publisher, 1001, 123.456))
             assert page.get_attribute("#big", "data-seq") == "1001"
             shows(page, "#summary", "most 123.5")
+            shows(page, "[data-energy=today] + span", "Wh")
+            past_by_keyboard(page)
+            send(publisher, 5, 10.0, device="press")
+            publisher.publish("acqd/press/status", b"offline")
+            shows(page, "#fleet tr:has-text('press')", "offline")
+            page.click("#fleet button:has-text('press')")
+            shows(page, "#device", "press")
+            page.click(f"#fleet button:has-text('{sent.device}')")
             assert page.errors == []
             served.stop()
             served = Served(settings)

@@ -27,7 +27,7 @@ from tests.web.test_in_a_browser import Served, publisher, send, shows  # noqa: 
 
 pytestmark = pytest.mark.browser
 pytest.importorskip("uvicorn")
-_WEIGHT_BYTES = 300_000
+_WEIGHT_BYTES = 120_000
 _T0 = 134_398_703_195_133_591
 _RESULT = {
     "verdict": "effects_found", "before": {"rmse": 25.0}, "after": {"rmse": 1.5}, "next": ["weigh the gripper"],
@@ -123,6 +123,9 @@ def test_every_panel_shows_its_data_and_nothing_is_wrong(page_of_all, publisher)
             shows(page, "#report", "mass 2.04 kg (1.9 to 2.2); confidence 97 %")
             shows(page, "#slow", "200 µs to 500 µs")
             shows(page, "#services a", "what to do")
+            shows(page, "#wrong", "daemon: source of mill away: no answer from 10.0.0.9 what to do")
+            shows(page, "#wrong", f"{sent.device}: residual changed since 2025-10-09")
+            assert page.is_hidden("#fast")  # tables for developers are folded
             shows(page, "#services", "source of mill away: no answer from 10.0.0.9")
             shows(page, "#boxes tr:has-text('mill')", "away")
             shows(page, "#boxes tr:has-text('cell1')", "12 of 1500")

@@ -134,7 +134,7 @@ def loads(section: str, browser: Any, port: int) -> Iterator[Figure]:
         weight = sum(len(each.body()) for each in fixed)
         page.close()
     yield Figure(section, f"first contentful paint, median of {_LOADS}", statistics.median(paints), "ms", "<= 1000")
-    yield Figure(section, "page weight (HTML, style, scripts, without data)", weight / 1000, "kB", "<= 300")
+    yield Figure(section, "page weight (HTML, style, scripts, without data)", weight / 1000, "kB", "<= 120")
 
 
 def _lag(section: str, browser: Any, port: int, broker: int) -> Iterator[Figure]:

@@ -21,9 +21,10 @@ from acqd.lab.report.campaign import campaign_report
 from acqd.lab.schedule import SessionPlan, plan_sessions
 from acqd.lab.settings import CampaignSettings
 from acqd.storage.database import open_database
-from acqd.workers import run_here, run_on_ray
+from acqd.workers import run_here, run_in_turn, run_on_ray
 
-Engine = Literal["process", "ray"]
+Engine = Literal["process", "ray", "here"]
+"""Processes of this computer, a Ray cluster, or this process, one session after the other."""
 Progress: TypeAlias = Callable[[str, float], None]
 """Takes the current step and the share done, 0 to 1."""
 
@@ -132,6 +133,8 @@ def _execute(
     work = partial(_work, config.settings, folders)
     if config.engine == "ray":
         yield from run_on_ray(work, unfinished, config.ray_address, tick)
+    elif config.engine == "here":
+        yield from run_in_turn(work, unfinished, tick)
     else:
         yield from run_here(work, unfinished, config.jobs, tick)
 

@@ -95,6 +95,7 @@
         row.cells[1].className = service.ready ? "fine" : "bad";
         report(row.cells[2], [...service.problems, ...service.notes], runbook);
       });
+      wrong("services", !services.length ? [["nobody asks the services: [health] port and sink_port are 0"]] : services.flatMap((service) => service.problems.map((sentence) => [`${service.service}: ${sentence}`, runbook[sentence]])));
       tiles(services);
       const daemon = services.find((service) => service.service === "daemon")?.status ?? {}, boxes = daemon.boxes ?? [];
       sources(boxes);

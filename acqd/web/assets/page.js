@@ -1,10 +1,11 @@
 "use strict";
 const $ = (id) => document.getElementById(id);
-const RANGES = [["1 min", 60], ["10 min", 600], ["1 h", 3600], ["6 h", 21600], ["24 h", 86400]];
+const RANGES = [["1 min", 60], ["10 min", 600], ["1 h", 3600], ["6 h", 21600], ["24 h", 86400], ["7 d", 604800], ["30 d", 2592000]];
 const DIGITS = { P: 1, Vrms: 1, Irms: 3, S: 1, PF: 3, f: 3, W: 4 };
 const DASH = { L1: [], L2: [8, 4], L3: [2, 3], total: [], predicted: [10, 3, 2, 3] };
 const POINTS = 1500, PIXELS = 600, UNIX_OF_FILETIME = 11644473600, QUIET_S = 3, STEADY_MS = 5000;
-const view = { device: "", seconds: 60, quantity: "P" };
+const view = { device: "", seconds: 60, quantity: "P", end: null };
+const newest = {}, heard = {}, wrongs = {};
 let latest = {}, series = { time: [], channels: {} }, waiting = [], loading = 0, plot = null, lastRow = 0, broker = true, serverAheadMs = 0, behind = null;
 let predicted = [], drawn = 0;
 const onDevice = [], visible = new WeakMap();
@@ -40,7 +41,8 @@ function newer(row, before) {
 
 function choose(device) {
   view.device = device;
-  latest = {};
+  latest = newest[device] ??= {};
+  lastRow = heard[device] ?? 0;
   behind = null;
   predicted = [];
   put($("device"), device);
@@ -49,19 +51,18 @@ function choose(device) {
 }
 
 function known(device) {
-  const list = $("devices");
-  if ([...list.options].some((option) => option.value === device)) return;
-  list.add(new Option(device, device));
-  $("choose").hidden = list.options.length < 2;
+  newest[device] ??= {};
   if (!view.device) choose(device);
 }
 
 function onRows(rows) {
   for (const row of rows) {
     known(row.device);
+    const of = newest[row.device];
+    if (newer(row, of[row.channel])) of[row.channel] = row;
+    heard[row.device] = performance.now();
     if (row.device !== view.device) continue;
-    if (newer(row, latest[row.channel])) latest[row.channel] = row;
-    if (loading) waiting.push(row);
+    if (view.end) { /* the chart stands still */ } else if (loading) waiting.push(row);
     else append(row);
     lastRow = performance.now();
   }
@@ -94,6 +95,8 @@ async function load() {
   const mine = ++loading;
   waiting = [];
   const query = new URLSearchParams({ device: view.device, seconds: view.seconds, quantity: view.quantity });
+  if (view.end) query.set("end", view.end);
+  $("csv").href = `/api/export?${query}`;
   let past = { time: [], channels: {} };
   try {
     const answer = await fetch(`/api/history?${query}`);
@@ -147,8 +150,8 @@ function ticks(_, values) {
 const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 
 function clockTimes(_, times) {
-  const whole = view.seconds > 1800;
-  return times.map((at) => new Date(1000 * at).toLocaleTimeString("sv-SE", whole ? { hour: "2-digit", minute: "2-digit" } : {}));
+  const whole = view.seconds > 1800, days = view.seconds > 86400 ? { month: "2-digit", day: "2-digit" } : {};
+  return times.map((at) => new Date(1000 * at).toLocaleString("sv-SE", { ...days, hour: "2-digit", minute: "2-digit", ...whole ? {} : { second: "2-digit" } }));
 }
 
 function draw(anew) {
@@ -169,8 +172,9 @@ function draw(anew) {
     const lines = shown.map((name) => ({ label: name, stroke: colour(name), width: name === "total" ? 2 : 1.3, dash: DASH[name], spanGaps: false, gaps: silences, points: { show: false } }));
     const option = $("quantity").selectedOptions[0];
     plot = new uPlot({
-      width: $("chart").clientWidth, height: 300, legend: { show: false }, cursor: { drag: { x: false } },
-      scales: { x: { range: () => { const end = Math.max(Date.now() / 1000, series.time[series.time.length - 1] ?? 0); return [end - view.seconds, end]; } } },
+      width: $("chart").clientWidth, height: 300, legend: { show: false }, cursor: { drag: { x: true, setScale: false } },
+      hooks: { setSelect: [(u) => { if (u.select.width > 5) span(u.posToVal(u.select.left, "x"), u.posToVal(u.select.left + u.select.width, "x")); }] },
+      scales: { x: { range: () => { const end = view.end ?? Math.max(Date.now() / 1000, series.time[series.time.length - 1] ?? 0); return [end - view.seconds, end]; } } },
       axes: axes({ label: "time (of this browser)", values: clockTimes, space: 70 }, { label: option.textContent }),
       series: [{}, ...lines],
     }, rows, $("chart"));
@@ -181,11 +185,11 @@ function draw(anew) {
 function numbers() {
   const main = latest.total ?? latest.L1;
   if (!main) return;
-  for (const node of document.querySelectorAll("#big [data-of]")) {
+  for (const node of document.querySelectorAll(".big [data-of]")) {
     const name = node.dataset.of;
     if (name === "W") {
       const [value, unit] = energy(main.W ?? 0);
-      put(node, main.W === null ? "-" : value.toFixed(unit === "Wh" || value >= 100 ? 2 : 4));
+      put(node, main.W === null ? "-" : value.toFixed(unit === "Wh" || value >= 100 ? 2 : 3));
       put($("energy-unit"), unit);
     } else if (PREFIXED.has(name)) large(node, main[name], DIGITS[name]);
     else if (name in DIGITS) put(node, text(main[name], DIGITS[name]));
@@ -214,7 +218,7 @@ function summary() {
   }
   const [least, most] = values.reduce(([a, b], v) => [Math.min(a, v), Math.max(b, v)], [Infinity, -Infinity]);
   const digits = DIGITS[view.quantity], mean = values.reduce((a, b) => a + b, 0) / values.length;
-  put($("summary"), `${name}: least ${least.toFixed(digits)}, mean ${mean.toFixed(digits)}, most ${most.toFixed(digits)}; ${values.length} points${series.from ? ` from ${series.from}, then live` : ""}`);
+  put($("summary"), `${name}: least ${least.toFixed(digits)}, mean ${mean.toFixed(digits)}, most ${most.toFixed(digits)}; ${values.length} points${series.from ? ` from ${series.from}${view.end ? "" : ", then live"}` : ""}`);
 }
 
 // old rows that come faster than time passes are a backlog; a distance that stays is one of two clocks
@@ -251,15 +255,54 @@ function state() {
 for (const [name, seconds] of RANGES) {
   const button = Object.assign(document.createElement("button"), { type: "button", textContent: name });
   button.setAttribute("aria-pressed", seconds === view.seconds);
-  button.onclick = () => {
-    view.seconds = seconds;
-    for (const other of $("ranges").querySelectorAll("button")) other.setAttribute("aria-pressed", other === button);
-    load();
-  };
+  button.onclick = () => span(null, null, seconds);
+  button.value = seconds;
   $("ranges").append(button);
 }
 $("quantity").onchange = () => { view.quantity = $("quantity").value; load(); };
-$("devices").onchange = () => choose($("devices").value);
+
+// a span of the past from one time to another [Unix s], or, without them, so many seconds until now
+const local = (at) => new Date(1000 * at - 60000 * new Date(1000 * at).getTimezoneOffset()).toISOString().slice(0, 19);
+function span(from, to, seconds = to - from) {
+  const now = serverMs() / 1000;
+  view.seconds = Math.min(Math.max(seconds, 1), 366 * 86400);
+  view.end = to === null || to > now ? null : to;
+  for (const other of $("ranges").querySelectorAll("button")) other.setAttribute("aria-pressed", !view.end && +other.value === view.seconds);
+  $("live").disabled = !view.end;
+  const end = view.end ?? now;
+  $("from").value = local(end - view.seconds);
+  $("to").value = local(end);
+  load();
+}
+const shift = (by, factor) => {
+  const end = view.end ?? serverMs() / 1000, middle = end - view.seconds / 2 + by * view.seconds, half = factor * view.seconds / 2;
+  span(middle - half, middle + half);
+};
+$("earlier").onclick = () => shift(-0.5, 1);
+$("later").onclick = () => shift(0.5, 1);
+$("closer").onclick = () => shift(0, 0.5);
+$("wider").onclick = () => shift(0, 2);
+$("live").onclick = () => span(null, null, view.seconds);
+for (const id of ["from", "to"]) $(id).onchange = () => {
+  const [from, to] = [$("from").value, $("to").value].map((at) => Date.parse(at) / 1000);
+  if (to > from) span(from, to);
+  else put($("summary"), "the span ends before it begins: choose another time");
+};
+
+// what is wrong, in the words of those who know; the place of it in the runbook
+function wrong(who, items) {
+  wrongs[who] = items;
+  const all = Object.values(wrongs).flat(), words = all.map(([sentence]) => sentence).join("\n");
+  if ($("wrong").dataset.words === words) return;
+  $("wrong").dataset.words = words;
+  $("wrong").className = all.length ? "alarm" : "alarm none";
+  $("wrong").replaceChildren(...(all.length ? all : [["nothing: services are ready, no alarm is raised"]]).map(([sentence, anchor]) => {
+    const item = document.createElement("li");
+    item.append(sentence);
+    if (anchor) item.append(" ", Object.assign(document.createElement("a"), { href: `/runbook#${anchor}`, textContent: "what to do" }));
+    return item;
+  }));
+}
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => draw(true));
 addEventListener("resize", () => plot && plot.setSize({ width: $("chart").clientWidth, height: 300 }));
 
@@ -283,7 +326,7 @@ events.addEventListener("prediction", (event) => {
 fetch("/api/devices").then((answer) => answer.ok ? answer.json() : { devices: [] }).then(({ devices }) => devices.forEach(known)).catch(() => {});
 setInterval(summary, 1000);
 setInterval(() => {
-  const due = performance.now() - drawn > 1000 * view.seconds / PIXELS;
+  const due = performance.now() - drawn > 1000 * view.seconds / PIXELS && !view.end && !plot?.select.width;
   if (due && !loading && plot && document.visibilityState === "visible") draw(false);
 }, 100);
 setInterval(state, 500);
