@@ -42,7 +42,7 @@ _COMMANDS = (
     _Command("archive", _MEASURE, group=True),
     _Command("conformance", _MEASURE),
     _Command("en50160", _DATA),
-    _Command("energy", _DATA),
+    _Command("energy", _DATA, group=True, room="energy.app"),
     _Command("ethercat", _MEASURE, group=True),
     _Command("modbus", _MEASURE, group=True),
     _Command("sink", _DATA, group=True),

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+
+from acqd.models.yearly import Duty
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,3 +25,5 @@ class CloseConfig:
     """Description; None: the bundle's."""
     since_s: float | None = None
     """UTC (Unix s); recordings that end before are left out."""
+    duty: Duty = field(default_factory=Duty)
+    """For the energy and the cost of a cause per year."""

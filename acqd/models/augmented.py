@@ -20,7 +20,6 @@ from acqd.models.features import padded
 from acqd.models.greybox.model import GreyBox
 from acqd.models.predictor import Beyond, Predictor
 
-
 _JOINT = re.compile(r"joint (\d+)")
 """Place of an effect at one joint."""
 

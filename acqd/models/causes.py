@@ -70,13 +70,28 @@ def parts_of_recording(model: Predictor, asked: Recorded, rows: int) -> list[Par
     signals = model.known(begun.signals, len(begun.q))
     here = slice(begun.before, begun.before + rows)
     parts = [*_of_base(model.base if isinstance(model, Augmented) else model, begun.q, signals)]
-    if isinstance(model, Augmented) and model.terms:
-        powers = model.effects_by_joint(continued(begun.q, RADIUS), signals, begun.start_s)
-        parts += [
-            Part(holdable()[term.id].cause, f"{term.id} ({term.where})", power, term)
-            for term, power in zip(model.terms, powers, strict=True)
-        ]
+    if isinstance(model, Augmented):
+        parts += _of_effects(model, begun, signals)
     return [Part(each.cause, each.name, each.joints[here], each.term) for each in parts]
+
+
+def effect_parts_of(model: Augmented, segment: Segment) -> list[Part]:
+    """Parts of the added effects alone, whatever the base of the model is."""
+    asked = recorded(model, segment)
+    begun = asked.led_in(model.step_s)
+    here = slice(begun.before, begun.before + len(segment.P))
+    parts = _of_effects(model, begun, model.known(begun.signals, len(begun.q)))
+    return [Part(each.cause, each.name, each.joints[here], each.term) for each in parts]
+
+
+def _of_effects(model: Augmented, begun: Recorded, signals: Floats) -> list[Part]:
+    if not model.terms:
+        return []
+    powers = model.effects_by_joint(continued(begun.q, RADIUS), signals, begun.start_s)
+    return [
+        Part(holdable()[term.id].cause, f"{term.id} ({term.where})", power, term)
+        for term, power in zip(model.terms, powers, strict=True)
+    ]
 
 
 def _of_base(base: Predictor, q: Floats, signals: Floats) -> list[Part]:
