@@ -13,6 +13,10 @@ from acqd.report import KeyFigure, Page, Verdict
 from acqd.report.digits import FEWEST_FOR_INTERVAL, duration, interval, number, percent, quantity
 
 _MOST_SPANS = 100
+_CONSTANT = 1e-6
+"""Relative width of an interval of a power that does not change."""
+_NOTHING = 1e-6
+"""Share of the measured energy below which a cause is shown as zero."""
 _HEADER = ("cause", "energy", "mean power", "share", "a year", "95 % interval", "cost a year")
 _SOURCES = {"simulated": "simulated", "derived": "derived from other measurements", "mains": "metered"}
 
@@ -56,7 +60,7 @@ def balance_page(title: str, balance: Balance, rows: Rows, years: dict[Cause, Ye
             [
                 (
                     each.label, *_sizes(each.measured, each.seconds),
-                    *(quantity(1000 * each.by_cause()[cause], "Wh", 3) for cause in causes), residual_text(each),
+                    *(_shown(each.by_cause()[cause]) for cause in causes), residual_text(each),
                 )
                 for each in balance.spans[:_MOST_SPANS]
             ],
@@ -69,27 +73,41 @@ def balance_page(title: str, balance: Balance, rows: Rows, years: dict[Cause, Ye
 def residual_text(span: Span) -> str:
     """The residual with its interval, in Wh."""
     if span.residual_half is None:
-        return f"{quantity(1000 * span.residual, 'Wh', 3)} (no interval)"
+        return f"{_shown(span.residual)} (no interval)"
     low, high = 1000 * (span.residual - span.residual_half), 1000 * (span.residual + span.residual_half)
-    return f"{quantity(1000 * span.residual, 'Wh', 3)} ({interval(low, high)} Wh)"
+    return f"{_shown(span.residual)} ({interval(low, high)} Wh)"
 
 
-def year_texts(one: Yearly) -> tuple[str, str, str]:
-    """Energy, interval and cost of a year."""
+def year_texts(one: Yearly | None) -> tuple[str, str, str]:
+    """Energy, interval and cost of a year; of stored energy nothing."""
+    if one is None:
+        return "stored", "", ""
     bounds = one.bounds
     known = bounds is not None and one.recordings >= FEWEST_FOR_INTERVAL
-    shown = f"{interval(*bounds)} kWh" if known and bounds is not None else "no interval"
+    shown = "no interval"
+    if known and bounds is not None:
+        shown = f"{interval(*bounds)} kWh" if bounds[1] - bounds[0] > _CONSTANT * abs(one.kWh) else "constant"
     return f"{number(one.kWh)} kWh", shown, "-" if one.EUR is None else f"{one.EUR:.2f} EUR"
 
 
+def _shown(kwh: float) -> str:
+    return quantity(1000 * kwh, "Wh", 3)
+
+
+def share_text(kwh: float, total: Span) -> str:
+    """Share of the measured energy."""
+    share = kwh / total.measured
+    return percent(share if abs(share) > _NOTHING else 0.0)
+
+
 def _sizes(kwh: float, seconds: float) -> tuple[str, str]:
-    return quantity(1000 * kwh, "Wh", 3), quantity(3.6e6 * kwh / seconds, "W", 3)
+    return _shown(kwh), quantity(3.6e6 * kwh / seconds, "W", 3)
 
 
 def _causes(total: Span, years: dict[Cause, Yearly]) -> list[tuple[str, ...]]:
     rows = [
-        (cause.value, *_sizes(kwh, total.seconds), percent(kwh / total.measured) if total.measured else "-",
-         *year_texts(years[cause]))
+        (cause.value, *_sizes(kwh, total.seconds), share_text(kwh, total),
+         *year_texts(years.get(cause)))
         for cause, kwh in total.by_cause().items()
     ]  # fmt: skip
     rows.append(("residual", *_sizes(total.residual, total.seconds), "", "", residual_text(total), ""))
@@ -98,11 +116,13 @@ def _causes(total: Span, years: dict[Cause, Yearly]) -> list[tuple[str, ...]]:
 
 def _joints(total: Span, axes: int) -> tuple[list[str], list[list[str]]]:
     """Header and rows: energy of every cause by joint."""
-    header = ["cause", *(f"joint {k + 1}" for k in range(axes)), "no joint"]
+    header = ["cause", *(f"joint {k + 1}" for k in range(axes)), "none"]
     rows = []
     for cause in total.by_cause():
         joints = np.sum([each.joints for each in total.entries if each.cause == cause], axis=0)
-        rows.append([cause.value, *(quantity(1000 * float(kwh), "Wh", 3) for kwh in joints)])
+        rows.append(
+            [cause.value, *(_shown(float(kwh) if abs(kwh) > _NOTHING * total.measured else 0.0) for kwh in joints)]
+        )
     return header, rows
 
 
@@ -113,15 +133,16 @@ def _given_back(total: Span) -> list[tuple[str, str]]:
         "to what the robot takes beside its drives": returned.to_electronics,
         "burnt in the brake resistor": returned.burnt, "fed to the mains": returned.to_mains,
     }  # fmt: skip
-    return [(name, quantity(1000 * kwh, "Wh", 3)) for name, kwh in sizes.items()]
+    return [(name, _shown(kwh)) for name, kwh in sizes.items()]
 
 
 def _verdict(total: Span, years: dict[Cause, Yearly]) -> Verdict:
-    causes = sorted(total.by_cause().items(), key=lambda each: -each[1])
+    consumed = [each for each in total.by_cause().items() if not each[0].stored]
+    causes = sorted(consumed, key=lambda each: -each[1])
     largest = [f"{cause.value} {percent(kwh / total.measured)}" for cause, kwh in causes[:3]]
     figures = [
         KeyFigure("measured", quantity(1000 * total.measured, "Wh", 4), f"in {duration(total.seconds)}"),
-        KeyFigure("residual", quantity(1000 * total.residual, "Wh", 3), _of_measured(total)),
+        KeyFigure("residual", _shown(total.residual), _of_measured(total)),
     ]
     for cause, _ in causes[:3]:
         energy, bounds, cost = year_texts(years[cause])
@@ -135,7 +156,7 @@ def _verdict(total: Span, years: dict[Cause, Yearly]) -> Verdict:
 
 def _of_measured(total: Span) -> str:
     """The residual's interval as a share of the measured energy."""
-    if total.residual_half is None or not total.measured:
+    if total.residual_half is None:
         return "no interval from fewer than five blocks"
     low, high = (100 * (total.residual + side * total.residual_half) / total.measured for side in (-1, 1))
     return f"95 %: {interval(low, high)} % of the measured energy"

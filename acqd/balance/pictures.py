@@ -22,7 +22,6 @@ COLOURS = {
     Cause.BRAKES: "#7c9a3a", Cause.TOOL: "#059669", Cause.LOAD: "#7c3aed", Cause.BURNT: "#e83e8c",
     Cause.OTHER: "#5b7083", Cause.METER: "#4d4d4d", Cause.UNNAMED: "#b8a9c9",
 }  # fmt: skip
-_STORED = frozenset({Cause.GRAVITY, Cause.ACCELERATION})
 _BACK, _MAINS, _PLAIN = "#2a9d8f", "#1d6fa5", "#9aa5b1"
 _CURVE_S, _CURVE_STEP_S = 60.0, 0.2
 
@@ -68,7 +67,7 @@ def flows_of(span: Span, axes: int) -> tuple[list[Node], list[Flow]]:
         at_drives = (cause.value, 3, COLOURS[cause])
         diagram.flow(drives, at_drives, float(joints.sum()))
         diagram.flow((f"{cause.value}, less", 1, COLOURS[cause]), drives, -float(joints.sum()))
-        if cause not in _STORED and (joints >= 0).all():
+        if not cause.stored and (joints >= 0).all():
             for number, size in enumerate(joints.tolist(), start=1):
                 diagram.flow(at_drives, (f"joint {number}", 4, _PLAIN), size)
     diagram.flow(supply, drives, gross)

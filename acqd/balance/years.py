@@ -12,14 +12,14 @@ from acqd.models.yearly import Duty, Yearly, yearly
 
 
 def years_of(rows: Rows, duty: Duty) -> dict[Cause, Yearly]:
-    """Energy and cost per year of every cause, in their order."""
+    """Energy and cost per year of every cause but stored energy, in their order."""
     names = list(dict.fromkeys(rows.recording.tolist()))
     places = [np.flatnonzero(rows.recording == name) for name in names]
     moving = [rows.moving[place] for place in places]
     years: dict[Cause, Yearly] = {}
     for cause in Cause:
         powers = [each.power for each in rows.parts if each.cause == cause]
-        if powers:
+        if powers and not cause.stored:
             whole = np.sum(powers, axis=0)
             years[cause] = yearly(names, [whole[place] for place in places], moving, duty)
     return years

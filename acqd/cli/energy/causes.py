@@ -86,7 +86,7 @@ def causes(
 
 
 def _print(balance: Balance, years: dict[Cause, Yearly], measured: str) -> None:
-    from acqd.balance.page import residual_text, year_texts
+    from acqd.balance.page import residual_text, share_text, year_texts
     from acqd.report.digits import percent, quantity
 
     total = balance.total
@@ -98,8 +98,8 @@ def _print(balance: Balance, years: dict[Cause, Yearly], measured: str) -> None:
         column.justify = "right"
     for cause, kwh in total.by_cause().items():
         table.add_row(
-            cause.value, quantity(1000 * kwh, "Wh", 3), percent(kwh / total.measured),
-            quantity(3.6e6 * kwh / total.seconds, "W", 3), *year_texts(years[cause]),
+            cause.value, quantity(1000 * kwh, "Wh", 3), share_text(kwh, total),
+            quantity(3.6e6 * kwh / total.seconds, "W", 3), *year_texts(years.get(cause)),
         )  # fmt: skip
     console = terminal(tables=True)
     console.print(table)

@@ -25,3 +25,8 @@ class Cause(StrEnum):
     """No consumption: what the meter shows differs from what the robot takes."""
     UNNAMED = "without a name"
     """Laws without a name, and the network of a hybrid model."""
+
+    @property
+    def stored(self) -> bool:
+        """Energy that the arm has, and gives back over a closed motion: no consumption of a year."""
+        return self in (Cause.GRAVITY, Cause.ACCELERATION)
