@@ -15,7 +15,7 @@ from acqd.models.effects import library
 from acqd.models.effects.cause import Cause
 from acqd.models.greybox.model import GreyBox
 from acqd.models.yearly import Duty, Yearly, moving_rows, yearly
-from acqd.report.digits import confidence_interval, number, percent
+from acqd.report.digits import FEWEST_FOR_INTERVAL, counted, interval, number, percent
 from acqd.report.verdict import KeyFigure
 
 
@@ -72,7 +72,8 @@ def cost_figure(each: Reported, cost: Yearly) -> KeyFigure:
     value, unit, scale = f"{sign}{number(cost.kWh)} kWh", "kWh", 1.0
     if price is not None:
         value, unit, scale = f"{value}, {sign}{number(cost.kWh * price)} EUR", "EUR", price
-    known = "no interval from 1 recording"
-    if bounds is not None:
-        known = f"{confidence_interval((bounds[0] * scale, bounds[1] * scale), cost.recordings)} {unit}"
+    seen = counted(cost.recordings, "recording")
+    known = f"no interval from {seen}"
+    if bounds is not None and cost.recordings >= FEWEST_FOR_INTERVAL:
+        known = f"95 %: {interval(bounds[0] * scale, bounds[1] * scale)} {unit} ({seen})"
     return KeyFigure(f"{each.term.id}: a year", value, f"{known}; the robot moves {percent(cost.duty)} of the time")
