@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Literal, get_args
 from zoneinfo import ZoneInfo
 
@@ -13,17 +14,21 @@ from acqd.balance.rows import Rows
 from acqd.energy.periods import Range, boundaries, label
 from acqd.energy.tariff import Tariff
 from acqd.errors import UserError
+from acqd.robot.log_layout import LABELS
+from acqd.work.labels import names_of
 
 By = Literal["recording", "hour", "day", "week", "month", "total"]
 SPLITS: tuple[By, ...] = get_args(By)
 _MINUTE_S, _QUARTER_S = 60, 900
 
 
-def labels_of(rows: Rows, by: str, zone: ZoneInfo) -> np.ndarray:
-    """[T] name of the span of every row. Raises UserError."""
+def labels_of(rows: Rows, by: str, zone: ZoneInfo, path: Path) -> np.ndarray:
+    """[T] name of the span of every row; `path`: of the dataset, for messages. Raises UserError."""
+    if by in LABELS:
+        return np.concatenate(names_of(rows.segments, by, path))
     split = next((each for each in SPLITS if each == by), None)
     if split is None:
-        raise UserError(f"--by {by!r}: expected {', '.join(SPLITS)}")
+        raise UserError(f"--by {by!r}: expected {', '.join((*SPLITS, *LABELS))}")
     if split == "total":
         return np.full(len(rows.time), "all")
     if split == "recording":

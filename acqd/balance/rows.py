@@ -49,6 +49,8 @@ class Rows:
     moving: np.ndarray
     """[T] whether a joint moves."""
     parts: list[RowsPart]
+    segments: Sequence[Segment]
+    """The segments of the rows."""
 
     @property
     def axes(self) -> int:
@@ -99,4 +101,5 @@ def of_segments(model: Predictor, segments: Sequence[Segment]) -> Rows:
         np.concatenate([each.P for each in segments]),
         np.concatenate([moving_rows(each, model.step_s) for each in segments]),
         parts,
+        segments,
     )

@@ -40,6 +40,8 @@ class Found:
     end: Floats
     covered: float
     """Share of the rows in motion that lie in cycles."""
+    path: Floats
+    """[points, axes] rad: the commonest path, at equal distances."""
 
     @property
     def boundaries(self) -> Floats:
@@ -52,7 +54,7 @@ def cycles_of(q: Floats, step_s: float) -> Found:
 
     A cycle begins where the arm leaves its longest rest. Without rests, the cycle begins at a state in motion.
     """
-    none = Found(np.zeros(0), np.zeros(0), 0.0)
+    none = Found(np.zeros(0), np.zeros(0), 0.0, np.zeros((0, q.shape[1])))
     if len(q) < 3 or spread_of(q) == 0:
         return none
     qd, _ = derivatives(padded(q, 1), step_s)
@@ -68,6 +70,13 @@ def cycles_of(q: Floats, step_s: float) -> Found:
     return found if found.covered >= _COVERED else none
 
 
+def same_path(one: Found, other: Found) -> bool:
+    """Whether two recordings repeat the same motion."""
+    spread = min(spread_of(one.path), spread_of(other.path))
+    distance = np.sqrt(((one.path - other.path) ** 2).sum(axis=1).mean())
+    return bool(distance <= _SAME_PATH * spread)
+
+
 def _between(marks: Marks, q: Floats, moving: NDArray[np.bool_]) -> Found | None:
     """Stretches between marks that take the commonest path; None if these are too few."""
     begin, end = marks.rows[:-1], marks.rows[1:]
@@ -76,13 +85,14 @@ def _between(marks: Marks, q: Floats, moving: NDArray[np.bool_]) -> Found | None
     points, length = np.array(paths), np.array(lengths)
     spread = spread_of(q)
     alike = np.array([_alike(points, length, k, spread) for k in chosen])
-    same = alike[int(alike.sum(axis=1).argmax())]
+    commonest = int(alike.sum(axis=1).argmax())
+    same = alike[commonest]
     if same.sum() < _FEWEST:
         return None
     inside = np.zeros(len(q), dtype=bool)
     for first, last in zip(np.ceil(begin[same]).astype(int), np.ceil(end[same]).astype(int), strict=True):
         inside[first:last] = True
-    return Found(begin[same], end[same], float((moving & inside).sum() / moving.sum()))
+    return Found(begin[same], end[same], float((moving & inside).sum() / moving.sum()), points[chosen[commonest]])
 
 
 def _path(q: Floats, begin: float, end: float) -> tuple[Floats, float]:

@@ -26,7 +26,9 @@ DUTY = "Share of the year in which the robot moves, 0 to 1 (default: as in the r
 def causes(
     model: Annotated[Path, typer.Argument(metavar="MODEL", help="Bundle of a grey box, also with added effects.")],
     dataset: Annotated[Path, typer.Argument(metavar="DS", help="Folder of a dataset of the same robot.")],
-    by: Annotated[str, typer.Option(help="recording, hour, day, week, month or total.")] = "recording",
+    by: Annotated[
+        str, typer.Option(help="recording, hour, day, week, month, total, program, step, part or state.")
+    ] = "recording",
     tariff: Annotated[Path | None, typer.Option(help="TOML file with prices (docs/energy.md).")] = None,
     zone: Annotated[
         str | None, typer.Option(help="Zone of local time (default: the tariff's, this computer's).")
@@ -62,7 +64,7 @@ def causes(
     require_energy(rows, dataset)
     work = Duty(duty, None if given is None else given.mean_price)
     require_duty(work, [rows.moving], dataset)
-    balance = balance_of(rows, by, labels_of(rows, by, local), prices_of(rows, given))
+    balance = balance_of(rows, by, labels_of(rows, by, local, dataset), prices_of(rows, given))
     years = years_of(rows, work)
     if csv is not None:
         write_complete(csv, as_csv(balance).encode())
