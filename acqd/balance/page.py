@@ -18,7 +18,12 @@ _CONSTANT = 1e-6
 _NOTHING = 1e-6
 """Share of the measured energy below which a cause is shown as zero."""
 _HEADER = ("cause", "energy", "mean power", "share", "a year", "95 % interval", "cost a year")
-_SOURCES = {"simulated": "simulated", "derived": "derived from other measurements", "mains": "metered"}
+_SOURCES = {
+    "simulated": "simulated",
+    "derived": "derived from other measurements",
+    "mains": "metered",
+    "bus": "of the robot's DC bus",
+}
 
 
 def balance_page(title: str, balance: Balance, rows: Rows, years: dict[Cause, Yearly], measured: str) -> Page:

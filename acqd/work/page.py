@@ -101,5 +101,5 @@ def _course(cycles: Sequence[Cycle]) -> Figure:
     axes.plot(number[odd], kwh[odd], "o", ms=4, color=_OUTLIER)
     axes.set_xlabel("cycle")
     axes.set_ylabel("energy [Wh]")
-    axes.set_ylim(bottom=min(0.0, float(kwh.min())))
+    axes.set_ylim(bottom=min(0.0, 1.1 * float(kwh.min())), top=1.1 * float(kwh.max()))
     return figure
