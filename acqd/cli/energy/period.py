@@ -142,5 +142,5 @@ def _print(bill: Statement) -> None:
         for remark in account.remarks:
             console.print(f"note: {remark}")
     console.print(f"all devices: {bill.total.kWh or 0.0:.3f} kWh; {comparison_text(bill)}")
-    if bill.capacity_EUR is not None and bill.tariff is not None:
-        console.print(f"capacity price at this maximum: {bill.capacity_EUR:.2f} EUR a {bill.tariff.capacity_per}")
+    if bill.capacity_EUR is not None:
+        console.print(f"capacity price: {bill.capacity_EUR:.2f} EUR {bill.capacity_text}")
