@@ -26,7 +26,7 @@ _FEWEST = 3
 _COVERED = 0.6
 """Least share of the motion that lies in cycles, or nothing is claimed."""
 _AS_GOOD = 0.05
-"""Difference of that share within which the marks with the longest rest are preferred."""
+"""Difference of the share between marks within which the marks with the longest rest are preferred."""
 _MOST = 600
 """Stretches between marks that are compared with one another."""
 
@@ -40,6 +40,8 @@ class Found:
     end: Floats
     covered: float
     """Share of the rows in motion that lie in cycles."""
+    between_marks: float
+    """The same of the motion from the first mark to the last one: what lies before and after has no cycle to be in."""
     path: Floats
     """[points, axes] rad: the commonest path, at equal distances."""
 
@@ -54,7 +56,7 @@ def cycles_of(q: Floats, step_s: float) -> Found:
 
     A cycle begins where the arm leaves its longest rest. Without rests, the cycle begins at a state in motion.
     """
-    none = Found(np.zeros(0), np.zeros(0), 0.0, np.zeros((0, q.shape[1])))
+    none = Found(np.zeros(0), np.zeros(0), 0.0, 0.0, np.zeros((0, q.shape[1])))
     if len(q) < 3 or spread_of(q) == 0:
         return none
     qd, _ = derivatives(padded(q, 1), step_s)
@@ -62,12 +64,12 @@ def cycles_of(q: Floats, step_s: float) -> Found:
     if not moving.any():
         return none
     candidates = [(marks, found) for marks in marks_of(q, qd) if (found := _between(marks, q, moving)) is not None]
+    candidates = [each for each in candidates if each[1].covered >= _COVERED]
     if not candidates:
         return none
-    best = max(found.covered for _, found in candidates)
-    good = [each for each in candidates if each[1].covered >= best - _AS_GOOD]
-    _, found = max(good, key=lambda each: (each[0].rest, each[1].covered))
-    return found if found.covered >= _COVERED else none
+    best = max(found.between_marks for _, found in candidates)
+    good = [each for each in candidates if each[1].between_marks >= best - _AS_GOOD]
+    return max(good, key=lambda each: (each[0].rest, each[1].covered))[1]
 
 
 def same_path(one: Found, other: Found) -> bool:
@@ -92,7 +94,9 @@ def _between(marks: Marks, q: Floats, moving: NDArray[np.bool_]) -> Found | None
     inside = np.zeros(len(q), dtype=bool)
     for first, last in zip(np.ceil(begin[same]).astype(int), np.ceil(end[same]).astype(int), strict=True):
         inside[first:last] = True
-    return Found(begin[same], end[same], float((moving & inside).sum() / moving.sum()), points[chosen[commonest]])
+    in_cycles, marked = (moving & inside).sum(), moving[int(np.ceil(begin[0])) : int(np.ceil(end[-1]))].sum()
+    covered, between_marks = float(in_cycles / moving.sum()), float(in_cycles / max(marked, 1))
+    return Found(begin[same], end[same], covered, between_marks, points[chosen[commonest]])
 
 
 def _path(q: Floats, begin: float, end: float) -> tuple[Floats, float]:

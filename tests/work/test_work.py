@@ -8,8 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from acqd.dataset.resample import resampled
+from acqd.robot import load_description
+from acqd.robot.log import in_time, read_log
 from acqd.work.cycles import cycles_of
 from tests.commands import acqd_here, refused
+from tests.places import ROOT
 
 STEP, AXES, T0 = 0.04, 6, 1_750_000_000.0
 HOME, PICK, PLACE = np.zeros(AXES), np.linspace(0.9, -0.6, AXES), np.linspace(-0.8, 0.7, AXES)
@@ -70,6 +74,19 @@ def test_a_loop_without_rest_has_cycles_of_its_period():
     assert len(cycles_of(np.zeros((500, AXES)), STEP).begin) == 0
 
 
+@pytest.mark.parametrize(("name", "cycles"), [("ur-20_01_22-joint_1", 5), ("ur-20_01_17-ptp_10_points", 0)])
+def test_a_real_arm_has_its_cycles_and_no_others(name, cycles):
+    path = ROOT.parent / "shared" / "data" / "robots" / "ur10e" / f"{name}.csv"
+    if not path.exists():
+        pytest.skip(f"needs {path}")
+    log = read_log(path, load_description("ur10e"))
+    time, rows = in_time(log)
+    grid = np.arange(time[0], time[-1], STEP)
+    found = cycles_of(np.column_stack([resampled(grid, time, angle[rows], STEP) for angle in log.q.T]), STEP)
+    assert len(found.begin) == cycles
+    np.testing.assert_allclose((found.end - found.begin) * STEP, 10.0, atol=0.08)
+
+
 @pytest.fixture(scope="module")
 def dataset(tmp_path_factory):
     """A session of 14 cycles: the fourth waits, the seventh is slow, the tenth takes more power (simulated)."""
@@ -101,9 +118,7 @@ def dataset(tmp_path_factory):
 
 def own_description():
     """The UR10e with a column of parts, which the user names."""
-    from acqd.robot import description
-
-    shipped = next(p for p in (description.Path(description.__file__).parent / "descriptions").glob("ur10e.toml"))
+    shipped = ROOT / "acqd" / "robot" / "descriptions" / "ur10e.toml"
     return shipped.read_text().replace('state = "runtime_state"', 'state = "runtime_state"\npart = "part"')
 
 

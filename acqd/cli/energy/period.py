@@ -90,6 +90,8 @@ def _statement(
     from acqd.storage.database import read_database
 
     split = next((each for each in SPLITS if each == by), None)
+    if by in ("cycle", "program", "step", "part", "state"):
+        raise UserError(f"--by {by} needs the robot's logs: acqd energy work DS --by {by}")
     if split is None:
         raise UserError(f"--by {by!r}: expected {', '.join(SPLITS)}")
     path, zone, shifts = rules
