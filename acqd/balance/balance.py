@@ -29,8 +29,13 @@ class Entry:
     """An effect that the loop added."""
     joints: Floats
     """[axes + 1] kWh by joint; the last is of no joint."""
-    EUR: float | None
-    """At the prices of the rows; None without a tariff."""
+    EUR_joints: Floats | None
+    """[axes + 1] EUR at the prices of the rows; None without a tariff."""
+
+    @property
+    def EUR(self) -> float | None:  # noqa: N802
+        """Of all joints."""
+        return None if self.EUR_joints is None else float(self.EUR_joints.sum())
 
     @property
     def kWh(self) -> float:  # noqa: N802
@@ -107,7 +112,7 @@ def _span(rows: Rows, label: str, chosen: np.ndarray, price: Floats | None) -> S
     entries = [
         Entry(
             each.cause, each.name, each.added, each.joints[chosen].sum(axis=0) * energy,
-            None if paid is None else float(paid @ each.power[chosen]),
+            None if paid is None else paid @ each.joints[chosen],
         )
         for each in rows.parts
     ]  # fmt: skip

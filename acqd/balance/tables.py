@@ -49,15 +49,14 @@ def as_csv(balance: Balance) -> str:
     table.writerow(_HEADER)
     for span in balance.spans:
         for entry in span.entries:
-            price = None if entry.EUR is None or not entry.kWh else entry.EUR / entry.kWh
-            for joint, kwh in enumerate(entry.joints.tolist(), start=1):
+            costs = [None] * len(entry.joints) if entry.EUR_joints is None else entry.EUR_joints.tolist()
+            for joint, (kwh, cost) in enumerate(zip(entry.joints.tolist(), costs, strict=True), start=1):
                 if kwh:
                     name = "" if joint == len(entry.joints) else joint
-                    table.writerow([span.label, entry.cause.value, entry.name, name, *_numbers(span, kwh, price)])
+                    table.writerow([span.label, entry.cause.value, entry.name, name, *_numbers(span, kwh, cost)])
         table.writerow([span.label, "residual", "measured minus predicted", "", *_numbers(span, span.residual, None)])
     return text.getvalue()
 
 
-def _numbers(span: Span, kwh: float, price: float | None) -> list[object]:
-    mean_W = kwh * 3.6e6 / span.seconds
-    return [repr(kwh), f"{mean_W:.6g}", "" if price is None else f"{kwh * price:.6g}"]
+def _numbers(span: Span, kwh: float, cost: float | None) -> list[object]:
+    return [repr(kwh), f"{kwh * 3.6e6 / span.seconds:.6g}", "" if cost is None else f"{cost:.6g}"]

@@ -75,13 +75,13 @@ def parts_of_recording(model: Predictor, asked: Recorded, rows: int) -> list[Par
     return [Part(each.cause, each.name, each.joints[here], each.term) for each in parts]
 
 
-def effect_parts_of(model: Augmented, segment: Segment) -> list[Part]:
-    """Parts of the added effects alone, whatever the base of the model is."""
+def added_power(model: Augmented, segment: Segment) -> Floats:
+    """[T] W of all added effects, whatever the base of the model is."""
     asked = recorded(model, segment)
     begun = asked.led_in(model.step_s)
-    here = slice(begun.before, begun.before + len(segment.P))
-    parts = _of_effects(model, begun, model.known(begun.signals, len(begun.q)))
-    return [Part(each.cause, each.name, each.joints[here], each.term) for each in parts]
+    signals = model.known(begun.signals, len(begun.q))
+    power = model.effects(continued(begun.q, RADIUS), signals, begun.start_s)
+    return power[begun.before : begun.before + len(segment.P)]
 
 
 def _of_effects(model: Augmented, begun: Recorded, signals: Floats) -> list[Part]:

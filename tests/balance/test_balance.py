@@ -44,6 +44,7 @@ def test_parts_and_residual_are_the_measured_energy(told):
         assert sum(span["causes"].values()) == pytest.approx(parts, rel=1e-12)
         for part in span["parts"]:
             assert sum(part["joints_kWh"]) + part["of_no_joint_kWh"] == pytest.approx(part["kWh"], abs=1e-15)
+        assert sum(part["EUR"] for part in span["parts"]) == pytest.approx(0.3 * parts)
         assert span["EUR"] == pytest.approx(0.3 * span["measured_kWh"])
         low, high = span["residual"]["ci95"] or (-np.inf, np.inf)
         assert low < span["residual"]["kWh"] < high

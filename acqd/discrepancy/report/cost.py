@@ -10,7 +10,7 @@ from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.repair.refit import groups_of
 from acqd.discrepancy.repair.terms import FIRST_MOMENT, Reported
 from acqd.models.augmented import Augmented, Term
-from acqd.models.causes import effect_parts_of, parts_of
+from acqd.models.causes import added_power, parts_of
 from acqd.models.effects import library
 from acqd.models.effects.cause import Cause
 from acqd.models.greybox.model import GreyBox
@@ -39,7 +39,7 @@ def _of_term(subject: Subject, term: Term) -> list[Floats]:
     """[T] W of an effect on every held-out segment."""
     base = subject.model.base if isinstance(subject.model, Augmented) else subject.model
     model = Augmented(base, subject.carrier, [term])
-    return [effect_parts_of(model, segment)[0].power for segment in subject.held_out]
+    return [added_power(model, segment) for segment in subject.held_out]
 
 
 def _restored(closed: Closed, each: Reported) -> list[Floats] | None:
