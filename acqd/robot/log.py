@@ -54,7 +54,7 @@ class RobotLog:
     signals: dict[str, Floats] = field(default_factory=dict)
     """`tool` and `brake` [T], 0 or 1, where recorded (brake 1: open)."""
     labels: dict[str, Floats] = field(default_factory=dict)
-    """`program`, `step`, `part` and `state` [T], where recorded: numbers, NaN where a cell is none."""
+    """`program`, `step`, `part` and `state` [T], where recorded: numbers; NaN where a cell holds none."""
     power: Floats | None = None
     """[T] W, measured by the controller: the logged power, or voltage times current of the supply."""
     voltage: Floats | None = None

@@ -2,6 +2,8 @@
 
 import csv
 import json
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,9 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from acqd.dataset.resample import resampled
+from acqd.models.segments import Segment
 from acqd.robot import load_description
 from acqd.robot.log import in_time, read_log
+from acqd.work.cycle_energy import cycle_energy
 from acqd.work.cycles import cycles_of
+from acqd.work.labels import labelled
 from tests.commands import acqd_here, refused
 from tests.places import ROOT
 
@@ -154,3 +159,39 @@ def test_parts_and_states_from_the_log(dataset):
 def test_a_log_without_the_column_is_refused(dataset):
     assert "have no column step" in refused(acqd_here("energy", "work", dataset, "--by", "step"))
     assert "expected cycle, program, step, part, state" in refused(acqd_here("energy", "work", dataset, "--by", "moon"))
+
+
+def in_memory(moves, power, name="a", closed=0, **labels):
+    """A segment of a session; `power` gives W of the motion in every cycle, brakes close in the first rows."""
+    q, left = session(moves)
+    moving = np.append(np.abs(np.diff(q, axis=0)).max(axis=1) > 1e-6, False)
+    number = np.clip((np.searchsorted(left, STEP * np.arange(len(q)), side="right") - 2) // 3, 0, None)
+    brake = (np.arange(len(q)) >= closed) * 1.0
+    P = 100.0 + moving * power(number)
+    return Segment(name, name, "other", "train", q, P, None, {"brake": brake}, T0 + 1000 * len(name), labels=labels)
+
+
+def test_a_warm_up_and_standby_are_named_and_other_motion_is_another_path():
+    first = in_memory(cycles([1.0] * 16), lambda k: 200 + 100 * np.exp(-k / 1.5), closed=10)
+    mirrored = [(-target, seconds, rest) for target, seconds, rest in cycles([1.0] * 6)]
+    found = cycle_energy([first, in_memory(mirrored, lambda k: 200.0, "bb")], STEP)
+    assert {each.kind for each in found.cycles} == {1, 2}
+    causes = [each.outlier for each in found.cycles if each.kind == 1]
+    assert causes[:2] == ["warm-up", "warm-up"] and set(causes[8:]) == {""}
+    between = {each.name: each for each in found.between}
+    assert between["standby"].seconds == pytest.approx(10 * STEP) and set(between) == {
+        "other motion",
+        "idle",
+        "standby",
+    }
+    total = sum(each.kWh for each in (*found.cycles, *found.between))
+    assert total == pytest.approx(found.kWh, rel=1e-12)
+
+
+def test_rows_without_a_number_are_unknown():
+    segment = in_memory(cycles([1.0] * 3), lambda k: 200.0)
+    step = np.arange(len(segment.P)) // 100 * 10.0
+    step[:50] = np.nan
+    values = labelled([replace(segment, labels={"step": step})], "step", STEP, Path("ds"))
+    assert [each.name for each in values][:3] == ["unknown", "0", "10"]
+    assert sum(each.kWh for each in values) == pytest.approx(segment.P.sum() * STEP / 3.6e6, rel=1e-12)
