@@ -32,7 +32,7 @@ def balance_page(title: str, balance: Balance, rows: Rows, years: dict[Cause, Ye
     page = Page(f"Energy by cause: {title}", simulated=measured == "simulated")
     page.verdict(_verdict(total, years))
     page.text(
-        f"The power is {_SOURCES.get(measured, measured)}. All energies are at the mains: a mechanical watt counts "
+        f"The power is {_SOURCES.get(measured, measured)}. All energies are at the meter: a mechanical watt counts "
         "with the loss of the drives that the model gives it. The parts add up to the prediction, and with the "
         "residual to the measured energy. Potential and kinetic energy are stored: over a closed motion they are zero."
     )

@@ -35,7 +35,7 @@ def network(random):
     return Perceptron(W, b, out), normal
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1),
     hybrid=st.booleans(),

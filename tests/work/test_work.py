@@ -50,7 +50,7 @@ def cycles(waits, slow=()):
     return moves
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(waits=st.lists(st.floats(0.5, 4.0), min_size=5, max_size=9), slow=st.integers(0, 4), seed=st.integers(0, 999))
 def test_cycles_begin_where_the_arm_leaves_its_longest_rest(waits, slow, seed):
     q, left = session(cycles(waits, {slow}))
@@ -60,7 +60,7 @@ def test_cycles_begin_where_the_arm_leaves_its_longest_rest(waits, slow, seed):
     assert len(found.begin) == len(waits) - 1  # the last one has no end
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(seed=st.integers(0, 9999), rest=st.booleans())
 def test_no_cycles_are_claimed_in_random_motion(seed, rest):
     random = np.random.default_rng(seed)
