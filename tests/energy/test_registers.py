@@ -105,8 +105,8 @@ def exact(device):
 
 
 def test_an_rms_meter_with_a_coarse_register_has_no_gaps_and_no_steps(tmp_path):
-    count = 720  # two hours, a row every 10 s, a register of 0.1 kWh
-    rows = [row(k, t=T0 + 10 * k, P=1000.0, W=int(10 * 10 * (k + 1) / 3600) / 10) for k in range(count)]
+    count = 240  # two hours, a row every 30 s, a register of 0.1 kWh
+    rows = [row(k, t=T0 + 30 * k, P=1000.0, W=int(10 * 30 * (k + 1) / 3600) / 10) for k in range(count)]
     said = ask(stored(tmp_path, rows), "--from", utc(T0), "--to", utc(T0 + 7200), "--by", "hour")
     device = said["devices"][0]
     assert exact(device) and device["register_set_nWh"] == 0 and device["total"]["missing_s"] == 0

@@ -52,7 +52,7 @@ def test_parts_add_up_to_the_prediction(everything, seed, hybrid, number_of_effe
     terms = [everything.terms[k] for k in random.integers(0, len(everything.terms), number_of_effects)]
     whole = Hybrid(base, *network(random)) if hybrid else base
     repaired = Augmented.of(whole, base, terms)
-    segment = recording(base, 1, rows=150, seed=seed % 1000)
+    segment = recording(base, 1, rows=90, seed=seed % 1000)
     if piece:
         segment = replace(segment, q=segment.q[40:], P=segment.P[40:], before=segment.q[30:40],
                           signals={k: v[40:] for k, v in segment.signals.items()},
