@@ -46,6 +46,13 @@ def close_loop(
         datetime | None,
         typer.Option("--from", "--since", help="Leave out recordings that ended before (UTC).", formats=_TIMES),
     ] = None,
+    tariff: Annotated[
+        Path | None, typer.Option(help="TOML file with prices, for the cost of a cause (docs/energy.md).")
+    ] = None,
+    duty: Annotated[
+        float | None,
+        typer.Option(min=0, max=1, help="Share of the year in which the robot moves (default: as in the recordings)."),
+    ] = None,
     watch: Annotated[
         bool, typer.Option("--watch", help="Keep running, and judge new recordings of the dataset.")
     ] = False,
@@ -77,12 +84,16 @@ def close_loop(
     from acqd.discrepancy.report.summary import as_json
     from acqd.discrepancy.report.way import way_of
     from acqd.discrepancy.report.write import require_writable, write_all
+    from acqd.energy.tariff import load_tariff
+    from acqd.models.yearly import Duty
 
     folder = out or default_folder(dataset, "watch" if watch else "loop-with" if further else "loop")
     since_s = None if since is None else since.replace(tzinfo=UTC).timestamp()
+    price = None if tariff is None else load_tariff(tariff).mean_price
     config = CloseConfig(
         dataset, model, folder, reference, max_effects, tuple(only or ()), tuple(exclude or ()), seed, robot, since_s,
         tuple(further or ()),
+        Duty(duty, price),
     )  # fmt: skip
     if watch:
         from acqd.cli.watch_loop import watch_loop
@@ -140,6 +151,9 @@ def _print(result: dict[str, Any], folder: Path) -> None:
         console.print(table)
     if result["correction"]:
         console.print(f"correction: {_corrected_by(result['correction'])}")
+    for effect in result["effects"]:
+        if effect["a_year"] is not None:
+            console.print(_a_year(effect))
     console.print(f"residual: {result['unexplained']}")
     for step in result["next"]:
         console.print(f"next: {step}")
@@ -150,3 +164,10 @@ def _corrected_by(correction: dict[str, Any]) -> str:
     size = correction["size"]
     interval = f" ({size['ci95'][0]:.3g} to {size['ci95'][1]:.3g})" if size["ci95"] else ""
     return f"{correction['follows']}: up to {size['value']:.3g} {size['unit']}{interval}; cause unknown"
+
+
+def _a_year(effect: dict[str, Any]) -> str:
+    year = effect["a_year"]
+    interval = f" ({year['kWh_ci95'][0]:.3g} to {year['kWh_ci95'][1]:.3g})" if year["kWh_ci95"] else ""
+    cost = "" if year["EUR"] is None else f", {year['EUR']:.2f} EUR"
+    return f"{effect['id']}: {year['kWh']:.3g} kWh{interval}{cost} a year, moving {year['duty']:.0%} of the time"

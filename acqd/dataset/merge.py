@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from acqd.arrays import Floats
 from acqd.dataset.power import PowerStream
-from acqd.dataset.resample import resampled
+from acqd.dataset.resample import held, resampled
 from acqd.dataset.schema import recording_table
 from acqd.robot.log import RobotLog, in_time
 
@@ -63,6 +63,8 @@ def merge(name: str, log: RobotLog, power: PowerStream, lag_s: float, drift_ppm:
                 columns[f"{quantity}{axis + 1}"] = resampled(grid, clock, values[rows, axis], step_s)
     for signal, values in log.signals.items():
         columns[signal] = resampled(grid, clock, values[rows], step_s)
+    for label, values in log.labels.items():
+        columns[label] = held(grid, clock, values[rows])
     logged = _near(grid, clock, _LOG_GAP_S / 2)
     valid = logged & _near(grid, centres[np.isfinite(P)], _POWER_GAP * power.window_ns * 1e-9)
     valid &= np.isfinite(columns["P"])

@@ -21,6 +21,11 @@ def resampled(grid: Floats, t: Floats, values: Floats, step_s: float) -> Floats:
     return np.asarray(np.interp(grid, t, values))
 
 
+def held(grid: Floats, t: Floats, values: Floats) -> Floats:
+    """[len(grid)] values that hold from their times `t` (rising) until the next one; the first also before."""
+    return np.asarray(values[np.maximum(np.searchsorted(t, grid, side="right") - 1, 0)], dtype=np.float64)
+
+
 def _integral_at(at: Floats, t: Floats, values: Floats, integral: Floats) -> Floats:
     before = np.clip(np.searchsorted(t, at, side="right") - 1, 0, len(t) - 2)
     elapsed = at - t[before]

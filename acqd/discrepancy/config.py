@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+
+from acqd.models.yearly import Duty
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +28,8 @@ class CloseConfig:
     """UTC (Unix s); recordings that end before are left out."""
     further: tuple[Path, ...] = ()
     """More datasets in question, each a session with gears that began at a temperature of their own."""
+    duty: Duty = field(default_factory=Duty)
+    """For the energy and the cost of a cause per year."""
 
     def as_json(self) -> dict[str, Any]:
         """What was asked for, for report.json; `from_json` reads it again."""

@@ -22,6 +22,7 @@ from acqd.models.greybox.fit import fit_grey_box
 from acqd.models.greybox.model import GreyBox
 from acqd.models.predictor import Predictor
 from acqd.models.segments import Dataset, Segment, load_dataset
+from acqd.models.yearly import moving_rows, require_duty
 from acqd.robot.description import RobotDescription, load_description
 
 Question = Literal["change", "structure"]
@@ -71,6 +72,7 @@ def subject_of(config: CloseConfig, progress: Callable[[str, float], None]) -> S
         raise UserError(f"{config.dataset}: the model was fitted on all of its recordings; close the loop on new ones")
     reference, notes = _reference(config, data, same=same)
     fit, held_out = _hold_out(data.segments, unseen, same=same)
+    require_duty(config.duty, [moving_rows(segment, data.step_s) for segment in held_out], config.dataset)
     withheld = frozenset(bundle.metadata.get("withheld", ()))
     carrier = carrier_in(bundle, model) if not withheld else None
     if carrier is None:

@@ -83,6 +83,8 @@ class Account:
     register_nWh: int
     """Last reading minus the first: the periods, `between_nWh` and `jumps_nWh` together."""
     standby: Standby | None
+    months: list[Demand | None]
+    """The highest quarter hour of every month of local time in the range; None where none is complete."""
     remarks: list[str] = field(default_factory=list)
     simulated: bool = False
     """By the flag of the newest row; False where no rows are kept."""
@@ -90,9 +92,9 @@ class Account:
 
 def account_of(
     device: str, channel: str, buckets: Buckets, skipped: int, stretches: Stretches, interval_s: float,
-    boundaries: Sequence[int], tariff: Tariff | None,
+    boundaries: Sequence[int], tariff: Tariff | None, months: Sequence[int],
 ) -> Account:  # fmt: skip
-    """Sort stretches into periods; the first `skipped` buckets lie before them."""
+    """Sort stretches into periods; the first `skipped` buckets lie before them. `months`: boundaries of months."""
     of_periods = _after(buckets, skipped)
     standby = standby_of(of_periods)
     priced = _Priced(stretches, tariff, boundaries[0])
@@ -104,7 +106,8 @@ def account_of(
     total = sums.period(boundaries[0], boundaries[-1], known)
     between, stepped = (int(stretches.nWh[stretches.kind == kind].sum()) for kind in (Kind.GAP, Kind.JUMP))
     jumps = stretches.end[stretches.kind == Kind.JUMP].tolist()
-    return Account(device, channel, periods, total, between, stepped, jumps, stretches.register_nWh, standby)
+    demands = [sums.demand(begin, end) for begin, end in pairwise(months)]
+    return Account(device, channel, periods, total, between, stepped, jumps, stretches.register_nWh, standby, demands)
 
 
 def sum_of(periods: Sequence[Period]) -> Period:
@@ -214,14 +217,15 @@ class _Sums:
             float(self._known_s[here].sum()),
             float(np.average(P[finite], weights=rows[finite])) if finite.any() else None,
             float(tops.max()) if len(tops) else None,
-            self._demand(begin, end),
+            self.demand(begin, end),
             None if cost is None or not some else self._priced.cost_unit * sum(cost.get(k, 0) for k in chosen),
             sum(int(nWh[k]) for k in self._priced.unpriced if mine[k]),
             None if co2 is None or not some else self._priced.co2_unit * sum(co2.get(k, 0) for k in chosen),
             None if self._standby is None or not some else int(nWh[mine & self._at_rest].sum()),
         )  # fmt: skip
 
-    def _demand(self, begin: int, end: int) -> Demand | None:
+    def demand(self, begin: int, end: int) -> Demand | None:
+        """The highest complete quarter hour between Unix times [s]."""
         start, watts, whole = self._quarters
         here = (start >= begin) & (start + _QUARTER_S <= end)
         usable = here & whole

@@ -105,7 +105,7 @@ def _verdict(bill: Statement) -> Verdict:
         figures.append(KeyFigure("standby", percent(share), f"{total.standby_nWh / NWH_PER_KWH:.3f} kWh at rest"))
     capacity = bill.capacity_EUR
     if capacity is not None and bill.tariff is not None:
-        figures.append(KeyFigure("capacity", f"{capacity:.2f} EUR", f"a {bill.tariff.capacity_per}, at this maximum"))
+        figures.append(KeyFigure("capacity", f"{capacity:.2f} EUR", bill.capacity_text))
     steps = [remark for one in bill.accounts for remark in one.remarks]
     if between:
         steps.append(f"{exact_kwh(between)} kWh were counted over gaps, and belong to no single period")

@@ -29,8 +29,13 @@ def devices(engine: sa.Engine) -> list[str]:
         return sorted({*stored.devices(connection), *known_rows.devices(connection)})
 
 
-def read_account(engine: sa.Engine, device: str, boundaries: Sequence[int], tariff: Tariff | None) -> Account:
-    """The account of a device between Unix times [s], whole minutes. Raises UserError where it has no rows."""
+def read_account(
+    engine: sa.Engine, device: str, boundaries: Sequence[int], tariff: Tariff | None, months: Sequence[int] = ()
+) -> Account:
+    """The account of a device between Unix times [s], whole minutes. Raises UserError where it has no rows.
+
+    `months`: Unix times [s] between which demands of months are wanted.
+    """
     begin, end = boundaries[0], boundaries[-1]
     seconds = resolution(boundaries, tariff)
     first, last = begin // seconds * seconds, -(-end // seconds) * seconds
@@ -44,7 +49,7 @@ def read_account(engine: sa.Engine, device: str, boundaries: Sequence[int], tari
             return stored.first_reading(connection, device, channel, since, until)
 
         stretches = stretches_of(buckets, interval, boundaries, first_reading)
-        account = account_of(device, channel, buckets, before, stretches, interval, boundaries, tariff)
+        account = account_of(device, channel, buckets, before, stretches, interval, boundaries, tariff, months)
         simulated = stored.has_flag(connection, device, channel, begin, end, "simulated")
     return replace(account, remarks=_remarks(account, buckets, interval), simulated=simulated)
 

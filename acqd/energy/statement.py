@@ -58,12 +58,25 @@ class Statement:
 
     @property
     def capacity_EUR(self) -> float | None:  # noqa: N802
-        """The capacity price of the highest quarter hour, per year or month, of all devices by themselves."""
-        price = None if self.tariff is None else self.tariff.capacity_price
-        demands = [account.total.demand for account in self.accounts]
-        if price is None or None in demands:
+        """The capacity price of the highest quarter hour, of all devices by themselves; per month, of all its months.
+
+        None where the range, or one of its months, has no complete quarter hour.
+        """
+        if self.tariff is None or self.tariff.capacity_price is None:
             return None
-        return float(price) * sum(one.W for one in demands if one is not None) / 1000
+        by_month = self.tariff.capacity_per == "month"
+        demands = [one for account in self.accounts for one in (account.months if by_month else [account.total.demand])]
+        if None in demands:
+            return None
+        return float(self.tariff.capacity_price) * sum(one.W for one in demands if one is not None) / 1000
+
+    @property
+    def capacity_text(self) -> str:
+        """What `capacity_EUR` is for."""
+        months = len(self.accounts[0].months)
+        if self.tariff is not None and self.tariff.capacity_per == "month":
+            return f"for the highest quarter hour of {'the month' if months == 1 else f'each of {months} months'}"
+        return "a year, at this maximum"
 
 
 def statement_of(
@@ -73,7 +86,8 @@ def statement_of(
     """Read the devices `wanted` (all, if empty). Raises UserError where one has no rows in the range."""
     cuts = boundaries(chosen, by, zone, shifts)
     names = _known(engine, wanted, chosen)
-    accounts = [read_account(engine, name, cuts, tariff) for name in names]
+    months = boundaries(chosen, "month", zone)
+    accounts = [read_account(engine, name, cuts, tariff, months) for name in names]
     if not accounts:
         raise UserError("no device has rows in this period; choose another --from and --to, or --last")
     periods = [sum_of(together) for together in zip(*(account.periods for account in accounts), strict=True)]

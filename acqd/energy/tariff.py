@@ -101,6 +101,19 @@ class Tariff:
         found = _at(self.price, moments)
         return found if found is None or not self.surcharge else [one + self.surcharge for one in found]
 
+    @property
+    def mean_price(self) -> float | None:
+        """EUR per kWh, a mean over all minutes of the year or over the series; None without a price."""
+        if self.price is None:
+            return None
+        if isinstance(self.price, Fraction):
+            return float(self.price + self.surcharge)
+        if isinstance(self.price, Weekly):
+            return float(np.array([float(each) for each in self.price.prices])[self.price.number].mean())
+        lasting = np.diff(np.append(self.price.start, self.price.end))
+        mean = np.average([float(each) for each in self.price.values], weights=lasting)
+        return float(mean) + float(self.surcharge)
+
     def emissions(self, moments: np.ndarray) -> list[Fraction] | None:
         """Kg CO2 per kWh at Unix times [s]."""
         return _at(self.co2, moments)

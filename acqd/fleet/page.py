@@ -14,7 +14,7 @@ from acqd.report.verdict import KeyFigure, Tone, Verdict
 
 _LEAST_P = 1e-12
 """Smaller p-values are drawn here."""
-_HEAD = ("robot", "since (UTC)", "what", "how much", "how sure", "residual [W RMS]")
+_HEAD = ("robot", "since (UTC)", "what", "how much", "a year", "how sure", "residual [W RMS]")
 
 
 def page_of(fleet: Fleet, report: FleetReport) -> Page:
@@ -87,7 +87,8 @@ def _changed(page: Page, report: FleetReport) -> None:
 
 def _cells(row: Row) -> list[object]:
     return [
-        row["name"], words.since(row), words.what(row), words.how_much(row), words.how_sure(row), words.residual(row)
+        row["name"], words.since(row), words.what(row), words.how_much(row), words.a_year(row), words.how_sure(row),
+        words.residual(row),
     ]  # fmt: skip
 
 

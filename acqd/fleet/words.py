@@ -53,6 +53,18 @@ def how_much(row: Row) -> str:
     return "; ".join(texts)
 
 
+def a_year(row: Row) -> str:
+    """Energy per year of every cause with its 95 % interval; results of earlier versions have none."""
+    texts = []
+    for effect in row["effects"]:
+        year = effect.get("a_year")
+        if year is not None:
+            bounds = year["kWh_ci95"]
+            interval = f" ({number(bounds[0])} to {number(bounds[1])})" if bounds else ""
+            texts.append(f"{number(year['kWh'])} kWh{interval}")
+    return "; ".join(texts)
+
+
 def how_sure(row: Row) -> str:
     """Adjusted p-value of the change, and the confidence of the first cause."""
     if row["q"] is None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections import deque
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +12,7 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.models.effects import holdable
-from acqd.models.effects.effect import effect_rows_at
+from acqd.models.effects.effect import effect_rows_at, torque_rows_by_joint
 from acqd.models.effects.places import Place
 from acqd.models.effects.scene import Scene, make_scene
 from acqd.models.effects.substeps import RADIUS
@@ -20,6 +22,8 @@ from acqd.models.predictor import Beyond, Predictor
 
 ORIGIN = "origin_s"
 """Keys of a shape that begin so hold UTC of the start of a session."""
+_JOINT = re.compile(r"joint (\d+)")
+"""Place of an effect at one joint."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +57,17 @@ class Term:
         """UTC of the start of the session that a time belongs to, s; None where no session is known."""
         starts = sorted(value for key, value in self.shape.items() if key.startswith(ORIGIN))
         return max((start for start in starts if start <= at_s), default=starts[0] if starts else None)
+
+    def by_joint(self, scene: Scene) -> Floats:
+        """[T, axes + 1] W of the effect at every joint, and in the last column what is of no joint."""
+        effect = holdable()[self.id]
+        power = np.zeros((scene.rows, scene.axes + 1))
+        if effect.acts_on == "torque":
+            power[:, :-1] = torque_rows_by_joint(effect, scene, self.shape, self.columns, self.coefficients)
+            return power
+        joint = _JOINT.fullmatch(self.where)
+        power[:, int(joint[1]) - 1 if joint else -1] = self.rows(scene)
+        return power
 
     def as_json(self) -> dict[str, Any]:
         """For bundle.json."""
@@ -142,20 +157,29 @@ class Augmented(Predictor):
             return np.zeros(len(signals))
         return self._powers(self._scene(q, signals, start_s), start_s)
 
+    def effects_by_joint(self, q: Floats, signals: Floats, start_s: float | None) -> list[Floats]:
+        """[T, axes + 1] W of every term, for angles [T + 2 RADIUS, axes]; in the last column what is of no joint."""
+        scene = self._scene(q, signals, start_s)
+        return [self._since(term, term.by_joint(scene), start_s) for term in self._in_session(scene, start_s)]
+
     def _powers(self, scene: Scene, start_s: float | None) -> Floats:
-        powers = []
+        terms = self._in_session(scene, start_s)
+        return np.sum([self._since(term, term.rows(scene), start_s) for term in terms], axis=0)  # type: ignore[no-any-return]
+
+    def _in_session(self, scene: Scene, start_s: float | None) -> Iterator[Term]:
+        """Every term, while the scene's memory has the start of the term's session."""
         for term in self.terms:
             origin_s = None if start_s is None else term.session_start(start_s)
             if origin_s is not None:
                 scene.memory["origin_s"] = origin_s
-            powers.append(term.rows(scene))
-        if start_s is not None:  # an effect with a later start
-            t = start_s + self.step_s * np.arange(scene.rows)
-            powers = [
-                np.where(t >= term.shape.get("begin_s", -np.inf), power, 0.0)
-                for term, power in zip(self.terms, powers, strict=True)
-            ]
-        return np.sum(powers, axis=0)  # type: ignore[no-any-return]
+            yield term
+
+    def _since(self, term: Term, power: Floats, start_s: float | None) -> Floats:
+        """`power` [T] or [T, k] W; 0 before an effect with a later start."""
+        if start_s is None or "begin_s" not in term.shape:
+            return power
+        t = start_s + self.step_s * np.arange(len(power))
+        return (power.T * (t >= term.shape["begin_s"])).T
 
     def _scene(self, q: Floats, signals: Floats, start_s: float | None) -> Scene:
         named = dict(zip(self.signals, signals.T, strict=True))

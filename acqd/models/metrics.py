@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.models.predictor import Predictor
+from acqd.models.predictor import Predictor, Recorded
 
 if TYPE_CHECKING:
     from acqd.models.segments import Segment
@@ -51,13 +51,19 @@ def predictions(model: Predictor, segments: Iterable[Segment]) -> list[Floats]:
 
 
 def _prediction(model: Predictor, segment: Segment) -> Floats:
-    """[T] W; a piece of a motion is predicted with the rows before and after it, whose signals are held."""
+    """[T] W of the segment's rows."""
+    asked = recorded(model, segment)
+    power = model.recording(asked.q, asked.signals, asked.start_s)
+    return power[asked.before : asked.before + len(segment.P)]
+
+
+def recorded(model: Predictor, segment: Segment) -> Recorded:
+    """A segment as a model is asked about it: with the rows before and after a piece of a motion, signals held."""
     q, before, after = segment.extended()
     signals = signals_of(model, segment)
     if signals is not None:
         signals = np.pad(signals, ((before, after), (0, 0)), mode="edge")
-    power = model.recording(q, signals, segment.start_s - before * model.step_s)
-    return power[before : before + len(segment.P)]
+    return Recorded(q, signals, segment.start_s - before * model.step_s, before)
 
 
 def measure(predicted: list[Floats], segments: list[Segment]) -> Metrics:

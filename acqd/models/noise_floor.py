@@ -7,7 +7,8 @@ import numpy as np
 from acqd.models.segments import Segment
 from acqd.numerics import mad_sigma, runs_of_true
 
-_STILL_RAD_S = 0.005
+STILL_RAD_S = 0.005
+"""Speed of a joint (rad/s, or m/s) below which the joint rests."""
 _SETTLING_ROWS = 10  # after a motion
 _WINDOW_ROWS = 50
 _MIN_WINDOWS = 5
@@ -25,7 +26,7 @@ def noise_floor(segments: list[Segment], step_s: float) -> tuple[float, str]:
     deviations = []
     for segment in segments:
         speed = np.abs(segment.motion(step_s)[1]).max(axis=1)
-        for first, last in runs_of_true(speed < _STILL_RAD_S):
+        for first, last in runs_of_true(speed < STILL_RAD_S):
             rest = segment.P[first + _SETTLING_ROWS : last]
             starts = range(0, len(rest) - _WINDOW_ROWS + 1, _WINDOW_ROWS)
             deviations += [rest[start : start + _WINDOW_ROWS].std() for start in starts]

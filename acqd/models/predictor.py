@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -14,6 +15,26 @@ from acqd.models.features import continued, lead_in, padded
 
 Beyond: TypeAlias = Callable[[Floats, int], Floats]
 """Angles [T, axes] and a number of rows to the angles with so many rows before and after."""
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """What a model is asked about: rows of a recording, with rows before and after them that are only needed."""
+
+    q: Floats
+    """[before + T + after, axes] rad."""
+    signals: Floats | None
+    """[before + T + after, k]; None: the usual."""
+    start_s: float | None
+    """Unix time of the first row, s."""
+    before: int = 0
+
+    def led_in(self, step_s: float) -> Recorded:
+        """With the rows before a recording that begins in motion (see `lead_in`)."""
+        more = lead_in(self.q)
+        signals = None if self.signals is None else np.pad(self.signals, ((len(more), 0), (0, 0)), mode="edge")
+        start_s = None if self.start_s is None else self.start_s - len(more) * step_s
+        return Recorded(np.concatenate([more, self.q]), signals, start_s, self.before + len(more))
 
 
 class Predictor(ABC):
@@ -41,11 +62,8 @@ class Predictor(ABC):
 
     def recording(self, q: Floats, signals: Floats | None = None, start_s: float | None = None) -> Floats:
         """As `sequence`, of a recording that may begin and end in motion."""
-        before = lead_in(q)
-        if signals is not None:
-            signals = np.pad(signals, ((len(before), 0), (0, 0)), mode="edge")
-        start_s = None if start_s is None else start_s - len(before) * self.step_s
-        return self.sequence(np.concatenate([before, q]), signals, start_s, continued)[len(before) :]
+        begun = Recorded(q, signals, start_s).led_in(self.step_s)
+        return self.sequence(begun.q, begun.signals, begun.start_s, continued)[begun.before :]
 
     def known(self, signals: Floats | None, rows: int) -> Floats:
         """Signals [rows, k]; None is replaced by the usual values."""

@@ -15,6 +15,7 @@ from acqd.dataset.split import Part
 from acqd.errors import UserError
 from acqd.models.features import continued, derivatives
 from acqd.numerics import runs_of_true
+from acqd.robot.log_layout import LABELS
 
 _MIN_S = 2.0
 SIGNALS = ("brake", "tool")
@@ -49,6 +50,8 @@ class Segment:
     """[k, axes] rad: likewise after the last one."""
     content: str = ""
     """Hash of the recording's power and angles: the same recording under any name, at any date."""
+    labels: dict[str, Floats] = field(default_factory=dict)
+    """Numbers [T] of program, step, part and state, where the log had them; NaN where unknown."""
     lag_within_s: float = 0.0
     """Half the width of the 95 % interval of the lag between power and motion, s; 0 for a lag that was given."""
     session: str = ""
@@ -170,7 +173,8 @@ def segments_of(columns: dict[str, Floats], entry: dict[str, object], step_s: fl
                 before,
                 after,
                 content,
-                float(entry.get("lag_within_s") or 0.0),  # type: ignore[arg-type]
+                labels={name: columns[name][rows] for name in LABELS if name in columns},
+                lag_within_s=float(entry.get("lag_within_s") or 0.0),  # type: ignore[arg-type]
             )
         )
     return segments

@@ -82,6 +82,14 @@ class LogColumns(Section):
     bus_current: str | None = None
     tool_point: str | None = None
     """x, y and z of the tool's centre point in the base frame [m], three columns: they show whose log it is."""
+    program: str | None = None
+    """Number of the program that runs, as the other labels a number that holds until the next one."""
+    step: str | None = None
+    """Number of the program's step."""
+    part: str | None = None
+    """Number of the part, or count of parts."""
+    state: str | None = None
+    """State of the controller, such as RTDE's runtime_state."""
 
 
 class RobotDescription(Section):

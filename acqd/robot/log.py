@@ -14,7 +14,7 @@ from acqd.errors import InputError
 from acqd.robot.bag import is_bag, read_bag
 from acqd.robot.description import LogColumns, RobotDescription
 from acqd.robot.garbled import BEYOND, FEW, beyond_limit, clock_restart, garbled_rows, impossible_jump, limits, reach
-from acqd.robot.log_layout import PER_AXIS, Columns, layout_of, twice, why_not
+from acqd.robot.log_layout import LABELS, PER_AXIS, Columns, layout_of, twice, why_not
 from acqd.robot.motion import MotionQuality, doubtful_rows, unwrapped
 from acqd.robot.resolution import resolution, smoothed, smoothing_of
 from acqd.robot.table import Table, read_table
@@ -53,6 +53,8 @@ class RobotLog:
     """[T, axes] degC."""
     signals: dict[str, Floats] = field(default_factory=dict)
     """`tool` and `brake` [T], 0 or 1, where recorded (brake 1: open)."""
+    labels: dict[str, Floats] = field(default_factory=dict)
+    """`program`, `step`, `part` and `state` [T], where recorded: numbers; NaN where a cell holds none."""
     power: Floats | None = None
     """[T] W, measured by the controller: the logged power, or voltage times current of the supply."""
     voltage: Floats | None = None
@@ -71,7 +73,8 @@ class RobotLog:
             name: None if (column := getattr(self, name)) is None else column[rows] for name in names
         }
         signals = {name: column[rows] for name, column in self.signals.items()}
-        return replace(self, path=path, signals=signals, **values)
+        labels = {name: column[rows] for name, column in self.labels.items()}
+        return replace(self, path=path, signals=signals, labels=labels, **values)
 
 
 def read_log(path: Path, robot: RobotDescription) -> RobotLog:
@@ -215,7 +218,8 @@ def _assemble(path: Path, table: Table, layout: LogColumns, columns: Columns) ->
     power, voltage, current = single("power"), single("bus_voltage"), single("bus_current")
     if power is None and voltage is not None and current is not None:
         power = voltage * current
-    return RobotLog(path, time, q, **others, signals=signals, power=power, voltage=voltage)
+    labels = {name: column for name in LABELS if (column := single(name)) is not None}
+    return RobotLog(path, time, q, **others, signals=signals, labels=labels, power=power, voltage=voltage)
 
 
 def _refusal(table: Table, q: Floats, faults: dict[int, str], robot: RobotDescription) -> str:

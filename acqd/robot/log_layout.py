@@ -9,7 +9,9 @@ from acqd.robot.table import Table
 
 PER_AXIS = ("q", "qd", "tau", "current", "temperature")
 """Quantities with one column for each axis."""
-_SINGLE = ("tool", "brake", "power", "bus_voltage", "bus_current")
+LABELS = ("program", "step", "part", "state")
+"""Numbers that say what the robot is working on."""
+_SINGLE = ("tool", "brake", "power", "bus_voltage", "bus_current", *LABELS)
 _GENERIC = LogColumns(
     format="csv",
     q="q{1}",
@@ -23,8 +25,12 @@ _GENERIC = LogColumns(
     bus_voltage="bus_voltage",
     bus_current="bus_current",
     tool_point="tcp{1}",
+    program="program",
+    step="step",
+    part="part",
+    state="state",
 )
-"""The generic header: time, q1.., qd1.., tau1.., current1.., temperature1.., tool, brake, power, tcp1 ..."""
+"""The generic header: time, q1.., qd1.., tau1.., current1.., temperature1.., tool, brake, power, tcp1 .., labels."""
 
 Columns = dict[str, list[int]]
 

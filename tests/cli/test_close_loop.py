@@ -35,12 +35,15 @@ def test_close_loop_names_the_payload_and_writes_what_the_design_says(closed):
     mass = effect["parameters"]["mass"]
     assert mass["unit"] == "kg" and mass["ci95"][0] < mass["value"] < mass["ci95"][1]
     assert mass["value"] == pytest.approx(2.0, rel=0.15)
+    year = effect["a_year"]
+    assert year["kWh_ci95"][0] < year["kWh"] < year["kWh_ci95"][1] and year["EUR"] is None
+    assert 0.0 < year["duty"] <= 1.0 and year["recordings"] == report["recordings"]["held_out"]
     assert report["after"]["rmse"] < 0.6 * report["before"]["rmse"]
     assert report["reference_rmse"] < report["after"]["rmse"]
     written = json.loads((folder / "now" / "ds.loop" / "report.json").read_text())
     assert written["effects"] == report["effects"]
     page = (folder / "now" / "ds.loop" / "report.html").read_text()
-    assert "simulated data" in page and "payload" in page and page.count('<svg role="img"') >= 6
+    assert "simulated data" in page and "payload: a year" in page and page.count('<svg role="img"') >= 6
 
 
 @pytest.mark.slow

@@ -6,6 +6,7 @@ import pytest
 
 from tests.browser import chromium, looks, needs_chromium, serious_findings
 from tests.commands import acqd_here, module_here, without_workers
+from tests.models.test_old_files import FOLDER
 
 pytestmark = pytest.mark.browser
 
@@ -25,6 +26,12 @@ def dataset(request, folder):
 
 def close_loop(request, folder):
     shutil.copy(request.getfixturevalue("closed")[0] / "now" / "ds.loop" / "report.html", folder)
+
+
+def energy(request, folder):
+    """By cause, and of the work, of a dataset of an earlier version."""
+    run("energy", "causes", FOLDER / "grey-box", FOLDER / "dataset", "--html", folder / "causes.html")
+    run("energy", "work", FOLDER / "dataset", "--html", folder / "work.html")
 
 
 def execute(request, folder):
@@ -62,7 +69,7 @@ def run(*words):
         dataset, close_loop,
         *(
             pytest.param(each, marks=pytest.mark.slow)
-            for each in (robot_check, compare, campaign, execute, trajectories, thesis)
+            for each in (robot_check, compare, campaign, execute, trajectories, thesis, energy)
         ),
     ],
 )  # fmt: skip

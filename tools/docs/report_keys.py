@@ -23,6 +23,10 @@ KEYS: dict[str, tuple[str, str]] = {
     "effects[].rivals": ("list of `{id, name, confidence}`", "alternatives"),
     "effects[].evidence": ("text", "the statistics, in words"),
     "effects[].begins": ("text or null", "first recording in which it acts, where it began within the recordings"),
+    "effects[].a_year": (
+        "`{kWh, kWh_ci95, EUR, EUR_ci95, duty, ...}` or null",
+        "energy and cost per year; null for what is no consumption, or scales other terms",
+    ),
     "effects[].added": ("boolean", "whether it is part of the repaired model, or reported only"),
     "correction": ("object or null", "law without a name in the repaired model; its keys below"),
     "correction.follows": ("text", "what the error follows, in words"),

@@ -29,7 +29,7 @@ def write_report(path: Path, config: CloseConfig, closed: Closed) -> None:
     """Write the page. Raises UserError."""
     subject = closed.subject
     page = Page(f"Error of the model on {config.dataset.name}", simulated=subject.data.measured == "simulated")
-    page.verdict(tile(closed))
+    page.verdict(tile(closed, config.duty))
     if subject.data.measured == "derived":
         page.text("The power of this dataset is derived from other measurements, not metered.")
     chart, recording = charts.example(closed)

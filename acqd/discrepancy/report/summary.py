@@ -10,11 +10,13 @@ from acqd.discrepancy.ability.ability import smallest_in_words
 from acqd.discrepancy.closed import Closed
 from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.repair.terms import Reported, described
+from acqd.discrepancy.report.cost import cost_of
 from acqd.discrepancy.report.main_parameter import changed_place
 from acqd.discrepancy.report.wander import wandering
 from acqd.discrepancy.selection.accepted import unnamed
 from acqd.discrepancy.thresholds import OF_THE_LOOP, THRESHOLDS
 from acqd.models.effects import library
+from acqd.models.yearly import Duty
 from acqd.threshold import described as thresholds_of
 
 VERDICTS = {
@@ -42,7 +44,7 @@ def as_json(config: CloseConfig, closed: Closed) -> dict[str, Any]:
         "before": closed.before.as_json(),
         "after": closed.after.as_json(),
         "verdict": closed.verdict,
-        "effects": [_effect(closed, each) for each in closed.named],
+        "effects": [_effect(closed, each, config.duty) for each in closed.named],
         "correction": None if closed.correction is None else closed.correction.as_json(),
         "unexplained": unexplained(closed),
         "question": subject.question,
@@ -62,7 +64,8 @@ def as_json(config: CloseConfig, closed: Closed) -> dict[str, Any]:
     }
 
 
-def _effect(closed: Closed, each: Reported) -> dict[str, Any]:
+def _effect(closed: Closed, each: Reported, duty: Duty) -> dict[str, Any]:
+    cost = cost_of(closed, each, duty)
     after = closed.after.rmse
     before = after + each.gain_W
     lowest = min(closed.after.rmse, closed.reference_rmse or np.inf)
@@ -85,6 +88,7 @@ def _effect(closed: Closed, each: Reported) -> dict[str, Any]:
         "evidence": described(each),
         "begins": each.start,
         "added": each.status == "added",
+        "a_year": None if cost is None else cost.as_json(),
     }
 
 

@@ -9,11 +9,13 @@ from acqd.discrepancy.closed import Closed
 from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.repair.correction import Correction
 from acqd.discrepancy.repair.terms import Reported
+from acqd.discrepancy.report.cost import cost_figure, cost_of
 from acqd.discrepancy.report.main_parameter import changed_place, main_parameter
 from acqd.discrepancy.report.relevance import compared_with_robot, mean_power
 from acqd.discrepancy.report.summary import next_steps
 from acqd.discrepancy.selection.accepted import unnamed
 from acqd.models.effects import library
+from acqd.models.yearly import Duty
 from acqd.report.digits import confidence_interval, counted, number, percent, with_error
 from acqd.report.verdict import KeyFigure, Tone, Verdict
 
@@ -24,9 +26,9 @@ _SHOWN_EFFECTS = 3
 _EITHER = re.compile(r"(\w+) \(or (\w+)\)")
 
 
-def tile(closed: Closed) -> Verdict:
-    """What a plant engineer needs within a minute."""
-    figures = _how_much(closed) + _how_sure(closed) + mean_power(closed) + [_error(closed)]
+def tile(closed: Closed, duty: Duty) -> Verdict:
+    """What a plant engineer needs within a minute; `duty`: for the cost of a year."""
+    figures = _how_much(closed) + _how_sure(closed) + mean_power(closed) + _costs(closed, duty) + [_error(closed)]
     return Verdict(_TONES[closed.verdict], _headline(closed), _sentence(closed), figures, next_steps(closed))
 
 
@@ -117,6 +119,11 @@ def _how_sure(closed: Closed) -> list[KeyFigure]:
     share = percent(min(max(best.finding.evidence, 0.0) / unknown.finding.evidence, 1.0))
     lacks = f"; missing: {'; '.join(best.missing)}" if best.missing else ""
     return [KeyFigure("closest known effect", best.id, f"has {share} of the evidence{lacks}")]
+
+
+def _costs(closed: Closed, duty: Duty) -> list[KeyFigure]:
+    costs = [(each, cost_of(closed, each, duty)) for each in closed.named[:_SHOWN_EFFECTS]]
+    return [cost_figure(each, cost) for each, cost in costs if cost is not None]
 
 
 def _error(closed: Closed) -> KeyFigure:

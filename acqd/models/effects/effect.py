@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 
 from acqd.arrays import Floats
+from acqd.models.effects.cause import Cause
 from acqd.models.effects.places import Place, Shape, Variant, in_units_of
 from acqd.models.effects.scene import Scene
 from acqd.models.effects.substeps import Lag, averaged
@@ -25,6 +27,8 @@ class Effect(ABC):
 
     id: ClassVar[str]
     """Name in reports, bundles and FMUs; also the name of the file."""
+    cause: ClassVar[Cause]
+    """Group to which the effect's power belongs."""
     summary: ClassVar[str]
     """A sentence for a plant engineer."""
     equation: ClassVar[str]
@@ -154,6 +158,20 @@ def effect_rows_at(effect: Effect, scene: Scene, shape: Shape, columns: Sequence
     if effect.acts_on == "torque":
         scene = scene.with_secant_slope(_torque(effect, scene, shape, chosen, coefficients))
     return effect_rows(effect, scene, shape)[:, chosen]
+
+
+def torque_rows_by_joint(
+    effect: Effect, scene: Scene, shape: Shape, columns: Sequence[int], coefficients: Floats
+) -> Floats:
+    """[T, axes] W at the meter of an effect of torques, by joint: power is linear in the power per torque."""
+    chosen = list(columns)
+    moved = scene.with_secant_slope(_torque(effect, scene, shape, chosen, coefficients))
+    joints = np.eye(scene.axes)
+    rows = [
+        effect_rows(effect, replace(moved, power_per_torque=moved.power_per_torque * joint, computed={}), shape)
+        for joint in joints
+    ]
+    return np.column_stack([each[:, chosen] @ coefficients for each in rows])
 
 
 def drive_power(effect: Effect, scene: Scene, shape: Shape, columns: Sequence[int], coefficients: Floats) -> Floats:

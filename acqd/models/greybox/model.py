@@ -119,17 +119,40 @@ class GreyBox(Predictor):
         """Share [T] of each row in which the drives carry the arm; 1 for a model without a brake signal."""
         return signals["brake"] if "brake" in self.signals and "brake" in signals else 1.0
 
+    def joint_terms(self, q: Floats, signals: Floats) -> dict[str, Floats]:
+        """As `terms`, of the drives only and by joint [T, axes]; the rigid body as `gravity` and `inertia`.
+
+        Gravity is the torque that holds the arm at rest; over all joints, its power is the change of the potential
+        energy, and that of the rest of the rigid-body torque the change of the kinetic energy of the links.
+        """
+        here, (qd, _) = q[1:-1], derivatives(q, self.step_s)
+        powers = self._of_joints(q, signals)
+        still = np.zeros_like(here)
+        holding = joint_torque(self.chain, self.group("inertial"), here, still, still)
+        on = self._on(signals)[:, None]
+        powers["gravity"] = on * self.group("gain")[0] * holding * qd
+        powers["inertia"] = powers.pop("rigid_body") - powers["gravity"]
+        return {name: lagged(value, self._lag, self.step_s) for name, value in powers.items()}
+
     def _undelayed(self, q: Floats, signals: Floats) -> dict[str, Floats]:
+        return {name: power.sum(axis=1) for name, power in self._of_joints(q, signals).items()}
+
+    def _of_joints(self, q: Floats, signals: Floats) -> dict[str, Floats]:
+        """[T, axes] W of every term before the lag."""
         qd, qdd = derivatives(q, self.step_s)
         tau, motor = self.motor_torque(q[1:-1], qd, qdd)
         gain = self.group("gain")[0]
-        on = self.drives_on(dict(zip(self.signals, signals.T, strict=True)))
+        on = self._on(signals)[:, None]
         powers = {
-            "rigid_body": gain * (tau * qd).sum(axis=1),
-            "rotor": gain * (qdd * qd) @ self.group("rotor"),
-            "coulomb": gain * (direction(qd) * qd) @ self.group("coulomb"),
-            "viscous": gain * (qd * qd) @ self.group("viscous"),
-            "copper": (motor * motor) @ self.group("copper"),
-            "conduction": magnitude(motor) @ self.group("conduction"),
+            "rigid_body": gain * tau * qd,
+            "rotor": gain * self.group("rotor") * qdd * qd,
+            "coulomb": gain * self.group("coulomb") * direction(qd) * qd,
+            "viscous": gain * self.group("viscous") * qd * qd,
+            "copper": self.group("copper") * motor * motor,
+            "conduction": self.group("conduction") * magnitude(motor),
         }
         return {name: on * power for name, power in powers.items()}
+
+    def _on(self, signals: Floats) -> Floats:
+        """[T] share of every row in which the drives carry the arm."""
+        return np.ones(len(signals)) * self.drives_on(dict(zip(self.signals, signals.T, strict=True)))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from acqd.arrays import Floats
+from acqd.models.effects.cause import Cause
 from acqd.models.effects.effect import Effect
 from acqd.models.effects.limits import LARGEST_BRAKE_W
 from acqd.models.effects.places import Parameter, Place, Shape
@@ -15,6 +16,7 @@ class BrakeHolding(Effect):
     """Holding current of the brake coils."""
 
     id = "brake_holding"
+    cause = Cause.BRAKES
     summary = "power of the brake coils while the brakes are open"
     equation = "P = P_b while open"
     neighbours = ("offset_shift", "brake_release")

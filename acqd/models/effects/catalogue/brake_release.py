@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from acqd.arrays import Floats
+from acqd.models.effects.cause import Cause
 from acqd.models.effects.effect import Effect
 from acqd.models.effects.events import bins, edges, since
 from acqd.models.effects.limits import LARGEST_INRUSH_W
@@ -22,6 +23,7 @@ class BrakeRelease(Effect):
     """A peak of free shape within 0.6 s after the brakes open."""
 
     id = "brake_release"
+    cause = Cause.BRAKES
     summary = "a peak when the brakes open: pull-in current of the coils and inrush of the motors"
     equation = "P = h(time since the brakes opened), free within 0.6 s"
     neighbours = ("clock_offset", "brake_holding")

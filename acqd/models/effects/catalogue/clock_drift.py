@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from acqd.arrays import Floats
+from acqd.models.effects.cause import Cause
 from acqd.models.effects.clocks import later, slope
 from acqd.models.effects.effect import Effect
 from acqd.models.effects.limits import LARGEST_DRIFT_S_H
@@ -19,6 +20,7 @@ class ClockDrift(Effect):
     """Metered power is later than motion by a time that grows at a constant rate."""
 
     id = "clock_drift"
+    cause = Cause.METER
     summary = "the robot's clock and the meter's drift apart"
     equation = "P = -dP/dt r t"
     neighbours = ("clock_offset",)

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from acqd.arrays import Floats
+from acqd.models.effects.cause import Cause
 from acqd.models.effects.clocks import later, slope
 from acqd.models.effects.effect import Effect
 from acqd.models.effects.limits import LARGEST_OFFSET_S
@@ -18,6 +19,7 @@ class ClockOffset(Effect):
     """Metered power is later than motion by a constant time."""
 
     id = "clock_offset"
+    cause = Cause.METER
     summary = "the robot's clock and the meter's are apart"
     equation = "P = -dP/dt dt"
     neighbours = ("stribeck_friction", "brake_release")

@@ -8,6 +8,7 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.models.effects.bodies import GRAVITY, weight_power
+from acqd.models.effects.cause import Cause
 from acqd.models.effects.effect import Effect
 from acqd.models.effects.limits import Limits
 from acqd.models.effects.places import Parameter, Place, Shape
@@ -22,6 +23,7 @@ class ContactForce(Effect):
     """
 
     id = "contact_force"
+    cause = Cause.LOAD
     summary = "the tool pushes against something for some seconds at a time"
     equation = "tau = -J(q)^T F while in contact"
     neighbours = ("process_load", "payload")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from acqd.arrays import Floats
+from acqd.models.effects.cause import Cause
 from acqd.models.effects.effect import Effect
 from acqd.models.effects.limits import Limits
 from acqd.models.effects.places import Parameter, Place, Shape, per_joint
@@ -15,6 +16,7 @@ class CopperLoss(Effect):
     """Loss proportional to the square of the motor torque."""
 
     id = "copper_loss"
+    cause = Cause.COPPER
     summary = "the motors' windings lose more (or less) power than the model has it: warmer, or damaged"
     equation = "P = R sum(c tau^2)"
     usual = "copper"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from acqd.arrays import Floats
+from acqd.models.effects.cause import Cause
 from acqd.models.effects.effect import Effect
 from acqd.models.effects.limits import Limits
 from acqd.models.effects.places import Parameter, Place, Shape, per_joint
@@ -16,6 +17,7 @@ class CoulombFriction(Effect):
     """Torque against the direction of motion, independent of speed and load."""
 
     id = "coulomb_friction"
+    cause = Cause.DRY
     summary = "dry friction of a gear or bearing is higher (or lower) than the model has it"
     equation = "tau = F sign(qd)"
     usual = "coulomb"

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from acqd.arrays import Floats
+from acqd.models.effects.cause import Cause
 from acqd.models.effects.effect import Effect
 from acqd.models.effects.limits import Limits
 from acqd.models.effects.places import Parameter, Place, Shape
@@ -18,6 +19,7 @@ class GearRipple(Effect):
     """Torque that is periodic in the angle of one joint; the residual determines the joint and the period."""
 
     id = "gear_ripple"
+    cause = Cause.DRIVES
     summary = "torque that comes and goes with the angle of one joint: an eccentric wave generator, a worn tooth"
     equation = "tau = A sin(n q) + B cos(n q)"
     neighbours = ("gravity_bias",)

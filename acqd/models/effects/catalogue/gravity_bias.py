@@ -9,6 +9,7 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.models.effects.bodies import centres_of, link_centres, link_power, moments_about, point_mass, weight_power
+from acqd.models.effects.cause import Cause
 from acqd.models.effects.effect import Effect
 from acqd.models.effects.limits import Limits
 from acqd.models.effects.places import Parameter, Place, Shape
@@ -31,6 +32,7 @@ class GravityBias(Effect):
     """
 
     id = "gravity_bias"
+    cause = Cause.LOAD
     summary = "one link is heavier (or lighter) than the model has it: hoses, a dress pack, a cover gone"
     equation = "tau = m Y(q, qd, qdd; link), or m g(q; link)"
     neighbours = ("payload",)

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from acqd.arrays import Floats
+from acqd.models.effects.cause import Cause
 from acqd.models.effects.effect import Effect
 from acqd.models.effects.limits import LARGEST_EXPONENT, LARGEST_LOAD_W, LEAST_EXPONENT
 from acqd.models.effects.places import Parameter, Place, Shape
@@ -25,6 +26,7 @@ class LineVoltage(Effect):
     """
 
     id = "line_voltage"
+    cause = Cause.DRIVES
     summary = "power follows the mains voltage: a linear supply or a heater among the loads"
     equation = "P = k P_model (V / V_n - 1)"
     neighbours = ("meter_gain", "offset_shift")

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from acqd.arrays import Floats
+from acqd.models.effects.cause import Cause
 from acqd.models.effects.effect import Effect
 from acqd.models.effects.places import Parameter, Place, Shape, per_joint
 from acqd.models.effects.scene import Scene
@@ -22,6 +23,7 @@ class LoadDependentFriction(Effect):
     """Torque against the motion, proportional to the transmitted torque."""
 
     id = "load_dependent_friction"
+    cause = Cause.DRY
     summary = "gear friction grows with the torque that the gear transmits"
     equation = "tau = k |tau_load| sign(qd)"
     neighbours = ("mechanical_power", "coulomb_friction", "copper_loss")

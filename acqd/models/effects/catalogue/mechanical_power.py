@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from acqd.arrays import Floats
+from acqd.models.effects.cause import Cause
 from acqd.models.effects.effect import Effect
 from acqd.models.effects.places import Parameter, Place, Shape, per_joint
 from acqd.models.effects.scene import Scene
@@ -27,6 +28,7 @@ class MechanicalPower(Effect):
     """A share of the mechanical power: lost in the gear, net, or lost outside the motor."""
 
     id = "mechanical_power"
+    cause = Cause.DRIVES
     summary = "a share of the mechanical power is lost in the gears, or the model lacks mechanical power"
     equation = "P = a sum(|tau qd|) + b sum(tau qd)"
     neighbours = ("load_dependent_friction", "viscous_friction", "meter_gain")

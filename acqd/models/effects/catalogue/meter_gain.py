@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from acqd.arrays import Floats
+from acqd.models.effects.cause import Cause
 from acqd.models.effects.effect import Effect
 from acqd.models.effects.limits import LARGEST_GAIN, LEAST_GAIN
 from acqd.models.effects.places import Parameter, Place, Shape
@@ -18,6 +19,7 @@ class MeterGain(Effect):
     """The meter reads a share too much, or too little."""
 
     id = "meter_gain"
+    cause = Cause.METER
     summary = "everything measured is off by the same share: the current transformer or its setting"
     equation = "P = g P_model"
     neighbours = ("supply_efficiency", "offset_shift")

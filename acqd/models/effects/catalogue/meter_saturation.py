@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from acqd.arrays import Floats
+from acqd.models.effects.cause import Cause
 from acqd.models.effects.effect import Effect
 from acqd.models.effects.places import Parameter, Place, Shape
 from acqd.models.effects.scene import Scene
@@ -17,6 +18,7 @@ class MeterSaturation(Effect):
     """Power above a ceiling is missing; the ceiling is a multiple of the standby power."""
 
     id = "meter_saturation"
+    cause = Cause.METER
     summary = "power above a ceiling is missing: the current range is too small"
     equation = "P = -s max(P_model - L, 0)"
     neighbours = ("supply_efficiency", "meter_gain")

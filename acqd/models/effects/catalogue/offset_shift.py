@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from acqd.arrays import Floats
+from acqd.models.effects.cause import Cause
 from acqd.models.effects.effect import Effect
 from acqd.models.effects.limits import LARGEST_LOAD_W
 from acqd.models.effects.places import Parameter, Place, Shape
@@ -20,6 +21,7 @@ class OffsetShift(Effect):
     """A constant load that was added or removed."""
 
     id = "offset_shift"
+    cause = Cause.OTHER
     summary = "something takes more (or less) power all the time: another device on the same supply"
     equation = "P = P_0"
     usual = "standby"

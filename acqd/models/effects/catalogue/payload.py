@@ -9,6 +9,7 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.models.effects.bodies import first_moment_power, first_moments, point_mass, point_mass_power
+from acqd.models.effects.cause import Cause
 from acqd.models.effects.effect import Effect
 from acqd.models.effects.limits import Limits
 from acqd.models.effects.places import Parameter, Place, Shape
@@ -24,6 +25,7 @@ class Payload(Effect):
     """A body at the flange: always, on or beside the flange's axis, or while the tool is on."""
 
     id = "payload"
+    cause = Cause.LOAD
     summary = "the arm carries a mass that the model does not know"
     equation = "tau = m Y(q, qd, qdd; centre of mass)"
     neighbours = ("gravity_bias", "copper_loss")

@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from acqd.arrays import Floats
+from acqd.models.effects.cause import Cause
 from acqd.models.effects.effect import Effect
 from acqd.models.effects.places import Parameter, Place, Shape
 from acqd.models.effects.scene import Scene
@@ -17,6 +18,7 @@ class RegenerationClipping(Effect):
     """Power returned by the drives above a threshold is dissipated in the brake resistor."""
 
     id = "regeneration_clipping"
+    cause = Cause.BURNT
     summary = "power that the drives give back while braking is burnt instead of used"
     equation = "P = s max(-P_drives - P_0, 0)"
     neighbours = ("supply_efficiency", "mechanical_power")

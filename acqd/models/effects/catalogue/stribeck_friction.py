@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from acqd.arrays import Floats
+from acqd.models.effects.cause import Cause
 from acqd.models.effects.effect import Effect
 from acqd.models.effects.limits import Limits
 from acqd.models.effects.places import Parameter, Place, Shape, per_joint
@@ -19,6 +20,7 @@ class StribeckFriction(Effect):
     """Additional friction near standstill that decays with speed (Stribeck curve)."""
 
     id = "stribeck_friction"
+    cause = Cause.DRY
     summary = "extra friction near standstill that dies out with speed"
     equation = "tau = F exp(-(qd / v)^2) sign(qd)"
     neighbours = ("coulomb_friction", "clock_offset")

@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from acqd.arrays import Floats
+from acqd.models.effects.cause import Cause
 from acqd.models.effects.effect import Effect
 from acqd.models.effects.limits import LARGEST_LOSS_W
 from acqd.models.effects.places import Parameter, Place, Shape
@@ -21,6 +22,7 @@ class SupplyEfficiency(Effect):
     """Loss proportional to the square of the supply's load; a share of the standby power is on another supply."""
 
     id = "supply_efficiency"
+    cause = Cause.DRIVES
     summary = "the power supply loses more the harder it works"
     equation = "P = a (P_load / 100 W)^2"
     neighbours = ("meter_gain", "copper_loss")

@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from acqd.arrays import Floats
+from acqd.models.effects.cause import Cause
 from acqd.models.effects.effect import Effect
 from acqd.models.effects.limits import Limits
 from acqd.models.effects.places import Parameter, Place, Shape, per_joint
@@ -21,6 +22,7 @@ class ThermalFriction(Effect):
     """
 
     id = "thermal_friction"
+    cause = Cause.COLD
     summary = "friction of cold gears that falls while the arm works"
     equation = "tau = D exp(-t_moving / T) qd"
     usual = "viscous"

@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from acqd.arrays import Floats
+from acqd.models.effects.cause import Cause
 from acqd.models.effects.effect import Effect
 from acqd.models.effects.events import bins, edges, since
 from acqd.models.effects.limits import LARGEST_TOOL_W
@@ -22,6 +23,7 @@ class ToolActuation(Effect):
     """Power while the tool is on, and a pulse of free shape whenever the tool switches."""
 
     id = "tool_actuation"
+    cause = Cause.TOOL
     summary = "the tool takes power while it is on, and a pulse whenever it switches"
     equation = "P = P_t tool + h(time since switching)"
     neighbours = ("payload", "process_load")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from acqd.arrays import Floats
+from acqd.models.effects.cause import Cause
 from acqd.models.effects.effect import Effect
 from acqd.models.effects.limits import Limits
 from acqd.models.effects.places import Parameter, Place, Shape, per_joint
@@ -15,6 +16,7 @@ class ViscousFriction(Effect):
     """Torque against the motion, proportional to speed."""
 
     id = "viscous_friction"
+    cause = Cause.VISCOUS
     summary = "friction that grows with speed is higher (or lower): another grease, another temperature"
     equation = "tau = D qd"
     usual = "viscous"

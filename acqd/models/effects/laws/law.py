@@ -10,6 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from acqd.arrays import Floats
+from acqd.models.effects.cause import Cause
 from acqd.models.effects.effect import Effect
 from acqd.models.effects.places import Place, Shape
 from acqd.models.effects.scene import Scene
@@ -43,6 +44,7 @@ class Quantity:
 class Law(Effect):
     """A flexible function without a name. Its shape holds the joint (from 1) and the range that scales the function."""
 
+    cause = Cause.UNNAMED
     sentence: ClassVar[str]
     """What the residual follows, with `{joint}`."""
     per_joint: ClassVar[bool] = True

@@ -12,10 +12,10 @@ import typer
 from rich.table import Table
 
 from acqd.atomic import write_complete
+from acqd.cli.energy.outputs import check_outputs
 from acqd.cli.options import ConfigFile, Json, configured
 from acqd.cli.terminal import terminal
 from acqd.errors import UserError
-from acqd.extras import require
 
 if TYPE_CHECKING:
     from zoneinfo import ZoneInfo
@@ -27,6 +27,7 @@ _DEFAULT_DAYS = 7
 
 
 def energy(
+    context: typer.Context,
     device: Annotated[list[str] | None, typer.Option(help="Device; may be repeated (default: all).")] = None,
     begin: Annotated[
         str | None, typer.Option("--from", help="Start in local time: 2026-11-16, 2026-11-16T06:00 (default: 7 days).")
@@ -50,7 +51,11 @@ def energy(
 
     Example: acqd energy --database acqd.sqlite --last week --by day --tariff tariff.toml --html week.html
     """
-    _check_outputs(csv, html)
+    if context.invoked_subcommand is not None:
+        if any((device, begin, to, last, this, tariff, zone, shifts, csv, html, config, database, json)) or by != "day":
+            raise UserError(f"put the options after the subcommand: acqd energy {context.invoked_subcommand} ...")
+        return
+    check_outputs("acqd energy", csv, html)
     where = database or configured(config).sink.database
     bill = _statement(where, device or (), (begin, to, last, this), by, (tariff, zone, shifts))
     if csv is not None:
@@ -72,18 +77,6 @@ def energy(
             print(f"written: {written}")
 
 
-def _check_outputs(csv: Path | None, html: Path | None) -> None:
-    if csv is not None and csv.suffix != ".csv":
-        raise UserError(f"--csv {csv}: expected a name that ends in .csv")
-    if html is not None:
-        if html.suffix not in (".html", ".htm"):
-            raise UserError(f"--html {html}: expected a name that ends in .html")
-        require("acqd energy --html", ("jinja2", "matplotlib"), "lab")
-    for path in (csv, html):
-        if path is not None and not path.absolute().parent.is_dir():
-            raise UserError(f"{path}: folder {path.absolute().parent} does not exist; create it")
-
-
 def _statement(
     database: str,
     devices: Sequence[str],
@@ -97,6 +90,8 @@ def _statement(
     from acqd.storage.database import read_database
 
     split = next((each for each in SPLITS if each == by), None)
+    if by in ("cycle", "program", "step", "part", "state"):
+        raise UserError(f"--by {by} needs the robot's logs: acqd energy work DS --by {by}")
     if split is None:
         raise UserError(f"--by {by!r}: expected {', '.join(SPLITS)}")
     path, zone, shifts = rules
@@ -149,5 +144,5 @@ def _print(bill: Statement) -> None:
         for remark in account.remarks:
             console.print(f"note: {remark}")
     console.print(f"all devices: {bill.total.kWh or 0.0:.3f} kWh; {comparison_text(bill)}")
-    if bill.capacity_EUR is not None and bill.tariff is not None:
-        console.print(f"capacity price at this maximum: {bill.capacity_EUR:.2f} EUR a {bill.tariff.capacity_per}")
+    if bill.capacity_EUR is not None:
+        console.print(f"capacity price: {bill.capacity_EUR:.2f} EUR {bill.capacity_text}")

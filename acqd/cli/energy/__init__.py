@@ -1,0 +1,1 @@
+"""`acqd energy`: energy of a period, and of recorded motion by cause."""
