@@ -17,6 +17,7 @@ from acqd.daemon.boot import Boot
 from acqd.daemon.config import Config
 from acqd.daemon.source_sections import SimulatedSection
 from acqd.metering import Meter, SampleBlock
+from acqd.metering.signal_watch import SignalWatch
 from acqd.metering.stages import Stages
 from acqd.sources.load import load_waveform
 from acqd.telemetry.row import rows_of
@@ -73,7 +74,7 @@ def _fed(codes: np.ndarray, seconds: int, folder: Path | None) -> float:
     """Meter `codes` again and again for so many seconds of samples, and keep them; processor time [s]."""
     config, source = Config(device="box"), SimulatedSection()
     form = hard_mains(50.0, 3, 0.1).form
-    stages = Stages(form, source.makers)
+    stages = Stages(form, [*source.makers, SignalWatch])
     meter, boot = Meter(stages.form), Boot("bench")
     recorder = Recorder(folder, Limits(10**12, 1e9, 0)) if folder is not None else None
     track = None

@@ -47,6 +47,8 @@ class Metered:
     rows: Floats
     """[rows, windows] as in `layout`."""
     phases: int
+    doubted: bool = False
+    """The f of the next window was looked at and is not usable: numpy meters that one."""
 
     @property
     def f(self) -> Floats:
@@ -140,7 +142,7 @@ class Kernel:
             rows = np.empty((self._rows, usable))
             self._windows(*self._pointers, codes, bounds, usable, rows.ctypes.data)
         rows[FLAGS, :usable] += UNSETTLED * np.array(unsettled)
-        return Metered(rows[:, :usable], self._phases) if usable else None
+        return Metered(rows[:, :usable], self._phases, usable < done) if usable else None
 
     def meter_live(self, buffer: Codes, begin: int, end: int, energy: EnergyRegister) -> LiveMetered | None:
         """The window of samples begin .. end of a contiguous buffer; as `meter`.

@@ -1,6 +1,6 @@
-/* What power quality and events compute of samples: samples at other instants, integrals over half cycles, phasors of
-   cycles, and the half cycles of a phase-locked loop. Each function does what a module of acqd/metering/quality does
-   with numpy, to rounding. Every buffer is the caller's. */
+/* What is computed of samples besides the rows: for power quality and events samples at other instants, integrals over
+   half cycles, phasors of cycles, the half cycles of a phase-locked loop; and whether samples are measurements. Each
+   function does what a module of acqd/metering does with numpy, to rounding. Every buffer is the caller's. */
 
 #include <math.h>
 #include <stddef.h>
@@ -91,6 +91,68 @@ void acqd_mean_squares(const void *codes, int64_t bits, int64_t phases, int64_t 
         mean_squares(codes, 32, phases, parts, length, scale, out);
     else
         mean_squares(codes, 64, phases, parts, length, scale, out);
+}
+
+/* Channels from `first` on of sample `n`, as many as a vector holds; what lies beyond the samples is not read. */
+INLINE native row_of(const void *codes, const int64_t bits, int64_t channels, int64_t samples, int64_t n, int64_t first)
+{
+    const int64_t from = n * channels + first, end = samples * channels;
+    if (from + NATIVE <= end)
+        return native_load(codes, (int)bits, from);
+    native x = {0};
+    for (int64_t k = 0; from + k < end; k++)
+        x[k] = code_at(codes, bits, from + k);
+    return x;
+}
+
+INLINE void look(const void *codes, const int64_t bits, int64_t channels, int64_t samples, int64_t cycle, double *out)
+{
+    const int64_t whole = samples / cycle * cycle, half = whole ? cycle / 2 : 0;
+    for (int64_t first = 0; first < channels; first += NATIVE) {
+#define ROW(N) row_of(codes, bits, channels, samples, N, first)
+        native low = ROW(0), high = low, before = low, step = {0}, sum = {0}, squares = {0}, sizes = {0}, sums = {0};
+        native_mask lowest = {0}, highest = {0};
+        for (int64_t n = 0; n < samples; n++) {
+            const native x = ROW(n);
+            low = native_smaller(low, x);
+            high = native_larger(high, x);
+            step = native_larger(step, native_larger(x - before, before - x));
+            before = x;
+        }
+        for (int64_t n = 0; n < samples; n++) {
+            const native x = ROW(n);
+            lowest -= (native_mask)(x == low);
+            highest -= (native_mask)(x == high);
+        }
+        for (int64_t n = 0; n < whole; n++) {
+            const native x = ROW(n);
+            sum += x;
+            squares += x * x;
+            sizes += native_larger(x, -x);
+        }
+        for (int64_t n = 0; n < half; n++) {
+            const native x = ROW(n) + ROW(n + half);
+            sums += native_larger(x, -x);
+        }
+#undef ROW
+        for (int64_t lane = 0; lane < NATIVE && first + lane < channels; lane++) {
+            const double row[9] = {low[lane], high[lane], step[lane], (double)lowest[lane], (double)highest[lane],
+                                   sum[lane], squares[lane], sizes[lane], sums[lane]};
+            for (int64_t k = 0; k < 9; k++)
+                out[k * channels + first + lane] = row[k];
+        }
+    }
+}
+
+/* Of codes [samples][channels], at least one sample, of 16 or 32 bits: smallest, largest, largest step, samples that are
+   the smallest, that are the largest; of the whole cycles sums of values, of squares, of magnitudes; and of the first
+   cycle that of the magnitudes of sums of samples half a cycle apart: out [9][channels]. */
+void acqd_look(const void *codes, int64_t bits, int64_t channels, int64_t samples, int64_t cycle, double *out)
+{
+    if (bits == 16)
+        look(codes, 16, channels, samples, cycle, out);
+    else
+        look(codes, 32, channels, samples, cycle, out);
 }
 
 INLINE void resample(const int taps, int64_t channels, double first, double step, int64_t count, const double *table,

@@ -218,10 +218,11 @@ import sys
 from pathlib import Path
 import numpy as np
 from acqd.metering import SampleBlock, StreamFormat
+from acqd.metering import look
 from acqd.metering.kernel import compiled
 from acqd.metering.quality import cycles, half_cycle, integrals, linear_filter, mean_squares, resample, run, spectrum
 library = compiled.load_quality(Path(sys.argv[1]))
-for module in (cycles, half_cycle, integrals, linear_filter, mean_squares, resample, run, spectrum):
+for module in (cycles, half_cycle, integrals, linear_filter, look, mean_squares, resample, run, spectrum):
     module.quality_library = lambda: library
 for samples in (64, 100):
     x = np.ones((6, samples))
@@ -239,6 +240,9 @@ for samples in (64, 100):
     stretch.append(SampleBlock(codes, 0, 0))
     assert stretch.physical(0, samples)[0].shape == (6, samples)
     mean_squares.mean_squares_of_codes(codes, form, samples // 4)
+    for kind in (np.int16, np.int32):
+        for channels in (2, 4, 6):
+            look.look_at(np.ones((samples, channels), dtype=kind), samples // 2 + 1)
 for count in (10, 12):
     spectrum.groups(np.ones((6, 51 * count + 1), dtype=complex), count, 50)
 linear_filter.LinearFilter(linear_filter.butterworth(32, 35.0, 2_000.0), 3).feed(x[:3])
