@@ -63,20 +63,24 @@ class Onset:
         self._least_Hz, self._windows, self._fastest_Hz, self._edge = least_Hz, windows, fastest_Hz, edge
         self._limit_Hz = least_Hz
         self._varied = 0
+        self._swelled = False
         self.doubted = False
         """Whether f varies unusually, and has for less than the windows."""
 
     def reset(self) -> None:
         """The next windows do not follow the last ones; what is usual stays."""
-        self._varied, self.doubted = 0, False
+        self._varied, self._swelled, self.doubted = 0, False, False
 
     def state(self) -> State:
         """What is known of the stream so far."""
-        return {"limit_Hz": self._limit_Hz, "varied": self._varied, "doubted": self.doubted}
+        return {
+            "limit_Hz": self._limit_Hz, "varied": self._varied, "swelled": self._swelled, "doubted": self.doubted,
+        }  # fmt: skip
 
     def restore(self, state: State) -> None:
         """Go on where `state` was taken."""
         self._limit_Hz, self._varied, self.doubted = state["limit_Hz"], state["varied"], state["doubted"]
+        self._swelled = state.get("swelled", False)
 
     def note(
         self, spread_Hz: float, f: Collection[float], magnitude: Collection[float], cycles: Cycles = UNKNOWN, *,
@@ -93,7 +97,8 @@ class Onset:
             few, edge = self._varied < self._windows, self._varied <= self._edge
             if edge:
                 swerve = max(cycles)
-                self.doubted = not (swerve < _CALM and spread_Hz > _MOVED * swerve)
+                self._swelled |= cycles.swell > _CALM  # f itself does not change the magnitude
+                self.doubted = self._swelled or not (swerve < _CALM and spread_Hz > _MOVED * swerve)
             else:
                 self.doubted = few and (cycles.beat or self._movable(f, magnitude))
             if self._varied >= self._windows:
