@@ -148,7 +148,7 @@ def flags_of(values: Codes, cycle: int, look: Look | None = None) -> frozenset[s
             found.add("offset")
         half = cycle // 2
         halves = zip(seen.opposite[1::2], seen.magnitudes[1::2], strict=True)
-        suspects = [k for k, (sums, each) in enumerate(halves) if sums / half > _UNEVEN * each / size]
+        suspects = [k for k, (sums, each) in enumerate(halves) if sums * size > _UNEVEN * each * half]
         if any(saturated(_channel(values, 2 * k + 1)[:size], cycle) for k in suspects):
             found.add("saturated")
     return frozenset(found)
