@@ -87,7 +87,8 @@ def _fed(codes: np.ndarray, seconds: int, folder: Path | None) -> float:
         block = SampleBlock(codes[at : at + _WINDOW], index, _UTC_NS + index * 50_000)
         if track is not None:
             track.take([block])
-        batch = meter.feed(block)
+        ready = stages.apply(block)
+        batch = None if ready is None else meter.feed(ready)
         if batch is not None:
             boot.stamp(list(rows_of(batch, config.device, boot.name)))
         while recorder is not None and recorder.waiting > _MOST_WAITING:

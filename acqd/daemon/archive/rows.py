@@ -1,4 +1,4 @@
-"""Rows of archived samples, as the daemon made them: the same blocks, from the state that the daemon had.
+"""Rows of archived samples, as the daemon made them: from the same blocks and the state that the daemon had.
 
 Every segment has that state, so segments are independent of each other and can be metered in several processes. The
 state after the last block of a segment must be the one that the next segment begins with: where it is another one,
