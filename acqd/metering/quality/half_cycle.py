@@ -125,12 +125,8 @@ class HalfCycleStream:
     def _make_room(self, samples: int) -> None:
         """Memory for so many samples in a call, and the arguments of a call that do not change."""
         self._room, most = samples, self._clocks[0].most(samples)
-        turning, scratch, out = (
-            self._turned(samples),
-            np.empty(4 * (samples + 1)),
-            np.empty((len(self._scale), most, 4)),
-        )
-        self._arrays = (self._scale, turning, scratch, out)
+        turning, out = self._turned(samples), np.empty((len(self._scale), most, 4))
+        self._arrays = (self._scale, turning, np.empty(4 * (samples + 1)), out)
         addresses = [array.ctypes.data for array in self._arrays]
         self._call = (*addresses, most, turning.shape[1], ctypes.addressof(self._counts))
 
