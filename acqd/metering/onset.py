@@ -21,7 +21,7 @@ _MARGIN = 4.0
 """Of the limit for how much f varies with the magnitude, which holds for pure lines."""
 _MOVED = 100.0
 """Hz per rad of `Cycles`: an interharmonic that begins moves f by so much at most."""
-_CALM = 0.0005
+_CALM = 0.0003
 """Of `Cycles`: a step of f within the window bends the phase by more where it puts f off by 10 mHz."""
 _BEATING = 0.0005
 """Of bend and swell of `Cycles`: an interharmonic far from f has both, a ramp or a swing of f and a step of the voltage
