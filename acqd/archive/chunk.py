@@ -1,6 +1,6 @@
 """Consecutive blocks of samples as one record, with what each block said: number, UTC, losses, flags.
 
-Blocks are kept as they were cut: rows are the same to the last bit only from the same blocks.
+Blocks are kept as they were cut: their flags, and the last digits of what numpy meters, depend on it.
 """
 
 from __future__ import annotations

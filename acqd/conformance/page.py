@@ -91,7 +91,7 @@ def _verdict(sheet: Sheet) -> Verdict:
         return Verdict(
             "open", headline, "The method keeps every limit; converter and transformers do not.", figures, steps
         )
-    return Verdict("fine", "All points passed", LABEL, figures, steps)
+    return Verdict("fine", "All points passed", "No point is beyond its limit.", figures, steps)
 
 
 def _bars(points: list[Point]) -> Bars:

@@ -62,10 +62,14 @@ class Estimate:
     """[windows] of the fundamental of all phases together, sqrt(sum |c|^2) [digits]."""
     reactive: Floats
     """[phases, windows] of the fundamentals, Im(U conj I) / 2 [digits^2]; NaN without currents, and where f is."""
+    bend: Floats
+    """[windows] rad: largest distance of a one-cycle phasor's phase from a parabola, all phases together."""
+    swell: Floats
+    """[windows] half of what ln(magnitude) of the one-cycle phasors varies by."""
 
     def followed_by(self, other: Estimate) -> Estimate:
         """Of both, one after the other."""
-        names = ("f", "unsteady", "magnitude", "reactive")
+        names = ("f", "unsteady", "magnitude", "reactive", "bend", "swell")
         return Estimate(*(np.concatenate((getattr(self, name), getattr(other, name)), axis=-1) for name in names))
 
 
@@ -155,8 +159,9 @@ class FrequencyEstimator:
             if lost.size:  # not near the last frequency: search the whole range, once
                 fits.replace(lost, self._iterate(windows[:, lost], self._coarse(windows[:, lost])))
         credible, grid, magnitude = fits.credible, fits.grid, fits.magnitude
-        unsteady = np.zeros(len(credible), dtype=bool)
-        unsteady[credible] = self._unsteadiness(windows[:, credible], grid[credible]) > self.steady
+        bend, swell = np.full((2, len(credible)), np.inf)
+        bend[credible], swell[credible] = self._unsteadiness(windows[:, credible], grid[credible])
+        unsteady = credible & (bend > self.steady)
         f = self._joint(fits, unsteady)
         known = f[credible]
         self.trial = float(known[-1]) if known.size else None
@@ -165,7 +170,7 @@ class FrequencyEstimator:
             U = self._fundamentals(windows[:, credible], grid[credible])
             I = self._fundamentals(_windows(i, ends[credible], self._samples), grid[credible])  # noqa: E741
             reactive[:, credible] = (U * I.conj()).imag / 2
-        return Estimate(f, unsteady, magnitude, reactive)
+        return Estimate(f, unsteady, magnitude, reactive, bend, swell)
 
     def at(self, point: int) -> Trial:
         """Vectors of grid point `point`."""
@@ -224,16 +229,18 @@ class FrequencyEstimator:
             result[:, at] = parts[..., 0] - 1j * parts[..., 1]
         return result
 
-    def _unsteadiness(self, windows: Floats, grid: np.ndarray) -> Floats:
-        """Largest distance of a one-cycle phase from a parabola [rad], all phases together with weights |c|^2."""
-        result = np.empty(len(grid))
+    def _unsteadiness(self, windows: Floats, grid: np.ndarray) -> tuple[Floats, Floats]:
+        """`bend` and `swell` of an estimate; phases have the weights |c|^2."""
+        bend, swell = np.empty(len(grid)), np.empty(len(grid))
         for point in set(grid.tolist()):
             at = np.flatnonzero(grid == point)
             parts = np.tensordot(windows[:, at], self.at(point).phasors, axes=(2, 0))
             phasors = parts[:, :, 0] - 1j * parts[:, :, 1]  # [phases, windows, CYCLES]
             joint = (phasors.mean(axis=2, keepdims=True).conj() * phasors).sum(axis=0)
-            result[at] = np.abs(np.angle(joint) @ BEND).max(axis=1)
-        return result
+            size = np.abs(joint)
+            bend[at] = np.abs(np.angle(joint) @ BEND).max(axis=1)
+            swell[at] = np.log(size.max(axis=1) / np.maximum(size.min(axis=1), 1e-150)) / 2
+        return bend, swell
 
     def _coarse(self, windows: Floats) -> np.ndarray:
         """Grid point of the strongest line of each window's tapered spectrum, to about half a hertz."""

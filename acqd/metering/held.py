@@ -9,6 +9,7 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.metering.frequency import Estimate
+from acqd.metering.onset import Cycles
 from acqd.metering.packed import State
 from acqd.metering.sideband import Sideband
 
@@ -17,6 +18,8 @@ _OFTEN = 5  # unsteady ones among them: an interharmonic rather than jumps
 _SWING = 0.15
 """Hz, second difference of the f of windows. The fit is wrong by T^2 / 42 times the second derivative of f (T: two
 cycles), which is 10 mHz for a second difference of 0.26 Hz at 10 Hz, where f swings too fast for three windows."""
+_BENT = 0.001
+"""rad of `Estimate.bend`: steps of f that put a window off by 10 mHz bend the phase by so much, mains hardly ever."""
 
 
 class HeldFrequency:
@@ -33,15 +36,16 @@ class HeldFrequency:
         self._sideband = Sideband(window_s)
         self._recent: deque[tuple[float, bool]] = deque(maxlen=_REMEMBERED)
         self._before: tuple[float, float] = (math.nan, math.nan)  # Hz: f of the last two windows
-        self._swings = False
+        self._swings = self._bent = False
 
     @property
     def unsettled(self) -> bool:
         """Whether the f of the last window is in doubt.
 
-        It may be moved by an interharmonic, and too few windows are known to tell; or it swings within two cycles.
+        It may be moved by an interharmonic, and too few windows are known to tell; it swings within two cycles; or the
+        phase within them is bent as by a step of f.
         """
-        return self._swings or self._sideband.unsettled
+        return self._swings or self._bent or self._sideband.unsettled
 
     def _follow(self, f: float) -> None:
         first, second = self._before
@@ -53,7 +57,7 @@ class HeldFrequency:
         """Steady estimates are usable: few of those remembered were unsteady, and no interharmonic is near f."""
         return not self._sideband.beating and sum(unsteady for _, unsteady in self._recent) < _OFTEN
 
-    def note_steady(self, f: list[float], magnitude: list[float]) -> list[bool]:
+    def note_steady(self, f: list[float], magnitude: list[float], cycles: list[Cycles]) -> list[bool]:
         """Estimates of consecutive windows that were all steady [Hz, digits]; `unsettled` of those that are usable."""
         unsettled: list[bool] = []
         while (done := len(unsettled)) < len(f):
@@ -62,20 +66,22 @@ class HeldFrequency:
                 for value in f[max(done, done + quiet - 3) : done + quiet]:
                     self._follow(value)
                 self._recent.extend((value, False) for value in f[done : done + quiet][-_REMEMBERED:])
-                unsettled += [False] * quiet
-            elif self.note(f[done], magnitude[done]):
+                unsettled += [one.bend > _BENT for one in cycles[done : done + quiet]]
+                self._bent = unsettled[-1]
+            elif self.note(f[done], magnitude[done], cycles[done]):
                 unsettled.append(self.unsettled)
             else:
                 break
         return unsettled
 
-    def note(self, f: float, magnitude: float) -> bool:
+    def note(self, f: float, magnitude: float, cycles: Cycles) -> bool:
         """The estimate of one window that was steady [Hz, digits]; whether it is usable."""
-        if self._sideband.note(f, magnitude) is not None:
+        if self._sideband.note(f, magnitude, cycles) is not None:
             self._sideband.forget_last()
             return False
         self._recent.append((f, False))
         self._follow(f)
+        self._bent = cycles.bend > _BENT
         return True
 
     def state(self) -> State:
@@ -105,11 +111,12 @@ class HeldFrequency:
         """
         unsettled = np.zeros(len(estimate.f), dtype=bool)
         f, substitute = estimate.f.copy(), np.full(len(estimate.f), np.nan)
-        columns = zip(f.tolist(), estimate.unsteady.tolist(), estimate.magnitude.tolist(), strict=True)
-        for k, (raw, unsteady, magnitude) in enumerate(columns):
+        seen = (f, estimate.unsteady, estimate.magnitude, estimate.bend, estimate.swell)
+        columns = zip(*(column.tolist() for column in seen), strict=True)
+        for k, (raw, unsteady, magnitude, bend, swell) in enumerate(columns):
             if raw == raw:
                 self._recent.append((raw, unsteady))
-            without = self._sideband.note(raw, magnitude, steady=not unsteady)
+            without = self._sideband.note(raw, magnitude, Cycles(bend, swell), steady=not unsteady)
             disturbed = sum(bent for _, bent in self._recent) >= _OFTEN
             if without is not None:
                 substitute[k] = without
@@ -118,6 +125,7 @@ class HeldFrequency:
             if unsteady or disturbed or without is not None:
                 f[k] = np.nan
             self._follow(float(f[k]))
+            self._bent = bend > _BENT
             unsettled[k] = self.unsettled and f[k] == f[k]
         return f, substitute, unsettled
 

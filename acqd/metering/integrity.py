@@ -6,9 +6,13 @@ rectifiers, of phase control and of half waves are flat, jump and have a mean.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from acqd.arrays import Floats
+from acqd.metering.block import Codes
+from acqd.metering.look import Look, look_at
 
 _LEVEL = 0.2
 """A flat top lies at least so far from zero, as a share of the peak: zero is where a load draws nothing."""
@@ -123,31 +127,40 @@ def saturated(x: Floats, cycle: int) -> bool:
     return bool(len(rest) and rest.max() < _REST * peak)
 
 
-def flags_of(values: Floats, cycle: int) -> frozenset[str]:
+def flags_of(values: Codes, cycle: int, look: Look | None = None) -> frozenset[str]:
     """Flags of some whole cycles of `cycle` samples of U1, I1, U2, I2 ... [samples, channels], as codes or values.
 
-    A channel is examined only where its steps, its extremes or its halves allow a fault: a look takes a tenth so long.
+    `look`: at these samples. A channel is examined only where its steps, its extremes or its halves allow a fault: a
+    look takes a tenth so long.
     """
-    x = np.ascontiguousarray(values.T, dtype=np.float64)
-    most, least = x.max(axis=1), x.min(axis=1)
-    steps = np.abs(np.diff(x, axis=1)).max(axis=1) > _WRAP * (most - least)
-    tops = (x == most[:, None]).sum(axis=1) >= _FLAT
-    flats = tops | ((x == least[:, None]).sum(axis=1) >= _FLAT)
-    whole = x[:, : x.shape[1] // cycle * cycle]
+    seen = look or look_at(values, cycle)
     found = set()
-    for k in range(len(x)):
-        if steps[k] and rolled_over(x[k]):
+    columns = zip(seen.step, seen.least, seen.most, seen.at_least, seen.at_most, strict=True)
+    for k, (step, least, most, at_least, at_most) in enumerate(columns):
+        if step > _WRAP * (most - least) and rolled_over(_channel(values, k)):
             found.add("rollover")
-        elif flats[k] and clipped(x[k], cycle):
+        elif max(at_least, at_most) >= _FLAT and clipped(_channel(values, k), cycle):
             found.add("clipped")
-    if whole.shape[1]:
-        volts = whole[0::2]
-        mean, square = volts.mean(axis=1), np.einsum("ij,ij->i", volts, volts) / volts.shape[1]
-        if (np.abs(mean) > _OFFSET * np.sqrt(np.maximum(square - mean * mean, 0.0))).any():
+    size = len(values) // cycle * cycle
+    if size:
+        volts = zip(seen.total[0::2], seen.squares[0::2], strict=True)
+        if any(abs(total / size) > _OFFSET * _spread(total / size, square / size) for total, square in volts):
             found.add("offset")
-        if any(saturated(whole[2 * k + 1], cycle) for k in uneven(whole[1::2], cycle)):
+        half = cycle // 2
+        halves = zip(seen.opposite[1::2], seen.magnitudes[1::2], strict=True)
+        suspects = [k for k, (sums, each) in enumerate(halves) if sums * size > _UNEVEN * each * half]
+        if any(saturated(_channel(values, 2 * k + 1)[:size], cycle) for k in suspects):
             found.add("saturated")
     return frozenset(found)
+
+
+def _channel(values: Codes, k: int) -> Floats:
+    return np.ascontiguousarray(values[:, k], dtype=np.float64)
+
+
+def _spread(mean: float, square: float) -> float:
+    """Alternating RMS."""
+    return math.sqrt(max(square - mean * mean, 0.0))
 
 
 def uneven(x: Floats, cycle: int) -> list[int]:

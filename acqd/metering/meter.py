@@ -131,6 +131,11 @@ class Meter:
         """Whether usual windows are metered by the kernel in C."""
         return self._kernel is not None
 
+    @property
+    def indifferent(self) -> bool:
+        """Whether rows are the same to the last bit however the stream is cut into blocks; else to rounding."""
+        return self.compiled
+
     def finish(self) -> int:
         """Samples received after the last whole window (they are in no row)."""
         return self._stream.pending
@@ -139,9 +144,10 @@ class Meter:
         """Meter consecutive windows without a gap: the usual ones in C, the others with numpy."""
         if self._kernel is None:
             return self._numpy.whole(piece, self.energy)
-        batches, done = [], 0
+        batches, done, doubted = [], 0, False
         while done < len(piece.seq):
-            usual = self._kernel.meter(piece, done)
+            usual = None if doubted else self._kernel.meter(piece, done)
+            doubted = usual is not None and usual.doubted
             if usual is not None:
                 windows = slice(done, done + usual.rows.shape[1])
                 batches.append(self._of_kernel(piece.seq[windows], piece.utc_ns[windows], piece.flags[windows], usual))

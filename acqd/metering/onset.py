@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import statistics
 from collections.abc import Collection
+from typing import NamedTuple
 
 from acqd.metering.packed import State
 
@@ -18,11 +19,37 @@ _REMEMBERED = 0.9992
 """Share of that largest spread after a note: half is forgotten within minutes."""
 _MARGIN = 4.0
 """Of the limit for how much f varies with the magnitude, which holds for pure lines."""
+_MOVED = 100.0
+"""Hz per rad of `Cycles`: an interharmonic that begins moves f by so much at most."""
+_CALM = 0.0003
+"""Of `Cycles`: a step of f within the window bends the phase by more where it puts f off by 10 mHz."""
+_BEATING = 0.0005
+"""Of bend and swell of `Cycles`: an interharmonic far from f has both, a ramp or a swing of f and a step of the voltage
+only one."""
+_SWELLING = 0.002
+"""Of swell: so much is an interharmonic's, whatever the bend; it beats slowly."""
 _ALIKE = 0.4
 """Share of the variance of f that a straight line through the magnitude explains beside an interharmonic. Noise and
 swings of f leave that share near 0."""
 _CHANCE = 0.01
 """Probability of at least that share in noise; the fewer values, the larger the share."""
+
+
+class Cycles(NamedTuple):
+    """What the one-cycle phasors of a window say (`frequency.Estimate`); NaN where nobody knows."""
+
+    bend: float
+    """rad."""
+    swell: float
+    """Of ln(magnitude)."""
+
+    @property
+    def beat(self) -> bool:
+        """Whether they do what they do beside an interharmonic."""
+        return min(self) > _BEATING or self.swell > _SWELLING
+
+
+UNKNOWN = Cycles(math.nan, math.nan)
 
 
 class Onset:
@@ -36,22 +63,29 @@ class Onset:
         self._least_Hz, self._windows, self._fastest_Hz, self._edge = least_Hz, windows, fastest_Hz, edge
         self._limit_Hz = least_Hz
         self._varied = 0
+        self._swelled = False
         self.doubted = False
         """Whether f varies unusually, and has for less than the windows."""
 
     def reset(self) -> None:
         """The next windows do not follow the last ones; what is usual stays."""
-        self._varied, self.doubted = 0, False
+        self._varied, self._swelled, self.doubted = 0, False, False
 
     def state(self) -> State:
         """What is known of the stream so far."""
-        return {"limit_Hz": self._limit_Hz, "varied": self._varied, "doubted": self.doubted}
+        return {
+            "limit_Hz": self._limit_Hz, "varied": self._varied, "swelled": self._swelled, "doubted": self.doubted,
+        }  # fmt: skip
 
     def restore(self, state: State) -> None:
         """Go on where `state` was taken."""
         self._limit_Hz, self._varied, self.doubted = state["limit_Hz"], state["varied"], state["doubted"]
+        self._swelled = state.get("swelled", False)
 
-    def note(self, spread_Hz: float, f: Collection[float], magnitude: Collection[float], *, explained: bool) -> None:
+    def note(
+        self, spread_Hz: float, f: Collection[float], magnitude: Collection[float], cycles: Cycles = UNKNOWN, *,
+        explained: bool,
+    ) -> None:  # fmt: skip
         """One more window: how much the remembered f vary, and whether a known interharmonic is why."""
         if explained:
             self.reset()
@@ -60,7 +94,13 @@ class Onset:
             self._limit_Hz = max(self._least_Hz, _MORE * spread_Hz, self._limit_Hz * _REMEMBERED)
         else:
             self._varied += 1
-            self.doubted = self._varied < self._windows and (self._varied <= self._edge or self._movable(f, magnitude))
+            few, edge = self._varied < self._windows, self._varied <= self._edge
+            if edge:
+                swerve = max(cycles)
+                self._swelled |= cycles.swell > _CALM  # f itself does not change the magnitude
+                self.doubted = self._swelled or not (swerve < _CALM and spread_Hz > _MOVED * swerve)
+            else:
+                self.doubted = few and (cycles.beat or self._movable(f, magnitude))
             if self._varied >= self._windows:
                 self._limit_Hz = _MORE * spread_Hz
 

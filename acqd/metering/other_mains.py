@@ -82,6 +82,11 @@ class OtherMainsMeter(Meter):
         self._origin: int | None = None
         self._waiting: list[WindowBatch] = []
 
+    @property
+    def indifferent(self) -> bool:
+        """As `Meter.indifferent`: means of windows are not said to be."""
+        return False
+
     def feed(self, block: SampleBlock) -> WindowBatch | None:
         """Meter every row that `block` completes; None when it completes none."""
         if self._origin is None:

@@ -26,6 +26,8 @@ class Piece:
     broken: bool = False
     first: bool = False
     """This piece begins the stream."""
+    history: int = 0
+    """Samples before a window that metering it needs."""
 
     @property
     def codes(self) -> Codes:
@@ -33,14 +35,15 @@ class Piece:
         return self.runs[0]
 
     def window(self, k: int) -> Piece:
-        """Window `k` alone, with its history."""
-        end = self.bounds[k + 1]
+        """Window `k` alone, with its history: the same numbers as if no other window had been ready with it."""
+        start, end = self.bounds[k], self.bounds[k + 1]
+        begin = max(0, start - self.history)
         return replace(
             self,
             seq=self.seq[k : k + 1],
             utc_ns=self.utc_ns[k : k + 1],
-            runs=[self.codes[:end]],
-            bounds=self.bounds[k : k + 2],
+            runs=[self.codes[begin:end]],
+            bounds=self.bounds[k : k + 2] - begin,
             flags=self.flags[k : k + 1],
             first=self.first and k == 0,
         )

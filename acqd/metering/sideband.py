@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acqd.arrays import Floats
-from acqd.metering.onset import Onset
+from acqd.metering.onset import UNKNOWN, Cycles, Onset
 from acqd.metering.packed import State
 
 LIMIT = 0.005
@@ -100,8 +100,8 @@ class Sideband:
         self.beating = self._suspected = False
         self._onset.reset()
 
-    def note(self, f: float, magnitude: float, *, steady: bool = True) -> float | None:
-        """The next window: f [Hz] as it was estimated, magnitude of the fundamental in any unit.
+    def note(self, f: float, magnitude: float, cycles: Cycles = UNKNOWN, *, steady: bool = True) -> float | None:
+        """The next window: f [Hz] as it was estimated, magnitude of the fundamental in any unit, what its cycles say.
 
         About the f without the interharmonic, where one moves it; else None. A window that is not `steady` counts as
         the one before, as long as a phase jump may be the reason. A window without f ends what is remembered.
@@ -118,7 +118,7 @@ class Sideband:
         spread = self._high - self._low
         varies = spread >= SPREAD
         if varies or forgotten:
-            self._onset.note(spread, self._f, self._magnitude, explained=self.beating)
+            self._onset.note(spread, self._f, self._magnitude, cycles, explained=self.beating)
         if not varies or len(self._f) < self._lengths[0]:
             self.beating = self._suspected = False
             return None

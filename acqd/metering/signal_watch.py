@@ -1,21 +1,17 @@
 """The samples of a running stream, looked at a few times a second: are they measurements?
 
-A stage before the meter, which leaves the samples as they are and adds flags to blocks. A look at all channels takes as
-long as dozens of windows in the kernel, so not every window gets one: what a look finds holds until the next. Between
-two looks, extremes are counted: a channel that stays at its extremes for longer than at the last look, or comes near
-both ends of 16 bits, has a look of its own.
+A stage before the meter, which leaves the samples as they are and adds flags to blocks. What an examination finds holds
+until the next. Between two of them, extremes are counted: a channel that stays at its extremes for longer than at the
+last one, or comes near both ends of 16 bits, is examined at once.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from acqd.metering.block import Codes, SampleBlock, StreamFormat
 from acqd.metering.integrity import flags_of
+from acqd.metering.look import Look, look_at
 from acqd.metering.packed import State
 
 _EVERY_S = 0.4
@@ -69,13 +65,11 @@ class SignalWatch:
         due, faulty = index >= self._next, bool(self._flags)
         if faulty and not due:
             return
-        channels = np.ascontiguousarray(codes.T)
-        most, least = channels.max(axis=1), channels.min(axis=1)
-        extreme = channels == most[:, None]
-        extreme |= channels == least[:, None]
-        shares = [int(np.count_nonzero(one)) / len(codes) for one in extreme]
-        if due or self._stands_out(shares, most, least, len(codes)):
-            self._flags = flags_of(np.ascontiguousarray(codes, dtype=np.float64), self._cycle)
+        look = look_at(codes, self._cycle)
+        ends = zip(look.least, look.most, look.at_least, look.at_most, strict=True)
+        shares = [(low + high * (least < most)) / len(codes) for least, most, low, high in ends]
+        if due or self._stands_out(shares, look, len(codes)):
+            self._flags = flags_of(codes, self._cycle, look)
             # A fault is looked at again after twice the time: it is flagged for at most twice as long as it lasts.
             self._pause = min(2 * self._pause, self._every) if faulty else len(codes)
             self._next = index + (self._pause if self._flags else self._every)
@@ -83,11 +77,11 @@ class SignalWatch:
             known = self._most or [0.0] * len(shares)
             self._most = [max(_LONGER * now, _FORGET * usual) for now, usual in zip(shares, known, strict=True)]
 
-    def _stands_out(self, shares: list[float], most: NDArray[Any], least: NDArray[Any], samples: int) -> bool:
+    def _stands_out(self, shares: list[float], look: Look, samples: int) -> bool:
         """Whether a fault may have come since the last look."""
         slack = _FEW / samples
         if not self._most or any(now > usual + slack for now, usual in zip(shares, self._most, strict=True)):
             return True
-        if self.form.bits != 16 or most.max() <= _END:
+        if self.form.bits != 16 or max(look.most) <= _END:
             return False
-        return bool(((most > _END) & (least < -_END)).any())
+        return any(most > _END and least < -_END for most, least in zip(look.most, look.least, strict=True))

@@ -161,6 +161,7 @@ class WindowStream:
                 bounds=starts - begin,
                 flags=self._flags(starts),
                 first=self._begin(),
+                history=self._history,
             )
             self._next += count
         samples.forget(self._grid.start(self._next) - self._history)
@@ -198,5 +199,5 @@ class WindowStream:
             frozenset().union(*(named for first, after, named in marks if first < end and after > start))
             for start, end in zip(starts[:-1].tolist(), starts[1:].tolist(), strict=True)
         ]
-        self._marks = [mark for mark in self._marks if mark[1] > stop]
+        self._marks = [mark for mark in self._marks if mark[1] >= stop]  # the next block may go on with the last one
         return flags

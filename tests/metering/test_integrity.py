@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from acqd.metering.integrity import clipped, flags_of
+from acqd.metering.look import look_at, look_by_numpy
 from acqd.sources import load_waveform
 from tests.mains import EN50160, make_mains
 from tests.metering.transformers import secondary
@@ -100,3 +101,11 @@ def test_rounded_tops_of_small_waves_are_not_clipped():
     for _ in range(6_000):
         wave = random.uniform(1_000, 8_000) * np.cos(A + random.uniform(0, 6.28)) + random.normal(0, 0.4, len(A))
         assert not clipped(np.rint(wave), CYCLE)
+
+
+@pytest.mark.parametrize("kind", [np.int16, np.int32])
+def test_a_look_in_c_is_one_with_numpy(kind):
+    random = np.random.default_rng(8)
+    for samples, channels, cycle in ((800, 6, 400), (801, 2, 400), (37, 4, 50), (1, 6, 1)):
+        codes = random.integers(-9, 9, (samples, channels)).astype(kind)
+        assert look_at(codes, cycle) == look_by_numpy(codes, cycle)

@@ -8,6 +8,8 @@ import pytest
 from acqd.metering import SampleBlock, StreamFormat
 from acqd.metering.quality.meter import QualityMeter
 from tests.metering.test_unsteady import RATE, SCALE, codes_of, metered, transient
+from tools.studies.frequency.meters import acqd
+from tools.studies.frequency.waves import random_disturbance
 
 KNOWN = 14
 """Windows after which a beat of at least one period is known."""
@@ -170,7 +172,17 @@ def test_an_interharmonic_is_flagged_at_a_tick_of_ten_minutes_too():
 def test_a_ramp_of_f_is_settled(slope):
     codes = codes_of(50 * T + slope * np.maximum(0, T - 1) ** 2 / 2, 3)
     (batch,) = metered(codes)
-    assert flagged(batch, "unsettled").sum() <= 2 and not intervals(codes, "unsettled")[1].any()
+    assert not flagged(batch, "unsettled").any(), "its cycles have a steady magnitude and a phase without a bend"
+    assert not intervals(codes, "unsettled")[1].any()
+
+
+@pytest.mark.parametrize("number", [60_094, 80_013])
+def test_no_f_of_a_disturbance_is_wrong_without_a_flag(number):
+    """Interharmonics whose magnitudes do not show in the windows, but in their cycles; a step of f."""
+    wave = random_disturbance(number)
+    values = acqd(wave.codes(), wave.form)
+    wrong = ~(np.abs(values.error(wave.true_f)) <= 0.010)
+    assert wrong.any() and values.doubted[wrong].all()
 
 
 @pytest.mark.parametrize("beat", [0.5, 1.0])

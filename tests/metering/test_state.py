@@ -6,8 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acqd.metering import Meter, SampleBlock, StreamFormat
+from acqd.metering import Meter, SampleBlock, StreamFormat, WindowBatch
 from acqd.metering.correction import ChannelErrors, Correction
+from acqd.metering.joined import joined
+from acqd.metering.kernel import why_not
 from acqd.metering.stages import Stages
 from acqd.metering.wiring import Aron
 from acqd.sources.load import load_waveform
@@ -76,6 +78,22 @@ def check_everywhere(form: StreamFormat, blocks: list[SampleBlock], makers=(), *
 @pytest.mark.parametrize("compiled", [True, False])
 def test_a_meter_goes_on_from_the_state_of_another(compiled):
     check_everywhere(FORM, blocks_of(disturbed()), compiled=compiled, energy=[(1.5, 0.25)] * 3, creep_W=0.5)
+
+
+@pytest.mark.parametrize(("bits", "mode"), [(16, "synchronous"), (64, "synchronous"), (16, "fixed")])
+def test_the_cuts_of_the_stream_change_no_bit_of_rows_and_state(bits, mode):
+    if why_not() is not None:
+        pytest.skip("numpy meters windows together")
+    form, codes = StreamFormat(RATE, FORM.scale, bits=bits), disturbed()
+    blocks = blocks_of(codes.astype(np.float64) if bits == 64 else codes)
+    found = []
+    for samples in (1, 5_000, 100_000):
+        meter = Meter(form, mode=mode)
+        assert meter.indifferent
+        made = [batch for block in joined(blocks, samples) if (batch := meter.feed(block)) is not None]
+        found.append((columns([WindowBatch.join(made)]), meter.state()))
+    assert len(list(joined(blocks, 5_000))) < len(blocks) / 2
+    assert found[0] == found[1] == found[2]
 
 
 def test_with_a_correction_that_interpolates_and_with_derived_phases():

@@ -17,6 +17,7 @@ from acqd.daemon.boot import Boot
 from acqd.daemon.config import Config
 from acqd.daemon.source_sections import SimulatedSection
 from acqd.metering import Meter, SampleBlock
+from acqd.metering.signal_watch import SignalWatch
 from acqd.metering.stages import Stages
 from acqd.sources.load import load_waveform
 from acqd.telemetry.row import rows_of
@@ -73,7 +74,7 @@ def _fed(codes: np.ndarray, seconds: int, folder: Path | None) -> float:
     """Meter `codes` again and again for so many seconds of samples, and keep them; processor time [s]."""
     config, source = Config(device="box"), SimulatedSection()
     form = hard_mains(50.0, 3, 0.1).form
-    stages = Stages(form, source.makers)
+    stages = Stages(form, [*source.makers, SignalWatch])
     meter, boot = Meter(stages.form), Boot("bench")
     recorder = Recorder(folder, Limits(10**12, 1e9, 0)) if folder is not None else None
     track = None
@@ -86,7 +87,8 @@ def _fed(codes: np.ndarray, seconds: int, folder: Path | None) -> float:
         block = SampleBlock(codes[at : at + _WINDOW], index, _UTC_NS + index * 50_000)
         if track is not None:
             track.take([block])
-        batch = meter.feed(block)
+        ready = stages.apply(block)
+        batch = None if ready is None else meter.feed(ready)
         if batch is not None:
             boot.stamp(list(rows_of(batch, config.device, boot.name)))
         while recorder is not None and recorder.waiting > _MOST_WAITING:

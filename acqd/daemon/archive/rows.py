@@ -1,4 +1,4 @@
-"""Rows of archived samples, as the daemon made them: the same blocks, from the state that the daemon had.
+"""Rows of archived samples, as the daemon made them: from the same blocks and the state that the daemon had.
 
 Every segment has that state, so segments are independent of each other and can be metered in several processes. The
 state after the last block of a segment must be the one that the next segment begins with: where it is another one,
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,11 +20,14 @@ from acqd.archive.segment import Segment
 from acqd.archive.segment_file import FULL
 from acqd.daemon.archive.origin import Again, kernel_name, state_of
 from acqd.errors import InputError
-from acqd.metering import WindowBatch
+from acqd.metering import SampleBlock, WindowBatch
+from acqd.metering.joined import joined
 from acqd.telemetry.row import PowerRow, json_lines, rows_of
 
 _TOGETHER = 2_000
 """Windows whose rows are made at once."""
+_JOINED = 200_000
+"""Samples that are metered at once, at least."""
 _AFTER_NS = 10**9
 """A window that begins before the end of the range is complete within this time."""
 
@@ -65,34 +69,53 @@ def remake(task: Task) -> Remade:
     except ValueError as error:
         raise InputError(task.path, str(error)) from None
     until = None if task.end_ns is None else task.end_ns + _AFTER_NS
-    count, lines = 0, list[bytes]()
-    waiting: list[WindowBatch] = []
-    samples, damage = 0, ""
-
-    def make() -> None:
-        nonlocal count
-        if waiting:
-            rows = _rows(WindowBatch.join(waiting), segment, again, task)
-            count += len(rows)
-            lines.append(json_lines(rows))
-            waiting.clear()
-
-    blocks = segment.blocks(end_ns=until)
+    made, taken, damage = list[tuple[int, bytes]](), _Taken(), ""
     try:
-        for block in blocks:
-            samples += len(block.codes)
-            ready = again.stages.apply(block)
-            batch = None if ready is None else again.meter.feed(ready)
-            if batch is not None:
-                waiting.append(batch)
-                if len(waiting) >= _TOGETHER:
-                    make()
+        for batch in _metered(_staged(segment.blocks(end_ns=until), again, taken), again):
+            rows = _rows(batch, segment, again, task)
+            made.append((len(rows), json_lines(rows)))
     except InputError as error:
         damage = str(error)
-    make()
-    whole = segment.why == FULL and samples == segment.samples and not damage
+    whole = segment.why == FULL and taken.samples == segment.samples and not damage
     after = _digest(state_of(again.stages, again.meter, again.boot)) if whole else None
-    return Remade(task.path, count, b"".join(lines), samples, _digest(state), after, kernel_name(again.meter), damage)
+    return Remade(
+        task.path, sum(count for count, _ in made), b"".join(lines for _, lines in made), taken.samples,
+        _digest(state), after, kernel_name(again.meter), damage,
+    )  # fmt: skip
+
+
+@dataclass(slots=True)
+class _Taken:
+    samples: int = 0
+    """That were read."""
+
+
+def _staged(blocks: Iterable[SampleBlock], again: Again, taken: _Taken) -> Iterator[SampleBlock]:
+    """What the stages leave for the meter."""
+    for block in blocks:
+        taken.samples += len(block.codes)
+        ready = again.stages.apply(block)
+        if ready is not None:
+            yield ready
+
+
+def _metered(blocks: Iterator[SampleBlock], again: Again) -> Iterator[WindowBatch]:
+    """Windows, many at once. Passes on what `blocks` raises, after the windows before it."""
+    waiting = list[WindowBatch]()
+    try:
+        for block in joined(blocks, _JOINED) if again.meter.indifferent else blocks:
+            batch = again.meter.feed(block)
+            if batch is not None:
+                waiting.append(batch)
+                if sum(map(len, waiting)) >= _TOGETHER:
+                    yield WindowBatch.join(waiting)
+                    waiting.clear()
+    except InputError:
+        if waiting:
+            yield WindowBatch.join(waiting)
+        raise
+    if waiting:
+        yield WindowBatch.join(waiting)
 
 
 def _rows(batch: WindowBatch, segment: Segment, again: Again, task: Task) -> list[PowerRow]:

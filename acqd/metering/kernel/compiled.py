@@ -81,16 +81,25 @@ def load_quality(path: Path) -> ctypes.CDLL:
     loaded = ctypes.CDLL(str(path))
     pointer, integer, number = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
     rows = (pointer, integer, integer, integer)  # numbers, how many rows, their distance and length
-    loaded.acqd_resample.argtypes = [*rows, number, number, integer, pointer, integer, pointer, pointer]
+    loaded.acqd_resample.argtypes = [*rows, number, number, integer, pointer, integer, integer, pointer, pointer]
     loaded.acqd_half_cycle_integrals.argtypes = [*rows, number, number, integer, *[pointer] * 3]
-    loaded.acqd_cycle_sums.argtypes = [*rows, number, number, integer, pointer, pointer]
+    loaded.acqd_cycle_phasors.argtypes = [*rows, number, number, integer, *[pointer] * 4]
+    loaded.acqd_groups.argtypes = [pointer, integer, integer, integer, *[pointer] * 3]
     loaded.acqd_half_cycles.argtypes = [
         *(pointer, pointer, pointer, integer, integer, integer, pointer, number, number),
         *(pointer, integer, pointer, pointer, integer, pointer),
     ]
+    codes = (pointer, integer, integer, integer)  # codes, bits, channels or phases, samples or parts
+    loaded.acqd_physical.argtypes = [*codes, pointer, pointer]
+    loaded.acqd_look.argtypes = [*codes, integer, pointer]
+    loaded.acqd_mean_squares.argtypes = [*codes, integer, pointer, pointer]
     loaded.acqd_filter.argtypes = [pointer, pointer, pointer, number, integer, pointer, *rows, pointer]
-    for name in ("resample", "half_cycle_integrals", "cycle_sums", "half_cycles", "filter"):
-        getattr(loaded, f"acqd_{name}").restype = None
+    for function in (
+        loaded.acqd_physical, loaded.acqd_look, loaded.acqd_mean_squares, loaded.acqd_resample,
+        loaded.acqd_half_cycle_integrals, loaded.acqd_cycle_phasors, loaded.acqd_groups, loaded.acqd_half_cycles,
+        loaded.acqd_filter,
+    ):  # fmt: skip
+        function.restype = None
     return loaded
 
 

@@ -16,6 +16,7 @@ from acqd.metering.frequency import FrequencyEstimator
 from acqd.metering.held import HeldFrequency
 from acqd.metering.kernel.compiled import usable_library, why_not
 from acqd.metering.kernel.layout import (
+    BEND,
     ENERGY,
     EXPORTED,
     FIRST,
@@ -24,12 +25,14 @@ from acqd.metering.kernel.layout import (
     MAGNITUDE,
     NO_TRIAL,
     QUANTITIES,
+    SWELL,
     UNSETTLED,
     F,
     Form,
     Live,
     State,
 )
+from acqd.metering.onset import Cycles
 from acqd.metering.piece import Piece
 from acqd.metering.trial import Trial
 
@@ -47,6 +50,8 @@ class Metered:
     rows: Floats
     """[rows, windows] as in `layout`."""
     phases: int
+    doubted: bool = False
+    """The f of the next window was looked at and is not usable: numpy meters that one."""
 
     @property
     def f(self) -> Floats:
@@ -133,14 +138,16 @@ class Kernel:
         if not done:
             return None
         rows = rows[:, :done]
-        unsettled = self._held.note_steady(rows[F].tolist(), rows[MAGNITUDE].tolist())
+        unsettled = self._held.note_steady(
+            rows[F].tolist(), rows[MAGNITUDE].tolist(), [*map(Cycles, rows[BEND].tolist(), rows[SWELL].tolist())]
+        )
         usable = len(unsettled)
         if usable < done:  # as if the first of the others had not been metered
             ctypes.memmove(self._pointers[1], before, len(before))
             rows = np.empty((self._rows, usable))
             self._windows(*self._pointers, codes, bounds, usable, rows.ctypes.data)
         rows[FLAGS, :usable] += UNSETTLED * np.array(unsettled)
-        return Metered(rows[:, :usable], self._phases) if usable else None
+        return Metered(rows[:, :usable], self._phases, usable < done) if usable else None
 
     def meter_live(self, buffer: Codes, begin: int, end: int, energy: EnergyRegister) -> LiveMetered | None:
         """The window of samples begin .. end of a contiguous buffer; as `meter`.
@@ -154,8 +161,8 @@ class Kernel:
             if self._state.reason != NO_TRIAL:
                 return None
             self._add(self._state.point)
-        f, mark, magnitude = self._head.tolist()
-        if not self._held.note(f, magnitude):
+        f, mark, magnitude, bend, swell = self._head.tolist()
+        if not self._held.note(f, magnitude, Cycles(bend, swell)):
             ctypes.memmove(self._pointers[1], before, len(before))
             return None
         self._registers[:] = energy.add_window(self._energies.tolist())
@@ -168,7 +175,7 @@ class Kernel:
             return None
         if not self._quiet(self._live_at, begin, end):
             return None
-        f, mark, _ = self._head.tolist()
+        f, mark, *_ = self._head.tolist()
         self._registers[:] = energy.add_window(self._energies.tolist())
         return LiveMetered(f, int(mark), self._quantities.copy())
 

@@ -1,6 +1,6 @@
-/* What power quality and events compute of samples: samples at other instants, integrals over half cycles, phasors of
-   cycles, and the half cycles of a phase-locked loop. Each function does what a module of acqd/metering/quality does
-   with numpy, to rounding. Every buffer is the caller's. */
+/* What is computed of samples besides the rows: for power quality and events samples at other instants, integrals over
+   half cycles, phasors of cycles, the half cycles of a phase-locked loop; and whether samples are measurements. Each
+   function does what a module of acqd/metering does with numpy, to rounding. Every buffer is the caller's. */
 
 #include <math.h>
 #include <stddef.h>
@@ -9,8 +9,7 @@
 
 #include "vectors.h"
 
-#define TAPS 32
-#define PARTS (TAPS / NATIVE)
+#define MOST_TAPS 32
 #define GROUPS (LANES / NATIVE)
 #define RESYNC 64
 
@@ -40,24 +39,133 @@ INLINE void side_by_side(const double *x, int64_t channels, int64_t stride, int6
     }
 }
 
-/* x [channels][samples], rows `stride` apart, at `count` instants first + k * step, counted from the middle of sample 0,
-   into out [channels][count]. table [steps + 2][TAPS]: weights of the fractions of a sample, linear in between; they are
-   made once for all channels. All samples that an instant needs must be there. even [samples][LANES] is scratch. */
-void acqd_resample(const double *x, int64_t channels, int64_t stride, int64_t samples, double first, double step,
-                   int64_t count, const double *table, int64_t steps, double *even, double *out)
+/* One sample of a stream of `bits` per code. */
+INLINE double code_at(const void *codes, int64_t bits, int64_t at)
 {
-    if (channels == 6)
-        side_by_side(x, 6, stride, samples, even);
+    return bits == 16   ? (double)((const int16_t *)codes)[at]
+           : bits == 32 ? (double)((const int32_t *)codes)[at]
+                        : ((const double *)codes)[at];
+}
+
+INLINE void physical(const void *codes, const int64_t bits, int64_t channels, int64_t samples, const double *scale,
+                     double *out)
+{
+    for (int64_t c = 0; c < channels; c++)
+        for (int64_t n = 0; n < samples; n++)
+            out[c * samples + n] = scale[c] * code_at(codes, bits, n * channels + c);
+}
+
+/* codes [samples][channels] in V and A: out [channels][samples]. scale [channels]. */
+void acqd_physical(const void *codes, int64_t bits, int64_t channels, int64_t samples, const double *scale, double *out)
+{
+    if (bits == 16)
+        physical(codes, 16, channels, samples, scale, out);
+    else if (bits == 32)
+        physical(codes, 32, channels, samples, scale, out);
     else
-        side_by_side(x, channels, stride, samples, even);
+        physical(codes, 64, channels, samples, scale, out);
+}
+
+INLINE void mean_squares(const void *codes, const int64_t bits, int64_t phases, int64_t parts, int64_t length,
+                         const double *scale, double *out)
+{
+    for (int64_t p = 0; p < phases; p++)
+        for (int64_t k = 0; k < parts; k++) {
+            double sum = 0;
+            for (int64_t n = k * length; n < (k + 1) * length; n++) {
+                const double u = scale[p] * code_at(codes, bits, n * 2 * phases + 2 * p);
+                sum += u * u;
+            }
+            out[p * parts + k] = sum / (double)length;
+        }
+}
+
+/* Mean squares of the voltages, channels 0, 2 .. of codes [parts * length][2 * phases], over `length` samples each:
+   out [phases][parts]. scale [phases]. */
+void acqd_mean_squares(const void *codes, int64_t bits, int64_t phases, int64_t parts, int64_t length,
+                       const double *scale, double *out)
+{
+    if (bits == 16)
+        mean_squares(codes, 16, phases, parts, length, scale, out);
+    else if (bits == 32)
+        mean_squares(codes, 32, phases, parts, length, scale, out);
+    else
+        mean_squares(codes, 64, phases, parts, length, scale, out);
+}
+
+/* Channels from `first` on of sample `n`, as many as a vector holds; what lies beyond the samples is not read. */
+INLINE native row_of(const void *codes, const int64_t bits, int64_t channels, int64_t samples, int64_t n, int64_t first)
+{
+    const int64_t from = n * channels + first, end = samples * channels;
+    if (from + NATIVE <= end)
+        return native_load(codes, (int)bits, from);
+    native x = {0};
+    for (int64_t k = 0; from + k < end; k++)
+        x[k] = code_at(codes, bits, from + k);
+    return x;
+}
+
+INLINE void look(const void *codes, const int64_t bits, int64_t channels, int64_t samples, int64_t cycle, double *out)
+{
+    const int64_t whole = samples / cycle * cycle, half = whole ? cycle / 2 : 0;
+    for (int64_t first = 0; first < channels; first += NATIVE) {
+#define ROW(N) row_of(codes, bits, channels, samples, N, first)
+        native low = ROW(0), high = low, before = low, step = {0}, sum = {0}, squares = {0}, sizes = {0}, sums = {0};
+        native_mask lowest = {0}, highest = {0};
+        for (int64_t n = 0; n < samples; n++) {
+            const native x = ROW(n);
+            low = native_smaller(low, x);
+            high = native_larger(high, x);
+            step = native_larger(step, native_larger(x - before, before - x));
+            before = x;
+        }
+        for (int64_t n = 0; n < samples; n++) {
+            const native x = ROW(n);
+            lowest -= (native_mask)(x == low);
+            highest -= (native_mask)(x == high);
+        }
+        for (int64_t n = 0; n < whole; n++) {
+            const native x = ROW(n);
+            sum += x;
+            squares += x * x;
+            sizes += native_larger(x, -x);
+        }
+        for (int64_t n = 0; n < half; n++) {
+            const native x = ROW(n) + ROW(n + half);
+            sums += native_larger(x, -x);
+        }
+#undef ROW
+        for (int64_t lane = 0; lane < NATIVE && first + lane < channels; lane++) {
+            const double row[9] = {low[lane], high[lane], step[lane], (double)lowest[lane], (double)highest[lane],
+                                   sum[lane], squares[lane], sizes[lane], sums[lane]};
+            for (int64_t k = 0; k < 9; k++)
+                out[k * channels + first + lane] = row[k];
+        }
+    }
+}
+
+/* Of codes [samples][channels], at least one sample, of 16 or 32 bits: smallest, largest, largest step, samples that are
+   the smallest, that are the largest; of the whole cycles sums of values, of squares, of magnitudes; and of the first
+   cycle that of the magnitudes of sums of samples half a cycle apart: out [9][channels]. */
+void acqd_look(const void *codes, int64_t bits, int64_t channels, int64_t samples, int64_t cycle, double *out)
+{
+    if (bits == 16)
+        look(codes, 16, channels, samples, cycle, out);
+    else
+        look(codes, 32, channels, samples, cycle, out);
+}
+
+INLINE void resample(const int taps, int64_t channels, double first, double step, int64_t count, const double *table,
+                     int64_t steps, const double *even, double *out)
+{
     for (int64_t k = 0; k < count; k++) {
         const double position = first + step * (double)k, whole = floor(position);
         const double fine = (position - whole) * (double)steps;
-        const int64_t row = (int64_t)fine, begin = (int64_t)whole - (TAPS / 2 - 1);
+        const int64_t row = (int64_t)fine, begin = (int64_t)whole - (taps / 2 - 1);
         const double share = fine - (double)row;
-        const double *low = table + row * TAPS, *high = low + TAPS, *from = even + begin * LANES;
-        double weight[TAPS];
-        for (int p = 0; p < PARTS; p++) {
+        const double *low = table + row * taps, *high = low + taps, *from = even + begin * LANES;
+        double weight[MOST_TAPS];
+        for (int p = 0; p < taps / NATIVE; p++) {
             const native w = at(low + NATIVE * p) * (1 - share) + at(high + NATIVE * p) * share;
             memcpy(weight + NATIVE * p, &w, sizeof w);
         }
@@ -67,7 +175,7 @@ void acqd_resample(const double *x, int64_t channels, int64_t stride, int64_t sa
             const double *column = from + NATIVE * g;
             native a = {0}, b = {0}, c = {0}, d = {0}; /* four chains, since an addition takes four cycles */
 #pragma GCC unroll 8
-            for (int t = 0; t < TAPS; t += 4) {
+            for (int t = 0; t < taps; t += 4) {
                 a += at(column + t * LANES) * weight[t];
                 b += at(column + (t + 1) * LANES) * weight[t + 1];
                 c += at(column + (t + 2) * LANES) * weight[t + 2];
@@ -79,6 +187,23 @@ void acqd_resample(const double *x, int64_t channels, int64_t stride, int64_t sa
         for (int64_t c = 0; c < channels; c++)
             out[c * count + k] = all[c];
     }
+}
+
+/* x [channels][samples], rows `stride` apart, at `count` instants first + k * step, counted from the middle of sample 0,
+   into out [channels][count]. table [steps + 2][taps]: weights of the fractions of a sample, linear in between; they are
+   made once for all channels. 16 or 32 taps. All samples that an instant needs must be there. even [samples][LANES] is
+   scratch. */
+void acqd_resample(const double *x, int64_t channels, int64_t stride, int64_t samples, double first, double step,
+                   int64_t count, const double *table, int64_t taps, int64_t steps, double *even, double *out)
+{
+    if (channels == 6)
+        side_by_side(x, 6, stride, samples, even);
+    else
+        side_by_side(x, channels, stride, samples, even);
+    if (taps == 16)
+        resample(16, channels, first, step, count, table, steps, even, out);
+    else
+        resample(32, channels, first, step, count, table, steps, even, out);
 }
 
 /* Integral over the first share of a cell, by the straight line through its neighbours (interval.py). */
@@ -122,21 +247,42 @@ static void squares(const double *a, const double *b, int64_t samples, double *s
         s[n] = (a[n] - b[n]) * (a[n] - b[n]);
 }
 
+/* Smallest and largest of x [samples], at least one. */
+static void range(const double *x, int64_t samples, double *smallest, double *largest)
+{
+    double low = x[0], high = x[0];
+    int64_t n = 0;
+    if (samples >= NATIVE) {
+        native lows = at(x), highs = lows;
+        for (n = NATIVE; n + NATIVE <= samples; n += NATIVE) {
+            lows = native_smaller(lows, at(x + n));
+            highs = native_larger(highs, at(x + n));
+        }
+        for (int lane = 0; lane < NATIVE; lane++) {
+            low = lows[lane] < low ? lows[lane] : low;
+            high = highs[lane] > high ? highs[lane] : high;
+        }
+    }
+    for (; n < samples; n++) {
+        low = x[n] < low ? x[n] : low;
+        high = x[n] > high ? x[n] : high;
+    }
+    *smallest = low;
+    *largest = high;
+}
+
 /* Integrals over `halves` half cycles of x [2 * phases][samples]: squares of the channels, products u i of the phases,
    squares of the voltages between lines (three, or one of two phases), and, of three phases, that of the sum of the
-   currents: out [series][halves], in this order. peaks [channels]: of the absolute values within the interval.
-   scratch [samples]. */
+   currents: out [series][halves], in this order. extremes [2][channels]: smallest and largest value within the
+   interval. scratch [samples]. */
 void acqd_half_cycle_integrals(const double *x, int64_t phases, int64_t stride, int64_t samples, double start,
-                               double half, int64_t halves, double *scratch, double *out, double *peaks)
+                               double half, int64_t halves, double *scratch, double *out, double *extremes)
 {
     const int64_t channels = 2 * phases;
     const int64_t low = (int64_t)start, high = (int64_t)ceil(start + half * (double)halves);
     for (int64_t c = 0; c < channels; c++) {
         const double *row = x + c * stride;
-        double peak = 0;
-        for (int64_t n = low; n < high && n < samples; n++)
-            peak = fabs(row[n]) > peak ? fabs(row[n]) : peak;
-        peaks[c] = peak;
+        range(row + low, (high < samples ? high : samples) - low, extremes + c, extremes + channels + c);
         for (int64_t n = 0; n < samples; n++)
             scratch[n] = row[n] * row[n];
         integrals(scratch, samples, start, half, halves, out);
@@ -162,13 +308,10 @@ void acqd_half_cycle_integrals(const double *x, int64_t phases, int64_t stride, 
     }
 }
 
-/* Integrals over `cycles` cycles of u [phases][samples] times cos and -sin of the fundamental, of u and of its square:
-   out [4][phases][cycles]. The fundamental has `length` samples per cycle and angle 0 at `start`. scratch [3][samples]. */
-void acqd_cycle_sums(const double *u, int64_t phases, int64_t stride, int64_t samples, double start, double length,
-                     int64_t cycles, double *scratch, double *out)
+/* Cosine and sine of the fundamental over `samples`; it has `length` samples per cycle and angle 0 at `start`. */
+static void carrier(double start, double length, int64_t samples, double *cosine, double *sine)
 {
     const double turn = 2 * M_PI / length, c1 = cos(turn), s1 = sin(turn);
-    double *cosine = scratch, *sine = scratch + samples, *series = sine + samples;
     double c = 0, s = 0;
     for (int64_t n = 0; n < samples; n++) {
         if (n % RESYNC == 0) {
@@ -177,24 +320,87 @@ void acqd_cycle_sums(const double *u, int64_t phases, int64_t stride, int64_t sa
             s = sin(angle);
         }
         cosine[n] = c;
-        sine[n] = -s;
+        sine[n] = s;
         const double next = c * c1 - s * s1;
         s = s * c1 + c * s1;
         c = next;
     }
-    const int64_t each = phases * cycles;
+}
+
+static double mean(const double *x, int64_t count)
+{
+    return plain_sum(x, 0, count) / (double)count;
+}
+
+/* Of u [phases][samples] over `cycles` cycles from `start` on, of `length` samples each: RMS phasors of every cycle,
+   against a cosine that begins with the first, re and im [phases][cycles]; the angle of each cycle against the first
+   one, unwrapped, all phases together, angles [cycles]; and the share of the AC power that the fundamental has.
+   scratch [3][samples] and [cycles] more. */
+void acqd_cycle_phasors(const double *u, int64_t phases, int64_t stride, int64_t samples, double start, double length,
+                        int64_t cycles, double *scratch, double *phasors, double *angles, double *purity)
+{
+    double *cosine = scratch, *sine = scratch + samples, *series = sine + samples, *sums = series + samples;
+    double fundamental = 0, alternating = 0;
+    carrier(start, length, samples, cosine, sine);
     for (int64_t p = 0; p < phases; p++) {
         const double *row = u + p * stride;
+        double *out = phasors + 2 * p * cycles;
+        const double factor = sqrt(2) / length;
         for (int64_t n = 0; n < samples; n++)
             series[n] = row[n] * cosine[n];
-        integrals(series, samples, start, length, cycles, out + p * cycles);
+        integrals(series, samples, start, length, cycles, sums);
+        for (int64_t m = 0; m < cycles; m++)
+            out[2 * m] = factor * sums[m];
         for (int64_t n = 0; n < samples; n++)
             series[n] = row[n] * sine[n];
-        integrals(series, samples, start, length, cycles, out + each + p * cycles);
-        integrals(row, samples, start, length, cycles, out + 2 * each + p * cycles);
+        integrals(series, samples, start, length, cycles, sums);
+        double squares = 0;
+        for (int64_t m = 0; m < cycles; m++) {
+            out[2 * m + 1] = -factor * sums[m];
+            squares += out[2 * m] * out[2 * m] + out[2 * m + 1] * out[2 * m + 1];
+        }
+        fundamental += squares / (double)cycles;
+        integrals(row, samples, start, length, cycles, sums);
+        const double level = mean(sums, cycles) / length;
         for (int64_t n = 0; n < samples; n++)
             series[n] = row[n] * row[n];
-        integrals(series, samples, start, length, cycles, out + 3 * each + p * cycles);
+        integrals(series, samples, start, length, cycles, sums);
+        alternating += mean(sums, cycles) / length - level * level;
+    }
+    *purity = fundamental / (alternating > 1e-30 ? alternating : 1e-30);
+    angles[0] = 0;
+    for (int64_t m = 0; m + 1 < cycles; m++) {
+        double x = 0, y = 0;
+        for (int64_t p = 0; p < phases; p++) {
+            const double *z = phasors + 2 * (p * cycles + m);
+            x += z[0] * z[2] + z[1] * z[3];
+            y += z[0] * z[3] - z[1] * z[2];
+        }
+        angles[m + 1] = angles[m] + atan2(y, x);
+    }
+}
+
+/* Harmonic subgroups 1 .. 50, centred interharmonic subgroups 0 .. 49, [channels][50] each, and THDS [channels] of
+   lines [channels][51 * cycles + 1], complex; NaN from the `known`-th on, which THDS leaves out (spectrum.py). */
+void acqd_groups(const double *lines, int64_t channels, int64_t cycles, int64_t known, double *harmonics,
+                 double *between, double *thds)
+{
+    enum { ORDERS = 50 };
+    for (int64_t c = 0; c < channels; c++) {
+        const double *row = lines + 2 * c * ((ORDERS + 1) * cycles + 1);
+        double *h = harmonics + c * ORDERS, *ih = between + c * ORDERS, distortion = 0;
+        for (int64_t n = 0; n < ORDERS; n++) {
+            const double *x = row + 2 * n * cycles; /* lines n * cycles .. (n + 1) * cycles + 1 */
+            double inner = 0, group = 0;
+            for (int64_t k = 2; k < cycles - 1; k++)
+                inner += x[2 * k] * x[2 * k] + x[2 * k + 1] * x[2 * k + 1];
+            for (int64_t k = cycles - 1; k < cycles + 2; k++)
+                group += x[2 * k] * x[2 * k] + x[2 * k + 1] * x[2 * k + 1];
+            h[n] = n < known ? sqrt(group) : NAN;
+            ih[n] = n < known ? sqrt(inner) : NAN;
+            distortion += n > 0 && n < known ? group : 0;
+        }
+        thds[c] = h[0] > 0 ? 100 * sqrt(distortion) / h[0] : NAN;
     }
 }
 
@@ -271,19 +477,13 @@ void acqd_half_cycles(struct clock *clocks, const struct rules *rules, const voi
     re[0] = im[0] = power[0] = 0;
     for (int64_t p = 0; p < phases; p++) {
         struct clock *clock = clocks + p;
-        if (bits == 16)
-            for (int64_t n = 0; n < samples; n++)
-                u[n] = scale[p] * (double)((const int16_t *)codes)[n * phases + p];
-        else if (bits == 32)
-            for (int64_t n = 0; n < samples; n++)
-                u[n] = scale[p] * (double)((const int32_t *)codes)[n * phases + p];
-        else
-            for (int64_t n = 0; n < samples; n++)
-                u[n] = scale[p] * ((const double *)codes)[n * phases + p];
+        double x = 0, y = 0, square = 0;
         for (int64_t n = 0; n < samples; n++) {
-            re[n + 1] = re[n] + u[n] * cosine[n];
-            im[n + 1] = im[n] + u[n] * sine[n];
-            power[n + 1] = power[n] + u[n] * u[n];
+            const double now = scale[p] * code_at(codes, bits, n * phases + p);
+            u[n] = now;
+            re[n + 1] = x += now * cosine[n];
+            im[n + 1] = y += now * sine[n];
+            power[n + 1] = square += now * now;
         }
         const double end = origin + (double)(samples - 2);
         int64_t count = 0;
@@ -303,27 +503,42 @@ void acqd_half_cycles(struct clock *clocks, const struct rules *rules, const voi
     }
 }
 
-/* A linear filter of at most 32 states, x' = A x + B u, y = C x + D u, channel by channel: u [channels][samples] with
-   rows `stride` apart into y [channels][samples]. A [order][order]; state [channels][order] goes on from call to call. */
+/* A linear filter of at most 32 states, x' = A x + B u, y = C x + D u, as many channels at once as a vector holds:
+   u [channels][samples] with rows `stride` apart into y [channels][samples]. A [order][order]; state [channels][order]
+   goes on from call to call. */
 void acqd_filter(const double *A, const double *B, const double *C, double D, int64_t order, double *state,
                  const double *u, int64_t channels, int64_t stride, int64_t samples, double *y)
 {
-    for (int64_t c = 0; c < channels; c++) {
-        double *x = state + c * order, next[32];
+    for (int64_t first = 0; first < channels; first += NATIVE) {
+        const int64_t count = channels - first < NATIVE ? channels - first : NATIVE;
+        native x[32], next[32];
+        for (int64_t i = 0; i < order; i++) {
+            x[i] = (native){0};
+            for (int64_t c = 0; c < count; c++)
+                x[i][c] = state[(first + c) * order + i];
+        }
         for (int64_t n = 0; n < samples; n++) {
-            const double input = u[c * stride + n];
-            double output = D * input;
+            double row[NATIVE] = {0};
+            for (int64_t c = 0; c < count; c++)
+                row[c] = u[(first + c) * stride + n];
+            const native input = at(row);
+            native output = D * input;
             for (int64_t i = 0; i < order; i++)
                 output += C[i] * x[i];
-            y[c * samples + n] = output;
+            memcpy(row, &output, sizeof row);
+            for (int64_t c = 0; c < count; c++)
+                y[(first + c) * samples + n] = row[c];
             for (int64_t i = 0; i < order; i++) {
                 const int64_t known = i + 2 < order ? i + 2 : order; /* sections in a row: nothing comes from later ones */
-                double sum = B[i] * input;
+                native sum = B[i] * input;
                 for (int64_t j = 0; j < known; j++)
                     sum += A[i * order + j] * x[j];
                 next[i] = sum;
             }
             memcpy(x, next, (size_t)order * sizeof *x);
         }
+        for (int64_t i = 0; i < order; i++)
+            for (int64_t c = 0; c < count; c++)
+                state[(first + c) * order + i] = x[i][c];
     }
 }

@@ -183,10 +183,15 @@ INLINE struct fit project(vec edges[EDGES][2], struct sums *before, struct sums 
     return f;
 }
 
-/* Largest distance of a one-cycle phase from the parabola through all [rad]. */
-static double unsteadiness(vec edges[EDGES][2], int channels, const double *bend)
+/* What the one-cycle phasors say: distance of a phase from the parabola through all [rad], the largest; half of what
+   ln(magnitude) varies by. */
+struct cycles {
+    double bend, swell;
+};
+
+static struct cycles cycles_of(vec edges[EDGES][2], int channels, const double *bend)
 {
-    double joint[PHASORS][2] = {{0}}, phase[PHASORS], largest = 0;
+    double joint[PHASORS][2] = {{0}}, phase[PHASORS], largest = 0, least = INFINITY, most = 0;
     for (int c = 0; c < channels; c += 2) {
         double re[PHASORS], im[PHASORS], mean_re = 0, mean_im = 0;
         for (int j = 0; j < PHASORS; j++) {
@@ -200,15 +205,19 @@ static double unsteadiness(vec edges[EDGES][2], int channels, const double *bend
             joint[j][1] += mean_re * im[j] - mean_im * re[j];
         }
     }
-    for (int j = 0; j < PHASORS; j++)
+    for (int j = 0; j < PHASORS; j++) {
+        const double square = joint[j][0] * joint[j][0] + joint[j][1] * joint[j][1];
         phase[j] = atan2(joint[j][1], joint[j][0]);
+        least = fmin(least, square);
+        most = fmax(most, square);
+    }
     for (int j = 0; j < PHASORS; j++) {
         double rest = 0;
         for (int k = 0; k < PHASORS; k++)
             rest += phase[k] * bend[k * PHASORS + j];
         largest = fmax(largest, fabs(rest));
     }
-    return largest;
+    return (struct cycles){largest, log(most / fmax(least, 1e-300)) / 4};
 }
 
 /* f from that of the cycles and that of the stretch, and what the next window needs (acqd/metering/two_fits.py). */
@@ -233,7 +242,8 @@ static double joint(const struct form *form, struct state *s, double cycles, dou
 /* f [Hz], the projection of the stretch and the sums of the window, which begins with its sample `inside`; 0 with the
    reason in `state` where f is not usable. */
 INLINE double frequency(const struct form *form, struct state *state, struct fit *fit, struct sums *window,
-                        const void *codes, int bits, int channels, int64_t inside, const double *const *table)
+                        const void *codes, int bits, int channels, int64_t inside, const double *const *table,
+                        struct cycles *cycles)
 {
     double f = state->trial;
     struct sums before = {0};
@@ -268,7 +278,10 @@ INLINE double frequency(const struct form *form, struct state *state, struct fit
         if (fabs(f - (double)point * form->grid) > form->slack * form->grid)
             continue;
         const int credible = f >= form->f_low && f <= form->f_high && weights / 2 >= form->purity * fmax(power, 1e-30);
-        if (!credible || unsteadiness(edges, channels, form->bend) > form->steady)
+        if (!credible)
+            break;
+        *cycles = cycles_of(edges, channels, form->bend);
+        if (cycles->bend > form->steady)
             break;
         return joint(form, state, f, (double)point * form->grid + slow_turns / turned);
     }
@@ -352,7 +365,7 @@ INLINE struct sums interval(struct sums window, const void *codes, int bits, int
 
 /* Rows of the result, each with one value per window; from VRMS on, each stands for one row per phase. Python writes
    IMPORTED and EXPORTED. */
-enum { F, FLAGS, MAGNITUDE, VRMS };
+enum { F, FLAGS, MAGNITUDE, BEND, SWELL, VRMS };
 enum { IRMS = 1, POWER, REACTIVE, IMPORTED, EXPORTED, ENERGY, U_DC, I_DC, U_PEAK, I_PEAK, U_RE, U_IM, I_RE, I_IM };
 #define ROW(quantity, phase) (VRMS + (quantity) * (channels / 2) + (phase))
 
@@ -367,7 +380,8 @@ INLINE int one_window(const struct form *form, struct state *state, const double
     const size_t width = bits == 16 ? 2 : bits == 32 ? 4 : 8;
     const char *stretch = (const char *)codes + (size_t)(end - form->fit) * (size_t)channels * width;
     const int64_t inside = begin - (end - form->fit);
-    const double f = frequency(form, &next, &fit, &outer, stretch, bits, channels, inside, table);
+    struct cycles cycles = {0};
+    const double f = frequency(form, &next, &fit, &outer, stretch, bits, channels, inside, table, &cycles);
     state->point = next.point;
     if (!f)
         return (int)(state->reason = next.reason);
@@ -417,6 +431,8 @@ INLINE int one_window(const struct form *form, struct state *state, const double
     out[F * stride] = f;
     out[FLAGS * stride] = (double)flags;
     out[MAGNITUDE * stride] = sqrt(magnitude);
+    out[BEND * stride] = cycles.bend;
+    out[SWELL * stride] = cycles.swell;
     next.trial = f;
     next.last = f;
     next.reason = DONE;
@@ -509,7 +525,7 @@ INLINE int quiet(const struct form *form, const void *codes, int bits, int chann
     }
     out[F] = NAN;
     out[FLAGS] = (double)flags;
-    out[MAGNITUDE] = 0;
+    out[MAGNITUDE] = out[BEND] = out[SWELL] = 0;
     return 1;
 }
 

@@ -10,6 +10,8 @@ from acqd.arrays import Floats
 from acqd.metering.quality.values import LISTS, PHASE, SYSTEM, Kind, QualityValues, Rule
 
 _RULES: dict[str, Rule] = {name: quantity.rule for name, quantity in (PHASE | LISTS | SYSTEM).items()}
+_AT_ONCE = 15
+"""Values that are added at a time: an addition costs more than its numbers."""
 
 
 class _Means:
@@ -24,22 +26,34 @@ class _Means:
         self._rms = np.array([rule == "rms" for rule in rules])
         self._angles = np.flatnonzero([rule == "angle" for rule in rules])
         self._sum, self._count = np.zeros(len(rules)), np.zeros(len(rules))
+        self._rows, self._taken = np.empty((_AT_ONCE, len(rules))), 0
         self._phasors = np.zeros(len(self._angles), dtype=np.complex128)
         self._ends = np.cumsum(sizes)
 
     def add(self, values: QualityValues) -> None:
         """Take the values of the next interval: of the same quantities."""
-        flat = [np.ravel(value) for value in values.phase.values()]
-        x = np.concatenate((*flat, [*values.system.values(), values.f, values.rocof]))
+        row = self._rows[self._taken]
+        ends = [*values.system.values(), values.f, values.rocof]
+        np.concatenate([value.ravel() for value in values.phase.values()], out=row[: -len(ends)])
+        row[-len(ends) :] = ends
+        self._taken += 1
+        if self._taken == _AT_ONCE:
+            self._fold()
+
+    def _fold(self) -> None:
+        """Add the rows that wait to the sums."""
+        x, self._taken = self._rows[: self._taken], 0
         known = ~np.isnan(x)
-        self._phasors += np.where(known[self._angles], np.exp(1j * np.radians(x[self._angles])), 0.0)
-        x[self._rms] *= x[self._rms]
+        angles = x[:, self._angles]
+        self._phasors += np.where(known[:, self._angles], np.exp(1j * np.radians(angles)), 0.0).sum(axis=0)
+        x[:, self._rms] *= x[:, self._rms]
         x[~known] = 0.0
-        self._sum += x
-        self._count += known
+        self._sum += x.sum(axis=0)
+        self._count += known.sum(axis=0)
 
     def close(self) -> tuple[dict[str, Floats], dict[str, float], float, float]:
         """Means of the phases and of the system, f and its rate of change."""
+        self._fold()
         with np.errstate(invalid="ignore", divide="ignore"):
             mean = self._sum / self._count
             mean[self._rms] = np.sqrt(mean[self._rms])

@@ -70,11 +70,10 @@ def fit_cycles(u: Floats, start: float, f: float, rate: float, cycles: int, dead
         end = start + cycles * rate / f
         if not np.isfinite(end) or end + 1 > u.shape[1]:
             return NONE
-        phasors, purity = cycle_phasors(u, start, f, rate, cycles)
+        phasors, phases, purity = cycle_phasors(u, start, f, rate, cycles)
         alive = np.abs(phasors) > dead[:, None]
         if purity < MIN_PURITY or not alive.any(axis=0).all():
             return NONE
-        phases = _phases(phasors)
         slope, curve, jump = _fit(phases, cycles)
         correction = slope * f / (2 * np.pi)
         beat = abs(float(_slope_with_beat(cycles) @ phases) - slope) * f / (2 * np.pi)
@@ -86,44 +85,46 @@ def fit_cycles(u: Floats, start: float, f: float, rate: float, cycles: int, dead
     return found
 
 
-def cycle_phasors(u: Floats, start: float, f: float, rate: float, cycles: int) -> tuple[Phasors, float]:
-    """RMS phasors of consecutive cycles, complex [phases, cycles], and the fundamental's share of the AC power."""
-    length = rate / f
-    sums = _cycle_sums(u, start, length, cycles) / length
-    phasors = np.asarray(np.sqrt(2) * (sums[0] + 1j * sums[1]))
-    ac = sums[3].mean(axis=1) - sums[2].mean(axis=1) ** 2
-    purity = float((np.abs(phasors) ** 2).mean(axis=1).sum() / max(float(ac.sum()), 1e-30))
-    return phasors, purity
-
-
-def _cycle_sums(u: Floats, start: float, length: float, cycles: int) -> Floats:
-    """Integrals over cycles of `u` times cos and -sin, of u and of its square [4, phases, cycles].
+def cycle_phasors(u: Floats, start: float, f: float, rate: float, cycles: int) -> tuple[Phasors, Floats, float]:
+    """RMS phasors of consecutive cycles, complex [phases, cycles]; the phase of each cycle against the first one
+    [cycles] rad, unwrapped, all phases of the system together; the fundamental's share of the AC power.
 
     In C where there is a compiler (`kernel/quality.c`).
     """
     library = quality_library()
     if library is None:
-        return _cycle_sums_by_numpy(u, start, length, cycles)
+        return cycle_phasors_by_numpy(u, start, f, rate, cycles)
     u = as_rows(u)
-    out, scratch = np.empty((4, len(u), cycles)), np.empty((3, u.shape[1]))
-    library.acqd_cycle_sums(*rows_of(u), start, length, cycles, scratch.ctypes.data, out.ctypes.data)
-    return out
+    phasors, angles = np.empty((len(u), cycles), dtype=np.complex128), np.empty(cycles + 1)
+    scratch = np.empty(3 * u.shape[1] + cycles)
+    address = angles.ctypes.data
+    library.acqd_cycle_phasors(
+        *rows_of(u), start, rate / f, cycles, scratch.ctypes.data, phasors.ctypes.data, address, address + 8 * cycles
+    )
+    return phasors, angles[:-1], float(angles[-1])
 
 
-def _cycle_sums_by_numpy(u: Floats, start: float, length: float, cycles: int) -> Floats:
+def cycle_phasors_by_numpy(
+    u: Floats, start: float, f: float, rate: float, cycles: int
+) -> tuple[Phasors, Floats, float]:
     """The same without C: the reference."""
+    length = rate / f
+    sums = _cycle_sums(u, start, length, cycles) / length
+    phasors = np.asarray(np.sqrt(2) * (sums[0] + 1j * sums[1]))
+    ac = sums[3].mean(axis=1) - sums[2].mean(axis=1) ** 2
+    purity = float((np.abs(phasors) ** 2).mean(axis=1).sum() / max(float(ac.sum()), 1e-30))
+    turns = (phasors[:, :-1].conj() * phasors[:, 1:]).sum(axis=0)
+    return phasors, np.concatenate(([0.0], np.cumsum(np.angle(turns)))), purity
+
+
+def _cycle_sums(u: Floats, start: float, length: float, cycles: int) -> Floats:
+    """Integrals over cycles of `u` times cos and -sin, of u and of its square [4, phases, cycles]."""
     edges = np.asarray(start + length * np.arange(cycles + 1))
     first = max(0, int(edges[0]) - 1)
     part = u[:, first : int(edges[-1]) + 2]
     angle = 2 * np.pi / length * (np.arange(part.shape[1]) + 0.5 + first - start)
     turned = np.stack((part * np.cos(angle), part * -np.sin(angle), part, part * part))
     return interval_sums(turned, edges[:-1] - first, edges[1:] - first)
-
-
-def _phases(phasors: Phasors) -> Floats:
-    """Phase of each cycle against the first one [rad], unwrapped, all phases of the system together."""
-    turns = (phasors[:, :-1].conj() * phasors[:, 1:]).sum(axis=0)
-    return np.concatenate(([0.0], np.cumsum(np.angle(turns))))
 
 
 def _fit(phases: Floats, cycles: int) -> tuple[float, float, float]:

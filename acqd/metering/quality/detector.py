@@ -94,22 +94,21 @@ class EventDetector:
 
     def _quiet(self, values: HalfCycles) -> bool:
         """Take values among which nothing can happen at once, and say whether they were such; nearly all are."""
-        if self._unknown or self._reference.sliding:
+        reference = None if self._reference.sliding else self._reference.of(0)  # of all phases
+        if self._unknown or reference is None or not all(len(one) for one in values.phases):
             return False
-        listed = [column.tolist() for column in values.Urms]
-        for phase, U in enumerate(listed):
-            reference = self._reference.of(phase)
-            if reference is None or not U:
-                return False
-            if not all(one.idle(min(U), reference) and one.idle(max(U), reference) for one in self._excursions):
-                return False
-            if self._change is not None and not self._change.stays_steady(phase, min(U), max(U), reference):
-                return False
-        for phase, U in enumerate(listed):
-            self._levels[phase].take_all(values.late[phase].tolist())
+        columns = [one.T.tolist() for one in values.phases]
+        bounds = [(min(U), max(U)) for _, _, U, _ in columns]
+        low, high = min(low for low, _ in bounds), max(high for _, high in bounds)
+        if not all(one.idle(low, reference) and one.idle(high, reference) for one in self._excursions):
+            return False
+        if self._change is not None and not self._change.stays_steady(bounds, reference):
+            return False
+        for phase, (begins, _, U, late) in enumerate(columns):
+            self._levels[phase].take_all(late)
             if self._change is not None:
-                self._change.take_steady(phase, values.begin[phase].tolist(), U)
-        self._last = max(column[-1] for column in values.end)
+                self._change.take_steady(phase, begins, U)
+        self._last = max(ends[-1] for _, ends, _, _ in columns)
         return True
 
     def _value(
@@ -187,6 +186,5 @@ class EventDetector:
 
 def _listed(values: HalfCycles, phase: int) -> list[tuple[float, int, float, float, float]]:
     """End, phase, begin, Urms(1/2) and mean square of the second half of the values of a phase."""
-    columns = (values.end, values.begin, values.Urms, values.late)
-    ends, begins, Urms, lates = (column[phase].tolist() for column in columns)
+    begins, ends, Urms, lates = values.phases[phase].T.tolist()
     return [(end, phase, *rest) for end, *rest in zip(ends, begins, Urms, lates, strict=True)]

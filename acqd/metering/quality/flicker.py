@@ -13,9 +13,10 @@ from dataclasses import replace
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.metering.block import SampleBlock, StreamFormat
+from acqd.metering.block import Codes, SampleBlock, StreamFormat
 from acqd.metering.quality.lamp import LAMPS, LampName, calibration, demodulation, perception
 from acqd.metering.quality.linear_filter import LinearFilter, bilinear
+from acqd.metering.quality.mean_squares import mean_squares, mean_squares_of_codes
 from acqd.metering.quality.severity import SHORT_S, Severity, short_term
 
 _INNER_RATE = 2_000.0  # 1/s, at least, of the filters
@@ -47,11 +48,13 @@ class PinstStream:
 
     def feed(self, u: Floats) -> Floats:
         """[phases, samples], a multiple of `step * thin`, in V -> Pinst [phases, samples / step / thin]."""
-        parts = u.reshape(len(u), -1, self.step)
-        squares = np.einsum("psk,psk->ps", parts, parts) / self.step
+        return self.feed_squares(mean_squares(u, self.step))
+
+    def feed_squares(self, squares: Floats) -> Floats:
+        """The same of mean squares over `step` samples each, [phases, a multiple of `thin`] V^2."""
         self.away = False
         pieces = [self._piece(squares[:, k : k + _PIECE]) for k in range(0, squares.shape[1], _PIECE)]
-        return np.concatenate(pieces, axis=1)[:, :: self.thin] if pieces else np.empty((len(u), 0))
+        return np.concatenate(pieces, axis=1)[:, :: self.thin] if pieces else np.empty((len(squares), 0))
 
     def _piece(self, square: Floats) -> Floats:
         now = square.mean(axis=1)
@@ -73,7 +76,6 @@ class FlickerMeter:
     def __init__(self, form: StreamFormat, lamp: LampName = "230V", *, on_the_clock: bool = True) -> None:
         """`on_the_clock`: intervals begin at whole ten minutes of UTC, else when the filters have settled."""
         self._form, self._lamp, self._on_the_clock = form, lamp, on_the_clock
-        self._scale = np.asarray(form.scale[0::2])[:, None]
         self._slot: int | None = None
         self._offset: int | None = None if not on_the_clock else 0
         self._flags: set[str] = set()
@@ -86,7 +88,7 @@ class FlickerMeter:
         form = self._form
         self._stream = PinstStream(form.phases, form.rate, form.f_nominal, self._lamp)
         self._chunk = self._stream.step * self._stream.thin
-        self._rest = np.empty((form.phases, 0))
+        self._rest: Codes | None = None
         self._settling = round(SETTLING_S * form.rate / self._chunk)
 
     @property
@@ -107,11 +109,12 @@ class FlickerMeter:
             self._flags.add("gap")
             self._restart()
         self._next = block.index + len(block.codes)
-        u = np.concatenate((self._rest, block.codes[:, 0::2].T * self._scale), axis=1)
-        whole = u.shape[1] // self._chunk * self._chunk
-        begin = block.index - self._rest.shape[1]
-        self._rest = u[:, whole:]
-        Pinst = self._stream.feed(u[:, :whole])
+        codes, begin = block.codes, block.index
+        if self._rest is not None:
+            codes, begin = np.concatenate((self._rest, codes)), begin - len(self._rest)
+        whole = len(codes) // self._chunk * self._chunk
+        self._rest = codes[whole:].copy() if whole < len(codes) else None
+        Pinst = self._stream.feed_squares(mean_squares_of_codes(codes[:whole], self._form, self._stream.step))
         skipped = min(self._settling, Pinst.shape[1])
         self._settling -= skipped
         at = begin + (skipped + np.arange(Pinst.shape[1] - skipped)) * self._chunk
@@ -127,7 +130,7 @@ class FlickerMeter:
         if self._offset is None:
             self._offset = int(utc[0]) % (SHORT_S * 1_000_000_000)
         slots = (utc - self._offset) // (SHORT_S * 1_000_000_000)
-        for slot in np.unique(slots).tolist():
+        for slot in range(int(slots[0]), int(slots[-1]) + 1):
             if self._slot is not None and slot != self._slot:
                 yield self._finish()
             self._slot = slot

@@ -25,21 +25,36 @@ from acqd.metering.quality.cycle_clock import CycleClock
 class HalfCycles:
     """Values of an unbroken run of samples, per channel: they are not simultaneous."""
 
-    begin: list[Floats]
-    """[phases][values] sample number (with fraction) at which each value's cycle begins."""
-    end: list[Floats]
-    """[phases][values] sample number at which it ends."""
-    Urms: list[Floats]
-    """[phases][values] V."""
-    late: list[Floats]
-    """[phases][values] V^2: mean square of the second half of each cycle. These do not overlap."""
+    phases: list[Floats]
+    """[phases][values, 4]: sample number (with fraction) at which each value's cycle begins, the one at which it ends,
+    RMS [V], and mean square [V^2] of the second half of the cycle. These halves do not overlap."""
     first: bool = False
     """Nothing is known of the time before: the stream begins here, or samples are missing."""
     last: bool = False
     """Samples are missing afterwards."""
 
     def __len__(self) -> int:
-        return sum(len(values) for values in self.Urms)
+        return sum(len(values) for values in self.phases)
+
+    @property
+    def begin(self) -> list[Floats]:
+        """[phases][values] sample number at which each value's cycle begins."""
+        return [values[:, 0] for values in self.phases]
+
+    @property
+    def end(self) -> list[Floats]:
+        """[phases][values] sample number at which it ends."""
+        return [values[:, 1] for values in self.phases]
+
+    @property
+    def Urms(self) -> list[Floats]:  # noqa: N802 - the symbol of the standard
+        """[phases][values] V."""
+        return [values[:, 2] for values in self.phases]
+
+    @property
+    def late(self) -> list[Floats]:
+        """[phases][values] V^2: mean square of the second half of each cycle."""
+        return [values[:, 3] for values in self.phases]
 
 
 class HalfCycleStream:
@@ -49,11 +64,12 @@ class HalfCycleStream:
         """`compiled`: in C where there is a compiler (`kernel/quality.c`); both ways agree to rounding."""
         self._form = form
         self._library = quality_library() if compiled else None
-        self._scale = np.asarray(form.scale[0::2])
+        self._scale = np.array(form.scale[0::2], dtype=np.float64)
         self._carrier = 2 * math.pi * form.f_nominal / form.rate
         self._turning: Floats = np.empty((2, 0))
         self._room = 0
-        self._scratch: Floats = np.empty(0)
+        self._arrays: tuple[Floats, ...] = ()  # whose addresses are in `_call`
+        self._call = (0,) * 7
         self._counts = (ctypes.c_int64 * form.phases)()
         self._restart()
 
@@ -73,8 +89,7 @@ class HalfCycleStream:
         """The values that `block` completes; a gap before it ends one run of values and begins another."""
         u = block.codes[:, 0::2]
         if self._codes is not None and block.index != self._origin + len(self._codes):
-            nothing = [np.empty(0)] * len(self._scale)
-            yield HalfCycles(nothing, nothing, nothing, nothing, last=True)
+            yield HalfCycles([np.empty((0, 4))] * len(self._scale), last=True)
             self._restart()
         if self._codes is None:
             self._codes, self._origin = np.ascontiguousarray(u), block.index
@@ -96,20 +111,24 @@ class HalfCycleStream:
         if not self._clocks[0].locked:
             self._lock(np.asarray(codes.T * self._scale[:, None]))
             self._states = states_of(self._clocks)
-        turning, most = self._turned(samples), self._clocks[0].most(samples)
         if samples > self._room:
-            self._room = 2 * samples
-            self._scratch = np.empty(4 * (self._room + 1))
-        out = np.empty((phases, most, 4))
+            self._make_room(2 * samples)
+        scale, turning, scratch, out, most, length, counts = self._call
         self._library.acqd_half_cycles(
             ctypes.addressof(self._states), RULES_AT, codes.ctypes.data, self._form.bits, phases, samples,
-            self._scale.ctypes.data, self._origin, self._carrier, turning.ctypes.data, turning.shape[1],
-            self._scratch.ctypes.data, out.ctypes.data, most, ctypes.addressof(self._counts),
+            scale, self._origin, self._carrier, turning, length, scratch, out, most, counts,
         )  # fmt: skip
         give_back(self._states, self._clocks)
-        columns = [out[k, : self._counts[k]].T for k in range(phases)]
-        begin, end, Urms, late = ([one[column] for one in columns] for column in range(4))
-        return HalfCycles(begin, end, Urms, late, first=self._first)
+        found = zip(self._arrays[3], self._counts, strict=True)
+        return HalfCycles([rows[:count].copy() for rows, count in found], self._first)
+
+    def _make_room(self, samples: int) -> None:
+        """Memory for so many samples in a call, and the arguments of a call that do not change."""
+        self._room, most = samples, self._clocks[0].most(samples)
+        turning, out = self._turned(samples), np.empty((len(self._scale), most, 4))
+        self._arrays = (self._scale, turning, np.empty(4 * (samples + 1)), out)
+        addresses = [array.ctypes.data for array in self._arrays]
+        self._call = (*addresses, most, turning.shape[1], ctypes.addressof(self._counts))
 
     def _lock(self, u: Floats) -> None:
         for channel, clock in zip(u, self._clocks, strict=True):
@@ -125,7 +144,7 @@ class HalfCycleStream:
     def _values_by_numpy(self, codes: Codes) -> HalfCycles:
         """The same without C: the reference."""
         u = np.asarray(codes.T * self._scale[:, None])
-        begin, end, Urms, late = [], [], [], []
+        phases = []
         parts = self._turned(u.shape[1])[:, : u.shape[1]]
         turning = parts[0] + 1j * parts[1]
         if not self._clocks[0].locked:
@@ -137,12 +156,9 @@ class HalfCycleStream:
             end_of_known = self._origin + len(channel) - 2
             cycles = clock.cycles(self._origin, integral, power, self._carrier, end_of_known)
             starts, stops = np.array(cycles).reshape(-1, 2).T
-            begin.append(starts)
-            end.append(stops)
             whole, half = _mean_squares(power, square, starts - self._origin, stops - self._origin)
-            Urms.append(np.sqrt(whole))
-            late.append(half)
-        return HalfCycles(begin, end, Urms, late, first=self._first)
+            phases.append(np.column_stack((starts, stops, np.sqrt(whole), half)))
+        return HalfCycles(phases, self._first)
 
     def _forget(self) -> None:
         """Drop the samples that no later value needs."""

@@ -29,8 +29,15 @@ class HalfCycleIntegrals:
     """[3, halves] of (u1 - u2)^2, (u2 - u3)^2, (u3 - u1)^2; [1, halves] with two phases, [0, halves] with one."""
     neutral: Floats
     """[halves] of (i1 + i2 + i3)^2; empty without three phases."""
-    peaks: Floats
-    """[channels] largest absolute value."""
+    lowest: Floats
+    """[channels] smallest value, in units."""
+    highest: Floats
+    """[channels] largest value, in units."""
+
+    @property
+    def peaks(self) -> Floats:
+        """[channels] largest absolute value."""
+        return np.asarray(np.maximum(-self.lowest, self.highest))
 
     def mean(self, integrals: Floats) -> Floats:
         """Mean over the interval of one of the fields, along its last axis."""
@@ -52,13 +59,14 @@ def half_cycle_integrals(x: Floats, start: float, half: float, halves: int) -> H
     if library is None:
         return half_cycle_integrals_by_numpy(x, start, half, halves)
     phases = len(x) // 2
-    out, peaks, scratch = np.empty((_series(phases), halves)), np.empty(len(x)), np.empty(x.shape[1])
+    out, extremes, scratch = np.empty((_series(phases), halves)), np.empty((2, len(x))), np.empty(x.shape[1])
     x = as_rows(x)
     address, _, stride, samples = rows_of(x)
     library.acqd_half_cycle_integrals(
-        address, phases, stride, samples, start, half, halves, scratch.ctypes.data, out.ctypes.data, peaks.ctypes.data
-    )
-    return _split(out, phases, half, peaks)
+        address, phases, stride, samples, start, half, halves,
+        scratch.ctypes.data, out.ctypes.data, extremes.ctypes.data,
+    )  # fmt: skip
+    return _split(out, phases, half, extremes)
 
 
 def half_cycle_integrals_by_numpy(x: Floats, start: float, half: float, halves: int) -> HalfCycleIntegrals:
@@ -72,14 +80,15 @@ def half_cycle_integrals_by_numpy(x: Floats, start: float, half: float, halves: 
         series.append(np.square(u[:1] - u[1:]))
     inside = slice(int(start), int(np.ceil(start + half * halves)))
     out = interval_sums(np.concatenate(series), begins, np.asarray(start + half * np.arange(1, halves + 1)))
-    return _split(out, len(u), half, np.abs(x[:, inside]).max(axis=1))
+    extremes = np.stack((x[:, inside].min(axis=1), x[:, inside].max(axis=1)))
+    return _split(out, len(u), half, extremes)
 
 
 def _series(phases: int) -> int:
     return 3 * phases + (0, 0, 1, 4)[phases]
 
 
-def _split(out: Floats, phases: int, half: float, peaks: Floats) -> HalfCycleIntegrals:
+def _split(out: Floats, phases: int, half: float, extremes: Floats) -> HalfCycleIntegrals:
     squares, products, rest = out[: 2 * phases], out[2 * phases : 3 * phases], out[3 * phases :]
     neutral = rest[3] if phases == 3 else rest[:0].ravel()
-    return HalfCycleIntegrals(half, squares, products, rest[:3], neutral, peaks)
+    return HalfCycleIntegrals(half, squares, products, rest[:3], neutral, extremes[0], extremes[1])

@@ -52,8 +52,8 @@ class Interval:
     f: float
     """Hz: of the fit, or the last one that was known."""
     flags: frozenset[str]
-    overrange: frozenset[int]
-    """Channels with a sample at an end stop."""
+    stops: Floats
+    """[2, channels] V and A: end stops of the converter."""
     first_of_chain: bool
     """After a gap, at a tick, or at the start of the stream: a 150/180-cycle value begins here."""
     trailing: bool
@@ -80,6 +80,7 @@ class IntervalCutter:
     def __init__(self, form: StreamFormat, dead: Floats) -> None:
         """`dead` [phases]: V below which there is no voltage."""
         self._form, self._dead = form, dead
+        self._stops = np.outer((form.code_min, form.code_max), form.scale)
         self.cycles = 12 if nominal_system(form.f_nominal) > 55 else 10
         self._range = mains_range(form.f_nominal)
         self._factor = factor_of(form.rate / self._range[1])
@@ -156,8 +157,6 @@ class IntervalCutter:
         if low + x.shape[1] < end + self._margin:  # f is below the range
             x, low = self._run.physical(begin - self._margin, end + self._margin)
         x = x[:, : int(np.ceil(end + self._margin)) - low]
-        codes, _ = self._run.codes(begin, end)
-        stopped = (codes >= self._form.code_max) | (codes <= self._form.code_min)
         flags = self._run.flags(begin, end)
         misled = not chain.trailing and self._sideband.moves(fit, follows=not chain.fresh)
         if misled or fit.jump or fit.beats or not fit.credible:
@@ -176,7 +175,7 @@ class IntervalCutter:
             fit=fit,
             f=self._f,
             flags=flags,
-            overrange=frozenset(np.flatnonzero(stopped.any(axis=0)).tolist()),
+            stops=self._stops,
             first_of_chain=chain.fresh,
             trailing=chain.trailing,
         )

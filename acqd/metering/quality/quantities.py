@@ -16,14 +16,12 @@ from acqd.metering.quality.integrals import HalfCycleIntegrals, half_cycle_integ
 from acqd.metering.quality.intervals import Interval
 from acqd.metering.quality.spectrum import (
     Lines,
-    harmonic_subgroups,
+    groups,
     interharmonic_groups,
-    interharmonic_subgroups,
     known_orders,
     line_squares,
     signalling,
     spectrum,
-    thds,
 )
 from acqd.metering.quality.values import QualityValues
 
@@ -71,7 +69,7 @@ def measure(interval: Interval, declared: float, options: Options = DEFAULT) -> 
         phase=phase,
         system=system,
         flags=flags | event_flags(integrals.one_cycle_rms(), declared),
-        phase_flags=[_overrange(interval, k) for k in range(len(integrals.products))],
+        phase_flags=_overrange(integrals, interval.stops),
     )
 
 
@@ -82,9 +80,10 @@ def _elsewhere(phase: dict[str, Floats], declared: float) -> bool:
     return bool(live and np.sum(np.square(phase["V1"])) < MIN_PURITY * ac)
 
 
-def _overrange(interval: Interval, phase: int) -> frozenset[str]:
-    stopped = {2 * phase, 2 * phase + 1} & interval.overrange
-    return frozenset({"overrange"}) if stopped else frozenset()
+def _overrange(integrals: HalfCycleIntegrals, stops: Floats) -> list[frozenset[str]]:
+    """Flags of the phases: whether a sample was at an end stop of the converter."""
+    stopped = ((integrals.lowest <= stops[0]) | (integrals.highest >= stops[1])).tolist()
+    return [frozenset({"overrange"} if any(pair) else ()) for pair in zip(stopped[0::2], stopped[1::2], strict=True)]
 
 
 def waveform_values(interval: Interval) -> dict[str, Floats]:
@@ -126,13 +125,11 @@ def _fundamental(lines: Lines, cycles: int) -> dict[str, Floats]:
 
 def _groups(lines: Lines, interval: Interval, options: Options) -> dict[str, Floats]:
     known = known_orders(interval.rate, interval.f)
-    squares = line_squares(lines, interval.cycles)
-    lists = {"h": harmonic_subgroups(squares), "ih": interharmonic_subgroups(squares)}
+    harmonics, between, distortion = groups(lines, interval.cycles, known)
+    lists = {"thds": distortion, "h": harmonics, "ih": between}
     if options.interharmonic_groups:
-        lists["ig"] = interharmonic_groups(squares)
-    for values in lists.values():
-        values[:, known:] = np.nan
-    lists = {"thds": thds(lists["h"]), **lists}
+        lists["ig"] = interharmonic_groups(line_squares(lines, interval.cycles))
+        lists["ig"][:, known:] = np.nan
     return {
         f"{name}_{kind}": values[first::2] for first, name in enumerate(("V", "I")) for kind, values in lists.items()
     }

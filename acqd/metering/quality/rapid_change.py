@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import islice
+from itertools import chain, islice
 
 from acqd.metering.quality.excursion import Open
 
@@ -64,26 +65,33 @@ class RapidChange:
             self.open.phases.add(phase)
         return all(other.steady for other in self._phases)
 
-    def stays_steady(self, phase: int, low: float, high: float, reference: float) -> bool:
-        """Whether all phases are steady, and this one is also after values from `low` to `high` [V], in any order."""
-        one = self._phases[phase]
-        if self.open is not None or not all(other.steady for other in self._phases) or reference != one.reference:
+    def stays_steady(self, bounds: Sequence[tuple[float, float]], reference: float) -> bool:
+        """Whether all phases are steady, and stay so with values between `bounds` [phases][2] V, in any order."""
+        if self.open is not None:
             return False
-        return max(high, one.high) - min(low, one.low) <= self._threshold * reference
+        limit = self._threshold * reference
+        return all(
+            one.steady
+            and one.reference == reference
+            and (high if high > one.high else one.high) - (low if low < one.low else one.low) <= limit
+            for one, (low, high) in zip(self._phases, bounds, strict=True)
+        )
 
     def take_steady(self, phase: int, begins: list[float], values: list[float]) -> None:
         """The next values [V] of a phase that stays steady."""
         one = self._phases[phase]
-        gone = list(islice(one.recent, len(values)))
+        gone = list(islice(chain(one.recent, values), len(values)))  # the values may last longer than a second
         one.recent.extend(values)
         one.begins.extend(begins)
+        total = one.total
         for U, old in zip(values, gone, strict=True):  # in the order of `_look`, so that the last bit is the same
-            one.total = one.total - old + U
+            total = total - old + U
+        one.total = total
         if min(gone) <= one.low or max(gone) >= one.high:
             one.low, one.high = min(one.recent), max(one.recent)
         else:
             one.low, one.high = min(one.low, *values), max(one.high, *values)
-        one.mean = one.total / len(one.recent)
+        one.mean = total / len(one.recent)
 
     def close(self) -> Open:
         """The change that is over, with its results."""

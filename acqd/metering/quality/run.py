@@ -6,6 +6,7 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.metering.block import Codes, SampleBlock, StreamFormat
+from acqd.metering.kernel.compiled import quality_library
 
 
 class SampleRun:
@@ -13,7 +14,7 @@ class SampleRun:
 
     def __init__(self, form: StreamFormat) -> None:
         self._form = form
-        self._scale = np.asarray(form.scale)
+        self._scale = np.array(form.scale, dtype=np.float64)
         self._codes: Codes = np.empty((0, len(form.scale)), dtype=form.dtype)
         self._anchor = (0, 0)  # sample number, its UTC [ns]
         self._marks: list[tuple[int, int, frozenset[str]]] = []
@@ -65,6 +66,14 @@ class SampleRun:
         return self._codes[low - self.begin : high - self.begin], low
 
     def physical(self, first: float, end: float) -> tuple[Floats, int]:
-        """The same in V and A, [channels, samples]."""
+        """The same in V and A, [channels, samples]; in C where there is a compiler (`kernel/quality.c`)."""
         codes, low = self.codes(first, end)
-        return np.ascontiguousarray(codes.T * self._scale[:, None]), low
+        library = quality_library()
+        if library is None or codes.dtype != self._form.dtype or not codes.flags.c_contiguous:
+            return np.ascontiguousarray(codes.T * self._scale[:, None]), low
+        out = np.empty((codes.shape[1], len(codes)))
+        samples, channels = codes.shape
+        library.acqd_physical(
+            codes.ctypes.data, self._form.bits, channels, samples, self._scale.ctypes.data, out.ctypes.data
+        )
+        return out, low

@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acqd.arrays import Floats
+from acqd.metering.kernel.compiled import quality_library
 from acqd.metering.quality.decimate import decimated, droop, factor_of
-from acqd.metering.quality.resample import PASSBAND, resampled
+from acqd.metering.quality.resample import SHORT, STOPBAND, WIDE, resampled
 
 ORDERS = 50
 """Harmonics in a row (IEC 61000-4-30 class A)."""
@@ -28,9 +29,10 @@ def spectrum(x: Floats, start: float, length: float, cycles: int) -> Lines:
     Phases refer to the start of the interval, angle 0 is a cosine.
     """
     factor = factor_of(length / cycles)
-    points = cycles * _points_per_cycle(float(math.ceil(length / factor / cycles)))
-    slow = decimated(x, factor)
-    even = resampled(slow, start / factor, length / factor / points, points)
+    per_cycle = length / factor / cycles
+    points = cycles * _points_per_cycle(float(math.ceil(per_cycle)))
+    slow, how = decimated(x, factor), SHORT if SHORT.passband * per_cycle >= ORDERS + 1 else WIDE
+    even = resampled(slow, start / factor, length / factor / points, points, how)
     lines = np.fft.rfft(even, axis=1)[:, : (ORDERS + 1) * cycles + 1] / points
     lines[:, 1:] *= np.sqrt(2)
     return lines if factor == 1 else np.asarray(lines / droop(np.arange(lines.shape[1]) / length, factor))
@@ -79,7 +81,7 @@ def signalling(lines: Lines, f_line: float, carrier: float) -> Floats:
 
 def known_orders(rate: float, f: float) -> int:
     """Harmonics that a stream of `rate` [1/s] tells, 0 .. 50."""
-    return min(ORDERS, int((PASSBAND * rate / f) - 0.2))
+    return min(ORDERS, int((WIDE.passband * rate / f) - 0.2))
 
 
 def thds(subgroups: Floats) -> Floats:
@@ -94,14 +96,37 @@ def thds(subgroups: Floats) -> Floats:
         return np.asarray(np.where(subgroups[:, 0] > 0, 100 * distortion / subgroups[:, 0], np.nan))
 
 
+def groups(lines: Lines, cycles: int, known: int) -> tuple[Floats, Floats, Floats]:
+    """Harmonic subgroups, interharmonic subgroups and THDS, NaN beyond `known` harmonics.
+
+    In C where there is a compiler (`kernel/quality.c`).
+    """
+    library = quality_library()
+    if library is None or not lines.flags.c_contiguous or lines.shape[1] != (ORDERS + 1) * cycles + 1:
+        return groups_by_numpy(lines, cycles, known)
+    out = np.empty((2, len(lines), ORDERS)), np.empty(len(lines))
+    harmonics, between = out[0]
+    library.acqd_groups(
+        lines.ctypes.data, len(lines), cycles, known, harmonics.ctypes.data, between.ctypes.data, out[1].ctypes.data
+    )
+    return harmonics, between, out[1]
+
+
+def groups_by_numpy(lines: Lines, cycles: int, known: int) -> tuple[Floats, Floats, Floats]:
+    """The same without C: the reference."""
+    squares = line_squares(lines, cycles)
+    harmonics, between = harmonic_subgroups(squares), interharmonic_subgroups(squares)
+    harmonics[:, known:] = between[:, known:] = np.nan
+    return harmonics, between, thds(harmonics)
+
+
 @lru_cache(maxsize=64)
 def _points_per_cycle(samples: float) -> int:
     """Points of a cycle of so many samples, a product of powers of 2, 3 and 5.
 
-    Images of what lies above PASSBAND reach up to 1 - PASSBAND of the sampling rate; folded, they must end above the
-    51st harmonic.
+    Images lie below STOPBAND of the sampling rate; folded, they must end above the 51st harmonic.
     """
-    least = max(128, math.ceil((1 - PASSBAND) * samples + ORDERS + 2))
+    least = max(128, math.ceil(STOPBAND * samples + ORDERS + 2))
     while not _smooth(least):
         least += 1
     return least

@@ -1,0 +1,60 @@
+"""What a look at the samples of all channels tells: extremes, steps, means, how alike the halves of a cycle are."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from acqd.metering.block import Codes
+from acqd.metering.kernel.compiled import quality_library
+
+_BITS = {np.dtype(np.int16): 16, np.dtype(np.int32): 32}
+"""Types of codes that C takes."""
+
+
+class Look(NamedTuple):
+    """Lists of one number per channel, in the unit of the samples."""
+
+    least: list[float]
+    most: list[float]
+    step: list[float]
+    """Largest difference of two neighbours."""
+    at_least: list[float]
+    """How many samples are the smallest one."""
+    at_most: list[float]
+    """How many are the largest one."""
+    total: list[float]
+    """Sum of the whole cycles."""
+    squares: list[float]
+    """Sum of their squares."""
+    magnitudes: list[float]
+    """Sum of their magnitudes."""
+    opposite: list[float]
+    """Sum of |x(t) + x(t + half a cycle)| over the first half of the first cycle; 0 without a whole cycle."""
+
+
+def look_at(codes: Codes, cycle: int) -> Look:
+    """At samples [samples, channels], at least one; `cycle` samples are a cycle. In C where there is a compiler."""
+    library, bits = quality_library(), _BITS.get(codes.dtype)
+    if library is None or bits is None or not codes.flags.c_contiguous:
+        return look_by_numpy(codes, cycle)
+    samples, channels = codes.shape
+    out = np.empty((9, channels))
+    library.acqd_look(codes.ctypes.data, bits, channels, samples, cycle, out.ctypes.data)
+    return Look(*out.tolist())
+
+
+def look_by_numpy(codes: Codes, cycle: int) -> Look:
+    """The same without C: the reference."""
+    x = np.ascontiguousarray(codes.T, dtype=np.float64)
+    least, most = x.min(axis=1), x.max(axis=1)
+    whole = x[:, : x.shape[1] // cycle * cycle]
+    half = cycle // 2 if whole.shape[1] else 0
+    columns = (
+        least, most, np.abs(np.diff(x, axis=1)).max(axis=1, initial=0.0),
+        (x == least[:, None]).sum(axis=1), (x == most[:, None]).sum(axis=1),
+        whole.sum(axis=1), np.einsum("ij,ij->i", whole, whole), np.abs(whole).sum(axis=1),
+        np.abs(whole[:, :half] + whole[:, half : 2 * half]).sum(axis=1),
+    )  # fmt: skip
+    return Look(*np.array(columns, dtype=np.float64).tolist())
