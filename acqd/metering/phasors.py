@@ -32,7 +32,7 @@ _LAGS_deg = (0.0, 80.0)
 """Angles of ordinary loads: motors and drives lag (power factor 1 to 0.17)."""
 _BELOW_deg, _ABOVE_deg = 12.0, 6.0
 """How fast angles outside of that become unlikely."""
-_LEADING_deg = -35.0
+LEADING_deg = -35.0
 """A balanced load that leads by more is a rotated set of transformers rather than a capacitor."""
 _FEEDING_deg = 12.0
 """All phases within this of 180 degrees: a source that feeds back, which is no mistake."""
@@ -173,7 +173,7 @@ def _currents(found: Phasors, expected_W: float | None) -> list[WiringFinding]:
             return []  # a load that the model does not know
     best = min(candidates, key=lambda one: one.cost)
     if expected_W is None or abs(healthy.power - expected_W) < near:
-        leading = healthy.spread < _ALIKE_deg / 2 and healthy.common < _LEADING_deg and expected_W is None
+        leading = healthy.spread < _ALIKE_deg / 2 and healthy.common < LEADING_deg and expected_W is None
         balanced = size.min() > _EQUAL * size.max() and healthy.spread > _ALIKE_deg and best.spread < _SAME_LOAD_deg
         if healthy.draws and not leading and not balanced:
             return []
