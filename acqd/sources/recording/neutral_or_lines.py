@@ -54,7 +54,7 @@ class Reading:
 class Compared:
     """Three voltages, of which nothing proves that they are to neutral."""
 
-    size_V: float  # noqa: N815 - the unit
+    size_V: float
     to_neutral: Reading | None
     """None: no load."""
     between_lines: Reading | None
