@@ -15,6 +15,7 @@ from itertools import permutations, product
 import numpy as np
 
 from acqd.arrays import Floats
+from acqd.metering.current_ratio import beyond_rated, wrong_ratio
 
 _FLOATING = 0.5
 """Of the median of the voltages: below it a phase is missing or picks up its neighbours."""
@@ -43,6 +44,10 @@ _REVERSED, _MOVED = 3.0, 0.9
 _ALL_REVERSED, _TIE = 4.5, 1.5
 """Cost of three transformers that are mounted against the flow, which is one mistake; and the difference of costs up to
 which nothing tells that from a rotated set."""
+_RATIO_COST = 7.0
+"""Cost of a ratio that is wrong in all three phases: one mistake, of the configuration."""
+_FITTING = 0.3
+"""How near the power of a wiring must be to the expected one [share of it] to explain the power without a ratio."""
 _POWER = 0.15
 """How near the power must be to the expected one [share of S] to decide."""
 
@@ -67,6 +72,13 @@ class WiringFinding:
     order: tuple[int, ...] = ()
     """Currents of L1, L2, L3 by their present numbers, for a correction; empty: not a matter of currents."""
     sign: tuple[int, ...] = ()
+    gain: tuple[float, ...] = ()
+    """True current per measured one, of L1, L2, L3, where the ratio is wrong."""
+
+    @property
+    def gains(self) -> tuple[float, ...]:
+        """Sign and ratio."""
+        return tuple(sign * gain for sign, gain in zip(self.sign, self.gain or (1.0,) * len(self.sign), strict=True))
 
     @property
     def mistake(self) -> str:
@@ -79,8 +91,8 @@ class WiringFinding:
         keys = []
         if self.order and self.order != (1, 2, 3):
             keys.append(f"i_order = {list(self.order)}")
-        if self.sign and min(self.sign) < 0:
-            keys.append(f"i_gain = [{', '.join(f'{sign}.0' for sign in self.sign)}]")
+        if set(self.gains) - {1.0}:
+            keys.append(f"i_gain = {list(self.gains)}")
         return f"[source] correction = {{ {', '.join(keys)} }}" if keys else ""
 
 
@@ -105,16 +117,39 @@ def phasors(values: Floats, rate: float, f: float) -> Phasors:
     return Phasors(total[0::2] / pieces, total[1::2] / pieces)
 
 
-def examine(found: Phasors, expected_W: float | None = None) -> list[WiringFinding]:
+def examine(found: Phasors, expected_W: float | None = None, rated_W: float | None = None) -> list[WiringFinding]:
     """What is wrong with the wiring of three phases; empty: nothing that the phasors show.
 
     `expected_W`: power that a model of the load predicts for the same time; it decides between wirings that differ in
-    the power.
+    the power, and shows wrong ratios. `rated_W`: the most that the load takes for long, from its nameplate.
     """
     if len(found.U) != 3:
         return []
-    voltages = _voltages(found.U)
-    return voltages or _currents(found, expected_W)
+    return _voltages(found.U) or _ratio(found, expected_W, rated_W) or _currents(found, expected_W)
+
+
+def _ratio(found: Phasors, expected_W: float | None, rated_W: float | None) -> list[WiringFinding]:
+    """A wrong ratio, of the wiring that is likeliest if nobody knows the power."""
+    size = np.abs(found.I)
+    if (expected_W is None and rated_W is None) or not size.max():
+        return []
+    healthy = _Wiring((0, 1, 2), (1, 1, 1), found)
+    best = healthy if healthy.draws and healthy.spread < _ALIKE_deg else min(_all(found), key=lambda one: one.cost)
+    if best.spread > _ALIKE_deg or not best.draws:
+        return []
+    if expected_W is None:
+        wrong = beyond_rated(best.powers, rated_W or 0.0)
+    else:
+        near = _POWER * float((np.abs(found.U) * size).sum())
+        plain = [one for one in _all(found) if one.draws and one.spread < _ALIKE_deg]
+        fitting = [one.cost for one in plain if abs(one.power - expected_W) < min(near, _FITTING * expected_W)]
+        if fitting and min(fitting) < best.cost + _RATIO_COST:
+            return []
+        wrong = wrong_ratio(best.powers, size[list(best.order)], expected_W)
+    if wrong is None:
+        return []
+    text = f"{best.words(best.order, best.sign)}, and {wrong.text}" if best.changed else wrong.text
+    return [WiringFinding(text, tuple(k + 1 for k in best.order), best.sign, wrong.gain)]
 
 
 def _voltages(U: np.ndarray) -> list[WiringFinding]:
@@ -224,7 +259,8 @@ class _Wiring:
         self.order, self.sign = order, sign
         currents = found.I[list(order)] * np.array(sign)
         self.lag = np.degrees(np.angle(found.U * currents.conj()))
-        self.power = float((found.U * currents.conj()).real.sum())
+        self.powers = (found.U * currents.conj()).real
+        self.power = float(self.powers.sum())
         mean = np.exp(1j * np.radians(self.lag)).mean()
         self.common = float(np.degrees(np.angle(mean)))
         around = (self.lag - self.common + 180) % 360 - 180
