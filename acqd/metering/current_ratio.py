@@ -64,7 +64,7 @@ def wrong_ratio(P: Floats, currents: Floats, expected_W: float) -> WrongRatio | 
 
 
 def beyond_rated(P: Floats, rated_W: float) -> WrongRatio | None:
-    """Of powers [3] in W that are far more than the load takes: 2, 5, 10, 100 or 1000 times, the first that explains them."""
+    """Of powers [3] in W far above the rated one: 2, 5, 10, 100 or 1000 times, the first that explains them."""
     total = float(P.sum())
     if total < _LEAST * rated_W:
         return None
