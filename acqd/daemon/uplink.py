@@ -7,6 +7,7 @@ import logging
 import time
 import uuid
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -166,7 +167,11 @@ class Uplink:
 
     async def flush(self, timeout: float) -> None:
         """Wait until all rows are delivered, at most `timeout` seconds and only while connected."""
+        begun = time.monotonic()
         await self._connector.flush(timeout)
+        if self._config.spool.until == "acknowledged" and not self._config.broker.embedded:
+            with suppress(TimeoutError):
+                await asyncio.wait_for(self._ask_at_last(), max(0.5, timeout - (time.monotonic() - begun)))
 
     def close(self) -> None:
         """Leave what waits on disk for the next start."""
@@ -253,13 +258,11 @@ class Uplink:
             examples = self._delivery.examples
             if self._connector.state != "connected" or set(examples) <= asked:
                 continue
+            if not asked:
+                self._delivery.ask()
             some = sorted(set(examples) - asked)[:_AT_ONCE]
-            messages = [replace(examples[topic], tag=None) for topic in some]
             asked_at = time.monotonic()
-            found = await refused(
-                self._config.mqtt.address(), f"acqd-{self._config.device}-{self.name.me.boot}-rights",
-                self._config.device, messages,
-            )  # fmt: skip
+            found = await self._refusals(some)
             before, self._refused = self._refused, found or {}
             if self._refused:
                 self._delivery.doubt()
@@ -271,6 +274,23 @@ class Uplink:
             if before:
                 self._says.fine("broker", "takes rows again")
                 self._delivery.again()
+            elif set(examples) <= asked:
+                self._delivery.trust()
+
+    async def _refusals(self, some: Sequence[str]) -> dict[str, str] | None:
+        """Of these topics those whose rows the broker refuses; None: it does not say."""
+        examples = self._delivery.examples
+        client_id = f"acqd-{self._config.device}-{self.name.me.boot}-rights"
+        messages = [replace(examples[topic], tag=None) for topic in some]
+        return await refused(self._config.mqtt.address(), client_id, self._config.device, messages)
+
+    async def _ask_at_last(self) -> None:
+        """What the broker has acknowledged is delivered if it takes rows now: a stop leaves nothing to send again."""
+        some = sorted(self._delivery.examples)
+        if self._refused or not some or self._connector.state != "connected":
+            return
+        self._delivery.ask()
+        if not await self._refusals(some):
             self._delivery.trust()
 
     @property

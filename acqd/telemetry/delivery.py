@@ -74,6 +74,7 @@ class Delivery:
         self._position = spool.start
         self._flying, self._unsent = InFlight(), Unsent()
         self._acknowledged: dict[Stream, Ranges] = {}
+        self._asked: list[dict[Stream, Ranges]] = []
         self._devices = spool.devices | set(devices)
         self._sinks: set[str] = set()
         self._heard = self._unreceipted_since = -1e9
@@ -85,7 +86,7 @@ class Delivery:
         self.sent = self.resent = self.delivered = 0
         """Rows published, those published again included; rows for which no receipt came in time; rows that the broker
         has acknowledged."""
-        self._granted = True
+        self._checked = False
         self.examples: dict[str, Message] = {}
         """The newest row of every topic that the broker has acknowledged."""
         self.sink_seen = False
@@ -222,17 +223,25 @@ class Delivery:
             self._changed.set()  # there is room for what waits; what waits for a receipt is looked at when one comes
 
     def doubt(self) -> None:
-        """Nobody knows whether the broker takes rows or only acknowledges them: those acknowledged stay."""
-        self._granted = False
+        """Acknowledged rows stay until it is known that the broker takes rows, and does not only acknowledge them."""
+        self._checked = True
+
+    def ask(self) -> None:
+        """The question whether the broker takes rows goes out now: it is about those acknowledged until now."""
+        if self._acknowledged:
+            self._asked.append(self._acknowledged)
+            self._acknowledged = {}
 
     def trust(self) -> None:
-        """The broker takes what it acknowledges, or cannot be asked."""
-        self._granted = True
+        """The broker took rows when it was asked, or cannot be asked: what it had acknowledged before is delivered."""
+        asked, self._asked = self._asked, []
+        self._settle(asked)
         self._changed.set()
 
     def again(self) -> None:
         """What the broker has acknowledged it has not taken: send all again."""
         self._acknowledged.clear()
+        self._asked.clear()
         self._from_the_start()
         self._changed.set()
 
@@ -284,7 +293,8 @@ class Delivery:
 
     def __len__(self) -> int:
         """Messages that wait: rows that are not delivered, states that are not sent."""
-        return len(self.spool) - sum(map(len, self._acknowledged.values())) + len(self._states)
+        held = sum(len(rows) for streams in (self._acknowledged, *self._asked) for rows in streams.values())
+        return len(self.spool) - held + len(self._states)
 
     def _take_receipt(self, device: str, payload: bytes) -> None:
         try:
@@ -335,13 +345,16 @@ class Delivery:
         return [_window_message(list(window)) for _, window in groupby(rows, _window)]
 
     def _settle_acknowledged(self) -> None:
-        if not self._acknowledged or not self._granted:
-            return
-        settled, self._acknowledged = self._acknowledged, {}
-        for stream, rows in settled.items():
-            for first, last in rows:
-                self.spool.remove(stream, first, last)
-                self._flying.settle(stream, first, last)
+        if self._acknowledged and not self._checked:
+            settled, self._acknowledged = self._acknowledged, {}
+            self._settle([settled])
+
+    def _settle(self, acknowledged: Iterable[dict[Stream, Ranges]]) -> None:
+        for streams in acknowledged:
+            for stream, rows in streams.items():
+                for first, last in rows:
+                    self.spool.remove(stream, first, last)
+                    self._flying.settle(stream, first, last)
 
     def _from_the_start(self) -> None:
         self._flying.clear()

@@ -260,6 +260,29 @@ def test_acknowledged_rows_are_delivered_where_no_sink_is_expected():
     assert len(bench.box) == 0
 
 
+def test_acknowledged_rows_wait_until_the_broker_says_that_it_takes_rows():
+    bench = Bench("acknowledged")
+    bench.box.doubt()
+    bench.box.begin()
+
+    def acknowledge(count):
+        bench.make(count)
+        for message in bench.messages():
+            bench.box.acknowledged(message)
+
+    acknowledge(20)
+    bench.box.ask()
+    acknowledge(10)  # while the answer is under way
+    assert len(bench.box) == 0 and len(bench.box.spool) == 30
+    bench.box.trust()
+    bench.messages()
+    assert len(bench.box.spool) == 10
+    bench.box.ask()
+    acknowledge(5)
+    bench.box.again()  # refused
+    assert bench.take_all() == list(range(20, 35))
+
+
 def test_a_state_replaces_the_one_that_still_waits():
     bench = Bench()
     for k in range(5):
