@@ -39,7 +39,7 @@ _QUIET_S = 1.0
 """The backlog pauses so long while a sink works through what the broker had kept for it."""
 _WAIT_S = 0.5
 _LATELY_S = 10.0
-"""How long rows that are sent again say that receipts are late."""
+"""How long the longest wait for a receipt is remembered: a sink that commits every 3 s is late all the time."""
 
 
 class Delivery:
@@ -80,7 +80,7 @@ class Delivery:
         self._heard = self._unreceipted_since = -1e9
         self._quiet_until = -1e9
         self._patience = _PATIENCE_S[0]
-        self._overdue = (-1e9, 0.0)
+        self._waited = (-1e9, 0.0)
         self._more = False
         self._backlog_open = True
         self.sent = self.resent = self.delivered = 0
@@ -260,7 +260,7 @@ class Delivery:
         else:
             self._sinks.add(topic)
             self.sink_seen = True
-            self._patience = _PATIENCE_S[0]
+            self._patience, self._waited = _PATIENCE_S[0], (-1e9, 0.0)
             if not retained and recalls(payload):
                 again = self.spool.recall()
                 _log.warning("%s has a database in an earlier state: %d stored rows are sent again", topic, again)
@@ -280,12 +280,20 @@ class Delivery:
 
     @property
     def receipt_lag_s(self) -> float:
-        """How long the oldest row under way has waited for its receipt, while a sink says that it is there [s]."""
-        if not self._receipts_due:
+        """How long the oldest row has waited for its receipt while a sink says that it is there [s].
+
+        The longest wait of the last 10 s, of rows that have their receipt, too.
+        """
+        if self._until == "acknowledged" or not self._online or not self._sinks:
             return 0.0
-        now = self._now()
-        overdue_at, overdue_s = self._overdue
-        return max(self._flying.oldest_s(now), overdue_s if now - overdue_at < _LATELY_S else 0.0)
+        now, (waited_at, waited_s) = self._now(), self._waited
+        return max(self._flying.oldest_s(now), waited_s if now - waited_at < _LATELY_S else 0.0)
+
+    def _note_wait(self, waited_s: float) -> None:
+        """A row had waited so long when its receipt came, or when it was sent again."""
+        now, (waited_at, longest_s) = self._now(), self._waited
+        if self._sinks and (waited_s >= longest_s or now - waited_at >= _LATELY_S):
+            self._waited = now, waited_s
 
     @property
     def _receipts_due(self) -> bool:
@@ -304,6 +312,7 @@ class Delivery:
             return
         if self._dialogue is not None:
             self._dialogue.answered(device, message)
+        self._note_wait(self._flying.oldest_s(self._now()))
         removed = expected = 0
         for stream, *pair in ranges_of(device, message):
             for first, last in self._unsent.without(stream, *pair):
@@ -324,7 +333,7 @@ class Delivery:
         now = self._now()
         if late := self._flying.overdue(now, self._patience):
             self.resent += late
-            self._overdue = now, self._patience
+            self._note_wait(self._patience)
             self._patience = min(2 * self._patience, _PATIENCE_S[1])
             self._position = self.spool.start
         if now < self._quiet_until:
