@@ -14,15 +14,12 @@ import numpy as np
 from acqd.arrays import Floats
 
 _LEAST = 1.8
-"""Below that, a load may be that far from its model, and causes that acqd is there to find."""
-_NEAR = 0.05
+"""Below, the load itself may be that far from its model: that is what acqd is there to name."""
+NEAR = 0.05
 """How near the power must come to a step: a model of the load is within 3 %, transformers within 1 %."""
 _ALIKE = 0.15
 """How far currents of a balanced load are from their mean [share]."""
-
-
-_STEPS = np.array([2, 2.5, 3, 4, 5, 6, 7.5, 8]) * 10.0 ** np.arange(4)[:, None]
-_STEPS = np.sort(np.append(_STEPS.ravel(), 10.0 ** np.arange(1, 4)))
+_STEPS = np.array([step * 10.0**k for k in range(4) for step in (1, 2, 2.5, 3, 4, 5, 6, 7.5, 8)][1:])
 """Quotients of rated primary currents (10, 12.5, 15, 20, 25, 30, 40, 50, 60, 75 A and their decimal multiples), 5 A for
 1 A, turns. Other quotients, such as 12.5:10, are nearer to 1 than a load is known."""
 
@@ -50,7 +47,7 @@ def wrong_ratio(P: Floats, currents: Floats, expected_W: float) -> WrongRatio | 
         if factor is None or np.ptp(others) > _ALIKE * others.mean():
             continue
         corrected = total - P[k] + P[k] / factor
-        if abs(corrected / expected_W - 1) < _NEAR < abs(total / expected_W - 1):
+        if abs(corrected / expected_W - 1) < NEAR < abs(total / expected_W - 1):
             gain = tuple(_gain(factor) if j == k else 1.0 for j in range(3))
             return WrongRatio(f"i{k + 1} is {_times(factor)} (ratio of the transformer, or turns through it)", gain)
     factor = _step(total / expected_W)
@@ -82,7 +79,7 @@ def _step(ratio: float) -> float | None:
     if large < _LEAST:
         return None
     nearest = float(_STEPS[np.argmin(np.abs(np.log(_STEPS / large)))])
-    if abs(large / nearest - 1) > _NEAR:
+    if abs(large / nearest - 1) > NEAR:
         return None
     return nearest if ratio > 1 else 1 / nearest
 

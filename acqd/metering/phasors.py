@@ -15,7 +15,7 @@ from itertools import permutations, product
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.metering.current_ratio import beyond_rated, wrong_ratio
+from acqd.metering.current_ratio import NEAR, beyond_rated, wrong_ratio
 
 _FLOATING = 0.5
 """Of the median of the voltages: below it a phase is missing or picks up its neighbours."""
@@ -125,23 +125,29 @@ def examine(found: Phasors, expected_W: float | None = None, rated_W: float | No
     """
     if len(found.U) != 3:
         return []
-    return _voltages(found.U) or _ratio(found, expected_W, rated_W) or _currents(found, expected_W)
+    if voltages := _voltages(found.U):
+        return voltages
+    wirings = _all(found)
+    return _ratio(found, wirings, expected_W, rated_W) or _currents(found, wirings, expected_W)
 
 
-def _ratio(found: Phasors, expected_W: float | None, rated_W: float | None) -> list[WiringFinding]:
+def _ratio(
+    found: Phasors, wirings: list[_Wiring], expected_W: float | None, rated_W: float | None
+) -> list[WiringFinding]:
     """A wrong ratio, of the wiring that is likeliest if nobody knows the power."""
-    size = np.abs(found.I)
+    size, healthy = np.abs(found.I), wirings[0]
     if (expected_W is None and rated_W is None) or not size.max():
         return []
-    healthy = _Wiring((0, 1, 2), (1, 1, 1), found)
-    best = healthy if healthy.draws and healthy.spread < _ALIKE_deg else min(_all(found), key=lambda one: one.cost)
+    if expected_W is not None and abs(healthy.power - expected_W) < NEAR * abs(expected_W):
+        return []
+    best = healthy if healthy.draws and healthy.spread < _ALIKE_deg else min(wirings, key=lambda one: one.cost)
     if best.spread > _ALIKE_deg or not best.draws:
         return []
     if expected_W is None:
         wrong = beyond_rated(best.powers, rated_W or 0.0)
     else:
         near = _POWER * float((np.abs(found.U) * size).sum())
-        plain = [one for one in _all(found) if one.draws and one.spread < _ALIKE_deg]
+        plain = [one for one in wirings if one.draws and one.spread < _ALIKE_deg]
         fitting = [one.cost for one in plain if abs(one.power - expected_W) < min(near, _FITTING * expected_W)]
         if fitting and min(fitting) < best.cost + _RATIO_COST:
             return []
@@ -196,11 +202,11 @@ def _symmetric(U: np.ndarray) -> bool:
     return all(abs(abs(_between(U[a], U[b])) - 120) < 30 for a, b in ((0, 1), (1, 2), (2, 0)))
 
 
-def _currents(found: Phasors, expected_W: float | None) -> list[WiringFinding]:
+def _currents(found: Phasors, candidates: list[_Wiring], expected_W: float | None) -> list[WiringFinding]:
     size = np.abs(found.I)
     if size.min() < _SMALL * size.max() or not size.max():
         return []
-    healthy, candidates = _Wiring((0, 1, 2), (1, 1, 1), found), _all(found)
+    healthy = candidates[0]
     if expected_W is not None:
         near = _POWER * float((np.abs(found.U) * np.abs(found.I)).sum())
         candidates = [one for one in candidates if abs(one.power - expected_W) < near]
@@ -249,6 +255,7 @@ def _reversal(phases: Sequence[int]) -> WiringFinding:
 
 
 def _all(found: Phasors) -> list[_Wiring]:
+    """The present wiring first."""
     return [_Wiring(order, sign, found) for order in permutations(range(3)) for sign in product((1, -1), repeat=3)]
 
 
