@@ -112,7 +112,7 @@ class Meter:
                 if not select.select([self.master], [], [], 30)[0]:
                     return
                 request = os.read(self.master, 256)
-            except OSError:
+            except (OSError, ValueError):  # closed
                 return
             number, self.asked = self.asked, self.asked + 1
             for delay, frame in self._reply(request, number):
