@@ -74,7 +74,7 @@ def beyond_rated(P: Floats, rated_W: float) -> WrongRatio | None:
 
 
 def _step(ratio: float) -> float | None:
-    """The step of ratios that is near: measured per true current; None where there is none."""
+    """The step of ratios that is near: measured per true current; None where no step is."""
     large = max(ratio, 1 / ratio) if ratio > 0 else 0.0
     if large < _LEAST:
         return None

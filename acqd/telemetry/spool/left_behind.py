@@ -53,7 +53,7 @@ def left_behind(state_dir: Path, device: str) -> LeftBehind | None:
 
 
 def strangers(folder: Path) -> LeftBehind | None:
-    """Files among the segments of a spool that are none by their name, such as copies; None: there are none."""
+    """Files among the segments of a spool that are none by their name, such as copies; None: no such files."""
     try:
         names = sorted(path.name for path in folder.iterdir() if path.suffix == SUFFIX and number_of(path) is None)
     except FileNotFoundError:
