@@ -27,6 +27,9 @@ def doctor(
     power: Annotated[
         float | None, typer.Option(help="Of --wiring: W that the load takes; else a sidecar's prediction, if any.")
     ] = None,
+    rated: Annotated[
+        float | None, typer.Option(min=1.0, help="Of --wiring: W that the load takes at most, from its nameplate.")
+    ] = None,
     config: ConfigFile = None,
     json: Json = False,
 ) -> None:
@@ -35,7 +38,7 @@ def doctor(
     Example: acqd doctor --config /etc/acqd/acqd.toml; acqd doctor --wiring
     """
     if wiring:
-        _wiring(configured(config), device, seconds, power, json=json)
+        _wiring(configured(config), device, seconds, (power, rated), json=json)
         return
     from acqd.daemon.checks import all_checks
 
@@ -51,11 +54,13 @@ def doctor(
         raise typer.Exit(1)
 
 
-def _wiring(config: Config, device: str, seconds: float, power: float | None, *, json: bool) -> None:
-    """Phasor diagram and findings; exit 1 where something is wrong."""
+def _wiring(
+    config: Config, device: str, seconds: float, load: tuple[float | None, float | None], *, json: bool
+) -> None:
+    """Phasor diagram and findings, for a `load` of a power and a rated power; exit 1 where something is wrong."""
     from acqd.daemon.wiring_check import examine_wiring
 
-    found = examine_wiring(config, device, seconds, power)
+    found = examine_wiring(config, device, seconds, *load)
     if json:
         print(orjson.dumps(found).decode())
     else:

@@ -66,7 +66,7 @@ class CorrectionSection(Section):
         for name in ("i_gain", "i_offset", "i_delay_us"):
             values = getattr(self, name)
             changed[name] = [values[k % len(values)] for k in places]
-        changed["i_gain"] = [gain * sign for gain, sign in zip(changed["i_gain"], finding.sign, strict=True)]
+        changed["i_gain"] = [round(gain * more, 9) for gain, more in zip(changed["i_gain"], finding.gains, strict=True)]
         if changed["i_order"] == list(range(1, phases + 1)):
             changed["i_order"] = []
         whole = self.model_dump() | changed

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from acqd.daemon.config import Config
 from acqd.daemon.finding import Finding
-from acqd.telemetry.spool.left_behind import folder_of, left_behind
+from acqd.telemetry.spool.left_behind import folder_of, left_behind, strangers
 
 
 def spool_checks(config: Config) -> Iterator[Finding]:
@@ -23,7 +23,8 @@ def spool_checks(config: Config) -> Iterator[Finding]:
     there = sum(path.stat().st_size for path in folder_of(config.state_dir, config.device).glob("*.seg"))
     free, needed = shutil.disk_usage(folder).free, config.spool.max_mb * 1e6 - there
     text = f"{there / 1e6:.0f} of {config.spool.max_mb:g} MB, until {config.spool.until}"
-    if left := left_behind(config.state_dir, config.device):
+    mine = folder_of(config.state_dir, config.device)
+    if left := left_behind(config.state_dir, config.device) or strangers(mine):
         yield Finding("spool", "warn", left.what, left.remedy)
     if free < needed:
         advice = f"{free / 1e6:.0f} MB are free at {folder}: make room or lower [spool] max_mb"

@@ -7,6 +7,7 @@ import logging
 import time
 import uuid
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -32,7 +33,7 @@ from acqd.telemetry.register_row import OnceAMinute, register_row
 from acqd.telemetry.rights import refused
 from acqd.telemetry.row import PowerRow
 from acqd.telemetry.spool import Readings, Spool, SpooledRow, Stream, confirm
-from acqd.telemetry.spool.left_behind import folder_of, left_behind
+from acqd.telemetry.spool.left_behind import folder_of, left_behind, strangers
 
 _log = logging.getLogger(__name__)
 _SYNC_S = 0.8  # at most 1 s of rows is at risk when the power fails
@@ -46,7 +47,7 @@ _LATE_S = 2.0
 """Receipts that come later than this raise the question whether rows arrive."""
 _AT_ONCE = 16
 """Topics of one question: fewer than the messages that any broker takes at once."""
-_LEFT_BEHIND_S = 60.0
+_LEFT_BEHIND_S, _STRANGERS_S = 60.0, 5.0
 """Spools of other names change when somebody starts a daemon there."""
 _ANSWER_S = 5.0
 """How long the first row after a power cut waits for a sink that knows the last rows before it."""
@@ -87,6 +88,7 @@ class Uplink:
         self._register_times = OnceAMinute()
         self._sync_failed = self._warned = False
         self._left_behind = ""
+        self._cuts: dict[str, bool] = {}
         self._alone_since = time.monotonic()
         self.latest = self.counters()
         """The counters, at most a second old; for other threads than the event loop's."""
@@ -100,7 +102,9 @@ class Uplink:
         """What a sink and the broker know of the last rows before a power cut; None: there was none."""
         self.tasks()
         self._delivery.say()
-        return await self._last_rows.of(device, _ANSWER_S)
+        known = await self._last_rows.of(device, _ANSWER_S)
+        self._cuts[device] = known is not None and known.answered
+        return known
 
     def newest(self, device: str, boot: str) -> int:
         """Number of the newest row in the spool of a boot of the device; -1: there is none."""
@@ -166,7 +170,11 @@ class Uplink:
 
     async def flush(self, timeout: float) -> None:
         """Wait until all rows are delivered, at most `timeout` seconds and only while connected."""
+        begun = time.monotonic()
         await self._connector.flush(timeout)
+        if self._config.spool.until == "acknowledged" and not self._config.broker.embedded:
+            with suppress(TimeoutError):
+                await asyncio.wait_for(self._ask_at_last(), max(0.5, timeout - (time.monotonic() - begun)))
 
     def close(self) -> None:
         """Leave what waits on disk for the next start."""
@@ -200,6 +208,9 @@ class Uplink:
             disk_trouble=spool.trouble,
             reading_trouble=spool.reading_trouble,
             left_behind=self._left_behind,
+            deleted=spool.deleted,
+            cuts=len(self._cuts),
+            cuts_unconfirmed=sum(not answered for answered in self._cuts.values()),
             unreceipted_s=round(delivery.unreceipted_s, 3),
             receipt_lag_s=round(delivery.receipt_lag_s, 3),
             connected=connector.state == "connected",
@@ -225,15 +236,19 @@ class Uplink:
             await asyncio.sleep(max(0.0, begun + _SYNC_S - time.monotonic()))
 
     async def _watch_other_names(self, state_dir: Path) -> None:
-        """Name rows that wait under another name, as they do where the device was renamed."""
+        """Name rows that nobody delivers: under another name, as where the device was renamed, or in copies."""
+        mine, others, look_at = folder_of(state_dir, self._config.device), None, -1e9
         while True:
-            found = await asyncio.to_thread(left_behind, state_dir, self._config.device)
+            if time.monotonic() - look_at > _LEFT_BEHIND_S:
+                look_at = time.monotonic()
+                others = await asyncio.to_thread(left_behind, state_dir, self._config.device)
+            found = others or await asyncio.to_thread(strangers, mine)
             self._left_behind = "" if found is None else str(found)
             if found is not None:
                 self._says.trouble("spool", self._left_behind, self._left_behind)
             else:
-                self._says.fine("spool", "no rows wait under another name any more")
-            await asyncio.sleep(_LEFT_BEHIND_S)
+                self._says.fine("spool", "no rows wait under another name or in copies any more")
+            await asyncio.sleep(_STRANGERS_S)
 
     async def _watch_rights(self) -> None:
         """Ask the broker, for each connection and kind of topic, whether it takes what it acknowledges.
@@ -253,13 +268,11 @@ class Uplink:
             examples = self._delivery.examples
             if self._connector.state != "connected" or set(examples) <= asked:
                 continue
+            if not asked:
+                self._delivery.ask()
             some = sorted(set(examples) - asked)[:_AT_ONCE]
-            messages = [replace(examples[topic], tag=None) for topic in some]
             asked_at = time.monotonic()
-            found = await refused(
-                self._config.mqtt.address(), f"acqd-{self._config.device}-{self.name.me.boot}-rights",
-                self._config.device, messages,
-            )  # fmt: skip
+            found = await self._refusals(some)
             before, self._refused = self._refused, found or {}
             if self._refused:
                 self._delivery.doubt()
@@ -271,6 +284,23 @@ class Uplink:
             if before:
                 self._says.fine("broker", "takes rows again")
                 self._delivery.again()
+            elif set(examples) <= asked:
+                self._delivery.trust()
+
+    async def _refusals(self, some: Sequence[str]) -> dict[str, str] | None:
+        """Of these topics those whose rows the broker refuses; None: it does not say."""
+        examples = self._delivery.examples
+        client_id = f"acqd-{self._config.device}-{self.name.me.boot}-rights"
+        messages = [replace(examples[topic], tag=None) for topic in some]
+        return await refused(self._config.mqtt.address(), client_id, self._config.device, messages)
+
+    async def _ask_at_last(self) -> None:
+        """What the broker has acknowledged is delivered if it takes rows now: a stop leaves nothing to send again."""
+        some = sorted(self._delivery.examples)
+        if self._refused or not some or self._connector.state != "connected":
+            return
+        self._delivery.ask()
+        if not await self._refusals(some):
             self._delivery.trust()
 
     @property

@@ -27,10 +27,13 @@ _PIECE_S = 1.0
 _MOST_PREDICTIONS = 100_000
 
 
-def examine_wiring(config: Config, device: str, seconds: float, expected_W: float | None) -> dict[str, Any]:
+def examine_wiring(
+    config: Config, device: str, seconds: float, expected_W: float | None, rated_W: float | None = None
+) -> dict[str, Any]:
     """Phasors of `seconds` and what they say, as in the status.
 
     `expected_W`: power of the load in this time; None: the mean of what a sidecar predicts meanwhile, if one does.
+    `rated_W`: the most that the load takes for long.
     Raises UserError for a stream without three phases or without mains, OperationError without a daemon.
     """
     name = device or config.device
@@ -48,7 +51,7 @@ def examine_wiring(config: Config, device: str, seconds: float, expected_W: floa
     mean = Phasors(total[:3] / looks, total[3:] / looks)
     if np.abs(mean.U).max() < INTERRUPTION * config.metering.nominal_voltage:
         raise UserError(f"{name}: no mains ({np.abs(mean.U).max():.3g} V); switch it on, and the load too")
-    wired = Wired(mean, tuple(examine(mean, predicted if expected_W is None else expected_W)))
+    wired = Wired(mean, tuple(examine(mean, predicted if expected_W is None else expected_W, rated_W)))
     return wired.as_dict(_correction(config, name).after)
 
 

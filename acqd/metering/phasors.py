@@ -15,6 +15,7 @@ from itertools import permutations, product
 import numpy as np
 
 from acqd.arrays import Floats
+from acqd.metering.current_ratio import NEAR, beyond_rated, wrong_ratio
 
 _FLOATING = 0.5
 """Of the median of the voltages: below it a phase is missing or picks up its neighbours."""
@@ -32,7 +33,7 @@ _LAGS_deg = (0.0, 80.0)
 """Angles of ordinary loads: motors and drives lag (power factor 1 to 0.17)."""
 _BELOW_deg, _ABOVE_deg = 12.0, 6.0
 """How fast angles outside of that become unlikely."""
-_LEADING_deg = -35.0
+LEADING_deg = -35.0
 """A balanced load that leads by more is a rotated set of transformers rather than a capacitor."""
 _FEEDING_deg = 12.0
 """All phases within this of 180 degrees: a source that feeds back, which is no mistake."""
@@ -43,6 +44,10 @@ _REVERSED, _MOVED = 3.0, 0.9
 _ALL_REVERSED, _TIE = 4.5, 1.5
 """Cost of three transformers that are mounted against the flow, which is one mistake; and the difference of costs up to
 which nothing tells that from a rotated set."""
+_RATIO_COST = 7.0
+"""Cost of a ratio that is wrong in all three phases: one mistake, of the configuration."""
+_FITTING = 0.3
+"""How near the power of a wiring must be to the expected one [share of it] to explain the power without a ratio."""
 _POWER = 0.15
 """How near the power must be to the expected one [share of S] to decide."""
 
@@ -67,6 +72,13 @@ class WiringFinding:
     order: tuple[int, ...] = ()
     """Currents of L1, L2, L3 by their present numbers, for a correction; empty: not a matter of currents."""
     sign: tuple[int, ...] = ()
+    gain: tuple[float, ...] = ()
+    """True current per measured one, of L1, L2, L3, where the ratio is wrong."""
+
+    @property
+    def gains(self) -> tuple[float, ...]:
+        """Sign and ratio."""
+        return tuple(sign * gain for sign, gain in zip(self.sign, self.gain or (1.0,) * len(self.sign), strict=True))
 
     @property
     def mistake(self) -> str:
@@ -79,8 +91,8 @@ class WiringFinding:
         keys = []
         if self.order and self.order != (1, 2, 3):
             keys.append(f"i_order = {list(self.order)}")
-        if self.sign and min(self.sign) < 0:
-            keys.append(f"i_gain = [{', '.join(f'{sign}.0' for sign in self.sign)}]")
+        if set(self.gains) - {1.0}:
+            keys.append(f"i_gain = {list(self.gains)}")
         return f"[source] correction = {{ {', '.join(keys)} }}" if keys else ""
 
 
@@ -105,16 +117,45 @@ def phasors(values: Floats, rate: float, f: float) -> Phasors:
     return Phasors(total[0::2] / pieces, total[1::2] / pieces)
 
 
-def examine(found: Phasors, expected_W: float | None = None) -> list[WiringFinding]:
+def examine(found: Phasors, expected_W: float | None = None, rated_W: float | None = None) -> list[WiringFinding]:
     """What is wrong with the wiring of three phases; empty: nothing that the phasors show.
 
     `expected_W`: power that a model of the load predicts for the same time; it decides between wirings that differ in
-    the power.
+    the power, and shows wrong ratios. `rated_W`: the most that the load takes for long, from its nameplate.
     """
     if len(found.U) != 3:
         return []
-    voltages = _voltages(found.U)
-    return voltages or _currents(found, expected_W)
+    if voltages := _voltages(found.U):
+        return voltages
+    wirings = _all(found)
+    return _ratio(found, wirings, expected_W, rated_W) or _currents(found, wirings, expected_W)
+
+
+def _ratio(
+    found: Phasors, wirings: list[_Wiring], expected_W: float | None, rated_W: float | None
+) -> list[WiringFinding]:
+    """A wrong ratio, of the wiring that is likeliest if nobody knows the power."""
+    size, healthy = np.abs(found.I), wirings[0]
+    if (expected_W is None and rated_W is None) or not size.max():
+        return []
+    if expected_W is not None and abs(healthy.power - expected_W) < NEAR * abs(expected_W):
+        return []
+    best = healthy if healthy.draws and healthy.spread < _ALIKE_deg else min(wirings, key=lambda one: one.cost)
+    if best.spread > _ALIKE_deg or not best.draws:
+        return []
+    if expected_W is None:
+        wrong = beyond_rated(best.powers, rated_W or 0.0)
+    else:
+        near = _POWER * float((np.abs(found.U) * size).sum())
+        plain = [one for one in wirings if one.draws and one.spread < _ALIKE_deg]
+        fitting = [one.cost for one in plain if abs(one.power - expected_W) < min(near, _FITTING * expected_W)]
+        if fitting and min(fitting) < best.cost + _RATIO_COST:
+            return []
+        wrong = wrong_ratio(best.powers, size[list(best.order)], expected_W)
+    if wrong is None:
+        return []
+    text = f"{best.words(best.order, best.sign)}, and {wrong.text}" if best.changed else wrong.text
+    return [WiringFinding(text, tuple(k + 1 for k in best.order), best.sign, wrong.gain)]
 
 
 def _voltages(U: np.ndarray) -> list[WiringFinding]:
@@ -161,11 +202,11 @@ def _symmetric(U: np.ndarray) -> bool:
     return all(abs(abs(_between(U[a], U[b])) - 120) < 30 for a, b in ((0, 1), (1, 2), (2, 0)))
 
 
-def _currents(found: Phasors, expected_W: float | None) -> list[WiringFinding]:
+def _currents(found: Phasors, candidates: list[_Wiring], expected_W: float | None) -> list[WiringFinding]:
     size = np.abs(found.I)
     if size.min() < _SMALL * size.max() or not size.max():
         return []
-    healthy, candidates = _Wiring((0, 1, 2), (1, 1, 1), found), _all(found)
+    healthy = candidates[0]
     if expected_W is not None:
         near = _POWER * float((np.abs(found.U) * np.abs(found.I)).sum())
         candidates = [one for one in candidates if abs(one.power - expected_W) < near]
@@ -173,7 +214,7 @@ def _currents(found: Phasors, expected_W: float | None) -> list[WiringFinding]:
             return []  # a load that the model does not know
     best = min(candidates, key=lambda one: one.cost)
     if expected_W is None or abs(healthy.power - expected_W) < near:
-        leading = healthy.spread < _ALIKE_deg / 2 and healthy.common < _LEADING_deg and expected_W is None
+        leading = healthy.spread < _ALIKE_deg / 2 and healthy.common < LEADING_deg and expected_W is None
         balanced = size.min() > _EQUAL * size.max() and healthy.spread > _ALIKE_deg and best.spread < _SAME_LOAD_deg
         if healthy.draws and not leading and not balanced:
             return []
@@ -214,6 +255,7 @@ def _reversal(phases: Sequence[int]) -> WiringFinding:
 
 
 def _all(found: Phasors) -> list[_Wiring]:
+    """The present wiring first."""
     return [_Wiring(order, sign, found) for order in permutations(range(3)) for sign in product((1, -1), repeat=3)]
 
 
@@ -224,7 +266,8 @@ class _Wiring:
         self.order, self.sign = order, sign
         currents = found.I[list(order)] * np.array(sign)
         self.lag = np.degrees(np.angle(found.U * currents.conj()))
-        self.power = float((found.U * currents.conj()).real.sum())
+        self.powers = (found.U * currents.conj()).real
+        self.power = float(self.powers.sum())
         mean = np.exp(1j * np.radians(self.lag)).mean()
         self.common = float(np.degrees(np.angle(mean)))
         around = (self.lag - self.common + 180) % 360 - 180

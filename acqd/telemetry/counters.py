@@ -32,7 +32,13 @@ class TelemetryCounters:
     reading_trouble: str
     """Why rows that wait cannot be read back, else empty."""
     left_behind: str
-    """Which rows wait in the spool of another name, else empty."""
+    """Which rows wait in the spool of another name, or in files that are not the spool's, else empty."""
+    deleted: int
+    """How often somebody has deleted files of the spool while the daemon ran."""
+    cuts: int
+    """Devices whose last run has ended with the computer's power."""
+    cuts_unconfirmed: int
+    """Those of them for which no sink has said which rows it has: W may have gone back."""
     receipt_lag_s: float
     """How long the oldest row under way has waited for its receipt while a sink is online [s]."""
     unreceipted_s: float

@@ -39,7 +39,7 @@ _QUIET_S = 1.0
 """The backlog pauses so long while a sink works through what the broker had kept for it."""
 _WAIT_S = 0.5
 _LATELY_S = 10.0
-"""How long rows that are sent again say that receipts are late."""
+"""How long the longest wait for a receipt is remembered: a sink that commits every 3 s is late all the time."""
 
 
 class Delivery:
@@ -74,18 +74,19 @@ class Delivery:
         self._position = spool.start
         self._flying, self._unsent = InFlight(), Unsent()
         self._acknowledged: dict[Stream, Ranges] = {}
+        self._asked: list[dict[Stream, Ranges]] = []
         self._devices = spool.devices | set(devices)
         self._sinks: set[str] = set()
         self._heard = self._unreceipted_since = -1e9
         self._quiet_until = -1e9
         self._patience = _PATIENCE_S[0]
-        self._overdue = (-1e9, 0.0)
+        self._waited = (-1e9, 0.0)
         self._more = False
         self._backlog_open = True
         self.sent = self.resent = self.delivered = 0
         """Rows published, those published again included; rows for which no receipt came in time; rows that the broker
         has acknowledged."""
-        self._granted = True
+        self._checked = False
         self.examples: dict[str, Message] = {}
         """The newest row of every topic that the broker has acknowledged."""
         self.sink_seen = False
@@ -222,17 +223,25 @@ class Delivery:
             self._changed.set()  # there is room for what waits; what waits for a receipt is looked at when one comes
 
     def doubt(self) -> None:
-        """Nobody knows whether the broker takes rows or only acknowledges them: those acknowledged stay."""
-        self._granted = False
+        """Acknowledged rows stay until it is known that the broker takes rows, and does not only acknowledge them."""
+        self._checked = True
+
+    def ask(self) -> None:
+        """The question whether the broker takes rows goes out now: it is about those acknowledged until now."""
+        if self._acknowledged:
+            self._asked.append(self._acknowledged)
+            self._acknowledged = {}
 
     def trust(self) -> None:
-        """The broker takes what it acknowledges, or cannot be asked."""
-        self._granted = True
+        """The broker took rows when it was asked, or cannot be asked: what it had acknowledged before is delivered."""
+        asked, self._asked = self._asked, []
+        self._settle(asked)
         self._changed.set()
 
     def again(self) -> None:
         """What the broker has acknowledged it has not taken: send all again."""
         self._acknowledged.clear()
+        self._asked.clear()
         self._from_the_start()
         self._changed.set()
 
@@ -251,7 +260,7 @@ class Delivery:
         else:
             self._sinks.add(topic)
             self.sink_seen = True
-            self._patience = _PATIENCE_S[0]
+            self._patience, self._waited = _PATIENCE_S[0], (-1e9, 0.0)
             if not retained and recalls(payload):
                 again = self.spool.recall()
                 _log.warning("%s has a database in an earlier state: %d stored rows are sent again", topic, again)
@@ -271,12 +280,20 @@ class Delivery:
 
     @property
     def receipt_lag_s(self) -> float:
-        """How long the oldest row under way has waited for its receipt, while a sink says that it is there [s]."""
-        if not self._receipts_due:
+        """How long the oldest row has waited for its receipt while a sink says that it is there [s].
+
+        The longest wait of the last 10 s, of rows that have their receipt, too.
+        """
+        if self._until == "acknowledged" or not self._online or not self._sinks:
             return 0.0
-        now = self._now()
-        overdue_at, overdue_s = self._overdue
-        return max(self._flying.oldest_s(now), overdue_s if now - overdue_at < _LATELY_S else 0.0)
+        now, (waited_at, waited_s) = self._now(), self._waited
+        return max(self._flying.oldest_s(now), waited_s if now - waited_at < _LATELY_S else 0.0)
+
+    def _note_wait(self, waited_s: float) -> None:
+        """A row had waited so long when its receipt came, or when it was sent again."""
+        now, (waited_at, longest_s) = self._now(), self._waited
+        if self._sinks and (waited_s >= longest_s or now - waited_at >= _LATELY_S):
+            self._waited = now, waited_s
 
     @property
     def _receipts_due(self) -> bool:
@@ -284,7 +301,8 @@ class Delivery:
 
     def __len__(self) -> int:
         """Messages that wait: rows that are not delivered, states that are not sent."""
-        return len(self.spool) - sum(map(len, self._acknowledged.values())) + len(self._states)
+        held = sum(len(rows) for streams in (self._acknowledged, *self._asked) for rows in streams.values())
+        return len(self.spool) - held + len(self._states)
 
     def _take_receipt(self, device: str, payload: bytes) -> None:
         try:
@@ -294,6 +312,7 @@ class Delivery:
             return
         if self._dialogue is not None:
             self._dialogue.answered(device, message)
+        self._note_wait(self._flying.oldest_s(self._now()))
         removed = expected = 0
         for stream, *pair in ranges_of(device, message):
             for first, last in self._unsent.without(stream, *pair):
@@ -314,7 +333,7 @@ class Delivery:
         now = self._now()
         if late := self._flying.overdue(now, self._patience):
             self.resent += late
-            self._overdue = now, self._patience
+            self._note_wait(self._patience)
             self._patience = min(2 * self._patience, _PATIENCE_S[1])
             self._position = self.spool.start
         if now < self._quiet_until:
@@ -335,13 +354,16 @@ class Delivery:
         return [_window_message(list(window)) for _, window in groupby(rows, _window)]
 
     def _settle_acknowledged(self) -> None:
-        if not self._acknowledged or not self._granted:
-            return
-        settled, self._acknowledged = self._acknowledged, {}
-        for stream, rows in settled.items():
-            for first, last in rows:
-                self.spool.remove(stream, first, last)
-                self._flying.settle(stream, first, last)
+        if self._acknowledged and not self._checked:
+            settled, self._acknowledged = self._acknowledged, {}
+            self._settle([settled])
+
+    def _settle(self, acknowledged: Iterable[dict[Stream, Ranges]]) -> None:
+        for streams in acknowledged:
+            for stream, rows in streams.items():
+                for first, last in rows:
+                    self.spool.remove(stream, first, last)
+                    self._flying.settle(stream, first, last)
 
     def _from_the_start(self) -> None:
         self._flying.clear()

@@ -108,6 +108,9 @@ def test_doctor_names_miswired_transformers_with_what_to_paste(tmp_path, monkeyp
     power = 3 * (values[:, 0] * values[:, 1]).mean()
     known = acqd_here("doctor", "--wiring", "--seconds", "1", "--power", power, "--json", cwd=tmp_path)
     assert [one["text"] for one in json.loads(known.stdout)["findings"]] == ["i2 is reversed"]
+    rated = acqd_here("doctor", "--wiring", "--seconds", "1", "--rated", power / 4, "--json", cwd=tmp_path)
+    [finding] = json.loads(rated.stdout)["findings"]
+    assert "i2 is reversed, and P is" in finding["text"] and "i_gain = [0.2, -0.2, 0.2]" in finding["correction"]
     quiet = replace(waveform, codes=mains.codes[:, :2], form=StreamFormat(20_000.0, tuple(mains.scale[:2])))
     monkeypatch.setattr("acqd.daemon.wiring_check.captured", lambda *_: npz_bytes(quiet))
     refused = acqd_here("doctor", "--wiring", "--seconds", "1", cwd=tmp_path)

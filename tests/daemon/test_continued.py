@@ -74,6 +74,8 @@ def test_no_register_goes_back_when_the_daemons_computer_loses_power(mosquitto, 
         daemon._stop.set()
         await running
 
+    cuts: list[tuple[int, int]] = []
+
     async def cut(daemon, wait):
         await wait(lambda: len(rows()) >= 3)
         await asyncio.to_thread(daemon._feed.save)
@@ -84,6 +86,7 @@ def test_no_register_goes_back_when_the_daemons_computer_loses_power(mosquitto, 
     async def go_on(daemon, wait):
         before = daemon.rows
         await wait(lambda: daemon.rows > before + 6)
+        cuts.append((daemon.counters().cuts, daemon.counters().cuts_unconfirmed))
 
     with running_sink(BrokerAddress(port=mosquitto.port), engine):
         finish(run(disk, cut))
@@ -105,3 +108,4 @@ def test_no_register_goes_back_when_the_daemons_computer_loses_power(mosquitto, 
     finish(run(alone, go_on, Tape(tmp_path / "tape of alone")))
     flags = [json.loads(line)["flags"] for line in (tmp_path / "tape of alone").read_text().splitlines()]
     assert [FLAG in each for each in flags] == [True] * 4 + [False] * (len(flags) - 4), "no sink has answered"
+    assert cuts == [(1, 0), (1, 1)]

@@ -7,6 +7,7 @@ from itertools import permutations
 import numpy as np
 import pytest
 
+from acqd.daemon.correction_section import CorrectionSection
 from acqd.metering.phasors import Phasors, examine, phasors
 from acqd.sources import load_waveform
 
@@ -43,7 +44,7 @@ def test_permutations_and_reversals_are_named(known, unbalance):
 
 def test_healthy_sites_are_never_warned_of():
     random = np.random.default_rng(1)
-    for _ in range(500):
+    for _ in range(150):
         found, power = site(random, random.uniform(0.2, 1), unbalance=random.uniform(0, 0.5))
         assert examine(found) == [] == examine(found, power)
         U = 230 * TURN
@@ -103,3 +104,41 @@ def test_no_recording_is_warned_of(waveforms):
         waveform = load_waveform(path)
         values = waveform.codes * np.array(waveform.form.scale)
         assert examine(phasors(values, waveform.form.rate, waveform.form.f_nominal)) == [], path
+
+
+RATIOS = [0.1, 0.2, 1 / 3, 0.5, 2, 3, 5, 10, 20, 40, 100]
+
+
+@pytest.mark.parametrize("known", [0.97, 1.0, 1.03])
+def test_a_wrong_ratio_is_named_where_the_power_of_the_load_is_known(known):
+    random, right, cases = np.random.default_rng(2), 0, 0
+    for ratio in RATIOS:
+        for pf in PF:
+            found, power = site(random, pf, unbalance=0.2)
+            said = examine(Phasors(found.U, found.I * ratio), known * power)
+            right += [one.gain for one in said] == [pytest.approx((1 / ratio,) * 3, rel=1e-3)]
+            assert all(one.gain for one in said), (ratio, pf, said)  # never another mistake
+            cases += 1
+    assert right >= 0.9 * cases
+
+
+def test_a_wrong_ratio_has_a_correction_to_paste():
+    found, power = site(np.random.default_rng(3), 0.8)
+    [said] = examine(Phasors(found.U, 10 * found.I), power)
+    assert "the currents are 10 times too large (ratio of the transformers" in said.text
+    assert said.correction == "[source] correction = { i_gain = [0.1, 0.1, 0.1] }"
+    section = CorrectionSection(i_gain=[1.0, 1.002, 1.0])
+    assert "i_gain = [0.1, 0.1002, 0.1]" in section.after(said)
+    [said] = examine(Phasors(found.U, found.I * [1, 4, 1]), power)
+    assert said.correction == "[source] correction = { i_gain = [1.0, 0.25, 1.0] }" and "i2 is 4 times too" in said.text
+    [said] = examine(Phasors(found.U, 5 * found.I * [1, -1, 1]), power)  # and a reversed transformer
+    assert said.correction == "[source] correction = { i_gain = [0.2, -0.2, 0.2] }"
+    assert not examine(Phasors(found.U, 1.5 * found.I), power)  # a load may be that far from its model
+    assert not examine(Phasors(found.U, 2.25 * found.I), power / 0.97)
+
+
+def test_more_than_the_nameplate_allows_is_named():
+    found, power = site(np.random.default_rng(4), 0.8)
+    [said] = examine(Phasors(found.U, 10 * found.I), rated_W=1.4 * power)
+    assert "more than the" in said.text and said.correction == "[source] correction = { i_gain = [0.1, 0.1, 0.1] }"
+    assert not examine(found, rated_W=1.4 * power) and not examine(found, rated_W=0.7 * power)

@@ -220,7 +220,7 @@ def test_data_that_are_longer_than_announced_are_named(tmp_path, recording):
     path = replace(recording, segments=((20_000.0, 8_000),)).write(tmp_path)
     waveform = load_waveform(path)
     assert len(waveform.codes) == 8_000
-    assert waveform.notes == ("has 10000 samples, of which its header announces the first 8000",)
+    assert waveform.notes[-1] == "has 10000 samples, of which its header announces the first 8000"
 
 
 def test_a_missing_sample_is_named(tmp_path):

@@ -157,6 +157,33 @@ def test_receipts_that_come_late_are_known_before_and_after_rows_are_sent_again(
     assert bench.box.receipt_lag_s == 0
 
 
+def test_late_receipts_are_said_without_a_break_and_not_of_the_time_without_a_sink():
+    bench = Bench()
+    bench.box.begin()
+    bench.sink()
+    said = []
+    for _ in range(8):  # commits of 2.5 s
+        bench.make(1)
+        bench.take_all()
+        bench.now += 2.5
+        said.append(bench.box.receipt_lag_s)
+        bench.receipt(0, bench.made)
+        bench.now += 0.5
+        said.append(bench.box.receipt_lag_s)
+    assert min(said) == 2.5
+    bench.now += 10
+    assert bench.box.receipt_lag_s == 0
+    bench.sink(OFFLINE)
+    bench.make(1)
+    bench.take_all()
+    bench.now += 6
+    bench.take_all()  # sent again while no sink is there
+    bench.sink()
+    bench.make(1)
+    bench.take_all()
+    assert bench.box.receipt_lag_s == 0
+
+
 def test_a_new_connection_and_a_new_sink_get_everything_that_waits():
     bench = Bench()
     bench.make(5)
@@ -258,6 +285,29 @@ def test_acknowledged_rows_are_delivered_where_no_sink_is_expected():
         for message in bench.messages():
             bench.box.acknowledged(message)
     assert len(bench.box) == 0
+
+
+def test_acknowledged_rows_wait_until_the_broker_says_that_it_takes_rows():
+    bench = Bench("acknowledged")
+    bench.box.doubt()
+    bench.box.begin()
+
+    def acknowledge(count):
+        bench.make(count)
+        for message in bench.messages():
+            bench.box.acknowledged(message)
+
+    acknowledge(20)
+    bench.box.ask()
+    acknowledge(10)  # while the answer is under way
+    assert len(bench.box) == 0 and len(bench.box.spool) == 30
+    bench.box.trust()
+    bench.messages()
+    assert len(bench.box.spool) == 10
+    bench.box.ask()
+    acknowledge(5)
+    bench.box.again()  # refused
+    assert bench.take_all() == list(range(20, 35))
 
 
 def test_a_state_replaces_the_one_that_still_waits():

@@ -137,6 +137,24 @@ RUNBOOK = (
         r"^receipts late",
     ),
     _entry(
+        "copies",
+        "`spool: ... is no file of this spool, and nobody delivers what it holds`",
+        "delete the copy; a renamed segment gets its number back while acqd is stopped",
+        r"^spool: .*is no file of this spool",
+    ),
+    _entry(
+        "deleted",
+        "`N times somebody deleted files of the spool`",
+        "who cleans `state_dir`? Exclude it; `acqd sink completeness` shows gaps; then `acqd status --acknowledge`",
+        r"deleted files of the spool",
+    ),
+    _entry(
+        "power-cut",
+        "`N power cuts before this start ...`",
+        "`acqd sink completeness`; rows flagged `W_unconfirmed`: W may be behind; then `acqd status --acknowledge`",
+        r"power cuts before this start",
+    ),
+    _entry(
         "left-behind",
         "`spool: N rows of device ... wait in ..., and nobody delivers them`",
         "the device was renamed: start acqd with the old `device` until `acqd status` says 0 wait, then rename again",

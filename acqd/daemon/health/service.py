@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from acqd.daemon.health.server import HealthServer, Page
-from acqd.daemon.health.snapshot import Acknowledged, Snapshot
+from acqd.daemon.health.snapshot import Acknowledged, Delivery, Snapshot
 from acqd.daemon.health.watchdog import Watchdog
 from acqd.telemetry import certificates
 
@@ -58,8 +58,10 @@ class ServiceHealth(ABC):
     def _acknowledge(self) -> None:
         """A person has seen what was counted until now."""
         now = self.snapshot()
-        dropped = now.delivery.dropped if now.delivery is not None else 0
-        self.acknowledged = Acknowledged(dropped, now.quarantined or 0, now.recalls)
+        way = now.delivery or Delivery()
+        self.acknowledged = Acknowledged(
+            way.dropped, now.quarantined or 0, now.recalls, way.deleted, way.cuts_unconfirmed
+        )
 
     def turned(self) -> None:
         """The loop of the service turns; called by it."""

@@ -50,7 +50,13 @@ class Delivery:
     reading_trouble: str = ""
     """Why rows that wait cannot be read back."""
     left_behind: str = ""
-    """Which rows wait in the spool of another name."""
+    """Which rows wait in the spool of another name, or in files that are not the spool's."""
+    deleted: int = 0
+    """How often somebody has deleted files of the spool while the daemon ran."""
+    cuts: int = 0
+    """Devices whose last run has ended with the computer's power."""
+    cuts_unconfirmed: int = 0
+    """Those of them whose W may have gone back, because no sink has said which rows it has."""
     receipt_lag_s: float = 0.0
     """How long the oldest row under way has waited for its receipt while a sink is online [s]."""
     unreceipted_s: float = 0.0
@@ -156,6 +162,8 @@ class Acknowledged:
     dropped: int = 0
     quarantined: int = 0
     recalls: int = 0
+    deleted: int = 0
+    cuts: int = 0
 
 
 @dataclass(frozen=True, slots=True)

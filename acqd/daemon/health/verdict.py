@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from acqd.daemon.health.snapshot import Cycles, Delivery, Link, Snapshot, SourceLink
+from acqd.daemon.health.snapshot import Acknowledged, Cycles, Delivery, Link, Snapshot, SourceLink
 
 SPOOL_ALERT = 0.9
 """Share of the spool's limit from which on its filling is a problem."""
@@ -50,6 +50,7 @@ def verdict(snapshot: Snapshot) -> Verdict:
     if snapshot.delivery is not None:
         problems += _delivery_problems(snapshot.delivery)
         _counted(snapshot.delivery.dropped, seen.dropped, "messages were dropped since the start", problems, notes)
+        _lost_at_once(snapshot.delivery, seen, problems, notes)
     if snapshot.archive is not None:
         problems += [f"archive: {snapshot.archive.trouble}; rows go on"] if snapshot.archive.trouble else []
         notes += [f"archive: {snapshot.archive.lost} samples were not kept"] if snapshot.archive.lost else []
@@ -97,6 +98,18 @@ def _counted(count: int, seen: int, what: str, problems: list[str], notes: list[
     """A problem until a person has acknowledged it (`acqd status --acknowledge`), a note from then on."""
     if count:
         (problems if count > seen else notes).append(f"{count} {what}")
+
+
+def _lost_at_once(delivery: Delivery, seen: Acknowledged, problems: list[str], notes: list[str]) -> None:
+    """Power cuts and deleted files, which are over at once: until a person has seen them."""
+    deleted = "times somebody deleted files of the spool: they were written again, and older ones may be missing"
+    _counted(delivery.deleted, seen.deleted, deleted, problems, notes)
+    unconfirmed = (
+        "power cuts before this start after which no sink has said which rows it has: W may be up to a second behind"
+    )
+    _counted(delivery.cuts_unconfirmed, seen.cuts, unconfirmed, problems, notes)
+    if delivery.cuts > delivery.cuts_unconfirmed:
+        notes.append("the computer lost its power before this start: its last second may be missing, W goes on")
 
 
 def _sink_problems(snapshot: Snapshot) -> list[str]:

@@ -23,6 +23,9 @@ _HERTZ = (40.0, 70.0)
 _PF = 1.05
 _PF_BELOW = 0.15
 """How far |PF| may be below |P| / S; above it a meter may show the one of the fundamentals (IEC 61557-12)."""
+_PF_ABOVE = 4.0
+"""How many times |PF| may be above |P| / S: that of the fundamentals is, by sqrt(1 + THD^2) of the current, and no load
+has a THD of 380 %."""
 _PARTS = 0.3
 """Share of the sum of S by which the total of P may differ from the phases: registers of a round differ in time."""
 _DEAD = 0.05
@@ -169,12 +172,14 @@ class RoundJudge:
 
 
 def _drop_power_factor(channel: str, known: dict[str, float | None]) -> None:
-    """|PF| is not below |P| / S."""
+    """|PF| is not below |P| / S, and not many times above it: then nobody knows whether P or PF is wrong."""
     P, S, PF = (known.get(f"{channel}.{name}") for name in ("P", "S", "PF"))
     if P is None or PF is None or S is None or abs(S) < 4 * _SMALL_VA:
         return
     if abs(PF) < abs(P / S) - _PF_BELOW:
         known[f"{channel}.PF"] = None
+    elif abs(PF) > _PF_BELOW and abs(PF) > _PF_ABOVE * abs(P / S):
+        known[f"{channel}.P"] = known[f"{channel}.PF"] = None
 
 
 def _drop_total(known: dict[str, float | None]) -> None:

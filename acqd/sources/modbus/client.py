@@ -6,6 +6,7 @@ import asyncio
 import logging
 import socket
 import time
+from collections import deque
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -36,6 +37,8 @@ ILLEGAL_ADDRESS = 2
 _LONGEST_ANSWER = 5 + 2 * 125  # bytes
 _LATE = 3.0  # times its time-out an answer may take and still be one: the unit is not asked before
 _BITS = 11  # of a character on a serial line
+_LEAST_SILENCE_S = 0.00175  # between two frames, at any baud rate (Modbus over Serial Line, 2.5.1.1)
+_RECENT = 16  # answers that may come once more
 Read: TypeAlias = tuple[int, int, int]
 """Function code, first register, number of registers."""
 
@@ -91,6 +94,7 @@ class ModbusClient:
         self.link = link
         self._line = Line(str(link), link.echo)
         self._late: dict[int, float] = {}  # until when the answer to a request that timed out may still come
+        self._recent: deque[tuple[int, Read, bytes]] = deque(maxlen=_RECENT)  # unit, read and answer
         self._loop = asyncio.new_event_loop()
         self._clients: list[Any] = []
         self._connections = connections if link.host else 1
@@ -136,20 +140,61 @@ class ModbusClient:
     async def _ask(self, client: Any, unit: int, read: Read) -> bytes:
         """One read. On a serial line nothing names the request that an answer is for.
 
-        So after a time-out the unit is asked again only when its late answer has passed. A gateway with transaction
-        ids of its own names no request either: its late answers end with the connection.
+        So what still comes is left to pass before a request, and after a time-out the unit is asked again only when its
+        late answer has passed. A gateway with transaction ids of its own names no request either: its late answers end
+        with the connection.
         """
         if not self.link.host:
             await asyncio.sleep(max(0.0, self._late.pop(unit, 0.0) - time.monotonic()))
+            await self._silence(client)
         begun = time.monotonic()
         try:
-            return await _one(client, unit, *read)
+            answer = await _one(client, unit, *read)
+            if not self.link.host and self._like_another(unit, read, answer):
+                answer = await self._again(client, unit, read, answer)
+            self._recent.append((unit, read, answer))
+            return answer
         except ModbusError as error:
             if error.code is None and not self.link.host:
                 self._late[unit] = begun + _LATE * max(time.monotonic() - begun, self.link.timeout_s)
             elif error.code is None and not self._line.exact:
                 client.close()
             raise
+
+    def _like_another(self, unit: int, read: Read, answer: bytes) -> bool:
+        """Whether this may be an earlier answer once more: the same bytes for other registers of one unit."""
+        return any(
+            read != earlier and (unit, read[0], read[2], answer) == (other, earlier[0], earlier[2], payload)
+            for other, earlier, payload in self._recent
+        )
+
+    async def _again(self, client: Any, unit: int, read: Read, first: bytes) -> bytes:
+        """The answer of a second read; where it differs from the first, that of a third on a line that is silent."""
+        second = await _one(client, unit, *read)
+        if second == first:
+            return first
+        self._line.unsettled = True
+        if any(first):  # a load that was just switched on looks the same where all was 0
+            self._line.repeated()
+        await self._silence(client)
+        return await _one(client, unit, *read)
+
+    async def _silence(self, client: Any) -> None:
+        """Wait until the line has nothing more to say; the system has kept what came since the last read."""
+        framer, line = client.ctx.framer, self._line
+        heard, end = framer.heard, time.monotonic() + _LATE * self.link.timeout_s
+        for _ in range(2):  # turns of the loop: the first finds that bytes wait, the second reads them
+            await asyncio.sleep(0)
+        framer.timing = True
+        pause_s = max(framer.pause_left_s(), self.link.timeout_s if line.unsettled else 0.0)
+        if pause_s > 0:
+            await asyncio.sleep(pause_s)
+        if line.unsettled:  # all that may come has come, and how late is known
+            line.unsettled, line.pause_s = False, max(line.pause_s, _LEAST_SILENCE_S)
+        while heard != framer.heard and time.monotonic() < end:
+            heard = framer.heard
+            await asyncio.sleep(max(_LEAST_SILENCE_S, 3.5 * _BITS / self.link.baudrate))
+        framer.timing = False
 
     async def _connect(self) -> None:
         if self._clients and all(client.connected for client in self._clients):

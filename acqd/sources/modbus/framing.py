@@ -8,6 +8,7 @@ of bytes and, on a serial line, the CRC, at every position.
 from __future__ import annotations
 
 import logging
+import time
 from collections import deque
 from dataclasses import dataclass, field
 from typing import Any
@@ -19,6 +20,8 @@ from pymodbus.pdu import ModbusPDU
 _log = logging.getLogger(__name__)
 _RECENT = 16  # requests whose late answers are recognised
 _EXCEPTION = 0x80
+_MARGIN = 1.5
+"""Times the longest delay of a second answer that has been seen: the next may take longer."""
 
 
 @dataclass(slots=True)
@@ -32,6 +35,10 @@ class Line:
     """TCP: an answer has had the transaction id and unit of its request, so one that has not is not the answer."""
     recent: deque[int] = field(default_factory=lambda: deque(maxlen=_RECENT))
     """Transaction ids of the last requests."""
+    pause_s: float = 0.0
+    """RTU: so long after an answer, other answers may come for which nobody has asked."""
+    unsettled: bool = False
+    """RTU: such an answer has come, and it is not known for how long others may follow."""
     warned: set[str] = field(default_factory=set)
 
     def warn(self, text: str) -> None:
@@ -39,6 +46,14 @@ class Line:
         if text not in self.warned:
             self.warned.add(text)
             _log.warning("%s: %s", self.title, text)
+
+    def repeated(self, after_s: float | None = None) -> None:
+        """An answer has come for which nobody has asked, `after_s` after the last one; None: nobody knows when."""
+        self.warn("answers come twice or late; those to earlier requests are passed over: check slave and gateway")
+        if after_s is not None:
+            self.pause_s = max(self.pause_s, _MARGIN * after_s)
+        elif not self.pause_s:
+            self.unsettled = True
 
 
 @dataclass(slots=True)
@@ -72,16 +87,24 @@ class ResyncRtu(FramerRTU):
         super().__init__(decoder)
         self._line = line
         self._question = _Question()
+        self._answered_s: float | None = None
+        self.heard = 0
+        """How often bytes have come."""
+        self.timing = False
+        """Whether bytes are read as soon as they come, and not when the next request is due."""
 
     def buildFrame(self, message: ModbusPDU) -> bytes:  # noqa: N802
         """The request, which is remembered."""
         frame = super().buildFrame(message)
-        self._question = _question(message, frame)
+        self._question, self._answered_s = _question(message, frame), None
         return frame
 
     def handleFrame(self, data: bytes, exp_devid: int, exp_tid: int) -> tuple[int, ModbusPDU | None]:  # noqa: N802
         """(bytes used, answer); bytes that cannot begin an answer are kept until the next request clears them."""
         del exp_tid
+        self.heard += 1
+        if self._answered_s is not None:
+            return self._unasked(data, exp_devid)
         question, begin = self._question, 0
         if question.frame and question.frame in data:
             begin = data.index(question.frame) + len(question.frame)
@@ -96,13 +119,41 @@ class ResyncRtu(FramerRTU):
             end = at + 1 + question.length(pdu)
             if end + 2 > len(data) or not self.check_CRC(data[at:end], int.from_bytes(data[end : end + 2], "big")):
                 continue
-            if at > begin:
-                self._line.warn("stray bytes come before answers; check biasing and termination of the line")
+            self._say_what_came_before(data[begin:at], unit)
             answer = self.decoder.decode(data[at + 1 : end])
             if answer is not None:
+                self._answered_s = time.monotonic()
                 answer.dev_id, answer.transaction_id = unit, 0
                 return len(data), answer
         return 0, None
+
+    def pause_left_s(self) -> float:
+        """How long answers for which nobody has asked may still come."""
+        return 0.0 if self._answered_s is None else self._answered_s + self._line.pause_s - time.monotonic()
+
+    def _unasked(self, data: bytes, unit: int) -> tuple[int, None]:
+        """What comes after the answer."""
+        if not self._holds_an_answer(data, unit):
+            return 0, None
+        assert self._answered_s is not None
+        self._line.repeated(time.monotonic() - self._answered_s if self.timing else None)
+        return len(data), None
+
+    def _say_what_came_before(self, data: bytes, unit: int) -> None:
+        """A whole answer of the unit to another request, or stray bytes."""
+        if self._holds_an_answer(data, unit):
+            self._line.unsettled = True
+            self._line.repeated()
+        elif data:
+            self._line.warn("stray bytes come before answers; check biasing and termination of the line")
+
+    def _holds_an_answer(self, data: bytes, unit: int) -> bool:
+        for at in range(len(data) - 4):
+            end = at + 3 + data[at + 2]
+            whole = data[at] == unit and data[at + 1] == self._question.function and end + 2 <= len(data)
+            if whole and self.check_CRC(data[at:end], int.from_bytes(data[end : end + 2], "big")):
+                return True
+        return False
 
 
 class LenientSocket(FramerSocket):

@@ -49,7 +49,7 @@ def waveform_of(recording: Recording, given: ChannelMap) -> Waveform:
     if selection.between_lines:
         return _of_lines(recording, given, selection, (rate, f_nominal), notes)
     order = [channel for pair in zip(selection.voltages, selection.currents, strict=True) for _, channel in pair]
-    names = [recording.channels[k].name for k in order]
+    names = [(k, recording.channels[k].name) for k in order]
     by_name = given.columns is None and not recording.declared
     factors = [_factor(recording, given, selection, k, place) for place, k in enumerate(order)]
     skews = [recording.channels[k].skew_s for k in order]
@@ -60,7 +60,7 @@ def waveform_of(recording: Recording, given: ChannelMap) -> Waveform:
     if not any(relative) and (codes := _codes(recording, order)) is not None:
         scale = [column_scale * factor for column_scale, factor in zip(codes[1], factors, strict=True)]
         form = stream_format(recording.path, rate, scale, f_nominal, codes[0])
-        notes = (*notes, *hints(names, codes[0], np.array(scale), by_name))
+        notes = (*notes, *hints(names, codes[0], np.array(scale), (rate, f_nominal), by_name))
         return _finished(recording, codes[0], form, start, notes)
     first, last = _common(recording, relative)
     values = np.empty((last - first, len(order)))
@@ -68,7 +68,7 @@ def waveform_of(recording: Recording, given: ChannelMap) -> Waveform:
         values[:, place] = delayed(recording.column(k).physical(), skew, first, last)
     check_values(recording.path, values)
     _refuse_direct(recording, selection, values)
-    notes = (*notes, *hints(names, values, np.array(factors), by_name))
+    notes = (*notes, *hints(names, values, np.array(factors), (rate, f_nominal), by_name))
     if start is not None:
         start += round(first * 1e9 / rate)
     return _finished(recording, values, stream_format(recording.path, rate, factors, f_nominal, values), start, notes)

@@ -1,24 +1,26 @@
 """Do the sizes of voltages and currents fit a network? Hints, where a scale or a role may be wrong: never a correction.
 
-Three voltages that are called A, B, C may be those between lines: nothing in their shape tells, but networks have
-standard voltages (IEC 60038), and a network of 230/400 V has no 400 V to neutral.
+Three voltages that are called A, B, C may be those between lines. Networks have standard voltages (IEC 60038): one of
+230/400 V has no 400 V to neutral, but 230 V are both, to neutral there and between lines in one of 127/220 V.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
-from acqd.arrays import Floats
 from acqd.metering.block import Codes
+from acqd.sources.recording.neutral_or_lines import Compared, compare
 
 _DEAD_V, _DEAD_A = 10.0, 1e-6
 """Peak of a channel without mains, or with a wrong scale: below it a transformer has nothing to measure."""
 _MOST_V, _MOST_A = 800e3, 300e3
 """RMS beyond every network: 1200 kV between lines are 693 kV to neutral; a short circuit has up to 200 kA."""
-_LOW_V = (370.0, 750.0)
-"""Voltages of three phases that low-voltage networks have between lines; to neutral only one of 690 V has them. Below,
-a network of 220 V between lines and one of 220/380 V cannot be told apart."""
+_LOW_V = ((95.0, 130.0), (190.0, 260.0), (370.0, 750.0))
+"""Voltages of three phases that low-voltage networks and secondary circuits have between lines (100 to 120, 200 to 240,
+380 to 690 V and a tenth more or less). Some of them others have to neutral: 120, 230, 400 V."""
 _HIGH_KV = (
     *(2.4, 3, 3.3, 4.16, 6, 6.6, 10, 11, 13.8, 15, 20, 22, 30, 33, 34.5, 45, 66, 69, 110, 115, 132, 138, 150, 161, 220),
     *(230, 275, 330, 345, 380, 400, 500, 765),
@@ -27,17 +29,23 @@ _HIGH_V = 1e3 * np.array(_HIGH_KV)
 """Voltages between lines of networks above 1 kV, IEC 60038 and ANSI C84.1."""
 _NEAR, _TWICE = 0.06, 2.0
 """Of a standard voltage; and how many times nearer one explanation must be than the other."""
-_CLOSED = 0.02
-"""RMS of the sum of three voltages between lines, as a share of theirs: they close a loop."""
 _LOOK = 20_000
 """Samples whose RMS is taken."""
 
 
-def hints(names: list[str], codes: Codes, scale: NDArray[np.float64], roles_by_name: bool) -> list[str]:
+def hints(
+    channels: Sequence[tuple[int, str]],
+    codes: Codes,
+    scale: NDArray[np.float64],
+    clock: tuple[float, float],
+    roles_by_name: bool,
+) -> list[str]:
     """What to ask the user of the channels u, i, u, i ... [samples, channels], `scale` in V or A per number.
 
+    `channels`: numbers and names in the file, in the order of the columns. `clock`: samples/s and nominal f [Hz].
     `roles_by_name`: nobody has said with --map what the channels are.
     """
+    names = [name for _, name in channels]
     found = []
     part = codes[:_LOOK].astype(np.float64) * scale
     with np.errstate(over="ignore"):  # whatever a damaged header gives as a scale
@@ -56,24 +64,25 @@ def hints(names: list[str], codes: Codes, scale: NDArray[np.float64], roles_by_n
             listed, most = ", ".join(names[k] for k in large), rms[large].max()
             found.append(f"{listed}: {most:.3g} {unit}, more than any network has; is the scale wrong {ask}")
     if roles_by_name and len(names) == 6 and rms.max() <= _MOST_V:
-        found += _line_voltages(names[0::2], part[:, 0::2])
+        found += _line_voltages(channels, compare(codes, scale, *clock))
     return found
 
 
-def _line_voltages(names: list[str], u: Floats) -> list[str]:
-    """A hint where voltages to neutral have the size of those between lines."""
-    rms = np.sqrt((u * u).mean(axis=0))
-    size = float(rms.mean())
-    left = float(np.sqrt((u.sum(axis=1) ** 2).mean()))
-    if not size or left > _CLOSED * size or float(np.ptp(rms)) > _NEAR * size:
+def _line_voltages(channels: Sequence[tuple[int, str]], compared: Compared | None) -> list[str]:
+    """A hint where voltages that are metered as those to neutral have the size of those between lines."""
+    if compared is None:
         return []
+    size = compared.size_V
     as_lines, as_phases = _distance(size), _distance(size * np.sqrt(3))
     high = size > 2e3 and as_lines <= _NEAR and as_phases >= _TWICE * as_lines
-    if not high and not _LOW_V[0] < size < _LOW_V[1]:
+    if not high and not any(low < size < top for low, top in _LOW_V):
         return []
+    names, k = ", ".join(name for _, name in channels[0::2]), [number for number, _ in channels]
+    lines = f"u12={k[0]},u23={k[2]},u31={k[4]},i1={k[1]},i2={k[3]},i3={k[5]}"
+    phases = ",".join(f"{key}={number}" for key, number in zip(("u1", "i1", "u2", "i2", "u3", "i3"), k, strict=True))
     return [
-        f"{', '.join(names)} have {size:.4g} V, as voltages between lines have: if they are, P is wrong; meter them "
-        "with --map u12=...,u23=...,u31=...,i1=...,i2=...,i3=... (a --map u1=... says that they are to neutral)"
+        f"{names} have {size:.4g} V and are metered as voltages to neutral; voltages between lines have that size too "
+        f"({compared.words()}). Say which: --map {phases} to neutral, --map {lines} between lines"
     ]
 
 

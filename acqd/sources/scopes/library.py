@@ -23,7 +23,7 @@ _SILENT = ("yokogawa_wfm", "yokogawa_wvf", "rohde_schwarz_bin")
 """Families whose unit the library does not read."""
 _TEK_UNIT = {b":WFM#001": 186, b":WFM#002": 188, b":WFM#003": 188}
 """Where the unit of the values stands [byte] (Tektronix, Reference Waveform File Format, 077-0220)."""
-_EXPANDED = 20  # bytes a sample of one byte takes in the library
+_EXPANDED = 11  # bytes of memory for a byte of the file, in the families that hold float32 numbers
 
 
 def load(path: Path, given: ChannelMap) -> Recording:
@@ -39,9 +39,11 @@ def _read(path: Path) -> list[Trace]:
     try:
         from RigolWFM.wfm import Wfm
 
-        with contextlib.redirect_stderr(said), contextlib.redirect_stdout(said):
+        from acqd.sources.scopes.lean import lean_channels
+
+        with contextlib.redirect_stderr(said), contextlib.redirect_stdout(said), lean_channels():
             file = Wfm.from_file(str(path))
-            channels = [one for one in file.channels if one.volts is not None and one.points > 0]
+            channels = [one for one in file.channels if one.codes is not None and one.points > 0]
             traces = [_trace(path, one, file.parser_name) for one in channels]
     except InputError:
         raise
@@ -59,8 +61,8 @@ def _trace(path: Path, channel: Any, family: str) -> Trace:
         unit = _tektronix_unit(path)
     elif family in _SILENT:
         unit = ""
-    origin = float(channel.times[0]) if channel.times is not None and len(channel.times) else 0.0
-    return Trace(channel.name.replace(" ", ""), unit, channel.volts, 1.0, 0.0, step, origin)
+    name = channel.name.replace(" ", "")
+    return Trace(name, unit, channel.codes, channel.factor, channel.zero, step, channel.origin_s)
 
 
 def _tektronix_unit(path: Path) -> str:

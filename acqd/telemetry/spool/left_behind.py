@@ -52,6 +52,23 @@ def left_behind(state_dir: Path, device: str) -> LeftBehind | None:
     return None
 
 
+def strangers(folder: Path) -> LeftBehind | None:
+    """Files among the segments of a spool that are none by their name, such as copies; None: no such files."""
+    try:
+        names = sorted(path.name for path in folder.iterdir() if path.suffix == SUFFIX and number_of(path) is None)
+    except FileNotFoundError:
+        return None  # it is made again with the next row
+    except OSError as error:
+        return _unreadable(folder, error)
+    if not names:
+        return None
+    more = f" and {len(names) - 1} more" if len(names) > 1 else ""
+    return LeftBehind(
+        f"{folder / names[0]}{more} is no file of this spool, and nobody delivers what it holds",
+        "delete a copy; a segment that was renamed gets its number back (sixteen digits) while acqd is stopped",
+    )
+
+
 def _unreadable(folder: Path, error: OSError) -> LeftBehind:
     return LeftBehind(
         f"whether rows of another name wait in {folder} cannot be read", f"{error.strerror}; check its rights"

@@ -66,6 +66,8 @@ class SegmentLog:
         self.bytes = 0
         self.trouble = ""
         """Why the disk takes no rows, else empty."""
+        self.deleted = 0
+        """How often somebody has deleted the newest file, or the folder."""
         self.unopened: list[Path] = []
         """Segments that could not be read at the start."""
         self._kept = KeptSegments(keep_s)
@@ -264,6 +266,7 @@ class SegmentLog:
             segment.to_file(self._folder)
         except FileNotFoundError:
             self._take_folder(self._folder)
+            self.deleted += 1
             _log.error("spool: the folder %s had been deleted and is made again", self._folder)
             segment.to_file(self._folder)
         assert segment.path is not None
@@ -271,12 +274,13 @@ class SegmentLog:
 
     def _rescue(self, newest: Segment) -> None:
         """Write the rows of a file that somebody has deleted into a new one of the same name."""
-        path = newest.path
+        path, before = newest.path, self.deleted
         try:
             newest.rescue()
             self._to_file(newest)
         except OSError as error:
             self._note_trouble(error)
+        self.deleted = before + 1  # the folder with it is the same deed
         _log.error("spool: somebody has deleted %s; its %d bytes are written again", path, newest.size)
 
     def _rotate(self) -> Segment:

@@ -238,6 +238,11 @@ class Spool:
         return self._log.trouble
 
     @property
+    def deleted(self) -> int:
+        """How often somebody has deleted the newest file, or the folder, while the daemon ran."""
+        return self._log.deleted
+
+    @property
     def reading_trouble(self) -> str:
         """Why rows that wait cannot be read now, else empty."""
         if self._log.unopened:

@@ -153,3 +153,12 @@ def test_rows_have_the_sign_of_p_and_no_sum_without_its_parts():
     assert rows(L1_P=None)["L1"].PF is None
     assert rows()["total"].W == 990.0
     assert rows(total_W_export=None)["total"].W is None and rows(total_W=None)["total"].W is None
+
+
+def test_p_that_reads_0_for_a_moment_is_no_measurement_beside_s_and_pf():
+    judge = RoundJudge(230.0)
+    judge.judge(good(), 0)
+    values = judge.judge(good(L1_P=0.0), SECOND).values
+    assert values["L1.P"] is None and values["L1.PF"] is None and values["L2.P"] == 414.0
+    distorted = good(L1_P=230.0, L1_PF=1.0)  # cos phi of a load whose current has a THD of 173 %
+    assert judge.judge(distorted, 2 * SECOND).values["L1.P"] == 230.0

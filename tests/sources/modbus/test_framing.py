@@ -77,7 +77,18 @@ def test_answers_of_other_units_functions_and_lengths_are_passed_over():
     others = answer(2, [1, 2]) + answer(3, [1]) + answer(3, [1, 2, 3]) + sealed(bytes([3, 3, 4, 0, 1, 0, 2]))
     assert framer.handleFrame(others, 3, 0)[1] is None
     assert framer.handleFrame(others + answer(3, [8, 9]), 3, 0)[1].registers == [8, 9]
-    assert framer.handleFrame(b"\0" + sealed(bytes([3, 0x84, 2])), 3, 0)[1].exception_code == 2
+    assert rtu(unit=3)[0].handleFrame(b"\0" + sealed(bytes([3, 0x84, 2])), 3, 0)[1].exception_code == 2
+
+
+@pytest.mark.parametrize("late", [False, True])
+def test_an_answer_for_which_nobody_asked_is_named_once(late, caplog):
+    framer, _ = rtu()
+    if late:  # that of an earlier request, before the one to this request
+        assert framer.handleFrame(answer(1, [1, 2, 3]) + answer(1, [8, 9]), 1, 0)[1].registers == [8, 9]
+    else:
+        assert framer.handleFrame(answer(1, [8, 9]), 1, 0)[1].registers == [8, 9]
+    assert framer.handleFrame(answer(1, [8, 9]), 1, 0)[1] is None
+    assert [record.message.partition(";")[0] for record in caplog.records] == ["line: answers come twice or late"]
 
 
 def test_the_crc_is_that_of_pymodbus():
@@ -101,14 +112,19 @@ class Meter:
                 if not select.select([self.master], [], [], 30)[0]:
                     return
                 request = os.read(self.master, 256)
-            except OSError:
+            except (OSError, ValueError):  # closed
                 return
             number, self.asked = self.asked, self.asked + 1
             for delay, frame in self._reply(request, number):
-                threading.Timer(delay, os.write, (self.master, frame)).start()
+                threading.Timer(delay, self._write, (frame,)).start()
+
+    def _write(self, frame):
+        with contextlib.suppress(OSError):  # closed meanwhile
+            os.write(self.master, frame)
 
     def close(self):
-        os.close(self.master)
+        master, self.master = self.master, -1  # a late answer must not reach who gets the number next
+        os.close(master)
 
 
 def registers(request: bytes) -> bytes:
@@ -145,6 +161,37 @@ def test_an_answer_that_comes_late_is_not_the_answer_to_the_next_request():
     for first in (100, 200, 300):
         [data] = client.read(1, [(4, first, 3)])
         assert struct.unpack(">3H", data)[0] == first
+    client.close()
+    meter.close()
+
+
+@pytest.mark.parametrize("delay", [0.001, 0.006, 0.02])
+@pytest.mark.parametrize("counts", [(2, 2, 2, 2), (6, 4, 6)])
+def test_a_slave_that_answers_twice_shifts_no_read(delay, counts, caplog):
+    """The second answer comes between requests, together with the next request, or after it."""
+
+    def reply(request, _number):
+        return [(0.004, registers(request)), (0.004 + delay, registers(request))]
+
+    meter = Meter(reply)
+    client = ModbusClient(ModbusLink(serial_port=meter.path, baudrate=115_200, timeout_s=0.1))
+    for turn in range(3):
+        reads = [(4, 100 * k + turn, count) for k, count in enumerate(counts, start=1)]
+        answers = client.read(1, reads, 0.005)
+        assert [struct.unpack(">H", data[:2])[0] for data in answers] == [first for _, first, _ in reads]
+    assert {record.message.partition(";")[0] for record in caplog.records} <= {
+        f"{client.link}: answers come twice or late"
+    }
+    client.close()
+    meter.close()
+
+
+def test_a_round_without_a_load_is_read_as_often_as_it_needs():
+    """Equal answers of equal length may be one answer twice: the second read is repeated, and that of 0 is no copy."""
+    meter = Meter(lambda request, _: [(0.0, answer(1, [0] * struct.unpack(">H", request[4:6])[0]))])
+    client = ModbusClient(ModbusLink(serial_port=meter.path, baudrate=115_200, timeout_s=0.5))
+    assert client.read(1, [(4, 0, 2), (4, 8, 2), (4, 20, 3)]) == [bytes(4), bytes(4), bytes(6)]
+    assert meter.asked == 4
     client.close()
     meter.close()
 

@@ -12,37 +12,48 @@ from tests.places import WAVEFORMS
 NAMES = ["UA", "IA", "UB", "IB", "UC", "IC"]
 
 
-def samples(volts: float, amperes: float = 5.0, zero: float = 0.0) -> np.ndarray:
+def samples(volts: float, amperes: float = 5.0, zero: float = 0.0, third: float = 0.0, lag: float = 0.5) -> np.ndarray:
     angle = 2 * np.pi * 50 * np.arange(2_000)[:, None] / 5_000 - 2 * np.pi * np.arange(3) / 3
     wave = np.empty((2_000, 6))
-    wave[:, 0::2] = np.sqrt(2) * volts * np.cos(angle) + zero
-    wave[:, 1::2] = np.sqrt(2) * amperes * np.cos(angle - 0.5)
+    wave[:, 0::2] = np.sqrt(2) * volts * (np.cos(angle) + third * np.cos(3 * angle)) + zero
+    wave[:, 1::2] = np.sqrt(2) * amperes * np.cos(angle - lag)
     return wave
 
 
 def said(values: np.ndarray, roles_by_name: bool = True) -> str:
-    return " ".join(hints(NAMES, values, np.ones(6), roles_by_name))
+    return " ".join(hints(list(enumerate(NAMES)), values, np.ones(6), (5_000.0, 50.0), roles_by_name))
 
 
-@pytest.mark.parametrize("volts", [380.0, 398.0, 415.0, 480.0, 690.0, 3_300.0, 11_000.0, 109_600.0, 380e3])
+@pytest.mark.parametrize("volts", [100.0, 115.0, 120.0, 200.0, 208.0, 220.0, 230.0, 240.0, 253.0, 380.0, 398.0, 415.0, 480.0, 690.0, 3_300.0, 11_000.0, 109_600.0, 380e3])  # fmt: skip  # noqa: E501
 def test_phases_with_the_size_of_voltages_between_lines_are_asked_about(volts):
-    assert "UA, UB, UC have" in said(samples(volts)) and "--map u12=" in said(samples(volts))
+    assert "UA, UB, UC have" in said(samples(volts))
+    assert "--map u1=0,i1=1,u2=2,i2=3,u3=4,i3=5 to neutral, --map u12=0,u23=2,u31=4,i1=1" in said(samples(volts))
     assert not said(samples(volts), roles_by_name=False)  # the user has said what they are
     assert not said(samples(volts, zero=0.1 * volts))  # voltages between lines close a loop
+    assert not said(samples(volts, third=0.004))  # also at three times the frequency
 
 
-@pytest.mark.parametrize("volts", [57.7, 100.0, 115.0, 120.0, 207.0, 230.0, 253.0, 277.0, 347.0, 6_351.0, 11_547.0, 63_508.0, 230.9e3])  # fmt: skip  # noqa: E501
+@pytest.mark.parametrize("volts", [57.7, 66.4, 277.0, 347.0, 6_351.0, 11_547.0, 63_508.0, 230.9e3])
 def test_voltages_to_neutral_are_not(volts):
     assert not said(samples(volts))
 
 
+def test_the_question_shows_what_the_angles_make_of_either_answer():
+    assert "to neutral 3028 W with I 29 degrees behind U, between lines 1991 W with I 1 degrees before" in said(
+        samples(230.0)
+    )
+    assert "the angles speak for neutral" in said(samples(230.0, lag=-0.2))  # between lines it would lead by 41 degrees
+    assert "the angles speak for lines" in said(samples(230.0, lag=1.7))  # to neutral it would feed back
+    assert "no load shows which" in said(samples(230.0, amperes=1e-5) * [1, 0, 1, 0, 1, 0])
+
+
 def test_channels_without_a_value_or_beyond_every_network_are_asked_about():
-    values = samples(230.0)
+    values = samples(277.0)
     values[:, 2] *= 1e-30
     values[:, 5] = 0.0
-    assert "UB: never above 3.25e-28 V" in said(values) and "IC: never above 0 A" in said(values)
+    assert "UB: never above 3.92e-28 V" in said(values) and "IC: never above 0 A" in said(values)
     assert "more than any network has" in said(samples(63.5e6)) and "UA, UB, UC: 6.35e+07 V" in said(samples(63.5e6))
-    assert "IA, IB, IC: 1e+06 A" in said(samples(230.0, 1e6))
+    assert "IA, IB, IC: 1e+06 A" in said(samples(277.0, 1e6))
 
 
 @pytest.mark.skipif(not WAVEFORMS.is_dir(), reason="../shared/data/waveforms is absent")

@@ -92,3 +92,24 @@ def test_a_recording_faster_than_the_meter_is_averaged_with_a_word(tmp_path):
     assert any("means of 5 samples" in note for note in waveform.notes)
     assert np.abs(waveform.codes[:, 0] - u[2::5]).max() < 1e-6 * 325
     assert np.abs(waveform.codes[:, 1] - i[2::5]).max() < 1e-6 * 7
+
+
+def test_a_channel_of_codes_is_that_of_the_library_without_its_arrays():
+    from types import SimpleNamespace
+
+    from RigolWFM.channel import Channel
+
+    from acqd.sources.scopes.lean import LeanChannel
+
+    codes = np.random.default_rng(0).integers(0, 256, 1000).astype(np.uint8)
+    one = {
+        "enabled_and_selected": True, "raw": codes, "y_scale": 0.04, "y_offset": -1.3, "time_offset": 2e-3,
+        "points": 1000, "seconds_per_point": 1e-5, "times": None, "volts": None,
+    }  # fmt: skip
+    for options in ({}, {"midpoint": 125.0}, {"sample_aligned": True, "memory_depth_points": 1200}):
+        library, lean = SimpleNamespace(**one), SimpleNamespace(**one)
+        Channel.calc_times_and_volts(library, **options)
+        LeanChannel.calc_times_and_volts(lean, **options)
+        assert lean.codes is codes
+        assert lean.codes * lean.factor + lean.zero == pytest.approx(library.volts, abs=1e-12)
+        assert lean.origin_s == pytest.approx(library.times[0], abs=1e-9)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from acqd.telemetry.spool import Spool, SpooledRow, Stream
-from acqd.telemetry.spool.left_behind import folder_of, left_behind
+from acqd.telemetry.spool.left_behind import folder_of, left_behind, strangers
 
 
 def fill(state_dir, device, rows=3):
@@ -34,6 +34,16 @@ def test_a_spool_of_another_name_whose_rows_are_delivered_is_not(tmp_path):
     spool.close()
     (tmp_path / "spool-old" / "0000000000000001 (copy).seg").write_bytes(b"x")
     assert left_behind(tmp_path, "new") is None
+
+
+def test_copies_among_the_segments_are_named(tmp_path):
+    spool, folder = fill(tmp_path, "new"), folder_of(tmp_path, "new")
+    assert strangers(folder) is None and strangers(tmp_path / "away") is None
+    (folder / "0000000000000001 (copy).seg").write_bytes(b"x")
+    (folder / "x.seg").mkdir()
+    text = str(strangers(folder))
+    assert text.startswith(f"{folder}/0000000000000001 (copy).seg and 1 more is no file of this spool")
+    spool.close()
 
 
 def test_a_spool_of_another_name_that_cannot_be_read_is_named(tmp_path):

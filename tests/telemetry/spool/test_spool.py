@@ -300,6 +300,7 @@ def test_the_folder_is_made_again_and_the_rows_of_the_open_file_survive(tmp_path
     for k in range(20, 30):
         spool.append(window(k))
     spool.close()
+    assert spool.deleted == 1
     assert everything(Spool(folder)) == [row for k in range(30) for row in window(k)]
     assert "is made again" in caplog.text
 

@@ -11,6 +11,7 @@ from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+import orjson
 import paho.mqtt.client as paho
 import sqlalchemy as sa
 from paho.mqtt.enums import CallbackAPIVersion
@@ -182,6 +183,28 @@ def _unreadable(bed: Bed, _fault: ExitStack) -> None:
     proxy.mode = "pass"
 
 
+def _copied(bed: Bed, _fault: ExitStack) -> None:
+    """A file manager's copy beside a segment."""
+    path = next((bed.folder / "state").glob("spool-*/*.seg"))
+    shutil.copy(path, path.with_name(f"{path.stem} (copy).seg"))
+
+
+def _deleted(bed: Bed, _fault: ExitStack) -> None:
+    shutil.rmtree(next((bed.folder / "state").glob("spool-*")))
+
+
+def _power_cut(bed: Bed, fault: ExitStack) -> None:
+    """What a power cut leaves: a run without an end, and another id of the computer's start; no sink answers."""
+    bed.sink.stop()
+    fault.callback(bed.sink.start)
+    bed.daemon.kill()
+    for path in (bed.folder / "state").glob("energy-*.json"):
+        content = orjson.loads(path.read_bytes())
+        content["run"]["start"] = "00" * 15 + "01"
+        path.write_bytes(orjson.dumps(content))
+    bed.daemon.start()
+
+
 def _spool_full(bed: Bed, fault: ExitStack) -> None:
     proxy = bed.proxies["daemon"]
     proxy.mode = "refuse"
@@ -230,6 +253,9 @@ CASES = (
     Case("SQLite file moved away", _moved, "sink", "moved away or deleted"),
     Case("SQLite file replaced", _replaced, "sink", "was replaced|another database|earlier state"),
     Case("spool cannot be read", _unreadable, "daemon", "^spool: .*cannot be (read|opened)"),
+    Case("a copy among the spool's files", _copied, "daemon", "^spool: .*copy.*is no file of this spool"),
+    Case("the spool's folder deleted", _deleted, "daemon", "somebody deleted files of the spool"),
+    Case("daemon's power cut, sink away", _power_cut, "daemon", "power cuts? before this start"),
     Case("spool's disk full, broker away", _spool_full, "daemon", "^spool: .*[Nn]o space", need="disks"),
     Case("daemon's clock two days ahead", _daemon_ahead, "sink", "in quarantine, .*clock", need="clock"),
     Case("sink's clock two days behind", _sink_behind, "sink", "this computer's clock", need="clock"),
