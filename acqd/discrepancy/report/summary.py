@@ -120,8 +120,8 @@ def next_steps(closed: Closed) -> list[str]:
     steps = []
     for each in closed.named:
         effect = library()[each.term.id]
-        near = [name for name, share in each.alternatives if share > _SHOWN_CONFIDENCE]
-        if near:
+        if _doubted(each):
+            near = [name for name, share in each.alternatives if share > _SHOWN_CONFIDENCE]
             steps.append(f"to distinguish {each.term.id} from {' or '.join(near)}: {effect.experiment}")
         else:
             steps.append(f"look for what has changed at: {changed_place(each)}; to confirm it: {effect.experiment}")
@@ -139,4 +139,11 @@ def next_steps(closed: Closed) -> list[str]:
         few = seconds < THRESHOLDS.enough_s
         reason = f"{seconds:.0f} s are too few to distinguish an effect from noise: " if few else ""
         steps.append(f"{reason}record a dozen more recordings of a minute each, with other motions")
+    if closed.subject.reference and (closed.verdict == "not_identifiable" or any(map(_doubted, closed.named))):
+        steps.append("or let acqd next, with the folder of this report, design the motion that decides")
     return steps
+
+
+def _doubted(each: Reported) -> bool:
+    """Whether another cause is likely enough to be worth an experiment."""
+    return any(share > _SHOWN_CONFIDENCE for _, share in each.alternatives)
