@@ -22,7 +22,6 @@ WINDOW_FALLBACK = "metering with numpy takes more than twenty times as long"
 QUALITY_FALLBACK = "power quality and events with numpy take several times as long"
 TICKS_FALLBACK = "MAIN_FAST waits in Python, which costs more of the processor"
 SWITCHING_FALLBACK = "loads that switch are searched with numpy, which takes several times as long"
-FLAC_FALLBACK = "archives are read by libsndfile, which takes twice as long"
 LSTM_FALLBACK = "train with --compute torch"
 FMU_FALLBACK = "acqd[fmu] brings zig"
 
@@ -73,12 +72,6 @@ def switching() -> CBuild:
     return CBuild("switching", (source,), ("-O2", "-std=c99", *_SHARED, "-ffp-contract=off"), SWITCHING_FALLBACK)
 
 
-def flac() -> CBuild:
-    """The reader of archived samples; a stream of bits gains nothing from wide vectors."""
-    source = _PACKAGE / "archive" / "flac.c"
-    return CBuild("flac", (source,), ("-O3", *_COMMON, "-Wall", "-Wextra"), FLAC_FALLBACK)
-
-
 def lstm(instructions: InstructionSet) -> CBuild:
     """Loss and gradient of an LSTM."""
     flags = ("-O3", *_COMMON, *instructions.options, f"-DV={instructions.lanes}")
@@ -97,6 +90,5 @@ def all_builds(machine: str) -> list[CBuild]:
     return [
         ticks(),
         switching(),
-        flac(),
         *(build for each in sets for build in (*(window(n, each) for n in (2, 4, 6)), quality(each), lstm(each))),
     ]

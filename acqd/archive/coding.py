@@ -1,8 +1,8 @@
 """Samples as fewer bytes, and back to the last bit.
 
-FLAC (RFC 9639), written by libsndfile and read in C (`flac`): linear prediction per channel and Rice codes. 16-bit
-codes of converters are made for it; wider integers fit as long as they have 24 bits. Anything else is sorted by
-significance of its bytes and deflated. ADR 39 has the measurement that chose this.
+FLAC (RFC 9639) through libsndfile: linear prediction per channel and Rice codes. 16-bit codes of converters are made
+for it; wider integers fit as long as they have 24 bits. Anything else is sorted by significance of its bytes and
+deflated. ADR 39 has the measurement that chose this.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ import zlib
 import numpy as np
 import soundfile
 
-from acqd.archive.flac import read_flac
 from acqd.metering.block import Codes
 
 FLAC16, FLAC24, SORTED = "flac16", "flac24", "sorted"
@@ -38,9 +37,7 @@ def encode(codes: Codes) -> tuple[str, bytes]:
 def decode(coding: str, data: bytes, dtype: np.dtype, samples: int, channels: int) -> Codes:
     """Codes [samples, channels]. Raises ValueError for bytes that are none."""
     try:
-        codes = (
-            _sorted(data, dtype, samples, channels) if coding == SORTED else _unflac(coding, data, samples, channels)
-        )
+        codes = _sorted(data, dtype, samples, channels) if coding == SORTED else _unflac(coding, data)
     except (zlib.error, RuntimeError) as error:  # soundfile raises RuntimeErrors
         raise ValueError(f"{coding}: {error}") from None
     if codes.shape != (samples, channels) or codes.dtype != dtype:
@@ -57,15 +54,9 @@ def _flac(codes: Codes, subtype: str) -> bytes:
     return buffer.getvalue()
 
 
-def _unflac(coding: str, data: bytes, samples: int, channels: int) -> Codes:
+def _unflac(coding: str, data: bytes) -> Codes:
     if coding not in (FLAC16, FLAC24):
         raise ValueError(f"unknown coding {coding!r}")
-    known = read_flac(data, samples, channels, 16 if coding == FLAC16 else 24)
-    return known if known is not None else _unflac_by_library(coding, data)
-
-
-def _unflac_by_library(coding: str, data: bytes) -> Codes:
-    """Every kind of FLAC. Raises RuntimeError."""
     with soundfile.SoundFile(io.BytesIO(data)) as file:
         if coding == FLAC24:
             return np.asarray(file.read(dtype="int32", always_2d=True) >> 8)
