@@ -30,9 +30,10 @@ class _Command:
         plain = self.name.replace("-", "_")
         module = import_module(f"acqd.cli.{self.room or plain}")
         if self.group:
-            app.add_typer(module.app, name=self.name)
+            app.add_typer(module.app, name=self.name, rich_help_panel=self.panel)
         else:
-            app.command(self.name)(getattr(module, (self.room or plain).rpartition(".")[2]))
+            name = (self.room or plain).rpartition(".")[2]
+            app.command(self.name, rich_help_panel=self.panel)(getattr(module, name))
 
 
 _SET_UP, _MEASURE, _COUNT = "set up", "measure", "count"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import orjson
@@ -70,16 +71,18 @@ class Open:
         return without_intercepts(self.rows.regression, self.contest, gate, weights)
 
 
+def settled(effect: dict[str, Any]) -> bool:
+    """Whether an effect of report.json has a name that the loop does not doubt."""
+    return bool(effect["confidence"] >= _SETTLED and not effect["family"]["members"])
+
+
 def question_of(report: Path, progress: Progress) -> Question:
     """Open the folder of a closing report. Raises UserError, InputError."""
     file = report / "report.json"
     try:
         told = orjson.loads(file.read_bytes())
         config = CloseConfig.from_json(told["asked"], report)
-        named = tuple(
-            (str(each["id"]), str(each["where"])) for each in told["effects"]
-            if each["confidence"] >= _SETTLED and not each["family"]["members"]
-        )  # fmt: skip
+        named = tuple((str(each["id"]), str(each["where"])) for each in told["effects"] if settled(each))
         verdict = str(told["verdict"])
     except OSError as error:
         raise UserError(

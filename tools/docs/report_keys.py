@@ -51,6 +51,7 @@ KEYS: dict[str, tuple[str, str]] = {
     "notes": ("list of text", "remarks on recordings and model"),
     "model": ("`{name, bundle}`", "the model that was asked about"),
     "dataset": ("text", "folder of the recordings in question"),
+    "asked": ("object", "what the run was asked for: `acqd next` opens the same recordings and model again"),
     "seed": ("integer", "of the bootstrap; the same seed gives the same report"),
     "thresholds": ("list", "every threshold of the stages that ran, with value, unit, meaning and source"),
 }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from acqd.cli.lab import campaign, effects, execute, trajectories
+from acqd.cli.lab import campaign, effects, execute, investigate, trajectories
 from acqd.extras import require
 
 app = typer.Typer(no_args_is_help=True)
@@ -19,4 +19,5 @@ def lab() -> None:
 app.command("trajectories")(trajectories.trajectories)
 app.command("execute")(execute.execute)
 app.command("campaign")(campaign.campaign)
+app.command("investigate")(investigate.investigate)
 app.command("effects")(effects.effects)

@@ -138,12 +138,30 @@ def test_a_long_log_is_as_many_sessions_as_it_is_longer_than_those_of_the_refere
 
     def variance(rows_per_log):
         logs = [("a", False, 200)] * 4 + [(f"log{k}", True, rows) for k, rows in enumerate(rows_per_log)]
-        parts = [SimpleNamespace(recording=f"{name}{k}", in_question=now) for k, (name, now, _) in enumerate(logs)]
+        parts = [
+            SimpleNamespace(recording=f"{name}{k}", in_question=now, segment=0) for k, (name, now, _) in enumerate(logs)
+        ]
         now = np.array([1.0 * each for _, each, _ in logs])
         blocks = SimpleNamespace(rows=np.array([float(rows) for *_, rows in logs]))
-        design = SimpleNamespace(parts=parts, blocks=blocks, columns=SimpleNamespace(in_question=now))
+        design = SimpleNamespace(
+            parts=parts, blocks=blocks, columns=SimpleNamespace(in_question=now, segments=[SimpleNamespace(session="")])
+        )
         return spread.variance_of(design, amplitudes, information, 0.1, now)
 
     assert variance([800]) == pytest.approx(variance([200] * 4))
     assert variance([200]) == pytest.approx(variance([50]))
     assert variance([800]) < 0.7 * variance([200])
+
+
+def test_sessions_of_several_days_differ_by_less_than_those_of_one():
+    amplitudes, information = np.array([0.3, -0.3, 0.3, -0.3]), np.ones(4)
+
+    def variance(sessions):
+        parts = [SimpleNamespace(recording=f"a{k}", in_question=False, segment=0) for k in range(4)]
+        parts += [SimpleNamespace(recording=f"b{k}", in_question=True, segment=k) for k in range(len(sessions))]
+        now = np.array([1.0 * part.in_question for part in parts])
+        columns = SimpleNamespace(in_question=now, segments=[SimpleNamespace(session=name) for name in sessions])
+        design = SimpleNamespace(parts=parts, blocks=SimpleNamespace(rows=np.full(len(parts), 200.0)), columns=columns)
+        return spread.variance_of(design, amplitudes, information, 0.1, now)
+
+    assert variance(["", "next"]) < 0.75 * variance(["", ""])
