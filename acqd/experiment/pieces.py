@@ -68,12 +68,13 @@ def _piece(space: Space, name: str, steps: list[Step]) -> Piece | None:
 
 def _kinds(space: Space, random: np.random.Generator) -> Iterator[tuple[str, list[Step]]]:
     postures = {"home": space.home, **_extremes(space)}
+    joints = {axis: space.arm.description.joint[axis].name for axis in space.turning(_STROKE)}
     for where, posture in postures.items():
-        for axis, joint in enumerate(space.arm.description.joint):
+        for axis, joint in joints.items():
             for speed, share in SPEEDS.items():
-                yield f"{joint.name} {speed} from {where}", _turns(space, posture, axis, share, _TURN)
-    for axis, joint in enumerate(space.arm.description.joint):
-        yield f"{joint.name} short strokes", _turns(space, space.home, axis, 1.0, _STROKE)
+                yield f"{joint} {speed} from {where}", _turns(space, posture, axis, share, _TURN)
+    for axis, joint in joints.items():
+        yield f"{joint} short strokes", _turns(space, space.home, axis, 1.0, _STROKE)
     for number in range(_HOLDS):
         posture = space.postures[random.integers(len(space.postures))]
         yield f"hold {number + 1}", [_to(space, space.home, posture), Wait(_HOLD_S)]

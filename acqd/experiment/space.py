@@ -88,6 +88,10 @@ class Space:
         """[axes] rad: greatest measured positions within the limits."""
         return np.asarray(np.minimum(self.postures.max(axis=0), self.arm.description.upper))
 
+    def turning(self, least: float) -> list[int]:
+        """Axes that have moved by more than `least` (rad or m): what the model knows of the others is a rest."""
+        return [int(axis) for axis in np.flatnonzero((self.high - self.low > least) & (self.speed > 0))]
+
     def broken_limit(self, motion: Motion) -> str | None:
         """The first limit that a motion exceeds, in words; None: it keeps all of them.
 

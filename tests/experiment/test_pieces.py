@@ -1,6 +1,7 @@
 """Pieces of motion and programs keep limits, workspace and obstacles."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -56,6 +57,15 @@ def test_a_sequence_of_pieces_keeps_all_limits(space, pieces):
     motion = motion_of(space, tuple(steps))
     assert space.broken_limit(motion) is None
     assert (np.abs(motion.qd) <= space.speed * (1 + 1e-6)).all()
+
+
+def test_a_joint_that_has_never_moved_stays_at_rest(arm, segments):
+    still = [replace(segment, q=np.where(np.arange(6) == 5, 0.3, segment.q)) for segment in segments]
+    space = space_of(arm, still)
+    pieces = pieces_of(space, 1)
+    assert pieces and not any(piece.name.startswith("wrist_3") for piece in pieces)
+    for piece in pieces[::9]:
+        assert np.ptp(motion_of(space, piece.steps).q[:, 5]) < 1e-9
 
 
 def test_speeds_stay_below_measured_ones_and_below_the_asked_share(arm, segments, space):
