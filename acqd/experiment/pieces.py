@@ -23,7 +23,7 @@ SPEEDS = {"slow": 0.1, "half speed": 0.4, "full speed": 1.0}
 _TURN, _STROKE = 1.2, 0.15
 """rad: longest turn of one joint to a side, and a short stroke."""
 _PIECE_S = 6.0
-"""A piece repeats its turns until this time has passed."""
+"""A piece repeats its turns until this time has passed; slow turns are short enough to fit."""
 _HOLD_S, _REST_S = 4.0, 14.0
 """A rest is longer than brakes wait before they close."""
 _HOLDS, _RANDOM, _RANDOM_MOVES = 6, 18, 5
@@ -93,6 +93,7 @@ def _extremes(space: Space) -> dict[str, Floats]:
 
 def _turns(space: Space, posture: Floats, axis: int, share: float, reach: float) -> list[Step]:
     """One joint to and fro about a posture until the time of a piece has passed, within measured positions."""
+    reach = min(reach, share * space.speed[axis] * _PIECE_S / 4)
     low = max(posture[axis] - reach, space.low[axis])
     high = min(posture[axis] + reach, space.high[axis])
     one_way = (high - low) / (share * space.speed[axis]) + share * space.speed[axis] / space.acceleration[axis]
