@@ -37,7 +37,7 @@ def next_motion(
 ) -> None:
     """Design the recording that decides: a program of a few minutes, its picture, and what to expect after it.
 
-    The program keeps the limits of the robot, measured positions and speeds, and free of collisions with itself and the
+    The program keeps the limits of the robot, measured ranges and speeds, and free of collisions with itself and the
     boxes of the scene. A person has to check the program before anything moves.
 
     Example: acqd next ds.loop --minutes 3 --limit-speed 50

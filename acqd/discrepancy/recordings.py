@@ -104,6 +104,8 @@ def _together(config: CloseConfig) -> Dataset:
         ):  # fmt: skip
             if own != other:
                 raise UserError(f"--with {path}: {what} {other}, but {config.dataset} has {own}; name like recordings")
+        if min(s.start_s for s in more.segments) < min(s.start_s for s in data.segments):
+            raise UserError(f"--with {path}: begins before {config.dataset}; name recordings of a later session")
         parts.append(more)
     segments = [
         replace(segment, session=f"session {k}", recording=f"s{k} {segment.recording}" if k else segment.recording)

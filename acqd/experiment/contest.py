@@ -27,13 +27,17 @@ from scipy.stats import t as student
 from acqd.arrays import Floats
 from acqd.discrepancy.regression.design_columns import Candidate
 from acqd.discrepancy.regression.gram import LEAST_POWER, Indices, Moments
+from acqd.discrepancy.selection.ranking import part_of
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.discrepancy.thresholds.chance import by_chance
 
 _NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(7)
 """Of sizes, for a normal posterior."""
-_NEVER = -8.0
-"""Standard deviations of what no program of this length can tell: the other causes decide which one is best."""
+_HOPELESS, _SLOPE = -8.0, 0.01
+"""Standard deviations of what no program of this length can tell: from there on the worth falls slowly, so that the
+other causes decide which program is best."""
+_NEVER = -1e3
+"""Of columns that never act."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,8 +53,8 @@ class Cause:
     """Posterior standard deviation."""
     bounds: tuple[float, float]
     """Physical bounds of the size."""
-    prior: float
-    """Prior deviation of the size."""
+    priors: Floats
+    """[k] prior deviations of the candidate's parameters."""
     evidence: float
     """Twice the log Bayes factor against nothing in the recordings so far."""
     believed: float
@@ -94,7 +98,7 @@ class Contest:
 
     def log_probabilities(self, moments: Moments) -> Floats:
         """[causes] expected log probability that the loop names a cause where that is what has changed."""
-        return np.array([float(weights @ log_ndtr(z)) for z, weights in self._distances(moments)])
+        return np.array([float(weights @ _softened(z)) for z, weights in self._distances(moments)])
 
     def probabilities(self, moments: Moments) -> Floats:
         """[causes] probability that the loop names a cause where that is what has changed."""
@@ -140,7 +144,7 @@ class Contest:
         precision = self.learning_rate * power
         variance, freedom = cause.between_sessions
         chance = by_chance(self.kinds)
-        pays = 2 * np.log(cause.candidate.tried) + np.log1p(cause.prior**2 * precision)
+        pays = 2 * np.log(cause.candidate.tried) + self._complexity(schur, cause)
         improbable = float(student.isf(np.exp(-chance / 2) / 2, freedom))
         least = max(float(np.sqrt((chance + pays) / precision)), improbable * float(np.sqrt(variance)))
         alone = (theta - least) / np.sqrt(1 / precision + variance)
@@ -150,6 +154,13 @@ class Contest:
         net = u**2 * (1 - THRESHOLDS.column_error**2 / left) + complexity[near] - pays - chance
         beside = (net / np.maximum(2 * u, 1e-9)).min(axis=1, initial=np.inf)
         return np.asarray(np.maximum(np.minimum(alone, beside), _NEVER))
+
+    def _complexity(self, schur: Floats, cause: Cause) -> float:
+        """log det(I + D S D) of a cause's parameters."""
+        own = self._own(cause)
+        block, _ = part_of(schur, schur[0], own, cause.candidate)
+        scaled = np.eye(len(block)) + self.learning_rate * cause.priors[:, None] * block * cause.priors
+        return float(np.linalg.slogdet(scaled)[1])
 
     def _own(self, cause: Cause) -> Indices:
         return np.asarray(np.searchsorted(self.used, cause.candidate.indices))
@@ -209,6 +220,12 @@ def _grouped(used: Indices, rivals: Sequence[Candidate], priors: Sequence[Floats
             )
         )  # fmt: skip
     return tuple(groups)
+
+
+def _softened(distance: Floats) -> Floats:
+    """Log probability at a distance; beyond what is hopeless a line, so that pieces that help together are chosen."""
+    below = np.minimum(distance - _HOPELESS, 0.0)
+    return np.asarray(log_ndtr(np.maximum(distance, _HOPELESS)) + _SLOPE * below)
 
 
 def _name(candidate: Candidate) -> str:

@@ -16,7 +16,7 @@ from acqd.experiment.choice import chosen, d_optimal, filled
 from acqd.experiment.contest import Cause, Contest, together
 from acqd.experiment.pieces import Piece, motion_of, pieces_of
 from acqd.experiment.planned import planned
-from acqd.experiment.question import Question, opened, question_of
+from acqd.experiment.question import Question, opened, question_of, require_known
 from acqd.experiment.space import Space
 from acqd.models.effects import library
 from acqd.motion.controller import Motion, Step
@@ -81,6 +81,7 @@ class Designed:
 
 def next_motion(report: Path, asked: Asked, progress: Progress) -> Designed:
     """Design the recording that decides. Raises UserError, InputError."""
+    require_known(asked.causes)
     question = question_of(report, progress)
     subject = question.subject
     space = Space.of(
@@ -101,12 +102,15 @@ def next_motion(report: Path, asked: Asked, progress: Progress) -> Designed:
         sessions.append(_session(question, space, pieces, asked, progress, cold=True))
     best = max(sessions, key=lambda session: session.worth)
     names = best.program
+    if not names:
+        causes = ", ".join(cause.candidate.id or cause.candidate.label for cause in best.contest.causes)
+        raise UserError(f"no motion within these limits helps to tell {causes} apart: allow more, or name other causes")
     steps = tuple(step for name in names for step in pieces[name].steps)
     motion = motion_of(space, steps)
     broken = space.broken_limit(motion)
     assert broken is None, f"a sequence of free pieces breaks a limit: {broken}"
     progress("comparing with random motion", 0.9)
-    seconds, total_s = best.seconds, motion.seconds
+    seconds, total_s = best.seconds, sum(best.seconds[name] for name in names)
     random = filled([name for name, piece in pieces.items() if piece.random], seconds, total_s)
     parameters = chosen(d_optimal(best.contest), best.so_far, best.pieces, seconds, total_s)
     return Designed(

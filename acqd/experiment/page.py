@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
+from itertools import count
 from pathlib import Path
 
 import numpy as np
@@ -92,12 +94,26 @@ def steps(designed: Designed) -> list[str]:
     """What to do, with the lines to type; nothing where no recording has to decide."""
     if designed.so_far.right(designed.causes) >= _SURE:
         return []
-    dataset, description = designed.question.config.dataset, designed.question.subject.data.description
+    config = designed.question.config
+    known = {config.dataset, *config.further}
+    further = next(
+        path for k in count(2) if (path := config.dataset.with_name(f"{config.dataset.name}{k}")) not in known
+    )
+    again = ["acqd", "close-loop", str(config.dataset)]
+    again += [word for path in [*config.further, further] for word in ("--with", str(path))]
+    again += ["--model", str(config.bundle)]
+    for name, value in (("--reference", config.reference), ("--robot", config.robot)):
+        again += [] if value is None else [name, str(value)]
+    again += [word for name in config.only for word in ("--only", name)]
+    again += [word for name in config.exclude for word in ("--exclude", name)]
+    if config.since_s is not None:
+        again += ["--from", datetime.fromtimestamp(config.since_s, UTC).strftime("%Y-%m-%dT%H:%M:%S")]
+    robot = designed.question.subject.data.description
     return [
-        "have a person check the program, and run it at reduced speed first",
+        "have a person check the program, drive to its start by hand, and run it at reduced speed first",
         "record power and the robot's log while the program runs, as before",
-        f"acqd dataset build --power POWER --logs LOGS --robot {description} --out {dataset}2",
-        f"acqd close-loop {dataset} --with {dataset}2 --model {designed.question.config.bundle}",
+        f"acqd dataset build --power POWER --logs LOGS --robot {robot} --out {further}",
+        " ".join(again),
     ]
 
 

@@ -26,6 +26,8 @@ _PIECE_S = 6.0
 """A piece repeats its turns until this time has passed; slow turns are short enough to fit."""
 _HOLD_S, _REST_S = 4.0, 14.0
 """A rest is longer than brakes wait before they close."""
+_NUDGE = 0.02
+"""rad: a motion that opens the brakes."""
 _HOLDS, _RANDOM, _RANDOM_MOVES = 6, 18, 5
 _BRIEF_S = 0.4
 """At home, between two pieces."""
@@ -80,7 +82,9 @@ def _kinds(space: Space, random: np.random.Generator) -> Iterator[tuple[str, lis
         yield f"hold {number + 1}", [_to(space, space.home, posture), Wait(_HOLD_S)]
     for where, posture in postures.items():
         yield f"hold {where}", [_to(space, space.home, posture), Wait(_HOLD_S)]
-    yield "rest", [Wait(_REST_S)]
+    if joints:  # the brakes open, and close again while the arm rests
+        stroke = space.home + _NUDGE * (np.arange(space.arm.axes) == next(iter(joints)))
+        yield "rest", [_to(space, space.home, stroke), _to(space, stroke, space.home), Wait(_REST_S)]
     for number in range(_RANDOM):
         yield f"random {number + 1}", _random(space, random)
 

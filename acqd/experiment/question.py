@@ -15,11 +15,12 @@ from acqd.discrepancy.beforehand import PLANNED
 from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.recordings import Subject, subject_of
 from acqd.discrepancy.regression.design_columns import Candidate
+from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.gram import Column, Moments, Regression
-from acqd.discrepancy.regression.setup import Comparison, set_up
+from acqd.discrepancy.regression.setup import Comparison, Setup, set_up
 from acqd.discrepancy.search import begins_of, unexplained
 from acqd.discrepancy.selection.judging import best_of_each, kinds_of
-from acqd.discrepancy.selection.ranking import Finding, Rows, bounds_of, prior_of, ranked
+from acqd.discrepancy.selection.ranking import Finding, Rows, bounds_of, part_of, prior_of, ranked
 from acqd.discrepancy.selection.session_columns import CLOCK, LEVEL, with_sessions
 from acqd.discrepancy.selection.spread import variances_of_sessions
 from acqd.discrepancy.thresholds import THRESHOLDS
@@ -49,7 +50,6 @@ class Question:
     config: CloseConfig
     subject: Subject
     """Without the power that the model knows, and without a delay that was corrected."""
-    verdict: str
     named: tuple[tuple[str, str], ...]
     """Ids and places of the effects that the report has named and does not doubt."""
 
@@ -83,7 +83,6 @@ def question_of(report: Path, progress: Progress) -> Question:
         told = orjson.loads(file.read_bytes())
         config = CloseConfig.from_json(told["asked"], report)
         named = tuple((str(each["id"]), str(each["where"])) for each in told["effects"] if settled(each))
-        verdict = str(told["verdict"])
     except OSError as error:
         raise UserError(
             f"{file} cannot be read ({error.strerror}); name the folder that acqd close-loop has written"
@@ -95,7 +94,7 @@ def question_of(report: Path, progress: Progress) -> Question:
         raise UserError(
             f"{report}: the loop had no reference to compare with; close the loop on later recordings first"
         )
-    return Question(report, config, unexplained(subject)[1], verdict, named)
+    return Question(report, config, unexplained(subject)[1], named)
 
 
 def opened(
@@ -103,34 +102,72 @@ def opened(
 ) -> Open:
     """The design of all recordings, with planned pieces `age_s` after the start of their session.
 
-    `asked`: ids of the causes to compare; empty: those that the loop cannot yet choose between. Raises UserError.
+    What is believed, and how far rows can be trusted, follows from the recordings that exist; the pieces only add
+    columns. `asked`: ids of the causes to compare; empty: those that the loop cannot yet choose between. Raises
+    UserError.
     """
     subject = question.subject
-    in_question = [*subject.fit, *planned]
     begins = begins_of([*subject.fit, *subject.held_out])
+    so_far = _set_up(subject, subject.fit, begins, progress, "computing the columns of the recordings")
+    known = with_sessions(so_far)
     begins |= {segment.session: segment.start_s - age_s for segment in planned}
-    what = "computing the columns of all effects"
-    setup = set_up(
+    whole = _set_up(subject, [*subject.fit, *planned], begins, progress, "computing the columns of pieces of motion")
+    rows = _trusted_as(known, _with_design(whole, so_far.design))
+    names = [part.recording.removeprefix(PLANNED) for part in rows.design.parts[len(known.design.parts) :]]
+    exists: Floats = np.concatenate([np.ones(len(known.design.parts)), np.zeros(len(names))])
+    pieces = {
+        name: np.concatenate([np.zeros(len(known.design.parts)), [other == name for other in names]])
+        for name in dict.fromkeys(names)
+    }
+    named = tuple(each for each in question.named if each[0] not in asked)
+    known = _with_named(known, known.design.columns.in_question, named)
+    rows = _with_named(rows, rows.design.columns.in_question, named)
+    out = {name for name, _ in named}
+    findings = best_of_each(
+        ranked(known, known.design.columns.in_question, [c for c in known.design.columns.candidates if c.id not in out])
+    )
+    candidates = [each for each in rows.design.columns.candidates if each.id not in out]
+    causes = _causes(known, rows, exists, _leading(findings, known, asked))
+    return Open(rows, exists, pieces, _contest(rows, exists, causes, candidates))
+
+
+def _set_up(
+    subject: Subject, in_question: list[Segment], begins: dict[str, float], progress: Progress, what: str
+) -> Setup:
+    return set_up(
         Comparison(
             model=subject.carrier, robot=subject.robot, in_question=in_question, reference=subject.reference,
             chosen=subject.chosen, withheld=subject.withheld, begins=begins,
         ),
         lambda share: progress(what, share),
     )  # fmt: skip
-    rows = with_sessions(setup)
-    parts = rows.design.parts
-    names = [part.recording.removeprefix(PLANNED) if part.recording.startswith(PLANNED) else "" for part in parts]
-    so_far = np.array([name == "" for name in names]) * 1.0
-    pieces = {name: np.array([other == name for other in names]) * 1.0 for name in dict.fromkeys(names) if name}
-    rows = _with_session_to_come(rows, 1 - so_far)
-    gate = rows.design.columns.in_question
-    named = tuple(each for each in question.named if each[0] not in asked)
-    rows = _with_named(rows, gate, so_far, named)
-    known = {name for name, _ in named}
-    candidates = [each for each in rows.design.columns.candidates if each.id not in known]
-    findings = best_of_each(ranked(rows, gate, candidates, so_far))
-    causes = _causes(rows, gate * so_far, _leading(findings, rows, asked))
-    return Open(rows, so_far, pieces, _contest(rows, gate, so_far, causes, candidates))
+
+
+def _with_design(whole: Setup, so_far: Design) -> Setup:
+    """With the noise of the recordings that exist, and the usual noise of the reference in the pieces.
+
+    The pieces lack the change: one fit to both would take the change for noise.
+    """
+    known = so_far.parts
+    usual = float(np.median([part.noise for part in known if not part.in_question]))
+    noise = [part.noise for part in known] + [usual] * (len(whole.design.parts) - len(known))
+    parts = tuple(replace(part, noise=own) for part, own in zip(whole.design.parts, noise, strict=True))
+    trusted = (*so_far.trusted, *whole.design.trusted[len(known) :])
+    columns = replace(whole.design.columns, parts=parts)
+    design = Design.of(columns, so_far.whitener, so_far.slow_whitener, trusted)
+    if whole.design.added[0].shape[1]:  # a load that switches on both sides
+        design, _ = design.with_columns([added.astype(np.float64) for added in whole.design.added])
+    return replace(whole, design=design, regression=Regression(design.blocks, whole.regression.columns))
+
+
+def _trusted_as(known: Rows, whole: Setup) -> Rows:
+    """With the learning rate, the level and the clock of the recordings that exist; a session to come has its own."""
+    design = whole.design
+    exists = np.arange(len(design.parts)) < len(known.design.parts)
+    gates = [exists * design.columns.in_question, ~exists * design.columns.in_question]
+    sessions = {(c.index, c.owner): c for c in known.regression.columns if c.owner in _SESSIONS}
+    more = [replace(column, gate=gate) for column in sessions.values() for gate in gates]
+    return Rows(design, whole.regression.with_columns(design.blocks, more), known.learning_rate)
 
 
 def without_intercepts(regression: Regression, contest: Contest, gate: Floats, weights: Floats) -> Moments:
@@ -147,22 +184,23 @@ def without_intercepts(regression: Regression, contest: Contest, gate: Floats, w
     )
 
 
-def _with_session_to_come(rows: Rows, gate: Floats) -> Rows:
-    """A session to come has a level and a clock of its own, as the session in question has."""
-    more = [replace(column, gate=gate) for column in rows.regression.columns if column.owner in _SESSIONS]
-    return replace(rows, regression=rows.regression.with_columns(rows.design.blocks, more))
-
-
-def _with_named(rows: Rows, gate: Floats, so_far: Floats, named: tuple[tuple[str, str], ...]) -> Rows:
+def _with_named(rows: Rows, gate: Floats, named: tuple[tuple[str, str], ...]) -> Rows:
     """Effects that have a name are free columns; one that was detected in the residual has no column beforehand."""
     for name, where in named:
         own = [each for each in rows.design.columns.candidates if (each.id, each.label) == (name, where)]
-        findings = ranked(rows, gate, own, so_far)
+        findings = ranked(rows, gate, own)
         if findings:
             best = findings[0].candidate
             columns = [Column(int(index), gate, owner=best.key) for index in best.indices]
             rows = replace(rows, regression=rows.regression.with_columns(rows.design.blocks, columns))
     return rows
+
+
+def require_known(names: tuple[str, ...]) -> None:
+    """Raises UserError for an effect that the library does not have."""
+    for name in names:
+        if name not in library():
+            raise UserError(f"--cause {name}: no such effect; the effects are {', '.join(library())}")
 
 
 def _leading(findings: list[Finding], rows: Rows, asked: tuple[str, ...]) -> list[Finding]:
@@ -171,8 +209,6 @@ def _leading(findings: list[Finding], rows: Rows, asked: tuple[str, ...]) -> lis
     Clocks are no causes here: another session has other clocks.
     """
     for name in asked:
-        if name not in library():
-            raise UserError(f"--cause {name}: no such effect; the effects are {', '.join(library())}")
         if all(finding.candidate.id != name for finding in findings):
             raise UserError(f"--cause {name}: has no column in these recordings; acqd robot ability says why")
     if asked:
@@ -190,37 +226,54 @@ def _margin(evidence: float, rows: Rows) -> float:
     return by_chance(kinds) + THRESHOLDS.column_error**2 * max(evidence, 0.0)
 
 
-def _causes(rows: Rows, gate: Floats, leading: list[Finding]) -> tuple[Cause, ...]:
-    """With a belief that falls to `chance` a margin behind the leader, as the loop's own rule does."""
-    spreads = variances_of_sessions(rows.design, rows.regression, leading, gate)
+def _causes(known: Rows, rows: Rows, exists: Floats, leading: list[Finding]) -> tuple[Cause, ...]:
+    """With a belief that falls to `chance` a margin behind the leader, as the loop's own rule does.
+
+    `known`: the recordings that exist; `rows`: those and the pieces, in which a law has other columns.
+    """
+    gate = known.design.columns.in_question
     first = max(finding.evidence for finding in leading)
-    behind = np.array([(first - finding.evidence) / _margin(first, rows) for finding in leading])
+    behind = np.array([(first - finding.evidence) / _margin(first, known) for finding in leading])
     believed = THRESHOLDS.chance**behind
     believed /= believed.sum()
+    units = [replace(finding, coefficients=_unit(finding)) for finding in leading]
+    spreads = variances_of_sessions(known.design, known.regression, units, gate)
+    by_key = {each.key: each for each in rows.design.columns.candidates}
     causes = []
-    for finding, (variance, freedom), share in zip(leading, spreads, believed.tolist(), strict=True):
-        candidate, theta = finding.candidate, finding.coefficients
-        length = float(theta[0]) if len(theta) == 1 else 1.0
-        weights = candidate.weights(np.ones(1) if len(theta) == 1 else theta)
+    for finding, unit, spread, share in zip(leading, units, spreads, believed.tolist(), strict=True):
+        candidate = by_key[finding.candidate.key]
+        theta, single = unit.coefficients, len(unit.coefficients) == 1
+        if not single and not candidate.id:  # the columns of a law follow the range of the motion
+            theta = ranked(rows, rows.design.columns.in_question * exists, [candidate])[0].coefficients
         low, high = bounds_of(candidate)
-        relative = float(np.max(finding.deviation / np.maximum(np.abs(theta), 1e-12)))
         causes.append(
             Cause(
-                candidate, weights, length, float(finding.deviation[0]) if len(theta) == 1 else relative,
-                (float(low[0]), float(high[0])) if len(theta) == 1 else (-np.inf, np.inf),
-                float(prior_of(rows.design, candidate)[0]) if len(theta) == 1 else 1.0, finding.evidence, share,
-                # of the finding as it is; in units of its size
-                (variance * length**2, freedom),
+                candidate, candidate.weights(theta), float(finding.coefficients[0]) if single else 1.0,
+                float(finding.deviation[0]) if single else _along(known, gate, unit),
+                (float(low[0]), float(high[0])) if single else (-np.inf, np.inf),
+                prior_of(known.design, finding.candidate), finding.evidence, share, spread,
             )
         )  # fmt: skip
     return tuple(causes)
 
 
-def _contest(
-    rows: Rows, gate: Floats, so_far: Floats, causes: tuple[Cause, ...], candidates: list[Candidate]
-) -> Contest:
+def _unit(finding: Finding) -> Floats:
+    """Coefficients of size 1; several parameters keep their fitted proportions."""
+    return np.ones(1) if len(finding.coefficients) == 1 else finding.coefficients
+
+
+def _along(rows: Rows, gate: Floats, finding: Finding) -> float:
+    """Standard deviation of the common factor of several parameters."""
+    used = np.unique(finding.candidate.indices)
+    competition = rows.regression.compete(used, gate)
+    own = np.searchsorted(used, finding.candidate.indices)
+    schur, _ = part_of(competition.schur, competition.products, own, finding.candidate)
+    return float((rows.learning_rate * finding.coefficients @ schur @ finding.coefficients) ** -0.5)
+
+
+def _contest(rows: Rows, so_far: Floats, causes: tuple[Cause, ...], candidates: list[Candidate]) -> Contest:
     """With the closest rivals of every kind, by the recordings so far and by all pieces together."""
-    kinds = kinds_of(rows.design.columns.candidates)
+    kinds, gate = kinds_of(rows.design.columns.candidates), rows.design.columns.in_question
     everything = _compared(rows, causes, candidates, kinds)
     keep: set[int] = set()
     for weights in (so_far, np.ones(len(so_far))):

@@ -14,6 +14,7 @@ from acqd.arrays import Floats
 from acqd.errors import UserError
 from acqd.models.segments import Segment
 from acqd.motion.controller import RATE, Motion
+from acqd.residual.thresholds import NOISE
 from acqd.robot.arm import Arm
 from acqd.robot.collision import CollisionChecker
 from acqd.robot.dynamics import inverse_dynamics
@@ -73,10 +74,23 @@ class Space:
         free = q[inside]
         spread = np.maximum(np.ptp(free, axis=0), 1e-6)
         home = free[np.argmin((((free - np.median(free, axis=0)) / spread) ** 2).sum(axis=1))]
+        still = speed < NOISE.stick_rad_s  # such a joint stays where it is, though other recordings have it elsewhere
+        free = free[(np.abs(free - home)[:, still] <= NOISE.stick_rad_s * step_s).all(axis=1)]
+        free[:, still] = home[still]
         return cls(
             arm, checker, free, home, np.minimum(share * robot.speed, speed),
             np.minimum(robot.acceleration, acceleration), workspace,
         )  # fmt: skip
+
+    @property
+    def greatest_shares(self) -> tuple[float, float]:
+        """Relative speed and acceleration that keep those of all joints that move."""
+        robot, moves = self.arm.description, self.speed >= NOISE.stick_rad_s
+        if not moves.any():
+            return 0.0, 0.0
+        return float((self.speed / robot.speed)[moves].min()), float(
+            (self.acceleration / robot.acceleration)[moves].min()
+        )
 
     @property
     def low(self) -> Floats:

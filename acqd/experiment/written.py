@@ -24,12 +24,14 @@ from acqd.robot.description import RobotDescription
 
 _ROWS_PER_S = 100
 _UR_AXES, _LBR_AXES = 6, 7
+_SLOWLY = 0.05
+"""Share of the limits on the way to the start, which nobody has checked."""
 MOTION = "motion.csv"
 _CHECK = "Designed by acqd next for {robot}: {seconds:.0f} s, begins with {gears} gears. A person has to check this "
 _CHECK_2 = (
     "program before the robot moves: reach, tool, load, people. Collisions were checked for the described arm in "
 )
-_CHECK_3 = "scene '{scene}' only. Run it at reduced speed first."
+_CHECK_3 = "scene '{scene}' only, and not on the way to the start: drive there by hand. Run it at reduced speed first."
 
 
 def require_writable(folder: Path) -> None:
@@ -43,7 +45,8 @@ def write_all(folder: Path, designed: Designed) -> None:
     robot, start = designed.question.subject.robot, designed.space.home
     with complete_folder(folder) as out:
         (out / MOTION).write_text(timed(designed), encoding="utf-8")
-        for name, text in programs(robot, start, designed.steps, _warning(designed)).items():
+        slowly = tuple(min(_SLOWLY, share) for share in designed.space.greatest_shares)
+        for name, text in programs(robot, Move(start, *slowly), designed.steps, _warning(designed)).items():
             (out / name).write_text(text, encoding="utf-8")
         (out / "next.json").write_bytes(orjson.dumps(as_json(designed), option=orjson.OPT_INDENT_2))
         write_page(out / "next.html", designed)
@@ -60,7 +63,7 @@ def timed(designed: Designed) -> str:
     return "\n".join([header, *rows, ""])
 
 
-def programs(robot: RobotDescription, start: Floats, steps: tuple[Step, ...], warning: str) -> dict[str, str]:
+def programs(robot: RobotDescription, start: Move, steps: tuple[Step, ...], warning: str) -> dict[str, str]:
     """Text by file name: URScript for six axes, Java for Sunrise for seven; for other robots the timed joints only."""
     if robot.sliding:
         return {}
@@ -79,10 +82,11 @@ def _warning(designed: Designed) -> str:
     )  # fmt: skip
 
 
-def _ur_script(robot: RobotDescription, start: Floats, steps: tuple[Step, ...], warning: str) -> Iterator[str]:
+def _ur_script(robot: RobotDescription, start: Move, steps: tuple[Step, ...], warning: str) -> Iterator[str]:
     yield f"# {warning}"
+    yield "# URScript, for controllers of Universal Robots; corners are not blended"
     yield "def acqd_next():"
-    position = start
+    position = start.target
     for step in _together(start, steps):
         if isinstance(step, Move):
             speed, acceleration = _leading(robot, step.target - position, step)
@@ -94,7 +98,7 @@ def _ur_script(robot: RobotDescription, start: Floats, steps: tuple[Step, ...], 
     yield "acqd_next()"
 
 
-def _sunrise(start: Floats, steps: tuple[Step, ...], warning: str) -> Iterator[str]:
+def _sunrise(start: Move, steps: tuple[Step, ...], warning: str) -> Iterator[str]:
     yield f"// {warning}"
     yield "// Insert into run() of a RoboticsAPIApplication; `robot` is the LBR. Rates are shares of its limits."
     for step in _together(start, steps):
@@ -108,10 +112,10 @@ def _sunrise(start: Floats, steps: tuple[Step, ...], warning: str) -> Iterator[s
             yield f"ThreadUtil.milliSleep({round(1000 * step.seconds)});"
 
 
-def _together(start: Floats, steps: tuple[Step, ...]) -> Iterator[Step]:
+def _together(start: Move, steps: tuple[Step, ...]) -> Iterator[Step]:
     """The way to the start, and the steps without motions of no length; neighbouring pauses are one."""
-    yield Move(start, 0.1, 0.1)
-    position, pause = start, 0.0
+    yield start
+    position, pause = start.target, 0.0
     for step in steps:
         if isinstance(step, Wait):
             pause += step.seconds

@@ -17,7 +17,7 @@ BASE = np.array([[50.0]])
 
 
 def cause(size=1.0, deviation=1e-6, between=0.0):
-    return Cause(CAUSE, np.ones(1), size, deviation, (-10.0, 10.0), 1.0, 50.0, 1.0, (between, 10.0))
+    return Cause(CAUSE, np.ones(1), size, deviation, (-10.0, 10.0), np.ones(1), 50.0, 1.0, (between, 10.0))
 
 
 def contest(rivals=(RIVAL,), learning_rate=1.0, **more):

@@ -60,7 +60,7 @@ def test_a_sequence_of_pieces_keeps_all_limits(space, pieces):
 
 
 def test_a_joint_that_has_never_moved_stays_at_rest(arm, segments):
-    still = [replace(segment, q=np.where(np.arange(6) == 5, 0.3, segment.q)) for segment in segments]
+    still = [replace(segment, q=np.where(np.arange(6) == 5, 0.3 * k, segment.q)) for k, segment in enumerate(segments)]
     space = space_of(arm, still)
     pieces = pieces_of(space, 1)
     assert pieces and not any(piece.name.startswith("wrist_3") for piece in pieces)
@@ -110,7 +110,7 @@ def test_a_robot_without_capsules_is_refused(segments):
 
 def test_a_script_holds_every_position_once_in_turn(pieces, space):
     steps = (*pieces[0].steps, *pieces[1].steps)
-    text = programs(ROBOT, space.home, steps, "check it")["program.script"]
+    text = programs(ROBOT, Move(space.home, 0.05, 0.05), steps, "check it")["program.script"]
     targets = [step.target for step in steps if isinstance(step, Move)]
     lines = [line for line in text.splitlines() if "movej" in line]
     written = [np.array([float(x) for x in line.split("[")[1].split("]")[0].split(",")]) for line in lines]
@@ -122,6 +122,6 @@ def test_a_script_holds_every_position_once_in_turn(pieces, space):
 
 def test_a_seven_axis_arm_gets_a_snippet_with_shares_of_its_limits():
     steps = (Move(np.full(7, 0.3), 0.25, 0.5), Wait(1.0), Wait(0.5), Move(np.zeros(7), 0.25, 0.5))
-    text = programs(IIWA, np.zeros(7), steps, "check it")["Program.java"]
+    text = programs(IIWA, Move(np.zeros(7), 0.05, 0.05), steps, "check it")["Program.java"]
     assert text.count("robot.move(ptp(") == 3
     assert "setJointVelocityRel(0.2500)" in text and "ThreadUtil.milliSleep(1500);" in text

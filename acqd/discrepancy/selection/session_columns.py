@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from acqd.arrays import Floats
 from acqd.discrepancy.regression.design_columns import Candidate
 from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.gram import Column, Regression
@@ -30,16 +31,25 @@ def with_sessions(setup: Setup) -> Rows:
 
 
 def session_columns(design: Design, regression: Regression) -> list[Column]:
-    """Columns of the recordings in question; none without a reference to differ from."""
+    """Columns of every session in question; none without a reference to differ from."""
     if not sessions_of(design.parts, in_question=False):
         return []
-    gate = design.columns.in_question
     level = Candidate("", LEVEL, np.array([design.columns.model.layout.part("standby").start]), key=LEVEL)
-    variance, _ = variance_of_sessions(design, regression, Finding(level, np.ones(1), np.zeros(1), 0.0), gate)
-    columns = [Column(int(level.indices[0]), gate, float(np.sqrt(variance)), owner=LEVEL)]
+    finding = Finding(level, np.ones(1), np.zeros(1), 0.0)
     effects = library()
     clocks = [
         candidate for candidate in design.columns.candidates
         if candidate.id and effects[candidate.id].acts_on == "clock" and not effects[candidate.id].follows_clock
     ]  # fmt: skip
-    return columns + [Column(int(each.indices[0]), gate, clock_deviation_s(design), owner=CLOCK) for each in clocks]
+    columns = []
+    for gate in _sessions_in_question(design):
+        variance, _ = variance_of_sessions(design, regression, finding, gate)
+        columns.append(Column(int(level.indices[0]), gate, float(np.sqrt(variance)), owner=LEVEL))
+        columns += [Column(int(each.indices[0]), gate, clock_deviation_s(design), owner=CLOCK) for each in clocks]
+    return columns
+
+
+def _sessions_in_question(design: Design) -> list[Floats]:
+    """[blocks] gate of every session in question."""
+    names = [design.columns.segments[part.segment].session if part.in_question else None for part in design.parts]
+    return [np.array([own == name for own in names]) * 1.0 for name in dict.fromkeys(names) if name is not None]
