@@ -35,7 +35,9 @@ def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--disturbances", type=int, default=200)
-    parser.add_argument("--first-disturbance", type=int, default=0, help="seed of the first one; others: seen by nobody")
+    parser.add_argument(
+        "--first-disturbance", type=int, default=0, help="seed of the first one; others: seen by nobody"
+    )
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
     lines = [*_simulated(), *_recordings()]
