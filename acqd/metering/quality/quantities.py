@@ -46,6 +46,8 @@ OF_ANY_F = frozenset(
     {"Vrms", "Irms", "P", "S", "V_crest", "I_crest", "V_dc", "I_dc", "V_12", "V_23", "V_31", "I_n_derived", "Se"}
 )
 """Quantities that hold whatever f is, but for the cycles that the interval cuts."""
+_OTHER_SYSTEM = 200.0
+"""% of the declared voltage: no mains stays above it for an interval."""
 
 
 @np.errstate(invalid="ignore", over="ignore")
@@ -80,9 +82,11 @@ def measure(interval: Interval, declared: float, options: Options = DEFAULT) -> 
 def deviations(V: Floats, declared: float) -> dict[str, Floats]:
     """Underdeviation and overdeviation [%] of RMS values from the `declared` voltage, both [V] (IEC 61000-4-30, 5.12).
 
-    What lies above counts as the declared voltage in the one, what lies below in the other: neither is negative.
+    What lies above counts as the declared voltage in the one, what lies below in the other: neither is negative. NaN
+    above twice the declared voltage, which then is that of another system.
     """
     share = 100 * V / declared
+    share[share > _OTHER_SYSTEM] = np.nan
     return {"V_under": np.maximum(100 - share, 0.0), "V_over": np.maximum(share - 100, 0.0)}
 
 
