@@ -94,14 +94,17 @@ def _line(
 def _disturbances(count: int, first: int = 0) -> Line:
     wrong, flagged_right, right = 0, 0, 0
     cases_wrong: dict[str, int] = {}
+    largest_Hz = 0.0
     for number in track(range(first, first + count), "disturbances", console=Console(stderr=True)):
         wave = random_disturbance(number)
         values = acqd(wave.codes(), wave.form)
         with np.errstate(invalid="ignore"):
-            bad = ~(np.abs(values.error(wave.true_f)) <= _WRONG_HZ)
+            error = np.abs(values.error(wave.true_f))
+            bad = ~(error <= _WRONG_HZ)
         silent = int((bad & ~values.doubted).sum())
         wrong += silent
         if silent:
+            largest_Hz = max(largest_Hz, float(error[bad & ~values.doubted].max()))
             cases_wrong[wave.name] = cases_wrong.get(wave.name, 0) + silent
         right += int((~bad).sum())
         flagged_right += int((~bad & values.doubted).sum())
@@ -110,6 +113,7 @@ def _disturbances(count: int, first: int = 0) -> Line:
         "first": first,
         "silent and off by 10 mHz": wrong,
         "of these": ", ".join(f"{name} {number}" for name, number in cases_wrong.items()) or "-",
+        "largest of these, mHz": round(1000 * largest_Hz, 1),
         "right and flagged, %": round(100 * flagged_right / max(right, 1), 2),
     }
 
