@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from acqd.metering.packed import State
 
-SURE = 0.001
+_SURE = 0.001
 """rad of `Estimate.bend`: steps of f that put a window off by 10 mHz bend the phase by so much, mains hardly ever."""
 _LEAST = 0.0005
 """rad: the same where samples of a quarter of a cycle or more follow the two cycles."""
@@ -25,16 +25,16 @@ class Bent:
 
     def __init__(self, cycles: float) -> None:
         """`cycles`: nominal cycles of a window, of which two are metered."""
-        self._least = _LEAST if cycles >= _FOLLOWED else SURE
-        self._usual = SURE  # rad; of an unknown stream
+        self._least = _LEAST if cycles >= _FOLLOWED else _SURE
+        self._usual = _SURE  # rad; of an unknown stream
         self._known = 0
         self.now = False
         """Whether the last window is bent."""
 
     def note(self, bend: float) -> bool:
         """`now`, of the next window; a bend of inf or NaN is that of a window without f."""
-        self.now = bend > min(max(self._least, _TIMES_USUAL * self._usual), SURE)
-        if bend < SURE:
+        self.now = bend > min(max(self._least, _TIMES_USUAL * self._usual), _SURE)
+        if bend < _SURE:
             self._known = min(self._known + 1, _FEW)
             self._usual += (bend - self._usual) / self._known
         return self.now
