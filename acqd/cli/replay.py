@@ -65,6 +65,9 @@ def replay(
     publish: Annotated[bool, typer.Option("--publish", help="Publish the rows over MQTT.")] = False,
     aggregate: Annotated[Path | None, typer.Option(help="Write 10/12-cycle values (IEC 61000-4-30).")] = None,
     quality: Annotated[Path | None, typer.Option(help="Write power quality as JSON lines (docs/quality.md).")] = None,
+    harmonic_powers: Annotated[
+        bool, typer.Option("--harmonic-powers", help="With --quality: angles and active powers of the harmonics.")
+    ] = False,
     events: Annotated[Path | None, typer.Option(help="Write dips, swells, interruptions as JSON lines.")] = None,
     declared_voltage: Annotated[
         str | None, typer.Option(help="100 % of the events: V, or sliding (it follows the voltage).")
@@ -132,6 +135,8 @@ def replay(
     if inspect:
         print_inspected([inspected(load_recording(path, channels), channels)[0] for path in files], json=json)
         return
+    if harmonic_powers and quality is None:
+        raise UserError("--harmonic-powers belongs to rows of power quality; give --quality FILE too")
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # an exception, so that the clean-up runs
     signal.signal(signal.SIGHUP, lambda *_: sys.exit(129))
     settings = Playback(
@@ -147,6 +152,7 @@ def replay(
         out=out,
         aggregate=aggregate,
         quality=quality,
+        harmonic_powers=harmonic_powers,
         events=event_settings(events, declared_voltage, thresholds, line_to_line=line_to_line),
         flicker=flicker,
         phasors=phasors,

@@ -53,6 +53,7 @@ class Playback:
     out: Path | None
     aggregate: Path | None
     quality: Path | None
+    harmonic_powers: bool
     events: EventSettings | None
     flicker: Path | None
     phasors: Path | None
@@ -130,7 +131,12 @@ class _Run:
         self.rows_out: BinaryIO | None = None
         self.values_out: BinaryIO | None = None
         self.quality_out: BinaryIO | None = None
-        self._quality = QualityFeed(QualitySection(), settings.device, settings.nominal_voltage, lambda: self._boot)
+        self._quality = QualityFeed(
+            QualitySection(harmonic_powers=settings.harmonic_powers),
+            settings.device,
+            settings.nominal_voltage,
+            lambda: self._boot,
+        )
         self.events_out: BinaryIO | None = None
         self._events: EventWriter | None = None
         self.flicker_out: BinaryIO | None = None

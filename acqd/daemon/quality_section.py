@@ -21,9 +21,10 @@ class QualitySection(Section):
     """The shortest aggregation with rows; the longer ones always have them."""
     flicker: bool = False
     interharmonic_groups: bool = False
+    harmonic_powers: bool = False
     signalling_hz: Annotated[float, Field(ge=110, le=2_450)] | None = None
     """Carrier of mains signalling."""
 
     def options(self) -> Options:
         """What is measured of each interval."""
-        return Options(self.interharmonic_groups, self.signalling_hz)
+        return Options(self.interharmonic_groups, self.signalling_hz, self.harmonic_powers)

@@ -14,7 +14,7 @@ from acqd.telemetry.event import PowerEvent, parse_event
 from acqd.telemetry.quality_row import LISTS, NUMBERS, QualityRow, from_kind, parse_quality
 
 EVENT_KINDS: tuple[EventKind, ...] = get_args(EventKind)
-_LOWEST = {"V_h": 1, "I_h": 1, "V_ih": 0, "I_ih": 0, "V_ig": 0, "I_ig": 0}
+_LOWEST = {"V_h": 1, "I_h": 1, "V_ih": 0, "I_ih": 0, "V_ig": 0, "I_ig": 0, "V_h_angle": 1, "I_h_angle": 1, "P_h": 1}
 """Order of the first number of a list."""
 _CODES = {"V": "VLT", "A": "AMP", "W": "WTT", "VA": "D46", "var": "D44", "%": "P1", "deg": "DD", "Hz": "HTZ", "": "C62"}
 _UNITS = {name: each.unit for name, each in (PHASE | SYSTEM).items()} | {"f": "Hz", "rocof": "Hz/s"}
@@ -30,6 +30,7 @@ _TITLES = {
     "V_12": "Voltage L1-L2", "V_23": "Voltage L2-L3", "V_31": "Voltage L3-L1", "V_pos": "Positive sequence of voltage",
     "V_u2": "Voltage unbalance", "V_u0": "Zero sequence of voltage", "I_u2": "Current unbalance",
     "I_u0": "Zero sequence of current", "I_n_derived": "Derived neutral current", "V_ms": "Mains signalling voltage",
+    "V_under": "Underdeviation of voltage", "V_over": "Overdeviation of voltage",
     "Pst": "Short-term flicker severity", "Plt": "Long-term flicker severity",
 }  # fmt: skip
 
@@ -47,6 +48,9 @@ LIST_QUANTITIES = (
     _quantity("I_ih", "Interharmonic subgroups of the current, from order 0", "A"),
     _quantity("V_ig", "Interharmonic groups of the voltage, from order 0", "V"),
     _quantity("I_ig", "Interharmonic groups of the current, from order 0", "A"),
+    _quantity("V_h_angle", "Angles of the harmonics of the voltage, from order 1", "deg"),
+    _quantity("I_h_angle", "Angles of the harmonics of the current, from order 1", "deg"),
+    _quantity("P_h", "Active powers of the harmonics, from order 1", "W"),
 )
 """Lists of numbers of a row of power quality."""
 EVENT = (

@@ -8,6 +8,7 @@ from collections import deque
 import numpy as np
 
 from acqd.arrays import Floats
+from acqd.metering.bent import Bent
 from acqd.metering.frequency import Estimate
 from acqd.metering.onset import Cycles
 from acqd.metering.packed import State
@@ -18,8 +19,6 @@ _OFTEN = 5  # unsteady ones among them: an interharmonic rather than jumps
 _SWING = 0.15
 """Hz, second difference of the f of windows. The fit is wrong by T^2 / 42 times the second derivative of f (T: two
 cycles), which is 10 mHz for a second difference of 0.26 Hz at 10 Hz, where f swings too fast for three windows."""
-_BENT = 0.001
-"""rad of `Estimate.bend`: steps of f that put a window off by 10 mHz bend the phase by so much, mains hardly ever."""
 
 
 class HeldFrequency:
@@ -36,7 +35,8 @@ class HeldFrequency:
         self._sideband = Sideband(window_s)
         self._recent: deque[tuple[float, bool]] = deque(maxlen=_REMEMBERED)
         self._before: tuple[float, float] = (math.nan, math.nan)  # Hz: f of the last two windows
-        self._swings = self._bent = False
+        self._swings = False
+        self._bent = Bent(window_s * f_nominal)
 
     @property
     def unsettled(self) -> bool:
@@ -45,7 +45,7 @@ class HeldFrequency:
         It may be moved by an interharmonic, and too few windows are known to tell; it swings within two cycles; or the
         phase within them is bent as by a step of f.
         """
-        return self._swings or self._bent or self._sideband.unsettled
+        return self._swings or self._bent.now or self._sideband.unsettled
 
     def _follow(self, f: float) -> None:
         first, second = self._before
@@ -66,8 +66,7 @@ class HeldFrequency:
                 for value in f[max(done, done + quiet - 3) : done + quiet]:
                     self._follow(value)
                 self._recent.extend((value, False) for value in f[done : done + quiet][-_REMEMBERED:])
-                unsettled += [one.bend > _BENT for one in cycles[done : done + quiet]]
-                self._bent = unsettled[-1]
+                unsettled += [self._bent.note(one.bend) for one in cycles[done : done + quiet]]
             elif self.note(f[done], magnitude[done], cycles[done]):
                 unsettled.append(self.unsettled)
             else:
@@ -81,7 +80,7 @@ class HeldFrequency:
             return False
         self._recent.append((f, False))
         self._follow(f)
-        self._bent = cycles.bend > _BENT
+        self._bent.note(cycles.bend)
         return True
 
     def state(self) -> State:
@@ -89,13 +88,15 @@ class HeldFrequency:
         recent = [[value, bool(bent)] for value, bent in self._recent]
         return {
             "last": self.last, "sideband": self._sideband.state(), "recent": recent,
-            "before": list(self._before), "swings": self._swings,
+            "before": list(self._before), "swings": self._swings, "bent": self._bent.state(),
         }  # fmt: skip
 
     def restore(self, state: State) -> None:
         """Go on where `state` was taken."""
         self.last, self._swings = state["last"], state["swings"]
         self._sideband.restore(state["sideband"])
+        if "bent" in state:  # the state of an earlier acqd has no such key
+            self._bent.restore(state["bent"])
         self._recent = deque(((value, bent) for value, bent in state["recent"]), maxlen=_REMEMBERED)
         self._before = tuple(state["before"])
 
@@ -125,7 +126,7 @@ class HeldFrequency:
             if unsteady or disturbed or without is not None:
                 f[k] = np.nan
             self._follow(float(f[k]))
-            self._bent = bend > _BENT
+            self._bent.note(bend)
             unsettled[k] = self.unsettled and f[k] == f[k]
         return f, substitute, unsettled
 

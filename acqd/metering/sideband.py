@@ -67,12 +67,15 @@ class Sideband:
         self._suspected = False
         self.beating = False
         """Whether an interharmonic moved f in the last window."""
+        self._lost = False  # it did in the window before, and cannot be found in the last one
         self._onset = Onset(SPREAD, lengths[-1], FASTEST / window_s, edge=2)
 
     @property
     def unsettled(self) -> bool:
-        """Whether f has begun to vary, and too few windows are known to tell an interharmonic from a swing of f."""
-        return self._onset.doubted
+        """Whether f has begun to vary, and too few windows are known to tell an interharmonic from a swing of f; or an
+        interharmonic that moved f cannot be found any more: nobody knows yet whether it has ended.
+        """
+        return self._onset.doubted or self._lost
 
     def state(self) -> State:
         """What is known of the stream so far."""
@@ -106,6 +109,7 @@ class Sideband:
         About the f without the interharmonic, where one moves it; else None. A window that is not `steady` counts as
         the one before, as long as a phase jump may be the reason. A window without f ends what is remembered.
         """
+        was, self._lost = self.beating, False
         if f != f or not magnitude > 0:
             self.reset()
             return None
@@ -127,6 +131,7 @@ class Sideband:
         found = self._look(self._lengths[::-1] if self._suspected else self._lengths[self._next : self._next + 1])
         self.beating = found is not None and self._suspected  # a chance likeness does not last
         self._suspected = found is not None
+        self._lost = was and not self.beating
         return found if self.beating else None
 
     def note_quiet(self, f: Sequence[float], magnitude: Sequence[float]) -> int:

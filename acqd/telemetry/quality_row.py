@@ -74,6 +74,8 @@ class QualityRow:
     I_u0: Number = None
     I_n_derived: Number = None
     V_ms: Number = None
+    V_under: Number = None
+    V_over: Number = None
     Pst: Number = None
     Plt: Number = None
     rotation: Literal["L1-L2-L3", "L1-L3-L2"] | None = None
@@ -83,6 +85,9 @@ class QualityRow:
     I_ih: _List = None
     V_ig: _List = None
     I_ig: _List = None
+    V_h_angle: _List = None
+    I_h_angle: _List = None
+    P_h: _List = None
     schema: Annotated[int, Meta(ge=SCHEMA, le=SCHEMA)] = SCHEMA
 
     def to_json(self) -> bytes:
@@ -90,7 +95,7 @@ class QualityRow:
         return _encoder.encode(self)
 
 
-LISTS = ("V_h", "I_h", "V_ih", "I_ih", "V_ig", "I_ig")
+LISTS = ("V_h", "I_h", "V_ih", "I_ih", "V_ig", "I_ig", "V_h_angle", "I_h_angle", "P_h")
 """Fields that hold 50 numbers each."""
 _NAMES = [field.name for field in fields(QualityRow)]
 NUMBERS = [name for name in _NAMES[_NAMES.index("f") : _NAMES.index("V_h")] if name != "rotation"]

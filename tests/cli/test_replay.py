@@ -65,7 +65,7 @@ def test_replay_in_real_time_gives_the_same_rows(tmp_path):
 def test_power_quality_and_aggregates_of_a_recording(tmp_path, waveforms):
     source = waveforms / "merging_unit_3ph" / "replay_20k_el3783.npz"
     words = ["replay", source, "--quality", "q.jsonl", "--aggregate", "a.jsonl", "--nominal-voltage", "57.7"]
-    words += ["--start", "2021-07-13T10:15:01Z"]
+    words += ["--start", "2021-07-13T10:15:01Z", "--harmonic-powers"]
     done = acqd_here(*words, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     rows = [json.loads(line) for line in (tmp_path / "q.jsonl").read_text().splitlines()]
@@ -75,8 +75,11 @@ def test_power_quality_and_aggregates_of_a_recording(tmp_path, waveforms):
     assert len(values) == len(phases) >= 90 and {row["aggregation"] for row in rows} == {"10/12", "150/180"}
     for row, value in zip(phases, values, strict=True):
         assert all(row[key] == value[key] for key in ("device", "channel", "time", "Vrms", "Irms", "P", "f"))
+        assert row["P_h"][0] == pytest.approx(row["P1"], rel=1e-9) and row["V_h_angle"][0] is not None
+        assert row["V_over"] is None, "400 kV are no deviation from 57.7 V"
     keys = [(row["channel"], row["seq"]) for row in rows]
     assert len(set(keys)) == len(keys)
+    assert "--quality FILE" in refused(acqd_here("replay", source, "--harmonic-powers", cwd=tmp_path))
     both = refused(acqd_here("replay", source, "--quality", "x.jsonl", "--aggregate", "x.jsonl", cwd=tmp_path))
     assert "separate files" in both and not (tmp_path / "x.jsonl").exists()
 

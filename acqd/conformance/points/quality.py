@@ -83,7 +83,7 @@ def _groups(
 
 
 def magnitudes(instrument: Instrument) -> Iterator[Point]:
-    """Vrms from a tenth to one and a half of Udin."""
+    """Vrms from a tenth to one and a half of Udin, and its deviations from Udin."""
     terminal = instrument.terminal
     for share in (0.1, 0.45, 0.8, 1.15, 1.5):
         if share * terminal.declared_voltage * np.sqrt(2) > terminal.range_v:
@@ -93,6 +93,9 @@ def magnitudes(instrument: Instrument) -> Iterator[Point]:
         readings = instrument.read(signal, "quality")
         off = [100 * (readings.of("10/12", "Vrms", name) / terminal.declared_voltage - share) for name in _PHASES]
         yield judged(STANDARD, "magnitude", signal.text, "Vrms of 10/12 cycles", limits.MAGNITUDE, off)
+        for quantity, deviation in (("V_under", 100 - 100 * share), ("V_over", 100 * share - 100)):
+            off = [readings.of("10/12", quantity, name) - max(deviation, 0.0) for name in _PHASES]
+            yield judged(STANDARD, "deviation", signal.text, quantity, limits.MAGNITUDE, off)
 
 
 def unbalances(instrument: Instrument) -> Iterator[Point]:

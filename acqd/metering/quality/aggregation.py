@@ -23,8 +23,10 @@ class _Means:
         sizes = [math.prod(shape) for shape in self._phase.values()]
         rules = np.repeat([_RULES[name] for name in self._phase], sizes).tolist()
         rules += [_RULES[name] for name in self._system] + ["mean", "mean"]  # f and its rate
-        self._rms = np.array([rule == "rms" for rule in rules])
+        self._rms = np.array([rule in {"rms", "under", "over"} for rule in rules])
         self._angles = np.flatnonzero([rule == "angle" for rule in rules])
+        self._distances = np.flatnonzero([rule in {"under", "over"} for rule in rules])
+        self._sides = np.array([1.0 if rules[at] == "over" else -1.0 for at in self._distances])
         self._sum, self._count = np.zeros(len(rules)), np.zeros(len(rules))
         self._rows, self._taken = np.empty((_AT_ONCE, len(rules))), 0
         self._phasors = np.zeros(len(self._angles), dtype=np.complex128)
@@ -43,6 +45,7 @@ class _Means:
     def _fold(self) -> None:
         """Add the rows that wait to the sums."""
         x, self._taken = self._rows[: self._taken], 0
+        x[:, self._distances] = 100 + self._sides * x[:, self._distances]
         known = ~np.isnan(x)
         angles = x[:, self._angles]
         self._phasors += np.where(known[:, self._angles], np.exp(1j * np.radians(angles)), 0.0).sum(axis=0)
@@ -57,6 +60,7 @@ class _Means:
         with np.errstate(invalid="ignore", divide="ignore"):
             mean = self._sum / self._count
             mean[self._rms] = np.sqrt(mean[self._rms])
+            mean[self._distances] = self._sides * (mean[self._distances] - 100)
             mean[self._angles] = np.degrees(np.angle(self._phasors / self._count[self._angles]))
         parts = np.split(mean, self._ends)
         phase = {name: part.reshape(shape) for (name, shape), part in zip(self._phase.items(), parts, strict=False)}

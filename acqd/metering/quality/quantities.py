@@ -12,6 +12,7 @@ from acqd.metering.quality.apparent import arithmetic_apparent, effective_appare
 from acqd.metering.quality.components import Phasors, rotation, symmetrical, unbalance_of
 from acqd.metering.quality.cycles import MIN_PURITY
 from acqd.metering.quality.event_flags import INTERRUPTION, event_flags
+from acqd.metering.quality.harmonic_power import harmonic_powers
 from acqd.metering.quality.integrals import HalfCycleIntegrals, half_cycle_integrals
 from acqd.metering.quality.intervals import Interval
 from acqd.metering.quality.spectrum import (
@@ -34,6 +35,8 @@ class Options:
     """All lines between harmonics, besides the centred subgroups."""
     signalling_Hz: float | None = None
     """Carrier of mains signalling."""
+    harmonic_powers: bool = False
+    """Angles of voltage and current and the active power of each harmonic."""
 
 
 DEFAULT = Options()
@@ -43,6 +46,8 @@ OF_ANY_F = frozenset(
     {"Vrms", "Irms", "P", "S", "V_crest", "I_crest", "V_dc", "I_dc", "V_12", "V_23", "V_31", "I_n_derived", "Se"}
 )
 """Quantities that hold whatever f is, but for the cycles that the interval cuts."""
+_OTHER_SYSTEM = 200.0
+"""% of the declared voltage: no mains stays above it for an interval."""
 
 
 @np.errstate(invalid="ignore", over="ignore")
@@ -53,6 +58,7 @@ def measure(interval: Interval, declared: float, options: Options = DEFAULT) -> 
     phase = _waveform_values(integrals) | _fundamental(lines, interval.cycles) | _groups(lines, interval, options)
     if options.signalling_Hz is not None:
         phase["V_ms"] = signalling(lines[0::2], interval.f / interval.cycles, options.signalling_Hz)
+    phase |= deviations(phase["Vrms"], declared)
     system = _system(integrals, phase, lines[:, interval.cycles]) if len(integrals.products) > 1 else {}
     known, flags = interval.fit.credible, interval.flags
     if not known and _elsewhere(phase, declared):
@@ -71,6 +77,17 @@ def measure(interval: Interval, declared: float, options: Options = DEFAULT) -> 
         flags=flags | event_flags(integrals.one_cycle_rms(), declared),
         phase_flags=_overrange(integrals, interval.stops),
     )
+
+
+def deviations(V: Floats, declared: float) -> dict[str, Floats]:
+    """Underdeviation and overdeviation [%] of RMS values from the `declared` voltage, both [V] (IEC 61000-4-30, 5.12).
+
+    What lies above counts as the declared voltage in the one, what lies below in the other: neither is negative. NaN
+    above twice the declared voltage, which then is that of another system.
+    """
+    share = 100 * V / declared
+    share[share > _OTHER_SYSTEM] = np.nan
+    return {"V_under": np.maximum(100 - share, 0.0), "V_over": np.maximum(share - 100, 0.0)}
 
 
 def _elsewhere(phase: dict[str, Floats], declared: float) -> bool:
@@ -130,9 +147,12 @@ def _groups(lines: Lines, interval: Interval, options: Options) -> dict[str, Flo
     if options.interharmonic_groups:
         lists["ig"] = interharmonic_groups(line_squares(lines, interval.cycles))
         lists["ig"][:, known:] = np.nan
-    return {
+    if options.harmonic_powers:
+        lists["h_angle"], power = harmonic_powers(lines, interval.cycles, known)
+    phase = {
         f"{name}_{kind}": values[first::2] for first, name in enumerate(("V", "I")) for kind, values in lists.items()
     }
+    return phase | {"P_h": power} if options.harmonic_powers else phase
 
 
 def _system(integrals: HalfCycleIntegrals, phase: dict[str, Floats], fundamentals: Phasors) -> dict[str, float]:

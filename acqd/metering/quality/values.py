@@ -9,7 +9,7 @@ from acqd.arrays import Floats
 
 Kind = Literal["10/12", "150/180", "10min", "2h", "10s", "Pst", "Plt"]
 KINDS: tuple[Kind, ...] = ("10/12", "150/180", "10min", "2h", "10s", "Pst", "Plt")
-Rule = Literal["rms", "mean", "angle"]
+Rule = Literal["rms", "mean", "angle", "under", "over"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,7 +19,8 @@ class Quantity:
     unit: str
     rule: Rule
     """rms: square root of the mean square (IEC 61000-4-30, section 4.5); mean: of what has a sign or is a power;
-    angle: of the mean of unit phasors."""
+    angle: of the mean of unit phasors; under, over: distance of that root of magnitudes in % from 100 %, of what lies
+    below and above (IEC 61000-4-30, section 5.12)."""
 
 
 _RMS_V, _RMS_A, _SHARE = Quantity("V", "rms"), Quantity("A", "rms"), Quantity("%", "rms")
@@ -32,6 +33,7 @@ PHASE: dict[str, Quantity] = {
     "P1": _W, "Q1": _VAR, "S1": _VA,
     "V_dc": _V, "I_dc": _A, "V_crest": Quantity("", "rms"), "I_crest": Quantity("", "rms"),
     "V_thds": _SHARE, "I_thds": _SHARE, "V_ms": _RMS_V,
+    "V_under": Quantity("%", "under"), "V_over": Quantity("%", "over"),
     "Pst": Quantity("", "mean"), "Plt": Quantity("", "mean"),
 }  # fmt: skip
 """Quantities of one phase, [phases]."""
@@ -43,9 +45,12 @@ LISTS: dict[str, Quantity] = {
     "I_ih": _RMS_A,
     "V_ig": _RMS_V,
     "I_ig": _RMS_A,
+    "V_h_angle": _DEGREE,
+    "I_h_angle": _DEGREE,
+    "P_h": _W,
 }
-"""Lists of one phase, [phases, 50]: harmonic subgroups 1 .. 50, interharmonic centred subgroups 0 .. 49, and
-interharmonic groups 0 .. 49."""
+"""Lists of one phase, [phases, 50]: harmonic subgroups 1 .. 50, interharmonic centred subgroups 0 .. 49, interharmonic
+groups 0 .. 49; angles and active powers of harmonics 1 .. 50."""
 
 SYSTEM: dict[str, Quantity] = {
     "Vrms": _RMS_V, "Irms": _RMS_A, "P": _W, "S": _VA, "Se": _VA,

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from acqd.metering.quality.aggregation import Aggregate
+from acqd.metering.quality.quantities import deviations
 from acqd.metering.quality.ten_seconds import TenSeconds
 from acqd.metering.quality.tick_values import TickValues
 from acqd.metering.quality.values import QualityValues
@@ -36,6 +37,32 @@ def test_rms_for_magnitudes_and_mean_for_powers(values):
     assert found.phase["V_h"] == pytest.approx(np.array([rms, 2 * rms]))
     assert found.phase["P"][0] == pytest.approx(-math.fsum(values) / len(values), abs=1e-9)
     assert found.intervals == len(values) and found.duration == pytest.approx(0.2 * len(values))
+
+
+def test_deviations_are_of_the_root_of_what_lies_below_and_above():
+    """IEC 61000-4-30, section 5.12: the intervals of the other side count as the declared voltage."""
+    V = [207.0, 241.5, 230.0, 218.5]
+    aggregate = Aggregate("10min")
+    for k, x in enumerate(V):
+        aggregate.add(value(k, **deviations(np.array([x]), 230.0)))
+    found = aggregate.close()
+    below, above = (math.sqrt(math.fsum(side(x, 230.0) ** 2 for x in V) / 4) for side in (min, max))
+    assert found.phase["V_under"][0] == pytest.approx((230 - below) / 2.3)
+    assert found.phase["V_over"][0] == pytest.approx((above - 230) / 2.3)
+    twice = Aggregate("2h")
+    twice.add(found)
+    twice.add(found)
+    assert twice.close().phase["V_under"] == pytest.approx(found.phase["V_under"])
+
+
+@pytest.mark.parametrize(
+    ("volts", "under", "over"), [(207.0, 10.0, 0.0), (241.5, 0.0, 5.0), (0.0, 100.0, 0.0), (12e3, np.nan, np.nan)]
+)
+def test_deviations_of_an_interval_are_of_the_declared_voltage(volts, under, over):
+    x = three_phases(2 * np.pi * 50 * np.arange(2_000) / 2_000, volts=volts)
+    for one in of_kind(metered(x, 2_000.0)):
+        assert one.phase["V_under"] == pytest.approx([under] * 3, abs=1e-3, nan_ok=True)
+        assert one.phase["V_over"] == pytest.approx([over] * 3, abs=1e-3, nan_ok=True)
 
 
 def test_angles_are_averaged_on_the_circle_and_the_unknown_is_left_out():

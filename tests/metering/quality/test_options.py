@@ -44,6 +44,29 @@ def test_interharmonic_groups_hold_every_line_between_harmonics():
     assert phase["V_ih"][0, 2] == pytest.approx(2.3, abs=2e-3)  # the subgroup leaves out the neighbours of harmonics
 
 
+def test_harmonics_have_angles_and_powers_with_direction():
+    """H5 flows in and H7 out, H9 is of the voltage alone, H11 is weak beside an interharmonic; U1 begins at 100 deg."""
+    turn = 2 * np.pi * F * T + np.radians(100)
+    u5, i5, u7, i7 = np.radians([40.0, 10.0, -75.0, 165.0])
+    u = 230 * np.cos(turn) + 8 * np.cos(5 * turn + u5) + 6 * np.cos(7 * turn + u7) + 3 * np.cos(9 * turn)
+    u += 0.2 * np.cos(11 * turn) + 2 * np.cos(2 * np.pi * 555.0 * T)
+    i = 5 * np.cos(turn - 0.5) + 2 * np.cos(5 * turn + i5) + 1.5 * np.cos(7 * turn + i7)
+    x = np.sqrt(2) * np.column_stack((u, i, np.roll(u, 133), np.zeros_like(u)))
+    one = measured(x, harmonic_powers=True)
+    first, fifth, seventh, ninth, eleventh = (one.phase["P_h"][0, n - 1] for n in (1, 5, 7, 9, 11))
+    assert first == pytest.approx(230 * 5 * np.cos(0.5), rel=1e-5) and first == pytest.approx(one.phase["P1"][0])
+    assert fifth == pytest.approx(16 * np.cos(u5 - i5), abs=1e-3) and fifth > 0
+    assert seventh == pytest.approx(9 * np.cos(u7 - i7), abs=1e-3) and seventh < 0
+    assert ninth == pytest.approx(0, abs=1e-3) and eleventh == pytest.approx(0, abs=1e-3)
+    assert one.phase["V_h_angle"][0, [0, 4, 6, 8]] == pytest.approx([0, 40, -75, 0], abs=0.05)
+    assert one.phase["I_h_angle"][0, [0, 4, 6]] == pytest.approx([-np.degrees(0.5), 10, 165], abs=0.05)
+    assert np.isnan(one.phase["V_h_angle"][0, [1, 10]]).all() and np.isnan(one.phase["I_h_angle"][0, 8])
+    assert np.isnan(one.phase["I_h_angle"][1]).all() and (np.abs(one.phase["P_h"][1]) < 1e-6).all()
+    assert one.phase["V_h_angle"][1, 4] == pytest.approx(40 - 5 * 133 * F * 360 / RATE + 720, abs=0.1)
+    (row, *_) = quality_rows(one, "cell1", "boot1", 0)
+    assert row.P_h[6] == pytest.approx(seventh, abs=1e-6) and row.V_h_angle[10] is None
+
+
 @pytest.mark.parametrize("carrier", [175.0, 316.67, 1_042.0])
 @pytest.mark.parametrize("share", [0.03, 0.01])
 def test_mains_signalling_is_measured_from_the_four_nearest_lines(carrier, share):
@@ -57,7 +80,7 @@ def test_mains_signalling_is_measured_from_the_four_nearest_lines(carrier, share
 
 def test_without_a_word_neither_is_measured():
     phase = measured(voltage()).phase
-    assert "V_ms" not in phase and "V_ig" not in phase
+    assert not {"V_ms", "V_ig", "V_h_angle", "P_h"} & set(phase)
 
 
 def test_flicker_of_a_running_stream_is_a_row_of_each_phase():
