@@ -112,7 +112,7 @@ def close_loop(
         console.print(f"acqd: {note}")
     ways = {name: way_of(closed, name) for name in explain or ()}
     if json:
-        more = {"out": str(folder)} | ({"ways": ways} if ways else {})
+        more: dict[str, Any] = {"out": str(folder)} | ({"ways": ways} if ways else {})
         more |= {"changed_belief": changes} if changes else {}
         print(orjson.dumps(result | more, option=orjson.OPT_SERIALIZE_NUMPY).decode())
         return
