@@ -67,6 +67,7 @@ def subject_of(config: CloseConfig, progress: Callable[[str, float], None]) -> S
     provenance = bundle.metadata["provenance"]
     same = is_training_dataset(provenance, data)
     unseen, remarks = _unseen(provenance, data)
+    remarks += _trained_sessions(config, data, unseen)
     _require_enough(config, data, data.segments if same else unseen or data.segments)
     if not unseen:
         raise UserError(f"{config.dataset}: the model was fitted on all of its recordings; close the loop on new ones")
@@ -104,8 +105,6 @@ def _together(config: CloseConfig) -> Dataset:
         ):  # fmt: skip
             if own != other:
                 raise UserError(f"--with {path}: {what} {other}, but {config.dataset} has {own}; name like recordings")
-        if min(s.start_s for s in more.segments) < min(s.start_s for s in data.segments):
-            raise UserError(f"--with {path}: begins before {config.dataset}; name recordings of a later session")
         parts.append(more)
     segments = [
         replace(segment, session=f"session {k}", recording=f"s{k} {segment.recording}" if k else segment.recording)
@@ -113,6 +112,19 @@ def _together(config: CloseConfig) -> Dataset:
     ]  # fmt: skip
     digest = hashlib.sha256("".join(part.digest for part in parts).encode()).hexdigest()
     return replace(data, digest=digest, segments=segments)
+
+
+def _trained_sessions(config: CloseConfig, data: Dataset, unseen: list[Segment]) -> list[str]:
+    """Notes of recordings of later sessions that the model was fitted on. Raises UserError where none is new."""
+    notes = []
+    for number, path in enumerate(config.further, 1):
+        own = {s.recording for s in data.segments if s.session == f"session {number}"}
+        new = {s.recording for s in unseen if s.session == f"session {number}"}
+        if not new:
+            raise UserError(f"--with {path}: the model was fitted on all of its recordings; name those made since")
+        if own - new:
+            notes.append(f"{len(own - new)} of {len(own)} recordings of {path} were part of the training; left out")
+    return notes
 
 
 def _require_same_robot(config: CloseConfig, bundle: Bundle, model: Predictor, data: Dataset) -> None:

@@ -20,6 +20,14 @@ def test_recordings_of_a_later_session_join_those_in_question_and_begin_on_their
     assert CloseConfig.from_json(config.as_json(), config.out) == config
 
 
+def test_recordings_that_the_model_was_trained_on_are_left_out_with_a_note(closed, tmp_path):
+    folder, _ = closed
+    further = (folder / "before" / "ds",)
+    config = CloseConfig(folder / "now" / "ds", folder / "model", tmp_path / "out", further=further)
+    notes = subject_of(config, lambda *_: None).notes
+    assert any("8 of 9 recordings of" in note and "left out" in note for note in notes)
+
+
 def test_a_term_knows_the_start_of_every_session():
     term = Term("thermal_friction", "joint 1", {"origin_s": 100.0, "origin_s_1": 900.0}, (0,), [1.0], {})
     assert [term.session_start(at) for at in (50.0, 100.0, 899.0, 900.0, 5e3)] == [100.0, 100.0, 100.0, 900.0, 900.0]
