@@ -48,16 +48,13 @@ def judge_table(recordings: list[Recording], robot: RobotDescription) -> list[st
     `judge_recordings`.
     """
     some = recordings[:: -(-len(recordings) // _LOGS_CHECKED)]
-    samples: list[Sample] = []
-    for recording in some:
-        sample = _sample_of_recording(recording, robot)
-        if sample is None:
-            continue
-        samples.append(sample)
+    samples = {each.name: sample for each in some if (sample := _sample_of_recording(each, robot)) is not None}
+    by_torque = _judged(robot, list(samples.values()), f"in {len(recordings)} recordings")
+    for name, sample in samples.items():
         contradiction = _contradiction(sample, robot)
         if contradiction:
-            raise UserError(f"recording {recording.name}: {contradiction}")
-    return judge_recordings(recordings, robot, _judged(robot, samples, f"in {len(recordings)} recordings"))
+            raise UserError(f"recording {name}: {contradiction}")
+    return judge_recordings(recordings, robot, by_torque)
 
 
 def judge_recordings(
