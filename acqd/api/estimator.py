@@ -98,6 +98,8 @@ class PowerRegressor(RegressorMixin, BaseEstimator):  # type: ignore[misc]
             for note in judge_recordings(recordings, load_description(robot), None):
                 warnings.warn(note, UserWarning, stacklevel=2)
         segments = _with_validation([segment for each in recordings for segment in self._segments(each, axes)])
+        if not segments:
+            raise UserError(f"no recording has {_MIN_ROWS} consecutive rows whose motion is known")
         data = Dataset(Path("memory"), "0" * 64, robot, robot, self.step_s, "mains", segments)
         settings = TrainingSettings(epochs=self.epochs)
         with tempfile.TemporaryDirectory() as folder:  # of the network's checkpoint
@@ -171,6 +173,8 @@ class PowerRegressor(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         q, P, name = recording.of_axes("q", axes), recording.columns["P"], recording.name
         context = np.zeros(len(P), bool) if recording.context is None else recording.context
         for first, last in runs_of_true(recording.valid):
+            if last - first < min(_MIN_ROWS, len(P)):
+                continue  # between rows that are not known
             before, after = neighbours(q, context, first, last)
             rows = slice(first, last)
             signals = {signal: recording.columns[signal][rows] for signal in self.signals}

@@ -36,7 +36,7 @@ def unknown_ends(q: Floats, known: NDArray[np.bool_], step_s: float) -> NDArray[
 
 
 def sentence(rows: int, step_s: float) -> str:
-    """What a user should know of so many rows; empty for none."""
+    """What a user should know of so many rows; empty for 0."""
     if not rows:
         return ""
     return (
