@@ -124,7 +124,7 @@ class PowerRegressor(RegressorMixin, BaseEstimator):  # type: ignore[misc]
     def score(self, X: Table, y: Table, sample_weight: ArrayLike | None = None, groups: Table | None = None) -> float:
         """Coefficient of determination R^2 of the prediction, of rows whose acceleration is known.
 
-        Where a recording begins or ends in motion, the first or last two rows do not count.
+        Where a recording begins or ends in motion, the first or last row does not count.
         """
         power = self.predict(X, groups)
         q = np.asarray(X, dtype=np.float64)[:, : self.predictor_.axes]

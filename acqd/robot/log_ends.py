@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from acqd.arrays import Floats
 from acqd.numerics import runs_of_true
 
-ROWS = 2
-"""Rows at an end that are not known: models look so many rows around a row for its acceleration."""
+ROWS = 1
+"""Rows at an end whose acceleration is not known. The next row has neighbours on both sides."""
 _RESTS = 0.025
 """rad/s or m/s up to which an arm rests at an end."""
-_LEAST_ROWS = 10 * ROWS
+_LEAST_ROWS = 20 * ROWS
 """Rows of a shorter motion are all used: it cannot do without its ends."""
 
 

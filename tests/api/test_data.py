@@ -77,7 +77,7 @@ def test_a_prediction_of_arrays_equals_that_of_the_log(folder):
     whole = acqd.predict(model, log)
     np.testing.assert_array_equal(whole.P, acqd.predict("model", "logs/example.csv").P)
     cut = log.part(np.arange(200, 500), log.path)
-    assert "4 rows at ends in motion are estimated" in acqd.predict(model, cut).note and "motion" not in whole.note
+    assert "2 rows at ends in motion are estimated" in acqd.predict(model, cut).note and "motion" not in whole.note
     with pytest.raises(acqd.UserError, match=r"expected \[rows, 6\]"):
         model.predict(np.zeros((10, 7)))
     with pytest.raises(acqd.UserError, match="signals have the shape"):
