@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -20,17 +21,22 @@ try:
 except ModuleNotFoundError:
     raise UserError("PowerRegressor needs scikit-learn: pip install 'acqd[sklearn]'") from None
 
+from acqd.dataset.column_check import judge_recordings
+from acqd.dataset.cut import CONTEXT_ROWS
+from acqd.dataset.merge import Recording
 from acqd.dataset.split import Part
 from acqd.dataset.table_motion import trusted_motion
 from acqd.models.config import TrainConfig
 from acqd.models.networks.settings import TrainingSettings
-from acqd.models.segments import Dataset, Segment
+from acqd.models.segments import Dataset, Segment, neighbours
 from acqd.models.training import NAMES, fit
+from acqd.numerics import runs_of_true
 from acqd.robot.description import load_description
+from acqd.robot.log_ends import unknown_ends
 
 if TYPE_CHECKING:
     import pandas
-    from numpy.typing import ArrayLike
+    from numpy.typing import ArrayLike, NDArray
     from sklearn.utils import Tags
 
     from acqd.arrays import Floats
@@ -86,8 +92,14 @@ class PowerRegressor(RegressorMixin, BaseEstimator):  # type: ignore[misc]
             raise ValueError(f"no network {self.network!r}; the networks are {', '.join(NAMES)}")
         axes = X.shape[1] - len(self.signals)
         robot = self._robot_of(axes)
-        _require_motion(robot, self.step_s, X[:, :axes], groups)
-        segments = _with_validation(list(self._segments(X, np.asarray(y, dtype=np.float64), groups, axes)))
+        y = np.asarray(y, dtype=np.float64)
+        recordings = [self._recording(robot, k, X, y, rows, axes) for k, rows in enumerate(_recordings(groups, len(X)))]
+        if robot:
+            for note in judge_recordings(recordings, load_description(robot), None):
+                warnings.warn(note, UserWarning, stacklevel=2)
+        segments = _with_validation([segment for each in recordings for segment in self._segments(each, axes)])
+        if not segments:
+            raise UserError(f"no recording has {_MIN_ROWS} consecutive rows whose motion is known")
         data = Dataset(Path("memory"), "0" * 64, robot, robot, self.step_s, "mains", segments)
         settings = TrainingSettings(epochs=self.epochs)
         with tempfile.TemporaryDirectory() as folder:  # of the network's checkpoint
@@ -101,16 +113,25 @@ class PowerRegressor(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         check_is_fitted(self, "predictor_")
         X = validate_data(self, X, dtype=np.float64, reset=False)
         model = self.predictor_
-        _require_motion(self._robot_of(model.axes), self.step_s, X[:, : model.axes], groups)
+        robot = self._robot_of(model.axes)
         signals = X[:, model.axes :][:, [list(self.signals).index(name) for name in model.signals]]
         power = np.empty(len(X))
         for rows in _recordings(groups, len(X)):
-            power[rows] = model.recording(X[rows, : model.axes], signals[rows])
+            q, _ = self._motion(robot, X[:, : model.axes], rows)
+            power[rows] = model.recording(q, signals[rows])
         return power
 
     def score(self, X: Table, y: Table, sample_weight: ArrayLike | None = None, groups: Table | None = None) -> float:
-        """Coefficient of determination R^2 of the prediction."""
-        return float(r2_score(y, self.predict(X, groups), sample_weight=sample_weight))
+        """Coefficient of determination R^2 of the prediction, of rows whose acceleration is known.
+
+        Where a recording begins or ends in motion, the first or last row does not count.
+        """
+        power = self.predict(X, groups)
+        q = np.asarray(X, dtype=np.float64)[:, : self.predictor_.axes]
+        weight = np.ones(len(q)) if sample_weight is None else np.array(sample_weight, dtype=np.float64)
+        for rows in _recordings(groups, len(q)):
+            weight[rows][unknown_ends(q[rows], np.ones(len(q[rows]), bool), self.step_s)] = 0.0
+        return float(r2_score(y, power, sample_weight=weight))
 
     def _robot_of(self, axes: int) -> str:
         """The description of a robot with so many joints; empty for networks. Raises ValueError, UserError."""
@@ -123,11 +144,41 @@ class PowerRegressor(RegressorMixin, BaseEstimator):  # type: ignore[misc]
             raise ValueError(f"X has {axes} joint angles, but {self.robot} has {expected} joints")
         return self.robot
 
-    def _segments(self, X: Floats, y: Floats, groups: Table | None, axes: int) -> Iterator[Segment]:
-        for number, rows in enumerate(_recordings(groups, len(X))):
-            signals = {name: X[rows, axes + k] for k, name in enumerate(self.signals)}
-            name = f"r{number:04d}"
-            yield Segment(name, name, "other", "train", X[rows, :axes], y[rows], None, signals)
+    def _motion(self, robot: str, X: Floats, rows: slice) -> tuple[Floats, NDArray[np.bool_]]:
+        """Angles [T, axes] of a recording, and which of its rows [T] are known.
+
+        Raises ValueError where they are no motion of the robot: shuffled, mixed, or in degrees.
+        """
+        q = X[rows]
+        if not robot:
+            return q, np.ones(len(q), bool)
+        try:
+            q, known, _ = trusted_motion(np.asarray(self.step_s * np.arange(len(q))), q, load_description(robot))
+        except ValueError as error:
+            first = "" if len(q) == len(X) else f"rows from {rows.start} on: "
+            raise ValueError(
+                f"{first}{error} Rows must be in the order of time; groups= names the recording of each"
+            ) from None
+        return q, known
+
+    def _recording(self, robot: str, number: int, X: Floats, y: Floats, rows: slice, axes: int) -> Recording:
+        q, known = self._motion(robot, X[:, :axes], rows)
+        valid = known & ~unknown_ends(q, known, self.step_s)
+        columns = {f"q{axis + 1}": angles for axis, angles in enumerate(q.T)} | {"P": y[rows]}
+        columns |= {name: X[rows, axes + k] for k, name in enumerate(self.signals)}
+        time_ns = np.rint(1e9 * self.step_s * np.arange(len(q))).astype(np.int64)
+        return Recording(f"r{number:04d}", time_ns, columns, valid, known & ~valid)
+
+    def _segments(self, recording: Recording, axes: int) -> Iterator[Segment]:
+        q, P, name = recording.of_axes("q", axes), recording.columns["P"], recording.name
+        context = np.zeros(len(P), bool) if recording.context is None else recording.context
+        for first, last in runs_of_true(recording.valid):
+            if last - first < min(_MIN_ROWS, len(P)):
+                continue  # between rows that are not known
+            before, after = neighbours(q, context, first, last)
+            rows = slice(first, last)
+            signals = {signal: recording.columns[signal][rows] for signal in self.signals}
+            yield Segment(name, name, "other", "train", q[rows], P[rows], None, signals, before=before, after=after)
 
     def __sklearn_tags__(self) -> Tags:
         """Rows are a sequence: scores on the shuffled toy data of scikit-learn's checks are poor."""
@@ -154,22 +205,6 @@ def _recordings(groups: Table | None, rows: int) -> list[slice]:
     return [slice(first, last) for first, last in pairwise(edges)]
 
 
-def _require_motion(robot: str, step_s: float, q: Floats, groups: Table | None) -> None:
-    """Raises ValueError where angles [T, axes] are no motion of the robot: shuffled, mixed, or in degrees."""
-    if not robot:
-        return
-    description = load_description(robot)
-    for rows in _recordings(groups, len(q)):
-        time = step_s * np.arange(rows.stop - rows.start)
-        try:
-            trusted_motion(time, q[rows], np.ones(len(time), bool), description)
-        except ValueError as error:
-            first = f"rows from {rows.start} on: " if groups is not None else ""
-            raise ValueError(
-                f"{first}{error} Rows must be in the order of time; groups= names the recording of each"
-            ) from None
-
-
 def _with_validation(segments: list[Segment]) -> list[Segment]:
     """Every seventh recording for validation; of fewer than seven the end of each."""
     if len(segments) >= 7:
@@ -179,10 +214,15 @@ def _with_validation(segments: list[Segment]) -> list[Segment]:
         end = min(len(segment.P) - 2, max(2, int((1 - _VALIDATION) * len(segment.P))))
         if end < 2:
             raise UserError(f"a recording of {len(segment.P)} rows is too short: expected at least {_MIN_ROWS}")
+        q = segment.q
         halves: list[tuple[slice, Part]] = [(slice(None, end), "train"), (slice(end, None), "validation")]
         for rows, part in halves:
             signals = {name: values[rows] for name, values in segment.signals.items()}
-            parts.append(replace(segment, split=part, q=segment.q[rows], P=segment.P[rows], signals=signals))
+            half = replace(segment, split=part, q=q[rows], P=segment.P[rows], signals=signals)
+            if part == "train":
+                parts.append(replace(half, after=q[end:][:CONTEXT_ROWS]))
+            else:
+                parts.append(replace(half, before=q[:end][-CONTEXT_ROWS:]))
     return parts
 
 

@@ -15,6 +15,7 @@ from acqd.dataset.log_files import Logs, read_logs, uncommon_columns
 from acqd.dataset.log_power import LOG, log_power, require_drawn, small_power
 from acqd.dataset.merge import merge
 from acqd.dataset.merged_log import Batch, MergedLog
+from acqd.dataset.motion_notes import end_notes
 from acqd.dataset.placement import Alignment, given, place
 from acqd.dataset.power import PowerStream, open_power
 from acqd.dataset.regressors import Regressors, regressors_of
@@ -64,7 +65,9 @@ def build(config: BuildConfig, progress: _Progress) -> BuildReport:
     logs.notes += small_power(powers)
     _require_placements(alignment)
     merged = _merge_all(config, logs.kept, powers, alignment)
-    logs.notes += judge_recordings([each.recording for each in merged if each.recording], robot, by_torque)
+    recordings = [each.recording for each in merged if each.recording]
+    logs.notes += judge_recordings(recordings, robot, by_torque)
+    logs.notes += end_notes(recordings, config.step_s)
     logs.notes += alignment.notes
     if alignment.line is None and config.lag_s is None and stream is not None and len(logs.kept) >= _MIN_FOR_CLOCK:
         logs.notes.append("the logs' lags lie on no common clock line, so each has its own: are they of two robots?")

@@ -37,13 +37,24 @@ def judge_logs(logs: list[RobotLog], robot: RobotDescription) -> OrderJudgement 
     """
     some = [log for log in logs[:: -(-len(logs) // _LOGS_CHECKED)] if len(log.time) > 1]
     samples = [sample for log in some if (sample := _sample(log, robot)) is not None]
-    if not samples:
-        return None
-    judged = _judged(robot, samples)
-    if judged.better is not None:
-        many = f"{logs[0].path.parent}: in its {len(logs)} logs" if len(logs) > 1 else f"{logs[0].path}"
-        raise UserError(f"{many}, angles and {samples[0][0]} do not fit as logged: {judged.text(robot)}")
-    return judged
+    many = f"{logs[0].path.parent}: in its {len(logs)} logs" if len(logs) > 1 else f"{logs[0].path}"
+    return _judged(robot, samples, many)
+
+
+def judge_table(recordings: list[Recording], robot: RobotDescription) -> list[str]:
+    """Checks of recordings that were merged elsewhere: by their torques or currents, then by their power.
+
+    Lines on axes whose order is not confirmed. Raises UserError as `check_columns`, `judge_logs` and
+    `judge_recordings`.
+    """
+    some = recordings[:: -(-len(recordings) // _LOGS_CHECKED)]
+    samples = {each.name: sample for each in some if (sample := _sample_of_recording(each, robot)) is not None}
+    by_torque = _judged(robot, list(samples.values()), f"in {len(recordings)} recordings")
+    for name, sample in samples.items():
+        contradiction = _contradiction(sample, robot)
+        if contradiction:
+            raise UserError(f"recording {name}: {contradiction}")
+    return judge_recordings(recordings, robot, by_torque)
 
 
 def judge_recordings(
@@ -56,8 +67,7 @@ def judge_recordings(
     if by_torque is not None and not by_torque.unsure:
         return []
     some = recordings[:: -(-len(recordings) // _LOGS_CHECKED)]
-    samples = [piece for recording in some for piece in _power_pieces(recording, robot.axes)]
-    judged = judge_order(robot, samples)
+    judged = judge_order(robot, [piece for recording in some for piece in _power_pieces(recording, robot.axes)])
     if judged.better is not None and (by_torque is None or judged.better in by_torque.unsure):
         raise UserError(f"angles and power of {len(recordings)} recordings do not fit as logged: {judged.text(robot)}")
     judged = judged if by_torque is None else by_torque.together(judged)
@@ -66,15 +76,20 @@ def judge_recordings(
 
 
 def _power_pieces(recording: Recording, axes: int) -> Iterator[OrderSample]:
-    q = np.column_stack([recording.columns[f"q{axis + 1}"] for axis in range(axes)])
     step_s = float(np.median(np.diff(recording.time_ns))) * 1e-9
-    return pieces(q, recording.columns["P"], recording.valid, step_s)
+    return pieces(recording.of_axes("q", axes), recording.columns["P"], recording.valid, step_s)
 
 
-def _judged(robot: RobotDescription, samples: list[Sample]) -> OrderJudgement:
+def _judged(robot: RobotDescription, samples: list[Sample], where: str) -> OrderJudgement | None:
+    """What torques or currents say of the order; None without samples. Raises UserError for another order."""
+    if not samples:
+        return None
     guessed = samples[0][0] == "currents" and any(joint.guesses_drive for joint in robot.joint)
     long = [piece for _, q, seen in samples for piece in pieces(q, seen, np.ones(len(q), bool), _STEP_S)]
-    return judge_order(robot, long, guessed=guessed)
+    judged = judge_order(robot, long, guessed=guessed)
+    if judged.better is not None:
+        raise UserError(f"{where}, angles and {samples[0][0]} do not fit as logged: {judged.text(robot)}")
+    return judged
 
 
 def to_check(logs: list[RobotLog], robot: RobotDescription) -> list[RobotLog]:
@@ -95,20 +110,24 @@ def check_columns(log: RobotLog, robot: RobotDescription) -> None:
     they agree with them in another order of the axes.
     """
     sample = _sample(log, robot)
-    if sample is None:
-        return
+    contradiction = _contradiction(sample, robot) if sample is not None else ""
+    if contradiction:
+        raise InputError(log.path, contradiction)
+
+
+def _contradiction(sample: Sample, robot: RobotDescription) -> str:
+    """How the torques or currents contradict the angles; empty if they do not."""
     name, q, logged = sample
     agreement = _agreement(robot, q, logged)
     if len(agreement) < 2 or np.median(list(agreement.values())) >= _MIN_CORRELATION:
-        return
+        return ""
     exchanged = _exchanged(robot, q, logged, float(np.median(list(agreement.values()))) + _CLEARLY)
     if name == "currents" and not exchanged:
-        return
+        return ""
     worst = min(agreement, key=lambda axis: agreement[axis])
-    raise InputError(
-        log.path,
+    return (
         f"the {name} do not belong to the angles (worst joint {robot.joint[worst].name}, correlation "
-        f"{agreement[worst]:.2f}{exchanged}): are the columns in the order of {robot.name}'s axes?",
+        f"{agreement[worst]:.2f}{exchanged}): are the columns in the order of {robot.name}'s axes?"
     )
 
 
@@ -124,12 +143,33 @@ def _agreement(robot: RobotDescription, q: Floats, logged: Floats) -> dict[int, 
 
 def _sample(log: RobotLog, robot: RobotDescription) -> Sample | None:
     """The name of what stands for torques, angles and torques [T, axes] at even times; None without torques."""
-    name, known = _torques(log, robot)
-    if known is None:
+    named = _torques(robot, log.tau if best_torque(log) == "measured" else None, log.current)
+    if named is None:
         return None
     time, rows = in_time(log)
+    return _sampled(named[0], time, log.q[rows], named[1][rows])
+
+
+def _sample_of_recording(recording: Recording, robot: RobotDescription) -> Sample | None:
+    """The same of the valid rows of a recording; None where torques and currents are missing in some of them."""
+    valid = recording.valid
+    if not valid.any():
+        return None
+    tau, current = (
+        recording.of_axes(quantity, robot.axes)[valid]
+        if all(f"{quantity}{axis + 1}" in recording.columns for axis in range(robot.axes))
+        else None
+        for quantity in ("tau", "current")
+    )
+    usable = tau is not None and np.isfinite(tau).all() and tau.any()
+    named = _torques(robot, tau if usable else None, current)
+    time = (recording.time_ns[valid] - recording.time_ns[0]) * 1e-9
+    return None if named is None else _sampled(named[0], time, recording.of_axes("q", robot.axes)[valid], named[1])
+
+
+def _sampled(name: str, time: Floats, q: Floats, seen: Floats) -> Sample:
     grid = np.arange(time[0], time[-1], _STEP_S)
-    return name, _on_grid(grid, time, log.q[rows]), _on_grid(grid, time, known[rows])
+    return name, _on_grid(grid, time, q), _on_grid(grid, time, seen)
 
 
 def _exchanged(robot: RobotDescription, q: Floats, logged: Floats, least: float) -> str:
@@ -143,13 +183,13 @@ def _exchanged(robot: RobotDescription, q: Floats, logged: Floats, least: float)
     return ""
 
 
-def _torques(log: RobotLog, robot: RobotDescription) -> tuple[str, Floats | None]:
+def _torques(robot: RobotDescription, tau: Floats | None, current: Floats | None) -> tuple[str, Floats] | None:
     """[T, axes] Nm at the joints: logged, or the nominal torque of the logged currents; None without either."""
-    if best_torque(log) == "measured":
-        return "torques", log.tau
-    if log.current is None or not np.isfinite(log.current).all():
-        return "currents", None
-    return "currents", log.current * np.array([joint.drive.effort_per_ampere for joint in robot.joint])
+    if tau is not None:
+        return "torques", tau
+    if current is None or not np.isfinite(current).all():
+        return None
+    return "currents", current * np.array([joint.drive.effort_per_ampere for joint in robot.joint])
 
 
 def _on_grid(grid: Floats, time: Floats, values: Floats) -> Floats:

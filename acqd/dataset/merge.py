@@ -13,6 +13,7 @@ from acqd.dataset.power import PowerStream
 from acqd.dataset.resample import held, resampled
 from acqd.dataset.schema import recording_table
 from acqd.robot.log import RobotLog, in_time
+from acqd.robot.log_ends import unknown_ends
 
 _POWER_GAP = 2.1  # windows to the nearest known one: up to three missing in a row are bridged
 _LOG_GAP_S = 0.25  # angles are not interpolated over a longer gap between log rows
@@ -33,7 +34,16 @@ class Recording:
     valid: NDArray[np.bool_]
     """[T]: rows with both power and angles."""
     context: NDArray[np.bool_] | None = None
-    """[T], of a piece of a log: rows of its neighbours, whose angles alone may be used; None for a whole log."""
+    """[T] rows whose angles alone may be used: of neighbouring pieces of a log, at its ends in motion, without power.
+
+    None if there are no such rows.
+    """
+    unknown_ends: int = 0
+    """Rows at the ends of the motion whose accelerations are not known (see robot.log_ends)."""
+
+    def of_axes(self, quantity: str, axes: int) -> Floats:
+        """[T, axes] of a quantity of every axis, such as "q". Raises KeyError for one that was not logged."""
+        return np.column_stack([self.columns[f"{quantity}{axis + 1}"] for axis in range(axes)])
 
     def table(self, sliding: tuple[int, ...] = ()) -> pa.Table:
         """The recording as a table for Parquet; `sliding` are the prismatic joints, from 0, whose units are others."""
@@ -68,14 +78,16 @@ def merge(name: str, log: RobotLog, power: PowerStream, lag_s: float, drift_ppm:
     logged = _near(grid, clock, _LOG_GAP_S / 2)
     valid = logged & _near(grid, centres[np.isfinite(P)], _POWER_GAP * power.window_ns * 1e-9)
     valid &= np.isfinite(columns["P"])
-    context = None
     if log.core is not None:
         start, end = np.interp(log.core, controller, clock)
-        inside = (grid >= start) & (grid < end)
-        valid, context = valid & inside, logged & ~inside
+        valid &= (grid >= start) & (grid < end)
+    q = np.column_stack([columns[f"q{axis + 1}"] for axis in range(log.q.shape[1])])
+    ends = valid & unknown_ends(q, logged, step_s)
+    valid &= ~ends
+    context = logged & ~valid
     first_ns = int(power.time_ns[part][0]) + half_ns if count else 0
     time_ns = first_ns + np.rint(step_s * 1e9 * np.arange(count)).astype(np.int64)
-    return Recording(name, time_ns, columns, valid, context)
+    return Recording(name, time_ns, columns, valid, context if context.any() else None, int(ends.sum()))
 
 
 def _near(grid: Floats, t: Floats, within_s: float) -> NDArray[np.bool_]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from acqd.dataset.merge import Recording
 from acqd.robot.log import RobotLog
+from acqd.robot.log_ends import sentence
 
 _EACH = 3
 """Up to so many logs have a line each."""
@@ -37,3 +39,14 @@ def motion_notes(logs: list[RobotLog]) -> list[str]:
             listed = ", ".join(sorted({name for named in concerned.values() for name in named}))
             notes.append(f"{listed}: {what} ({len(concerned)} logs, the first: {next(iter(concerned))})")
     return notes
+
+
+def end_notes(recordings: list[Recording], step_s: float) -> list[str]:
+    """A line on recordings that begin or end in motion."""
+    moving = [each for each in recordings if each.unknown_ends]
+    if not moving:
+        return []
+    first = f"{moving[0].name}: {sentence(moving[0].unknown_ends, step_s)}"
+    if len(moving) == 1:
+        return [first]
+    return [f"{len(moving)} of {len(recordings)} recordings begin or end in motion, the first, {first}"]

@@ -6,6 +6,9 @@ import numpy as np
 
 from acqd.arrays import Floats
 
+_LEAST_SHARE = 1e-3
+"""Of a step: the value itself stands for the mean over less."""
+
 
 def resampled(grid: Floats, t: Floats, values: Floats, step_s: float) -> Floats:
     """[len(grid)] values on the grid, from values at rising times `t` (s); NaN are skipped."""
@@ -15,9 +18,13 @@ def resampled(grid: Floats, t: Floats, values: Floats, step_s: float) -> Floats:
     t, values = t[known], values[known]
     if np.median(np.diff(t)) < 0.6 * step_s:  # the mean over each step, by the integral of the straight lines
         integral = np.concatenate([[0.0], np.cumsum(np.diff(t) * (values[1:] + values[:-1]) / 2)])
-        edges = np.clip([grid - step_s / 2, grid + step_s / 2], t[0], t[-1])
-        low, high = (_integral_at(edge, t, values, integral) for edge in edges)
-        return np.asarray((high - low) / np.maximum(edges[1] - edges[0], 1e-12))
+        within = np.clip(grid, t[0], t[-1])
+        # narrower at the ends, but even there about the grid point: half a window would be the mean of another time
+        half = np.minimum(step_s / 2, np.minimum(within - t[0], t[-1] - within))
+        low, high = (_integral_at(within + side * half, t, values, integral) for side in (-1, 1))
+        lone = half < _LEAST_SHARE * step_s
+        means = (high - low) / np.where(lone, 1.0, 2 * half)
+        return np.asarray(np.where(lone, np.interp(within, t, values), means))
     return np.asarray(np.interp(grid, t, values))
 
 

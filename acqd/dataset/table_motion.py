@@ -18,16 +18,15 @@ _LONGEST_S = 0.25
 """Angles are not interpolated between known rows that are farther apart."""
 
 
-def trusted_motion(
-    time: Floats, q: Floats, valid: NDArray[np.bool_], robot: RobotDescription
-) -> tuple[Floats, NDArray[np.bool_], MotionQuality]:
-    """Angles [T, axes], bridged where doubtful, smoothed where coarse; which rows [T] are valid; what was found.
+def trusted_motion(time: Floats, q: Floats, robot: RobotDescription) -> tuple[Floats, NDArray[np.bool_], MotionQuality]:
+    """Angles [T, axes], bridged where doubtful, smoothed where coarse; which rows [T] are known; what was found.
 
     `time` [T] s is even. Raises ValueError that says what no motion of this robot can be.
     """
-    known = np.flatnonzero(np.isfinite(q).all(axis=1))
+    finite = np.asarray(np.isfinite(q).all(axis=1))
+    known = np.flatnonzero(finite)
     if len(known) < 2:
-        return q, valid, MotionQuality()
+        return q, finite, MotionQuality()
     stamps = time[known]
     farthest = reach(np.diff(stamps), robot)
     angles = unwrapped(q[known], farthest, np.array([not joint.slides for joint in robot.joint]))
@@ -44,7 +43,7 @@ def trusted_motion(
     mended, unknown = bridged(stamps, angles, doubts.any, _LONGEST_S)
     smoothing = smoothing_of(stamps, mended, q_step, robot.speed)
     mended = mended if smoothing is None else smoothed(stamps, mended, smoothing.windows_s)
-    filled, usable = q.copy(), valid.copy()
+    filled, usable = q.copy(), finite.copy()
     filled[known] = mended
     usable[known[unknown]] = False
     return filled, usable, doubts.quality(unwrapped=tuple(names), smoothing=smoothing)

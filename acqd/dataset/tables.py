@@ -15,6 +15,7 @@ import pyarrow.parquet
 from numpy.typing import NDArray
 
 from acqd import __version__
+from acqd.dataset.column_check import judge_table
 from acqd.dataset.growing import write_new
 from acqd.dataset.manifest import load_manifest
 from acqd.dataset.merge import Recording
@@ -24,6 +25,7 @@ from acqd.dataset.split import with_split
 from acqd.dataset.table_motion import require_power, trusted_motion
 from acqd.errors import UserError
 from acqd.robot.description import RobotDescription, load_description
+from acqd.robot.log_ends import sentence, unknown_ends
 from acqd.robot.motion import MotionQuality
 
 RECORDING = "recording"
@@ -77,8 +79,9 @@ def write_table(table: pa.Table, out: Path, robot: str, measured: Measured, seed
     if not valid.any():
         raise UserError("the table has no valid rows")
     require_power(P, valid, step_s * 1e9)
+    notes = judge_table(recordings, description)
     entries = [
-        _entry(recording, part, step_s) | {"motion": quality.as_json()}
+        _entry(recording, part, step_s) | {"motion": quality.as_json() | {"unknown_ends": recording.unknown_ends}}
         for recording, part, quality in zip(recordings, parts, qualities, strict=True)
     ]
     manifest = {
@@ -101,8 +104,10 @@ def write_table(table: pa.Table, out: Path, robot: str, measured: Measured, seed
 
     write_new(out, orjson.dumps(manifest, option=orjson.OPT_INDENT_2), fill)
     for recording, quality in zip(recordings, qualities, strict=True):
-        for sentence in quality.sentences():
-            warnings.warn(f"recording {recording.name}: {sentence}", UserWarning, stacklevel=3)
+        found = [*quality.sentences(), sentence(recording.unknown_ends, step_s)]
+        notes += [f"recording {recording.name}: {line}" for line in found if line]
+    for note in notes:
+        warnings.warn(note, UserWarning, stacklevel=3)
 
 
 def _part(name: str, rows: pa.Table) -> str | None:
@@ -157,11 +162,15 @@ def _recording(name: str, rows: pa.Table, robot: RobotDescription) -> tuple[Reco
     angles = [f"q{k + 1}" for k in range(robot.axes)]
     q = np.column_stack([columns[angle] for angle in angles])
     try:
-        q, valid, quality = trusted_motion((time_ns - time_ns[0]) * 1e-9, q, valid, robot)
+        q, known, quality = trusted_motion((time_ns - time_ns[0]) * 1e-9, q, robot)
     except ValueError as error:
         raise UserError(f"recording {name}: {error}") from None
     columns |= dict(zip(angles, q.T, strict=True))
-    return Recording(name, time_ns, columns, valid), step_ns, quality
+    ends = valid & unknown_ends(q, known, step_ns * 1e-9)
+    valid &= known & ~ends
+    context = known & ~valid
+    recording = Recording(name, time_ns, columns, valid, context if context.any() else None, int(ends.sum()))
+    return recording, step_ns, quality
 
 
 def _flags(rows: pa.Table) -> NDArray[np.bool_]:
@@ -188,7 +197,7 @@ def _entry(recording: Recording, part: str | None, step_s: float) -> dict[str, A
         "name": recording.name,
         "file": f"recordings/{recording.name}.parquet",
         "rows": len(recording.valid),
-        "context_rows": 0,
+        "context_rows": 0 if recording.context is None else int(recording.context.sum()),
         "valid_s": float(recording.valid.sum()) * step_s,
         "lag_s": 0.0,
         "lag_within_s": None,

@@ -16,6 +16,7 @@ from acqd.models.bundle.envelope import Envelope
 from acqd.models.predictor import Predictor
 from acqd.robot.description import load_description
 from acqd.robot.log import RobotLog, in_time, read_log
+from acqd.robot.log_ends import unknown_ends
 
 _GAP_S = 0.25
 _MIN_ROWS = 3
@@ -33,7 +34,7 @@ class Prediction:
     """[T], True for motion outside the envelope of the training data."""
     step_s: float
     note: str = ""
-    """Rows of the log that were left out; empty if none."""
+    """Rows of the log that were left out or estimated; empty without such rows."""
 
     def energy(self) -> float:
         """Energy of all predicted rows in kWh."""
@@ -89,7 +90,9 @@ def predict(bundle: Bundle, model: Predictor, log: RobotLog) -> Prediction:
     outside = Envelope.from_json(bundle.metadata["envelope"]).outside(q, step)
     if outside.mean() > 0.5 and np.abs(q).max() > 2 * np.pi:
         raise UserError(f"{log.path}: angles reach {np.abs(q).max():.0f}: are they degrees? Expected radians")
-    notes = [note for note in (log.note, *log.quality.sentences()) if note]
+    ends = int(unknown_ends(q, np.isfinite(P), step).sum())
+    guessed = f"{ends} rows at ends in motion are estimated: their accelerations are not known" if ends else ""
+    notes = [note for note in (log.note, *log.quality.sentences(), guessed) if note]
     return Prediction(stamps[0] + grid, P, outside, step, "; ".join(notes))
 
 

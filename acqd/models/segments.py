@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from acqd.arrays import Floats
 from acqd.dataset.manifest import load_manifest
@@ -151,11 +152,12 @@ def segments_of(columns: dict[str, Floats], entry: dict[str, object], step_s: fl
     if tau is not None and not np.isfinite(tau[good]).all():
         tau = None
     content = content_of(columns, q)
+    context = np.asarray(columns.get("context", np.zeros(len(q))), dtype=bool)
     segments = []
     for first, last in runs_of_true(good):
         if (last - first) * step_s < _MIN_S:
             continue
-        rows, (before, after) = slice(first, last), _neighbours(columns, q, first, last)
+        rows, (before, after) = slice(first, last), neighbours(q, context, first, last)
         signals = {name: columns[name][rows] for name in SIGNALS if name in columns}
         part: Part = entry["split"]  # type: ignore[assignment]
         segments.append(
@@ -187,11 +189,9 @@ def content_of(columns: dict[str, Floats], q: Floats) -> str:
     return digest.hexdigest()
 
 
-def _neighbours(columns: dict[str, Floats], q: Floats, first: int, last: int) -> tuple[Floats | None, Floats | None]:
-    """Angles of the rows before and after a segment that the recording has from the neighbouring pieces of its log."""
-    if "context" not in columns:
-        return None, None
-    known = np.asarray(columns["context"], dtype=bool) & np.isfinite(q).all(axis=1)
+def neighbours(q: Floats, context: NDArray[np.bool_], first: int, last: int) -> tuple[Floats, Floats]:
+    """Angles [k, axes] of the rows before and after a segment of which the angles alone are known."""
+    known = context & np.isfinite(q).all(axis=1)
     start, end = first, last
     while start > 0 and known[start - 1]:
         start -= 1

@@ -74,7 +74,10 @@ def test_rows_are_utc_timestamps_with_units(folder):
 def test_a_prediction_of_arrays_equals_that_of_the_log(folder):
     log = acqd.read_log("logs/example.csv", "ur10e")
     model = acqd.open_model("model")
-    np.testing.assert_array_equal(acqd.predict(model, log).P, acqd.predict("model", "logs/example.csv").P)
+    whole = acqd.predict(model, log)
+    np.testing.assert_array_equal(whole.P, acqd.predict("model", "logs/example.csv").P)
+    cut = log.part(np.arange(200, 500), log.path)
+    assert "2 rows at ends in motion are estimated" in acqd.predict(model, cut).note and "motion" not in whole.note
     with pytest.raises(acqd.UserError, match=r"expected \[rows, 6\]"):
         model.predict(np.zeros((10, 7)))
     with pytest.raises(acqd.UserError, match="signals have the shape"):
@@ -124,3 +127,19 @@ def test_repeated_rows_of_a_table_are_bridged_and_counted(folder):
     off = np.abs(data.to_pandas()[angles].to_numpy() - good[angles].to_numpy()).max(axis=1)
     before = np.abs(repeated[angles].to_numpy() - good[angles].to_numpy()).max(axis=1)
     assert np.sqrt((off**2).mean()) < 0.3 * np.sqrt((before**2).mean())
+
+
+def test_axes_in_another_order_are_refused_in_tables_and_by_the_estimator(folder):
+    pytest.importorskip("pandas")
+    pytest.importorskip("sklearn")
+    from acqd.api.estimator import PowerRegressor
+
+    good = acqd.Dataset("ds").to_pandas().query("valid")
+    angles = [f"q{k}" for k in range(1, 7)]
+    turned = good.rename(columns=dict(zip(angles, [*angles[1:], angles[0]], strict=True)))
+    turned = turned[["recording", "time", "P", *angles]]
+    remedy = "angles and power of .* do not fit as logged: .*shoulder_pan from column 2"
+    with pytest.raises(acqd.UserError, match=remedy):
+        acqd.Dataset.from_pandas(turned, "copy", robot="ur10e", measured="simulated")
+    with pytest.raises(acqd.UserError, match=remedy):
+        PowerRegressor(robot="ur10e").fit(turned[angles], turned["P"], groups=turned["recording"])

@@ -113,3 +113,10 @@ def test_a_recording_cut_in_motion_has_the_power_of_the_whole(folder):
     whole = model.predict(first)
     off = [model.predict(first[cut : cut + 150])[[0, -1]] - whole[[cut, cut + 149]] for cut in range(20, 500, 7)]
     assert np.median(np.abs(off)) < 2 and np.percentile(np.abs(off), 90) < 10  # W; hundreds if the arm rested outside
+    piece = first[150:350]
+    truth = whole[150:350].copy()
+    truth[[0, -1]] += 500.0
+    assert model.score(piece, truth) > 0.9  # their accelerations are not known, and they do not count
+    with pytest.warns(UserWarning):
+        model.fit(piece, truth)
+    assert np.abs(model.predict(piece) - whole[150:350]).max() < 50

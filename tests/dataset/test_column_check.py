@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from acqd.dataset.build import BuildConfig, build
-from acqd.dataset.column_check import check_columns, judge_logs, judge_recordings
+from acqd.dataset.column_check import check_columns, judge_logs, judge_recordings, judge_table
 from acqd.dataset.merge import Recording
 from acqd.errors import UserError
 from acqd.robot.description import load_description
@@ -67,8 +67,8 @@ def test_currents_of_five_logs_confirm_the_order(ur10e):
     assert judge_logs(logs, robot).unsure == frozenset()
 
 
-def by_power(robot, logs, order=range(6)):
-    """What the power of the logs' measured currents says of angles in that order."""
+def recordings_of(robot, logs, order=range(6), currents=None):
+    """Angles in that order, the power of the logs' measured currents, and the currents in an order of their own."""
     gain = np.array([joint.drive.effort_per_ampere for joint in robot.joint])
     recordings = []
     for log in logs:
@@ -79,9 +79,31 @@ def by_power(robot, logs, order=range(6)):
         )
         columns = {f"q{axis + 1}": q[:, column] for axis, column in enumerate(order)}
         columns["P"] = 36 + (gain * current * qd).sum(axis=1) + (0.7 * current**2).sum(axis=1)
+        columns |= {f"current{axis + 1}": current[:, column] for axis, column in enumerate(currents or ())}
         stamps = np.rint(1e9 * grid).astype(np.int64)
         recordings.append(Recording(log.path.stem, stamps, columns, np.ones(len(grid), bool)))
-    return judge_recordings(recordings, robot, None)
+    return recordings
+
+
+def by_power(robot, logs, order=range(6)):
+    """What the power of the logs says of angles in that order."""
+    return judge_recordings(recordings_of(robot, logs, order), robot, None)
+
+
+@needs_robot_logs
+def test_recordings_of_a_table_are_judged_as_logs(ur10e):
+    robot, logs = ur10e
+    order, remedy = ORDERS[3]
+    with pytest.raises(UserError, match=f"angles and currents do not fit as logged: ur10e .*{remedy}"):
+        judge_table(recordings_of(robot, logs, order, order), robot)
+    order, remedy = ORDERS[2]
+    with pytest.raises(UserError, match=f"angles and power of 5 recordings do not fit as logged: .*{remedy}"):
+        judge_table(recordings_of(robot, logs, order), robot)
+    (other,) = recordings_of(robot, logs[:1], range(6), range(6))
+    other.columns.update({f"tau{k}": 9 * np.roll(other.columns[f"current{k}"], 300) for k in range(1, 7)})
+    with pytest.raises(UserError, match=f"recording {other.name}: the torques do not belong to the angles"):
+        judge_table([other], robot)
+    assert judge_table(recordings_of(robot, logs, range(6), range(6)), robot) == []
 
 
 @needs_robot_logs
