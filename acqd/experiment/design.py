@@ -25,6 +25,8 @@ from acqd.robot.scene import load_scene
 
 WARM_S = 7200.0
 """Work before a warm session: longer than gears take to warm up."""
+_WORTH_IT, _SURE = 0.05, 0.95
+"""Gain of probability below which a recording is not worth its time; probability that needs no recording."""
 _COLD_S = 60.0
 """Age of a cold session in the middle of a short program."""
 Progress = Callable[[str, float], None]
@@ -78,6 +80,16 @@ class Designed:
     for_parameters: Outlook
     """After a D-optimal motion for the model's parameters of the same length, from the same pieces."""
 
+    @property
+    def needed(self) -> bool:
+        """Whether the recordings so far leave a question."""
+        return self.so_far.right(self.causes) < _SURE
+
+    @property
+    def decides(self) -> bool:
+        """Whether the recording is worth its time; one that decides nothing may raise new doubts."""
+        return self.needed and self.after.right(self.causes) - self.so_far.right(self.causes) >= _WORTH_IT
+
 
 def next_motion(report: Path, asked: Asked, progress: Progress) -> Designed:
     """Design the recording that decides. Raises UserError, InputError."""
@@ -108,7 +120,8 @@ def next_motion(report: Path, asked: Asked, progress: Progress) -> Designed:
     steps = tuple(step for name in names for step in pieces[name].steps)
     motion = motion_of(space, steps)
     broken = space.broken_limit(motion)
-    assert broken is None, f"a sequence of free pieces breaks a limit: {broken}"
+    if broken is not None:
+        raise UserError(f"the program exceeds a limit of {subject.robot.name} ({broken}): choose another --seed")
     progress("comparing with random motion", 0.9)
     seconds, total_s = best.seconds, sum(best.seconds[name] for name in names)
     random = filled([name for name, piece in pieces.items() if piece.random], seconds, total_s)
@@ -182,6 +195,8 @@ def as_json(designed: Designed) -> dict[str, Any]:
         "robot": designed.question.subject.robot.name,
         "seconds": designed.motion.seconds,
         "begins": "cold" if designed.cold else "warm",
+        "needed": designed.needed,
+        "decides": designed.decides,
         "right_name": {name: each.right(designed.causes) for name, each in outlooks.items()},
         "causes": causes,
         "pieces": [{"name": piece.name, "seconds": piece.seconds} for piece in designed.pieces],

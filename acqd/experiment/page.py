@@ -21,8 +21,8 @@ from acqd.report.verdict import Tone
 from acqd.robot.kinematics import forward_kinematics
 
 _SHOWN_PER_S = 20
-_WORTH_IT, _SURE, _LEAST = 0.05, 0.95, 0.001
-"""Gain of probability below which a recording is not worth its time; one that needs no recording; one that is shown."""
+_LEAST = 0.001
+"""Smaller probabilities are said to be below."""
 
 
 def write_page(path: Path, designed: Designed) -> None:
@@ -65,9 +65,9 @@ def headline(designed: Designed) -> str:
     """What the program is worth, in a sentence."""
     now, after = (each.right(designed.causes) for each in (designed.so_far, designed.after))
     minutes = designed.motion.seconds / 60
-    if now >= _SURE:
+    if not designed.needed:
         return f"The recordings so far tell these causes apart ({share(now)}): no motion has to decide"
-    if after - now < _WORTH_IT:
+    if not designed.decides:
         return f"No motion of {minutes:.1f} min within these limits decides between the causes"
     return f"{minutes:.1f} min of motion raise the right name from {share(now)} to {share(after)}"
 
@@ -86,14 +86,16 @@ def tile(designed: Designed) -> Verdict:
         KeyFigure("after random motion", share(random), "of the same length"),
     ]
     causes = "; ".join(name_of(cause) for cause in designed.causes)
-    tone: Tone = "fine" if now >= _SURE else "open" if after - now < _WORTH_IT else "found"
+    tone: Tone = "found" if designed.decides else "open" if designed.needed else "fine"
     return Verdict(tone, headline(designed), f"Compared are: {causes}.", figures, steps(designed))
 
 
 def steps(designed: Designed) -> list[str]:
     """What to do, with the lines to type; nothing where no recording has to decide."""
-    if designed.so_far.right(designed.causes) >= _SURE:
+    if not designed.needed:
         return []
+    if not designed.decides:
+        return ["allow more minutes, speed or workspace, or log what is missing: this program would decide nothing"]
     config = designed.question.config
     known = {config.dataset, *config.further}
     further = next(

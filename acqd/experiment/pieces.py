@@ -8,7 +8,7 @@ of all.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -65,7 +65,10 @@ def _piece(space: Space, name: str, steps: list[Step]) -> Piece | None:
     """None for motion that exceeds a limit or collides."""
     whole = (*steps, Move(space.home, *_rates(space, space.home - _end(space, steps))), Wait(_BRIEF_S))
     motion = motion_of(space, whole)
-    return None if space.broken_limit(motion) else Piece(name, name.startswith("random"), whole, motion.seconds)
+    stopping = tuple(replace(step, blend_after=1.0) if isinstance(step, Move) else step for step in whole)
+    if space.broken_limit(motion) or space.broken_limit(motion_of(space, stopping)):  # scripts do not blend
+        return None
+    return Piece(name, name.startswith("random"), whole, motion.seconds)
 
 
 def _kinds(space: Space, random: np.random.Generator) -> Iterator[tuple[str, list[Step]]]:

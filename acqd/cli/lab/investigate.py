@@ -65,6 +65,9 @@ def investigate(
         f"designed motion: right name {promised['now']:.0%} now, {promised['designed']:.0%} after it, "
         f"{promised['random']:.0%} after random motion"
     )
+    if found["both"] is None:
+        screen.print("no motion of this length decides: a second session is not recorded")
+        return
     screen.print(f"both sessions: {found['both']}")
     screen.print(f"reports: {circle.out / 'after.ds.loop'}, {circle.out / 'after.ds.loop.next'}, {circle.out / 'both'}")
 
@@ -81,7 +84,9 @@ class _Circle:
         from acqd.discrepancy.report.belief import belief
 
         out = self.out
-        out.mkdir(parents=True, exist_ok=True)
+        self._require_same(
+            {"undeclared": undeclared, "robot": self._robot, "plant": [*self._plant], "minutes": minutes}
+        )
         self._once(
             "before/report.html", "lab", "campaign", "--out", out / "before", "--limited", 4, "--all", 8, *self._plant
         )
@@ -99,6 +104,9 @@ class _Circle:
         self._once(
             "after.ds.loop.next/next.json", "next", out / "after.ds.loop", "--minutes", minutes, "--limit-speed", 100
         )
+        designed = orjson.loads((design / "next.json").read_bytes())
+        if not designed["decides"]:
+            return found | {"designed": designed}
         effects = [word.replace("--undeclared", "--effect") for word in self._hidden]
         executed = out / "executed"
         self._once(
@@ -110,8 +118,18 @@ class _Circle:
             *("--out", out / "both"),
         )
         return found | {
-            "designed": orjson.loads((design / "next.json").read_bytes()), "both": belief(_report(out / "both")),
+            "designed": designed, "both": belief(_report(out / "both")),
         }  # fmt: skip
+
+    def _require_same(self, asked: dict[str, Any]) -> None:
+        """What is there belongs to one question. Raises UserError for another one."""
+        file, wanted = self.out / "investigate.json", orjson.dumps(asked, option=orjson.OPT_INDENT_2)
+        if file.exists() and file.read_bytes() != wanted:
+            raise UserError(f"{self.out} holds another circle ({file.name} says which); choose another --out")
+        if self.out.exists() and not file.exists() and any(self.out.iterdir()):
+            raise UserError(f"{self.out} is not empty and holds no circle; choose another --out")
+        self.out.mkdir(parents=True, exist_ok=True)
+        file.write_bytes(wanted)
 
     def _dataset(self, name: str, power: Path, logs: Path, *more: object) -> None:
         words = ("--power", power, "--logs", logs, "--robot", self._robot, "--out", self.out / name, *more)

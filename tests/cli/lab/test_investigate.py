@@ -10,7 +10,7 @@ from tests.commands import acqd_here
 
 SURE = {"id": "payload", "where": "flange", "confidence": 0.98, "family": {"members": []}}
 DOUBTED = SURE | {"confidence": 0.5}
-PROMISE = {"right_name": {"now": 0.03, "designed": 0.83, "random": 0.11}}
+PROMISE = {"decides": True, "right_name": {"now": 0.03, "designed": 0.83, "random": 0.11}}
 
 
 def world(first, monkeypatch, fail=None):
@@ -58,6 +58,16 @@ def test_a_doubt_asks_for_a_second_session_and_a_repeated_command_goes_on(monkey
     asked.clear()
     assert acqd_here(*words).returncode == 0
     assert [line.split()[0] for line in asked] == ["train"]  # the double makes no bundle
+    other = acqd_here("lab", "investigate", "--out", tmp_path / "c", "--undeclared", "payload:mass_kg=0.4")
+    assert other.returncode == 2 and "holds another circle" in other.stderr
+
+
+def test_a_motion_that_decides_nothing_is_not_executed(monkeypatch, tmp_path):
+    asked = world(DOUBTED, monkeypatch)
+    monkeypatch.setitem(PROMISE, "decides", False)
+    done = acqd_here("lab", "investigate", "--out", tmp_path / "c", "--undeclared", "payload:mass_kg=0.3")
+    assert done.returncode == 0 and "no motion of this length decides" in done.stdout
+    assert not any(line.startswith("lab execute") for line in asked)
 
 
 def test_a_name_without_doubt_needs_no_second_session(monkeypatch, tmp_path):
