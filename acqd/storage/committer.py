@@ -69,7 +69,7 @@ class Committer:
 
     @property
     def waits_s(self) -> float:
-        """How long the oldest of them has waited for its commit; 0: there is none [s]."""
+        """How long the oldest of them has waited for its commit; 0: no row waits [s]."""
         return time.monotonic() - self._under_way[0].begun if self._under_way else 0.0
 
     def submit(self, batch: Batch) -> None:

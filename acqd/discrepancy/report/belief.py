@@ -13,7 +13,7 @@ _SHOWN = 3
 def changed_belief(earlier: Path, now: dict[str, Any]) -> list[str]:
     """Two sentences: the belief of an earlier report on the same recordings, and that of `now` (report.json).
 
-    None where `earlier` is no report, or one on other recordings.
+    Empty where `earlier` is not a report on the same recordings.
     """
     try:
         before = orjson.loads((earlier / "report.json").read_bytes())

@@ -28,7 +28,7 @@ def folder_of(state_dir: Path, device: str) -> Path:
 
 
 def left_behind(state_dir: Path, device: str) -> LeftBehind | None:
-    """Rows that wait below `state_dir` in the spool of another name that no daemon has open; None: there are none.
+    """Rows that wait below `state_dir` in the spool of another name that no daemon has open; None: no such rows.
 
     Only reads. What cannot be read is named, too.
     """
@@ -53,7 +53,7 @@ def left_behind(state_dir: Path, device: str) -> LeftBehind | None:
 
 
 def strangers(folder: Path) -> LeftBehind | None:
-    """Files among the segments of a spool that are none by their name, such as copies; None: no such files."""
+    """Files in the folder of a spool whose names are not those of segments, such as copies; None: no such files."""
     try:
         names = sorted(path.name for path in folder.iterdir() if path.suffix == SUFFIX and number_of(path) is None)
     except FileNotFoundError:
