@@ -12,6 +12,7 @@ import hashlib
 import json
 import logging
 import os
+import re
 import shutil
 from pathlib import Path
 
@@ -23,6 +24,8 @@ _FORM = 1
 """Raised when the same settings give other data."""
 _ROBOT = "iiwa7_r800"
 _FEWEST = 2
+_KEPT = re.compile(r"-[0-9a-f]{12}$")
+"""End of the name of a set."""
 _log = logging.getLogger(__name__)
 
 
@@ -51,8 +54,10 @@ def folder() -> Path:
 
 
 def clear() -> None:
-    """Delete all sets that were kept."""
-    shutil.rmtree(folder(), ignore_errors=True)
+    """Delete all sets that were kept, and nothing else: $ACQD_DATASETS may name a folder with other files."""
+    for kept in folder().glob("*"):
+        if _KEPT.search(kept.name) and (kept / "ds" / "manifest.json").is_file():
+            shutil.rmtree(kept, ignore_errors=True)
 
 
 def _made(robot: str, recordings: int, seed: int, effect: str | None) -> Dataset:

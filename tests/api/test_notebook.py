@@ -89,8 +89,18 @@ def test_a_set_is_made_once(tmp_path, monkeypatch):
     monkeypatch.setenv("ACQD_DATASETS", str(tmp_path / "kept"))
     made = acqd.datasets.changed("payload:mass_kg=1.5", recordings=2)
     assert made.measured == "simulated" and made.robot == "iiwa7_r800" and len(made.recordings) == 2
-    stamp = (made.path / "dataset.json").stat().st_mtime_ns
+    stamp = (made.path / "manifest.json").stat().st_mtime_ns
     assert acqd.datasets.changed("payload:mass_kg=1.5", recordings=2).path == made.path
-    assert (made.path / "dataset.json").stat().st_mtime_ns == stamp
+    assert (made.path / "manifest.json").stat().st_mtime_ns == stamp
     acqd.datasets.clear()
-    assert not (tmp_path / "kept").exists()
+    assert not any((tmp_path / "kept").iterdir())
+
+
+def test_only_sets_that_were_made_are_cleared(tmp_path, monkeypatch):
+    monkeypatch.setenv("ACQD_DATASETS", str(tmp_path))
+    for name in ("iiwa7_r800-payload-0123456789ab", "thesis", "backup-0123456789ab"):
+        (tmp_path / name / "ds").mkdir(parents=True)
+    for name in ("iiwa7_r800-payload-0123456789ab", "thesis"):
+        (tmp_path / name / "ds" / "manifest.json").write_text("{}")
+    acqd.datasets.clear()
+    assert {path.name for path in tmp_path.iterdir()} == {"thesis", "backup-0123456789ab"}
