@@ -115,10 +115,7 @@ def reported(selection: Selection, selected: Selected, scale: TorqueScale) -> Re
         term=term, hypothesis=selected.hypothesis, confidence=sure.share, alternatives=sure.rivals,
         start=selected.gate.start, consistency=sure.agreeing, recordings=len({part.recording for part in open_}),
         family=sure.family, family_confidence=sure.family_share, doubt=sure.doubt,
-        possible=all(
-            each.low <= value <= each.high
-            for each, value in zip(selected.place.parameters, certain.coefficients, strict=True)
-        ),
+        possible=sure.possible,
     )  # fmt: skip
 
 

@@ -11,6 +11,7 @@ from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.gram import Column, Regression
 from acqd.discrepancy.regression.onset import Gate
 from acqd.discrepancy.selection.ranking import Finding, Rows
+from acqd.discrepancy.selection.standing import Standing
 from acqd.models.effects import library
 from acqd.models.effects.laws.law import Law
 from acqd.models.effects.places import Place
@@ -160,6 +161,8 @@ class Selection:
     """Of the step that ended the search."""
     withdrawn: str = ""
     """A law, in words, that explains more than the names in its place, and that unchanged sessions differ by, too."""
+    standing: Standing | None = None
+    """Of every kind of hypothesis before the first effect was selected; None where nothing acts."""
 
     @property
     def design(self) -> Design:

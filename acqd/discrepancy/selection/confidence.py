@@ -17,7 +17,7 @@ from scipy.stats import t as student
 from acqd.arrays import Floats
 from acqd.discrepancy.selection.accepted import Selected, Selection, Unknown, unnamed
 from acqd.discrepancy.selection.forward_selection import without
-from acqd.discrepancy.selection.judging import best_of_each, kinds_of, left_by, margin
+from acqd.discrepancy.selection.judging import best_of_each, kinds_of, left_by, margin, possible
 from acqd.discrepancy.selection.ranking import Finding, Rows, gains, ranked
 from acqd.discrepancy.selection.shape_fit import fit_shape
 from acqd.discrepancy.thresholds import THRESHOLDS
@@ -46,6 +46,8 @@ class Confidence:
     """A law that is likelier than the family."""
     agreeing: float
     """Share of recordings that the effect explains better than no effect."""
+    possible: bool
+    """Whether physics permits the sizes."""
 
 
 def confidence(selection: Selection, selected: Selected) -> Confidence:
@@ -72,7 +74,7 @@ def confidence(selection: Selection, selected: Selected) -> Confidence:
         share=share, rivals=tuple(listed[:_SHOWN]), family=tuple((c.id, c.label) for c in near),
         family_share=together,
         doubt=None if doubt is None else Unknown(doubt[1], selected.gate, selected.hypothesis.margin),
-        agreeing=float((gained[0] > 0).mean()),
+        agreeing=float((gained[0] > 0).mean()), possible=possible(rows, gate, own, [], kinds),
     )  # fmt: skip
 
 

@@ -10,6 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from acqd.arrays import Floats
 from acqd.discrepancy.joints.witness import Witness
 from acqd.discrepancy.regression.design_columns import Candidate
@@ -18,10 +20,11 @@ from acqd.discrepancy.regression.onset import Gate
 from acqd.discrepancy.regression.setup import Setup
 from acqd.discrepancy.selection.accepted import Hypothesis, Selected, Selection, Unknown, unnamed
 from acqd.discrepancy.selection.detectors.candidates import Detection, detect
-from acqd.discrepancy.selection.judging import best_of_each, judged, kinds_of, margin
+from acqd.discrepancy.selection.judging import best_of_each, judged, kinds_of, margin, white_power
 from acqd.discrepancy.selection.ranking import Finding, Rows, ranked
 from acqd.discrepancy.selection.session_columns import with_sessions
 from acqd.discrepancy.selection.shape_fit import ShapeFit, fit_shape
+from acqd.discrepancy.selection.standing import Contender, Standing
 from acqd.discrepancy.selection.supply_response import with_loaded_laws
 from acqd.models.effects import library
 
@@ -53,6 +56,8 @@ class _State:
     doubts: tuple[_Doubt, ...] = ()
     unknown: Unknown | None = None
     table: tuple[Hypothesis, ...] = ()
+    standing: Standing | None = None
+    """Of the first step."""
 
     @property
     def known(self) -> list[Finding]:
@@ -85,9 +90,9 @@ def select(setup: Setup, limits: Limits, progress: Callable[[str], None]) -> Sel
         if _explained_by_law(doubt, limits) > names:
             unknown = doubt.law if doubt.passes else None
             withdrawn = "" if doubt.passes else unnamed(doubt.law.finding.candidate.label)
-            state = replace(doubt.before, rows=doubt.rows, unknown=unknown, table=doubt.table)
+            state = replace(doubt.before, rows=doubt.rows, unknown=unknown, table=doubt.table, standing=state.standing)
     rows = replace(state.rows, regression=state.rows.regression.on(state.rows.design.blocks))
-    return Selection(rows, setup.design.witness, state.effects, state.unknown, state.table, withdrawn)
+    return Selection(rows, setup.design.witness, state.effects, state.unknown, state.table, withdrawn, state.standing)
 
 
 def _grown(state: _State, limits: Limits, progress: Callable[[str], None]) -> _State:
@@ -97,6 +102,7 @@ def _grown(state: _State, limits: Limits, progress: Callable[[str], None]) -> _S
         step = _Step.of(state)
         if step is None:
             return state
+        state = replace(state, standing=state.standing or step.standing())
         if step.leader is None:
             unknown = step.unknown if step.law is not None and step.law.passes else None
             return replace(state, rows=step.rows, unknown=unknown, table=step.table)
@@ -216,6 +222,10 @@ class _Step:
     """The unnamed alternative that explains most, if that is more than chance."""
     outdone: bool
     """Whether the law explains more than the leader by the margin."""
+    best: tuple[Finding, ...]
+    """Of every kind, the largest evidence first."""
+    beyond: float
+    """Evidence of the best hypothesis, at most what unchanged sessions leave of it."""
 
     @classmethod
     def of(cls, state: _State) -> _Step | None:
@@ -263,6 +273,7 @@ class _Step:
         first = _first_name(best)
         leader = None if first is None else judge(first, [])
         law = next((judge(each, []) for each in best if not each.candidate.id), None)
+        beyond = max(min(each.finding.evidence, each.beyond_sessions) for each in (leader, law) if each is not None)
         law = None if law is None or law.finding.evidence <= law.margin else law
         outdone = False
         if law is not None and leader is not None and first is not None:
@@ -272,7 +283,24 @@ class _Step:
         table = tuple(_row(each, judge(each, []), first) for each in shown)
         if leader is not None and leader.missing:
             leader = None
-        return cls(state, rows, gate, table, fits, detections, leader, law, outdone)
+        return cls(state, rows, gate, table, fits, detections, leader, law, outdone, tuple(best), beyond)
+
+    def standing(self) -> Standing:
+        """Of every kind of hypothesis; of the laws, the best."""
+        law = next((each for each in self.best if not each.candidate.id), None)
+        kinds = [*(each for each in self.best if each.candidate.id), *([] if law is None else [law])]
+        return Standing.of([self._contender(each) for each in kinds], self.state.kinds, self.beyond)
+
+    def _contender(self, finding: Finding) -> Contender:
+        """With the power in every block in question, zero before an onset."""
+        fit = self.fits.get(finding.candidate.id)
+        design = (self.rows if fit is None else fit.rows).design
+        everywhere = self.state.gates[0].open
+        power = white_power(design, finding, everywhere)
+        if not finding.candidate.detected:
+            counts = [len(range(*part.own.indices(part.own.stop))) for part in design.parts]
+            power = power * np.repeat(self.gate.open, np.array(counts) * (everywhere > 0))
+        return Contender(finding.candidate.id, finding.evidence, power)
 
     @property
     def unknown(self) -> Unknown:

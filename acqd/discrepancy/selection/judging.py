@@ -17,8 +17,9 @@ from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.white_rows import white_rows
 from acqd.discrepancy.selection.accepted import Hypothesis, power_in_question
 from acqd.discrepancy.selection.detectors.candidates import Detection
-from acqd.discrepancy.selection.ranking import Finding, Rows, bounds_of
+from acqd.discrepancy.selection.ranking import Finding, Rows
 from acqd.discrepancy.selection.spread import beyond_sessions, power_rms
+from acqd.discrepancy.selection.standing import proportional
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.discrepancy.thresholds.chance import by_chance
 
@@ -43,16 +44,11 @@ def left_by(design: Design, gate: Floats, finding: Finding, known: Sequence[Find
     """
     if not known:
         return 0.0
-    mine = _white_power(design, finding, gate)
-    total = 0.0
-    for other in known:
-        theirs = _white_power(design, other, gate)
-        scale = float(mine @ mine) * float(theirs @ theirs)
-        total += max(other.evidence, 0.0) * float(np.abs(mine) @ np.abs(theirs)) ** 2 / max(scale, 1e-12)
-    return total
+    mine = white_power(design, finding, gate)
+    return sum(max(other.evidence, 0.0) * proportional(mine, white_power(design, other, gate)) for other in known)
 
 
-def _white_power(design: Design, finding: Finding, gate: Floats) -> Floats:
+def white_power(design: Design, finding: Finding, gate: Floats) -> Floats:
     """[white rows] of the power of a finding."""
     blocks = power_in_question(design, finding, gate)
     parts = [part for part, open_ in zip(design.parts, gate, strict=True) if open_]
@@ -89,12 +85,19 @@ def judged(
         missing.append("more than what unchanged sessions of the reference differ by")
     if rms_W <= least_W:
         missing.append(f"a size that matters ({least_W:.2g} W while acting)")
-    low, high = bounds_of(finding.candidate)
-    if np.any((finding.coefficients <= low) | (finding.coefficients >= high)):
-        # the data asks for more than physics permits: another cause, or a wrong description
+    if not possible(rows, gate, finding, known, kinds):
         missing.append("a size within its physical bounds")
     status = "refused" if missing else "candidate"
     return Hypothesis(finding, least, beyond, rms_W, least_W, status, tuple(missing))  # type: ignore[arg-type]
+
+
+def possible(rows: Rows, gate: Floats, finding: Finding, known: Sequence[Finding], kinds: int) -> bool:
+    """Whether chance, and what columns get wrong, explain all that the data ask for at and beyond physical bounds.
+
+    More than that is a sign of another cause, or of a wrong description. A loss of an idle joint is at its bound of
+    zero in half of all fits of all joints.
+    """
+    return finding.forbidden <= margin(rows, gate, finding, [*known, finding], kinds)
 
 
 def best_of_each(findings: Sequence[Finding]) -> list[Finding]:

@@ -41,6 +41,8 @@ class Finding:
     """Twice the log Bayes factor against no effect, what was searched for paid."""
     at_joints: float = 0.0
     """Part of the evidence that logged torques contribute; negative where they contradict the power."""
+    forbidden: float = 0.0
+    """Evidence that sizes at or beyond their physical bounds add to those within."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,10 +137,12 @@ def _judged(
         if at_joints is not None:
             S, h = S + at_joints.precision, h + at_joints.product
         D = _deviations(candidate, deviations[own])
-        theta, deviation, evidence = posterior(S, h, D, *bounds_of(candidate))
+        bounds = bounds_of(candidate)
+        theta, deviation, evidence = posterior(S, h, D, *bounds)
         paid = 2 * np.log(candidate.tried) + candidate.cost * searched
         joints = 0.0 if at_joints is None else at_joints.gain(theta)
-        yield number, Finding(candidate, theta, deviation, evidence - float(paid), joints)
+        forbidden = beyond_bounds(S + np.diag(D**-2.0), h, theta, *bounds)
+        yield number, Finding(candidate, theta, deviation, evidence - float(paid), joints, forbidden)
 
 
 def posterior(S: Floats, h: Floats, D: Floats, low: Floats, high: Floats) -> tuple[Floats, Floats, float]:
@@ -156,8 +160,21 @@ def posterior(S: Floats, h: Floats, D: Floats, low: Floats, high: Floats) -> tup
     if bounded.any():
         inside = _log_inside(theta, deviation, low, high) - _log_inside(np.zeros(len(D)), D, low, high)
         evidence += 2 * float(inside[bounded].sum())
-        theta = _within(A / np.outer(D, D), h, theta, low, high)
+        theta = within(A / np.outer(D, D), h, theta, low, high)
     return theta, deviation, evidence
+
+
+def beyond_bounds(precision: Floats, h: Floats, theta: Floats, low: Floats, high: Floats) -> float:
+    """Evidence of coefficients without bounds above that of those that lie within: what rests on impossible sizes.
+
+    `theta` [k] within the bounds. Parameters at a bound are left out, not clipped: a size that is all that physics
+    permits is a sign of another cause.
+    """
+    inside = (theta > low) & (theta < high)
+    if inside.all():
+        return 0.0
+    of_all = float(h @ np.linalg.solve(precision, h))
+    return of_all - float(h[inside] @ np.linalg.solve(precision[np.ix_(inside, inside)], h[inside]))
 
 
 def _log_inside(mean: Floats, deviation: Floats, low: Floats, high: Floats) -> Floats:
@@ -170,7 +187,7 @@ def _log_inside(mean: Floats, deviation: Floats, low: Floats, high: Floats) -> F
     return np.asarray(upper + np.log1p(-np.exp(np.minimum(lower - upper, -1e-12))))
 
 
-def _within(precision: Floats, h: Floats, theta: Floats, low: Floats, high: Floats) -> Floats:
+def within(precision: Floats, h: Floats, theta: Floats, low: Floats, high: Floats) -> Floats:
     """The likeliest coefficients within bounds: what lies outside moves to its bound, the others follow."""
     fixed = np.zeros(len(theta), dtype=bool)
     for _ in range(len(theta)):
@@ -182,7 +199,7 @@ def _within(precision: Floats, h: Floats, theta: Floats, low: Floats, high: Floa
         free = ~fixed
         if free.any():
             rest = h[free] - precision[np.ix_(free, fixed)] @ theta[fixed]
-            theta[free] = np.linalg.solve(precision[np.ix_(free, free)], rest)
+            theta[free] = solve_part(precision[np.ix_(free, free)], rest)
     return np.clip(theta, low, high)
 
 

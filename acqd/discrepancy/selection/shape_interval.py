@@ -15,7 +15,7 @@ from acqd.discrepancy.regression.design_columns import Candidate
 from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.gram import Regression
 from acqd.discrepancy.selection.accepted import Selected
-from acqd.discrepancy.selection.ranking import solve_part
+from acqd.discrepancy.selection.ranking import bounds_of, solve_part, within
 from acqd.discrepancy.selection.shape_fit import columns_of
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.effects import library
@@ -91,11 +91,12 @@ class Neighbours:
 def fit_at(
     design: Design, regression: Regression, candidate: Candidate, gate: Floats, weights: Floats
 ) -> tuple[float, Fit]:
-    """Reduction of the white squared error, and the fit, by generalised least squares without priors."""
+    """Reduction of the white squared error, and the fit, by generalised least squares within physical bounds."""
     competition = regression.compete(candidate.indices, gate, weights)
     schur, products = competition.schur, competition.products
     at_joints = design.at_joints(candidate, gate * weights)
     if at_joints is not None:
         schur, products = schur + at_joints.precision, products + at_joints.product
-    coefficients = solve_part(schur, products)
-    return float(products @ coefficients), Fit(coefficients, np.diag(np.linalg.pinv(schur)))
+    coefficients = within(schur, products, solve_part(schur, products), *bounds_of(candidate))
+    drop = float(2 * products @ coefficients - coefficients @ schur @ coefficients)
+    return drop, Fit(coefficients, np.diag(np.linalg.pinv(schur)))

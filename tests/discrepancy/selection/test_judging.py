@@ -56,10 +56,12 @@ def test_a_size_that_nobody_would_act_on_is_no_finding(friction):
     assert any(each.startswith("a size that matters") for each in judged(rows, gate, small, [], KINDS).missing)
 
 
-def test_a_size_at_a_bound_of_physics_is_no_finding(friction):
+def test_what_rests_on_sizes_that_physics_forbids_is_no_finding(friction):
+    """Chance and wrong columns ask for some of it: a loss of an idle joint is at its bound in half of all fits."""
     _, _, finding = friction
-    (parameter,) = finding.candidate.variant.place.parameters
-    assert missing(friction, coefficients=np.array([parameter.low])) == ("a size within its physical bounds",)
+    most = CHANCE + THRESHOLDS.column_error**2 * finding.evidence
+    assert missing(friction, forbidden=most - 1) == ()
+    assert missing(friction, forbidden=most + 1) == ("a size within its physical bounds",)
 
 
 def test_what_unchanged_sessions_differ_by_is_no_change(model, robot):

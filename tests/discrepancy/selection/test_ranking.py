@@ -10,7 +10,7 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from acqd.discrepancy.regression.design_columns import Candidate
-from acqd.discrepancy.selection.ranking import Finding, posterior
+from acqd.discrepancy.selection.ranking import Finding, beyond_bounds, posterior, within
 
 FREE = np.array([-np.inf]), np.array([np.inf])
 
@@ -57,3 +57,19 @@ def test_what_physics_forbids_counts_as_much_as_the_nearest_possible_size():
     assert bounded[0][0] == 1.0 and bounded[2] == pytest.approx(2 * h[0] - S[0, 0], rel=0.05) and bounded[2] < free[2]
     negative = posterior(S, -h, D, np.array([0.0]), np.array([1.0]))
     assert negative[2] < 0 and negative[0][0] == 0.0
+
+
+@given(st.integers(0, 99))
+def test_sizes_that_lie_within_their_bounds_keep_their_evidence(seed):
+    """An idle joint whose loss would fall below zero takes nothing from the joint whose loss has changed."""
+    random = np.random.default_rng(seed)
+    precision, theta = np.diag([400.0, 4.0]), np.array([2.0, -random.uniform(0, 0.3)])
+    low, high = np.array([-1.0, 0.0]), np.array([5.0, 5.0])
+    h = precision @ theta
+    clipped = within(precision, h, theta.copy(), low, high)
+    assert clipped == pytest.approx([2.0, 0.0], abs=1e-6)
+    assert beyond_bounds(precision, h, clipped, low, high) == pytest.approx(4.0 * theta[1] ** 2)
+    assert beyond_bounds(precision, h, clipped, low, np.array([1.0, 5.0])) > 400.0
+    assert beyond_bounds(precision, h, np.array([1.0, 0.0]), low, np.array([1.0, 5.0])) == pytest.approx(
+        float(h @ theta)
+    )
