@@ -32,6 +32,16 @@ from acqd.residual.thresholds import NOISE
 from acqd.robot.arm import Arm
 
 
+@dataclass(frozen=True, slots=True)
+class Twin:
+    """Another effect that would draw the same power at the same times."""
+
+    id: str
+    where: str
+    probability: float
+    """That the other effect is there, if one of the two is."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidate:
     """A hypothesis: an effect in one shape at one place, or an unnamed smooth alternative.
@@ -58,6 +68,7 @@ class Candidate:
     """With a fitted shape, and columns as in `Effect.at`; None: a scanned shape."""
     law_columns: LawColumns | None = None
     """Of an unnamed alternative that can correct a model."""
+    twin: Twin | None = None
 
     @property
     def kind(self) -> str:

@@ -69,13 +69,25 @@ def confidence(selection: Selection, selected: Selected) -> Confidence:
     together = _share(odds[strangers], names[strangers])
     laws = [(s, rival) for rival, s in zip(rivals, shares, strict=True) if not rival.candidate.id and s > together]
     doubt = max(laws, key=lambda pair: pair[0], default=None)
-    listed = sorted(zip([_name(r) for r in rivals], shares.tolist(), strict=True), key=lambda pair: -pair[1])
+    pairs = [*zip([_name(r) for r in rivals], shares.tolist(), strict=True)]
+    family = [(c.id, c.label) for c in near]
+    twin = selected.finding.candidate.twin
+    if twin is not None and twin.id not in _taken_by(selection):  # the power is the same: only the times speak
+        pairs = [(twin.id, share * twin.probability), *pairs]
+        family = [(twin.id, twin.where), *family]
+        share *= 1 - twin.probability
+    listed = sorted(pairs, key=lambda pair: -pair[1])
     return Confidence(
-        share=share, rivals=tuple(listed[:_SHOWN]), family=tuple((c.id, c.label) for c in near),
+        share=share, rivals=tuple(listed[:_SHOWN]), family=tuple(family),
         family_share=together,
         doubt=None if doubt is None else Unknown(doubt[1], selected.gate, selected.hypothesis.margin),
         agreeing=float((gained[0] > 0).mean()), possible=possible(rows, gate, own, [], kinds),
     )  # fmt: skip
+
+
+def _taken_by(selection: Selection) -> set[str]:
+    """Ids of the selected effects."""
+    return {other.id for other in selection.effects}
 
 
 def _share(odds: Floats, names: NDArray[np.str_]) -> float:
@@ -90,7 +102,7 @@ def _share(odds: Floats, names: NDArray[np.str_]) -> float:
 
 def _contenders(selection: Selection, rows: Rows, selected: Selected) -> tuple[Rows, Finding, list[Finding]]:
     """The effect and its rivals on the same rows, with fitted shapes of the best ones."""
-    taken = {other.id for other in selection.effects}
+    taken = _taken_by(selection)
     detected = [each.finding.candidate for each in selected.table if each.finding.candidate.detected]
     pool = [c for c in (*selection.design.columns.candidates, *detected) if c.id not in taken and c.id != selected.id]
     best = best_of_each(ranked(rows, selected.gate.open, pool))

@@ -19,9 +19,6 @@ class DetectorThresholds:
     walk_s: float = threshold(
         20.0, "s", "detectors", "choice", "a moving average over this time must explain less than a load that switches"
     )
-    rhythm_regular: float = threshold(
-        0.33, "correlation", "detectors", "study", "regularity from which a load has a rhythm"
-    )
     rhythm_shortest_s: float = threshold(
         12.0, "s", "detectors", "physics", "no heater or fan switches with a shorter period"
     )

@@ -10,7 +10,7 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.discrepancy.loads import switching
-from acqd.discrepancy.regression.design_columns import Candidate
+from acqd.discrepancy.regression.design_columns import Candidate, Twin
 from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.gram import Column, Indices, Regression
 from acqd.discrepancy.selection.detectors import ripple
@@ -44,6 +44,8 @@ class Detection:
     """Log-likelihood gain of the same search in as many rows of the reference."""
     label: str = ""
     """What acts, in words, without an effect."""
+    twin: tuple[Effect, float] | None = None
+    """An effect that would draw the same power, and its probability beside this one."""
 
     @property
     def name(self) -> str:
@@ -56,9 +58,14 @@ class Detection:
             return Candidate("", self.label, indices, detected=True, cost=self.cost, tried=self.tried, key=key)
         place = self.effect.detected_place(self.shape, model)
         variant = Variant(place, place.columns, self.shape)
+        twin = None
+        if self.twin is not None:
+            other, probability = self.twin
+            twin = Twin(other.id, other.detected_place(self.shape, model).where, probability)
         return Candidate(
-            self.effect.id, place.where, indices, variant, detected=True, cost=self.cost, tried=self.tried, key=key
-        )
+            self.effect.id, place.where, indices, variant, detected=True, cost=self.cost, tried=self.tried, key=key,
+            twin=twin,
+        )  # fmt: skip
 
     def in_reference(self) -> float:
         """Twice the log-likelihood ratio that the same search gains in the reference."""
@@ -148,27 +155,30 @@ def _described(
     search: _Search, states: switching.States, wanted: dict[str, Effect], residuals: list[Floats]
 ) -> Detection | None:
     """The detection, with the effect that rhythm and level suggest; None when that effect is not wanted."""
-    shape, period_s = {"share_of_time": states.share}, None
+    shape, kind, twin, regular = {"share_of_time": states.share}, "contact", None, None
     if len(search.signs) > 1:
         if 2 * states.share > 1:  # in contact for most of the time: that is a load, not a contact
             return None
-        kind = "contact"
     else:
         scenes = search.design.columns.scenes
         rows = round(THRESHOLDS.walk_s / scenes[0].step_s)
         if switching.walks([residuals[k] for k in search.segments], states.on, rows):
             return None
-        period_s = rhythm(states.on, [averaged(scenes[k].t) for k in search.segments])
-        kind = "bursts" if period_s is None else "rhythm"
-        shape |= {} if period_s is None else {"period_s": period_s}
+        regular = rhythm(states.on, [averaged(scenes[k].t) for k in search.segments])
+        kind, other = ("rhythm", "bursts") if regular.likely else ("bursts", "rhythm")
+        if other in wanted:
+            twin = wanted[other], min(regular.probability, 1 - regular.probability)
+        if regular.likely:
+            shape["period_s"] = regular.period_s
     columns = search.columns(states)
     found = partial(
         Detection, shape=shape, columns=columns, cost=float(states.switchings),
         by_chance=cache(partial(search.by_chance, residuals)),
     )  # fmt: skip
-    if period_s is not None and period_s < THRESHOLDS.rhythm_shortest_s:  # no heater or fan switches so often
-        return found(None, label=f"a pulsation with a period of about {period_s:.0f} s")
-    return found(wanted[kind]) if kind in wanted else None
+    if regular is not None and regular.likely and regular.period_s < THRESHOLDS.rhythm_shortest_s:
+        # no heater or fan switches so often
+        return found(None, label=f"a pulsation with a period of about {shape['period_s']:.0f} s")
+    return found(wanted[kind], twin=twin) if kind in wanted else None
 
 
 def residuals_of(design: Design, regression: Regression, omit: str = "") -> list[Floats]:
