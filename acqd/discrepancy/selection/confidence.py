@@ -21,7 +21,6 @@ from acqd.discrepancy.selection.judging import best_of_each, kinds_of, left_by, 
 from acqd.discrepancy.selection.ranking import Finding, Rows, gains, ranked
 from acqd.discrepancy.selection.shape_fit import fit_shape
 from acqd.discrepancy.thresholds import THRESHOLDS
-from acqd.discrepancy.thresholds.chance import by_chance
 
 _EFFECTS, _LAWS = 6, 3
 """Rivals that are compared."""
@@ -123,15 +122,15 @@ def _contenders(selection: Selection, rows: Rows, selected: Selected) -> tuple[R
 def _odds(rows: Rows, selected: Selected, own: Finding, rival: Finding, gained: Floats, kinds: int) -> float:
     """Probability that the rival explains more than the effect, over that of the opposite.
 
-    A law has to explain more by what chance gives the best of many: names are preferred. What wrong columns could move
-    from one to the other is a 95 % limit. Recordings that say more of the effect say more of
+    A law has to explain more by the margin: names are preferred, and a curve takes what wrong columns leave. What these
+    could move from one to the other is a 95 % limit. Recordings that say more of the effect say more of
     the difference too: its spread is that about a line through zero (the regression estimator of Cochran 1977). What
     the description of the base model contributes to the evidence is no recording's: the sum of gains may be zero.
     """
     gate = selected.gate.open
     ahead = own.evidence - rival.evidence
     if not rival.candidate.id:
-        ahead += by_chance(kinds)
+        ahead += margin(rows, gate, rival, [own], kinds)
     differences = gained[0] - gained[1]
     count = len(differences)
     scatter = differences - gained[0] * float(gained[0] @ differences) / max(float(gained[0] @ gained[0]), 1e-12)
