@@ -150,6 +150,8 @@ def _print(result: dict[str, Any], folder: Path) -> None:
             cells = [effect["id"], effect["where"], "\n".join(values), f"{effect['confidence']:.0%}"]
             table.add_row(*cells, f"-{effect['delta_rmse']:.2f} W", alternatives)
         console.print(table)
+    if result["causes"]:
+        console.print(result["causes"]["text"])
     if result["correction"]:
         console.print(f"correction: {_corrected_by(result['correction'])}")
     for effect in result["effects"]:

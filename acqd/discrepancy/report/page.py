@@ -6,11 +6,12 @@ from pathlib import Path
 
 from acqd.discrepancy.ability.ability import Ability, table_of
 from acqd.discrepancy.ability.smallest import POWER
+from acqd.discrepancy.causes.belief import shipped
 from acqd.discrepancy.closed import Closed
 from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.repair.correction import Correction
 from acqd.discrepancy.repair.terms import Reported, described
-from acqd.discrepancy.report import charts, figures
+from acqd.discrepancy.report import causes, charts, figures
 from acqd.discrepancy.report.summary import VERDICTS, unexplained
 from acqd.discrepancy.report.tile import tile
 from acqd.models.bundle.bundle import fingerprint
@@ -37,6 +38,7 @@ def write_report(path: Path, config: CloseConfig, closed: Closed) -> None:
     page.lines(
         chart, f"Where {chosen}, a minute at most: held-out recording {recording}. Error: measured minus predicted."
     )
+    _causes(page, closed)
     _errors(page, closed)
     for number_, effect in enumerate(closed.named):
         _effect(page, closed, effect, number_)
@@ -48,6 +50,15 @@ def write_report(path: Path, config: CloseConfig, closed: Closed) -> None:
     for name, value in _sources(config, closed).items():
         page.detail(name, value)
     page.write(path)
+
+
+def _causes(page: Page, closed: Closed) -> None:
+    belief = causes.believed(closed)
+    if belief is None:
+        return
+    page.heading("What may be the cause")
+    page.text(_sentence(causes.sentence(belief)))
+    page.text(f"Probabilities are calibrated on {shipped().source}. Plants of another kind may be missed more often.")
 
 
 def _errors(page: Page, closed: Closed) -> None:

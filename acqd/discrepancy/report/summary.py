@@ -10,6 +10,7 @@ from acqd.discrepancy.ability.ability import smallest_in_words
 from acqd.discrepancy.closed import Closed
 from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.repair.terms import Reported, described
+from acqd.discrepancy.report import causes
 from acqd.discrepancy.report.cost import cost_of
 from acqd.discrepancy.report.main_parameter import changed_place
 from acqd.discrepancy.report.wander import wandering
@@ -45,6 +46,7 @@ def as_json(config: CloseConfig, closed: Closed) -> dict[str, Any]:
         "after": closed.after.as_json(),
         "verdict": closed.verdict,
         "effects": [_effect(closed, each, config.duty) for each in closed.named],
+        "causes": causes.as_json(closed),
         "correction": None if closed.correction is None else closed.correction.as_json(),
         "unexplained": unexplained(closed),
         "question": subject.question,

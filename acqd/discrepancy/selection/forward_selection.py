@@ -289,7 +289,7 @@ class _Step:
         """Of every kind of hypothesis; of the laws, the best."""
         law = next((each for each in self.best if not each.candidate.id), None)
         kinds = [*(each for each in self.best if each.candidate.id), *([] if law is None else [law])]
-        return Standing.of([self._contender(each) for each in kinds], self.state.kinds, self.beyond)
+        return Standing.of([self._contender(each) for each in kinds], self.beyond)
 
     def _contender(self, finding: Finding) -> Contender:
         """With the power in every block in question, zero before an onset."""
@@ -300,7 +300,9 @@ class _Step:
         if not finding.candidate.detected:
             counts = [len(range(*part.own.indices(part.own.stop))) for part in design.parts]
             power = power * np.repeat(self.gate.open, np.array(counts) * (everywhere > 0))
-        return Contender(finding.candidate.id, finding.evidence, power)
+        twin = finding.candidate.twin
+        other = None if twin is None else (twin.id, twin.probability)
+        return Contender(finding.candidate.id, finding.evidence, power, other)
 
     @property
     def unknown(self) -> Unknown:

@@ -1,19 +1,15 @@
-"""How every hypothesis stands beside all others, before any effect was selected: what a set of causes is made from.
-
-Differences of evidence are divided by the margin (ADR 26), so that they mean the same for small and for large effects:
-a hypothesis that is one margin ahead of another explains more than chance and wrong columns can move between the two.
-"""
+"""How every hypothesis stands beside all others, before any effect was selected: what a set of causes is made from."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from acqd.arrays import Floats
 from acqd.discrepancy.thresholds import THRESHOLDS
-from acqd.discrepancy.thresholds.chance import by_chance
 
 LAW = ""
 """The best law without a name, among ids of effects."""
@@ -28,38 +24,82 @@ class Contender:
     evidence: float
     power: Floats
     """[white rows] W, of all blocks in question."""
+    twin: tuple[str, float] | None = None
+    """Id of an effect that would draw the same power, and the probability that it is there instead."""
 
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """Where every kind of hypothesis stands."""
+    """Evidence of every kind of hypothesis, and what the two strongest leave to the others."""
 
-    behind: dict[str, float]
-    """Id of an effect, or LAW -> margins that the strongest rival is ahead; negative for the leader."""
+    evidence: Mapping[str, float]
+    """Id of an effect, or LAW -> evidence."""
+    moved: Mapping[str, tuple[float, float]]
+    """Id or LAW -> evidence that wrong columns could move to or from the leading effect, and the best law."""
     above_nothing: float
-    """The best hypothesis against nothing: evidence, or what unchanged sessions leave of it, in margins of chance."""
+    """Evidence of the best hypothesis, or what unchanged sessions leave of it."""
+    twins: Mapping[str, tuple[str, float]]
+    """Id -> id of an effect that would draw the same power, and the probability that it is there instead."""
 
     @classmethod
-    def of(cls, contenders: Sequence[Contender], kinds: int, best: float) -> Standing:
-        """`best`: evidence of the best hypothesis beyond chance and beyond what unchanged sessions differ by."""
-        chance = by_chance(kinds)
-        behind = {
-            own.id: max(
-                (_ahead(rival, own, chance) for rival in contenders if rival is not own), default=-best / chance
-            )
-            for own in contenders
-        }
-        return cls(behind, best / chance)
+    def of(cls, contenders: Sequence[Contender], above_nothing: float) -> Standing:
+        """Columns that are wrong by kappa leave up to kappa^2 rho^2 of what the stronger one explains (ADR 26)."""
+        leading = [_strongest([each for each in contenders if (each.id == LAW) == law]) for law in (False, True)]
+        moved = {own.id: (_moved(own, leading[0]), _moved(own, leading[1])) for own in contenders}
+        twins = {own.id: own.twin for own in contenders if own.twin is not None}
+        return cls({own.id: own.evidence for own in contenders}, moved, above_nothing, twins)
 
+    def behind(self, own: str, chance: float, share: float = 1.0) -> float:
+        """Evidence that the strongest rival is ahead, over what chance and wrong columns may move; negative: a lead.
 
-def _ahead(rival: Contender, own: Contender, chance: float) -> float:
-    """Margins between two hypotheses: the larger one leaves to the other what its columns may get wrong."""
-    larger = max(rival.evidence, own.evidence, 0.0)
-    margin = chance + THRESHOLDS.column_error**2 * proportional(rival.power, own.power) * larger
-    return (rival.evidence - own.evidence) / margin
+        `chance`: evidence; `share`: of what wrong columns could move at most.
+        """
+        mine = self.evidence[own]
+        firsts = (_first(self.evidence, law=False), _first(self.evidence, law=True))
+        found = []
+        for rival, evidence in self.evidence.items():
+            if rival == own:
+                continue
+            if rival in firsts:
+                moved = self.moved[own][firsts.index(rival)]
+            elif own in firsts:
+                moved = self.moved[rival][firsts.index(own)]
+            else:
+                continue  # one of the two strongest is farther ahead
+            found.append((evidence - mine) / (chance + share * moved))
+        return max(found, default=-mine / chance)
+
+    def as_json(self) -> dict[str, Any]:
+        """For report.json."""
+        return {
+            "evidence": dict(self.evidence), "moved": {name: list(each) for name, each in self.moved.items()},
+            "above_nothing": self.above_nothing, "twins": {name: list(each) for name, each in self.twins.items()},
+        }  # fmt: skip
+
+    @classmethod
+    def from_json(cls, content: Mapping[str, Any]) -> Standing:
+        """The inverse of `as_json`."""
+        moved = {name: (float(a), float(b)) for name, (a, b) in content["moved"].items()}
+        twins = {name: (str(other), float(share)) for name, (other, share) in content["twins"].items()}
+        return cls(dict(content["evidence"]), moved, float(content["above_nothing"]), twins)
 
 
 def proportional(mine: Floats, theirs: Floats) -> float:
     """How far two powers [rows] are proportional, whatever their signs: 1 if they are."""
     scale = float(mine @ mine) * float(theirs @ theirs)
     return float(np.abs(mine) @ np.abs(theirs)) ** 2 / max(scale, 1e-12)
+
+
+def _strongest(contenders: Sequence[Contender]) -> Contender | None:
+    return max(contenders, key=lambda each: each.evidence, default=None)
+
+
+def _first(evidence: Mapping[str, float], *, law: bool) -> str | None:
+    return max((name for name in evidence if (name == LAW) == law), key=lambda name: evidence[name], default=None)
+
+
+def _moved(own: Contender, other: Contender | None) -> float:
+    if other is None or other is own:
+        return 0.0
+    larger = max(own.evidence, other.evidence, 0.0)
+    return THRESHOLDS.column_error**2 * proportional(own.power, other.power) * larger

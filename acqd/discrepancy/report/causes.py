@@ -1,0 +1,48 @@
+"""The set of causes in words and for machines."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from acqd.discrepancy.causes.belief import MISSED, NOTHING, OUTSIDE, Belief, shipped
+from acqd.discrepancy.closed import Closed
+from acqd.report.digits import percent
+
+_SHOWN = 4
+_LEAST = 0.01
+"""Less likely labels are not listed in report.json."""
+
+
+def believed(closed: Closed) -> Belief | None:
+    """Of the largest cause; None where nothing acts, or without a reference: the calibration had one."""
+    standing = closed.selection.standing
+    return None if standing is None or not closed.subject.reference else shipped().believed(standing)
+
+
+def sentence(belief: Belief) -> str:
+    """The set, the likeliest first."""
+    members = [f"{_name(label)} ({percent(belief.probabilities[label])})" for label in belief.members]
+    if len(members) == 1:
+        return f"the largest cause, right in {percent(1 - MISSED)} of such cases: {members[0]}"
+    more = len(members) - _SHOWN
+    listed = ", ".join(members[:_SHOWN]) + (f" and {more} more" if more > 0 else "")
+    return f"the largest cause is one of these in {percent(1 - MISSED)} of such cases: {listed}"
+
+
+def as_json(closed: Closed) -> dict[str, Any] | None:
+    """For report.json."""
+    belief, standing = believed(closed), closed.selection.standing
+    if belief is None or standing is None:
+        return None
+    return {
+        "set": list(belief.members),
+        "holds": 1 - MISSED,
+        "text": sentence(belief),
+        "probabilities": {label: share for label, share in belief.probabilities.items() if share >= _LEAST},
+        "calibrated_on": shipped().source,
+        "scores": standing.as_json(),
+    }
+
+
+def _name(label: str) -> str:
+    return {OUTSIDE: "something outside the library", NOTHING: "nothing"}.get(label, label)

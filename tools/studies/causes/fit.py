@@ -1,0 +1,89 @@
+"""The scale that makes right labels likeliest, and what it is worth on plants that it was not fitted to."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.optimize import minimize
+from scipy.special import expit
+
+from acqd.arrays import Floats
+from acqd.discrepancy.causes.belief import NOTHING, OUTSIDE, Belief, Calibration, Scale
+from tools.studies.causes.standings import Row
+
+_STARTS = ((1.0, -1.0, 0.0, 0.0, 2.0, -2.0, -3.0), (2.0, -2.0, 1.0, 0.5, 3.0, -1.0, -3.0))
+"""Logarithms of slopes, offsets, and the logit of the share of misled cases."""
+_RIDGE = 1e-3
+"""Keeps slopes finite where classes are separable."""
+
+
+def calibrated(rows: Sequence[Row], source: str) -> Calibration:
+    """By maximum likelihood. The shares of the classes in the study are the prior."""
+
+    def loss(parameters: Floats) -> float:
+        scale = _scale(parameters)
+        reached = [_right(scale.probabilities(row.standing), row) for row in rows]
+        return float(-np.log(np.maximum(reached, 1e-9)).mean() + _RIDGE * (parameters**2).sum())
+
+    best = min((minimize(loss, start, method="L-BFGS-B") for start in _STARTS), key=lambda found: float(found.fun))
+    return Calibration.of(_scale(best.x), ((row.standing, row.true) for row in rows), source)
+
+
+def left_out(rows: Sequence[Row]) -> list[Belief]:
+    """Beliefs by calibrations on the other families of plants."""
+    families = {row.family for row in rows}
+    by_family = {name: calibrated([row for row in rows if row.family != name], "") for name in families}
+    return [by_family[row.family].believed(row.standing) for row in rows]
+
+
+def figures(rows: Sequence[Row], beliefs: Sequence[Belief]) -> dict[str, float]:
+    """Coverage and size of sets, and the figures of the fault-isolation competition of 2025."""
+    pairs = list(zip(rows, beliefs, strict=True))
+    faults = [(row, belief) for row, belief in pairs if NOTHING not in row.true]
+    clean = [belief for row, belief in pairs if NOTHING in row.true]
+    known = [(row, belief) for row, belief in faults if OUTSIDE not in row.true]
+    unknown = [(row, belief) for row, belief in faults if OUTSIDE in row.true]
+    return {
+        "cases": float(len(rows)),
+        "coverage": _mean([bool(row.true & set(belief.members)) for row, belief in pairs]),
+        "coverage_known": _mean([bool(row.true & set(belief.members)) for row, belief in known]),
+        "coverage_unknown": _mean([OUTSIDE in belief.members for _, belief in unknown]),
+        "coverage_nothing": _mean([NOTHING in belief.members for belief in clean]),
+        "size": _mean([len(belief.members) for belief in beliefs]),
+        "detected": _mean([belief.probabilities[NOTHING] < 0.5 for _, belief in faults]),
+        "false_alarms": _mean([belief.probabilities[NOTHING] < 0.5 for belief in clean]),
+        "probability_known": _mean([_right(belief.probabilities, row) for row, belief in known]),
+        "probability_unknown": _mean([_right(belief.probabilities, row) for row, belief in unknown]),
+        "log_loss": _mean([-np.log(max(_right(belief.probabilities, row), 1e-9)) for row, belief in pairs]),
+    }
+
+
+def reliability(rows: Sequence[Row], beliefs: Sequence[Belief]) -> list[dict[str, float]]:
+    """Probability of the likeliest label against the share of cases in which that label is right."""
+    first = [next(iter(belief.probabilities.items())) for belief in beliefs]
+    right = np.array([label in row.true for (label, _), row in zip(first, rows, strict=True)])
+    said = np.array([share for _, share in first])
+    found = []
+    for low, high in ((0.0, 0.5), (0.5, 0.8), (0.8, 0.9), (0.9, 0.95), (0.95, 1.01)):
+        inside = (said >= low) & (said < high)
+        if inside.any():
+            found.append({"from": low, "cases": int(inside.sum()), "said": float(said[inside].mean()),
+                          "right": float(right[inside].mean())})  # fmt: skip
+    return found
+
+
+def _scale(parameters: Floats) -> Scale:
+    """Slopes are positive, and the share of misled cases lies between 0 and 1."""
+    chance, columns, law, law_slope, nothing, nothing_slope, misled = parameters.tolist()
+    chance, columns, law_slope, nothing_slope = np.exp([chance, columns, law_slope, nothing_slope]).tolist()
+    return Scale(chance, columns, (law, law_slope), (nothing, nothing_slope), float(expit(misled)))
+
+
+def _right(shares: dict[str, float] | object, row: Row) -> float:
+    assert isinstance(shares, dict)
+    return sum(shares.get(label, 0.0) for label in row.true)
+
+
+def _mean(values: Sequence[float | bool]) -> float:
+    return float(np.mean(values)) if values else float("nan")
