@@ -12,6 +12,7 @@ import orjson
 
 from acqd.arrays import Floats
 from acqd.discrepancy.beforehand import PLANNED
+from acqd.discrepancy.causes.belief import shipped
 from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.recordings import Subject, subject_of
 from acqd.discrepancy.regression.design_columns import Candidate
@@ -227,14 +228,15 @@ def _margin(evidence: float, rows: Rows) -> float:
 
 
 def _causes(known: Rows, rows: Rows, exists: Floats, leading: list[Finding]) -> tuple[Cause, ...]:
-    """With a belief that falls to `chance` a margin behind the leader, as the loop's own rule does.
+    """With a belief by the calibrated scale of evidence (ADR 65).
 
     `known`: the recordings that exist; `rows`: those and the pieces, in which a law has other columns.
     """
     gate = known.design.columns.in_question
     first = max(finding.evidence for finding in leading)
-    behind = np.array([(first - finding.evidence) / _margin(first, known) for finding in leading])
-    believed = THRESHOLDS.chance**behind
+    scale = shipped().scale
+    moved = scale.chance + scale.columns * THRESHOLDS.column_error**2 * max(first, 0.0)
+    believed = np.exp([(finding.evidence - first) / moved for finding in leading])
     believed /= believed.sum()
     units = [replace(finding, coefficients=_unit(finding)) for finding in leading]
     spreads = variances_of_sessions(known.design, known.regression, units, gate)
