@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import orjson
@@ -24,6 +23,7 @@ from acqd.discrepancy.selection.judging import best_of_each, kinds_of
 from acqd.discrepancy.selection.ranking import Finding, Rows, bounds_of, part_of, prior_of, ranked
 from acqd.discrepancy.selection.session_columns import CLOCK, LEVEL, with_sessions
 from acqd.discrepancy.selection.spread import variances_of_sessions
+from acqd.discrepancy.settled import settled
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.discrepancy.thresholds.chance import by_chance
 from acqd.errors import InputError, UserError
@@ -35,8 +35,6 @@ CAUSES = 6
 """That are compared at most."""
 _FEWEST = 3
 """Where one leads."""
-_SETTLED = 0.95
-"""Confidence of a name that asks no question; a family is always one."""
 _RIVALS = 3
 """Of every kind, the closest places and shapes, by the recordings so far and by all pieces of motion."""
 _SESSIONS = (LEVEL, CLOCK)
@@ -70,11 +68,6 @@ class Open:
         """What some blocks say; their random intercepts are projected out."""
         gate = self.rows.design.columns.in_question
         return without_intercepts(self.rows.regression, self.contest, gate, weights)
-
-
-def settled(effect: dict[str, Any]) -> bool:
-    """Whether an effect of report.json has a name that the loop does not doubt."""
-    return bool(effect["confidence"] >= _SETTLED and not effect["family"]["members"])
 
 
 def question_of(report: Path, progress: Progress) -> Question:

@@ -1,0 +1,144 @@
+"""What acqd has made in a folder: datasets, models, closing reports, designed motions. Their JSON files are read."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import orjson
+
+from acqd.discrepancy.settled import leaves_open
+from acqd.errors import UserError
+
+_DEPTH = 4
+"""Folders below the one that was named; results lie beside their datasets."""
+
+
+@dataclass(frozen=True, slots=True)
+class Data:
+    """A dataset."""
+
+    path: Path
+    robot: str
+    measured: str
+    recordings: int
+    seconds: float
+    start_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """A trained model."""
+
+    path: Path
+    name: str
+    robot: str
+    dataset: str
+    """Folder of the dataset that the model was trained on, as `acqd train` was told."""
+    repaired: bool
+    """Whether the model is the result of a closing report."""
+
+
+@dataclass(frozen=True, slots=True)
+class Loop:
+    """A closing report."""
+
+    path: Path
+    asked: dict[str, Any]
+    verdict: str
+    names: tuple[str, ...]
+    causes: str
+    """The set of causes in words; "" where there is none."""
+    open: bool
+    """Whether the report leaves a question."""
+    added: bool
+    """Whether the repaired model differs from the model."""
+    smallest: int
+    """Effects whose smallest size is known."""
+
+
+@dataclass(frozen=True, slots=True)
+class Program:
+    """A motion that decides."""
+
+    path: Path
+    report: str
+    minutes: float
+
+
+@dataclass(slots=True)
+class Found:
+    """What lies in a folder, each kind in the order of time."""
+
+    folder: Path
+    datasets: list[Data] = field(default_factory=list)
+    models: list[Model] = field(default_factory=list)
+    loops: list[Loop] = field(default_factory=list)
+    programs: list[Program] = field(default_factory=list)
+    unread: list[str] = field(default_factory=list)
+    """Files with a known name and a content of another kind."""
+
+
+def found_in(folder: Path) -> Found:
+    """Look through a folder. Raises UserError where there is no folder that can be read."""
+    if not folder.is_dir():
+        raise UserError(f"{folder}: no such folder; name the one with your datasets, or leave the name out")
+    found = Found(folder)
+    readers: dict[str, Callable[[Path, dict[str, Any]], None]] = {
+        "manifest.json": lambda path, content: found.datasets.append(_dataset(path, content)),
+        "bundle.json": lambda path, content: found.models.append(_model(path, content)),
+        "report.json": lambda path, content: found.loops.append(_loop(path, content)),
+        "next.json": lambda path, content: found.programs.append(_program(path, content)),
+    }
+    for path in sorted(_files(folder, set(readers)), key=lambda each: each.stat().st_mtime_ns):
+        try:
+            readers[path.name](path.parent, orjson.loads(path.read_bytes()))
+        except (OSError, ValueError, KeyError, TypeError, AttributeError):
+            found.unread.append(str(path))
+    found.datasets.sort(key=lambda each: each.start_ns)
+    return found
+
+
+def _files(folder: Path, names: set[str]) -> Iterator[Path]:
+    def refuse(error: OSError) -> None:
+        if Path(error.filename) == folder:
+            raise UserError(f"{folder}: cannot be read ({error.strerror})")
+
+    for parent, folders, files in os.walk(folder, onerror=refuse):
+        here = Path(parent)
+        deep = len(here.relative_to(folder).parts) >= _DEPTH
+        folders[:] = [] if deep else [each for each in folders if not each.startswith(".")]
+        yield from (here / name for name in files if name in names)
+
+
+def _dataset(path: Path, manifest: dict[str, Any]) -> Data:
+    recordings = manifest["recordings"]
+    seconds = sum(float(each["valid_s"]) for each in recordings)
+    return Data(
+        path, str(manifest["robot"]), str(manifest["measured"]), len(recordings), seconds,
+        int(manifest["power"]["first_ns"]),
+    )  # fmt: skip
+
+
+def _model(path: Path, bundle: dict[str, Any]) -> Model:
+    trained_on = bundle["provenance"].get("dataset", "")
+    return Model(
+        path, str(bundle["name"]), str(bundle["robot"]), str(trained_on), (path.parent / "report.json").exists()
+    )
+
+
+def _loop(path: Path, report: dict[str, Any]) -> Loop:
+    effects, causes = report["effects"], report.get("causes")
+    told = {each["id"] for each in report["ability"]["effects"] if each["smallest"]}
+    return Loop(
+        path, dict(report["asked"]), str(report["verdict"]), tuple(f"{e['id']} ({e['where']})" for e in effects),
+        causes["text"] if causes else "", leaves_open(report),
+        any(each["added"] for each in effects) or bool(report["correction"]), len(told),
+    )  # fmt: skip
+
+
+def _program(path: Path, content: dict[str, Any]) -> Program:
+    return Program(path, str(content["report"]), float(content["seconds"]) / 60)

@@ -1,0 +1,106 @@
+"""The way from the robot to the repaired model, as the files in a folder tell it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from acqd.errors import UserError
+from acqd.guide.found import found_in
+from acqd.guide.page import write_page
+from acqd.guide.stages import stages
+
+
+def write(path: Path, content: object) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(content))
+
+
+def dataset(folder: Path, name: str, start: int, count: int = 6) -> None:
+    recordings = [{"name": f"r{k}", "valid_s": 60.0} for k in range(count)]
+    power = {"first_ns": start * 10**9}
+    write(
+        folder / name / "manifest.json",
+        {"robot": "ur10e", "measured": "simulated", "recordings": recordings, "power": power},
+    )
+
+
+def model(folder: Path, where: str) -> None:
+    write(folder / where / "bundle.json", {"name": "grey-box", "robot": "ur10e", "provenance": {"dataset": "ds0"}})
+
+
+def report(folder: Path, confidence: float, *, verdict: str = "effects_found") -> None:
+    effect = {"id": "payload", "where": "flange", "confidence": confidence, "family": {"members": []}, "added": True}
+    write(
+        folder / "ds1.loop" / "report.json",
+        {
+            "asked": {"dataset": "ds1", "with": [], "model": "ds0.models/a"}, "verdict": verdict,
+            "effects": [effect] if verdict == "effects_found" else [], "correction": None,
+            "causes": {"text": "one of these: payload (51 %), gravity_bias (47 %)"},
+            "ability": {"effects": [{"id": "payload", "smallest": 0.2}, {"id": "payload", "smallest": 0.3}]},
+        },
+    )  # fmt: skip
+    model(folder, "ds1.loop/model")
+
+
+def way(folder: Path) -> dict[str, str]:
+    """State of every stage."""
+    steps = stages(found_in(folder))
+    assert sum(step.state == "now" for step in steps) <= 1
+    return {step.name: step.state for step in steps}
+
+
+def now(folder: Path):
+    return next(step for step in stages(found_in(folder)) if step.state == "now")
+
+
+def test_every_step_of_the_work_asks_for_the_next_one(tmp_path):
+    assert now(tmp_path).name == "robot" and "acqd robot list" in now(tmp_path).commands
+    dataset(tmp_path, "ds0", 100)
+    assert now(tmp_path).commands == (f"acqd train {tmp_path}/ds0 --network grey-box",)
+    model(tmp_path, "ds0.models/a")
+    assert now(tmp_path).name == "can it be told?"
+    dataset(tmp_path, "ds1", 200)
+    assert now(tmp_path).commands == (f"acqd close-loop {tmp_path}/ds1 --model {tmp_path}/ds0.models/a",)
+    report(tmp_path, 0.51)
+    assert now(tmp_path).commands == (f"acqd next {tmp_path}/ds1.loop",) and "51 %" in now(tmp_path).says
+    write(tmp_path / "ds1.loop.next" / "next.json", {"report": "ds1.loop", "seconds": 176.0})
+    assert "2.9 min" in now(tmp_path).says and now(tmp_path).commands[-1].endswith("--with ds2")
+    report(tmp_path, 0.97)
+    assert set(way(tmp_path).values()) == {"done"}
+
+
+def test_what_a_report_leaves_open_is_the_next_stage(tmp_path):
+    dataset(tmp_path, "ds0", 100), model(tmp_path, "ds0.models/a"), dataset(tmp_path, "ds1", 200)
+    report(tmp_path, 0.0, verdict="unknown_structure")
+    assert now(tmp_path).name == "answer, or the next motion" and way(tmp_path)["repaired model"] == "later"
+    report(tmp_path, 0.0, verdict="nothing_left")
+    assert "now" not in way(tmp_path).values()
+
+
+def test_short_recordings_are_no_reference(tmp_path):
+    dataset(tmp_path, "ds0", 100, count=2)
+    assert now(tmp_path).name == "data" and "too little" in now(tmp_path).says
+
+
+def test_a_repaired_model_is_not_the_one_to_start_from(tmp_path):
+    dataset(tmp_path, "ds0", 100), model(tmp_path, "ds0.models/a"), dataset(tmp_path, "ds1", 200)
+    report(tmp_path, 0.97)
+    dataset(tmp_path, "ds2", 300)
+    assert now(tmp_path).commands == (f"acqd close-loop {tmp_path}/ds2 --model {tmp_path}/ds0.models/a",)
+
+
+def test_a_broken_file_is_named_and_hides_nothing(tmp_path):
+    dataset(tmp_path, "ds0", 100)
+    (tmp_path / "ds1").mkdir()
+    (tmp_path / "ds1" / "manifest.json").write_text("{")
+    write(tmp_path / "other" / "report.json", [1])
+    found = found_in(tmp_path)
+    assert len(found.datasets) == 1 and {Path(each).parent.name for each in found.unread} == {"ds1", "other"}
+    write_page(tmp_path / "way.html", found, stages(found))
+    page = (tmp_path / "way.html").read_text()
+    assert "Next: model" in page and "ds1/manifest.json" in page and "simulated" in page
+    with pytest.raises(UserError, match="no such folder"):
+        found_in(tmp_path / "absent")
