@@ -65,6 +65,7 @@ _COMMANDS = (
     _Command("predict", _MODEL, "power of a robot's log", room="models.predict"),
     _Command("close-loop", _EXPLAIN, "the cause of a residual"),
     _Command("next", _EXPLAIN, "the motion that decides", room="next_motion"),
+    _Command("save", _EXPLAIN, "motion that uses less"),
     _Command("fleet", _EXPLAIN, "the loop, many robots"),
     _Command("sidecar", _EXPLAIN, "logs as they arrive"),
     _Command("alarms", _HAND_ON, "by webhook and mail", group=True),

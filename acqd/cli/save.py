@@ -1,0 +1,107 @@
+"""`acqd save`: motion that would have used less, with what the model is sure of."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import orjson
+import typer
+from rich.table import Table
+
+from acqd.cli.options import Json
+from acqd.cli.progress import progress
+from acqd.cli.terminal import terminal
+from acqd.errors import UserError
+from acqd.extras import LOOP, require
+
+if TYPE_CHECKING:
+    from acqd.saving.proposals import Savings
+
+
+def save(
+    model: Annotated[Path, typer.Argument(metavar="MODEL", help="Bundle of a grey box or hybrid.")],
+    work: Annotated[Path, typer.Argument(metavar="LOG|PROGRAM", help="Robot log, or program file (.toml).")],
+    robot: Annotated[str | None, typer.Option(help="Description of the robot (default: the model's).")] = None,
+    longer: Annotated[
+        str, typer.Option(help="Longer cycle time that is allowed: percent (10%) or the cycle time itself (65s).")
+    ] = "10%",
+    workspace: Annotated[
+        tuple[float, float, float, float, float, float] | None,
+        typer.Option(metavar="X Y Z X Y Z", help="Two corners of a box that the flange stays in, m."),
+    ] = None,
+    scene: Annotated[str, typer.Option(help="Obstacles: a shipped scene, or a TOML file with boxes.")] = "free",
+    limit_speed: Annotated[
+        float, typer.Option(min=1, max=100, help="Percent of the robot's speed limits; never above known speeds.")
+    ] = 100.0,
+    brakes_after: Annotated[
+        float, typer.Option(min=0.1, max=600, help="s of standstill until brakes may close.")
+    ] = 2.0,
+    least_rest: Annotated[float, typer.Option(min=0, max=600, help="s that stay of every pause.")] = 0.5,
+    keep_waits: Annotated[bool, typer.Option("--keep-waits", help="Pauses keep their durations.")] = False,
+    out: Annotated[Path | None, typer.Option(help="Folder for programs and report (default LOG.save).")] = None,
+    json: Json = False,
+) -> None:
+    """What another timing, fewer waits or closed brakes would have used for the same work, and a program that does so.
+
+    The path does not change. A person has to check the program before anything moves.
+
+    Example: acqd save ds.models/grey-box-everything-s1 logs/pick.csv --longer 10%
+    """
+    require("acqd save", LOOP, "loop")
+    from acqd.saving.proposals import savings
+    from acqd.saving.source import Asked, opened
+    from acqd.saving.tables import as_json
+
+    share, seconds = _longer(longer)
+    asked = Asked(
+        share, seconds, scene, _box(workspace), limit_speed / 100, brakes_after, least_rest, keep_waits, None, robot
+    )
+    with progress(terminal(stderr=True)) as show_step:
+        show_step("opening", 0.0)
+        found = savings(opened(model, work, asked), asked, show_step)
+    if json:
+        print(orjson.dumps(as_json(found)).decode())
+        return
+    _print(found)
+
+
+def _longer(text: str) -> tuple[float, float | None]:
+    """Share by which the cycle may last longer, or a cycle time in s."""
+    number, unit = text.rstrip("%s "), text.strip()[-1:]
+    try:
+        value = float(number)
+    except ValueError:
+        unit = ""
+    if unit == "%" and 0 <= value <= 200:
+        return value / 100, None
+    if unit == "s" and value > 0:
+        return 0.0, value
+    raise UserError(f"--longer {text}: expected percent up to 200, such as 10%, or a cycle time, such as 65s")
+
+
+def _box(corners: tuple[float, float, float, float, float, float] | None) -> tuple[float, ...] | None:
+    if corners is None:
+        return None
+    box = (*map(min, corners[:3], corners[3:]), *map(max, corners[:3], corners[3:]))
+    if any(box[k] == box[k + 3] for k in range(3)):
+        raise UserError("--workspace: two corners with different x, y and z, in m in the frame of the base")
+    return box
+
+
+def _print(found: Savings) -> None:
+    from acqd.saving.tables import headline, table
+
+    screen = terminal(tables=True)
+    screen.print(headline(found))
+    header, rows = table(found)
+    shown = Table(*header)
+    for column in shown.columns[1:]:
+        column.justify = "right"
+    for row in rows:
+        shown.add_row(*row)
+    screen.print(shown)
+    for each in found.refused:
+        screen.print(f"not proposed: {each.name}: {each.reason}")
+    for text in found.unknown:
+        screen.print(f"the model cannot tell: {text}")
