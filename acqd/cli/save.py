@@ -49,21 +49,26 @@ def save(
     Example: acqd save ds.models/grey-box-everything-s1 logs/pick.csv --longer 10%
     """
     require("acqd save", LOOP, "loop")
+    from acqd.dataset.places import default_folder
     from acqd.saving.proposals import savings
     from acqd.saving.source import Asked, opened
     from acqd.saving.tables import as_json
+    from acqd.saving.written import require_writable, write_all
 
     share, seconds = _longer(longer)
-    asked = Asked(
-        share, seconds, scene, _box(workspace), limit_speed / 100, brakes_after, least_rest, keep_waits, None, robot
-    )
+    box, speed = _box(workspace), limit_speed / 100
+    asked = Asked(share, seconds, scene, box, speed, brakes_after, least_rest, keep_waits, robot)
+    folder = out or default_folder(work, "save")
+    require_writable(folder)
     with progress(terminal(stderr=True)) as show_step:
         show_step("opening", 0.0)
         found = savings(opened(model, work, asked), asked, show_step)
+        show_step("drawing", 0.95)
+        write_all(folder, found)
     if json:
-        print(orjson.dumps(as_json(found)).decode())
+        print(orjson.dumps(as_json(found) | {"out": str(folder)}).decode())
         return
-    _print(found)
+    _print(found, folder)
 
 
 def _longer(text: str) -> tuple[float, float | None]:
@@ -89,19 +94,24 @@ def _box(corners: tuple[float, float, float, float, float, float] | None) -> tup
     return box
 
 
-def _print(found: Savings) -> None:
-    from acqd.saving.tables import headline, table
+def _print(found: Savings, folder: Path) -> None:
+    from acqd.saving.page import steps
+    from acqd.saving.tables import HEADER, headline, table
 
     screen = terminal(tables=True)
     screen.print(headline(found))
-    header, rows = table(found)
-    shown = Table(*header)
+    shown = Table(*HEADER)
     for column in shown.columns[1:]:
         column.justify = "right"
-    for row in rows:
-        shown.add_row(*row)
+    for block in (found.equal, found.other):
+        for row in table(block):
+            shown.add_row(*row)
+        shown.add_section()
     screen.print(shown)
     for each in found.refused:
         screen.print(f"not proposed: {each.name}: {each.reason}")
     for text in found.unknown:
         screen.print(f"the model cannot tell: {text}")
+    for step in steps(found):
+        screen.print(f"next: {step}")
+    screen.print(f"programs and report: {folder}")

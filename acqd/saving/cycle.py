@@ -41,9 +41,9 @@ class Rest:
     """Before the first motion or after the last one."""
 
     @property
-    def closed_s(self) -> float:
-        """Time with closed brakes, s."""
-        return float((~self.brake_open).sum()) / RATE
+    def free(self) -> bool:
+        """Whether the pause may be shorter or longer."""
+        return not (self.process or self.outer)
 
     def lasting(self, seconds: float, brakes_after: float | None) -> Motion:
         """The pause with another duration; the brakes close after `brakes_after` s, or earlier as they did.
@@ -80,17 +80,14 @@ class Stretch:
         return self.motion.seconds
 
 
-Piece = Rest | Stretch
-
-
-def pieces_of(motion: Motion, least_rest_s: float = _SHORTEST_S) -> list[Piece]:
+def pieces_of(motion: Motion) -> list[Rest | Stretch]:
     """Pauses and stretches in turn."""
     moving = np.abs(motion.qd).max(axis=1) > _MOVING_RAD_S
     still = np.zeros(len(moving), bool)
     for first, end in runs_of_true(~moving):
-        if end - first >= least_rest_s * RATE or first == 0 or end == len(moving):
+        if end - first >= _SHORTEST_S * RATE or first == 0 or end == len(moving):
             still[first:end] = True
-    pieces: list[Piece] = []
+    pieces: list[Rest | Stretch] = []
     still &= ~_tails(motion, still)
     edges = [0, *(np.flatnonzero(np.diff(still.astype(np.int8))) + 1).tolist(), len(still)]
     for first, end in pairwise(edges):
@@ -104,7 +101,7 @@ def pieces_of(motion: Motion, least_rest_s: float = _SHORTEST_S) -> list[Piece]:
 def _tails(motion: Motion, still: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """[T] rows of pauses that belong to the stretches beside them: without them the acceleration would jump."""
     tails = np.zeros(len(still), bool)
-    gone = (np.abs(motion.qd) < _TAIL_RAD_S).all(axis=1) & (np.abs(motion.qdd) < _TAIL_RAD_S2).all(axis=1)
+    gone = (np.abs(motion.qd).max(axis=1) < _TAIL_RAD_S) & (np.abs(motion.qdd).max(axis=1) < _TAIL_RAD_S2)
     for first, end in runs_of_true(still):
         most = min(round(_TAIL_S * RATE), (end - first) // 3)
         quiet = np.flatnonzero(gone[first : first + most])

@@ -1,4 +1,4 @@
-"""Energy of a motion as a model predicts it, with its parts by cause; power of the drives at single states of motion."""
+"""Energy of a motion as a model predicts it, with its parts by cause."""
 
 from __future__ import annotations
 

@@ -9,10 +9,13 @@ from typing import Literal
 import numpy as np
 
 from acqd.errors import UserError
-from acqd.motion.controller import Motion
-from acqd.saving.cycle import Rest, Stretch, joined, pieces_of
-from acqd.saving.plan import Change, Cycle
+from acqd.motion.controller import RATE, Motion
+from acqd.motion.program_file import Program
+from acqd.saving.cycle import RELEASE_S, Rest, Stretch, joined, pieces_of
+from acqd.saving.log_cycle import LogCycle
+from acqd.saving.plan import UNIFORM, Change, Cycle
 from acqd.saving.power import Use
+from acqd.saving.program_cycle import ProgramCycle
 from acqd.saving.source import Asked, Subject
 from acqd.saving.time_law import Bounds
 
@@ -30,6 +33,8 @@ class Proposal:
 
     name: str
     motion: Motion
+    program: Program | None
+    """None for the motion of a log."""
     use: Use
     saving: float
     """J a cycle."""
@@ -62,7 +67,26 @@ class Pareto:
     best: list[float]
     """J."""
     uniform: list[float]
-    """J, of plain uniform slowing; NaN where it would be faster than the limits allow."""
+    """J, of plain uniform slowing; NaN for shorter cycles."""
+    waiting: list[float]
+    """J, of the motion as it is with waiting at its end; NaN for shorter cycles."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Block:
+    """Proposals of one cycle time."""
+
+    seconds: float
+    instead: Proposal
+    """What they are compared with: the motion as it is, in a longer cycle followed by waiting."""
+    proposals: list[Proposal]
+    """One change at a time; the last one is the best of all together."""
+
+    @property
+    def best(self) -> Proposal | None:
+        """The best together, if it is sure to save, or if nothing is known about that."""
+        made = self.proposals[-1] if self.proposals else None
+        return made if made and made.saving > 0 and made.verdict in ("saves", "no interval") else None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,71 +95,72 @@ class Savings:
 
     subject: Subject
     asked: Asked
-    before: Use
-    equal: list[Proposal]
-    """At equal cycle time; the last one is the best of all together."""
-    longer: list[Proposal]
-    """At the longer cycle time, likewise."""
+    equal: Block
+    """At equal cycle time."""
+    other: Block
+    """At the cycle time that was asked for."""
     refused: list[Refused]
     pareto: Pareto
     unknown: list[str]
     """What the model cannot tell."""
 
     @property
-    def best(self) -> Proposal | None:
-        """The best together at equal cycle time, or at the longer one where that saves and the other does not."""
-        for proposals in (self.equal, self.longer):
-            if proposals and proposals[-1].verdict in ("saves", "no interval") and proposals[-1].saving > 0:
-                return proposals[-1]
-        return None
+    def before(self) -> Use:
+        """As it is."""
+        return self.equal.instead.use
+
+    @property
+    def best(self) -> tuple[Block, Proposal] | None:
+        """What is worth doing: at equal cycle time, else at the other one."""
+        return next(((block, best) for block in (self.equal, self.other) if (best := block.best)), None)
 
 
 def savings(subject: Subject, asked: Asked, progress: Progress) -> Savings:
     """Make all proposals. Raises UserError."""
+    progress("timing the motions", 0.1)
+    cycle = _cycle_of(subject, asked)
+    maker = _Maker(subject, cycle)
+    brakes = asked.brakes_after if subject.meter.knows_brakes and _closes(cycle, asked.brakes_after) else None
+    waits = not asked.keep_waits and any(isinstance(piece, Rest) and cycle.slack(piece) for piece in cycle.pieces)
+    options = [
+        Change(cycle.laws[-1], waits=may, brakes_after=after)
+        for may in dict.fromkeys((False, waits))
+        for after in dict.fromkeys((None, brakes))
+    ]
+    progress("judging proposals", 0.7)
+    other_s = asked.seconds if asked.seconds is not None else (1 + asked.longer) * cycle.seconds
+    laws = {name: Change(name) for name in cycle.laws}
+    also: dict[str, Change] = {}
+    if waits:
+        also["plain slowing into the waits"] = Change(UNIFORM, waits=True)
+        also["waits used for motion"] = Change(cycle.laws[-1], waits=True)
+    if brakes is not None:
+        also[f"brakes close after {brakes:g} s"] = Change(brakes_after=brakes)
+    equal = maker.block(laws | also, options, cycle.seconds)
+    other = maker.block({"plain uniform slowing": Change(UNIFORM)} | laws, options, other_s)
+    if asked.seconds is not None and not other.proposals:
+        raise UserError(f"--longer {asked.seconds:g}s: {maker.refused[-1].reason}")
+    progress("energy against cycle time", 0.85)
+    return Savings(subject, asked, equal, other, maker.refused, maker.pareto(options), _unknown(subject))
+
+
+def _cycle_of(subject: Subject, asked: Asked) -> Cycle:
+    limits = subject.limits
+    assert limits.jerk is not None
+    bounds = Bounds(subject.arm.description, limits.speed, limits.acceleration, limits.jerk)
+    if subject.program is not None:
+        return ProgramCycle(subject.program, bounds, subject.meter, asked.least_rest)
     pieces = pieces_of(subject.motion)
-    if not any(isinstance(piece, Stretch) for piece in pieces):
-        raise UserError(f"{subject.path}: the arm does not move: there is nothing to save by another motion")
     if not any(isinstance(piece, Stretch) and not piece.fixed for piece in pieces):
         raise UserError(f"{subject.path}: begins and ends in motion without a pause: record a whole cycle")
-    limits = subject.limits
-    robot = subject.arm.description
-    assert limits.jerk is not None
-    bounds = Bounds(robot, limits.speed, limits.acceleration, limits.jerk)
-    progress("timing the stretches", 0.1)
-    cycle = Cycle.of(pieces, bounds, subject.meter, asked.least_rest)
-    maker = _Maker(subject, cycle)
-    brakes = asked.brakes_after if subject.meter.knows_brakes else None
-    waits = not asked.keep_waits and any(isinstance(piece, Rest) and cycle.slack(piece) for piece in pieces)
-    equal_s = cycle.seconds
-    longer_s = asked.seconds if asked.seconds is not None else (1 + asked.longer) * equal_s
-    equal: dict[str, Change] = {"timing along the path": Change(laws=True)}
-    if waits:
-        equal["plain slowing into the waits"] = Change(slower=True, waits=True)
-        equal["waits used for motion"] = Change(laws=True, waits=True)
-    closing = brakes is not None and any(
-        isinstance(piece, Rest) and not piece.outer and piece.seconds > brakes for piece in pieces
+    return LogCycle(pieces, bounds, subject.meter, asked.least_rest)
+
+
+def _closes(cycle: Cycle, after_s: float) -> bool:
+    """Whether a pause is long enough for brakes to close and open."""
+    return any(
+        isinstance(piece, Rest) and not piece.outer and piece.seconds > after_s + RELEASE_S for piece in cycle.pieces
     )
-    if closing:
-        equal[f"brakes close after {brakes:g} s"] = Change(brakes_after=brakes)
-    longer = {
-        "plain uniform slowing": Change(slower=True, waits=waits),
-        "timing along the path": Change(laws=True),
-    }
-    if waits:
-        longer["waits used for motion"] = Change(laws=True, waits=True)
-    progress("judging proposals", 0.7)
-    made = [maker.proposal(name, change, equal_s) for name, change in equal.items()]
-    options = [
-        Change(laws=True, waits=w, brakes_after=b) for w in {False, waits} for b in {None, brakes if closing else None}
-    ]
-    made.append(maker.best_of(options, equal_s))
-    made_longer = [maker.proposal(name, change, longer_s) for name, change in longer.items()]
-    made_longer.append(maker.best_of(options, longer_s))
-    progress("energy against cycle time", 0.85)
-    return Savings(
-        subject, asked, maker.before, [each for each in made if each], [each for each in made_longer if each],
-        maker.refused, maker.pareto(options, waits=waits), _unknown(subject),
-    )  # fmt: skip
 
 
 class _Maker:
@@ -143,13 +168,29 @@ class _Maker:
 
     def __init__(self, subject: Subject, cycle: Cycle) -> None:
         self.subject, self.cycle = subject, cycle
-        self.before = subject.meter.use(joined([subject.motion]))
         self.refused: list[Refused] = []
 
-    def proposal(self, name: str, change: Change, total_s: float) -> Proposal | None:
+    def block(self, changes: dict[str, Change], together: list[Change], total_s: float) -> Block:
+        """Every change by itself, and the one that saves most of those that change as much as possible."""
+        instead = self._as_it_is(total_s)
+        made = [self._kept(name, change, total_s, instead) for name, change in changes.items()]
+        best = [self._kept("best together", change, total_s, instead) for change in together]
+        found = [each for each in best if each]
+        last = [max(found, key=lambda each: each.saving)] if found else []
+        return Block(total_s, instead, [*(each for each in made if each), *last])
+
+    def _as_it_is(self, total_s: float) -> Proposal:
+        """The motion as it is, in a longer cycle followed by waiting."""
+        motion, rows = self.subject.motion, max(round((total_s - self.cycle.seconds) * RATE), 0)
+        ends = [values[-1:].repeat(rows) for values in (motion.brake_open, motion.tool_on)]
+        waiting = Rest(motion.q[-1], rows / RATE, ends[0], ends[1], process=False, outer=True)
+        whole = joined([motion, waiting.lasting(rows / RATE, None)])
+        return Proposal("as it is, then waiting" if rows else "as it is", whole, None, self._use(whole), 0.0, None)
+
+    def _kept(self, name: str, change: Change, total_s: float, instead: Proposal) -> Proposal | None:
         """None, and a reason among the refused, where a limit would be broken."""
         try:
-            made = self._made(name, change, total_s)
+            made = self._made(name, change, total_s, instead)
         except UserError as error:
             self.refused.append(Refused(name, str(error)))
             return None
@@ -159,35 +200,33 @@ class _Maker:
             return None
         return made
 
-    def best_of(self, changes: list[Change], total_s: float) -> Proposal | None:
-        """The change that saves most."""
-        made = [each for change in changes if (each := self.proposal("best together", change, total_s))]
-        return max(made, key=lambda each: each.saving, default=None)
-
-    def _made(self, name: str, change: Change, total_s: float) -> Proposal:
+    def _made(self, name: str, change: Change, total_s: float, instead: Proposal) -> Proposal:
         durations = self.cycle.durations(change, total_s)
-        motion = self.cycle.motion(change, durations)
-        use = self.subject.meter.use(motion)
-        doubt = self.subject.doubt
-        changed = self.cycle.changed_s(change, durations)
-        half = None if doubt is None else doubt.half_width(self.before, use, changed)
-        return Proposal(name, motion, use, self.before.energy - use.energy, half)
+        motion, program = self.cycle.timed(change, durations)
+        use, doubt = self._use(motion), self.subject.doubt
+        changed_s = self.cycle.changed_s(change, durations)
+        half = None if doubt is None else doubt.half_width(instead.use, use, changed_s)
+        return Proposal(name, motion, program, use, instead.use.energy - use.energy, half)
 
-    def pareto(self, options: list[Change], *, waits: bool) -> Pareto:
+    def _use(self, motion: Motion) -> Use:
+        return self.subject.meter.use(motion)
+
+    def pareto(self, options: list[Change]) -> Pareto:
         """Energy against cycle time, of the best change and of plain uniform slowing."""
-        pareto = Pareto([], [], [])
+        now = self._as_it_is(self.cycle.seconds)
+        pareto = Pareto([], [], [], [])
         for share in _PARETO:
             seconds = share * self.cycle.seconds
             try:
-                best = min(self._made("", change, seconds).use.energy for change in options)
+                best = min(self._made("", change, seconds, now).use.energy for change in options)
             except UserError:
                 continue
-            uniform = np.nan
-            if share >= 1.0:
-                uniform = self._made("", Change(slower=True, waits=waits and share > 1.0), seconds).use.energy
+            slower = share >= 1.0
+            uniform = self._made("", Change(UNIFORM), seconds, now).use.energy if slower else np.nan
             pareto.seconds.append(seconds)
             pareto.best.append(best)
             pareto.uniform.append(float(uniform))
+            pareto.waiting.append(self._as_it_is(seconds).use.energy if slower else np.nan)
         return pareto
 
 
@@ -195,9 +234,7 @@ def _unknown(subject: Subject) -> list[str]:
     """What the model cannot tell, in sentences."""
     said = []
     if not subject.meter.knows_brakes:
-        said.append(
-            "brakes: the model has learned from logs without a brake signal, so that closed brakes mean nothing to it"
-        )
+        said.append("brakes: the logs that the model has learned from had no brake signal")
     if "thermal_friction" not in subject.meter:
         said.append("warm-up: the model has no friction of cold gears; it predicts warm gears only")
     return said

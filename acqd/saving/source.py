@@ -15,14 +15,18 @@ from acqd.models.bundle.restore import open_model
 from acqd.motion.controller import Motion
 from acqd.motion.limits import MotionLimits, greatest_jerk
 from acqd.motion.profile import SMOOTHING_S
+from acqd.motion.program_file import Program, read_program
 from acqd.motion.replayed_log import motion_of
 from acqd.robot.arm import Arm
 from acqd.robot.collision import CollisionChecker
-from acqd.robot.description import load_description
+from acqd.robot.description import RobotDescription, load_description
 from acqd.robot.log import read_log
 from acqd.robot.scene import load_scene
 from acqd.saving.doubt import Doubt
 from acqd.saving.power import Meter
+
+_STILL = 1e-3
+"""rad or m: a joint that covers less has not moved."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,8 +46,6 @@ class Asked:
     least_rest: float = 0.5
     """s that stay of every pause: something settles, or somebody looks."""
     keep_waits: bool = False
-    payload_kg: float | None = None
-    """Change of the mass at the flange."""
     robot: str | None = None
 
 
@@ -58,6 +60,8 @@ class Subject:
     doubt: Doubt | None
     arm: Arm
     motion: Motion
+    program: Program | None
+    """None for a log."""
     limits: MotionLimits
     beyond: float
     """Share of the rows outside of what the model has learned from."""
@@ -82,25 +86,32 @@ def opened(model_path: Path, path: Path, asked: Asked) -> Subject:
             f"{robot.name}: the description has no capsules, so that collisions cannot be excluded; "
             "add capsules to the links (docs/robots.md)"
         )
-    log = read_log(path, robot)
-    if log.q.shape[1] != robot.axes:
-        raise InputError(path, f"has {log.q.shape[1]} axes, {robot.name} has {robot.axes}")
-    motion = motion_of(log, robot)
+    program = read_program(path, robot) if path.suffix == ".toml" else None
+    motion = _logged(path, robot) if program is None else program.motion(robot)
+    if not len(motion) or np.ptp(motion.q, axis=0).max() < _STILL:
+        raise UserError(f"{path}: the arm does not move: there is nothing to save by another motion")
     arm = Arm(robot)
     limits = _limits(arm, CollisionChecker(arm, load_scene(asked.scene)), motion, bundle, asked)
     broken = limits.broken(motion)
     if broken is not None:
         raise UserError(
-            f"{path}: {robot.name} cannot execute this motion within its limits ({broken}); is it this robot's, and are "
+            f"{path}: {robot.name} cannot execute this within its limits ({broken}); is it this robot's, and are "
             "--scene, --workspace and --limit-speed right?"
         )
     beyond = Envelope.from_json(bundle.metadata["envelope"]).outside(
         motion.q[:: round(model.step_s * 1000)], model.step_s
     )
     return Subject(
-        path, bundle, model_path, meter, Doubt.of(model, load_reference(model_path)), arm, motion, limits,
+        path, bundle, model_path, meter, Doubt.of(model, load_reference(model_path)), arm, motion, program, limits,
         float(beyond.mean()),
     )  # fmt: skip
+
+
+def _logged(path: Path, robot: RobotDescription) -> Motion:
+    log = read_log(path, robot)
+    if log.q.shape[1] != robot.axes:
+        raise InputError(path, f"has {log.q.shape[1]} axes, {robot.name} has {robot.axes}")
+    return motion_of(log, robot)
 
 
 def _limits(arm: Arm, checker: CollisionChecker, motion: Motion, bundle: Bundle, asked: Asked) -> MotionLimits:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from acqd.report.digits import duration, number, percent, quantity, with_error
-from acqd.saving.proposals import Proposal, Savings
+from acqd.saving.proposals import Block, Proposal, Savings
 
 HEADER = ["what would be different", "cycle", "energy", "saving", "90 % interval", "verdict"]
 
@@ -13,11 +13,13 @@ HEADER = ["what would be different", "cycle", "energy", "saving", "90 % interval
 def headline(found: Savings) -> str:
     """What is worth doing, in a sentence."""
     cycle = f"a cycle of {duration(found.before.seconds)} uses {joules(found.before.energy)}"
-    best = found.best
-    if best is None:
+    if found.best is None:
         return f"No change of timing saves energy beyond the model's error: {cycle}"
-    kind = "at equal cycle time" if best in found.equal else f"at a cycle of {duration(best.use.seconds)}"
-    return f"{share(best, found)} less {kind}: {cycle}"
+    block, best = found.best
+    share = percent(best.saving / block.instead.use.energy)
+    if block is found.equal:
+        return f"{share} less at equal cycle time: {cycle}"
+    return f"{share} less than {block.instead.name} in {duration(block.seconds)}: {cycle}"
 
 
 def joules(energy: float) -> str:
@@ -25,49 +27,53 @@ def joules(energy: float) -> str:
     return quantity(energy, "J", 4)
 
 
-def share(proposal: Proposal, found: Savings) -> str:
-    """A saving as a share of what the cycle uses now."""
-    return percent(proposal.saving / found.before.energy)
+def table(block: Block) -> list[list[str]]:
+    """A row for what the proposals are compared with, and a row per proposal."""
+    instead = block.instead
+    first = [instead.name, duration(instead.use.seconds), joules(instead.use.energy), "", "", ""]
+    return [first, *(_row(each, instead) for each in block.proposals)]
 
 
-def table(found: Savings) -> tuple[list[str], list[list[str]]]:
-    """A header, and a row per proposal."""
-    rows = [["as it is", duration(found.before.seconds), joules(found.before.energy), "", "", ""]]
-    return HEADER, [*rows, *(_row(each, found) for each in [*found.equal, *found.longer])]
-
-
-def _row(proposal: Proposal, found: Savings) -> list[str]:
+def _row(proposal: Proposal, instead: Proposal) -> list[str]:
     half, saving = proposal.half, proposal.saving
     interval = "-"
     if half is not None:
         interval = f"{with_error(saving - half, half)} to {with_error(saving + half, half)} J"
-    shown = f"{number(saving)} J, {share(proposal, found)}"
+    shown = f"{number(saving)} J, {percent(saving / instead.use.energy)}"
     return [
-        proposal.name,
-        duration(proposal.use.seconds),
-        joules(proposal.use.energy),
-        shown,
-        interval,
-        proposal.verdict,
-    ]
+        proposal.name, duration(proposal.use.seconds), joules(proposal.use.energy), shown, interval, proposal.verdict,
+    ]  # fmt: skip
 
 
 def as_json(found: Savings) -> dict[str, Any]:
     """For save.json and `--json`."""
+    subject, doubt = found.subject, found.subject.doubt
     return {
-        "model": str(found.subject.model_path), "work": str(found.subject.path),
-        "robot": found.subject.arm.description.name, "simulated_power": found.subject.simulated,
-        "before": {"seconds": found.before.seconds, "energy_J": found.before.energy},
-        "equal": [_proposal(each) for each in found.equal],
-        "longer": [_proposal(each) for each in found.longer],
+        "model": str(subject.model_path), "work": str(subject.path),
+        "robot": subject.arm.description.name, "simulated_power": subject.simulated,
+        "equal": _block(found.equal), "other": _block(found.other),
         "not_proposed": [{"name": each.name, "reason": each.reason} for each in found.refused],
         "cannot_tell": found.unknown,
-        "outside_of_training": found.subject.beyond,
+        "outside_of_training": subject.beyond,
+        "held_out": None if doubt is None else {"blocks": doubt.blocks, "recordings": doubt.recordings},
         "pareto": {
             "seconds": found.pareto.seconds, "best_J": found.pareto.best,
-            "uniform_J": [None if value != value else value for value in found.pareto.uniform],
+            "uniform_J": _known(found.pareto.uniform), "waiting_J": _known(found.pareto.waiting),
         },
     }  # fmt: skip
+
+
+def _known(values: list[float]) -> list[float | None]:
+    return [value if value == value else None for value in values]
+
+
+def _block(block: Block) -> dict[str, Any]:
+    use = block.instead.use
+    return {
+        "seconds": block.seconds,
+        "instead": {"name": block.instead.name, "seconds": use.seconds, "energy_J": use.energy},
+        "proposals": [_proposal(each) for each in block.proposals],
+    }
 
 
 def _proposal(each: Proposal) -> dict[str, Any]:
@@ -75,4 +81,5 @@ def _proposal(each: Proposal) -> dict[str, Any]:
     return {
         "name": each.name, "seconds": each.use.seconds, "energy_J": each.use.energy, "saving_J": each.saving,
         "interval_J": None if half is None else [each.saving - half, each.saving + half], "verdict": each.verdict,
+        "causes_J": {cause.value: energy for cause, energy in each.use.causes.items()},
     }  # fmt: skip
